@@ -1,0 +1,70 @@
+"""facets: a three-facet-mirror 6-DOF sensor, from its design to its live readings.
+
+    >>> import facets
+    >>> sensor = facets.load("paper").sensor
+    >>> reading = facets.readings(sensor, [0.01, 0, 0, 0, 0, 0.001, 0, 0])
+    >>> facets.solve(sensor, reading).ok
+    array(True)
+
+Lengths mm, angles rad, powers mW, time s. Arrays put components last.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+# A name is imported when it is first asked for, so that a command pays only for what it uses.
+_HOMES = {
+    "Beam": "sensor",
+    "Facet": "sensor",
+    "Noise": "sensor",
+    "PARAMETERS": "optics.parameters",
+    "Prior": "solve",
+    "Psd": "sensor",
+    "READING": "names",
+    "STATE": "names",
+    "Sensor": "sensor",
+    "Solution": "solve",
+    "Status": "solve",
+    "jacobian": "model",
+    "load": "config",
+    "parameter_jacobian": "model",
+    "reaches": "model",
+    "readings": "model",
+    "solve": "solve",
+}
+__all__ = sorted(_HOMES)  # noqa: PLE0605
+
+if TYPE_CHECKING:
+    from .config import load as load
+    from .model import jacobian as jacobian
+    from .model import parameter_jacobian as parameter_jacobian
+    from .model import reaches as reaches
+    from .model import readings as readings
+    from .names import READING as READING
+    from .names import STATE as STATE
+    from .optics.parameters import PARAMETERS as PARAMETERS
+    from .sensor import Beam as Beam
+    from .sensor import Facet as Facet
+    from .sensor import Noise as Noise
+    from .sensor import Psd as Psd
+    from .sensor import Sensor as Sensor
+    from .solve import Prior as Prior
+    from .solve import Solution as Solution
+    from .solve import Status as Status
+    from .solve import solve as solve
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'facets' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *_HOMES]

@@ -1,0 +1,17 @@
+"""The errors that a user of `facets` can meet. A bad input raises; a bad pose returns a status."""
+
+
+class FacetsError(Exception):
+    """Base of all errors raised on purpose; its text is complete and meant to be read by a person."""
+
+
+class ConfigError(FacetsError):
+    """A configuration that cannot be used: says the file, the line, the key, and what is allowed."""
+
+
+class InputError(FacetsError):
+    """Data or arguments that cannot be used: wrong shape, missing column, unreadable file."""
+
+
+class OutputError(FacetsError):
+    """A result that cannot be written, or that would overwrite an older one."""

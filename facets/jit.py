@@ -1,0 +1,106 @@
+"""Compiling the optics' text, and keeping the machine code. Importing this imports Numba.
+
+The text of `facets.optics` is compiled as it stands; only what `facets.numbers` and the wedge
+decide by number type gets a compiled twin here. Machine code is kept on disk in a folder named
+after the text, because Numba notices when a compiled function's own file changes, but not when a
+file that it calls into does.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+import numba  # noqa: TID253  this module is itself imported only where compiled code is needed
+import platformdirs
+from numba.extending import overload, register_jitable  # noqa: TID253
+
+from . import estimate, least_squares, numbers
+from .optics import faint, forward, gradient, parameters, rays, vectors, wedge
+
+TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
+    numbers.exp: lambda x: lambda x: math.exp(x),
+    numbers.sqrt: lambda x: lambda x: math.sqrt(x),
+    numbers.sin: lambda x: lambda x: math.sin(x),
+    numbers.cos: lambda x: lambda x: math.cos(x),
+    numbers.erf: lambda x: lambda x: math.erf(x),
+    numbers.erfc: lambda x: lambda x: math.erfc(x),
+    numbers.atan2: lambda y, x: lambda y, x: math.atan2(y, x),
+    numbers.pi: lambda like: lambda like: math.pi,
+    numbers.defined: lambda value, a, b, c: (
+        lambda value, a, b, c: value if a > 0 and b > 0 and c > 0 else math.nan
+    ),
+    wedge.swept: lambda a, h, along, across, beyond, within: (
+        lambda a, h, along, across, beyond, within: wedge.swept_series(
+            a, h, along, across, beyond, within
+        )
+    ),
+    wedge.wedge: lambda q, u1, u2, side1, side2: (
+        lambda q, u1, u2, side1, side2: wedge.wedge_float(q, u1, u2, side1, side2)
+    ),
+}
+TEXT = (vectors, rays, faint, wedge, forward, gradient, parameters, least_squares, estimate)
+
+
+def register_text() -> None:
+    """Lets Numba compile the functions of the text where a compiled function calls them."""
+    for function, twin in TWINS.items():
+        overload(function)(twin)
+    for module in TEXT:
+        for function in vars(module).values():
+            if not isinstance(function, FunctionType) or function.__module__ != module.__name__:
+                continue
+            if function not in TWINS:
+                register_jitable(function)
+
+
+def text(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Marks a function as text that compiled functions may call."""
+    return register_jitable(function)
+
+
+def cache_folder() -> Path:
+    """Where machine code is kept: the user's cache, else a temporary folder of this process."""
+    text = hashlib.sha256(numba.__version__.encode())
+    for file in sorted(Path(__file__).parent.rglob("*.py")):
+        text.update(file.read_bytes())
+    name = text.hexdigest()[:16]
+    base = os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_dir("facets-6dof")
+    folder = Path(base) / name
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError:
+        return Path(tempfile.mkdtemp(prefix="facets-"))
+
+
+register_text()
+CACHE = cache_folder()
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The compiled `function`; says so on the standard error when it has to be compiled first."""
+    kept, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(CACHE)
+    try:
+        dispatcher = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    finally:
+        numba.config.CACHE_DIR = kept
+    seen = False
+
+    def call(*arguments: Any) -> Any:
+        nonlocal seen
+        if not seen:
+            seen = True
+            if not any(CACHE.rglob(f"*.{function.__name__}-*.nbi")):
+                print(f"facets: compiling {function.__name__}, once ...", file=sys.stderr)
+        return dispatcher(*arguments)
+
+    return call

@@ -1,0 +1,197 @@
+"""Compiled loops over states and readings. Importing this imports Numba; `model`, `solve` do so.
+
+Arrays in, arrays out: a sensor is its geometry's numbers (`pack`), states are (n, 8), readings
+(n, 9). Each state or reading is computed alone, so results do not depend on the batch.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .estimate import CONVERGED, ROWS, UNKNOWNS, Limits, Problem, Room, enough, estimate, judge
+from .jit import compiled, text
+from .optics.forward import Geometry, readings, scene
+from .optics.gradient import linearised
+from .optics.parameters import detector_by_parameters
+
+Array = Any
+
+
+def pack(sensor: Geometry) -> np.ndarray:
+    """A sensor's geometry as one array, for `unpack`."""
+    parts: list[Any] = [sensor.direction, (sensor.power,), *sensor.spread, *sensor.whitening]
+    parts += [*sensor.normals, *sensor.centres]
+    for axes in sensor.axes:
+        parts += [*axes]
+    return np.array([number for part in parts for number in part], dtype=float)
+
+
+@text
+def triple(a: Array, i: int) -> Any:
+    return a[i], a[i + 1], a[i + 2]
+
+
+@text
+def unpack(a: Array) -> Geometry:
+    return Geometry(
+        triple(a, 0),
+        a[3],
+        (triple(a, 4), triple(a, 7)),
+        (triple(a, 10), triple(a, 13)),
+        (triple(a, 16), triple(a, 19), triple(a, 22)),
+        (triple(a, 25), triple(a, 28), triple(a, 31)),
+        (
+            (triple(a, 34), triple(a, 37), triple(a, 40)),
+            (triple(a, 43), triple(a, 46), triple(a, 49)),
+            (triple(a, 52), triple(a, 55), triple(a, 58)),
+        ),
+    )
+
+
+@text
+def state_of(states: Array, n: int) -> Any:
+    s = states[n]
+    return s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7]
+
+
+@compiled
+def read(packed: Array, states: Array, out: Array) -> None:
+    """out (n, 9): the readings at states (n, 8)."""
+    sensor = unpack(packed)
+    for n in range(len(states)):
+        on_detectors = readings(sensor, state_of(states, n))
+        for k in range(3):
+            for i in range(3):
+                out[n, 3 * k + i] = on_detectors[k][i]
+
+
+@compiled
+def differentiate(packed: Array, states: Array, out: Array) -> None:
+    """out (n, 9, 8): the Jacobian at states (n, 8)."""
+    sensor = unpack(packed)
+    for n in range(len(states)):
+        detectors = linearised(sensor, state_of(states, n))
+        for k in range(3):
+            values, derivatives = detectors[k]
+            for i in range(3):
+                lit = values[i] == values[i]
+                for c in range(8):
+                    out[n, 3 * k + i, c] = derivatives[i][c] if lit else np.nan
+
+
+@compiled
+def differentiate_by_parameters(
+    packed: Array, parameters: Any, states: Array, out: Array
+) -> None:
+    """out (n, 9, 30), zeroed: derivatives by the sensor's parameters at states (n, 8)."""
+    sensor = unpack(packed)
+    for n in range(len(states)):
+        state = state_of(states, n)
+        at = scene(sensor, state)
+        for k in range(3):
+            values, derivatives = detector_by_parameters(sensor, parameters, state, at, k)
+            for i in range(3):
+                row = out[n, 3 * k + i]
+                beam, facet_a, facet_b, facet_c, psd = derivatives[i]
+                for c in range(6):
+                    row[c] = beam[c]
+                    row[12 + 6 * k + c] = psd[c]
+                for c in range(2):
+                    row[6 + c], row[8 + c], row[10 + c] = facet_a[c], facet_b[c], facet_c[c]
+                if values[i] != values[i]:
+                    row[:] = np.nan
+
+
+@text
+def keep_known(x: Array, free: Array, given: Array) -> None:
+    """Sets the unknowns that are not asked for to what is given."""
+    asked = 0
+    for c in range(UNKNOWNS):
+        if asked < len(free) and free[asked] == c:
+            asked += 1
+        else:
+            x[c] = given[c]
+
+
+@text
+def room() -> Room:
+    return Room(
+        np.empty((ROWS, UNKNOWNS + 1)),
+        np.empty((ROWS, UNKNOWNS + 1)),
+        np.empty((ROWS, UNKNOWNS + 1)),
+        np.empty(UNKNOWNS),
+        np.empty(UNKNOWNS),
+        np.empty((UNKNOWNS, UNKNOWNS)),
+    )
+
+
+@text
+def spread(covariance: Array, free: Array, covariances: Array, n: int) -> None:
+    """The covariance of the free unknowns, put at their places in that of the state."""
+    if len(covariances) == 0:
+        return
+    for i in range(len(free)):
+        for j in range(len(free)):
+            if free[i] < 8 and free[j] < 8:
+                covariances[n, free[i], free[j]] = covariance[i, j]
+
+
+@compiled
+def invert(
+    packed: Array,
+    values: Array,
+    limits: Limits,
+    means: Array,
+    prior_weight: Array,
+    free: Array,
+    starts: Array,
+    previous: bool,
+    max_steps: int,
+    damped: bool,
+    states: Array,
+    used: Array,
+    status: Array,
+    steps: Array,
+    left: Array,
+    covariances: Array,
+) -> None:
+    """Estimates states (n, 9: with power) from readings `values` (n, 9).
+
+    means (n or 1, 3), prior_weight (3,), free: see `estimate.Problem`. starts (n or 1, 9), with
+    the values of what is known. previous: start where the last converged sample ended.
+    left (n,): root of the sum of squares left. covariances: (n, 8, 8) zeroed, or empty.
+    Where status is not CONVERGED, states, left and covariances are NaN.
+    """
+    sensor = unpack(packed)
+    scratch = room()
+    weights = np.empty(9)
+    covariance = np.empty((UNKNOWNS if len(covariances) > 0 else 0, UNKNOWNS))
+    last = -1
+    for n in range(len(values)):
+        problem = Problem(means[n % len(means)], prior_weight, free, max_steps, damped)
+        start, x = starts[n % len(starts)], states[n]
+        status[n], steps[n], left[n] = judge(values[n], limits, weights, used[n]), 0, 0.0
+        if status[n] == CONVERGED or enough(used[n], problem, limits.eight):
+            warm = previous and last >= 0
+            x[:] = states[last] if warm else start
+            keep_known(x, free, start)
+            status[n], steps[n], left[n] = estimate(
+                sensor, x, values[n], weights, problem, scratch, covariance
+            )
+            if warm and status[n] != CONVERGED:  # the last sample may be far: from the start
+                x[:] = start
+                status[n], again, left[n] = estimate(
+                    sensor, x, values[n], weights, problem, scratch, covariance
+                )
+                steps[n] += again
+        if status[n] == CONVERGED:
+            last = n
+            left[n] = np.sqrt(left[n])
+            spread(covariance, free, covariances, n)
+        else:
+            x[:] = np.nan
+            left[n] = np.nan
+            if len(covariances) > 0:
+                covariances[n] = np.nan

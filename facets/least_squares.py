@@ -1,0 +1,65 @@
+"""Small dense least squares on preallocated arrays: text for `kernels`, plain Python for checks."""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import Any
+
+Array = Any
+
+
+def triangularise(matrix: Array, rows: int, columns: int) -> bool:
+    """Householder QR in place of matrix[:rows, :columns], the right-hand side in the next column.
+
+    Leaves R above the diagonal, and Q' rhs in the last column. False where a column is, to
+    rounding, a combination of those before it: R then has no use.
+    """
+    for j in range(columns):
+        whole = 0.0
+        for i in range(rows):
+            whole += matrix[i, j] * matrix[i, j]
+        square = 0.0
+        for i in range(j, rows):
+            square += matrix[i, j] * matrix[i, j]
+        if not square > 1e-28 * whole:
+            return False
+        norm = -sqrt(square) if matrix[j, j] > 0 else sqrt(square)
+        head = matrix[j, j] - norm
+        # the reflection 1 - v v' / (-norm head) with v = (head, matrix[j+1:, j])
+        for k in range(j + 1, columns + 1):
+            along = head * matrix[j, k]
+            for i in range(j + 1, rows):
+                along += matrix[i, j] * matrix[i, k]
+            along /= norm * head
+            matrix[j, k] += along * head
+            for i in range(j + 1, rows):
+                matrix[i, k] += along * matrix[i, j]
+        matrix[j, j] = norm
+    return True
+
+
+def back_substitute(matrix: Array, columns: int, solution: Array) -> None:
+    """Solves R solution = the right-hand side, both as `triangularise` leaves them."""
+    for i in range(columns - 1, -1, -1):
+        rest = matrix[i, columns]
+        for j in range(i + 1, columns):
+            rest -= matrix[i, j] * solution[j]
+        solution[i] = rest / matrix[i, i]
+
+
+def covariance_of(matrix: Array, columns: int, inverse: Array, covariance: Array) -> None:
+    """(R' R)^-1 into covariance[:columns, :columns]; `inverse` is room for R^-1."""
+    for j in range(columns):
+        inverse[j, j] = 1 / matrix[j, j]
+        for i in range(j - 1, -1, -1):
+            rest = 0.0
+            for k in range(i + 1, j + 1):
+                rest += matrix[i, k] * inverse[k, j]
+            inverse[i, j] = -rest / matrix[i, i]
+    for i in range(columns):
+        for j in range(i, columns):
+            total = 0.0
+            for k in range(j, columns):
+                total += inverse[i, k] * inverse[j, k]
+            covariance[i, j] = total
+            covariance[j, i] = total

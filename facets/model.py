@@ -1,0 +1,121 @@
+"""The sensor's model on arrays: readings, their derivatives, and which spots reach a detector."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import InputError
+from .optics.forward import Geometry, geometry
+from .optics.parameters import BEAM, FACET, PSD
+from .sensor import Sensor
+
+Floats = NDArray[np.float64]
+
+
+def parameters(sensor: Sensor) -> tuple[float, ...]:
+    """The sensor's 30 parameters in the order of `facets.PARAMETERS`; mm, rad, mW."""
+    values = [getattr(sensor.beam, name) for name in BEAM]
+    for facet in sensor.facets:
+        values += [getattr(facet, name) for name in FACET]
+    for psd in sensor.psds:
+        values += [getattr(psd, name) for name in PSD]
+    return tuple(float(value) for value in values)
+
+
+def geometry_of(sensor: Sensor) -> Geometry:
+    """The sensor's vectors, in plain floats."""
+    return geometry(parameters(sensor))
+
+
+def packed(sensor: Sensor) -> Floats:
+    """The sensor's vectors as one array for the kernels, made once a sensor."""
+    known: Floats | None = sensor.__dict__.get("_packed")
+    if known is None:
+        from .kernels import pack
+
+        known = sensor.__dict__["_packed"] = pack(geometry_of(sensor))
+    return known
+
+
+def as_rows(values: ArrayLike, width: int, what: str) -> tuple[Floats, tuple[int, ...]]:
+    """An (..., width) array as (n, width) rows, and the leading shape to give back."""
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim == 0 or array.shape[-1] != width:
+        raise InputError(f"{what} has shape {array.shape}; needed: (..., {width})")
+    return np.ascontiguousarray(array).reshape(-1, width), array.shape[:-1]
+
+
+def readings(
+    sensor: Sensor, state: ArrayLike, irradiance: Literal["exact", "paper"] = "exact"
+) -> Floats:
+    """What the detectors read: Eq. (1) of the paper, exact for collimated light and flat facets.
+
+    state: (..., 8) tx, ty, tz, roll, pitch, yaw, bx, by; mm and rad, world frame.
+    Returns (..., 9): psi, zeta (mm, detector frame) and power (mW) of A, B and C. The place is
+    where the spot's centroid lies on the detector's plane, also past its edge: see `reaches`.
+    NaN for a detector whose facet is turned past the beam or whose plane its sub-beam never meets,
+    and where the state is not finite.
+
+    irradiance="paper" evaluates Eq. (7) to (9) as printed, by quadrature, for comparison: Eq. (8)
+    leaves out a cross term, and is exact only for a level sub-beam. Slow.
+    """
+    rows, shape = as_rows(state, 8, "state")
+    if irradiance == "paper":
+        from .optics.paper import paper_readings
+
+        return paper_readings(geometry_of(sensor), rows).reshape(*shape, 9)
+    if irradiance != "exact":
+        raise InputError(f'irradiance is {irradiance!r}; allowed: "exact", "paper"')
+    from .kernels import read
+
+    out = np.empty((len(rows), 9))
+    read(packed(sensor), rows, out)
+    return out.reshape(*shape, 9)
+
+
+def jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
+    """The derivatives of the readings with respect to the state, closed.
+
+    state: (..., 8) as for `readings`. Returns (..., 9, 8): mm and mW per mm and rad; NaN in the
+    rows of a detector that `readings` gives NaN for.
+    """
+    from .kernels import differentiate
+
+    rows, shape = as_rows(state, 8, "state")
+    out = np.empty((len(rows), 9, 8))
+    differentiate(packed(sensor), rows, out)
+    return out.reshape(*shape, 9, 8)
+
+
+def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
+    """The derivatives of the readings with respect to the sensor's parameters, closed.
+
+    state: (..., 8). Returns (..., 9, 30), columns in the order of `facets.PARAMETERS`; mm and mW
+    per mm, rad and mW. NaN as in `jacobian`.
+    """
+    from .kernels import differentiate_by_parameters
+
+    rows, shape = as_rows(state, 8, "state")
+    out = np.zeros((len(rows), 9, 30))
+    differentiate_by_parameters(packed(sensor), parameters(sensor), rows, out)
+    return out.reshape(*shape, 9, 30)
+
+
+def on_detectors(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
+    """Which spots of given readings (..., 9) lie on their detector's sensitive area: (..., 3)."""
+    array = np.asarray(reading, dtype=np.float64)
+    y = np.array([psd.size_y / 2 for psd in sensor.psds])
+    z = np.array([psd.size_z / 2 for psd in sensor.psds])
+    inside: NDArray[np.bool_] = (np.abs(array[..., 0::3]) <= y) & (np.abs(array[..., 1::3]) <= z)
+    return inside
+
+
+def reaches(sensor: Sensor, state: ArrayLike) -> NDArray[np.bool_]:
+    """Which spots' centroids lie on their detector's sensitive area: (..., 8) -> (..., 3).
+
+    False also where the sub-beam never meets its detector's plane.
+    """
+    return on_detectors(sensor, readings(sensor, state))

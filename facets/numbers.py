@@ -1,0 +1,62 @@
+"""Elementary functions for every number type that the optics is run with.
+
+The formulas in `facets.optics` are written once, over scalars, with `+ - * /` and these functions.
+They then run as plain floats, inside compiled loops (`facets.kernels` gives each function here a
+compiled twin), and in high precision (mpmath). A formula holds no decimal literal, because a
+rounded constant would spoil a 40-digit run.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+Number = Any
+
+
+def is_float(x: Number) -> bool:
+    return isinstance(x, float | int)
+
+
+def exp(x: Number) -> Number:
+    return math.exp(x) if is_float(x) else x.context.exp(x)
+
+
+def sqrt(x: Number) -> Number:
+    return math.sqrt(x) if is_float(x) else x.context.sqrt(x)
+
+
+def sin(x: Number) -> Number:
+    return math.sin(x) if is_float(x) else x.context.sin(x)
+
+
+def cos(x: Number) -> Number:
+    return math.cos(x) if is_float(x) else x.context.cos(x)
+
+
+def erf(x: Number) -> Number:
+    return math.erf(x) if is_float(x) else x.context.erf(x)
+
+
+def erfc(x: Number) -> Number:
+    return math.erfc(x) if is_float(x) else x.context.erfc(x)
+
+
+def atan2(y: Number, x: Number) -> Number:
+    return math.atan2(y, x) if is_float(x) else x.context.atan2(y, x)
+
+
+def pi(like: Number) -> Number:
+    """The number pi in the type and precision of `like`."""
+    return math.pi if is_float(like) else +like.context.pi
+
+
+def integral(integrand: Callable[[Number], Number], like: Number) -> Number:
+    """The integral over 0..1 in the precision of `like`; for floats the optics has faster ways."""
+    return like.context.quad(integrand, [0, 1])
+
+
+def defined(value: Number, a: Number, b: Number, c: Number) -> Number:
+    """`value` where a, b and c are above zero, else NaN."""
+    return value if a > 0 and b > 0 and c > 0 else value * math.nan

@@ -1,0 +1,212 @@
+"""From the mirror's pose to the detectors' readings: the paper's chain, exact, top to bottom.
+
+The beam is collimated and the facets are flat, so every ray of one sub-beam has the same direction
+and the map from the beam's cross-section to a detector is affine: it carries the centroid of the
+light on a facet to the centroid of the spot. So each reading needs the light in one wedge of the
+beam (`wedge`) and the landing point of one ray (`rays`), and no integral over the detector.
+
+All functions take any number type. Vectors are tuples in the world frame, mm.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from ..numbers import Number, cos, defined, sin, sqrt
+from .rays import flight, hit, land, reflect
+from .vectors import (
+    Matrix,
+    Vector,
+    add,
+    columns,
+    combine,
+    cross,
+    dot,
+    rotate,
+    rotation,
+    scale,
+    subtract,
+)
+from .wedge import Plane, side, wedge
+
+Three = tuple[Any, Any, Any]
+
+
+class Geometry(NamedTuple):
+    """A sensor at rest, as vectors; from `geometry`.
+
+    direction: of the beam.  power: mW.
+    spread: the beam's two cross-section axes times their sigma, mm.
+    whitening: the same axes divided by sigma, so that whitening . r is in sigmas, 1/mm.
+    normals: of the facets, in the mirror's frame.
+    centres: of the detectors, mm.  axes: of each detector, its x, y and z in the world.
+    """
+
+    direction: Vector
+    power: Number
+    spread: tuple[Vector, Vector]
+    whitening: tuple[Vector, Vector]
+    normals: Three
+    centres: Three
+    axes: Three
+
+
+def beam_axes(rotation_about_beam: Number, tilt_x: Number, tilt_y: Number) -> Matrix:
+    """The beam's cross-section axes and the way back to the laser, in the world."""
+    tilted = columns(rotation(tilt_x, tilt_y, tilt_x * 0))
+    c, s = cos(rotation_about_beam), sin(rotation_about_beam)
+    return combine(c, tilted[0], s, tilted[1]), combine(c, tilted[1], -s, tilted[0]), tilted[2]
+
+
+def facet_normal(inclination: Number, azimuth: Number) -> Vector:
+    """The outward unit normal of a facet, in the mirror's frame."""
+    return sin(inclination) * cos(azimuth), sin(inclination) * sin(azimuth), cos(inclination)
+
+
+def psd_centre(radius: Number, azimuth: Number, height: Number) -> Vector:
+    return radius * cos(azimuth), radius * sin(azimuth), height
+
+
+def psd_axes(azimuth: Number, roll: Number, pitch: Number, yaw: Number) -> Matrix:
+    """A detector's x, y and z axes: outward, sideways and up, then turned."""
+    return columns(rotation(roll, pitch, azimuth + yaw))
+
+
+def geometry(parameters: tuple[Any, ...]) -> Geometry:
+    """The vectors of a sensor from its 30 parameters, in the order of `facets.PARAMETERS`."""
+    power, diameter_x, diameter_y, turn, tilt_x, tilt_y = parameters[:6]
+    facets = [parameters[k : k + 2] for k in (6, 8, 10)]
+    psds = [parameters[k : k + 6] for k in (12, 18, 24)]
+    x, y, back = beam_axes(turn, tilt_x, tilt_y)
+    sigma_x, sigma_y = diameter_x / 4, diameter_y / 4
+    a, b, c = (facet_normal(*facet) for facet in facets)
+    centre_a, centre_b, centre_c = (psd_centre(*psd[:3]) for psd in psds)
+    axes_a, axes_b, axes_c = (psd_axes(psd[1], *psd[3:]) for psd in psds)
+    return Geometry(
+        direction=scale(-1, back),
+        power=power,
+        spread=(scale(sigma_x, x), scale(sigma_y, y)),
+        whitening=(scale(1 / sigma_x, x), scale(1 / sigma_y, y)),
+        normals=(a, b, c),
+        centres=(centre_a, centre_b, centre_c),
+        axes=(axes_a, axes_b, axes_c),
+    )
+
+
+def normals_in_world(sensor: Geometry, roll: Number, pitch: Number, yaw: Number) -> Three:
+    """The facets' normals at a pose."""
+    turn = rotation(roll, pitch, yaw)
+    a, b, c = sensor.normals
+    return rotate(turn, a), rotate(turn, b), rotate(turn, c)
+
+
+def edges(normals: Three) -> Three:
+    """The mirror's edges ca, ab, bc from the apex down (not of unit length).
+
+    Edge number k is where facet k begins, counter-clockwise seen from above, so that facet k lies
+    between edges k and k + 1.
+    """
+    a, b, c = normals
+    return cross(a, c), cross(b, a), cross(c, b)
+
+
+def in_sigmas(sensor: Geometry, v: Vector) -> Plane:
+    """A vector of the world as seen along the beam, in units of the beam's sigma."""
+    return dot(sensor.whitening[0], v), dot(sensor.whitening[1], v)
+
+
+def unit(v: Plane) -> Plane:
+    norm = sqrt(v[0] * v[0] + v[1] * v[1])
+    return v[0] / norm, v[1] / norm
+
+
+class Scene(NamedTuple):
+    """A sensor at a state of Eq. (3): where its mirror stands and how the facets share the beam.
+
+    apex, place: of the mirror and of the beam's centre at z = 0, mm.
+    normals, edges: of the facets, in the world.
+    q: the apex seen along the beam, from its centre, in sigmas.
+    sides, integrals: of each edge, its direction in that plane and what `side` gives.
+    moments: of the light on each facet, what `wedge` gives.
+    """
+
+    apex: Vector
+    place: Vector
+    normals: Three
+    edges: Three
+    q: Plane
+    sides: Three
+    integrals: Three
+    moments: Three
+
+
+def scene(sensor: Geometry, state: tuple[Any, ...]) -> Scene:
+    tx, ty, tz, roll, pitch, yaw, bx, by = state
+    apex, place = (tx, ty, tz), (bx, by, bx * 0)
+    normals = normals_in_world(sensor, roll, pitch, yaw)
+    edge = edges(normals)
+    q = in_sigmas(sensor, subtract(apex, place))
+    u0 = unit(in_sigmas(sensor, edge[0]))
+    u1 = unit(in_sigmas(sensor, edge[1]))
+    u2 = unit(in_sigmas(sensor, edge[2]))
+    s0, s1, s2 = side(q, u0), side(q, u1), side(q, u2)
+    on_a = wedge(q, u0, u1, s0, s1)
+    on_b = wedge(q, u1, u2, s1, s2)
+    on_c = wedge(q, u2, u0, s2, s0)
+    return Scene(
+        apex, place, normals, edge, q, (u0, u1, u2), (s0, s1, s2), (on_a, on_b, on_c)
+    )
+
+
+class Path(NamedTuple):
+    """The central ray of a sub-beam: through `origin` in the beam, from `start` on the facet along
+    `leaving` to its detector at the distance `length`; mm. `incidence`: beam . normal."""
+
+    origin: Vector
+    start: Vector
+    leaving: Vector
+    incidence: Number
+    facing: Number
+    length: Number
+
+
+def path(sensor: Geometry, at: Scene, k: int) -> Path:
+    """The ray that carries the centroid of the light on facet k to its detector."""
+    _, centroid, _ = at.moments[k]
+    normal, axes = at.normals[k], sensor.axes[k]
+    offset = combine(centroid[0], sensor.spread[0], centroid[1], sensor.spread[1])
+    origin = add(at.place, offset)
+    start = hit(origin, sensor.direction, at.apex, normal)
+    leaving = reflect(sensor.direction, normal)
+    return Path(
+        origin=origin,
+        start=start,
+        leaving=leaving,
+        incidence=dot(sensor.direction, normal),
+        facing=dot(leaving, axes[0]),
+        length=flight(start, leaving, sensor.centres[k], axes),
+    )
+
+
+def reading(sensor: Geometry, at: Scene, k: int, ray: Path) -> Three:
+    """Of detector k: (psi, zeta, power), mm and mW; Eq. (9).
+
+    NaN where facet k does not face the beam or its sub-beam does not get to the detector's plane.
+    """
+    psi, zeta = land(ray.start, ray.leaving, ray.length, sensor.centres[k], sensor.axes[k])
+    power = sensor.power * at.moments[k][0]
+    return (
+        defined(psi, -ray.incidence, ray.facing, ray.length),
+        defined(zeta, -ray.incidence, ray.facing, ray.length),
+        defined(power, -ray.incidence, ray.facing, ray.length),
+    )
+
+
+def readings(sensor: Geometry, state: tuple[Any, ...]) -> tuple[Three, Three, Three]:
+    """Eq. (1): (psi, zeta, power) of detectors A, B and C at a state of Eq. (3)."""
+    at = scene(sensor, state)
+    return (
+        reading(sensor, at, 0, path(sensor, at, 0)),
+        reading(sensor, at, 1, path(sensor, at, 1)),
+        reading(sensor, at, 2, path(sensor, at, 2)),
+    )

@@ -1,0 +1,166 @@
+"""The derivatives of the readings, closed, beside the readings themselves.
+
+Each reading has a few raw gradients (`Gradient`): how it answers to the ray, the facet, the apex
+seen along the beam, and the angles of the facet's two edges. The derivatives with respect to the
+state (`linearised`) and to the sensor's parameters (`by_parameters`) are dot products with these.
+A small turn of a vector v about an axis w is w x v, so a gradient g with respect to v contributes
+(v x g) . w.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from ..numbers import Number
+from .forward import Geometry, Path, Scene, Three, in_sigmas, path, reading, scene
+from .rays import gradient_of_mirror, gradient_of_normal, gradient_of_shift, slanted
+from .vectors import Matrix, Vector, add, combine, cross, dot, rotation_axes, subtract
+from .wedge import Plane, turned
+
+
+class Gradient(NamedTuple):
+    """How one reading changes with what it is made of.
+
+    mirror, normal: with respect to the apex and the facet's normal, the ray held.
+    origin: with respect to the ray's origin.  centroid: to the centroid in the beam, in sigmas.
+    q: to the apex seen along the beam, in sigmas, the ray following the centroid.
+    first, second: to the angles of the edges where the facet begins and ends, likewise.
+    """
+
+    mirror: Vector
+    normal: Vector
+    origin: Vector
+    centroid: Plane
+    q: Plane
+    first: Number
+    second: Number
+
+
+def landing_gradient(
+    sensor: Geometry, at: Scene, k: int, ray: Path, along: Vector, first: Plane, second: Plane
+) -> Gradient:
+    """Of the landing coordinate of detector k with the slanted axis `along`.
+
+    first, second: the centroid's derivatives with respect to the angles of the facet's edges.
+    """
+    beam, normal = sensor.direction, at.normals[k]
+    lever = subtract(at.apex, ray.start)
+    shift = at.moments[k][2]
+    origin = gradient_of_shift(along, beam, normal)
+    x, y = dot(origin, sensor.spread[0]), dot(origin, sensor.spread[1])
+    return Gradient(
+        mirror=gradient_of_mirror(along, beam, normal),
+        normal=gradient_of_normal(along, beam, normal, lever, ray.length),
+        origin=origin,
+        centroid=(x, y),
+        q=(shift[0] * x + shift[1] * y, shift[1] * x + shift[2] * y),
+        first=first[0] * x + first[1] * y,
+        second=second[0] * x + second[1] * y,
+    )
+
+
+def power_gradient(
+    sensor: Geometry, at: Scene, k: int, first: Number, second: Number
+) -> Gradient:
+    """Of the power of detector k. first, second: the mass's derivatives, as above."""
+    mass, centroid, _ = at.moments[k]
+    zero = mass * 0
+    nothing = (zero, zero, zero)
+    power = sensor.power
+    return Gradient(
+        mirror=nothing,
+        normal=nothing,
+        origin=nothing,
+        centroid=(zero, zero),
+        q=(-power * mass * centroid[0], -power * mass * centroid[1]),
+        first=power * first,
+        second=power * second,
+    )
+
+
+def gradients(
+    sensor: Geometry, at: Scene, k: int, ray: Path
+) -> tuple[Gradient, Gradient, Gradient]:
+    """Of psi, zeta and power of detector k."""
+    following = (k + 1) % 3
+    mass, centroid, _ = at.moments[k]
+    mass1, (x1, y1) = turned(at.q, at.sides[k], at.integrals[k], mass, centroid)
+    mass2, second = turned(at.q, at.sides[following], at.integrals[following], mass, centroid)
+    first = (-x1, -y1)  # the first edge turns counter-clockwise: the facet closes
+    x, y, z = sensor.axes[k]
+    along_y, along_z = slanted(y, ray.leaving, x), slanted(z, ray.leaving, x)
+    return (
+        landing_gradient(sensor, at, k, ray, along_y, first, second),
+        landing_gradient(sensor, at, k, ray, along_z, first, second),
+        power_gradient(sensor, at, k, -mass1, mass2),
+    )
+
+
+def gradient_of_angle(sensor: Geometry, edge: Vector) -> Vector:
+    """Of an edge's angle, seen along the beam in sigmas, with respect to the edge."""
+    x, y = in_sigmas(sensor, edge)
+    square = x * x + y * y
+    return combine(x / square, sensor.whitening[1], -y / square, sensor.whitening[0])
+
+
+def in_world(sensor: Geometry, gradient: Plane) -> Vector:
+    """A gradient with respect to a place in sigmas, as one with respect to it in mm."""
+    return combine(gradient[0], sensor.whitening[0], gradient[1], sensor.whitening[1])
+
+
+def by_state(
+    sensor: Geometry, gradient: Gradient, normal: Vector, turns: tuple[Vector, Vector], axes: Matrix
+) -> tuple[Any, ...]:
+    """One reading's derivatives with respect to the eight components of the state.
+
+    turns: how the angles of the facet's two edges answer to a turn of the mirror.
+    axes: the world axes of roll, pitch and yaw.
+    """
+    seen = in_world(sensor, gradient.q)
+    apex = add(gradient.mirror, seen)
+    place = subtract(gradient.origin, seen)
+    of_edges = combine(gradient.first, turns[0], gradient.second, turns[1])
+    turn = add(cross(normal, gradient.normal), of_edges)
+    return (
+        apex[0],
+        apex[1],
+        apex[2],
+        dot(turn, axes[0]),
+        dot(turn, axes[1]),
+        dot(turn, axes[2]),
+        place[0],
+        place[1],
+    )
+
+
+def linearised_detector(
+    sensor: Geometry, at: Scene, k: int, turns: tuple[Vector, Vector], axes: Matrix
+) -> tuple[Three, Three]:
+    """(psi, zeta, power) of detector k, and the eight derivatives of each."""
+    ray = path(sensor, at, k)
+    of_psi, of_zeta, of_power = gradients(sensor, at, k, ray)
+    normal = at.normals[k]
+    return reading(sensor, at, k, ray), (
+        by_state(sensor, of_psi, normal, turns, axes),
+        by_state(sensor, of_zeta, normal, turns, axes),
+        by_state(sensor, of_power, normal, turns, axes),
+    )
+
+
+def linearised(
+    sensor: Geometry, state: tuple[Any, ...]
+) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
+    """Readings and Jacobian at a state, for detectors A, B and C.
+
+    Each is ((psi, zeta, power), (eight derivatives of each)); mm, mW, rad. NaN as in `reading`.
+    """
+    at = scene(sensor, state)
+    axes = rotation_axes(state[4], state[5])
+    turn0 = cross(at.edges[0], gradient_of_angle(sensor, at.edges[0]))
+    turn1 = cross(at.edges[1], gradient_of_angle(sensor, at.edges[1]))
+    turn2 = cross(at.edges[2], gradient_of_angle(sensor, at.edges[2]))
+    return (
+        linearised_detector(sensor, at, 0, (turn0, turn1), axes),
+        linearised_detector(sensor, at, 1, (turn1, turn2), axes),
+        linearised_detector(sensor, at, 2, (turn2, turn0), axes),
+    )

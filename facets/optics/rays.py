@@ -1,0 +1,81 @@
+"""One ray: reflected at a facet, landing on a detector, and how the landing point moves.
+
+Vectors are tuples in the world frame, mm. Any number type.
+"""
+
+from __future__ import annotations
+
+from ..numbers import Number
+from .vectors import Matrix, Vector, add, combine, dot, scale, subtract
+
+
+def reflect(direction: Vector, normal: Vector) -> Vector:
+    """The direction of a ray after a plane mirror with the given unit normal."""
+    return combine(1, direction, -2 * dot(direction, normal), normal)
+
+
+def hit(origin: Vector, direction: Vector, point: Vector, normal: Vector) -> Vector:
+    """Where a ray meets the plane through `point`. Undefined where the ray runs along the plane."""
+    reach = dot(subtract(point, origin), normal) / dot(direction, normal)
+    return add(origin, scale(reach, direction))
+
+
+def flight(start: Vector, direction: Vector, centre: Vector, axes: Matrix) -> Number:
+    """Length along `direction` from `start` to the detector's plane, in units of `direction`."""
+    return dot(subtract(centre, start), axes[0]) / dot(direction, axes[0])
+
+
+def land(
+    start: Vector, direction: Vector, length: Number, centre: Vector, axes: Matrix
+) -> tuple[Number, Number]:
+    """Where a ray meets a detector: (psi, zeta), mm, in the detector's frame.
+
+    length: what `flight` gives. axes: the detector's x (its normal, away from the source), y and z
+    in the world. Undefined where direction . x <= 0: the ray never gets there.
+    """
+    spot = subtract(add(start, scale(length, direction)), centre)
+    return dot(spot, axes[1]), dot(spot, axes[2])
+
+
+def slanted(axis: Vector, direction: Vector, normal: Vector) -> Vector:
+    """The gradient of the coordinate along `axis` when the ray is shifted as a whole.
+
+    The projection along the ray: a shift along the ray itself changes nothing.
+    """
+    return combine(1, axis, -dot(direction, axis) / dot(direction, normal), normal)
+
+
+def gradient_of_shift(along: Vector, beam: Vector, normal: Vector) -> Vector:
+    """Gradient of a landing coordinate with respect to the incoming ray's origin.
+
+    along: the coordinate's slanted axis; beam, normal: the incoming direction, the facet's normal.
+    """
+    return combine(1, along, -dot(along, beam) / dot(beam, normal), normal)
+
+
+def gradient_of_mirror(along: Vector, beam: Vector, normal: Vector) -> Vector:
+    """Gradient of a landing coordinate with respect to the apex, through which the facet goes."""
+    return scale(dot(along, beam) / dot(beam, normal), normal)
+
+
+def gradient_of_normal(
+    along: Vector, beam: Vector, normal: Vector, lever: Vector, length: Number
+) -> Vector:
+    """Gradient of a landing coordinate with respect to the facet's normal.
+
+    lever: from the point of incidence to the apex; length: the flight to the detector.
+    """
+    incidence = dot(beam, normal)
+    turn = combine(dot(along, normal), beam, incidence, along)
+    return combine(dot(along, beam) / incidence, lever, -2 * length, turn)
+
+
+def gradient_of_beam(
+    along: Vector, beam: Vector, normal: Vector, reach: Number, length: Number
+) -> Vector:
+    """Gradient of a landing coordinate with respect to the beam's direction, origin held.
+
+    reach: from the ray's origin to the facet; length: from there to the detector.
+    """
+    mirrored = combine(1, along, -2 * dot(along, normal), normal)
+    return combine(reach, gradient_of_shift(along, beam, normal), length, mirrored)

@@ -1,0 +1,70 @@
+"""Three-vectors as tuples of scalars, of any number type."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..numbers import Number, cos, sin
+
+Vector = tuple[Any, Any, Any]
+Matrix = tuple[Vector, Vector, Vector]
+
+
+def dot(a: Vector, b: Vector) -> Number:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+def add(a: Vector, b: Vector) -> Vector:
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+def subtract(a: Vector, b: Vector) -> Vector:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+def scale(k: Number, a: Vector) -> Vector:
+    return (k * a[0], k * a[1], k * a[2])
+
+
+def combine(k: Number, a: Vector, m: Number, b: Vector) -> Vector:
+    """k a + m b."""
+    return (k * a[0] + m * b[0], k * a[1] + m * b[1], k * a[2] + m * b[2])
+
+
+def rotate(matrix: Matrix, a: Vector) -> Vector:
+    """matrix a, the matrix given by its rows."""
+    return (dot(matrix[0], a), dot(matrix[1], a), dot(matrix[2], a))
+
+
+def columns(matrix: Matrix) -> Matrix:
+    """The three columns of a matrix given by its rows: the axes of a rotated frame."""
+    x, y, z = matrix
+    return ((x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2]))
+
+
+def rotation(roll: Number, pitch: Number, yaw: Number) -> Matrix:
+    """Rz(yaw) Ry(pitch) Rx(roll), by its rows."""
+    cr, sr = cos(roll), sin(roll)
+    cp, sp = cos(pitch), sin(pitch)
+    cy, sy = cos(yaw), sin(yaw)
+    return (
+        (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+        (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+        (-sp, cp * sr, cp * cr),
+    )
+
+
+def rotation_axes(pitch: Number, yaw: Number) -> Matrix:
+    """The world axes about which small changes of roll, pitch and yaw turn a frame."""
+    cp, sp = cos(pitch), sin(pitch)
+    cy, sy = cos(yaw), sin(yaw)
+    zero = cp - cp
+    return ((cy * cp, sy * cp, -sp), (-sy, cy, zero), (zero, zero, zero + 1))

@@ -1,0 +1,125 @@
+"""The sensor: one beam, three facets, three position-sensitive detectors, and their noise.
+
+Lengths in mm, angles in rad, powers in mW. Defaults are the rig of Park & Cho, Table 1.
+Every object is frozen and checks itself; a `Sensor` is plain data and knows no optics.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+from math import pi
+
+from .errors import InputError
+
+DETECTORS = ("a", "b", "c")
+
+
+def _require(condition: bool, what: str, value: object, allowed: str) -> None:
+    if not condition:
+        raise InputError(f"{what} is {value}; allowed: {allowed}")
+
+
+def _require_finite(thing: object) -> None:
+    for field in fields(thing):  # type: ignore[arg-type]
+        value = getattr(thing, field.name)
+        if isinstance(value, int | float):
+            _require(math.isfinite(value), field.name, value, "a finite number")
+
+
+@dataclass(frozen=True)
+class Beam:
+    """A collimated Gaussian beam. Its centre (bx, by) in the x_w y_w plane is part of the state.
+
+    power: mW.  diameter_x, diameter_y: 1/e^2 diameters along the beam's own axes, mm.
+    rotation: of those axes about the beam, rad.
+    tilt_x, tilt_y: of the beam about x_w, then y_w, from straight down (0, 0, -1), rad.
+    """
+
+    power: float = 0.3
+    diameter_x: float = 0.85
+    diameter_y: float = 0.85
+    rotation: float = 0.0
+    tilt_x: float = 0.0
+    tilt_y: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require_finite(self)
+        _require(self.power > 0, "beam power", self.power, "above 0 mW")
+        for name in ("diameter_x", "diameter_y"):
+            _require(getattr(self, name) > 0, f"beam {name}", getattr(self, name), "above 0 mm")
+
+
+@dataclass(frozen=True)
+class Facet:
+    """One reflecting side of the mirror, through the apex, in the mirror frame.
+
+    inclination: of its normal from the mirror's axis, rad, between 0 and pi/2.
+    azimuth: of its normal about the mirror's axis, rad.
+    """
+
+    inclination: float = pi / 4
+    azimuth: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require_finite(self)
+        _require(
+            0 < self.inclination < pi / 2, "facet inclination", self.inclination, "0 to pi/2 rad"
+        )
+
+
+@dataclass(frozen=True)
+class Psd:
+    """A position-sensitive detector.
+
+    radius, azimuth, height: its centre in cylinder coordinates of the world frame, mm, rad, mm.
+    roll, pitch, yaw: its turn, R = Rz(yaw) Ry(pitch) Rx(roll), from the nominal orientation in
+    which x points radially outward, z up and y = z cross x; rad.
+    size_y, size_z: its sensitive area, mm.
+    """
+
+    radius: float = 250.0
+    azimuth: float = 0.0
+    height: float = 0.0
+    roll: float = 0.0
+    pitch: float = 0.0
+    yaw: float = 0.0
+    size_y: float = 13.0
+    size_z: float = 13.0
+
+    def __post_init__(self) -> None:
+        _require_finite(self)
+        for name in ("radius", "size_y", "size_z"):
+            _require(getattr(self, name) > 0, f"PSD {name}", getattr(self, name), "above 0 mm")
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Gaussian noise of the readings, independent from reading to reading; 1 sigma.
+
+    position: of a centroid, mm, at the stated `at_power`, mW; it grows as 1/power.
+    power: of a power reading, mW.
+    """
+
+    position: float = 0.0026
+    at_power: float = 0.1
+    power: float = 4e-5
+
+    def __post_init__(self) -> None:
+        _require_finite(self)
+        for name in ("position", "at_power", "power"):
+            _require(getattr(self, name) > 0, f"noise {name}", getattr(self, name), "above 0")
+
+
+def _at_thirds(kind: type) -> tuple:
+    return tuple(kind(azimuth=2 * pi * k / 3) for k in range(3))
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """The whole sensor. `facets` and `psds` run A, B, C: counter-clockwise seen from above."""
+
+    beam: Beam = Beam()
+    facets: tuple[Facet, Facet, Facet] = _at_thirds(Facet)  # type: ignore[assignment]
+    psds: tuple[Psd, Psd, Psd] = _at_thirds(Psd)  # type: ignore[assignment]
+    noise: Noise = Noise()
