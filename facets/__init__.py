@@ -22,21 +22,21 @@ _HOMES = {
     "Facet": "sensor",
     "Noise": "sensor",
     "PARAMETERS": "optics.parameters",
-    "Prior": "solve",
+    "Prior": "solver",
     "Psd": "sensor",
     "READING": "names",
     "STATE": "names",
     "Sensor": "sensor",
-    "Solution": "solve",
-    "Status": "solve",
+    "Solution": "solver",
+    "Status": "solver",
     "jacobian": "model",
     "load": "config",
     "parameter_jacobian": "model",
     "reaches": "model",
     "readings": "model",
-    "solve": "solve",
+    "solve": "solver",
 }
-__all__ = sorted(_HOMES)  # noqa: PLE0605
+__all__ = sorted(_HOMES)
 
 if TYPE_CHECKING:
     from .config import load as load
@@ -52,10 +52,10 @@ if TYPE_CHECKING:
     from .sensor import Noise as Noise
     from .sensor import Psd as Psd
     from .sensor import Sensor as Sensor
-    from .solve import Prior as Prior
-    from .solve import Solution as Solution
-    from .solve import Status as Status
-    from .solve import solve as solve
+    from .solver import Prior as Prior
+    from .solver import Solution as Solution
+    from .solver import Status as Status
+    from .solver import solve as solve
 
 
 def __getattr__(name: str) -> Any:

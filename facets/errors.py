@@ -2,11 +2,11 @@
 
 
 class FacetsError(Exception):
-    """Base of all errors raised on purpose; its text is complete and meant to be read by a person."""
+    """Base of all errors raised on purpose; its text is complete and meant for a person."""
 
 
 class ConfigError(FacetsError):
-    """A configuration that cannot be used: says the file, the line, the key, and what is allowed."""
+    """A configuration that cannot be used: says file, line, key, and what is allowed."""
 
 
 class InputError(FacetsError):

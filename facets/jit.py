@@ -69,8 +69,9 @@ def text(function: Callable[..., Any]) -> Callable[..., Any]:
 def cache_folder() -> Path:
     """Where machine code is kept: the user's cache, else a temporary folder of this process."""
     text = hashlib.sha256(numba.__version__.encode())
-    for file in sorted(Path(__file__).parent.rglob("*.py")):
-        text.update(file.read_bytes())
+    files = [module.__file__ for module in (*TEXT, numbers) if module.__file__]
+    for file in (*files, __file__, str(Path(__file__).with_name("kernels.py"))):
+        text.update(Path(file).read_bytes())
     name = text.hexdigest()[:16]
     base = os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_dir("facets-6dof")
     folder = Path(base) / name

@@ -82,9 +82,7 @@ def differentiate(packed: Array, states: Array, out: Array) -> None:
 
 
 @compiled
-def differentiate_by_parameters(
-    packed: Array, parameters: Any, states: Array, out: Array
-) -> None:
+def differentiate_by_parameters(packed: Array, parameters: Any, states: Array, out: Array) -> None:
     """out (n, 9, 30), zeroed: derivatives by the sensor's parameters at states (n, 8)."""
     sensor = unpack(packed)
     for n in range(len(states)):

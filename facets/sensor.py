@@ -7,7 +7,7 @@ Every object is frozen and checks itself; a `Sensor` is plain data and knows no 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from math import pi
 
 from .errors import InputError
@@ -117,9 +117,24 @@ def _at_thirds(kind: type) -> tuple:
 
 @dataclass(frozen=True)
 class Sensor:
-    """The whole sensor. `facets` and `psds` run A, B, C: counter-clockwise seen from above."""
+    """The whole sensor. `facets` and `psds` run A, B, C.
+
+    Seen from above the facets follow each other counter-clockwise, each within half a turn of the
+    one before: else they are not the sides of a pyramid with its point up.
+    """
 
     beam: Beam = Beam()
     facets: tuple[Facet, Facet, Facet] = _at_thirds(Facet)  # type: ignore[assignment]
     psds: tuple[Psd, Psd, Psd] = _at_thirds(Psd)  # type: ignore[assignment]
     noise: Noise = Noise()
+
+    def __post_init__(self) -> None:
+        for k, letter in enumerate(DETECTORS):
+            following = (k + 1) % 3
+            gap = (self.facets[following].azimuth - self.facets[k].azimuth) % (2 * pi)
+            _require(
+                0 < gap < pi,
+                f"azimuth of facet {DETECTORS[following]} less that of facet {letter}",
+                gap,
+                "between 0 and pi rad, so that the facets make a pyramid",
+            )

@@ -9,7 +9,6 @@ and asked only where that has lost digits: in the tail of the beam and for narro
 from __future__ import annotations
 
 from math import atan2, cos, erfc, exp, pi, sin, sqrt
-from typing import Any
 
 Plane = tuple[float, float]
 Sums = tuple[float, float, float, float, float, float]

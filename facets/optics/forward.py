@@ -153,9 +153,7 @@ def scene(sensor: Geometry, state: tuple[Any, ...]) -> Scene:
     on_a = wedge(q, u0, u1, s0, s1)
     on_b = wedge(q, u1, u2, s1, s2)
     on_c = wedge(q, u2, u0, s2, s0)
-    return Scene(
-        apex, place, normals, edge, q, (u0, u1, u2), (s0, s1, s2), (on_a, on_b, on_c)
-    )
+    return Scene(apex, place, normals, edge, q, (u0, u1, u2), (s0, s1, s2), (on_a, on_b, on_c))
 
 
 class Path(NamedTuple):

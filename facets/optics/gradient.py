@@ -59,9 +59,7 @@ def landing_gradient(
     )
 
 
-def power_gradient(
-    sensor: Geometry, at: Scene, k: int, first: Number, second: Number
-) -> Gradient:
+def power_gradient(sensor: Geometry, at: Scene, k: int, first: Number, second: Number) -> Gradient:
     """Of the power of detector k. first, second: the mass's derivatives, as above."""
     mass, centroid, _ = at.moments[k]
     zero = mass * 0

@@ -1,7 +1,7 @@
 """The sensor's 30 parameters, and the derivatives of the readings with respect to them.
 
 The order, `PARAMETERS`: the beam's power, diameters, rotation and tilts; inclination and azimuth of
-facets A, B, C; radius, azimuth, height, roll, pitch and yaw of detectors A, B, C. Units mm, rad, mW.
+facets A, B, C; radius, azimuth, height, roll, pitch, yaw of detectors A, B, C. Units mm, rad, mW.
 """
 
 from __future__ import annotations

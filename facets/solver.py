@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -44,9 +44,9 @@ class Prior:
     def __post_init__(self) -> None:
         sigma = np.asarray(self.sigma, dtype=float)
         if not (sigma >= 0).all():
-            raise InputError(f"a prior's sigma is {self.sigma}; allowed: 0 or more")
+            raise InputError(f"a prior's sigma is {self.sigma!r}; allowed: 0 or more")
         if not np.isfinite(np.asarray(self.mean, dtype=float)).all():
-            raise InputError(f"a prior's mean is {self.mean}; allowed: finite numbers")
+            raise InputError(f"a prior's mean is {self.mean!r}; allowed: finite numbers")
 
 
 @dataclass(frozen=True)
@@ -81,15 +81,22 @@ class Solution:
         return root
 
 
-NAMED_BEAM = {"free": Prior((0.0, 0.0), np.inf), "known": Prior((0.0, 0.0), 0.0)}
+class Plan(NamedTuple):
+    """What is asked for and what is known: the arrays that `kernels.invert` takes."""
+
+    means: Floats
+    weights: Floats
+    free: NDArray[np.int64]
+    limits: estimate.Limits
 
 
 def prior_of_beam(beam: str | Prior) -> Prior:
     if isinstance(beam, Prior):
         return beam
-    if beam not in NAMED_BEAM:
+    sigma = {"free": np.inf, "known": 0.0}.get(beam)
+    if sigma is None:
         raise InputError(f'beam is {beam!r}; allowed: "free", "known" or a facets.Prior')
-    return NAMED_BEAM[beam]
+    return Prior((0.0, 0.0), sigma)
 
 
 def prior_of_power(power: str | Prior, sensor: Sensor) -> Prior:
@@ -101,61 +108,84 @@ def prior_of_power(power: str | Prior, sensor: Sensor) -> Prior:
     return Prior(sensor.beam.power, sigma)
 
 
-def given(
-    place: Prior, light: Prior, rows: int, shape: tuple[int, ...]
-) -> tuple[Floats, Floats]:
-    """Means (n or 1, 3) and sigmas (3,) of bx, by and the power."""
+def means_of(place: Prior, light: Prior, shape: tuple[int, ...]) -> Floats:
+    """What is known of bx, by and the power: (1, 3), or (n, 3) where it differs by reading."""
+    where, amount = np.asarray(place.mean, float), np.asarray(light.mean, float)
+    shape = shape if where.shape[:-1] or amount.shape else ()
     try:
-        where, amount = np.asarray(place.mean, float), np.asarray(light.mean, float)
-        if where.shape[:-1] or amount.shape:
-            where = np.broadcast_to(where, (*shape, 2)).reshape(rows, 2)
-            amount = np.broadcast_to(amount, shape).reshape(rows)
-        means = np.empty((max(where.size // 2, 1), 3))
-        means[:, :2], means[:, 2] = where, amount
-        sigmas = np.empty(3)
-        sigmas[:2], sigmas[2] = place.sigma, light.sigma
+        means = np.empty((*shape, 3))
+        means[..., :2], means[..., 2] = where, amount
     except ValueError as error:
         raise InputError(f"a prior does not fit readings of shape {shape}: {error}") from None
-    return means, sigmas
+    return means.reshape(-1, 3)
 
 
-def starting(
-    start: str | ArrayLike, means: Floats, values: Floats, sigmas: Floats, shape: tuple[int, ...]
-) -> Floats:
-    """Where each estimate starts (n or 1, 9): the priors' means, else zero and the light seen."""
-    rows = means
-    unknown_power = sigmas[2] == np.inf
-    if unknown_power or not isinstance(start, str):
-        rows = np.broadcast_to(means, (len(values), 3))
-    starts = np.zeros((len(rows), 9))
-    starts[:, 6:] = rows
+def limits_of(sensor: Sensor, eight: bool) -> estimate.Limits:
+    noise = sensor.noise
+    return estimate.Limits(
+        noise=np.array([noise.position, noise.at_power, noise.power]),
+        half_sizes=np.array([[psd.size_y / 2, psd.size_z / 2] for psd in sensor.psds]),
+        eight=eight,
+    )
+
+
+def plan(
+    sensor: Sensor, beam: str | Prior, power: str | Prior, method: str, shape: tuple[int, ...]
+) -> Plan:
+    if method not in ("least-squares", "paper"):
+        raise InputError(f'method is {method!r}; allowed: "least-squares", "paper"')
+    paper = method == "paper"
+    if paper and not (beam == "free" and power == "known"):
+        raise InputError('method="paper" has the beam "free" and the power "known"')
+    place, light = prior_of_beam(beam), prior_of_power(power, sensor)
+    sigmas = np.empty(3)
+    sigmas[:2], sigmas[2] = place.sigma, light.sigma
+    free = np.concatenate([np.arange(6), 6 + np.flatnonzero(sigmas > 0)])
+    with np.errstate(divide="ignore"):
+        weights = np.where(sigmas > 0, 1 / sigmas, 0.0)
+    return Plan(means_of(place, light, shape), weights, free, limits_of(sensor, paper))
+
+
+def plan_kept(
+    sensor: Sensor, beam: str | Prior, power: str | Prior, method: str, shape: tuple[int, ...]
+) -> Plan:
+    """`plan`, made once a sensor where it holds no prior: a live loop asks for the same again."""
+    if isinstance(beam, Prior) or isinstance(power, Prior):
+        return plan(sensor, beam, power, method, shape)
+    kept: dict[tuple[str, str, str], Plan] = sensor.__dict__.setdefault("_plans", {})
+    known = kept.get((beam, power, method))
+    if known is None:
+        known = kept[beam, power, method] = plan(sensor, beam, power, method, ())
+    return known
+
+
+def starting(start: str | ArrayLike, todo: Plan, values: Floats, shape: tuple[int, ...]) -> Floats:
+    """Where the estimates start: (1 or n, 9), with the means of what is known.
+
+    An unknown power starts from the light that is seen.
+    """
+    unknown_power = todo.weights[2] == 0 and todo.free[-1] == 8
+    if not isinstance(start, str):
+        states = np.asarray(start, dtype=np.float64)
+        if states.shape != (*shape, 8):
+            try:
+                states = np.broadcast_to(states, (*shape, 8))
+            except ValueError as error:
+                raise InputError(f"start does not fit the readings: {error}") from None
+        starts = np.empty((len(values), 9))
+        starts[:, :8] = states.reshape(-1, 8)
+        starts[:, 8] = todo.means[:, 2]
+        if len(todo.free) < 8 or todo.free[7] != 7 or todo.free[6] != 6:
+            starts[:, 6:8] = todo.means[:, :2]
+    elif start in ("zero", "previous"):
+        starts = np.zeros((len(values) if unknown_power else len(todo.means), 9))
+        starts[:, 6:] = todo.means
+    else:
+        raise InputError(f'start is {start!r}; allowed: "zero", "previous" or states (..., 8)')
     if unknown_power:
         seen = np.nansum(values[:, 2::3], axis=1)
-        starts[:, 8] = np.where(np.isfinite(seen) & (seen > 0), seen, rows[:, 2])
-    if isinstance(start, str):
-        if start not in ("zero", "previous"):
-            raise InputError(f'start is {start!r}; allowed: "zero", "previous" or states (..., 8)')
-        return starts
-    try:
-        states = np.broadcast_to(np.asarray(start, float), (*shape, 8)).reshape(-1, 8)
-    except ValueError as error:
-        raise InputError(f"start does not fit readings of shape {shape}: {error}") from None
-    known = sigmas[:2] == 0
-    starts[:, :6] = states[:, :6]
-    starts[:, 6:8] = np.where(known, starts[:, 6:8], states[:, 6:8])
+        starts[:, 8] = np.where(np.isfinite(seen) & (seen > 0), seen, starts[:, 8])
     return starts
-
-
-def judged_by(sensor: Sensor, eight: bool) -> estimate.Limits:
-    noise = sensor.noise
-    known: estimate.Limits | None = sensor.__dict__.get("_limits")
-    if known is None:
-        known = sensor.__dict__["_limits"] = estimate.Limits(
-            noise=np.array([noise.position, noise.at_power, noise.power]),
-            half_sizes=np.array([[psd.size_y / 2, psd.size_z / 2] for psd in sensor.psds]),
-            eight=False,
-        )
-    return known._replace(eight=True) if eight else known
 
 
 def solve(
@@ -185,20 +215,11 @@ def solve(
     Bad arguments raise `InputError`; a reading that cannot be solved gets a status and NaN.
     """
     values, shape = as_rows(readings, 9, "readings")
-    paper = method == "paper"
-    if method not in ("least-squares", "paper"):
-        raise InputError(f'method is {method!r}; allowed: "least-squares", "paper"')
-    if paper and not (beam == "free" and power == "known"):
-        raise InputError('method="paper" has the beam "free" and the power "known"')
     if max_steps < 1:
         raise InputError(f"max_steps is {max_steps}; allowed: 1 or more")
-    means, sigmas = given(
-        prior_of_beam(beam), prior_of_power(power, sensor), len(values), shape
-    )
-    starts = starting(start, means, values, sigmas, shape)
-    free = np.concatenate([np.arange(6), 6 + np.flatnonzero(sigmas > 0)])
-    with np.errstate(divide="ignore"):
-        prior_weight = np.where(sigmas > 0, 1 / sigmas, 0.0)
+    todo = plan_kept(sensor, beam, power, method, shape)
+    starts = starting(start, todo, values, shape)
+    warm = isinstance(start, str) and start == "previous"
     n = len(values)
     states, left = np.empty((n, 9)), np.empty(n)
     used, status, steps = np.empty((n, 3), bool), np.empty(n, np.int8), np.empty(n, np.int32)
@@ -206,9 +227,8 @@ def solve(
     from .kernels import invert
 
     invert(
-        packed(sensor), values, judged_by(sensor, paper), means, prior_weight, free, starts,
-        isinstance(start, str) and start == "previous", max_steps, not paper,
-        states, used, status, steps, left, covariances,
+        packed(sensor), values, todo.limits, todo.means, todo.weights, todo.free, starts,
+        warm, max_steps, method != "paper", states, used, status, steps, left, covariances,
     )  # fmt: skip
     return Solution(
         state=states[:, :8].reshape(*shape, 8),

@@ -1,0 +1,42 @@
+# make run: the paper's sensor, simulated and solved.  make test: all checks.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: run test lint types layers unit slow bench clean
+
+run: .venv/installed
+	$(BIN)/facets simulate paper -o results/paper --force
+
+test: lint types layers unit
+
+lint: .venv/developed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: .venv/developed
+	$(BIN)/mypy
+
+layers: .venv/developed
+	$(BIN)/lint-imports
+
+unit: .venv/developed
+	$(BIN)/pytest -m "not slow"
+
+slow: .venv/developed
+	$(BIN)/pytest -m slow
+
+bench: .venv/installed
+	$(BIN)/python -m facets.experiments.solve_speed
+
+.venv/installed: pyproject.toml
+	$(PYTHON) -m venv .venv
+	$(BIN)/pip install --quiet --upgrade "pip>=23.1"
+	$(BIN)/pip install --quiet --editable .
+	touch $@
+
+.venv/developed: .venv/installed
+	$(BIN)/pip install --quiet --editable ".[dev]"
+	touch $@
+
+clean:
+	rm -rf .venv build results *.egg-info

@@ -1,0 +1,245 @@
+"""The estimator: exact on exact readings, honest on everything else."""
+
+import numpy as np
+import pytest
+
+import facets
+from facets import Prior, Status
+from facets.errors import InputError
+from facets.least_squares import back_substitute, triangularise
+
+SENSOR = facets.Sensor()
+HALF_RANGE = np.array([0.1, 0.1, 6.0, 12e-3, 12e-3, 24e-3, 0.05, 0.05])
+
+
+def states_in_range(count: int, seed: int) -> np.ndarray:
+    """Uniform in a box, of which those are kept whose spots all lie on their detectors."""
+    drawn = np.random.default_rng(seed).uniform(-HALF_RANGE, HALF_RANGE, (8 * count, 8))
+    kept = drawn[facets.reaches(SENSOR, drawn).all(axis=1)]
+    assert len(kept) >= count
+    return kept[:count]
+
+
+@pytest.fixture(scope="module")
+def states() -> np.ndarray:
+    return states_in_range(2000, seed=5)
+
+
+@pytest.fixture(scope="module")
+def readings(states: np.ndarray) -> np.ndarray:
+    return facets.readings(SENSOR, states)
+
+
+def worst_error(solution: facets.Solution, states: np.ndarray) -> tuple[float, float]:
+    assert solution.ok.all()
+    error = np.abs(solution.state - states).max(axis=0)
+    return error[[0, 1, 2, 6, 7]].max(), error[3:6].max()
+
+
+def test_exact_readings_of_100000_states_solve_from_zero():
+    """Readings carry 1e-13 mm of rounding; a free beam amplifies it to some 1e-12 mm in x, y."""
+    states = states_in_range(100_000, seed=1)
+    solution = facets.solve(SENSOR, facets.readings(SENSOR, states))
+    length, angle = worst_error(solution, states)
+    assert length < 1e-10
+    assert angle < 1e-12
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"power": "unknown"},
+        {"method": "paper"},
+        {"start": "previous"},
+        {"covariance": False},
+        {"power": Prior(0.3, 1e-3)},
+    ],
+    ids=str,
+)
+def test_every_way_finds_the_exact_state(states, readings, options):
+    length, angle = worst_error(facets.solve(SENSOR, readings, **options), states)
+    assert length < 1e-10
+    assert angle < 1e-12
+
+
+def test_a_known_beam_is_taken_as_known(states, readings):
+    beam = Prior(states[:, 6:], 0.0)
+    solution = facets.solve(SENSOR, readings, beam=beam)
+    length, angle = worst_error(solution, states)
+    assert length < 1e-11
+    assert angle < 1e-12
+    assert (solution.state[:, 6:] == states[:, 6:]).all()
+    assert (solution.covariance[:, 6:] == 0).all()
+
+
+def test_beam_known_means_at_the_origin(states):
+    centred = states.copy()
+    centred[:, :2] -= centred[:, 6:]
+    centred[:, 6:] = 0
+    readings = facets.readings(SENSOR, centred)
+    on = facets.reaches(SENSOR, centred).all(axis=1)
+    solution = facets.solve(SENSOR, readings[on], beam="known")
+    assert worst_error(solution, centred[on])[0] < 1e-11
+
+
+def test_a_prior_pulls_the_beam_to_its_mean():
+    state = np.zeros(8)
+    reading = facets.readings(SENSOR, state)
+    wide, narrow = (
+        facets.solve(SENSOR, reading, beam=Prior((0.01, 0.0), sigma)).state[6]
+        for sigma in (10.0, 1e-6)
+    )
+    assert abs(wide) < 1e-7
+    assert abs(narrow - 0.01) < 1e-6
+
+
+def test_an_unknown_power_is_found():
+    brighter = facets.Sensor(beam=facets.Beam(power=0.45))
+    state = np.array([0.02, -0.03, 0.5, 1e-3, -2e-3, 3e-3, 0.01, 0])
+    solution = facets.solve(SENSOR, facets.readings(brighter, state), power="unknown")
+    assert solution.ok
+    assert solution.power == pytest.approx(0.45, rel=1e-12)
+    assert np.abs(solution.state - state).max() < 1e-10
+
+
+def test_single_batch_and_shaped_give_the_same_bits(readings):
+    batch = facets.solve(SENSOR, readings[:12])
+    shaped = facets.solve(SENSOR, readings[:12].reshape(3, 4, 9))
+    assert (shaped.state.reshape(12, 8) == batch.state).all()
+    assert shaped.covariance.shape == (3, 4, 8, 8)
+    for n in range(12):
+        one = facets.solve(SENSOR, readings[n])
+        assert one.state.shape == (8,)
+        assert (one.state == batch.state[n]).all()
+
+
+def test_no_readings_give_no_solutions():
+    solution = facets.solve(SENSOR, np.empty((0, 9)))
+    assert solution.state.shape == (0, 8)
+    assert solution.ok.shape == (0,)
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "status"),
+    [
+        (0, np.nan, Status.NON_FINITE),
+        (4, np.inf, Status.NON_FINITE),
+        (2, 0.0, Status.NO_LIGHT),
+        (8, -1.0, Status.NO_LIGHT),
+        (1, 6.51, Status.OUT_OF_RANGE),
+        (3, -7.0, Status.OUT_OF_RANGE),
+    ],
+)
+def test_a_bad_detector_gives_a_status_and_never_a_number(place, value, status):
+    """Six readings can not tell eight unknowns."""
+    reading = facets.readings(SENSOR, np.zeros(8))
+    reading[place] = value
+    solution = facets.solve(SENSOR, reading)
+    assert solution.status == status
+    assert not solution.ok
+    assert np.isnan(solution.state).all()
+    assert np.isnan(solution.covariance).all()
+    assert np.isnan(solution.uncertainty).all()
+    assert np.isnan(solution.power)
+    assert np.isnan(solution.residual)
+    assert list(solution.used) == [k != place // 3 for k in range(3)]
+
+
+@pytest.mark.parametrize("value", [np.nan, 0.0])
+def test_two_detectors_are_enough_where_the_beam_is_known(value):
+    state = np.array([0.02, -0.03, 0.5, 1e-3, -2e-3, 3e-3, 0, 0])
+    reading = facets.readings(SENSOR, state)
+    reading[5] = value
+    solution = facets.solve(SENSOR, reading, beam="known")
+    assert solution.ok
+    assert list(solution.used) == [True, False, True]
+    assert np.abs(solution.state - state).max() < 1e-10
+    whole = facets.solve(SENSOR, facets.readings(SENSOR, state), beam="known")
+    assert (solution.uncertainty[:6] > whole.uncertainty[:6]).all()
+
+
+def test_bad_samples_do_not_disturb_their_neighbours(readings):
+    spoiled = readings[:50].copy()
+    spoiled[::7, 0] = np.nan
+    solution = facets.solve(SENSOR, spoiled, start="previous")
+    clean = facets.solve(SENSOR, readings[:50])
+    good = np.arange(50) % 7 != 0
+    assert (solution.ok == good).all()
+    assert np.abs(solution.state[good] - clean.state[good]).max() < 1e-10
+
+
+def test_readings_no_pose_can_make_leave_a_large_residual():
+    """Three times the beam's power: no pose explains it, and the residual says so."""
+    reading = facets.readings(SENSOR, np.zeros(8))
+    reading[2::3] *= 3
+    solution = facets.solve(SENSOR, reading)
+    assert not solution.ok or solution.residual > 1000
+    assert facets.solve(SENSOR, reading, power="unknown").residual < 1e-6
+
+
+def test_the_covariance_is_that_of_the_linearised_problem():
+    """(J' W J)^-1 from the public Jacobian, and by a Monte Carlo of 20,000 draws (1 %, 4 sigma)."""
+    state = np.array([0.02, 0.01, 0.5, 1e-3, -2e-3, 3e-3, 0, 0])
+    reading = facets.readings(SENSOR, state)
+    noise = SENSOR.noise
+    sigma = np.full(9, noise.power)
+    sigma[0::3] = sigma[1::3] = noise.position * noise.at_power / reading[2::3]
+    scaled = facets.jacobian(SENSOR, state) / sigma[:, None]
+    expected = np.linalg.inv(scaled.T @ scaled)
+    solution = facets.solve(SENSOR, reading)
+    np.testing.assert_allclose(solution.covariance, expected, rtol=1e-6, atol=1e-12)
+    draws = reading + sigma * np.random.default_rng(2).standard_normal((20_000, 9))
+    spread = facets.solve(SENSOR, draws, covariance=False).state.std(axis=0)
+    np.testing.assert_allclose(spread, solution.uncertainty, rtol=0.02)
+
+
+def test_a_known_beam_makes_x_and_y_fine():
+    """The power shares then measure the offset alone."""
+    reading = facets.readings(SENSOR, np.zeros(8))
+    free = facets.solve(SENSOR, reading).uncertainty
+    known = facets.solve(SENSOR, reading, beam="known").uncertainty
+    assert free[0] / known[0] > 10
+
+
+def test_dependent_columns_are_noticed():
+    matrix = np.array([[1.0, 2.0, 1.0], [1.0, 2.0, 2.0], [3.0, 6.0, 3.0]])
+    assert not triangularise(matrix, 3, 2)
+
+
+def test_least_squares_agree_with_lapack():
+    rng = np.random.default_rng(3)
+    matrix, right = rng.standard_normal((9, 8)), rng.standard_normal(9)
+    work, solution = np.column_stack([matrix, right]), np.empty(8)
+    assert triangularise(work, 9, 8)
+    back_substitute(work, 8, solution)
+    np.testing.assert_allclose(solution, np.linalg.lstsq(matrix, right)[0], rtol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"beam": "fixed"}, "beam is 'fixed'"),
+        ({"power": "some"}, "power is 'some'"),
+        ({"start": "there"}, "start is 'there'"),
+        ({"start": np.zeros((2, 8))}, "start does not fit"),
+        ({"method": "magic"}, "method is 'magic'"),
+        ({"method": "paper", "beam": "known"}, "paper"),
+        ({"max_steps": 0}, "max_steps is 0"),
+        ({"beam": Prior(np.zeros((3, 2)), 1.0)}, "does not fit readings"),
+    ],
+)
+def test_bad_arguments_are_named(options, words):
+    with pytest.raises(InputError, match=words):
+        facets.solve(SENSOR, np.zeros(9), **options)
+
+
+def test_bad_priors_are_named():
+    with pytest.raises(InputError, match="sigma is -1"):
+        Prior((0, 0), -1)
+    with pytest.raises(InputError, match="mean is"):
+        Prior((np.nan, 0), 1)
+
+
+def test_bad_shapes_are_named():
+    with pytest.raises(InputError, match=r"needed: \(\.\.\., 9\)"):
+        facets.solve(SENSOR, np.zeros(8))
