@@ -23,7 +23,7 @@ import platformdirs
 from numba.extending import overload, register_jitable  # noqa: TID253
 
 from . import estimate, least_squares, numbers
-from .optics import faint, forward, gradient, parameters, rays, vectors, wedge
+from .optics import exact, faint, forward, gradient, parameters, rays, vectors, wedge
 
 TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
     numbers.exp: lambda x: lambda x: math.exp(x),
@@ -46,7 +46,7 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
         lambda q, u1, u2, side1, side2: wedge.wedge_float(q, u1, u2, side1, side2)
     ),
 }
-TEXT = (vectors, rays, faint, wedge, forward, gradient, parameters, least_squares, estimate)
+TEXT = (vectors, rays, exact, faint, wedge, forward, gradient, parameters, least_squares, estimate)
 
 
 def register_text() -> None:
@@ -89,11 +89,12 @@ CACHE = cache_folder()
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """The compiled `function`; says so on the standard error when it has to be compiled first."""
-    kept, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(CACHE)
+    config: Any = numba.config
+    kept, config.CACHE_DIR = config.CACHE_DIR, str(CACHE)
     try:
         dispatcher = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     finally:
-        numba.config.CACHE_DIR = kept
+        config.CACHE_DIR = kept
     seen = False
 
     def call(*arguments: Any) -> Any:

@@ -124,8 +124,8 @@ class Sensor:
     """
 
     beam: Beam = Beam()
-    facets: tuple[Facet, Facet, Facet] = _at_thirds(Facet)  # type: ignore[assignment]
-    psds: tuple[Psd, Psd, Psd] = _at_thirds(Psd)  # type: ignore[assignment]
+    facets: tuple[Facet, Facet, Facet] = _at_thirds(Facet)
+    psds: tuple[Psd, Psd, Psd] = _at_thirds(Psd)
     noise: Noise = Noise()
 
     def __post_init__(self) -> None:

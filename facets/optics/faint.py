@@ -1,14 +1,22 @@
 """A normal distribution over a wedge that holds little of it: no term cancels, for floats.
 
-In polar coordinates about the wedge's point q, mass, first and second moments are integrals over
-the angle of I1, I2 u and I3 u u', where I_n(a, h) = int_0^inf s^n f(q + s u) ds > 0 is closed.
-The angle is integrated by adaptive Gauss-Legendre quadrature. Slower than the divergence theorem,
-and asked only where that has lost digits: in the tail of the beam and for narrow wedges.
+In polar coordinates about the wedge's point q, mass and moments are integrals over the angle of
+radial integrals that are closed and positive; the angle is integrated by adaptive Gauss-Legendre
+quadrature. Slower than the divergence theorem, and asked only where that has lost digits: in the
+tail of the beam and for narrow wedges.
+
+Along a ray q + s u, with a = q . u and h = q x u, let v = s + a count from the ray's foot, the point
+nearest to the beam's centre. With L = int f ds, the integrals of s f, s v f and s v^2 f are
+I = f(q) - a L, L and I + f(q). All is measured from the brighter side's foot and in units of the
+light there, so that nothing underflows before the light itself does and nothing large cancels.
 """
 
 from __future__ import annotations
 
 from math import atan2, cos, erfc, exp, pi, sin, sqrt
+from typing import NamedTuple
+
+from .exact import gauss, normalised, sum_of_products
 
 Plane = tuple[float, float]
 Sums = tuple[float, float, float, float, float, float]
@@ -30,87 +38,145 @@ WEIGHTS = (
     0.10693932599531843,
     0.04717533638651183,
 )
+#: A ray that points away from the light by more than this takes the continued fraction.
+AWAY = 1.5
 #: More pieces than this have never been needed: a bound, so that no input can hang the loop.
 PIECES = 5000
 
 
-def radial(a: float, h: float, density: float) -> tuple[float, float, float]:
-    """I1, I2, I3 = int_0^inf s^n f ds along a ray with a = q . u, h = q x u, each to rounding.
+class Side(NamedTuple):
+    """The wedge's brighter side, from which angles and moments are counted.
 
-    density: f(q). Where the ray points away from the light (a > 1.5) the recurrence
-    I_n+1 = n I_n-1 - a I_n cancels; its continued fraction I_n / I_n-1 = n / (a + I_n+1 / I_n) has
-    positive terms only.
+    a, h: q . u and q x u.  u: its direction.  sense: 1 where the wedge opens counter-clockwise.
+    near: whether it runs towards the beam's centre first, and moments count from its foot; else
+    they count from q.  light: f(q), in units of `scale`.
     """
-    if a < 1.5:
-        # exp(-h^2/2), by whichever of the two squares is smaller: its rounding is amplified less
-        across = exp(-h * h / 2) if -a > abs(h) else 2 * pi * density * exp(a * a / 2)
-        i0 = across * erfc(a / sqrt(2)) / (2 * sqrt(2 * pi))
-        i1 = density - a * i0
-        i2 = i0 - a * i1
-        return i1, i2, 2 * i1 - a * i2
-    ratio = 0.0
-    for n in range(int(20 + 200 / (a * a)), 3, -1):
+
+    a: float
+    h: float
+    u: Plane
+    sense: float
+    near: bool
+    light: float
+    scale: float
+
+
+def brighter_side(q: Plane, u1: Plane, u2: Plane) -> Side:
+    a1, h1, h1_error = normalised(q, u1)
+    a2, h2, h2_error = normalised(q, u2)
+    a, h, error, u, sense = a1, h1, h1_error, u1, 1.0
+    if a2 < a1:
+        a, h, error, u, sense = a2, h2, h2_error, u2, -1.0
+    if a < 0:
+        return Side(a, h, u, sense, True, exp(-a * a / 2) / (2 * pi), gauss(h, error))
+    square, square_error = sum_of_products(q[0], q[0], q[1], q[1])
+    scale = exp(-square / 2) * (1 - square_error / 2)
+    return Side(a, h, u, sense, False, 1 / (2 * pi), scale)
+
+
+def tail(a: float) -> tuple[float, float, float]:
+    """int s^n exp(-s^2/2 - a s) ds from 0 up, for n = 1, 2, 3 and a > 0.
+
+    I_n / I_n-1 = n / (a + I_n+1 / I_n), a continued fraction of positive terms, where the
+    recurrence I_n+1 = n I_n-1 - a I_n would cancel; and I1 + a I0 = 1.
+    """
+    last = int(30 + 260 / (a * a))
+    ratio = (sqrt(a * a + 4 * last) - a) / 2  # what it is for large n
+    for n in range(last, 3, -1):
         ratio = n / (a + ratio)
     ratio3 = 3 / (a + ratio)
     ratio2 = 2 / (a + ratio3)
     ratio1 = 1 / (a + ratio2)
-    i1 = density * ratio1 / (a + ratio1)  # f(q) = I1 + a I0
+    i1 = ratio1 / (a + ratio1)
     return i1, i1 * ratio2, i1 * ratio2 * ratio3
 
 
-def piece(q: Plane, u: Plane, density: float, start: float, stop: float) -> Sums:
-    """One Gauss-Legendre panel, angles counted from u: I1, I2 x, I2 y, I3 xx, I3 xy, I3 yy."""
+def moments(i1: float, i2: float, i3: float, u: Plane, w: Plane) -> Sums:
+    """Of x = v u + w, from the integrals I1, I2, I3 of 1, v and v^2: 1, x, y, xx, xy, yy."""
+    return (
+        i1,
+        i2 * u[0] + i1 * w[0],
+        i2 * u[1] + i1 * w[1],
+        i3 * u[0] * u[0] + 2 * i2 * u[0] * w[0] + i1 * w[0] * w[0],
+        i3 * u[0] * u[1] + i2 * (u[0] * w[1] + u[1] * w[0]) + i1 * w[0] * w[1],
+        i3 * u[1] * u[1] + 2 * i2 * u[1] * w[1] + i1 * w[1] * w[1],
+    )
+
+
+def ray(side: Side, angle: float) -> Sums:
+    """The radial integrals along the ray at an angle from the brighter side."""
+    c, s, s_half = cos(angle), sin(angle), sin(angle / 2)
+    a, h, u = side.a, side.h, side.u
+    ux, uy = u[0] * c - u[1] * s, u[1] * c + u[0] * s
+    along = a * c - h * s
+    if along > AWAY:
+        i1, i2, i3 = tail(along)
+        w = (a * u[0], a * u[1]) if side.near else (0.0, 0.0)
+        return moments(side.light * i1, side.light * i2, side.light * i3, (ux, uy), w)
+    if side.near:
+        # differences from the side itself, each small where the light is
+        rise, tip = a * s - 2 * h * s_half * s_half, 2 * s_half * s_half
+        across = exp(-rise * (rise + 2 * h) / 2)
+        dx, dy = -tip * u[0] - s * u[1], -tip * u[1] + s * u[0]
+        w = (rise * uy + h * dy, -rise * ux - h * dx)
+    else:
+        across = exp(along * along / 2)
+        w = (-along * ux, -along * uy)
+    length = across * erfc(along / sqrt(2)) / (2 * sqrt(2 * pi))
+    i1 = side.light - along * length
+    return moments(i1, length, i1 + side.light, (ux, uy), w)
+
+
+def added(a: Sums, b: Sums, weight: float) -> Sums:
+    return (
+        a[0] + weight * b[0],
+        a[1] + weight * b[1],
+        a[2] + weight * b[2],
+        a[3] + weight * b[3],
+        a[4] + weight * b[4],
+        a[5] + weight * b[5],
+    )
+
+
+def panel(side: Side, start: float, stop: float) -> Sums:
+    """The six sums over a range of angles, by one Gauss-Legendre rule."""
     middle, half = (start + stop) / 2, (stop - start) / 2
-    mass = x = y = xx = xy = yy = 0.0
+    total = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for k in range(12):
         node = NODES[k // 2] if k % 2 else -NODES[k // 2]
-        c, s = cos(middle + half * node), sin(middle + half * node)
-        ux, uy = u[0] * c - u[1] * s, u[1] * c + u[0] * s
-        i1, i2, i3 = radial(q[0] * ux + q[1] * uy, q[0] * uy - q[1] * ux, density)
-        weight = half * WEIGHTS[k // 2]
-        mass += weight * i1
-        x += weight * i2 * ux
-        y += weight * i2 * uy
-        xx += weight * i3 * ux * ux
-        xy += weight * i3 * ux * uy
-        yy += weight * i3 * uy * uy
-    return mass, x, y, xx, xy, yy
+        angle = side.sense * (middle + half * node)
+        total = added(total, ray(side, angle), half * WEIGHTS[k // 2])
+    return total
 
 
-def added(a: Sums, b: Sums) -> Sums:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
+def agree(coarse: Sums, fine: Sums, total: Sums) -> bool:
+    """Whether a piece and its halves agree in mass and spread, within what is summed so far.
 
-
-def agree(coarse: Sums, fine: Sums, total: Sums, tolerance: float) -> bool:
-    """Whether a piece and its halves agree in mass and spread, within what is summed so far."""
+    Agreement to 2e-14 leaves an error 2^-24 times smaller; finer, rounding would decide.
+    """
     spread, known = fine[3] + fine[5], total[3] + total[5]
-    return abs(fine[0] - coarse[0]) <= tolerance * (fine[0] + total[0]) and abs(
+    return abs(fine[0] - coarse[0]) <= 2e-14 * (fine[0] + total[0]) and abs(
         spread - coarse[3] - coarse[5]
-    ) <= tolerance * (spread + known)
+    ) <= 2e-14 * (spread + known)
 
 
-def sums(q: Plane, u: Plane, opening: float) -> Sums:
-    """The six sums over the angle from u, halved until each piece agrees with its two halves."""
-    q2 = q[0] * q[0] + q[1] * q[1]
-    density = exp(-q2 / 2) / (2 * pi)
-    # agreement of halves leaves an error 2^-24 times smaller; finer than rounding is never asked
-    tolerance = 2e-14 * (1 + q2 / 40)
+def integrate(side: Side, opening: float) -> Sums:
+    """The six sums over the wedge, each piece halved until it agrees with its two halves."""
     total = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     width = opening
     depth = index = 0  # the piece in hand: number `index` of the 2^depth equal pieces
-    coarse = piece(q, u, density, 0.0, opening)
+    coarse = panel(side, 0.0, opening)
     for _ in range(PIECES):
         start = index * width
-        left = piece(q, u, density, start, start + width / 2)
-        right = piece(q, u, density, start + width / 2, start + width)
-        fine = added(left, right)
-        if not agree(coarse, fine, total, tolerance):
+        left = panel(side, start, start + width / 2)
+        fine = added(left, panel(side, start + width / 2, start + width), 1.0)
+        if not agree(coarse, fine, total):
             coarse = left
             width /= 2
             depth += 1
             index *= 2
             continue
-        total = added(total, fine)
+        total = added(total, fine, 1.0)
         index += 1
         while depth > 0 and index % 2 == 0:
             index //= 2
@@ -118,21 +184,24 @@ def sums(q: Plane, u: Plane, opening: float) -> Sums:
             width *= 2
         if depth == 0:
             return total
-        coarse = piece(q, u, density, index * width, (index + 1) * width)
-    nan = float("nan")
-    return nan, nan, nan, nan, nan, nan
+        coarse = panel(side, index * width, (index + 1) * width)
+    return (float("nan"), 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def faint(q: Plane, u1: Plane, u2: Plane) -> tuple[float, Plane, tuple[float, float, float]]:
-    """What `wedge` gives, for a wedge of small mass; NaN where no light is left at all."""
-    opening = atan2(u1[0] * u2[1] - u1[1] * u2[0], u1[0] * u2[0] + u1[1] * u2[1])
-    mass, x, y, xx, xy, yy = sums(q, u1, opening)
+    """What `wedge` gives, for a wedge of small mass; NaN centroid where no light is left at all."""
+    cross, _ = sum_of_products(u1[0], u2[1], -u1[1], u2[0])
+    opening = atan2(cross, u1[0] * u2[0] + u1[1] * u2[1])
+    side = brighter_side(q, u1, u2)
+    light, x, y, xx, xy, yy = integrate(side, opening)
+    mass = side.scale * light
     if not mass > 0:
         nan = float("nan")
         return mass, (nan, nan), (nan, nan, nan)
-    cx, cy = x / mass, y / mass
+    cx, cy = x / light, y / light
+    foot = (side.h * side.u[1], -side.h * side.u[0]) if side.near else q
     return (
         mass,
-        (q[0] + cx, q[1] + cy),
-        (1 - xx / mass + cx * cx, cx * cy - xy / mass, 1 - yy / mass + cy * cy),
+        (foot[0] + cx, foot[1] + cy),
+        (1 - xx / light + cx * cx, cx * cy - xy / light, 1 - yy / light + cy * cy),
     )

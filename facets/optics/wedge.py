@@ -113,16 +113,25 @@ FAINT = 0.01
 
 
 def wedge_float(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
-    closed = wedge_closed(q, u1, u2, side1, side2)
-    if closed[0] > FAINT:
-        return closed
+    mass = mass_closed(u1, u2, side1, side2)
+    if mass > FAINT:
+        return moments_closed(q, u1, u2, side1, side2, mass)
     return faint(q, u1, u2)
 
 
 def wedge_closed(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
     """`wedge` by the divergence theorem."""
+    return moments_closed(q, u1, u2, side1, side2, mass_closed(u1, u2, side1, side2))
+
+
+def mass_closed(u1: Plane, u2: Plane, side1: Side, side2: Side) -> Number:
     opening = atan2(u1[0] * u2[1] - u1[1] * u2[0], u1[0] * u2[0] + u1[1] * u2[1])
-    mass = opening / (2 * pi(opening)) + side1[3] - side2[3]
+    return opening / (2 * pi(opening)) + side1[3] - side2[3]
+
+
+def moments_closed(
+    q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side, mass: Number
+) -> Moments:
     # int x f over a side is q L + u K; outward normals are (u1y, -u1x) and (-u2y, u2x)
     x1, y1 = q[0] * side1[0] + u1[0] * side1[1], q[1] * side1[0] + u1[1] * side1[1]
     x2, y2 = q[0] * side2[0] + u2[0] * side2[1], q[1] * side2[0] + u2[1] * side2[1]

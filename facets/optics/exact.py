@@ -1,0 +1,43 @@
+"""Sums of products and Gaussians of floats, without the rounding errors that large numbers bring."""
+
+from __future__ import annotations
+
+from math import exp
+
+Plane = tuple[float, float]
+
+
+def product(a: float, b: float) -> tuple[float, float]:
+    """a b exactly: the rounded product, and what it misses (Dekker)."""
+    rounded = a * b
+    big_a, big_b = 134217729.0 * a, 134217729.0 * b  # 2^27 + 1 splits a float in two halves
+    high_a, high_b = big_a - (big_a - a), big_b - (big_b - b)
+    low_a, low_b = a - high_a, b - high_b
+    missing = ((high_a * high_b - rounded) + high_a * low_b + low_a * high_b) + low_a * low_b
+    return rounded, missing
+
+
+def sum_of_products(a: float, b: float, c: float, d: float) -> tuple[float, float]:
+    """a b + c d to twice a float's precision: a float, and what it misses."""
+    first, first_missing = product(a, b)
+    second, second_missing = product(c, d)
+    total = first + second
+    part = total - first
+    missing = (first - (total - part)) + (second - part) + first_missing + second_missing
+    rounded = total + missing
+    return rounded, missing - (rounded - total)
+
+
+def normalised(q: Plane, u: Plane) -> tuple[float, float, float]:
+    """(q . u, q x u, what the latter misses) for u made a unit vector beyond its own rounding."""
+    square, missing = sum_of_products(u[0], u[0], u[1], u[1])
+    excess = ((square - 1) + missing) / 2
+    a, _ = sum_of_products(q[0], u[0], q[1], u[1])
+    h, h_missing = sum_of_products(q[0], u[1], -q[1], u[0])
+    return a - a * excess, h, h_missing - h * excess
+
+
+def gauss(x: float, missing: float) -> float:
+    """exp(-(x + missing)^2 / 2), however large x."""
+    square, square_missing = product(x, x)
+    return exp(-square / 2) * (1 - square_missing / 2 - x * missing)
