@@ -42,6 +42,9 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
             a, h, along, across, beyond, within
         )
     ),
+    wedge.moments_along: lambda a, density, length: (
+        lambda a, density, length: wedge.moments_along_float(a, density, length)
+    ),
     wedge.wedge: lambda q, u1, u2, side1, side2: (
         lambda q, u1, u2, side1, side2: wedge.wedge_float(q, u1, u2, side1, side2)
     ),

@@ -1,4 +1,4 @@
-"""Sums of products and Gaussians of floats, without the rounding errors that large numbers bring."""
+"""Sums of products and Gaussians of floats, free of the rounding that large numbers bring."""
 
 from __future__ import annotations
 

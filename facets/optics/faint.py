@@ -5,8 +5,8 @@ radial integrals that are closed and positive; the angle is integrated by adapti
 quadrature. Slower than the divergence theorem, and asked only where that has lost digits: in the
 tail of the beam and for narrow wedges.
 
-Along a ray q + s u, with a = q . u and h = q x u, let v = s + a count from the ray's foot, the point
-nearest to the beam's centre. With L = int f ds, the integrals of s f, s v f and s v^2 f are
+Along a ray q + s u, with a = q . u and h = q x u, let v = s + a count from the ray's foot, the
+point nearest to the beam's centre. With L = int f ds, the integrals of s f, s v f and s v^2 f are
 I = f(q) - a L, L and I + f(q). All is measured from the brighter side's foot and in units of the
 light there, so that nothing underflows before the light itself does and nothing large cancels.
 """

@@ -25,7 +25,7 @@ from __future__ import annotations
 from typing import Any
 
 from ..numbers import Number, atan2, erf, erfc, exp, integral, is_float, pi, sqrt
-from .faint import faint
+from .faint import AWAY, faint, tail
 
 Plane = tuple[Any, Any]
 Side = tuple[Any, Any, Any, Any]
@@ -40,9 +40,27 @@ def side(q: Plane, u: Plane) -> Side:
     half_turn = sqrt(a * 0 + 2)
     along, across = exp(-a * a / 2), exp(-h * h / 2)
     beyond, within = erfc(a / half_turn), erf(h / half_turn)
+    density = along * across / (2 * pi(a))
     length = across * beyond / (2 * root)
-    first = along * across / (2 * pi(a)) - a * length
-    return length, first, length - a * first, swept(a, h, along, across, beyond, within)
+    first, second = moments_along(a, density, length)
+    return length, first, second, swept(a, h, along, across, beyond, within)
+
+
+def moments_along(a: Number, density: Number, length: Number) -> tuple[Number, Number]:
+    """K and J of a side from L. density: f(q)."""
+    if is_float(a):
+        return moments_along_float(a, density, length)
+    first = density - a * length
+    return first, length - a * first
+
+
+def moments_along_float(a: float, density: float, length: float) -> tuple[float, float]:
+    """K and J where the side points away from the light, too: there the differences cancel."""
+    if a > AWAY:
+        first, second, _ = tail(a)
+        return density * first, density * second
+    first = density - a * length
+    return first, length - a * first
 
 
 def swept(
@@ -108,13 +126,14 @@ def wedge(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
     return wedge_closed(q, u1, u2, side1, side2)
 
 
-#: Below this mass the closed form has lost two digits to cancellation, and `faint` takes over.
+#: Where the mass is less than this, times 1 + |q|, the closed form has lost two digits to
+#: cancellation, and `faint` takes over.
 FAINT = 0.01
 
 
 def wedge_float(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
     mass = mass_closed(u1, u2, side1, side2)
-    if mass > FAINT:
+    if mass > FAINT * (1 + abs(q[0]) + abs(q[1])):
         return moments_closed(q, u1, u2, side1, side2, mass)
     return faint(q, u1, u2)
 

@@ -1,0 +1,58 @@
+"""The command `facets`. One file per subcommand; what is heavy is imported inside the command."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+from facets import __version__
+from facets.errors import FacetsError
+
+from . import config
+from .console import message
+from .simulate import simulate
+from .solve import solve
+
+app = typer.Typer(
+    name="facets",
+    help="Three-facet-mirror 6-DOF sensor: a YAML configuration to readings, poses and errors.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"facets {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    """Options that stand before the command."""
+
+
+def main() -> None:
+    """Entry point: an expected error becomes a message on stderr and exit status 2."""
+    try:
+        app()
+    except FacetsError as error:
+        print(message(error), file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(130)
+
+
+app.command()(simulate)
+app.command()(solve)
+app.add_typer(config.app, name="config")

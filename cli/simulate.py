@@ -1,0 +1,5 @@
+"""Placeholder for `facets simulate`."""
+
+
+def simulate() -> None:
+    raise NotImplementedError

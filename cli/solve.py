@@ -1,0 +1,5 @@
+"""Placeholder for `facets solve`."""
+
+
+def solve() -> None:
+    raise NotImplementedError

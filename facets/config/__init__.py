@@ -1,0 +1,24 @@
+"""YAML configurations: keys with units, defaults, ranges, and errors with file and line."""
+
+from .files import shipped
+from .json_schema import schema
+from .loading import fingerprint, load
+from .show import to_yaml
+from .values import Config, Motion, Random, Sine, Solve, State, Steps, Sweep, Table
+
+__all__ = [
+    "Config",
+    "Motion",
+    "Random",
+    "Sine",
+    "Solve",
+    "State",
+    "Steps",
+    "Sweep",
+    "Table",
+    "fingerprint",
+    "load",
+    "schema",
+    "shipped",
+    "to_yaml",
+]

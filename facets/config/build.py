@@ -1,0 +1,115 @@
+"""From checked keys to plain resolved types, and from those to what the code works with."""
+
+from __future__ import annotations
+
+from math import radians
+from pathlib import Path
+from typing import Any
+
+from ..sensor import DETECTORS, Beam, Facet, Noise, Psd, Sensor
+from .keys import Document, Mirror, Psds
+from .values import Motion, Random, Sine, Solve, State, Steps, Sweep, Table
+
+
+def resolve(document: Document) -> dict[str, Any]:
+    """Every key with its value, per detector, as plain types; loads again to the same."""
+    plain = document.model_dump(mode="json", by_alias=True, exclude={"extends"})
+    plain["sensor"]["mirror"] = _singles(document.sensor.mirror)
+    plain["sensor"]["psd"] = _singles(document.sensor.psd)
+    return plain
+
+
+def _singles(common: Mirror | Psds) -> dict[str, Any]:
+    """a, b and c in full: their own keys, else the common ones, else the nominal azimuth."""
+    shared = common.model_dump(mode="json", exclude=set(DETECTORS))
+    return {
+        name: {
+            **shared,
+            "azimuth_deg": 120.0 * k,
+            **getattr(common, name).model_dump(mode="json", exclude_unset=True),
+        }
+        for k, name in enumerate(DETECTORS)
+    }
+
+
+def sensor(keys: dict[str, Any]) -> Sensor:
+    """A Sensor from the resolved `sensor` block."""
+    facets = [_facet(keys["mirror"][name]) for name in DETECTORS]
+    psds = [_psd(keys["psd"][name]) for name in DETECTORS]
+    noise = keys["noise"]
+    return Sensor(
+        beam=_beam(keys["beam"]),
+        facets=(facets[0], facets[1], facets[2]),
+        psds=(psds[0], psds[1], psds[2]),
+        noise=Noise(
+            position=noise["position_um"] / 1000,
+            at_power=noise["at_power_mw"],
+            power=noise["power_uw"] / 1000,
+        ),
+    )
+
+
+def _beam(keys: dict[str, Any]) -> Beam:
+    return Beam(
+        power=keys["power_mw"],
+        diameter_x=keys["diameter_mm"][0],
+        diameter_y=keys["diameter_mm"][1],
+        rotation=radians(keys["rotation_deg"]),
+        tilt_x=keys["tilt_mrad"][0] / 1000,
+        tilt_y=keys["tilt_mrad"][1] / 1000,
+    )
+
+
+def _facet(keys: dict[str, Any]) -> Facet:
+    return Facet(inclination=radians(keys["inclination_deg"]), azimuth=radians(keys["azimuth_deg"]))
+
+
+def _psd(keys: dict[str, Any]) -> Psd:
+    return Psd(
+        radius=keys["radius_mm"],
+        azimuth=radians(keys["azimuth_deg"]),
+        height=keys["height_mm"],
+        roll=keys["roll_mrad"] / 1000,
+        pitch=keys["pitch_mrad"] / 1000,
+        yaw=keys["yaw_mrad"] / 1000,
+        size_y=keys["size_mm"][0],
+        size_z=keys["size_mm"][1],
+    )
+
+
+def solve(keys: dict[str, Any]) -> Solve:
+    return Solve(
+        beam=keys["beam"],
+        beam_sigma=keys["beam_sigma_um"] / 1000,
+        power=keys["power"],
+        method=keys["method"],
+        start=keys["start"],
+        max_steps=keys["max_steps"],
+    )
+
+
+def state(keys: dict[str, float]) -> State:
+    """A place: mm as they are, mrad in rad."""
+    tx, ty, tz, roll, pitch, yaw, bx, by = (
+        value / 1000 if key.endswith("_mrad") else value for key, value in keys.items()
+    )
+    return tx, ty, tz, roll, pitch, yaw, bx, by
+
+
+def motion(keys: dict[str, Any]) -> Motion:
+    """A motion from its resolved block."""
+    kind, rate = keys["kind"], keys["rate_hz"]
+    if kind == "table":
+        return Table(Path(keys["file"]), rate)
+    if kind == "steps":
+        ends = state(keys["from"]), state(keys["to"])
+        return Steps(*ends, keys["steps"], keys["samples_per_step"], rate)
+    samples = keys["samples"]
+    if kind == "sweep":
+        return Sweep(state(keys["from"]), state(keys["to"]), samples, rate)
+    centre = state(keys["centre"])
+    if kind == "random":
+        return Random(centre, state(keys["box"]), samples, rate)
+    cycles = tuple(keys["cycles"].values())
+    phase = tuple(radians(value) for value in keys["phase_deg"].values())
+    return Sine(centre, state(keys["amplitude"]), cycles, phase, samples, rate)  # type: ignore[arg-type]

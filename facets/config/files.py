@@ -1,0 +1,107 @@
+"""Finding configuration files and following `extends` from one to the next."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+
+from ..errors import ConfigError
+from .marks import Marked, read, shown
+
+SUFFIXES = (".yaml", ".yml", ".json")
+
+
+def shipped() -> dict[str, Path]:
+    """The configurations that come with the package, by name."""
+    inside = Path(__file__).parents[1] / "configs"  # installed
+    beside = Path(__file__).parents[2] / "configs"  # in the source tree
+    folder = inside if inside.is_dir() else beside
+    return {file.stem: file for file in sorted(folder.glob("*.yaml"))}
+
+
+def find(name_or_path: str | Path, base: Path | None = None) -> Path:
+    """The file that a bare shipped name or a path stands for; relative paths start at `base`.
+
+    Raises ConfigError without file and line, which only the caller knows.
+    """
+    names = shipped()
+    if isinstance(name_or_path, str) and name_or_path in names:
+        return names[name_or_path]
+    file = (base or Path.cwd()) / Path(name_or_path).expanduser()
+    try:
+        if file.is_file():
+            return file.resolve()
+        folder = file.is_dir()
+    except OSError as error:
+        raise ConfigError(f"{name_or_path}: {error.strerror}") from None
+    if folder:
+        raise ConfigError(f"{shown(file)} is a folder, not a configuration file")
+    raise ConfigError(_missing(str(name_or_path), file, names))
+
+
+def _missing(asked: str, file: Path, names: dict[str, Path]) -> str:
+    beside = [f.name for f in file.parent.glob("*") if f.suffix in SUFFIXES]
+    bare = Path(asked).name == asked
+    known = [*names, *beside] if bare else beside
+    near = difflib.get_close_matches(file.name, known, n=1, cutoff=0.6)
+    what = "no such file" if not bare or file.suffix in SUFFIXES else "no such file or shipped name"
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    return f"{asked}: {what}{hint} (shipped: {', '.join(names)})"
+
+
+def gather(file: Path) -> Marked:
+    """A file merged over all that it extends; each value keeps the file and line it came from."""
+    return _gather(file, ())
+
+
+def _gather(file: Path, children: tuple[Path, ...]) -> Marked:
+    tree = read(file)
+    link = tree.value.pop("extends", None)
+    if link is None or link.value is None:
+        return tree
+    parent = _parent(link)
+    chain = (*children, file)
+    if parent in chain:
+        circle = " -> ".join(shown(f) for f in (*chain[chain.index(parent) :], parent))
+        raise ConfigError(f"{link.place}: extends: goes round in a circle: {circle}")
+    return merge(_gather(parent, chain), tree)
+
+
+def _parent(link: Marked) -> Path:
+    if not isinstance(link.value, str):
+        got = f"(got {link.plain()!r})"
+        raise ConfigError(f"{link.place}: extends: must be a shipped name or a path {got}")
+    try:
+        return find(link.value, link.file.parent)
+    except ConfigError as error:
+        raise ConfigError(f"{link.place}: extends: {error}") from None
+
+
+def merge(parent: Marked, child: Marked, path: tuple[str, ...] = ()) -> Marked:
+    """`child` laid over `parent`, key by key; lists and single values are replaced whole.
+
+    A motion that changes `kind` replaces the inherited one, whose keys would mean nothing to it;
+    a motion without a value (`x-steps:`) takes the inherited one away.
+    """
+    if not isinstance(parent.value, dict):
+        return child
+    if child.value is None:
+        return parent
+    if not isinstance(child.value, dict) or _other_motion(parent, child, path):
+        return child
+    merged = dict(parent.value)
+    for key, value in child.value.items():
+        if key not in merged:
+            merged[key] = value
+        elif path == ("motions",) and value.value is None:
+            del merged[key]
+        else:
+            merged[key] = merge(merged[key], value, (*path, key))
+    return Marked(merged, child.file, child.line)
+
+
+def _other_motion(parent: Marked, child: Marked, path: tuple[str, ...]) -> bool:
+    if len(path) != 2 or path[0] != "motions" or "kind" not in child.value:
+        return False
+    before = parent.value.get("kind")
+    return before is None or before.value != child.value["kind"].value

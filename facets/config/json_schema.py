@@ -1,0 +1,176 @@
+"""The JSON Schema of a configuration, for editors, and what it says about one key."""
+
+from __future__ import annotations
+
+import copy
+import difflib
+from collections.abc import Iterator
+from functools import cache
+from typing import Any
+
+from pydantic.json_schema import GenerateJsonSchema
+
+from .keys import Document
+from .marks import Path_
+
+UNITS = {
+    "mm": "mm",
+    "um": "um",
+    "deg": "deg",
+    "mrad": "mrad",
+    "mw": "mW",
+    "uw": "uW",
+    "hz": "Hz",
+    "s": "s",
+}
+
+
+class _Untitled(GenerateJsonSchema):
+    """Without titles, which would only repeat the keys."""
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        return False
+
+
+@cache
+def document() -> dict[str, Any]:
+    """The schema of a complete configuration, nothing inherited."""
+    return Document.model_json_schema(by_alias=True, schema_generator=_Untitled)
+
+
+def schema() -> dict[str, Any]:
+    """JSON Schema, draft 2020-12, of a configuration file, for editors.
+
+    Laxer than `load` where a file alone cannot tell: a motion may leave out what it inherits, and
+    be empty to take the inherited one away. A block may be empty.
+    """
+    body = copy.deepcopy(document())
+    for block in body["$defs"].values():
+        block["type"] = ["object", "null"]
+        block.pop("required", None)
+    motions = body["properties"]["motions"]
+    motions["type"] = ["object", "null"]
+    for any_motion in motions["patternProperties"].values():
+        any_motion["anyOf"] = any_motion.pop("oneOf")
+        any_motion.pop("discriminator")
+    dialect = "https://json-schema.org/draft/2020-12/schema"
+    return {"$schema": dialect, **body, "title": "facets configuration"}
+
+
+def entry(path: Path_, plain: Any = None) -> dict[str, Any] | None:
+    """What the schema says about the key at `path`; None where it knows no such key.
+
+    plain: the document's values, which tell the kind of each motion.
+    """
+    node: dict[str, Any] | None = document()
+    for key in path:
+        plain = plain.get(key) if isinstance(plain, dict) else None
+        node = _inside(node or {}, key, plain)
+        if node is None:
+            return None
+    return node
+
+
+def _inside(node: dict[str, Any], key: str | int, plain: Any) -> dict[str, Any] | None:
+    if isinstance(key, int):
+        return node
+    inner = node.get("properties", {}).get(key)
+    if inner is None and isinstance(node.get("additionalProperties"), dict):
+        inner = node["additionalProperties"]
+    elif inner is None and "patternProperties" in node:
+        inner = next(iter(node["patternProperties"].values()))
+    if inner is None:
+        return None
+    if "discriminator" not in inner:
+        return _followed(inner)
+    kinds = inner["discriminator"]["mapping"]
+    kind = plain.get("kind") if isinstance(plain, dict) else None
+    if isinstance(kind, str) and kind in kinds:
+        return _followed({"$ref": kinds[kind]})
+    return {"type": "object", "properties": {"kind": {"enum": list(kinds)}}}  # the rest depends
+
+
+def _followed(node: dict[str, Any]) -> dict[str, Any]:
+    if "$ref" not in node:
+        return node
+    target = document()["$defs"].get(node["$ref"].removeprefix("#/$defs/"), {})
+    return {**target, **{k: v for k, v in node.items() if k != "$ref"}}
+
+
+def unit(path: Path_) -> str:
+    """The unit in a key's name, or nothing; axes of `cycles` and `phase_deg` have the block's."""
+    keys = [key for key in path if isinstance(key, str)]
+    if path[0] == "motions" and len(keys) == 4 and keys[2] in ("cycles", "phase_deg"):
+        keys.pop()
+    return UNITS.get(keys[-1].rpartition("_")[2], "") if "_" in keys[-1] else ""
+
+
+def allowed(path: Path_, plain: Any = None) -> str:
+    """What a key may hold, in words: 'a number above 0, up to 1000 mm'."""
+    found = entry(path, plain)
+    if found is None:
+        return ""
+    if found.get("type") == "object":
+        return ", ".join(found.get("properties", {})) or "a name for each block below it"
+    ending = f" {unit(path)}" if _numeric(found) and unit(path) else ""
+    return _words(found) + ending
+
+
+def _numeric(node: dict[str, Any]) -> bool:
+    return node.get("type") in ("number", "integer", "array") or (
+        "anyOf" in node and any(_numeric(option) for option in node["anyOf"])
+    )
+
+
+def _words(node: dict[str, Any]) -> str:
+    if "enum" in node or "const" in node:
+        return ", ".join(node.get("enum", [node.get("const")]))
+    if "anyOf" in node:
+        first = node["anyOf"][0]
+        return f"one or two numbers{_range(first)}" if _numeric(first) else _words(first)
+    kind = node.get("type")
+    if kind == "array":
+        return f"a list of two numbers{_range(node['prefixItems'][0])}"
+    if kind in ("number", "integer"):
+        return f"a {'whole ' if kind == 'integer' else ''}number{_range(node)}"
+    words = {"boolean": "true or false", "string": "text"}
+    return words.get(str(kind), "")
+
+
+def _range(node: dict[str, Any]) -> str:
+    bound = {key: f"{node[key]:.15g}" for key in node if "imum" in key.lower()}
+    if "minimum" in bound and "maximum" in bound:
+        return f" from {bound['minimum']} to {bound['maximum']}"
+    low = f" above {bound['exclusiveMinimum']}" if "exclusiveMinimum" in bound else ""
+    low = f" from {bound['minimum']}" if "minimum" in bound else low
+    high = f" up to {bound['maximum']}" if "maximum" in bound else ""
+    high = f" below {bound['exclusiveMaximum']}" if "exclusiveMaximum" in bound else high
+    return low + ("," if low and high else "") + high
+
+
+def names(path: Path_, plain: Any = None) -> list[str]:
+    """The keys that a block may hold."""
+    found = entry(path, plain) or {}
+    return list(found.get("properties", {}))
+
+
+def nearest(wrong: str, right: list[str]) -> str:
+    """'did you mean ...?', or nothing where no name is near."""
+    near = difflib.get_close_matches(wrong, right, n=1, cutoff=0.55)
+    return f"did you mean {near[0]!r}?" if near else ""
+
+
+def suggestion(path: Path_, plain: Any = None) -> str:
+    """For an unknown key: the nearest right name here, or where this name belongs."""
+    *block, wrong = path
+    here = names(tuple(block), plain)
+    if near := nearest(str(wrong), here):
+        return near
+    elsewhere = [".".join(map(str, p)) for p in _every(()) if p[-1] == wrong]
+    return f"it belongs in {elsewhere[0].rpartition('.')[0]}" if elsewhere else ""
+
+
+def _every(path: Path_) -> Iterator[Path_]:
+    for name in names(path):
+        yield (*path, name)
+        yield from _every((*path, name))

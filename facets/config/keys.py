@@ -1,0 +1,187 @@
+"""The keys of a configuration file outside `motions`: unit, default, range and meaning of each.
+
+Defaults are the rig of Park & Cho, Table 1; R_PSD, lost there, follows from the ranges of Table 2.
+A key's last part is its unit. The checks are strict: text and true/false are no numbers.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, ConfigDict, Field
+
+from .motion_keys import Motions
+from .section import HALF_TURN, MAX_LENGTH, Section
+
+
+def _pair(value: Any) -> Any:
+    """One number stands for two equal ones; YAML's list becomes a tuple."""
+    return tuple(value) if isinstance(value, list) else (value, value)
+
+
+def _two(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+Length = Annotated[float, Field(gt=0, le=1000)]
+Lengths = Annotated[
+    tuple[Length, Length],
+    BeforeValidator(_pair, json_schema_input_type=Length | tuple[Length, Length]),
+]
+Tilt = Annotated[float, Field(ge=-1000, le=1000)]
+Tilts = Annotated[
+    tuple[Tilt, Tilt], BeforeValidator(_two, json_schema_input_type=tuple[Tilt, Tilt])
+]
+
+
+class Beam(Section):
+    """The laser beam: collimated, Gaussian, coming down onto the mirror's apex."""
+
+    power_mw: float = Field(0.3, gt=0, le=1000, description="laser power")
+    diameter_mm: Lengths = Field(
+        (0.85, 0.85), description="1/e^2 diameter; two for an elliptical beam, along its own axes"
+    )
+    rotation_deg: float = Field(
+        0.0, ge=-360, le=360, description="turn of the ellipse about the beam"
+    )
+    tilt_mrad: Tilts = Field(
+        (0.0, 0.0), description="of the beam from straight down, about x_w, then about y_w"
+    )
+
+
+class FacetShape(Section):
+    inclination_deg: float = Field(
+        45.0, gt=0, lt=90, description="of the facet's normal from the mirror's axis"
+    )
+
+
+def _no_defaults(schema: dict[str, Any]) -> None:
+    """What a single detector leaves out is taken from the common keys, not from a constant."""
+    for entry in schema["properties"].values():
+        entry.pop("default", None)
+
+
+class OneFacet(FacetShape):
+    """One facet; a key left out takes the value common to the three."""
+
+    model_config = ConfigDict(json_schema_extra=_no_defaults)
+
+    azimuth_deg: float = Field(
+        0.0,
+        ge=-360,
+        le=360,
+        description="of the facet's normal about the mirror's axis; if left out 0, 120, 240",
+    )
+
+
+class Mirror(FacetShape):
+    """The three facets, counter-clockwise seen from above; common keys, then single ones."""
+
+    a: OneFacet = Field(OneFacet(), description="facet a alone")
+    b: OneFacet = Field(OneFacet(), description="facet b alone")
+    c: OneFacet = Field(OneFacet(), description="facet c alone")
+
+
+class PsdShape(Section):
+    radius_mm: float = Field(
+        250.0, gt=0, le=MAX_LENGTH, description="of the centre from the z_w axis, R_PSD"
+    )
+    height_mm: float = Field(
+        0.0, ge=-MAX_LENGTH, le=MAX_LENGTH, description="of the centre above the x_w y_w plane"
+    )
+    roll_mrad: float = Field(
+        0.0, ge=-HALF_TURN, le=HALF_TURN, description="turn about the detector's normal"
+    )
+    pitch_mrad: float = Field(
+        0.0, ge=-HALF_TURN, le=HALF_TURN, description="turn about its horizontal axis y, psi"
+    )
+    yaw_mrad: float = Field(
+        0.0, ge=-HALF_TURN, le=HALF_TURN, description="turn about its upright axis z, zeta"
+    )
+    size_mm: Lengths = Field(
+        (13.0, 13.0), description="of the sensitive area; two for width (psi) and height (zeta)"
+    )
+
+
+class OnePsd(PsdShape):
+    """One detector; a key left out takes the value common to the three."""
+
+    model_config = ConfigDict(json_schema_extra=_no_defaults)
+
+    azimuth_deg: float = Field(
+        0.0,
+        ge=-360,
+        le=360,
+        description="of the centre about the z_w axis; if left out 0, 120, 240",
+    )
+
+
+class Psds(PsdShape):
+    """The three position-sensitive detectors; common keys, then single ones."""
+
+    a: OnePsd = Field(OnePsd(), description="PSD a alone")
+    b: OnePsd = Field(OnePsd(), description="PSD b alone")
+    c: OnePsd = Field(OnePsd(), description="PSD c alone")
+
+
+class Noise(Section):
+    """Noise of the readings, 1 sigma."""
+
+    position_um: float = Field(2.6, gt=0, le=1000, description="of a centroid, at `at_power_mw`")
+    at_power_mw: float = Field(
+        0.1, gt=0, le=1000, description="power on the detector at which `position_um` holds"
+    )
+    power_uw: float = Field(0.04, gt=0, le=1000, description="of a power reading")
+
+
+class SensorKeys(Section):
+    """Beam, mirror, detectors and their noise."""
+
+    beam: Beam = Field(Beam(), description="the laser beam")
+    mirror: Mirror = Field(Mirror(), description="the three-facet mirror")
+    psd: Psds = Field(Psds(), description="the position-sensitive detectors")
+    noise: Noise = Field(Noise(), description="noise of the readings, 1 sigma")
+
+
+class Simulate(Section):
+    """What `facets simulate` adds to the motions."""
+
+    noise: bool = Field(True, description="whether readings carry noise")
+    seed: int = Field(
+        1, ge=0, le=2**32 - 1, description="of the random numbers; same seed, same run"
+    )
+
+
+class SolveKeys(Section):
+    """How readings are solved for the pose."""
+
+    beam: Literal["free", "known", "prior"] = Field(
+        "free", description="beam position: solved for, known, or known within `beam_sigma_um`"
+    )
+    beam_sigma_um: float = Field(
+        5.0, gt=0, le=10_000, description="1 sigma of the beam position, for `beam: prior`"
+    )
+    power: Literal["known", "unknown"] = Field(
+        "known", description="laser power: as in `sensor.beam`, or solved for"
+    )
+    method: Literal["least-squares", "paper"] = Field(
+        "least-squares", description="all nine readings, or Newton on eight as in the paper"
+    )
+    start: Literal["zero", "previous"] = Field(
+        "zero", description="where each solution starts: from zero or from the sample before"
+    )
+    max_steps: int = Field(50, ge=1, le=10_000, description="then a sample counts as not solved")
+
+
+class Document(Section):
+    """A configuration of the three-facet-mirror 6-DOF sensor."""
+
+    extends: str | None = Field(
+        None, description="shipped name, or path from this file, whose keys this file overrides"
+    )
+    sensor: SensorKeys = Field(SensorKeys(), description="the sensor")
+    motions: Motions = Field(
+        {}, description="name: motion; `facets simulate` runs them one after the other"
+    )
+    simulate: Simulate = Field(Simulate(), description="settings of `facets simulate`")
+    solve: SolveKeys = Field(SolveKeys(), description="settings of the solver")

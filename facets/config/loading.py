@@ -1,0 +1,90 @@
+"""The way from a file's name to a checked configuration."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from ..errors import ConfigError
+from . import aim, build
+from .files import find, gather
+from .keys import Document
+from .marks import Marked, shown
+from .problems import messages, quoted
+from .values import Config
+
+
+def load(name_or_path: str | Path) -> Config:
+    """A configuration by the bare name of a shipped one, or by path.
+
+    Raises ConfigError with one line for each problem: FILE:LINE: key.path: reason.
+    """
+    file = find(name_or_path)
+    tree = gather(file)
+    resolved = _resolved(tree)
+    return Config(
+        name=file.stem,
+        path=file,
+        sensor=build.sensor(resolved["sensor"]),
+        motions={name: build.motion(keys) for name, keys in resolved["motions"].items()},
+        noise=resolved["simulate"]["noise"],
+        seed=resolved["simulate"]["seed"],
+        solve=build.solve(resolved["solve"]),
+        resolved=resolved,
+        sha256=fingerprint(resolved),
+    )
+
+
+def fingerprint(resolved: dict[str, Any]) -> str:
+    """SHA-256 of the resolved keys as compact JSON. The order of motions counts: they run in it."""
+    text = json.dumps(resolved, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _resolved(tree: Marked) -> dict[str, Any]:
+    try:
+        document = Document.model_validate(tree.plain())
+    except ValidationError as error:
+        raise ConfigError("\n".join(messages(error, tree))) from None
+    resolved = build.resolve(document)
+    problems = [
+        *aim.problems(resolved["sensor"], tree),
+        *_find_tables(tree, resolved["motions"]),
+        *_method_conflicts(tree, resolved["solve"]),
+    ]
+    if problems:
+        raise ConfigError("\n".join(problems))
+    return resolved
+
+
+def _find_tables(tree: Marked, motions: dict[str, Any]) -> list[str]:
+    """Makes the paths of motion tables absolute, from the file that names them."""
+    problems = []
+    for name, keys in motions.items():
+        if keys["kind"] != "table":
+            continue
+        mark, _ = tree.find(("motions", name, "file"))
+        file = mark.file.parent / Path(keys["file"]).expanduser()
+        if not file.is_file():
+            problems.append(
+                f"{mark.place}: motions.{name}.file: no such file (got {keys['file']!r}; "
+                f"looked for {shown(file)})"
+            )
+        keys["file"] = str(file.resolve())
+    return problems
+
+
+def _method_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:
+    """The paper's inversion has one way to treat the beam and the power."""
+    if keys["method"] != "paper":
+        return []
+    return [
+        f"{tree.find(('solve', key))[0].place}: solve.{key}: does not go with `method: paper` "
+        f"(got {quoted(keys[key])}; allowed: {needed})"
+        for key, needed in (("beam", "free"), ("power", "known"))
+        if keys[key] != needed
+    ]

@@ -1,0 +1,123 @@
+"""What pydantic found wrong, told as `FILE:LINE: key.path: reason (got VALUE; allowed ...)`."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from .json_schema import allowed, entry, names, nearest, suggestion
+from .marks import Marked, Path_, dotted
+
+
+def messages(error: ValidationError, tree: Marked) -> list[str]:
+    """One line for each problem, in the order of the file."""
+    plain = tree.plain()
+    found = [_told(details, tree, plain) for details in error.errors()]
+    lines = {text: (str(mark.file), mark.line) for text, mark in found}
+    return sorted(lines, key=lambda text: lines[text])
+
+
+def _told(details: ErrorDetails, tree: Marked, plain: Any) -> tuple[str, Marked]:
+    path = _path(details, plain)
+    kind = details["type"]
+    mark, found = tree.find(path)
+    if kind == "extra_forbidden":
+        reason = _unknown(path, plain)
+    elif kind == "string_pattern_mismatch":
+        reason = f"a motion's name is letters, digits, '.', '_' and '-' (got {quoted(path[-1])})"
+    elif found != path and not isinstance(mark.value, dict):  # one number given for two
+        path, reason = found, _value(found, mark, plain)
+    elif found != path:
+        reason = _left_out(path, plain)
+    else:
+        reason = _value(path, mark, plain)
+    return f"{mark.place}: {dotted(path)}: {reason}", mark
+
+
+def _path(details: ErrorDetails, plain: Any) -> Path_:
+    """The path in the file: without the kind that pydantic adds inside a motion."""
+    path = details["loc"]
+    if path[0] == "motions" and len(path) > 2:
+        path = path[:2] + path[3:] if path[2] != "[key]" else path[:2]
+    if details["type"].startswith("union_tag"):
+        return (*path, "kind")
+    if details["type"] == "missing" and isinstance(path[-1], int):
+        return path[:-1]
+    return path
+
+
+def _unknown(path: Path_, plain: Any) -> str:
+    hint = suggestion(path, plain)
+    known = ", ".join(names(path[:-1], plain))
+    return f"unknown key{hint and '; ' + hint} (allowed: {known})"
+
+
+def _left_out(path: Path_, plain: Any) -> str:
+    return f"is missing (allowed: {allowed(path, plain)})"
+
+
+def _value(path: Path_, mark: Marked, plain: Any) -> str:
+    value = mark.plain()
+    may = allowed(path, plain)
+    reason = _reason(value, entry(path, plain) or {}, may)
+    return f"{reason} (got {quoted(value)}; allowed: {may})"
+
+
+def _reason(value: Any, node: dict[str, Any], may: str) -> str:
+    if value is None:
+        return "has no value"
+    if node.get("type") == "object":
+        return "must be a block of keys"
+    if "enum" in node:
+        near = nearest(str(value), node["enum"])
+        return f"is not one of the words allowed{near and '; ' + near}"
+    if "number" in may:
+        return _reason_of_number(value, may)
+    return f"must be {may}"
+
+
+def _reason_of_number(value: Any, may: str) -> str:
+    if isinstance(value, str):
+        return "must be a number, not text" + _advice(value)
+    if isinstance(value, list) or (is_number(value) and "list" in may):
+        return "must be two numbers"
+    if not is_number(value):
+        return "must be a number"
+    if not math.isfinite(value):
+        return "must be a finite number"
+    if "whole" in may and isinstance(value, float):
+        return "must be a whole number"
+    return "is out of range"
+
+
+def is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _advice(text: str) -> str:
+    """How to make a number of a text that nearly is one."""
+    if re.fullmatch(r"\s*[-+]?\d+,\d+\s*", text):
+        return "; write the decimals after a point"
+    if re.match(r"\s*[-+]?[\d.]+\s*[a-zA-Z]+\s*$", text):
+        return "; leave the unit out, the key names it"
+    if re.fullmatch(r"\s*[-+]?[\d.]+([eE][-+]?\d+)?\s*", text):
+        return "; take the quotes away"
+    return ""
+
+
+def quoted(value: Any) -> str:
+    """A value as it would stand in YAML, cut short where long."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return ".nan" if math.isnan(value) else ".inf" if value > 0 else "-.inf"
+    if value is None:
+        return "nothing"
+    if isinstance(value, list):
+        text = f"[{', '.join(quoted(item) for item in value)}]"
+    else:
+        text = json.dumps(value, ensure_ascii=False, default=str)
+    return text if len(text) <= 60 else text[:57] + "..."

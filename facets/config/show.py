@@ -1,0 +1,67 @@
+"""A configuration written out as YAML in full, each key with what it means."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from .json_schema import allowed, entry
+from .marks import Path_
+from .values import Config
+
+PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+WORDS = {"true", "false", "null", "yes", "no", "on", "off", "y", "n"}
+COLUMN = 34
+
+
+def to_yaml(config: Config) -> str:
+    """YAML that loads to the same configuration: nothing inherited, no default left out."""
+    head = f"# {config.name}, as resolved; sha256 {config.sha256}"
+    return "\n".join([head, *_block(config.resolved, (), config.resolved)]) + "\n"
+
+
+def _block(keys: dict[str, Any], path: Path_, document: dict[str, Any]) -> Iterator[str]:
+    for key, value in keys.items():
+        here = (*path, key)
+        indent = "  " * len(path)
+        if not isinstance(value, dict):
+            yield _line(f"{indent}{scalar(key)}: {scalar(value)}", here, document)
+        elif not value:
+            yield f"{indent}{scalar(key)}: {{}}"
+        elif _is_place(value):
+            yield from _folded(indent, key, value)
+        else:
+            yield f"{indent}{scalar(key)}:"
+            yield from _block(value, here, document)
+
+
+def _line(text: str, path: Path_, document: dict[str, Any]) -> str:
+    """With the key's meaning and range, told once and not for each detector and motion again."""
+    if {"b", "c"} & set(path) or path[0] == "motions":
+        return text
+    meaning = (entry(path, document) or {}).get("description", "")
+    may = allowed(path, document).removeprefix("a ").removeprefix("number ")
+    return f"{text:<{COLUMN}}  # {meaning} ({may})"
+
+
+def _is_place(value: dict[str, Any]) -> bool:
+    return "tx_mm" in value
+
+
+def _folded(indent: str, key: str, value: dict[str, Any]) -> Iterator[str]:
+    """The eight axes of a place in two lines instead of eight."""
+    items = [f"{axis}: {scalar(number)}" for axis, number in value.items()]
+    yield f"{indent}{key}: {{{', '.join(items[:3])},"
+    yield f"{indent}  {', '.join(items[3:])}}}"
+
+
+def scalar(value: Any) -> str:
+    """A value in YAML, exact for numbers."""
+    if isinstance(value, list):
+        return f"[{', '.join(scalar(item) for item in value)}]"
+    if isinstance(value, str):
+        bare = PLAIN.fullmatch(value) and value.lower() not in WORDS
+        return value if bare else json.dumps(value, ensure_ascii=False)
+    return json.dumps(value)

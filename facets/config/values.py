@@ -1,0 +1,119 @@
+"""What a configuration becomes: frozen, in the units of the code (mm, rad, mW, s)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from ..sensor import Sensor
+
+#: tx, ty, tz (mm), roll, pitch, yaw (rad), bx, by (mm): the state of Eq. (3).
+State = tuple[float, float, float, float, float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Stands still at `steps` equally spaced places from `start` to `stop`, both included.
+
+    samples_per_step: readings taken at each place.  rate: of the samples, Hz.
+    """
+
+    kind: ClassVar[str] = "steps"
+    start: State
+    stop: State
+    steps: int
+    samples_per_step: int
+    rate: float
+
+    @property
+    def samples(self) -> int:
+        return self.steps * self.samples_per_step
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Moves evenly from `start` to `stop`, both included, all axes at once.  rate: Hz."""
+
+    kind: ClassVar[str] = "sweep"
+    start: State
+    stop: State
+    samples: int
+    rate: float
+
+
+@dataclass(frozen=True)
+class Sine:
+    """centre + amplitude sin(2 pi cycles s + phase), each axis on its own, s from 0 up to 1.
+
+    cycles: periods over the whole motion.  phase: rad.  rate: Hz.
+    """
+
+    kind: ClassVar[str] = "sine"
+    centre: State
+    amplitude: State
+    cycles: State
+    phase: State
+    samples: int
+    rate: float
+
+
+@dataclass(frozen=True)
+class Random:
+    """Independent states, uniform in centre +- box.  rate: Hz."""
+
+    kind: ClassVar[str] = "random"
+    centre: State
+    box: State
+    samples: int
+    rate: float
+
+
+@dataclass(frozen=True)
+class Table:
+    """States from a CSV file; its columns are the axis keys (tx_mm ...), time_s if given.
+
+    file: absolute path.  rate: of the rows where the file has no time_s, Hz.
+    """
+
+    kind: ClassVar[str] = "table"
+    file: Path
+    rate: float
+
+
+Motion = Steps | Sweep | Sine | Random | Table
+
+
+@dataclass(frozen=True)
+class Solve:
+    """How readings are solved; the words are those of `facets.solve`.
+
+    beam: "free", "known" or "prior", which holds it to the given position within `beam_sigma`, mm.
+    """
+
+    beam: str
+    beam_sigma: float
+    power: str
+    method: str
+    start: str
+    max_steps: int
+
+
+@dataclass(frozen=True)
+class Config:
+    """A checked configuration.
+
+    name: file name without suffix.  path: of the file.
+    resolved: the same as plain types with every default filled in, in the units of the YAML keys.
+    sha256: of `resolved` as JSON; equal sums mean equal sensors, motions and settings.
+    """
+
+    name: str
+    path: Path
+    sensor: Sensor
+    motions: dict[str, Motion]
+    noise: bool
+    seed: int
+    solve: Solve
+    resolved: dict[str, Any]
+    sha256: str

@@ -1,0 +1,86 @@
+"""`facets config`, as a person runs it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+RUN = [sys.executable, "-c", "from facets.cli import main; main()"]
+
+
+def facets(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*RUN, *arguments], cwd=cwd, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture
+def bad(tmp_path):
+    path = tmp_path / "bad.yaml"
+    path.write_text("sensor:\n  beam: {power: 1}\nsolve: {beam: x}\n", encoding="utf-8")
+    return path
+
+
+def test_check_says_ok_and_what_the_sensor_is(tmp_path):
+    result = facets("config", "check", "paper", cwd=tmp_path)
+    assert result.returncode == 0
+    assert result.stdout.startswith("ok  paper: 0.3 mW, beam 0.85 mm, PSDs at 250 mm; motions: x-")
+    assert result.stderr == ""
+
+
+def test_check_reports_every_file_and_exits_2_without_traceback(tmp_path, bad):
+    result = facets("config", "check", "paper", bad.name, "nowhere.yaml", "skewed", cwd=tmp_path)
+    assert result.returncode == 2
+    assert [line.split(":")[0] for line in result.stdout.splitlines()] == [
+        "ok  paper",
+        "ok  skewed",
+    ]
+    assert "Traceback" not in result.stderr
+    first, second, third = result.stderr.splitlines()
+    assert first.startswith("error: bad.yaml:2: sensor.beam.power: unknown key")
+    assert second.startswith("       bad.yaml:3: solve.beam: ")
+    assert third.startswith("error: nowhere.yaml: no such file")
+
+
+def test_show_prints_a_configuration_that_checks_with_the_same_sum(tmp_path):
+    shown = facets("config", "show", "skewed", cwd=tmp_path)
+    assert shown.returncode == 0
+    (tmp_path / "again.yaml").write_text(shown.stdout, encoding="utf-8")
+    sums = [
+        facets("config", "check", name, cwd=tmp_path).stdout.rpartition("sha256 ")[2]
+        for name in ("skewed", "again.yaml")
+    ]
+    assert sums[0] == sums[1] != ""
+
+
+def test_show_of_a_wrong_file_is_a_message_and_status_2(tmp_path, bad):
+    result = facets("config", "show", bad.name, cwd=tmp_path)
+    assert result.returncode == 2
+    assert result.stdout == ""
+    assert result.stderr.startswith("error: bad.yaml:2: sensor.beam.power: ")
+    assert "Traceback" not in result.stderr
+
+
+def test_schema_is_json(tmp_path):
+    printed = json.loads(facets("config", "schema", cwd=tmp_path).stdout)
+    assert set(printed["properties"]) == {"extends", "sensor", "motions", "simulate", "solve"}
+
+
+def test_list_names_what_is_shipped(tmp_path):
+    lines = facets("config", "list", cwd=tmp_path).stdout.splitlines()
+    assert [line.split(":")[0] for line in lines] == ["paper", "skewed"]
+
+
+def test_check_does_not_load_the_compiler(tmp_path):
+    probe = (
+        "import sys\nfrom facets.cli import app\n"
+        "sys.argv = ['facets', 'config', 'check', 'paper']\n"
+        "try:\n    app()\nexcept SystemExit:\n    pass\n"
+        "print([m for m in ('numba', 'scipy', 'pandas') if m in sys.modules], file=sys.stderr)"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", probe], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert result.stderr.strip() == "[]"

@@ -1,0 +1,475 @@
+"""Configurations: defaults, inheritance, units, and errors that name file, line and key."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from facets.config import (
+    Random,
+    Sine,
+    Steps,
+    Sweep,
+    Table,
+    fingerprint,
+    load,
+    schema,
+    shipped,
+    to_yaml,
+)
+from facets.config.aim import landings
+from facets.errors import ConfigError
+from facets.sensor import Sensor
+
+
+@pytest.fixture
+def write(tmp_path, monkeypatch):
+    """Writes a file into an empty current folder and gives its path."""
+    monkeypatch.chdir(tmp_path)
+
+    def write_file(text: str, name: str = "my.yaml") -> Path:
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write_file
+
+
+def problems(path: Path) -> list[str]:
+    with pytest.raises(ConfigError) as caught:
+        load(path)
+    return str(caught.value).splitlines()
+
+
+# ---- what a configuration gives
+
+
+def test_the_shipped_paper_is_the_default_sensor():
+    config = load("paper")
+    assert config.sensor == Sensor()
+    assert (config.name, config.noise, config.seed) == ("paper", True, 1)
+    assert list(config.motions) == ["x-steps", "yaw-sweep", "multi-axis"]
+
+
+def test_an_empty_file_is_the_paper_without_motions(write):
+    config = load(write(""))
+    assert config.sensor == Sensor()
+    assert config.motions == {}
+
+
+def test_blocks_whose_keys_are_all_commented_out_take_the_defaults(write):
+    assert load(write("sensor:\n  beam:\n    # power_mw: 1\nmotions:\n")).sensor == Sensor()
+
+
+@pytest.mark.parametrize("name", sorted(shipped()))
+def test_shown_and_loaded_again_it_is_the_same(name, write):
+    config = load(name)
+    again = load(write(to_yaml(config)))
+    assert again.resolved == config.resolved
+    assert again.sha256 == config.sha256
+    assert (again.sensor, again.motions, again.solve) == (
+        config.sensor,
+        config.motions,
+        config.solve,
+    )
+
+
+def test_a_block_emptied_in_a_file_that_extends_keeps_what_it_inherits(write):
+    config = load(write("extends: skewed\nsensor:\nmotions:\n"))
+    assert config.sha256 == load("skewed").sha256
+
+
+def test_tiny_and_huge_numbers_and_odd_names_survive_showing(write):
+    text = "sensor: {beam: {power_mw: 1e-5}}\nmotions: {'on': {kind: sweep, rate_hz: 1.0e+8}}\n"
+    config = load(write(text))
+    again = load(write(to_yaml(config), "again.yaml"))
+    assert again.sensor.beam.power == 1e-5
+    assert '"on":' in to_yaml(config)  # a YAML 1.1 reader takes a bare on for true
+    assert again.resolved == config.resolved
+
+
+def test_every_unit_is_converted(write):
+    config = load(
+        write(
+            """
+sensor:
+  beam: {power_mw: 1, diameter_mm: [0.8, 0.9], rotation_deg: 90, tilt_mrad: [3, -2]}
+  mirror: {a: {inclination_deg: 45.5}}
+  psd: {b: {radius_mm: 200, height_mm: 1, roll_mrad: 4, pitch_mrad: 5, yaw_mrad: 6}}
+  noise: {position_um: 3, at_power_mw: 0.2, power_uw: 5}
+solve: {beam_sigma_um: 7}
+"""
+        )
+    )
+    beam, psd, noise = config.sensor.beam, config.sensor.psds[1], config.sensor.noise
+    assert (beam.power, beam.diameter_x, beam.diameter_y) == (1.0, 0.8, 0.9)
+    assert (beam.rotation, beam.tilt_x, beam.tilt_y) == (math.pi / 2, 0.003, -0.002)
+    assert config.sensor.facets[0].inclination == math.radians(45.5)
+    assert (psd.radius, psd.height, psd.roll, psd.pitch, psd.yaw) == (200, 1, 0.004, 0.005, 0.006)
+    assert (noise.position, noise.at_power, noise.power) == (0.003, 0.2, 0.005)
+    assert config.solve.beam_sigma == 0.007
+
+
+def test_common_keys_apply_to_all_and_single_ones_override(write):
+    sensor = load(
+        write("sensor: {psd: {yaw_mrad: 2, size_mm: [12, 14], b: {yaw_mrad: 3, size_mm: 15}}}")
+    ).sensor
+    assert [psd.yaw for psd in sensor.psds] == [0.002, 0.003, 0.002]
+    assert [(psd.size_y, psd.size_z) for psd in sensor.psds] == [(12, 14), (15, 15), (12, 14)]
+    assert [psd.azimuth for psd in sensor.psds] == [psd.azimuth for psd in Sensor().psds]
+
+
+def test_motions_come_in_code_units_and_order(write):
+    write("tx_mm\n0\n", "poses.csv")
+    motions = load(
+        write(
+            """
+motions:
+  s: {kind: steps, from: {tx_mm: -1}, to: {yaw_mrad: 2, by_mm: 3}, steps: 3, samples_per_step: 4}
+  w: {kind: sweep, to: {roll_mrad: 5}, samples: 7, rate_hz: 50}
+  i: {kind: sine, amplitude: {tz_mm: 1}, cycles: {tz_mm: 2}, phase_deg: {tz_mm: 90}}
+  r: {kind: random, centre: {tx_mm: 1}, box: {pitch_mrad: 8}, samples: 9}
+  t: {kind: table, file: poses.csv}
+"""
+        )
+    ).motions
+    assert list(motions) == ["s", "w", "i", "r", "t"]
+    zero = (0.0,) * 8
+    assert motions["s"] == Steps(
+        (-1, 0, 0, 0, 0, 0, 0, 0), (0, 0, 0, 0, 0, 0.002, 0, 3), 3, 4, 1000
+    )
+    assert motions["s"].samples == 12
+    assert motions["w"] == Sweep(zero, (0, 0, 0, 0.005, 0, 0, 0, 0), 7, 50)
+    assert motions["i"] == Sine(
+        centre=zero,
+        amplitude=(0, 0, 1, 0, 0, 0, 0, 0),
+        cycles=(1, 1, 2, 1, 1, 1, 1, 1),
+        phase=(0, 0, math.pi / 2, 0, 0, 0, 0, 0),
+        samples=1000,
+        rate=1000,
+    )
+    assert motions["r"] == Random((1, 0, 0, 0, 0, 0, 0, 0), (0, 0, 0, 0, 0.008, 0, 0, 0), 9, 1000)
+    assert motions["t"] == Table((Path.cwd() / "poses.csv").resolve(), 1000)
+
+
+def test_the_fingerprint_follows_values_and_motion_order_not_spelling(write):
+    one = load(write("sensor: {beam: {power_mw: 1}}", "one.yaml"))
+    same = load(write("# note\nsensor:\n  beam:\n    power_mw: 1.0\n", "same.yaml"))
+    other = load(write("sensor: {beam: {power_mw: 1.1}}", "other.yaml"))
+    assert one.sha256 == same.sha256 == fingerprint(one.resolved)
+    assert one.sha256 != other.sha256
+    a, b = "a: {kind: random}", "b: {kind: sweep}"
+    ab = load(write(f"motions: {{{a}, {b}}}", "ab.yaml"))
+    ba = load(write(f"motions: {{{b}, {a}}}", "ba.yaml"))
+    assert ab.sha256 != ba.sha256
+
+
+# ---- extends
+
+
+def test_extends_overrides_single_keys(write):
+    config = load(write("extends: paper\nsensor: {psd: {c: {yaw_mrad: 3}}}\n"))
+    assert config.sensor.psds[2].yaw == 0.003
+    assert config.sensor.psds[2].azimuth == Sensor().psds[2].azimuth
+    assert list(config.motions) == list(load("paper").motions)
+
+
+def test_extends_takes_a_path_from_the_file_that_says_it(write):
+    write("sensor: {beam: {power_mw: 2}}", "base/lab.yaml")
+    write("extends: lab.yaml\nsensor: {beam: {diameter_mm: 1}}", "base/mine.yaml")
+    beam = load(write("extends: base/mine.yaml\n")).sensor.beam
+    assert (beam.power, beam.diameter_x) == (2, 1)
+
+
+def test_a_table_is_found_from_the_file_that_names_it(write):
+    table = write("tx_mm\n0\n", "base/poses.csv")
+    write("motions: {t: {kind: table, file: poses.csv}}", "base/lab.yaml")
+    assert load(write("extends: base/lab.yaml\n")).motions["t"].file == table.resolve()
+
+
+def test_motions_are_changed_replaced_and_taken_away(write):
+    text = """
+extends: paper
+motions:
+  x-steps: {kind: random, samples: 5}   # another kind: replaced whole
+  yaw-sweep: {samples: 11}              # changed
+  multi-axis:                           # taken away
+"""
+    motions = load(write(text)).motions
+    assert list(motions) == ["x-steps", "yaw-sweep"]
+    assert motions["x-steps"] == Random((0.0,) * 8, (0.0,) * 8, 5, 1000)
+    assert motions["yaw-sweep"].samples == 11
+    assert motions["yaw-sweep"].stop == load("paper").motions["yaw-sweep"].stop
+
+
+def test_a_circle_of_extends_is_an_error(write):
+    write("extends: my.yaml\n", "other.yaml")
+    (line,) = problems(write("\nextends: other.yaml\n"))
+    assert line.startswith("other.yaml:1: extends: goes round in a circle: ")
+    assert "my.yaml -> other.yaml -> my.yaml" in line
+
+
+def test_a_wrong_value_inherited_is_reported_where_it_stands(write):
+    write("sensor:\n  beam:\n    power_mw: -1\n", "base.yaml")
+    lines = problems(write("extends: base.yaml\nsensor: {beam: {rotation_deg: 999}}\n"))
+    assert len(lines) == 2
+    assert any(line.startswith("base.yaml:3: sensor.beam.power_mw: is out of") for line in lines)
+    assert any(line.startswith("my.yaml:2: sensor.beam.rotation_deg: is out") for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("text", "start", "hint"),
+    [
+        ("extends: papr\n", "my.yaml:1: extends: papr: no such file", "did you mean 'paper'"),
+        ("extends: lab/no.yaml\n", "my.yaml:1: extends: lab/no.yaml: no such file", "shipped: "),
+        ("\nextends: [a]\n", "my.yaml:2: extends: must be a shipped name or a path", "['a']"),
+    ],
+)
+def test_extending_what_is_not_there(write, text, start, hint):
+    (line,) = problems(write(text))
+    assert line.startswith(start)
+    assert hint in line
+
+
+# ---- errors: (YAML, line, key path, words)
+
+WRONG = [
+    ("sensor:\n  beam:\n    power_mw: '0.3'", 3, "sensor.beam.power_mw", ["not text", "quotes"]),
+    ("sensor: {beam: {power_mw: '0,3'}}", 1, "sensor.beam.power_mw", ["after a point"]),
+    ("sensor: {beam: {power_mw: 3 mW}}", 1, "sensor.beam.power_mw", ["leave the unit out"]),
+    ("sensor: {beam: {power_mw: true}}", 1, "sensor.beam.power_mw", ["a number", "got true"]),
+    ("sensor: {beam: {power_mw: .nan}}", 1, "sensor.beam.power_mw", ["finite", "got .nan"]),
+    ("sensor: {beam: {power_mw: -.inf}}", 1, "sensor.beam.power_mw", ["finite", "got -.inf"]),
+    ("sensor: {beam: {power_mw: 0}}", 1, "sensor.beam.power_mw", ["above 0, up to 1000 mW"]),
+    ("sensor: {beam: {power_mw: }}", 1, "sensor.beam.power_mw", ["has no value"]),
+    ("sensor: {beam: {diameter_mm: true}}", 1, "sensor.beam.diameter_mm", ["got true"]),
+    ("sensor: {beam: {tilt_mrad: [1]}}", 1, "sensor.beam.tilt_mrad", ["two numbers", "got [1]"]),
+    ("sensor: {beam: {tilt_mrad: 1}}", 1, "sensor.beam.tilt_mrad", ["two numbers", "got 1"]),
+    ("sensor: {psd: {size_mm: [1, 2, 3]}}", 1, "sensor.psd.size_mm", ["two numbers"]),
+    ("sensor:\n  psd:\n    size_mm:\n    - 13\n    - 0", 5, "sensor.psd.size_mm[1]", ["got 0"]),
+    ("sensor:\n  psd:\n    b: {yaw_mrad: 4000}", 3, "sensor.psd.b.yaw_mrad", ["-3142 to 3142"]),
+    ("sensor: {psd: {a: 3}}", 1, "sensor.psd.a", ["block of keys", "radius_mm"]),
+    ("sensor: 3", 1, "sensor", ["block of keys", "beam, mirror, psd, noise"]),
+    ("\nsensr: 3", 2, "sensr", ["unknown key", "did you mean 'sensor'?"]),
+    ("sensor:\n  beam:\n    power:\n      1", 3, "sensor.beam.power", ["mean 'power_mw'?"]),
+    ("sensor: {mirror: {radius_mm: 9}}", 1, "sensor.mirror.radius_mm", ["in sensor.psd"]),
+    ("motions: {m: {samples: 3}}", 1, "motions.m.kind", ["is missing", "sweep"]),
+    ("motions: {m: {kind: swep}}", 1, "motions.m.kind", ["mean 'sweep'?", '"swep"']),
+    ("motions: {m: 3}", 1, "motions.m", ["block of keys"]),
+    ("motions:\n  m:\n    kind: table", 2, "motions.m.file", ["is missing"]),
+    ("motions: {m: {kind: table, file: no.csv}}", 1, "motions.m.file", ["no such file", "no.csv"]),
+    ("motions: {m: {kind: steps, steps: 2.5}}", 1, "motions.m.steps", ["whole number", "2.5"]),
+    ("motions: {m: {kind: sweep,\n to: {tx: 1}}}", 2, "motions.m.to.tx", ["mean 'tx_mm'?"]),
+    (
+        "motions: {m: {kind: sine, cycles: {tx_mm: -1}}}",
+        1,
+        "motions.m.cycles.tx_mm",
+        ["from 0 to 1000000)"],
+    ),
+    ("motions: {a b: {kind: sweep}}", 1, "motions.a b", ["letters, digits"]),
+    ("motions: []", 1, "motions", ["block of keys", "got []"]),
+    ("motions: 0", 1, "motions", ["block of keys", "got 0"]),
+    ("simulate: {noise: 1}", 1, "simulate.noise", ["true or false"]),
+    ("simulate:\n  seed: -1", 2, "simulate.seed", ["whole number from 0"]),
+    ("solve: {beam: fre}", 1, "solve.beam", ["did you mean 'free'?"]),
+    ("solve: {method: paper,\n beam: prior}", 2, "solve.beam", ["`method: paper`", "free"]),
+]
+
+
+@pytest.mark.parametrize(("text", "line", "key", "words"), WRONG)
+def test_a_wrong_key_is_named_with_file_and_line(write, text, line, key, words):
+    (message,) = problems(write(text + "\n"))
+    assert message.startswith(f"my.yaml:{line}: {key}: ")
+    for word in words:
+        assert word in message
+
+
+def test_all_problems_of_a_file_come_at_once_and_in_its_order(write):
+    text = "solve: {beam: x}\nsensor:\n  beam: {power_mw: 0}\n  psds: 3\nsimulate: {seed: a}\n"
+    assert [line.split(": ")[0] for line in problems(write(text))] == [
+        f"my.yaml:{n}" for n in (1, 3, 4, 5)
+    ]
+
+
+SYNTAX = [
+    ("sensor:\n  beam: {power_mw: 1\n  x: 3\n", 3, "comma or a closing bracket"),
+    ("sensor:\n\tbeam: 1\n", 2, "indent with spaces"),
+    ("sensor:\n  beam: 1: 2\n", 2, "quote text"),
+    ("sensor: \n  beam: {}\n mirror: {}\n", 3, "check the indentation"),
+    ("a: *x\n", 1, "undefined alias"),
+    ("a: 1\n---\nb: 2\n", 2, "another document"),
+    ("a: 1\nb: !!python/object:os.system x\n", 2, "leave the tag"),
+    ("a: 1\nb: \x01\n", 2, "character"),
+    ("- 1\n", 1, "`key: value`"),
+    ("? [1]\n: 2\n", 1, "plain name"),
+    ("a: &x [*x]\n", 1, "contains itself"),
+    ("a: 1\n<<: {b: 1}\n", 2, "use `extends`"),
+]
+
+
+@pytest.mark.parametrize(("text", "line", "words"), SYNTAX)
+def test_bad_yaml_is_named_with_file_and_line(write, text, line, words):
+    (message,) = problems(write(text))
+    assert message.startswith(f"my.yaml:{line}: ")
+    assert words in message
+
+
+def test_a_duplicate_key_is_an_error_that_names_both_lines(write):
+    (message,) = problems(write("sensor:\n  beam:\n    power_mw: 1\n    power_mw: 2\n"))
+    assert message.startswith("my.yaml:4: sensor.beam.power_mw: given twice, before in line 3")
+
+
+def test_text_that_is_not_utf8_is_an_error_with_its_line(write):
+    path = write("")
+    path.write_bytes(b"a: 1\nb: \xff\n")
+    (message,) = problems(path)
+    assert message.startswith("my.yaml:2: not UTF-8")
+
+
+def test_yaml_1_2_numbers_and_words(write):
+    assert load(write("sensor: {beam: {power_mw: 1e-3}}")).sensor.beam.power == 0.001
+    (message,) = problems(write("simulate: {noise: on}"))
+    assert 'got "on"' in message
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("papr", ["did you mean 'paper'", "shipped: paper, skewed"]),
+        ("nothere.yaml", ["no such file", "shipped: paper, skewed"]),
+        (".", ["folder"]),
+        ("x" * 300, ["too long"]),
+    ],
+)
+def test_a_missing_file_lists_what_there_is(write, name, words):
+    with pytest.raises(ConfigError) as caught:
+        load(name)
+    for word in words:
+        assert word in str(caught.value)
+
+
+# ---- a sub-beam that misses its detector
+
+MISSED = [
+    (
+        "sensor:\n  mirror:\n    a: {inclination_deg: 49}\n",
+        "my.yaml:3: sensor.mirror.a.inclination_deg: facet a sends its sub-beam past PSD a",
+        ["psi 0, zeta -35.4 mm, 28.9 mm beyond", "got 49", "45 would", "a.height_mm to -35.4"],
+    ),
+    (
+        "sensor:\n  mirror:\n    inclination_deg: 49\n",
+        "my.yaml:3: sensor.mirror.inclination_deg: facets a, b, c send their sub-beams past",
+        ["sensor.psd.height_mm to -35.4"],
+    ),
+    (
+        "sensor: {psd: {b: {height_mm: 8}}}",
+        "my.yaml:1: sensor.psd.b.height_mm: facet b sends its sub-beam past PSD b",
+        ["zeta -8.2 mm, 1.7 mm beyond the edge", "0 would bring it back"],
+    ),
+    (
+        "sensor:\n  beam:\n    tilt_mrad: [0, 50]\n",
+        "my.yaml:3: sensor.beam.tilt_mrad: facets a, b, c",
+        ["got [0, 50]", "[0, 0] would"],
+    ),
+    (  # of two keys off the usual, the one that matters
+        "sensor:\n  psd: {a: {radius_mm: 240, pitch_mrad: 9}}\n  mirror: {inclination_deg: 49}\n",
+        "my.yaml:3: sensor.mirror.inclination_deg: facets a, b, c",
+        ["45 would bring it back"],
+    ),
+    (
+        "sensor: {psd: {yaw_mrad: 3000}}",
+        "my.yaml:1: sensor.psd.yaw_mrad: facets a, b, c",
+        ["never meets the plane", "got 3000; 0 would bring it back"],
+    ),
+    (
+        "sensor:\n  mirror:\n    b: {azimuth_deg: 240}\n    c: {azimuth_deg: 120}\n",
+        "my.yaml:3: sensor.mirror.b.azimuth_deg: facets a, b, c must follow",
+        ["counter-clockwise", "[0, 240, 120]"],
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "start", "words"), MISSED)
+def test_a_missed_detector_names_facet_place_and_key(write, text, start, words):
+    (message,) = problems(write(text))
+    assert message.startswith(start)
+    for word in words:
+        assert word in message
+
+
+def test_the_advice_given_for_a_missed_detector_holds(write):
+    text = "sensor: {mirror: {a: {inclination_deg: 49}}, psd: {a: {height_mm: -35.4}}}"
+    assert all(landing.on for landing in landings(load(write(text)).sensor))
+
+
+def test_a_rig_turned_as_a_whole_is_right(write):
+    turned = ", ".join(f"{name}: {{azimuth_deg: {30 + 120 * k}}}" for k, name in enumerate("abc"))
+    load(write(f"sensor: {{mirror: {{{turned}}}, psd: {{{turned}}}}}"))
+
+
+def test_a_landing_is_what_the_reflected_apex_ray_says():
+    """Independent: a level mirror facet at 45 deg + e turns a vertical ray by 2 e downwards."""
+    e = math.radians(0.5)
+    sensor = Sensor()
+    facet = type(sensor.facets[0])(inclination=math.pi / 4 + e)
+    tilted = Sensor(facets=(facet, *sensor.facets[1:]))
+    landing = landings(tilted)[0]
+    # centroid of a round Gaussian over 120 deg: sigma sqrt(pi/2) sin(60 deg) / (pi/3) from the apex
+    r = sensor.beam.diameter_x / 4 * math.sqrt(math.pi / 2) * math.sin(math.pi / 3) / (math.pi / 3)
+    expected = -r * math.tan(math.pi / 4 + e) - (250 - r) * math.tan(2 * e)
+    assert landing.zeta == pytest.approx(expected, abs=2e-3)  # the wedge opens a little with e
+    assert landing.psi == pytest.approx(0, abs=1e-12)
+
+
+# ---- the schema
+
+
+def numbers(node: dict) -> list[dict]:
+    """The numbers that a key may hold, each with its range."""
+    inner = [*node.get("anyOf", []), *node.get("prefixItems", [])]
+    own = [node] if node.get("type") in ("number", "integer") else []
+    return own + [number for part in inner for number in numbers(part)]
+
+
+def test_every_key_of_the_schema_has_a_description_and_every_number_a_range():
+    blocks = {"Document": schema(), **schema()["$defs"]}
+    seen = 0
+    for block, node in blocks.items():
+        assert node["additionalProperties"] is False, block
+        for name, key in node["properties"].items():
+            assert key.get("description") or key.get("const"), (block, name)
+            for number in numbers(key):
+                seen += 1
+                assert {"minimum", "exclusiveMinimum"} & set(number), (block, name)
+                assert {"maximum", "exclusiveMaximum"} & set(number), (block, name)
+    assert seen > 60
+
+
+def test_every_number_has_a_unit_in_its_name_or_is_a_count():
+    counts = {"steps", "samples_per_step", "samples", "seed", "max_steps"}
+    units = ("_mm", "_um", "_deg", "_mrad", "_mw", "_uw", "_hz", "_s")
+    for block, node in schema()["$defs"].items():
+        for name, key in node["properties"].items():
+            assert not numbers(key) or name.endswith(units) or name in counts, (block, name)
+
+
+def test_a_single_detector_has_no_default_in_the_schema_as_it_takes_the_common_value():
+    assert schema()["$defs"]["Psds"]["properties"]["radius_mm"]["default"] == 250
+    assert "default" not in schema()["$defs"]["OnePsd"]["properties"]["radius_mm"]
+
+
+def test_the_schema_lets_an_editor_pass_what_a_file_may_inherit_or_leave_empty():
+    defs = schema()["$defs"]
+    assert all("required" not in block for block in defs.values())
+    assert all("null" in block["type"] for block in defs.values())
+    (motion,) = schema()["properties"]["motions"]["patternProperties"].values()
+    assert {"$ref": "#/$defs/SweepKeys"} in motion["anyOf"]
+    assert "oneOf" not in motion  # {samples: 3} fits several kinds
+
+
+def test_the_schema_is_json():
+    assert json.loads(json.dumps(schema())) == schema()

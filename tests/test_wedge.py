@@ -1,0 +1,139 @@
+"""Light in a wedge, against 30-digit references from the definition of the integrals.
+
+The references (references/make_wedge.py) hold the points where a search found the float code worst.
+"""
+
+import json
+import math
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+
+from facets.optics.faint import AWAY, faint, tail
+from facets.optics.wedge import moments_along_float, side, turned, wedge, wedge_closed
+
+ROWS = json.loads((Path(__file__).parent / "references" / "wedge.json").read_text())
+UP, RIGHT = (0.0, 1.0), (1.0, 0.0)
+
+
+def point(row: dict) -> tuple:
+    return tuple(tuple(float.fromhex(x) for x in row[key]) for key in ("q", "u1", "u2"))
+
+
+def moments(q: tuple, u1: tuple, u2: tuple) -> np.ndarray:
+    mass, centroid, shift = wedge(q, u1, u2, side(q, u1), side(q, u2))
+    return np.array([mass, *centroid, *shift])
+
+
+def difference(ours: np.ndarray, exact: list[str]) -> np.ndarray:
+    """Relative for the mass, absolute (in sigmas, and of order one) for the rest."""
+    with mpmath.workdps(40):
+        away = [mpmath.mpf(float(a)) - mpmath.mpf(b) for a, b in zip(ours, exact, strict=True)]
+        return np.array(
+            [float(abs(away[0] / mpmath.mpf(exact[0]))), *map(float, map(abs, away[1:]))]
+        )
+
+
+@pytest.mark.parametrize("row", ROWS, ids=range(len(ROWS)))
+def test_moments_hold_13_digits_everywhere(row):
+    """Offsets to 35 sigma, openings from 0.01 to 179.99 degrees, powers down to 1e-270."""
+    assert difference(moments(*point(row)), row["exact"]).max() < 1e-13
+
+
+def test_the_references_reach_the_corners_of_the_domain():
+    masses = [float(mpmath.mpf(row["exact"][0])) for row in ROWS]
+    offsets = [math.hypot(*point(row)[0]) for row in ROWS]
+    assert min(masses) < 1e-200
+    assert max(offsets) == pytest.approx(35)
+    assert min(offsets) == 0
+
+
+def test_at_the_beam_centre_a_wedge_holds_its_share_of_a_turn():
+    for degrees in (0.01, 60, 90, 120, 179.99):
+        u2 = (math.cos(math.radians(degrees)), math.sin(math.radians(degrees)))
+        mass, _, _ = wedge((0.0, 0.0), RIGHT, u2, side((0.0, 0.0), RIGHT), side((0.0, 0.0), u2))
+        assert mass == pytest.approx(degrees / 360, rel=1e-12)
+
+
+def test_a_quarter_has_a_known_centroid():
+    _, centroid, shift = wedge((0.0, 0.0), RIGHT, UP, side((0.0, 0.0), RIGHT), side((0.0, 0.0), UP))
+    assert centroid == pytest.approx((math.sqrt(2 / math.pi),) * 2, rel=1e-15)
+    assert shift == pytest.approx((2 / math.pi, 0, 2 / math.pi), abs=1e-15)
+
+
+def test_beam_centre_on_an_edge_and_next_to_it():
+    """No jump where the sign of h flips, down to subnormal offsets."""
+    for tiny in (0.0, 5e-324, -5e-324, 1e-300, -1e-300, 1e-17, -1e-17):
+        assert moments((-0.7, tiny), RIGHT, UP) == pytest.approx(
+            moments((-0.7, 0.0), RIGHT, UP), abs=1e-15
+        )
+        assert np.isfinite(moments((tiny, tiny), RIGHT, UP)).all()
+
+
+def test_closed_form_and_quadrature_meet():
+    """Two ways that share no formula agree where both are good: 2e-14, a hundred roundings."""
+    rng = np.random.default_rng(4)
+    for _ in range(100):
+        q = tuple(rng.normal(size=2))
+        first, opening = rng.uniform(0, 2 * np.pi), rng.uniform(0.5, 3)
+        u1 = (math.cos(first), math.sin(first))
+        u2 = (math.cos(first + opening), math.sin(first + opening))
+        mass, centroid, shift = faint(q, u1, u2)
+        closed = wedge_closed(q, u1, u2, side(q, u1), side(q, u2))
+        if mass > 0.1:
+            assert closed[0] == pytest.approx(mass, rel=2e-14)
+            assert closed[1] == pytest.approx(centroid, abs=2e-14)
+            assert closed[2] == pytest.approx(shift, abs=2e-14)
+
+
+def test_no_light_at_all_is_no_centroid():
+    mass, centroid, _ = wedge(
+        (60.0, 60.0), RIGHT, UP, side((60.0, 60.0), RIGHT), side((60.0, 60.0), UP)
+    )
+    assert mass == 0
+    assert np.isnan(centroid).all()
+
+
+@pytest.mark.parametrize("a", [AWAY, 2, 3, 5, 12, 35, 1000])
+def test_radial_integrals_of_a_side_that_points_away(a):
+    ratios = tail(float(a))
+    for n, ours in enumerate(ratios, start=1):
+        exact = mpmath.quad(
+            lambda s, n=n: s**n * mpmath.exp(-s * s / 2 - a * s), [0, 1 / a, 4 / a, 16 / a, 64 / a]
+        )
+        assert ours == pytest.approx(float(exact), rel=1e-14)
+    first, second = moments_along_float(float(a), 1.0, float("nan") if a > AWAY else 0.0)
+    if a > AWAY:
+        assert (first, second) == ratios[:2]
+
+
+@pytest.mark.parametrize("q", [(0.3, -0.2), (-1.5, 0.7), (3.0, 4.0), (0.0, 0.0)])
+def test_derivatives_converge_as_the_square_of_the_step(q):
+    """Central differences: a tenth of the step, a hundredth of the error."""
+    angle1, angle2 = 0.4, 2.3
+
+    def at(qx: float, qy: float, first: float, second: float) -> np.ndarray:
+        u1, u2 = (math.cos(first), math.sin(first)), (math.cos(second), math.sin(second))
+        return moments((qx, qy), u1, u2)[:3]
+
+    u1, u2 = (math.cos(angle1), math.sin(angle1)), (math.cos(angle2), math.sin(angle2))
+    side1, side2 = side(q, u1), side(q, u2)
+    mass, (cx, cy), (pxx, pxy, pyy) = wedge(q, u1, u2, side1, side2)
+    mass1, (x1, y1) = turned(q, u1, side1, mass, (cx, cy))
+    mass2, (x2, y2) = turned(q, u2, side2, mass, (cx, cy))
+    closed = np.array(
+        [[-mass * cx, -mass * cy, -mass1, mass2], [pxx, pxy, -x1, x2], [pxy, pyy, -y1, y2]]
+    ).T
+    origin = np.array([*q, angle1, angle2])
+    scale = np.array([mass, 1, 1])
+    errors = []
+    for step in (1e-2, 1e-3):
+        moved = [
+            (at(*(origin + step * axis)) - at(*(origin - step * axis))) / (2 * step)
+            for axis in np.eye(4)
+        ]
+        errors.append(np.abs((np.array(moved) - closed) / scale).max())
+    assert errors[0] < 0.05
+    assert errors[1] < errors[0] / 80
