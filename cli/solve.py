@@ -1,5 +1,96 @@
-"""Placeholder for `facets solve`."""
+"""`facets solve`: a table of readings in, a table of poses out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from facets.solve_table import Count
 
 
-def solve() -> None:
-    raise NotImplementedError
+class Beam(StrEnum):
+    free = "free"
+    known = "known"
+    prior = "prior"
+
+
+class Power(StrEnum):
+    known = "known"
+    unknown = "unknown"
+
+
+class Method(StrEnum):
+    least_squares = "least-squares"
+    paper = "paper"
+
+
+class Start(StrEnum):
+    zero = "zero"
+    previous = "previous"
+
+
+def solve(
+    config: Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")],
+    readings: Annotated[Path, typer.Argument(help="CSV or Parquet: psi_a_mm, zeta_a_mm, ...")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Poses: a CSV or Parquet file.")],
+    force: Annotated[bool, typer.Option("--force", help="Replace an older file.")] = False,
+    beam: Annotated[Beam | None, typer.Option(help="The beam's place.")] = None,
+    power: Annotated[Power | None, typer.Option(help="The laser's power.")] = None,
+    method: Annotated[Method | None, typer.Option(help="paper: Newton on eight readings.")] = None,
+    start: Annotated[Start | None, typer.Option(help="previous: for slow motion.")] = None,
+) -> None:
+    """Solve each reading for the pose, with its standard uncertainty and status.
+
+    Options that are left out are the config's. A row that cannot be solved gets its status and no
+    pose. Columns bx_mm, by_mm, where present, say where a beam with --beam known or prior is.
+    """
+    from dataclasses import replace
+
+    from facets import load, record, tables
+    from facets.errors import InputError
+    from facets.solve_table import solve_table
+
+    settings = load(config)
+    given = {"beam": beam, "power": power, "method": method, "start": start}
+    chosen = {key: word.value for key, word in given.items() if word is not None}
+    options = replace(settings.solve, **chosen)  # type: ignore[arg-type]
+    tables.ending(output)
+    if output.exists() and readings.exists() and output.samefile(readings):
+        raise InputError(f"{output}: is the table of readings itself")
+    tables.refuse_to_overwrite([output], force)
+    with progress_bar(readings) as advance:
+        count = solve_table(settings, options, readings, output, record.about(settings), advance)
+    report(count, output)
+    if not count.solved:
+        raise typer.Exit(1)
+
+
+@contextmanager
+def progress_bar(readings: Path) -> Iterator[Callable[[int], None]]:
+    """Gives a function of the bytes read so far; shown on a terminal only."""
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    columns = (BarColumn(), DownloadColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
+        size = readings.stat().st_size if readings.is_file() else None
+        task = progress.add_task("solve", total=size)
+        yield lambda done: progress.update(task, completed=done)
+
+
+def report(count: Count, output: Path) -> None:
+    typer.echo(f"{count.solved} of {count.rows} rows solved: {output}")
+    for status, number in count.statuses.items():
+        if status != "converged":
+            typer.echo(f"  {number} {status}")
+    if count.unparsable_lines:
+        lines = ", ".join(map(str, count.unparsable_lines))
+        more = " ..." if count.statuses["unparsable"] > len(count.unparsable_lines) else ""
+        typer.echo(f"  not numbers in line {lines}{more}")

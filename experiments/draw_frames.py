@@ -8,6 +8,7 @@ Not to scale: the mirror is some millimetres wide and the detectors stand 250 mm
 from __future__ import annotations
 
 import sys
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,15 +18,19 @@ from matplotlib.patches import Polygon, Rectangle
 INK, BEAM, MIRROR, PSD = "#333333", "#D55E00", "#56B4E9", "#009E73"
 
 
-def arrow(axes: Axes, start: np.ndarray, step: np.ndarray, label: str, colour: str = INK) -> None:
+def arrow(axes: Axes, start: Any, step: Any, label: str, colour: str = INK) -> None:
     axes.annotate(
         "", start + step, start, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.4}
     )
     place = start + step * (1 + 0.14 / np.linalg.norm(step) * 1.2)
-    axes.text(*place, label, color=colour, ha="center", va="center", fontsize=11)
+    write(axes, place, label, color=colour, fontsize=11)
 
 
-def direction(degrees: float) -> np.ndarray:
+def write(axes: Axes, place: Any, text: str, **style: Any) -> None:
+    axes.text(place[0], place[1], text, ha="center", va="center", **style)
+
+
+def direction(degrees: float) -> Any:
     return np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
 
 
@@ -40,9 +45,9 @@ def plan(axes: Axes) -> None:
         out = direction(azimuth)
         side = np.array([-out[1], out[0]])
         axes.plot(*np.transpose([0.18 * out, 2.0 * out]), color=BEAM, lw=1, ls="--")
-        axes.text(*(0.2 * direction(azimuth - 18)), letter, ha="center", va="center", fontsize=9)
+        write(axes, 0.2 * direction(azimuth - 18), letter, fontsize=9)
         axes.plot(*np.transpose([2 * out - 0.55 * side, 2 * out + 0.55 * side]), color=PSD, lw=5)
-        axes.text(*(2.05 * out - 0.85 * side), f"PSD {letter}", color=PSD, ha="center", va="center")
+        write(axes, 2.05 * out - 0.85 * side, f"PSD {letter}", color=PSD)
         arrow(axes, 2 * out, 0.55 * out, f"$x_{letter.lower()}$", PSD)
         arrow(axes, 2 * out, 0.72 * side, rf"$\psi_{letter.lower()}$", PSD)
     arrow(axes, np.zeros(2), 0.95 * direction(0), "", INK)
@@ -57,7 +62,7 @@ def elevation(axes: Axes) -> None:
     """Seen along -y: the beam comes down, facet A sends it to PSD A."""
     apex = np.array([0.0, 0.0])
     axes.add_patch(
-        Polygon([apex, [0.6, -0.6], [-1.2, -0.6]], facecolor=MIRROR, edgecolor=INK, alpha=0.5)
+        Polygon([(0, 0), (0.6, -0.6), (-1.2, -0.6)], facecolor=MIRROR, edgecolor=INK, alpha=0.5)
     )
     axes.add_patch(Rectangle((-0.09, 0), 0.18, 2.2, color=BEAM, alpha=0.25, lw=0))
     axes.plot([0.05, 0.05], [2.2, -0.05], color=BEAM, lw=1.2)

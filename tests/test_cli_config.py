@@ -84,3 +84,18 @@ def test_check_does_not_load_the_compiler(tmp_path):
         [sys.executable, "-c", probe], cwd=tmp_path, capture_output=True, text=True, check=True
     )
     assert result.stderr.strip() == "[]"
+
+
+def test_an_interrupt_ends_with_status_130_and_no_traceback(tmp_path):
+    code = (
+        "import sys, facets.cli\n"
+        "def wait(): raise KeyboardInterrupt\n"
+        "facets.cli.app.command('wait')(wait)\n"
+        "sys.argv = ['facets', 'wait']\n"
+        "facets.cli.main()"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert result.returncode == 130
+    assert "Traceback" not in result.stderr

@@ -1,0 +1,23 @@
+"""The names of states and readings, and the units that tables and people see them in."""
+
+from __future__ import annotations
+
+DETECTORS = ("a", "b", "c")
+
+#: Components of the state, Eq. (3), in the order of the arrays. The first six are the pose.
+STATE = ("tx", "ty", "tz", "roll", "pitch", "yaw", "bx", "by")
+POSE = STATE[:6]
+
+#: Components of a reading, Eq. (2), in the order of the arrays.
+READING = tuple(f"{name}_{letter}" for letter in DETECTORS for name in ("psi", "zeta", "power"))
+
+ANGLES = ("roll", "pitch", "yaw")
+
+#: Columns of tables: the same with their units.
+STATE_COLUMNS = tuple(f"{name}_mrad" if name in ANGLES else f"{name}_mm" for name in STATE)
+READING_COLUMNS = tuple(
+    f"{name}_mw" if name.startswith("power") else f"{name}_mm" for name in READING
+)
+
+#: What one unit of a state's column is in the units of the code (mm, rad).
+STATE_UNITS = tuple(1e-3 if name in ANGLES else 1.0 for name in STATE)
