@@ -42,7 +42,9 @@ def run_record(config: Config, seed: int, seconds: float, results: dict[str, Any
     from ruamel.yaml import YAML
 
     stream = StringIO()
-    YAML(typ="safe", pure=True).dump(
+    yaml = YAML()
+    yaml.width = 100
+    yaml.dump(
         {
             **about(config, seed),
             "seconds": round(seconds, 3),

@@ -180,6 +180,7 @@ def starting(start: str | ArrayLike, todo: Plan, values: Floats, shape: tuple[in
     elif start in ("zero", "previous"):
         starts = np.zeros((len(values) if unknown_power else len(todo.means), 9))
         starts[:, 6:] = todo.means
+        starts[:, :2] = todo.means[:, :2]  # there is light to read only near the beam
     else:
         raise InputError(f'start is {start!r}; allowed: "zero", "previous" or states (..., 8)')
     if unknown_power:
@@ -208,7 +209,8 @@ def solve(
     a spot past its edge is left out where the rest is enough.
     beam: its place is "free", "known" to be (0, 0), or has a `Prior` in mm.
     power: "known" as the sensor's, "unknown", or a `Prior` in mW.
-    start: "zero", "previous" (the last converged sample before), or states (..., 8).
+    start: "zero" (with the apex where the beam is thought to be), "previous" (the last converged
+    sample before), or states (..., 8).
     method: "paper" is Newton's method on eight readings, without the power of C (section 2.3 of the
     paper): no weights, no damping, the beam free and its power known.
 

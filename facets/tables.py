@@ -223,7 +223,7 @@ class Writer:
         lines = [f"# {key}: {' '.join(value.split())}" for key, value in self.about.items()]
         text = "\n".join([*lines, ",".join(schema.names)]) + "\n"
         self.sink.write(text.encode())
-        options = pc.WriteOptions(include_header=False, quoting_style="needed")
+        options = pc.WriteOptions(include_header=False, quoting_style="none")
         self.file = pc.CSVWriter(self.sink, schema, write_options=options)
 
     def close(self) -> None:

@@ -1,0 +1,169 @@
+"""`facets simulate` and `facets solve`, as a user runs them."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import facets
+
+COMMAND = [sys.executable, "-c", "from facets.cli import main; main()"]
+
+
+def run(*words: str, folder: Path) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [*COMMAND, *words], cwd=folder, capture_output=True, text=True, timeout=300, check=False
+    )
+
+
+def poses(path: Path) -> pd.DataFrame:
+    return pd.read_csv(path, comment="#")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """Where the paper's sensor was simulated."""
+    folder = tmp_path_factory.mktemp("bench")
+    done = run("simulate", "paper", "--motion", "yaw-sweep", folder=folder)
+    assert done.returncode == 0, done.stderr
+    assert "401 converged" in done.stdout
+    return folder
+
+
+def test_simulate_writes_readings_poses_picture_and_record(folder):
+    results = folder / "results" / "paper"
+    names = ["motion.png", "poses.csv", "readings.csv", "run.yaml"]
+    assert sorted(file.name for file in results.iterdir()) == names
+    assert (results / "motion.png").stat().st_size > 50_000
+    record = (results / "run.yaml").read_text()
+    for key in ("config_sha256", "seed", "command: facets simulate paper", "resolved"):
+        assert key in record
+    table = poses(results / "poses.csv")
+    assert len(table) == 401
+    assert np.abs(table.yaw_mrad - table.true_yaw_mrad).max() < 0.05
+
+
+def test_its_readings_solve_to_its_poses(folder):
+    readings = folder / "results" / "paper" / "readings.csv"
+    done = run("solve", "paper", str(readings), "-o", "again.csv", folder=folder)
+    assert done.returncode == 0, done.stderr
+    assert "401 of 401 rows solved" in done.stdout
+    first, again = poses(readings.with_name("poses.csv")), poses(folder / "again.csv")
+    for name in ("time_s", "tx_mm", "yaw_mrad", "u_tx_mm", "residual"):
+        np.testing.assert_array_equal(first[name], again[name])
+    assert (again.used == "abc").all()
+
+
+def test_old_results_are_kept(folder):
+    before = (folder / "results" / "paper" / "poses.csv").read_text()
+    done = run("simulate", "paper", folder=folder)
+    assert done.returncode == 2
+    assert "exists already; --force replaces it" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert (folder / "results" / "paper" / "poses.csv").read_text() == before
+
+
+def test_parquet_and_svg_and_no_noise(tmp_path):
+    words = ("simulate", "paper", "--motion", "x-steps", "-o", "r", "--no-noise", "--seed", "7")
+    done = run(*words, "--table", "parquet", "--plot", "svg", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    table = pd.read_parquet(tmp_path / "r" / "poses.parquet")
+    assert np.abs(table.tx_mm - table.true_tx_mm).max() < 1e-10
+    assert "<svg" in (tmp_path / "r" / "motion.svg").read_text()[:1000]
+    again = ("solve", "paper", "r/readings.parquet", "-o", "p.parquet", "--beam", "known")
+    assert run(*again, folder=tmp_path).returncode == 0
+    known = pd.read_parquet(tmp_path / "p.parquet")
+    assert (known.u_bx_mm == 0).all()
+    assert (known.u_tx_mm < table.u_tx_mm / 5).all()
+
+
+def write_readings(path: Path) -> None:
+    """Five rows: good, unparsable, without detector B, good, torn."""
+    row = ",".join(repr(float(x)) for x in facets.readings(facets.Sensor(), np.zeros(8)))
+    cells = row.split(",")
+    without_b = ",".join([*cells[:3], "", "nan", "", *cells[6:]])
+    names = ",".join(facets.names.READING_COLUMNS)
+    rows = [row, "here" + row, without_b, row, ",".join(cells[:4])]
+    path.write_text(f"{names}\n" + "\n".join(rows))
+
+
+def test_bad_rows_are_counted_and_keep_their_place(tmp_path):
+    write_readings(tmp_path / "readings.csv")
+    done = run("solve", "paper", "readings.csv", "-o", "poses.csv", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "2 of 5 rows solved" in done.stdout
+    assert "not numbers in line 3, 6" in done.stdout
+    table = poses(tmp_path / "poses.csv")
+    expected = ["converged", "unparsable", "non finite", "converged", "unparsable"]
+    assert table.status.tolist() == expected
+    assert table.tx_mm.isna().tolist() == [False, True, True, False, True]
+    assert table.used.fillna("").tolist() == ["abc", "", "ac", "abc", ""]
+
+
+def test_a_known_beam_saves_a_row_without_a_detector(tmp_path):
+    write_readings(tmp_path / "readings.csv")
+    words = ("solve", "paper", "readings.csv", "-o", "poses.csv", "--beam", "known")
+    assert "3 of 5 rows solved" in run(*words, folder=tmp_path).stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("solve", "paper", "none.csv", "-o", "p.csv"), "none.csv: no such file"),
+        (("solve", "paper", "names.csv", "-o", "p.csv"), "missing columns: psi_a_mm"),
+        (("solve", "paper", "empty.csv", "-o", "p.csv"), "no rows"),
+        (("solve", "paper", "readings.csv", "-o", "p.txt"), "ends in .csv or .parquet"),
+        (("solve", "paper", "readings.csv", "-o", "readings.csv", "--force"), "itself"),
+        (("solve", "papr", "readings.csv", "-o", "p.csv"), "papr"),
+        (("solve", "paper", "readings.csv", "-o", "p.csv", "--beam", "fixed"), "fixed"),
+        (
+            (
+                "solve",
+                "paper",
+                "readings.csv",
+                "-o",
+                "p.csv",
+                "--method",
+                "paper",
+                "--beam",
+                "known",
+            ),
+            'method="paper" has the beam "free"',
+        ),
+        (("simulate", "paper", "--motion", "jump"), "no motion jump"),
+        (("simulate", "none.yaml"), "none.yaml"),
+    ],
+)
+def test_bad_input_gets_a_message_and_leaves_nothing(tmp_path, words, message):
+    write_readings(tmp_path / "readings.csv")
+    (tmp_path / "names.csv").write_text("psi,zeta\n1,2\n")
+    (tmp_path / "empty.csv").write_text(",".join(facets.names.READING_COLUMNS) + "\n")
+    before = sorted(file.name for file in tmp_path.iterdir())
+    done = run(*words, folder=tmp_path)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+    assert sorted(file.name for file in tmp_path.iterdir()) == before
+
+
+def test_chunks_do_not_show(tmp_path):
+    from facets.record import about
+    from facets.solve_table import solve_table
+
+    paper = facets.load("paper")
+    states = np.random.default_rng(1).uniform(-0.02, 0.02, (25, 8)) * np.array(
+        [1, 1, 1, 0.1, 0.1, 0.1, 1, 1]
+    )
+    rows = facets.readings(paper.sensor, states)
+    columns = dict(zip(facets.names.READING_COLUMNS, rows.T, strict=True))
+    facets.tables.write_table(tmp_path / "r.csv", columns, {})
+    results = []
+    for size in (1000, 10, 1):
+        out = tmp_path / f"p{size}.csv"
+        solve_table(paper, paper.solve, tmp_path / "r.csv", out, about(paper), rows=size)
+        results.append(poses(out))
+    for other in results[1:]:
+        pd.testing.assert_frame_equal(results[0], other)

@@ -1,0 +1,147 @@
+"""Tables: every row accounted for, every file whole or absent."""
+
+import numpy as np
+import pytest
+
+from facets import tables
+from facets.errors import InputError, OutputError
+
+
+def read(path, needed=("a", "b"), optional=(), rows=1000):
+    chunks = list(tables.read_chunks(path, needed, optional, rows))
+    columns = {
+        name: np.concatenate([c.columns[name] for c in chunks]) for name in chunks[0].columns
+    }
+    lines = np.concatenate([c.lines for c in chunks])
+    bad = np.concatenate([c.unparsable for c in chunks])
+    return columns, lines.tolist(), lines[bad].tolist()
+
+
+def test_a_plain_table(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("b,other,a\n2,x,1\n4,y,3\n")
+    columns, lines, bad = read(path)
+    assert columns["a"].tolist() == [1, 3]
+    assert columns["b"].tolist() == [2, 4]
+    assert lines == [2, 3]
+    assert bad == []
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3, 1000])
+def test_broken_rows_are_found_at_their_lines_and_never_read_as_data(tmp_path, rows):
+    path = tmp_path / "t.csv"
+    path.write_text(
+        '# a comment\n\na,b\n1,2\n\n# another\nx,3\n4,5,6\n7\n8,"9\n10,11\n,12\nnan,13\n14,1'
+    )
+    columns, lines, bad = read(path, rows=rows)
+    assert lines == [4, 7, 8, 9, 10, 11, 12, 13, 14]
+    assert bad == [7, 8, 9, 10]
+    assert np.isnan(columns["b"][1:5]).all()
+    assert columns["b"][5:].tolist() == [11, 12, 13, 1]
+    assert np.isnan(columns["a"][6:8]).all()
+
+
+def test_a_last_row_cut_in_a_column_is_not_data(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("a,b,c\n1,2,3\n4,5")
+    assert read(path)[2] == [3]
+
+
+@pytest.mark.parametrize(
+    "raw",
+    [
+        b"\xef\xbb\xbfa,b\n1,2\n",
+        b"a,b\r\n1,2\r\n",
+        b"a;b\n1;2\n",
+        b'"a" , "b"\n1,2\n'.replace(b" ", b""),
+        b" a, b \n 1, 2 \n",
+    ],
+    ids=["byte order mark", "CRLF", "semicolons", "quoted names", "blanks"],
+)
+def test_what_spreadsheets_make_of_csv(tmp_path, raw):
+    path = tmp_path / "t.csv"
+    path.write_bytes(raw)
+    columns, _, bad = read(path)
+    assert bad == []
+    assert columns["a"].tolist() == [1]
+    assert columns["b"].tolist() == [2]
+
+
+def test_garbage_bytes_are_broken_rows(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_bytes(b"a,b\n1,2\n\xff\xfe\x00,3\n4,5\n")
+    columns, _, bad = read(path)
+    assert bad == [3]
+    assert columns["a"][2] == 4
+
+
+def test_missing_columns_are_named_with_the_nearest(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("psi_a,b\n1,2\n")
+    with pytest.raises(InputError, match=r"missing columns: psi_a_mm \(found: psi_a\), c"):
+        read(path, ("psi_a_mm", "b", "c"))
+
+
+def test_other_bad_files_are_named(tmp_path):
+    with pytest.raises(InputError, match=r"none\.csv: no such file"):
+        read(tmp_path / "none.csv")
+    (tmp_path / "t.txt").write_text("a,b\n")
+    with pytest.raises(InputError, match=r"ends in \.csv or \.parquet"):
+        read(tmp_path / "t.txt")
+    (tmp_path / "t.parquet").write_text("a,b\n")
+    with pytest.raises(InputError, match="not a Parquet table"):
+        read(tmp_path / "t.parquet")
+    (tmp_path / "t.csv").write_text("a,b,a\n1,2,3\n")
+    with pytest.raises(InputError, match="appear twice: a"):
+        read(tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_what_is_written_is_read_back_to_the_bit(tmp_path, ending):
+    path = tmp_path / f"t.{ending}"
+    a = np.array([0.1, -1e-300, 5e300, np.nan, 1 / 3])
+    tables.write_table(path, {"a": a, "word": np.array(["x y"] * 5), "b": a * 2}, {"seed": "1"})
+    columns, _, bad = read(path, rows=2)
+    assert bad == []
+    np.testing.assert_array_equal(columns["a"], a)
+    np.testing.assert_array_equal(columns["b"], a * 2)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_table_says_how_it_was_made(tmp_path):
+    import pyarrow.parquet as pq
+
+    about = {"command": "facets\nsolve", "seed": "3"}
+    tables.write_table(tmp_path / "t.csv", {"a": [1.0]}, about)
+    assert (tmp_path / "t.csv").read_text() == "# command: facets solve\n# seed: 3\na\n1\n"
+    tables.write_table(tmp_path / "t.parquet", {"a": [1.0]}, about)
+    assert pq.read_schema(tmp_path / "t.parquet").metadata[b"seed"] == b"3"
+
+
+def test_a_failure_leaves_the_old_file_and_no_other(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("old")
+
+    def fail():
+        with tables.Whole(path) as temporary:
+            temporary.write_text("half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fail()
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_unwritable_place_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="can not be written"):
+        tables.write_table(tmp_path / "file" / "t.csv", {"a": [1.0]}, {})
+
+
+def test_existing_files_are_kept_unless_forced(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("old")
+    with pytest.raises(OutputError, match="exists already; --force"):
+        tables.refuse_to_overwrite([path], force=False)
+    tables.refuse_to_overwrite([path], force=True)
