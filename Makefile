@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test lint types layers unit slow bench clean
+.PHONY: run test lint types layers unit bench clean
 
 run: .venv/installed
 	$(BIN)/facets simulate paper -o results/paper --force
@@ -20,13 +20,10 @@ layers: .venv/developed
 	$(BIN)/lint-imports
 
 unit: .venv/developed
-	$(BIN)/pytest -m "not slow"
-
-slow: .venv/developed
-	$(BIN)/pytest -m slow
+	$(BIN)/pytest
 
 bench: .venv/installed
-	$(BIN)/python -m facets.experiments.solve_speed
+	$(BIN)/python -m facets.experiments.speed
 
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv
