@@ -3,8 +3,9 @@
     >>> import facets
     >>> sensor = facets.load("paper").sensor
     >>> reading = facets.readings(sensor, [0.01, 0, 0, 0, 0, 0.001, 0, 0])
-    >>> facets.solve(sensor, reading).ok
-    array(True)
+    >>> solution = facets.solve(sensor, reading)
+    >>> bool(solution.ok), f"{1e3 * solution.state[5]:.3f} mrad of yaw"
+    (True, '1.000 mrad of yaw')
 
 Lengths mm, angles rad, powers mW, time s. Arrays put components last.
 """

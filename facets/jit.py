@@ -69,8 +69,11 @@ def text(function: Callable[..., Any]) -> Callable[..., Any]:
     return register_jitable(function)
 
 
-def cache_folder() -> Path:
-    """Where machine code is kept: the user's cache, else a temporary folder of this process."""
+def cache_folder() -> tuple[Path, object]:
+    """Where machine code is kept: the user's cache, else a folder that goes with this process.
+
+    The second is what keeps that folder.
+    """
     text = hashlib.sha256(numba.__version__.encode())
     files = [module.__file__ for module in (*TEXT, numbers) if module.__file__]
     for file in (*files, __file__, str(Path(__file__).with_name("kernels.py"))):
@@ -81,13 +84,14 @@ def cache_folder() -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
-            return folder
+            return folder, None
     except OSError:
-        return Path(tempfile.mkdtemp(prefix="facets-"))
+        passing = tempfile.TemporaryDirectory(prefix="facets-")
+        return Path(passing.name), passing
 
 
 register_text()
-CACHE = cache_folder()
+CACHE, _PASSING = cache_folder()
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
