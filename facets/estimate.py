@@ -222,7 +222,9 @@ def estimate(
                 covariance_of(room.work, columns, room.inverse, covariance)
             return CONVERGED, steps, max(cost - gain, 0.0)
         trial_cost, _ = evaluate(sensor, room.trial, values, weights, problem, there)
-        if trial_cost < cost or (not problem.damped and trial_cost < 1e300):
+        # a step that changes no more than rounding can is no worse
+        slack = small + 2 * (cost * small) ** 0.5
+        if trial_cost < cost + slack or (not problem.damped and trial_cost < 1e300):
             for c in range(UNKNOWNS):
                 x[c] = room.trial[c]
             here, there = there, here

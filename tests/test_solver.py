@@ -193,6 +193,21 @@ def test_the_covariance_is_that_of_the_linearised_problem():
     np.testing.assert_allclose(spread, solution.uncertainty, rtol=0.02)
 
 
+@pytest.mark.parametrize("sigma", [np.inf, 0.005, 1e-4, 1e-7, 0.0])
+@pytest.mark.parametrize("finer", [1, 1e-3])
+def test_noisy_readings_converge_whatever_is_known_of_the_beam(states, readings, sigma, finer):
+    """Next to the optimum rounding decides whether a step helps; that must not stop it."""
+    noise = facets.Noise(position=2.6e-3 * finer, at_power=0.1, power=4e-5 * finer)
+    sensor = facets.Sensor(noise=noise)
+    sigmas = np.full(readings.shape, noise.power)
+    sigmas[:, 0::3] = sigmas[:, 1::3] = noise.position * noise.at_power / readings[:, 2::3]
+    noisy = readings + sigmas * np.random.default_rng(9).standard_normal(readings.shape)
+    on = (np.abs(noisy.reshape(-1, 3, 3)[:, :, :2]) < 6.5).all(axis=(1, 2))
+    solution = facets.solve(sensor, noisy[on], beam=Prior(states[on, 6:], sigma))
+    assert solution.ok.all()
+    assert solution.iterations.max() < 12
+
+
 def test_a_known_beam_makes_x_and_y_fine():
     """The power shares then measure the offset alone."""
     reading = facets.readings(SENSOR, np.zeros(8))
