@@ -11,8 +11,7 @@ from dataclasses import dataclass, fields
 from math import pi
 
 from .errors import InputError
-
-DETECTORS = ("a", "b", "c")
+from .names import DETECTORS
 
 
 def _require(condition: bool, what: str, value: object, allowed: str) -> None:
