@@ -44,10 +44,10 @@ def simulate(
     table: Annotated[TableKind, typer.Option(help="Kind of the tables.")] = TableKind.csv,
     plot: Annotated[PlotKind, typer.Option(help="Kind of the picture.")] = PlotKind.png,
 ) -> None:
-    """Move the mirror, read the detectors, solve the readings, and report the errors.
+    """Simulate a config's motions and report the errors.
 
-    Writes readings, poses, a picture and a record of the run. The readings are what `facets solve`
-    takes.
+    Moves the mirror, reads the detectors with noise, and solves the readings. Writes readings,
+    poses, a picture and a record of the run. The readings are what `facets solve` takes.
     """
     import time
 

@@ -45,10 +45,11 @@ def solve(
     method: Annotated[Method | None, typer.Option(help="paper: Newton on eight readings.")] = None,
     start: Annotated[Start | None, typer.Option(help="previous: for slow motion.")] = None,
 ) -> None:
-    """Solve each reading for the pose, with its standard uncertainty and status.
+    """Solve a table of readings for poses.
 
-    Options that are left out are the config's. A row that cannot be solved gets its status and no
-    pose. Columns bx_mm, by_mm, where present, say where a beam with --beam known or prior is.
+    Each pose has its standard uncertainty and status; a row that cannot be solved has a status and
+    no pose. Options that are left out are the config's. Columns bx_mm, by_mm, where present, say
+    where the beam is, for --beam known or prior.
     """
     from dataclasses import replace
 

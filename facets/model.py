@@ -11,6 +11,7 @@ from .errors import InputError
 from .optics.forward import Geometry, geometry
 from .optics.parameters import BEAM, FACET, PSD
 from .sensor import Sensor
+from .threads import share
 
 Floats = NDArray[np.float64]
 
@@ -49,7 +50,10 @@ def as_rows(values: ArrayLike, width: int, what: str) -> tuple[Floats, tuple[int
 
 
 def readings(
-    sensor: Sensor, state: ArrayLike, irradiance: Literal["exact", "paper"] = "exact"
+    sensor: Sensor,
+    state: ArrayLike,
+    irradiance: Literal["exact", "paper"] = "exact",
+    threads: int = 1,
 ) -> Floats:
     """What the detectors read: Eq. (1) of the paper, exact for collimated light and flat facets.
 
@@ -61,6 +65,8 @@ def readings(
 
     irradiance="paper" evaluates Eq. (7) to (9) as printed, by quadrature, for comparison: Eq. (8)
     leaves out a cross term, and is exact only for a level sub-beam. Slow.
+
+    threads: that share the states; 0 for all cores.
     """
     rows, shape = as_rows(state, 8, "state")
     if irradiance == "paper":
@@ -71,22 +77,22 @@ def readings(
         raise InputError(f'irradiance is {irradiance!r}; allowed: "exact", "paper"')
     from .kernels import read
 
-    out = np.empty((len(rows), 9))
-    read(packed(sensor), rows, out)
+    vectors, out = packed(sensor), np.empty((len(rows), 9))
+    share(lambda part: read(vectors, rows[part], out[part]), len(rows), threads)
     return out.reshape(*shape, 9)
 
 
-def jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
+def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     """The derivatives of the readings with respect to the state, closed.
 
     state: (..., 8) as for `readings`. Returns (..., 9, 8): mm and mW per mm and rad; NaN in the
-    rows of a detector that `readings` gives NaN for.
+    rows of a detector that `readings` gives NaN for. threads: as for `readings`.
     """
     from .kernels import differentiate
 
     rows, shape = as_rows(state, 8, "state")
-    out = np.empty((len(rows), 9, 8))
-    differentiate(packed(sensor), rows, out)
+    vectors, out = packed(sensor), np.empty((len(rows), 9, 8))
+    share(lambda part: differentiate(vectors, rows[part], out[part]), len(rows), threads)
     return out.reshape(*shape, 9, 8)
 
 

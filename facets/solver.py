@@ -13,6 +13,7 @@ from . import estimate
 from .errors import InputError
 from .model import Floats, as_rows, packed
 from .sensor import Sensor
+from .threads import part_of, share
 
 
 class Status(IntEnum):
@@ -199,6 +200,7 @@ def solve(
     method: Literal["least-squares", "paper"] = "least-squares",
     max_steps: int = 50,
     covariance: bool = True,
+    threads: int = 1,
 ) -> Solution:
     """The mirror's pose and the beam's place from the detectors' readings.
 
@@ -213,6 +215,7 @@ def solve(
     sample before), or states (..., 8).
     method: "paper" is Newton's method on eight readings, without the power of C (section 2.3 of the
     paper): no weights, no damping, the beam free and its power known.
+    threads: that share the readings; 0 for all cores. With start="previous" each begins at zero.
 
     Bad arguments raise `InputError`; a reading that cannot be solved gets a status and NaN.
     """
@@ -228,10 +231,17 @@ def solve(
     covariances = np.zeros((n if covariance else 0, 8, 8))
     from .kernels import invert
 
-    invert(
-        packed(sensor), values, todo.limits, todo.means, todo.weights, todo.free, starts,
-        warm, max_steps, method != "paper", states, used, status, steps, left, covariances,
-    )  # fmt: skip
+    vectors = packed(sensor)
+
+    def run(part: slice) -> None:
+        invert(
+            vectors, values[part], todo.limits, part_of(todo.means, part, n), todo.weights,
+            todo.free, part_of(starts, part, n), warm, max_steps, method != "paper",
+            states[part], used[part], status[part], steps[part], left[part],
+            part_of(covariances, part, n),
+        )  # fmt: skip
+
+    share(run, n, threads)
     return Solution(
         state=states[:, :8].reshape(*shape, 8),
         status=status.reshape(shape),
