@@ -23,7 +23,7 @@ unit: .venv/developed
 	$(BIN)/pytest
 
 bench: .venv/installed
-	$(BIN)/python -m facets.experiments.speed
+	$(BIN)/facets bench -o results/bench --force
 
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv

@@ -11,6 +11,7 @@ from facets import __version__
 from facets.errors import FacetsError
 
 from . import config
+from .bench import bench
 from .console import message
 from .simulate import simulate
 from .solve import solve
@@ -55,4 +56,5 @@ def main() -> None:
 
 app.command()(simulate)
 app.command()(solve)
+app.command()(bench)
 app.add_typer(config.app, name="config")

@@ -1,0 +1,116 @@
+"""`facets bench`: run time against error."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+STUDIES = ("forward", "inverse", "scaling", "stability")
+TITLES = {
+    "forward": "readings: time a pose against error",
+    "inverse": "poses: time against error, eight unknowns from nine readings",
+    "scaling": "batch size and threads: time a pose",
+    "stability": "errors over apex offset and tilt, against high precision",
+}
+
+
+def bench(
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")] = Path(
+        "results/bench"
+    ),
+    force: Annotated[bool, typer.Option("--force", help="Replace older results.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Reduced, under a minute.")] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Of the random states.")] = 1,
+) -> None:
+    """Measure run time against error, beside other ways to compute the same.
+
+    All contenders run in turn in one run on the paper's sensor; ratios are to this package. Writes
+    a table a study, the machine's facts, and two pictures.
+    """
+    from facets import plots, tables
+    from facets.bench import pictures, studies
+
+    names = [*(f"{name}.csv" for name in STUDIES), "machine.json"]
+    drawings = ["work_precision.svg", "stability.png"]
+    tables.refuse_to_overwrite([output / name for name in [*names, *drawings]], force)
+    about = facts(seed)
+    results: dict[str, list[dict[str, Any]]] = {}
+    for name in STUDIES:
+        rows = results[name] = getattr(studies, name)(quick, seed)
+        columns = {key: [row[key] for row in rows] for key in rows[0]}
+        tables.write_table(output / f"{name}.csv", columns, about)
+        show(TITLES[name], worst_of_tilts(rows) if name == "stability" else rows)
+    with tables.Whole(output / "machine.json") as temporary:
+        import json
+
+        temporary.write_text(json.dumps({"about": about, **results}, indent=1), "utf-8")
+    picture = pictures.work_precision(results["forward"], results["inverse"])
+    plots.save(picture, output / "work_precision.svg")
+    plots.save(pictures.heat_map(results["stability"]), output / "stability.png")
+    typer.echo(f"{output}/: {', '.join([*names, *drawings])}")
+
+
+def worst_of_tilts(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """For the eye: a row an offset, with the largest errors over the tilts; the table has all."""
+    offsets = dict.fromkeys(row["offset_sigma"] for row in rows)
+    keys = ("place_error_mm", "power_error", "most_steps")
+    return [
+        {"offset_sigma": x, **{k: max(r[k] for r in rows if r["offset_sigma"] == x) for k in keys}}
+        for x in offsets
+    ]
+
+
+def facts(seed: int) -> dict[str, str]:
+    """The machine and what ran on it."""
+    import platform
+    from importlib.metadata import version
+
+    from facets import __version__
+    from facets.record import command_line
+    from facets.threads import cores
+
+    return {
+        "facets": __version__,
+        "command": command_line(),
+        "seed": str(seed),
+        "processor": processor(),
+        "cores": str(cores()),
+        "system": platform.platform(),
+        "python": platform.python_version(),
+        **{name: version(name) for name in ("numpy", "scipy", "numba", "mpmath")},
+    }
+
+
+def processor() -> str:
+    """The processor's own name, where the system tells."""
+    import platform
+
+    listing = Path("/proc/cpuinfo")
+    if listing.is_file():
+        for line in listing.read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def show(title: str, rows: list[dict[str, Any]]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", title_style="bold", box=None)
+    keys = [key for key in rows[0] if key not in ("low_us", "high_us")]
+    for key in keys:
+        table.add_column(key, justify="left" if key == "way" else "right")
+    for row in rows:
+        table.add_row(*(cell(row[key]) for key in keys))
+    Console(highlight=False).print(table, "")
+
+
+def cell(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    if value != value:
+        return ""
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

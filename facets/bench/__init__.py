@@ -1,0 +1,1 @@
+"""Run time against error, beside what a user would write without this package."""

@@ -1,0 +1,259 @@
+"""The studies of `facets bench`: each gives rows for a table, in the order they are to be read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..model import jacobian, parameters, readings
+from ..optics.forward import geometry
+from ..optics.forward import readings as text
+from ..solver import solve
+from ..threads import cores
+from . import rivals
+from .clock import Contender, Timing, alternate
+
+Floats = NDArray[np.float64]
+Row = dict[str, Any]
+SENSOR = rivals.SENSOR
+
+
+def reference(states: Floats, digits: int = 40) -> Any:
+    """Readings (n, 9) of the same text in mpmath, as an array of high-precision numbers."""
+    import mpmath as mp
+
+    with mp.workdps(digits):
+        sensor = geometry(tuple(mp.mpf(x) for x in parameters(SENSOR)))
+        exact = [text(sensor, tuple(mp.mpf(float(x)) for x in state)) for state in states]
+    return np.array(exact, dtype=object).reshape(len(states), 9)
+
+
+def errors(values: Floats, exact: Any) -> tuple[float, float]:
+    """Largest errors: of a place, mm, and of a power, relative to itself."""
+    away = np.abs(np.array(values - exact)).reshape(-1, 3, 3)
+    power = away[:, :, 2] / np.asarray(exact).reshape(-1, 3, 3)[:, :, 2]
+    return float(away[:, :, :2].max()), float(power.max())
+
+
+def timed(row: Row, timing: Timing, ours: float) -> Row:
+    return {
+        **row,
+        "us_per_pose": 1e6 * timing.median,
+        "low_us": 1e6 * timing.low,
+        "high_us": 1e6 * timing.high,
+        "ratio": timing.median / ours,
+    }
+
+
+def one_by_one(function: Callable[[Floats], Any]) -> Callable[[Floats], Floats]:
+    return lambda inputs: np.array([function(one) for one in inputs])
+
+
+def forward_contenders(quick: bool, poses: int, seed: int) -> list[Contender]:
+    few = 200 if quick else 1000
+    random, sobol = rivals.random_points, rivals.sobol_points
+    count = 2**14 if quick else 2**20
+    made = [
+        Contender("facets: batch", lambda s: readings(SENSOR, s), poses),
+        Contender("facets: with Jacobian", lambda s: jacobian(SENSOR, s), poses),
+        Contender(f"facets: {cores()} threads", lambda s: readings(SENSOR, s, threads=0), poses),
+        Contender("facets: one call each", one_by_one(lambda s: readings(SENSOR, s)), few),
+    ]
+    for nodes in (6, 12, 24):
+        batch = partial(rivals.legendre_batch, nodes=nodes)
+        made.append(Contender(f"Gauss-Legendre {nodes} (NumPy batch)", batch, few))
+    made += [
+        Contender(
+            "Gauss-Legendre 12 (plain Python)",
+            lambda s: rivals.by_moments(s, rivals.legendre_moments(12)),
+            20,
+        ),
+        Contender("dblquad (as the paper)", rivals.dblquad, 2),
+        Contender(f"{count} random rays", lambda s: rivals.rays(s, random(count, seed)), 2),
+        Contender(f"{count} Sobol rays", lambda s: rivals.rays(s, sobol(count, seed)), 2),
+    ]
+    return made
+
+
+def forward(quick: bool, seed: int) -> list[Row]:
+    """Readings: time a pose against error."""
+    poses = 20_000 if quick else 200_000
+    states = rivals.states_in_range(poses, seed)
+    contenders = forward_contenders(quick, poses, seed)
+    checked = 5 if quick else 50
+    exact = reference(states[:checked])
+    timings = alternate(contenders, states, 3 if quick else 9)
+    rows = []
+    for contender, timing in zip(contenders, timings, strict=True):
+        row: Row = {"way": contender.name, "place_error_mm": np.nan, "power_error": np.nan}
+        n = min(checked, contender.poses)
+        values = contender.work(states[:n])
+        if values.ndim == 2:
+            row["place_error_mm"], row["power_error"] = errors(values, exact[:n])
+        rows.append(timed(row, timing, timings[0].median))
+    return rows
+
+
+def solve_by(root: Callable[..., Floats], moments: rivals.Moments) -> Callable[[Floats], Floats]:
+    """The paper's inversion: eight readings, eight unknowns, scaled to be of order one."""
+    scale = np.array([1, 1, 1, 1e-2, 1e-2, 1e-2, 1, 1])
+
+    def solved(xi: Floats) -> Floats:
+        def residual(x: Floats) -> Floats:
+            rest: Floats = (rivals.by_moments((x * scale)[None], moments)[0] - xi)[:8]
+            return rest
+
+        return root(residual) * scale
+
+    return one_by_one(solved)
+
+
+def by_fsolve(residual: Callable[[Floats], Floats]) -> Floats:
+    from scipy.optimize import fsolve
+
+    found: Floats = fsolve(residual, np.zeros(8))
+    return found
+
+
+def by_least_squares(residual: Callable[[Floats], Floats]) -> Floats:
+    from scipy.optimize import least_squares
+
+    found: Floats = least_squares(residual, np.zeros(8), xtol=1e-14, ftol=1e-14, gtol=1e-14).x
+    return found
+
+
+def inverse(quick: bool, seed: int) -> list[Row]:
+    """Poses, eight unknowns: time a pose against error."""
+    poses = 20_000 if quick else 100_000
+    states = rivals.states_in_range(poses, seed)
+    xi = readings(SENSOR, states)
+    index = np.column_stack([xi, states])  # readings with their true states, for warm starts
+    twelve = rivals.legendre_moments(12)
+
+    def warm(rows: Floats, threads: int = 1) -> Floats:
+        given, near = rows[:, :9], rows[:, 9:] + 1e-6
+        return solve(SENSOR, given, start=near, covariance=False, threads=threads).state
+
+    def cold(rows: Floats, threads: int = 1) -> Floats:
+        return solve(SENSOR, rows[:, :9], threads=threads).state
+
+    contenders = [
+        Contender("facets: batch from zero", cold, poses),
+        Contender("facets: batch warm without covariance", warm, poses),
+        Contender(f"facets: the same on {cores()} threads", lambda r: warm(r, 0), poses),
+        Contender(
+            "facets: one warm call each",
+            one_by_one(lambda r: solve(SENSOR, r[:9], start=r[9:] + 1e-6).state),
+            200 if quick else 2000,
+        ),
+        Contender(
+            "facets: the paper's inversion",
+            lambda r: solve(SENSOR, r[:, :9], method="paper").state,
+            poses,
+        ),
+        Contender(
+            "fsolve on Gauss-Legendre 12", lambda r: solve_by(by_fsolve, twelve)(r[:, :9]), 10
+        ),
+        Contender(
+            "least_squares on Gauss-Legendre 12",
+            lambda r: solve_by(by_least_squares, twelve)(r[:, :9]),
+            5,
+        ),
+    ]
+    if not quick:
+        contenders.append(
+            Contender(
+                "fsolve on dblquad",
+                lambda r: solve_by(by_fsolve, rivals.dblquad_moments)(r[:, :9]),
+                1,
+            )
+        )
+    timings = alternate(contenders, index, 3 if quick else 7)
+    rows = []
+    for contender, timing in zip(contenders, timings, strict=True):
+        n = min(contender.poses, 2000)
+        away = np.abs(contender.work(index[:n]) - states[:n]).max(axis=0)
+        row = {
+            "way": contender.name,
+            "length_error_mm": away[[0, 1, 2, 6, 7]].max(),
+            "angle_error_rad": away[3:6].max(),
+        }
+        rows.append(timed(row, timing, timings[0].median))
+    return rows
+
+
+def chunked(total: int, size: int) -> Iterator[int]:
+    for start in range(0, total, size):
+        yield min(size, total - start)
+
+
+def scaling(quick: bool, seed: int) -> list[Row]:
+    """Batch size and threads: time a pose; batches over a million go by chunks in flat memory."""
+    largest = 10**5 if quick else 10**7
+    states = rivals.states_in_range(min(largest, 10**6), seed)
+    rows = []
+    for threads in sorted({1, cores()}):
+        size = 1
+        while size <= largest:
+            rows.append(scaled(states, size, threads, 1 if size >= 10**6 else 5))
+            size *= 10
+    return rows
+
+
+def scaled(states: Floats, size: int, threads: int, rounds: int) -> Row:
+    xi = readings(SENSOR, states[: min(size, len(states))])
+
+    def read(batch: range) -> None:
+        for count in chunked(len(batch), len(states)):
+            readings(SENSOR, states[:count], threads=threads)
+
+    def invert(batch: range) -> None:
+        for count in chunked(len(batch), len(states)):
+            solve(SENSOR, xi[:count], covariance=False, threads=threads)
+
+    contenders = [Contender("readings", read, size), Contender("solve", invert, size)]
+    read_time, solve_time = alternate(contenders, range(size), rounds)
+    return {
+        "poses": size,
+        "threads": threads,
+        "readings_us": 1e6 * read_time.median,
+        "solve_us": 1e6 * solve_time.median,
+    }
+
+
+def stability(quick: bool, seed: int) -> list[Row]:
+    """Errors of readings over apex offset (in sigmas) and tilt; poses solved from zero, and steps.
+
+    The reference carries as many more digits as the faintest power has zeros.
+    """
+    offsets = [0, 0.01, 0.3, 0.6, 1, 1.5, 2, 3, 4, 6, 8, 10]
+    tilts = [0, 1, 5, 10, 20, 50]
+    if quick:
+        offsets, tilts = offsets[::2], tilts[::4]
+    rng = np.random.default_rng(seed)
+    rows = []
+    for offset, tilt in product(offsets, tilts):
+        states = np.zeros((2 if quick else 4, 8))
+        turn = 2 * np.pi * rng.random(len(states))
+        states[:, 0] = offset * rivals.SIGMA * np.cos(turn)
+        states[:, 1] = offset * rivals.SIGMA * np.sin(turn)
+        states[:, 3:6] = 1e-3 * tilt * rng.uniform(-1, 1, (len(states), 3))
+        values = readings(SENSOR, states)
+        place, power = errors(values, reference(states, 40 + int(offset**2 / 4)))
+        solution = solve(SENSOR, values)
+        rows.append(
+            {
+                "offset_sigma": offset,
+                "tilt_mrad": tilt,
+                "place_error_mm": place,
+                "power_error": power,
+                "solved": int(solution.ok.sum()),
+                "most_steps": int(solution.iterations[solution.ok].max(initial=0)),
+            }
+        )
+    return rows

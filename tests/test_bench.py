@@ -1,0 +1,80 @@
+"""`facets bench`: that its contenders compute the same, and that its table says so."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from test_cli_simulate import run
+
+import facets
+from facets.bench import rivals
+from facets.bench.clock import Contender, alternate
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bench")
+    done = run("bench", "--quick", "-o", "out", folder=folder)
+    assert done.returncode == 0, done.stderr
+    return folder / "out"
+
+
+def read(folder, name) -> pd.DataFrame:
+    return pd.read_csv(folder / f"{name}.csv", comment="#")
+
+
+def test_errors_are_those_of_rounding(results):
+    """No times: machines are noisy. 1e-12 mm is 300 mm's rounding times a dozen steps."""
+    forward = read(results, "forward").set_index("way")
+    ours = forward[forward.index.str.startswith("facets")].dropna()
+    assert len(ours) == 3
+    assert (ours.place_error_mm < 1e-12).all()
+    assert (ours.power_error < 1e-14).all()
+    inverse = read(results, "inverse").set_index("way")
+    ours = inverse[inverse.index.str.startswith("facets")]
+    assert len(ours) == 5
+    assert (ours.length_error_mm < 1e-10).all()
+    assert (ours.angle_error_rad < 1e-12).all()
+    stability = read(results, "stability")
+    assert (stability.place_error_mm < 1e-12).all()
+    assert (stability.power_error < 1e-13).all()
+
+
+def test_everything_is_written_with_the_machine(results):
+    names = {file.name for file in results.iterdir()}
+    assert names == {
+        "forward.csv", "inverse.csv", "scaling.csv", "stability.csv",
+        "machine.json", "work_precision.svg", "stability.png",
+    }  # fmt: skip
+    about = json.loads((results / "machine.json").read_text())["about"]
+    assert {"processor", "cores", "numpy", "seed", "command"} <= set(about)
+
+
+def test_rivals_agree_with_each_other():
+    states = rivals.states_in_range(4, seed=2)
+    exact = facets.readings(rivals.SENSOR, states)
+    assert np.abs(rivals.legendre_batch(states, 24) - exact).max() < 1e-12
+    plain = rivals.by_moments(states, rivals.legendre_moments(24))
+    assert np.abs(plain - exact).max() < 1e-12
+    assert np.abs(rivals.dblquad(states[:1]) - exact[:1]).max() < 1e-10
+    sobol = rivals.rays(states, rivals.sobol_points(2**16, 1))
+    assert np.abs(sobol - exact).max() < 5e-4
+
+
+def test_slow_contenders_run_once_and_fast_ones_every_round():
+    calls = {"slow": 0, "fast": 0}
+    import time
+
+    def work(name, seconds):
+        def call(_):
+            calls[name] += 1
+            time.sleep(seconds)
+
+        return call
+
+    timings = alternate(
+        [Contender("slow", work("slow", 2.1), 1), Contender("fast", work("fast", 0), 1)], [0], 3
+    )
+    assert calls == {"slow": 1, "fast": 3}
+    assert timings[0].median > timings[1].median
