@@ -30,8 +30,10 @@ _HOMES = {
     "Sensor": "sensor",
     "Solution": "solver",
     "Status": "solver",
+    "footprints": "model",
     "jacobian": "model",
     "load": "config",
+    "margins": "model",
     "parameter_jacobian": "model",
     "reaches": "model",
     "readings": "model",
@@ -41,7 +43,9 @@ __all__ = sorted(_HOMES)
 
 if TYPE_CHECKING:
     from .config import load as load
+    from .model import footprints as footprints
     from .model import jacobian as jacobian
+    from .model import margins as margins
     from .model import parameter_jacobian as parameter_jacobian
     from .model import reaches as reaches
     from .model import readings as readings

@@ -23,7 +23,7 @@ import platformdirs
 from numba.extending import overload, register_jitable  # noqa: TID253
 
 from . import estimate, least_squares, numbers
-from .optics import exact, faint, forward, gradient, parameters, rays, vectors, wedge
+from .optics import exact, faint, footprint, forward, gradient, parameters, rays, vectors, wedge
 
 TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
     numbers.exp: lambda x: lambda x: math.exp(x),
@@ -49,7 +49,19 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
         lambda q, u1, u2, side1, side2: wedge.wedge_float(q, u1, u2, side1, side2)
     ),
 }
-TEXT = (vectors, rays, exact, faint, wedge, forward, gradient, parameters, least_squares, estimate)
+TEXT = (
+    vectors,
+    rays,
+    exact,
+    faint,
+    wedge,
+    forward,
+    footprint,
+    gradient,
+    parameters,
+    least_squares,
+    estimate,
+)
 
 
 def register_text() -> None:

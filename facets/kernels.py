@@ -12,7 +12,8 @@ import numpy as np
 
 from .estimate import CONVERGED, ROWS, UNKNOWNS, Limits, Problem, Room, enough, estimate, judge
 from .jit import compiled, text
-from .optics.forward import Geometry, readings, scene
+from .optics.footprint import footprint
+from .optics.forward import Geometry, path, readings, scene
 from .optics.gradient import linearised
 from .optics.parameters import detector_by_parameters
 
@@ -65,6 +66,18 @@ def read(packed: Array, states: Array, out: Array) -> None:
         for k in range(3):
             for i in range(3):
                 out[n, 3 * k + i] = on_detectors[k][i]
+
+
+@compiled
+def outline(packed: Array, states: Array, out: Array) -> None:
+    """out (n, 3, 4): the footprints of the spots at states (n, 8)."""
+    sensor = unpack(packed)
+    for n in range(len(states)):
+        at = scene(sensor, state_of(states, n))
+        for k in range(3):
+            ends = footprint(sensor, at, k, path(sensor, at, k))
+            for i in range(4):
+                out[n, k, i] = ends[i]
 
 
 @compiled

@@ -125,3 +125,34 @@ def reaches(sensor: Sensor, state: ArrayLike) -> NDArray[np.bool_]:
     False also where the sub-beam never meets its detector's plane.
     """
     return on_detectors(sensor, readings(sensor, state))
+
+
+def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
+    """How far the spots reach on their detectors' planes, inside the beam's 1/e^2 circle.
+
+    state: (..., 8) as for `readings`. Returns (..., 3, 4): least and largest psi, least and largest
+    zeta, mm, detector frame. NaN where a facet meets no light inside the circle, and as `readings`.
+    """
+    from .kernels import outline
+
+    rows, shape = as_rows(state, 8, "state")
+    vectors, out = packed(sensor), np.empty((len(rows), 3, 4))
+    share(lambda part: outline(vectors, rows[part], out[part]), len(rows), threads)
+    return out.reshape(*shape, 3, 4)
+
+
+def margins(sensor: Sensor, state: ArrayLike, whole: bool = True, threads: int = 1) -> Floats:
+    """How far each spot is from each edge of its detector, positive inside; mm.
+
+    whole: of the whole footprint inside the 1/e^2 circle, else of the centroid.
+    Returns (..., 3, 4): from the edges at -y, +y, -z and +z of detectors A, B, C. NaN as
+    `footprints` and `readings`.
+    """
+    if whole:
+        ends = footprints(sensor, state, threads)
+    else:
+        spots = readings(sensor, state, threads=threads)
+        places = np.stack([spots[..., 0::3], spots[..., 1::3]], axis=-1)
+        ends = np.repeat(places, 2, axis=-1)
+    half = np.array([[psd.size_y, psd.size_y, psd.size_z, psd.size_z] for psd in sensor.psds]) / 2
+    return half + ends * np.array([1, -1, 1, -1])

@@ -1,0 +1,94 @@
+"""Footprints and margins, against points of the beam traced one by one."""
+
+import numpy as np
+import oracle
+import pytest
+from sensors import SENSORS, states
+
+import facets
+
+
+def traced(sensor: facets.Sensor, state: np.ndarray) -> np.ndarray:
+    """Least and largest psi and zeta of 400,000 points of the 1/e^2 disc that meet each facet."""
+    at = oracle.setup(sensor, state)
+    r, turn = np.meshgrid(np.linspace(0, 2, 201), np.linspace(0, 2 * np.pi, 2001))
+    points = np.stack([r * np.cos(turn), r * np.sin(turn)], axis=-1).reshape(-1, 2)
+    points = np.concatenate([points, oracle.seen(at, at.apex - at.centre)[None]])
+    start = at.centre + (points * at.sigmas) @ at.across.T
+    depth = ((at.apex - start) @ at.normals.T) / (at.down @ at.normals.T)
+    ends = np.empty((3, 4))
+    for k in range(3):
+        spots = oracle.land(at, k, points[depth[:, k] >= depth.max(axis=1) - 1e-9])
+        low, high = spots.min(axis=0), spots.max(axis=0)
+        ends[k] = low[0], high[0], low[1], high[1]
+    return ends
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_footprints_are_those_of_traced_points(name):
+    """The grid's steps are 0.003 mm in the beam: extremes agree to twice that."""
+    for state in states(3, seed=40):
+        away = facets.footprints(SENSORS[name], state) - traced(SENSORS[name], state)
+        assert np.abs(away).max() < 6e-3
+
+
+def ends_of_range(axis: int, tracked: bool = False) -> float:
+    """The whole range along one axis in which all footprints lie on their detectors."""
+
+    def on(value: float) -> bool:
+        state = np.zeros(8)
+        state[axis] = value
+        if tracked:
+            state[6 + axis] = value
+        return bool((facets.margins(facets.Sensor(), state) > 0).all())
+
+    total = 0.0
+    for sign in (1, -1):
+        low, high = 0.0, 1.0 * sign if axis > 2 else 20.0 * sign
+        for _ in range(60):
+            middle = (low + high) / 2
+            low, high = (middle, high) if on(middle) else (low, middle)
+        total += abs(low)
+    return total
+
+
+@pytest.mark.parametrize(
+    ("axis", "tracked", "measured"),
+    [(0, True, 13.6), (1, True, 11.8), (2, False, 12.3),
+     (3, False, 28.0e-3), (4, False, 24.5e-3), (5, False, 48.0e-3)],
+)  # fmt: skip
+def test_the_papers_ranges_follow_from_its_footprints(axis, tracked, measured):
+    """Table 2, measured on a rig with its own tolerances: within 5 %."""
+    assert ends_of_range(axis, tracked) == pytest.approx(measured, rel=0.05)
+
+
+def test_the_range_along_z_is_the_detector_less_half_the_beam():
+    """At rest the footprint hangs down from the apex's image by the beam's 1/e^2 radius."""
+    assert ends_of_range(2) == pytest.approx(13 - 0.85 / 2, abs=1e-12)
+
+
+def test_margins_of_centroids():
+    sensor = facets.Sensor()
+    state = [0, 0, 1.0, 0, 0, 0.001, 0, 0]
+    psi, zeta, _ = facets.readings(sensor, state)[:3]
+    left, right, low, high = facets.margins(sensor, state, whole=False)[0]
+    assert (left, right) == pytest.approx((6.5 + psi, 6.5 - psi))
+    assert (low, high) == pytest.approx((6.5 + zeta, 6.5 - zeta))
+
+
+def test_a_facet_without_light_has_no_footprint():
+    off = np.zeros(8)
+    off[0] = 3.0  # the beam falls on B and C alone
+    ends = facets.footprints(facets.Sensor(), off)
+    assert np.isnan(ends[0]).all()
+    assert np.isfinite(ends[1:]).all()
+    tilted = np.zeros(8)
+    tilted[4] = 0.8
+    assert np.isnan(facets.margins(facets.Sensor(), tilted)[0]).all()
+
+
+def test_shapes():
+    some = states(6, seed=1)
+    whole = facets.margins(facets.Sensor(), some.reshape(2, 3, 8))
+    assert whole.shape == (2, 3, 3, 4)
+    assert (whole[1, 2] == facets.margins(facets.Sensor(), some[5])).all()
