@@ -110,11 +110,15 @@ def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
     return out.reshape(*shape, 9, 30)
 
 
+def half_sizes(sensor: Sensor) -> Floats:
+    """From the middles of the detectors' sensitive areas to their edges along y and z: (3, 2)."""
+    return np.array([[psd.size_y / 2, psd.size_z / 2] for psd in sensor.psds])
+
+
 def on_detectors(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
     """Which spots of given readings (..., 9) lie on their detector's sensitive area: (..., 3)."""
     array = np.asarray(reading, dtype=np.float64)
-    y = np.array([psd.size_y / 2 for psd in sensor.psds])
-    z = np.array([psd.size_z / 2 for psd in sensor.psds])
+    y, z = half_sizes(sensor).T
     inside: NDArray[np.bool_] = (np.abs(array[..., 0::3]) <= y) & (np.abs(array[..., 1::3]) <= z)
     return inside
 
@@ -154,5 +158,4 @@ def margins(sensor: Sensor, state: ArrayLike, whole: bool = True, threads: int =
         spots = readings(sensor, state, threads=threads)
         places = np.stack([spots[..., 0::3], spots[..., 1::3]], axis=-1)
         ends = np.repeat(places, 2, axis=-1)
-    half = np.array([[psd.size_y, psd.size_y, psd.size_z, psd.size_z] for psd in sensor.psds]) / 2
-    return half + ends * np.array([1, -1, 1, -1])
+    return np.repeat(half_sizes(sensor), 2, axis=1) + ends * np.array([1, -1, 1, -1])

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import estimate
 from .errors import InputError
-from .model import Floats, as_rows, packed
+from .model import Floats, as_rows, half_sizes, packed
 from .sensor import Sensor
 from .threads import part_of, share
 
@@ -125,7 +125,7 @@ def limits_of(sensor: Sensor, eight: bool) -> estimate.Limits:
     noise = sensor.noise
     return estimate.Limits(
         noise=np.array([noise.position, noise.at_power, noise.power]),
-        half_sizes=np.array([[psd.size_y / 2, psd.size_z / 2] for psd in sensor.psds]),
+        half_sizes=half_sizes(sensor),
         eight=eight,
     )
 

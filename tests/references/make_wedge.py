@@ -1,11 +1,12 @@
 """High-precision moments of a normal distribution over wedges, stored in wedge.json.
 
-    python tests/references/make_wedge.py [--search 2000]
+    python tests/references/make_wedge.py [--search 600]
 
 From the definition: int over angle and radius, in polar coordinates about the wedge's point, at 50
 digits. The radial integrals are written with erfc; `check` compares them with plain quadrature of
 the density. The angle is cut where the light is and towards both ends, and each piece integrated by
-a 30-node Gauss-Legendre rule; halving the pieces changes nothing in the first 30 digits.
+a 30-node Gauss-Legendre rule; halving the pieces
+changed 20 of the rows by 5e-29 at most.
 
 The points are a grid over the domain, and those at which the float code did worst in a search.
 """
@@ -132,7 +133,7 @@ def error(q: Plane, u1: Plane, u2: Plane) -> tuple[float, list[mp.mpf]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--search", type=int, default=1000)
+    parser.add_argument("--search", type=int, default=600)
     options = parser.parse_args()
     check()
     rng = np.random.default_rng(7)
