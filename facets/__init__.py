@@ -19,6 +19,7 @@ __version__ = "0.1.0"
 
 # A name is imported when it is first asked for, so that a command pays only for what it uses.
 _HOMES = {
+    "Apertures": "sensor",
     "Beam": "sensor",
     "Facet": "sensor",
     "Noise": "sensor",
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
     from .names import READING as READING
     from .names import STATE as STATE
     from .optics.parameters import PARAMETERS as PARAMETERS
+    from .sensor import Apertures as Apertures
     from .sensor import Beam as Beam
     from .sensor import Facet as Facet
     from .sensor import Noise as Noise

@@ -11,8 +11,8 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from .least_squares import back_substitute, covariance_of, triangularise
+from .optics.detected import linearised
 from .optics.forward import Geometry
-from .optics.gradient import linearised
 
 Array = Any
 
@@ -62,6 +62,7 @@ class Room(NamedTuple):
     step: Array
     trial: Array
     inverse: Array
+    outlines: Array
 
 
 def judge(values: Array, limits: Limits, weights: Array, used: Array) -> int:
@@ -103,15 +104,23 @@ def enough(used: Array, problem: Problem, eight: bool) -> bool:
 
 
 def evaluate(
-    sensor: Geometry, x: Array, values: Array, weights: Array, problem: Problem, matrix: Array
+    sensor: Geometry,
+    x: Array,
+    values: Array,
+    weights: Array,
+    problem: Problem,
+    matrix: Array,
+    outlines: Array,
 ) -> tuple[float, int]:
     """Fills weighted Jacobian and residuals at x; returns their sum of squares and the row count.
 
     x: (9,) state and power.  values, weights: (9,) reading and 1/sigma; 0 leaves a reading out.
+    outlines: memory, see `optics.detected`.
     """
     columns = len(problem.free)
     scale = x[8] / sensor.power
-    detectors = linearised(sensor, (x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7]))
+    state = (x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7])
+    detectors = linearised(sensor, state, outlines)
     total = 0.0
     row = 0
     for k in range(3):
@@ -193,7 +202,7 @@ def estimate(
     columns = len(problem.free)
     here, there = room.here, room.there
     small = rounding_floor(sensor, weights)
-    cost, rows = evaluate(sensor, x, values, weights, problem, here)
+    cost, rows = evaluate(sensor, x, values, weights, problem, here, room.outlines)
     if not cost < 1e300:
         return OUT_OF_RANGE, 0, cost
     damping = 0.0
@@ -221,7 +230,7 @@ def estimate(
             if len(covariance) > 0:
                 covariance_of(room.work, columns, room.inverse, covariance)
             return CONVERGED, steps, max(cost - gain, 0.0)
-        trial_cost, _ = evaluate(sensor, room.trial, values, weights, problem, there)
+        trial_cost, _ = evaluate(sensor, room.trial, values, weights, problem, there, room.outlines)
         # a step that changes no more than rounding can is no worse
         slack = small + 2 * (cost * small) ** 0.5
         if trial_cost < cost + slack or (not problem.damped and trial_cost < 1e300):

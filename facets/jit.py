@@ -8,6 +8,7 @@ file that it calls into does.
 
 from __future__ import annotations
 
+import cmath
 import hashlib
 import math
 import os
@@ -23,13 +24,33 @@ import platformdirs
 from numba.extending import overload, register_jitable  # noqa: TID253
 
 from . import estimate, least_squares, numbers
-from .optics import exact, faint, footprint, forward, gradient, parameters, rays, vectors, wedge
+from .optics import (
+    cut,
+    cut_parameters,
+    detected,
+    exact,
+    faint,
+    footprint,
+    forward,
+    gradient,
+    limits,
+    parameters,
+    rays,
+    region,
+    vectors,
+    wedge,
+)
+
+
+def is_complex(kind: Any) -> bool:
+    return isinstance(kind, numba.types.Complex)
+
 
 TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
     numbers.exp: lambda x: lambda x: math.exp(x),
-    numbers.sqrt: lambda x: lambda x: math.sqrt(x),
-    numbers.sin: lambda x: lambda x: math.sin(x),
-    numbers.cos: lambda x: lambda x: math.cos(x),
+    numbers.sqrt: lambda x: (lambda x: cmath.sqrt(x)) if is_complex(x) else lambda x: math.sqrt(x),
+    numbers.sin: lambda x: (lambda x: cmath.sin(x)) if is_complex(x) else lambda x: math.sin(x),
+    numbers.cos: lambda x: (lambda x: cmath.cos(x)) if is_complex(x) else lambda x: math.cos(x),
     numbers.erf: lambda x: lambda x: math.erf(x),
     numbers.erfc: lambda x: lambda x: math.erfc(x),
     numbers.atan2: lambda y, x: lambda y, x: math.atan2(y, x),
@@ -56,9 +77,15 @@ TEXT = (
     faint,
     wedge,
     forward,
+    region,
+    limits,
     footprint,
     gradient,
+    cut,
+    cut_parameters,
+    detected,
     parameters,
+    cut_parameters,
     least_squares,
     estimate,
 )

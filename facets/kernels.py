@@ -12,9 +12,12 @@ import numpy as np
 
 from .estimate import CONVERGED, ROWS, UNKNOWNS, Limits, Problem, Room, enough, estimate, judge
 from .jit import compiled, text
+from .optics.cut_parameters import cut_by_parameter
+from .optics.detected import cut_scene, linearised, readings
 from .optics.footprint import footprint
-from .optics.forward import Geometry, path, readings, scene
-from .optics.gradient import linearised
+from .optics.forward import Geometry, Openings, placed
+from .optics.forward import scene as uncut_scene
+from .optics.limits import COLUMNS, MOST
 from .optics.parameters import detector_by_parameters
 
 Array = Any
@@ -26,7 +29,10 @@ def pack(sensor: Geometry) -> np.ndarray:
     parts += [*sensor.normals, *sensor.centres]
     for axes in sensor.axes:
         parts += [*axes]
-    return np.array([number for part in parts for number in part], dtype=float)
+    openings = sensor.openings
+    parts += [(openings.cut, openings.radius, openings.tip, openings.rim, openings.gap)]
+    parts += [*openings.halves]
+    return np.array([number for part in parts for number in part])
 
 
 @text
@@ -36,6 +42,12 @@ def triple(a: Array, i: int) -> Any:
 
 @text
 def unpack(a: Array) -> Geometry:
+    halves = ((a[66], a[67]), (a[68], a[69]), (a[70], a[71]))
+    return unpack_with(a, Openings(a[61] > 0, a[62], a[63], a[64], a[65], halves))
+
+
+@text
+def unpack_with(a: Array, openings: Openings) -> Geometry:
     return Geometry(
         triple(a, 0),
         a[3],
@@ -48,7 +60,14 @@ def unpack(a: Array) -> Geometry:
             (triple(a, 43), triple(a, 46), triple(a, 49)),
             (triple(a, 52), triple(a, 55), triple(a, 58)),
         ),
+        openings,
     )
+
+
+@text
+def outlines() -> Array:
+    """Memory for the sides of three outlines, for `optics.detected`."""
+    return np.empty((3, MOST, COLUMNS))
 
 
 @text
@@ -60,9 +79,9 @@ def state_of(states: Array, n: int) -> Any:
 @compiled
 def read(packed: Array, states: Array, out: Array) -> None:
     """out (n, 9): the readings at states (n, 8)."""
-    sensor = unpack(packed)
+    sensor, room = unpack(packed), outlines()
     for n in range(len(states)):
-        on_detectors = readings(sensor, state_of(states, n))
+        on_detectors = readings(sensor, state_of(states, n), room)
         for k in range(3):
             for i in range(3):
                 out[n, 3 * k + i] = on_detectors[k][i]
@@ -70,22 +89,22 @@ def read(packed: Array, states: Array, out: Array) -> None:
 
 @compiled
 def outline(packed: Array, states: Array, out: Array) -> None:
-    """out (n, 3, 4): the footprints of the spots at states (n, 8)."""
+    """out (n, 3, 5): the footprints of the spots at states (n, 8)."""
     sensor = unpack(packed)
     for n in range(len(states)):
-        at = scene(sensor, state_of(states, n))
+        at = placed(sensor, state_of(states, n))
         for k in range(3):
-            ends = footprint(sensor, at, k, path(sensor, at, k))
-            for i in range(4):
+            ends = footprint(sensor, at, k)
+            for i in range(5):
                 out[n, k, i] = ends[i]
 
 
 @compiled
 def differentiate(packed: Array, states: Array, out: Array) -> None:
     """out (n, 9, 8): the Jacobian at states (n, 8)."""
-    sensor = unpack(packed)
+    sensor, room = unpack(packed), outlines()
     for n in range(len(states)):
-        detectors = linearised(sensor, state_of(states, n))
+        detectors = linearised(sensor, state_of(states, n), room)
         for k in range(3):
             values, derivatives = detectors[k]
             for i in range(3):
@@ -100,7 +119,7 @@ def differentiate_by_parameters(packed: Array, parameters: Any, states: Array, o
     sensor = unpack(packed)
     for n in range(len(states)):
         state = state_of(states, n)
-        at = scene(sensor, state)
+        at = uncut_scene(sensor, state)
         for k in range(3):
             values, derivatives = detector_by_parameters(sensor, parameters, state, at, k)
             for i in range(3):
@@ -113,6 +132,27 @@ def differentiate_by_parameters(packed: Array, parameters: Any, states: Array, o
                     row[6 + c], row[8 + c], row[10 + c] = facet_a[c], facet_b[c], facet_c[c]
                 if values[i] != values[i]:
                     row[:] = np.nan
+
+
+@compiled
+def differentiate_cut(packed: Array, varied: Array, states: Array, out: Array) -> None:
+    """Overwrites out (n, 9, 30) with the derivatives of those sub-beams that are cut.
+
+    varied: (30, ...) the sensor with each parameter varied, see `optics.cut_parameters`.
+    """
+    sensor, room = unpack(packed), outlines()
+    for n in range(len(states)):
+        state = state_of(states, n)
+        at, counts = cut_scene(sensor, state, room)
+        for p in range(len(varied)):
+            copy = unpack_with(varied[p], sensor.openings)
+            moved = placed(copy, state)
+            for k in range(3):
+                if counts[k] > 0:
+                    lit = at.moments[k][1][0] == at.moments[k][1][0]
+                    rows = cut_by_parameter(sensor, at, copy, moved, k, room[k], counts[k])
+                    for i in range(3):
+                        out[n, 3 * k + i, p] = rows[i] if lit else np.nan
 
 
 @text
@@ -135,6 +175,7 @@ def room() -> Room:
         np.empty(UNKNOWNS),
         np.empty(UNKNOWNS),
         np.empty((UNKNOWNS, UNKNOWNS)),
+        outlines(),
     )
 
 

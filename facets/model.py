@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError
-from .optics.forward import Geometry, geometry
+from .optics.forward import Geometry, Openings, geometry
 from .optics.parameters import BEAM, FACET, PSD
 from .sensor import Sensor
 from .threads import share
@@ -28,7 +28,15 @@ def parameters(sensor: Sensor) -> tuple[float, ...]:
 
 def geometry_of(sensor: Sensor) -> Geometry:
     """The sensor's vectors, in plain floats."""
-    return geometry(parameters(sensor))
+    return geometry(parameters(sensor), openings(sensor))
+
+
+def openings(sensor: Sensor) -> Openings:
+    """The sensor's apertures as the optics takes them."""
+    given = sensor.apertures
+    y, z = half_sizes(sensor).T if given.detectors else np.full((2, 3), np.inf)
+    halves = tuple(zip(y.tolist(), z.tolist(), strict=True))
+    return Openings(given.cut, 2 * given.beam, given.tip, given.rim, given.gap, halves)  # type: ignore[arg-type]
 
 
 def packed(sensor: Sensor) -> Floats:
@@ -39,6 +47,20 @@ def packed(sensor: Sensor) -> Floats:
 
         known = sensor.__dict__["_packed"] = pack(geometry_of(sensor))
     return known
+
+
+def varied(sensor: Sensor) -> NDArray[np.complex128]:
+    """The sensor packed once for each parameter, which carries `cut_parameters.STEP`: (30, ...)."""
+    from .kernels import pack
+    from .optics.cut_parameters import STEP
+
+    values = parameters(sensor)
+    copies = []
+    for number in range(len(values)):
+        steps = [complex(0, STEP if i == number else 0) for i in range(len(values))]
+        moved = tuple(value + step for value, step in zip(values, steps, strict=True))
+        copies.append(pack(geometry(moved, openings(sensor))))
+    return np.array(copies, dtype=complex)
 
 
 def as_rows(values: ArrayLike, width: int, what: str) -> tuple[Floats, tuple[int, ...]]:
@@ -102,11 +124,13 @@ def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
     state: (..., 8). Returns (..., 9, 30), columns in the order of `facets.PARAMETERS`; mm and mW
     per mm, rad and mW. NaN as in `jacobian`.
     """
-    from .kernels import differentiate_by_parameters
+    from .kernels import differentiate_by_parameters, differentiate_cut
 
     rows, shape = as_rows(state, 8, "state")
     out = np.zeros((len(rows), 9, 30))
     differentiate_by_parameters(packed(sensor), parameters(sensor), rows, out)
+    if sensor.apertures.cut:
+        differentiate_cut(packed(sensor), varied(sensor), rows, out)
     return out.reshape(*shape, 9, 30)
 
 
@@ -132,30 +156,34 @@ def reaches(sensor: Sensor, state: ArrayLike) -> NDArray[np.bool_]:
 
 
 def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
-    """How far the spots reach on their detectors' planes, inside the beam's 1/e^2 circle.
+    """How far the spots reach, of the light inside the beam's 1/e^2 circle or smaller aperture.
 
-    state: (..., 8) as for `readings`. Returns (..., 3, 4): least and largest psi, least and largest
-    zeta, mm, detector frame. NaN where a facet meets no light inside the circle, and as `readings`.
+    state: (..., 8) as for `readings`. Returns (..., 3, 5): least and largest psi, least and largest
+    zeta on the detectors' planes (mm, detector frame), and how far from the mirror's axis the light
+    meets the facet at most (mm). NaN where a facet meets no light inside the circle, where it is
+    turned past the beam, and where its sub-beam never meets the detector's plane.
     """
     from .kernels import outline
 
     rows, shape = as_rows(state, 8, "state")
-    vectors, out = packed(sensor), np.empty((len(rows), 3, 4))
+    vectors, out = packed(sensor), np.empty((len(rows), 3, 5))
     share(lambda part: outline(vectors, rows[part], out[part]), len(rows), threads)
-    return out.reshape(*shape, 3, 4)
+    return out.reshape(*shape, 3, 5)
 
 
 def margins(sensor: Sensor, state: ArrayLike, whole: bool = True, threads: int = 1) -> Floats:
-    """How far each spot is from each edge of its detector, positive inside; mm.
+    """How far each spot is from each of its limits, positive inside; mm.
 
     whole: of the whole footprint inside the 1/e^2 circle, else of the centroid.
-    Returns (..., 3, 4): from the edges at -y, +y, -z and +z of detectors A, B, C. NaN as
-    `footprints` and `readings`.
+    Returns (..., 3, 5): from the edges at -y, +y, -z and +z of detectors A, B, C, and from the
+    mirror's rim, counted square to its axis; infinite where `sensor.apertures` gives no rim. NaN as
+    `footprints` and `readings`; for a centroid, the rim is that of the whole footprint.
     """
-    if whole:
-        ends = footprints(sensor, state, threads)
-    else:
+    ends = footprints(sensor, state, threads)
+    if not whole:
         spots = readings(sensor, state, threads=threads)
         places = np.stack([spots[..., 0::3], spots[..., 1::3]], axis=-1)
-        ends = np.repeat(places, 2, axis=-1)
-    return np.repeat(half_sizes(sensor), 2, axis=1) + ends * np.array([1, -1, 1, -1])
+        ends[..., :4] = np.repeat(places, 2, axis=-1)
+    limits = np.repeat(half_sizes(sensor), 2, axis=1)
+    rims = np.full((3, 1), sensor.apertures.rim)
+    return np.hstack([limits, rims]) + ends * np.array([1, -1, 1, -1, -1])

@@ -2,12 +2,14 @@
 
 The formulas in `facets.optics` are written once, over scalars, with `+ - * /` and these functions.
 They then run as plain floats, inside compiled loops (`facets.kernels` gives each function here a
-compiled twin), and in high precision (mpmath). A formula holds no decimal literal, because a
+compiled twin), and in high precision (mpmath); what is only geometry runs as complex numbers too,
+whose imaginary parts carry a derivative along. A formula holds no decimal literal, because a
 rounded constant would spoil a 40-digit run.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable
 from typing import Any
@@ -19,20 +21,27 @@ def is_float(x: Number) -> bool:
     return isinstance(x, float | int)
 
 
+def library(x: Number) -> Any:
+    """The module that has the elementary functions for a number of this type."""
+    if is_float(x):
+        return math
+    return cmath if isinstance(x, complex) else x.context
+
+
 def exp(x: Number) -> Number:
     return math.exp(x) if is_float(x) else x.context.exp(x)
 
 
 def sqrt(x: Number) -> Number:
-    return math.sqrt(x) if is_float(x) else x.context.sqrt(x)
+    return library(x).sqrt(x)
 
 
 def sin(x: Number) -> Number:
-    return math.sin(x) if is_float(x) else x.context.sin(x)
+    return library(x).sin(x)
 
 
 def cos(x: Number) -> Number:
-    return math.cos(x) if is_float(x) else x.context.cos(x)
+    return library(x).cos(x)
 
 
 def erf(x: Number) -> Number:

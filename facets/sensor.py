@@ -110,6 +110,37 @@ class Noise:
             _require(getattr(self, name) > 0, f"noise {name}", getattr(self, name), "above 0")
 
 
+@dataclass(frozen=True)
+class Apertures:
+    """What cuts the light, beside the facets' edges; by default nothing does.
+
+    beam: diameter of an aperture in the beam over the beam's 1/e^2 diameter; of the beam's own
+    shape and centred on it, so 1 cuts where the irradiance has fallen to 1/e^2.
+    detectors: whether the light past a PSD's sensitive area is lost.
+    tip, rim: the mirror reflects from `tip` to `rim` off its axis, counted towards where a facet
+    faces, so that both its flat top and its foot are bounded by straight edges; mm.
+    gap: width of the strip that is lost along each edge, half of it on either facet, mm.
+    """
+
+    beam: float = math.inf
+    detectors: bool = False
+    tip: float = 0.0
+    rim: float = math.inf
+    gap: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require(self.beam > 0, "aperture of the beam", self.beam, "above 0")
+        for name in ("tip", "gap"):
+            value = getattr(self, name)
+            _require(0 <= value < math.inf, f"mirror {name}", value, "0 or more, mm, and finite")
+        _require(self.rim > self.tip, "mirror rim", self.rim, "above its tip, mm")
+
+    @property
+    def cut(self) -> bool:
+        """Whether anything does."""
+        return self != Apertures()
+
+
 def _at_thirds(kind: type) -> tuple:
     return tuple(kind(azimuth=2 * pi * k / 3) for k in range(3))
 
@@ -126,6 +157,7 @@ class Sensor:
     facets: tuple[Facet, Facet, Facet] = _at_thirds(Facet)
     psds: tuple[Psd, Psd, Psd] = _at_thirds(Psd)
     noise: Noise = Noise()
+    apertures: Apertures = Apertures()
 
     def __post_init__(self) -> None:
         for k, letter in enumerate(DETECTORS):

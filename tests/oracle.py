@@ -5,11 +5,12 @@ nodes of the beam's cross-section and is good to some 1e-13; `by_random_rays` dr
 and asks of each ray which side of the solid pyramid it meets first.
 """
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
 from scipy.stats import qmc
 
 from facets import Sensor
@@ -123,4 +124,87 @@ def by_random_rays(sensor: Sensor, state: np.ndarray, count: int, seed: int) -> 
         mine = points[facet == k]
         reading[3 * k : 3 * k + 2] = land(at, k, mine).mean(axis=0)
         reading[3 * k + 2] = at.power * len(mine) / len(points)
+    return reading
+
+
+def clearances(sensor: Sensor, at: Setup, state: np.ndarray, k: int, points: np.ndarray):
+    """By how much rays through points (n, 2) clear each limit of facet and detector k, mm: (n, m).
+
+    Asked of the traced points in space, one limit after the other.
+    """
+    mirror = Rotation.from_euler("ZYX", state[[5, 4, 3]])
+    start = at.centre + (points * at.sigmas) @ at.across.T
+    far = ((at.apex - start) @ at.normals[k]) / (at.down @ at.normals[k])
+    hits = start + far[:, None] * at.down - at.apex
+    apertures = sensor.apertures
+    clear = []
+    for other in ((k + 2) % 3, (k + 1) % 3):
+        along = np.cross(at.normals[k], at.normals[other])
+        across = np.cross(along / np.linalg.norm(along), at.normals[k])
+        inward = across if across @ at.normals[other] < 0 else -across
+        clear.append(hits @ inward - apertures.gap / 2)
+    azimuth = sensor.facets[k].azimuth
+    reach = mirror.inv().apply(hits) @ [np.cos(azimuth), np.sin(azimuth), 0]
+    clear.append(reach - apertures.tip)
+    if np.isfinite(apertures.rim):
+        clear.append(apertures.rim - reach)
+    if apertures.detectors:
+        spots = land(at, k, points)
+        for i, size in enumerate((sensor.psds[k].size_y, sensor.psds[k].size_z)):
+            clear += [size / 2 - spots[:, i], size / 2 + spots[:, i]]
+    return np.stack(clear, axis=1)
+
+
+def lines_of_limits(sensor: Sensor, at: Setup, state: np.ndarray, k: int) -> np.ndarray:
+    """(m, 3): c0, cx, cy of each limit c0 + cx x + cy y > 0, from three rays."""
+    origin, x, y = clearances(sensor, at, state, k, np.array([[0.0, 0], [1, 0], [0, 1]]))
+    return np.stack([origin, x - origin, y - origin], axis=1)
+
+
+def kinks(lines: np.ndarray, radius: float) -> np.ndarray:
+    """The x at which lines cross each other or the circle."""
+    found = [-radius, radius]
+    for i, (c, a, b) in enumerate(lines):
+        norm = np.hypot(a, b)
+        a, b, c = a / norm, b / norm, c / norm
+        if abs(c) < radius:
+            half = np.sqrt(radius**2 - c * c)
+            found += [-c * a - half * b, -c * a + half * b]
+        for e, f, g in lines[:i]:
+            if abs(a * g - b * f) > 1e-12:
+                found.append((b * e - g * c) / (a * g - b * f))
+    return np.unique(np.clip(found, -radius, radius))
+
+
+def by_strips(sensor: Sensor, state: np.ndarray, radius: float = 12.0) -> np.ndarray:
+    """Nine readings with all limits: strips of the cross-section, cut where the limits are.
+
+    A strip's integrals along y are erf and exp, across strips Gauss-Legendre between all kinks.
+    """
+    at = setup(sensor, state)
+    radius = min(radius, 2 * sensor.apertures.beam)
+    reading = np.full(9, np.nan)
+    for k in range(3):
+        lines = lines_of_limits(sensor, at, state, k)
+        borders = np.arcsin(kinks(lines, radius) / radius)  # strips crowd where the circle ends
+        parts = [panels(a, b, 8) for a, b in itertools.pairwise(borders)]
+        angle = np.concatenate([part[0] for part in parts])
+        x, weight = radius * np.sin(angle), np.concatenate([part[1] for part in parts])
+        weight = weight * radius * np.cos(angle) * np.exp(-x * x / 2) / np.sqrt(2 * np.pi)
+        high = radius * np.cos(angle)
+        low = -high
+        for c, a, b in lines:
+            border = -(c + a * x) / b if b else np.where(c + a * x > 0, -np.inf, np.inf)
+            if b < 0:
+                high = np.minimum(high, border)
+            else:
+                low = np.maximum(low, border)
+        high = np.maximum(high, low)
+        amount = weight * (ndtr(high) - ndtr(low))
+        moment = weight * (np.exp(-low * low / 2) - np.exp(-high * high / 2)) / np.sqrt(2 * np.pi)
+        share = amount.sum()
+        if share > 1e-7:
+            point = np.array([[amount @ x, moment.sum()]]) / share
+            reading[3 * k : 3 * k + 2] = land(at, k, point)[0]
+            reading[3 * k + 2] = at.power * share
     return reading

@@ -3,6 +3,7 @@
 import numpy as np
 import oracle
 import pytest
+from scipy.spatial.transform import Rotation
 from sensors import SENSORS, states
 
 import facets
@@ -16,11 +17,15 @@ def traced(sensor: facets.Sensor, state: np.ndarray) -> np.ndarray:
     points = np.concatenate([points, oracle.seen(at, at.apex - at.centre)[None]])
     start = at.centre + (points * at.sigmas) @ at.across.T
     depth = ((at.apex - start) @ at.normals.T) / (at.down @ at.normals.T)
-    ends = np.empty((3, 4))
+    ends = np.empty((3, 5))
     for k in range(3):
-        spots = oracle.land(at, k, points[depth[:, k] >= depth.max(axis=1) - 1e-9])
+        mine = depth[:, k] >= depth.max(axis=1) - 1e-9
+        spots = oracle.land(at, k, points[mine])
         low, high = spots.min(axis=0), spots.max(axis=0)
-        ends[k] = low[0], high[0], low[1], high[1]
+        hits = start[mine] + depth[mine, k, None] * at.down - at.apex
+        axis = Rotation.from_euler("ZYX", state[[5, 4, 3]]).apply([0, 0, 1])
+        away = at.normals[k] - (at.normals[k] @ axis) * axis
+        ends[k] = low[0], high[0], low[1], high[1], (hits @ away).max() / np.linalg.norm(away)
     return ends
 
 
@@ -71,7 +76,7 @@ def test_margins_of_centroids():
     sensor = facets.Sensor()
     state = [0, 0, 1.0, 0, 0, 0.001, 0, 0]
     psi, zeta, _ = facets.readings(sensor, state)[:3]
-    left, right, low, high = facets.margins(sensor, state, whole=False)[0]
+    left, right, low, high = facets.margins(sensor, state, whole=False)[0, :4]
     assert (left, right) == pytest.approx((6.5 + psi, 6.5 - psi))
     assert (low, high) == pytest.approx((6.5 + zeta, 6.5 - zeta))
 
@@ -90,5 +95,5 @@ def test_a_facet_without_light_has_no_footprint():
 def test_shapes():
     some = states(6, seed=1)
     whole = facets.margins(facets.Sensor(), some.reshape(2, 3, 8))
-    assert whole.shape == (2, 3, 3, 4)
+    assert whole.shape == (2, 3, 3, 5)
     assert (whole[1, 2] == facets.margins(facets.Sensor(), some[5])).all()

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from math import radians
+from math import inf, radians
 from pathlib import Path
 from typing import Any
 
-from ..sensor import DETECTORS, Beam, Facet, Noise, Psd, Sensor
+from ..sensor import DETECTORS, Apertures, Beam, Facet, Noise, Psd, Sensor
 from .keys import Document, Mirror, Psds
 from .values import Motion, Random, Sine, Solve, State, Steps, Sweep, Table
 
@@ -46,6 +46,17 @@ def sensor(keys: dict[str, Any]) -> Sensor:
             at_power=noise["at_power_mw"],
             power=noise["power_uw"] / 1000,
         ),
+        apertures=_apertures(keys["apertures"]),
+    )
+
+
+def _apertures(keys: dict[str, Any]) -> Apertures:
+    return Apertures(
+        beam=inf if keys["beam_ratio"] is None else keys["beam_ratio"],
+        detectors=keys["detectors"],
+        tip=keys["tip_um"] / 1000,
+        rim=inf if keys["rim_mm"] is None else keys["rim_mm"],
+        gap=keys["gap_um"] / 1000,
     )
 
 

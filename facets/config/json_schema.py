@@ -113,6 +113,8 @@ def allowed(path: Path_, plain: Any = None) -> str:
     if found.get("type") == "object":
         return ", ".join(found.get("properties", {})) or "a name for each block below it"
     ending = f" {unit(path)}" if _numeric(found) and unit(path) else ""
+    if {"type": "null"} in found.get("anyOf", []):
+        return f"{_words(found['anyOf'][0])}{ending}, or null for none"
     return _words(found) + ending
 
 

@@ -134,6 +134,29 @@ class Noise(Section):
     power_uw: float = Field(0.04, gt=0, le=1000, description="of a power reading")
 
 
+class Apertures(Section):
+    """What cuts the light, beside the facets' edges; off unless given."""
+
+    beam_ratio: float | None = Field(
+        None,
+        gt=0,
+        le=100,
+        description="diameter of an aperture in the beam over its 1/e^2 diameter; 1 as the paper",
+    )
+    detectors: bool = Field(
+        False, description="whether light past a PSD's sensitive area is lost, spots being cut"
+    )
+    rim_mm: float | None = Field(
+        None, gt=0, le=1000, description="where the facets end below, from the mirror's axis"
+    )
+    tip_um: float = Field(
+        0.0, ge=0, le=10_000, description="where the facets begin, from the axis: a flat tip"
+    )
+    gap_um: float = Field(
+        0.0, ge=0, le=10_000, description="width of the strip that is lost along each edge"
+    )
+
+
 class SensorKeys(Section):
     """Beam, mirror, detectors and their noise."""
 
@@ -141,6 +164,7 @@ class SensorKeys(Section):
     mirror: Mirror = Field(Mirror(), description="the three-facet mirror")
     psd: Psds = Field(Psds(), description="the position-sensitive detectors")
     noise: Noise = Field(Noise(), description="noise of the readings, 1 sigma")
+    apertures: Apertures = Field(Apertures(), description="what cuts the light; off unless given")
 
 
 class Simulate(Section):

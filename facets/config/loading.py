@@ -52,7 +52,7 @@ def _resolved(tree: Marked) -> dict[str, Any]:
         raise ConfigError("\n".join(messages(error, tree))) from None
     resolved = build.resolve(document)
     problems = [
-        *aim.problems(resolved["sensor"], tree),
+        *(_aperture_conflicts(tree, resolved["sensor"]) or aim.problems(resolved["sensor"], tree)),
         *_find_tables(tree, resolved["motions"]),
         *_method_conflicts(tree, resolved["solve"]),
     ]
@@ -76,6 +76,18 @@ def _find_tables(tree: Marked, motions: dict[str, Any]) -> list[str]:
             )
         keys["file"] = str(file.resolve())
     return problems
+
+
+def _aperture_conflicts(tree: Marked, sensor: dict[str, Any]) -> list[str]:
+    """The facets begin at the tip and end at the rim."""
+    tip, rim = sensor["apertures"]["tip_um"], sensor["apertures"]["rim_mm"]
+    if rim is None or 1000 * rim > tip:
+        return []
+    mark, _ = tree.find(("sensor", "apertures", "rim_mm"))
+    return [
+        f"{mark.place}: sensor.apertures.rim_mm: the facets would end before they begin "
+        f"(got {rim:g}; allowed: above {tip / 1000:g} mm, the tip)"
+    ]
 
 
 def _method_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:

@@ -1,4 +1,5 @@
-"""How far a spot reaches: the image of the light on a facet inside the beam's 1/e^2 circle.
+"""How far a spot reaches: the image of the light on a facet inside the beam's 1/e^2 circle, or
+inside the beam's aperture where that is smaller.
 
 The light on a facet is a wedge of the beam; cut at the circle it is a piece of pie, and a landing
 coordinate is linear over it. So its extremes lie at the pie's corners, or where the arc runs along
@@ -9,13 +10,19 @@ from __future__ import annotations
 
 from math import inf, nan, sqrt
 
-from .forward import Geometry, Path, Scene, reading
+from .forward import Geometry, Scene
+from .limits import central_landing, outward, seen
 from .rays import gradient_of_shift, slanted
-from .vectors import Vector, dot
+from .vectors import Vector, dot, subtract
 from .wedge import Plane
 
 #: The 1/e^2 radius in sigmas.
 RADIUS = 2.0
+
+
+def rim_of_beam(sensor: Geometry) -> float:
+    """The radius, in sigmas, inside which light counts."""
+    return min(RADIUS, sensor.openings.radius)
 
 
 def inside(point: Plane, q: Plane, u1: Plane, u2: Plane) -> bool:
@@ -24,51 +31,53 @@ def inside(point: Plane, q: Plane, u1: Plane, u2: Plane) -> bool:
     return u1[0] * y - u1[1] * x >= 0 and x * u2[1] - y * u2[0] >= 0
 
 
-def reach(slope: Plane, q: Plane, u1: Plane, u2: Plane) -> float:
+def reach(slope: Plane, q: Plane, u1: Plane, u2: Plane, radius: float) -> float:
     """The largest slope . x over the wedge inside the circle; -inf where that is empty."""
     most = -inf
-    if q[0] * q[0] + q[1] * q[1] <= RADIUS * RADIUS:
+    if q[0] * q[0] + q[1] * q[1] <= radius * radius:
         most = slope[0] * q[0] + slope[1] * q[1]
     for u in (u1, u2):
         a, h = q[0] * u[0] + q[1] * u[1], q[0] * u[1] - q[1] * u[0]
-        if abs(h) > RADIUS:
+        if abs(h) > radius:
             continue
-        half = sqrt(RADIUS * RADIUS - h * h)
+        half = sqrt(radius * radius - h * h)
         for s in (-a - half, -a + half):
             if s > 0:
                 most = max(most, slope[0] * (q[0] + s * u[0]) + slope[1] * (q[1] + s * u[1]))
     size = sqrt(slope[0] * slope[0] + slope[1] * slope[1])
     if size > 0:
-        extreme = (RADIUS * slope[0] / size, RADIUS * slope[1] / size)
+        extreme = (radius * slope[0] / size, radius * slope[1] / size)
         if inside(extreme, q, u1, u2):
-            most = max(most, RADIUS * size)
+            most = max(most, radius * size)
     return most
 
 
 def extent(
-    sensor: Geometry, at: Scene, k: int, along: Vector, centre: float
+    sensor: Geometry, at: Scene, k: int, shift: Vector, centre: float
 ) -> tuple[float, float]:
-    """The least and largest of one landing coordinate over the footprint on detector k, mm.
+    """The least and largest of one length over the footprint of facet k, mm.
 
-    along: the coordinate's slanted axis; centre: its value at the centroid. NaN where no light
-    inside the circle meets the facet.
+    shift: the length's gradient with respect to a ray's origin; centre: its value for the beam's
+    central ray. NaN where no light inside the circle meets the facet.
     """
-    shift = gradient_of_shift(along, sensor.direction, at.normals[k])
-    slope = (dot(shift, sensor.spread[0]), dot(shift, sensor.spread[1]))
+    slope, radius = seen(sensor, shift), rim_of_beam(sensor)
     back = (-slope[0], -slope[1])
     u1, u2 = at.sides[k], at.sides[(k + 1) % 3]
-    most, least = reach(slope, at.q, u1, u2), -reach(back, at.q, u1, u2)
+    most, least = reach(slope, at.q, u1, u2, radius), -reach(back, at.q, u1, u2, radius)
     if most < least:
         return nan, nan
-    centroid = at.moments[k][1]
-    origin = centre - slope[0] * centroid[0] - slope[1] * centroid[1]
-    return origin + least, origin + most
+    return centre + least, centre + most
 
 
-def footprint(sensor: Geometry, at: Scene, k: int, ray: Path) -> tuple[float, float, float, float]:
-    """(least psi, largest psi, least zeta, largest zeta) of the spot on detector k, mm."""
-    psi, zeta, _ = reading(sensor, at, k, ray)
+def footprint(sensor: Geometry, at: Scene, k: int) -> tuple[float, float, float, float, float]:
+    """(least psi, largest psi, least zeta, largest zeta) of the spot on detector k, and how far
+    from the mirror's axis its light meets facet k at most; mm. NaN as `extent` and `reading`."""
+    beam, normal = sensor.direction, at.normals[k]
     x, y, z = sensor.axes[k]
-    left, right = extent(sensor, at, k, slanted(y, ray.leaving, x), psi)
-    low, high = extent(sensor, at, k, slanted(z, ray.leaving, x), zeta)
-    return left, right, low, high
+    leaving, (psi, zeta) = central_landing(sensor, at, k)
+    along_y, along_z = slanted(y, leaving, x), slanted(z, leaving, x)
+    left, right = extent(sensor, at, k, gradient_of_shift(along_y, beam, normal), psi)
+    low, high = extent(sensor, at, k, gradient_of_shift(along_z, beam, normal), zeta)
+    away = slanted(outward(sensor, at, k), beam, normal)
+    _, out = extent(sensor, at, k, away, dot(subtract(at.place, at.apex), away))
+    return left, right, low, high, out if psi == psi else nan

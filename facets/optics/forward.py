@@ -10,6 +10,7 @@ All functions take any number type. Vectors are tuples in the world frame, mm.
 
 from __future__ import annotations
 
+from math import inf
 from typing import Any, NamedTuple
 
 from ..numbers import Number, cos, defined, sin, sqrt
@@ -32,6 +33,24 @@ from .wedge import Plane, side, wedge
 Three = tuple[Any, Any, Any]
 
 
+class Openings(NamedTuple):
+    """What lets the light through; nothing takes any away where `cut` is false.
+
+    radius: of the beam's aperture, in sigmas.  tip, rim: of the mirror, from its axis, mm.
+    gap: lost along each edge, mm.  halves: of each detector's area along y and z, mm.
+    """
+
+    cut: bool
+    radius: float
+    tip: float
+    rim: float
+    gap: float
+    halves: Three
+
+
+OPEN = Openings(False, inf, 0.0, inf, 0.0, ((inf, inf), (inf, inf), (inf, inf)))
+
+
 class Geometry(NamedTuple):
     """A sensor at rest, as vectors; from `geometry`.
 
@@ -40,6 +59,7 @@ class Geometry(NamedTuple):
     whitening: the same axes divided by sigma, so that whitening . r is in sigmas, 1/mm.
     normals: of the facets, in the mirror's frame.
     centres: of the detectors, mm.  axes: of each detector, its x, y and z in the world.
+    openings: what cuts the light.
     """
 
     direction: Vector
@@ -49,6 +69,7 @@ class Geometry(NamedTuple):
     normals: Three
     centres: Three
     axes: Three
+    openings: Openings = OPEN
 
 
 def beam_axes(rotation_about_beam: Number, tilt_x: Number, tilt_y: Number) -> Matrix:
@@ -72,7 +93,7 @@ def psd_axes(azimuth: Number, roll: Number, pitch: Number, yaw: Number) -> Matri
     return columns(rotation(roll, pitch, azimuth + yaw))
 
 
-def geometry(parameters: tuple[Any, ...]) -> Geometry:
+def geometry(parameters: tuple[Any, ...], openings: Openings = OPEN) -> Geometry:
     """The vectors of a sensor from its 30 parameters, in the order of `facets.PARAMETERS`."""
     power, diameter_x, diameter_y, turn, tilt_x, tilt_y = parameters[:6]
     facets = [parameters[k : k + 2] for k in (6, 8, 10)]
@@ -90,14 +111,8 @@ def geometry(parameters: tuple[Any, ...]) -> Geometry:
         normals=(a, b, c),
         centres=(centre_a, centre_b, centre_c),
         axes=(axes_a, axes_b, axes_c),
+        openings=openings,
     )
-
-
-def normals_in_world(sensor: Geometry, roll: Number, pitch: Number, yaw: Number) -> Three:
-    """The facets' normals at a pose."""
-    turn = rotation(roll, pitch, yaw)
-    a, b, c = sensor.normals
-    return rotate(turn, a), rotate(turn, b), rotate(turn, c)
 
 
 def edges(normals: Three) -> Three:
@@ -124,6 +139,7 @@ class Scene(NamedTuple):
     """A sensor at a state of Eq. (3): where its mirror stands and how the facets share the beam.
 
     apex, place: of the mirror and of the beam's centre at z = 0, mm.
+    turn: the mirror's rotation, by rows.
     normals, edges: of the facets, in the world.
     q: the apex seen along the beam, from its centre, in sigmas.
     sides, integrals: of each edge, its direction in that plane and what `side` gives.
@@ -132,6 +148,7 @@ class Scene(NamedTuple):
 
     apex: Vector
     place: Vector
+    turn: Matrix
     normals: Three
     edges: Three
     q: Plane
@@ -141,19 +158,42 @@ class Scene(NamedTuple):
 
 
 def scene(sensor: Geometry, state: tuple[Any, ...]) -> Scene:
+    return shone_on(placed(sensor, state))
+
+
+def placed(sensor: Geometry, state: tuple[Any, ...]) -> Scene:
+    """The scene with the light left out: its integrals and moments are zero."""
     tx, ty, tz, roll, pitch, yaw, bx, by = state
     apex, place = (tx, ty, tz), (bx, by, bx * 0)
-    normals = normals_in_world(sensor, roll, pitch, yaw)
+    turn = rotation(roll, pitch, yaw)
+    a, b, c = sensor.normals
+    normals = rotate(turn, a), rotate(turn, b), rotate(turn, c)
     edge = edges(normals)
     q = in_sigmas(sensor, subtract(apex, place))
     u0 = unit(in_sigmas(sensor, edge[0]))
     u1 = unit(in_sigmas(sensor, edge[1]))
     u2 = unit(in_sigmas(sensor, edge[2]))
+    zero = tx * 0
+    dark = zero, (zero, zero), (zero, zero, zero)
+    none = zero, zero, zero, zero
+    sides = u0, u1, u2
+    return Scene(apex, place, turn, normals, edge, q, sides, (none, none, none), (dark, dark, dark))
+
+
+def shone_on(at: Scene) -> Scene:
+    """The scene with the light in it, nothing cut."""
+    q, (u0, u1, u2) = at.q, at.sides
     s0, s1, s2 = side(q, u0), side(q, u1), side(q, u2)
     on_a = wedge(q, u0, u1, s0, s1)
     on_b = wedge(q, u1, u2, s1, s2)
     on_c = wedge(q, u2, u0, s2, s0)
-    return Scene(apex, place, normals, edge, q, (u0, u1, u2), (s0, s1, s2), (on_a, on_b, on_c))
+    return with_light(at, (s0, s1, s2), (on_a, on_b, on_c))
+
+
+def with_light(at: Scene, integrals: Three, moments: Three) -> Scene:
+    return Scene(
+        at.apex, at.place, at.turn, at.normals, at.edges, at.q, at.sides, integrals, moments
+    )
 
 
 class Path(NamedTuple):
@@ -201,8 +241,11 @@ def reading(sensor: Geometry, at: Scene, k: int, ray: Path) -> Three:
 
 
 def readings(sensor: Geometry, state: tuple[Any, ...]) -> tuple[Three, Three, Three]:
-    """Eq. (1): (psi, zeta, power) of detectors A, B and C at a state of Eq. (3)."""
-    at = scene(sensor, state)
+    """Eq. (1): (psi, zeta, power) of detectors A, B and C at a state of Eq. (3), nothing cut."""
+    return readings_of(sensor, scene(sensor, state))
+
+
+def readings_of(sensor: Geometry, at: Scene) -> tuple[Three, Three, Three]:
     return (
         reading(sensor, at, 0, path(sensor, at, 0)),
         reading(sensor, at, 1, path(sensor, at, 1)),

@@ -131,34 +131,44 @@ def by_state(
     )
 
 
+def turns_of_edges(sensor: Geometry, at: Scene) -> tuple[Vector, Vector, Vector]:
+    """How the angle of each edge, seen along the beam, answers to a turn of the mirror."""
+    return (
+        cross(at.edges[0], gradient_of_angle(sensor, at.edges[0])),
+        cross(at.edges[1], gradient_of_angle(sensor, at.edges[1])),
+        cross(at.edges[2], gradient_of_angle(sensor, at.edges[2])),
+    )
+
+
 def linearised_detector(
-    sensor: Geometry, at: Scene, k: int, turns: tuple[Vector, Vector], axes: Matrix
+    sensor: Geometry, at: Scene, k: int, turns: tuple[Vector, Vector, Vector], axes: Matrix
 ) -> tuple[Three, Three]:
-    """(psi, zeta, power) of detector k, and the eight derivatives of each."""
+    """(psi, zeta, power) of detector k, and the eight derivatives of each.
+
+    turns: from `turns_of_edges`.  axes: the world axes of roll, pitch and yaw.
+    """
     ray = path(sensor, at, k)
     of_psi, of_zeta, of_power = gradients(sensor, at, k, ray)
-    normal = at.normals[k]
+    normal, own = at.normals[k], (turns[k], turns[(k + 1) % 3])
     return reading(sensor, at, k, ray), (
-        by_state(sensor, of_psi, normal, turns, axes),
-        by_state(sensor, of_zeta, normal, turns, axes),
-        by_state(sensor, of_power, normal, turns, axes),
+        by_state(sensor, of_psi, normal, own, axes),
+        by_state(sensor, of_zeta, normal, own, axes),
+        by_state(sensor, of_power, normal, own, axes),
     )
 
 
 def linearised(
     sensor: Geometry, state: tuple[Any, ...]
 ) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
-    """Readings and Jacobian at a state, for detectors A, B and C.
+    """Readings and Jacobian at a state, for detectors A, B and C, nothing cut.
 
     Each is ((psi, zeta, power), (eight derivatives of each)); mm, mW, rad. NaN as in `reading`.
     """
     at = scene(sensor, state)
     axes = rotation_axes(state[4], state[5])
-    turn0 = cross(at.edges[0], gradient_of_angle(sensor, at.edges[0]))
-    turn1 = cross(at.edges[1], gradient_of_angle(sensor, at.edges[1]))
-    turn2 = cross(at.edges[2], gradient_of_angle(sensor, at.edges[2]))
+    turns = turns_of_edges(sensor, at)
     return (
-        linearised_detector(sensor, at, 0, (turn0, turn1), axes),
-        linearised_detector(sensor, at, 1, (turn1, turn2), axes),
-        linearised_detector(sensor, at, 2, (turn2, turn0), axes),
+        linearised_detector(sensor, at, 0, turns, axes),
+        linearised_detector(sensor, at, 1, turns, axes),
+        linearised_detector(sensor, at, 2, turns, axes),
     )

@@ -1,0 +1,140 @@
+"""One sub-beam that is cut by its `limits` or the beam's aperture: its light and its derivatives.
+
+How the power and the centroid of a cut spot answer to a motion follows from how fast the outline's
+sides advance: a side that moves outward at v sweeps v f ds of light over itself, and v is linear
+along the side. For floats.
+"""
+
+from __future__ import annotations
+
+from math import inf, nan
+from typing import Any, NamedTuple
+
+from .forward import Geometry, Path, Scene, Three, path, reading
+from .limits import (
+    FAR,
+    KIND,
+    Limit,
+    depth_of,
+    gather_detector,
+    gather_edges,
+    gather_mirror,
+    limit,
+    seen,
+    turning,
+)
+from .rays import gradient_of_mirror, gradient_of_normal, gradient_of_shift, slanted
+from .region import DIM, DISTANCE, FIRST, LENGTH, NORMAL, SECOND, Array, light, measure
+from .vectors import Matrix, Vector, add, combine, cross, dot, scale, subtract
+
+
+def always_cut(sensor: Geometry) -> bool:
+    """Whether every sub-beam is cut, wherever the mirror stands: the uncut light is not needed."""
+    openings = sensor.openings
+    return openings.gap > 0 or openings.radius * openings.radius < 2 * FAR
+
+
+def outline(sensor: Geometry, at: Scene, k: int, sides: Array) -> tuple[int, Any]:
+    """The light that gets from facet k to its detector: how many `sides` cut it, and its moments.
+
+    at: with the uncut light, unless `always_cut`.
+    sides: (limits.MOST, limits.COLUMNS), filled. 0 where nothing that shows is missing: then the
+    moments are those of the scene, else their third is NaN.
+    """
+    openings = sensor.openings
+    depth = depth_of(DIM if always_cut(sensor) else at.moments[k][0])
+    radius = openings.radius if openings.radius * openings.radius < depth else inf
+    count = gather_mirror(sensor, at, k, depth, sides, 0)
+    count = gather_detector(sensor, at, k, depth, sides, count)
+    if count == 0 and radius == inf and openings.gap == 0:
+        return 0, at.moments[k]
+    count = gather_edges(sensor, at, k, sides, count)
+    measure(sides, count, radius)
+    mass, centroid = light(sides, count, radius)
+    return count, (mass, centroid, (nan, nan, nan))
+
+
+class Answer(NamedTuple):
+    """How a reading answers to a motion of the apex, a turn of the mirror, a motion of the beam."""
+
+    apex: Vector
+    turn: Vector
+    place: Vector
+
+
+def held(sensor: Geometry, at: Scene, k: int, ray: Path, along: Vector) -> Answer:
+    """Of a landing coordinate with the slanted axis `along`, the centroid in the beam held."""
+    beam, normal = sensor.direction, at.normals[k]
+    lever = subtract(at.apex, ray.start)
+    of_normal = gradient_of_normal(along, beam, normal, lever, ray.length)
+    return Answer(
+        gradient_of_mirror(along, beam, normal),
+        cross(normal, of_normal),
+        gradient_of_shift(along, beam, normal),
+    )
+
+
+def advanced(
+    answer: Answer, of: Limit, turns: tuple[Vector, Vector], zeroth: float, first: float
+) -> Answer:
+    """`answer` and what the advance of one side adds.
+
+    turns: the limit's answer to a turn at s = 0, and how much more at s = 1.
+    zeroth, first: integrals of w f and w s f along the side, w being what the light there counts.
+    """
+    return Answer(
+        add(answer.apex, scale(zeroth / of.size, of.apex)),
+        add(answer.turn, combine(zeroth / of.size, turns[0], first / of.size, turns[1])),
+        add(answer.place, scale(zeroth / of.size, of.origin)),
+    )
+
+
+def row(answer: Answer, axes: Matrix) -> tuple[Any, ...]:
+    apex, turn, place = answer
+    return (
+        apex[0],
+        apex[1],
+        apex[2],
+        dot(turn, axes[0]),
+        dot(turn, axes[1]),
+        dot(turn, axes[2]),
+        place[0],
+        place[1],
+    )
+
+
+def linearised_cut(
+    sensor: Geometry, at: Scene, k: int, sides: Array, count: int, axes: Matrix
+) -> tuple[Three, Three]:
+    """(psi, zeta, power) of detector k, and the eight derivatives of each.
+
+    at: with the light as cut.  sides, count: from `outline`.  axes: the world axes of roll, pitch
+    and yaw.
+    """
+    ray = path(sensor, at, k)
+    mass, centroid, _ = at.moments[k]
+    x, y, z = sensor.axes[k]
+    nothing = (0.0, 0.0, 0.0)
+    psi = held(sensor, at, k, ray, slanted(y, ray.leaving, x))
+    zeta = held(sensor, at, k, ray, slanted(z, ray.leaving, x))
+    power = Answer(nothing, nothing, nothing)
+    to_psi, to_zeta = seen(sensor, psi.place), seen(sensor, zeta.place)
+    for j in range(count):
+        length, first, second = sides[j, LENGTH], sides[j, FIRST], sides[j, SECOND]
+        if length == 0:
+            continue
+        of = limit(sensor, at, k, int(sides[j, KIND]))
+        nx, ny, distance = sides[j, NORMAL], sides[j, NORMAL + 1], sides[j, DISTANCE]
+        foot = turning(sensor, at, k, of, (distance * nx, distance * ny))
+        on = turning(sensor, at, k, of, (distance * nx - ny, distance * ny + nx))
+        turns = foot, subtract(on, foot)
+        dx, dy = distance * nx - centroid[0], distance * ny - centroid[1]
+        # what light at s counts for a centroid: even + rise s
+        even = (to_psi[0] * dx + to_psi[1] * dy) / mass
+        rise = (to_psi[1] * nx - to_psi[0] * ny) / mass
+        psi = advanced(psi, of, turns, even * length + rise * first, even * first + rise * second)
+        even = (to_zeta[0] * dx + to_zeta[1] * dy) / mass
+        rise = (to_zeta[1] * nx - to_zeta[0] * ny) / mass
+        zeta = advanced(zeta, of, turns, even * length + rise * first, even * first + rise * second)
+        power = advanced(power, of, turns, sensor.power * length, sensor.power * first)
+    return reading(sensor, at, k, ray), (row(psi, axes), row(zeta, axes), row(power, axes))

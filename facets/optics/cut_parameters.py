@@ -1,0 +1,89 @@
+"""How the reading of a cut sub-beam answers to the sensor's parameters.
+
+Each parameter has a copy of the sensor in which it carries an imaginary part h. What lies in the
+imaginary part of a length computed with that copy is then h times the length's derivative, to the
+last digit, because nothing is subtracted. Lengths are all that is needed: how far each side of the
+outline moves (as in `cut`), and where the centroid's ray lands.
+"""
+
+from __future__ import annotations
+
+from ..numbers import Number
+from .forward import Geometry, Scene, Three
+from .limits import (
+    AT_MINUS_Y,
+    AT_MINUS_Z,
+    AT_PLUS_Y,
+    KIND,
+    RIM,
+    across,
+    limit,
+    seen,
+)
+from .rays import flight, gradient_of_shift, hit, land, reflect, slanted
+from .region import DISTANCE, FIRST, LENGTH, NORMAL, SECOND, Array
+from .vectors import Vector, add, combine, dot, subtract
+from .wedge import Plane
+
+#: The imaginary part: so small that its square is nothing.
+STEP = 1e-30
+
+
+def incidence(sensor: Geometry, at: Scene, k: int, x: Plane) -> Vector:
+    """Where the ray through x, in sigmas, meets facet k."""
+    offset = combine(x[0], sensor.spread[0], x[1], sensor.spread[1])
+    return hit(add(at.place, offset), sensor.direction, at.apex, at.normals[k])
+
+
+def landing(sensor: Geometry, at: Scene, k: int, x: Plane) -> tuple[Number, Number]:
+    """Where the ray through x lands on detector k: (psi, zeta), mm."""
+    start, leaving = incidence(sensor, at, k, x), reflect(sensor.direction, at.normals[k])
+    length = flight(start, leaving, sensor.centres[k], sensor.axes[k])
+    return land(start, leaving, length, sensor.centres[k], sensor.axes[k])
+
+
+def clearance(sensor: Geometry, at: Scene, k: int, kind: int, x: Plane) -> Number:
+    """By how much the ray through x clears a limit, mm, but for a constant."""
+    if kind <= RIM:
+        point = subtract(incidence(sensor, at, k, x), at.apex)
+        return dot(point, across(sensor, at, k, kind))
+    psi, zeta = landing(sensor, at, k, x)
+    coordinate = psi if kind <= AT_PLUS_Y else zeta
+    return coordinate if kind in (AT_MINUS_Y, AT_MINUS_Z) else -coordinate
+
+
+def cut_by_parameter(
+    sensor: Geometry, at: Scene, varied: Geometry, moved: Scene, k: int, sides: Array, count: int
+) -> Three:
+    """The derivatives of (psi, zeta, power) of detector k by one parameter.
+
+    at: of `sensor`, with the light as cut.  varied: the copy of the sensor in which the parameter
+    carries STEP.  moved: of `varied`, without light.  sides, count: from `cut.outline`.
+    """
+    mass, centroid, _ = at.moments[k]
+    beam, normal = sensor.direction, at.normals[k]
+    x, y, z = sensor.axes[k]
+    leaving = reflect(beam, normal)
+    to_psi = seen(sensor, gradient_of_shift(slanted(y, leaving, x), beam, normal))
+    to_zeta = seen(sensor, gradient_of_shift(slanted(z, leaving, x), beam, normal))
+    landed = landing(varied, moved, k, centroid)
+    psi, zeta = landed[0].imag / STEP, landed[1].imag / STEP
+    power = mass * varied.power.imag / STEP
+    for j in range(count):
+        length, first, second = sides[j, LENGTH], sides[j, FIRST], sides[j, SECOND]
+        if length == 0:
+            continue
+        kind = int(sides[j, KIND])
+        size = limit(sensor, at, k, kind).size * STEP
+        nx, ny, distance = sides[j, NORMAL], sides[j, NORMAL + 1], sides[j, DISTANCE]
+        foot = (distance * nx, distance * ny)
+        speed = clearance(varied, moved, k, kind, foot).imag / size
+        on = clearance(varied, moved, k, kind, (foot[0] - ny, foot[1] + nx)).imag / size
+        zeroth = speed * length + (on - speed) * first
+        further = speed * first + (on - speed) * second
+        dx, dy = foot[0] - centroid[0], foot[1] - centroid[1]
+        swept_x, swept_y = dx * zeroth - ny * further, dy * zeroth + nx * further
+        psi += (to_psi[0] * swept_x + to_psi[1] * swept_y) / mass
+        zeta += (to_zeta[0] * swept_x + to_zeta[1] * swept_y) / mass
+        power += sensor.power * zeroth
+    return psi, zeta, power

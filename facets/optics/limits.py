@@ -1,0 +1,198 @@
+"""Where light ends: a facet's edges, tip and rim and a detector's edges, as sides in the beam.
+
+Each limit is a length that is positive where light passes, and that is linear over the beam's
+cross-section, because facets and detectors are flat and the rays of a sub-beam parallel. On a facet
+it counts from the edge, tip or rim to the ray's point of incidence, on a detector from its edge to
+where the ray lands. So it is zero on a line, a side of `region`. For floats.
+"""
+
+from __future__ import annotations
+
+from math import inf, log
+from typing import NamedTuple
+
+from ..numbers import defined, sqrt
+from .forward import Geometry, Scene
+from .rays import (
+    flight,
+    gradient_of_mirror,
+    gradient_of_normal,
+    gradient_of_shift,
+    hit,
+    land,
+    reflect,
+    slanted,
+)
+from .region import DISTANCE, NORMAL, Array
+from .vectors import Vector, add, combine, cross, dot, rotate, scale, subtract
+from .wedge import Plane
+
+#: The column that says which limit a side is; `region` has the others.
+KIND, COLUMNS = 10, 11
+#: A facet's first and second edge, tip and rim, and its detector's edges.
+FIRST_EDGE, SECOND_EDGE, TIP, RIM, AT_MINUS_Y, AT_PLUS_Y, AT_MINUS_Z, AT_PLUS_Z = range(8)
+MOST = 8
+
+#: A side past which the beam has less than exp(-FAR) of the facet's light cuts nothing: 4e-18.
+FAR = 40.0
+FAINTEST = 5e-324
+HAIR = 1e-300
+
+
+def depth_of(mass: float) -> float:
+    """The square of the distance from the beam's centre, in sigmas, past which nothing shows
+    beside a facet's own `mass`."""
+    return 2 * (FAR - log(max(mass, FAINTEST)))
+
+
+def seen(sensor: Geometry, origin: Vector) -> Plane:
+    """A gradient with respect to a ray's origin as one over the cross-section, per sigma."""
+    return dot(origin, sensor.spread[0]), dot(origin, sensor.spread[1])
+
+
+def put(
+    sides: Array, count: int, kind: int, value: float, slope: Plane, sense: float, depth: float
+) -> int:
+    """Writes the side where value + sense slope . x = 0 if it is nearer than `depth`.
+
+    value: of the limit at the beam's centre, mm.  Returns how many sides there are now.
+    """
+    square = slope[0] * slope[0] + slope[1] * slope[1]
+    if value > 0 and value * value > depth * square:
+        return count
+    size = sqrt(square)
+    distance = value / size
+    # the centre lies a hair inside, so that on a corner it does for both sides
+    sides[count, DISTANCE] = distance if distance != 0 else HAIR
+    sides[count, NORMAL] = -sense * slope[0] / size
+    sides[count, NORMAL + 1] = -sense * slope[1] / size
+    sides[count, KIND] = kind
+    return count + 1
+
+
+def gather_mirror(
+    sensor: Geometry, at: Scene, k: int, depth: float, sides: Array, count: int
+) -> int:
+    """Adds tip and rim where they cut."""
+    tip, rim = sensor.openings.tip, sensor.openings.rim
+    if tip == 0 and rim == inf:
+        return count
+    along = slanted(outward(sensor, at, k), sensor.direction, at.normals[k])
+    value = dot(subtract(at.place, at.apex), along)
+    slope = seen(sensor, along)
+    if tip > 0:
+        count = put(sides, count, TIP, value - tip, slope, 1.0, depth)
+    if rim < inf:
+        count = put(sides, count, RIM, rim - value, slope, -1.0, depth)
+    return count
+
+
+def central_landing(sensor: Geometry, at: Scene, k: int) -> tuple[Vector, Plane]:
+    """Of the beam's central ray, as if facet k had no end: its direction after the facet, and where
+    it lands on detector k, mm; NaN where it never gets there."""
+    beam, normal, centre, axes = sensor.direction, at.normals[k], sensor.centres[k], sensor.axes[k]
+    leaving = reflect(beam, normal)
+    start = hit(at.place, beam, at.apex, normal)
+    length = flight(start, leaving, centre, axes)
+    psi, zeta = land(start, leaving, length, centre, axes)
+    clear = -dot(beam, normal), dot(leaving, axes[0]), length
+    return leaving, (defined(psi, *clear), defined(zeta, *clear))
+
+
+def gather_detector(
+    sensor: Geometry, at: Scene, k: int, depth: float, sides: Array, count: int
+) -> int:
+    """Adds the edges of detector k where they cut."""
+    half_y, half_z = sensor.openings.halves[k]
+    if half_y == inf:
+        return count
+    beam, normal, axes = sensor.direction, at.normals[k], sensor.axes[k]
+    leaving, (psi, zeta) = central_landing(sensor, at, k)
+    slope = seen(sensor, gradient_of_shift(slanted(axes[1], leaving, axes[0]), beam, normal))
+    count = put(sides, count, AT_MINUS_Y, half_y + psi, slope, 1.0, depth)
+    count = put(sides, count, AT_PLUS_Y, half_y - psi, slope, -1.0, depth)
+    slope = seen(sensor, gradient_of_shift(slanted(axes[2], leaving, axes[0]), beam, normal))
+    count = put(sides, count, AT_MINUS_Z, half_z + zeta, slope, 1.0, depth)
+    return put(sides, count, AT_PLUS_Z, half_z - zeta, slope, -1.0, depth)
+
+
+def gather_edges(sensor: Geometry, at: Scene, k: int, sides: Array, count: int) -> int:
+    """Adds the facet's two edges, less half the gap."""
+    gap = sensor.openings.gap / 2
+    for kind in (FIRST_EDGE, SECOND_EDGE):
+        edge, sense = (k, 1.0) if kind == FIRST_EDGE else ((k + 1) % 3, -1.0)
+        ux, uy = at.sides[edge]
+        distance = sense * (at.q[0] * uy - at.q[1] * ux)
+        if gap > 0:
+            slope = seen(
+                sensor, slanted(across(sensor, at, k, kind), sensor.direction, at.normals[k])
+            )
+            distance -= gap / sqrt(slope[0] * slope[0] + slope[1] * slope[1])
+        sides[count, DISTANCE] = distance if distance != 0 else HAIR
+        sides[count, NORMAL], sides[count, NORMAL + 1] = sense * uy, -sense * ux
+        sides[count, KIND] = kind
+        count += 1
+    return count
+
+
+def outward(sensor: Geometry, at: Scene, k: int) -> Vector:
+    """Square to the mirror's axis, away from it in the direction that facet k faces."""
+    x, y, z = sensor.normals[k]
+    size = sqrt(x * x + y * y)
+    return rotate(at.turn, (x / size, y / size, z * 0))
+
+
+def across(sensor: Geometry, at: Scene, k: int, kind: int) -> Vector:
+    """The direction along which a limit on facet k counts; a unit vector that turns with it."""
+    if kind == FIRST_EDGE:
+        edge = at.edges[k]
+        return scale(1 / sqrt(dot(edge, edge)), cross(at.normals[k], edge))
+    if kind == SECOND_EDGE:
+        edge = at.edges[(k + 1) % 3]
+        return scale(1 / sqrt(dot(edge, edge)), cross(edge, at.normals[k]))
+    return scale(1.0 if kind == TIP else -1.0, outward(sensor, at, k))
+
+
+class Limit(NamedTuple):
+    """How one limit answers to a motion of what carries it.
+
+    along: its gradient with respect to the point on the facet, or to the spot, slanted along the
+    ray.  origin: with respect to the ray's origin.  apex: with respect to the apex.
+    size: its gradient in the beam's cross-section, mm a sigma.
+    on_facet: whether it lies on the mirror, else on a detector.
+    """
+
+    along: Vector
+    origin: Vector
+    apex: Vector
+    size: float
+    on_facet: bool
+
+
+def limit(sensor: Geometry, at: Scene, k: int, kind: int) -> Limit:
+    beam, normal, axes = sensor.direction, at.normals[k], sensor.axes[k]
+    on_facet = kind <= RIM
+    if on_facet:
+        along = slanted(across(sensor, at, k, kind), beam, normal)
+        origin, apex = along, scale(-1.0, along)
+    else:
+        axis = axes[1] if kind <= AT_PLUS_Y else axes[2]
+        sense = 1.0 if kind in (AT_MINUS_Y, AT_MINUS_Z) else -1.0
+        along = scale(sense, slanted(axis, reflect(beam, normal), axes[0]))
+        origin = gradient_of_shift(along, beam, normal)
+        apex = gradient_of_mirror(along, beam, normal)
+    slope = seen(sensor, origin)
+    size = sqrt(slope[0] * slope[0] + slope[1] * slope[1])
+    return Limit(along, origin, apex, size, on_facet)
+
+
+def turning(sensor: Geometry, at: Scene, k: int, of: Limit, x: Plane) -> Vector:
+    """The gradient of a limit with respect to a turn of the mirror, at the ray through x."""
+    beam, normal = sensor.direction, at.normals[k]
+    offset = combine(x[0], sensor.spread[0], x[1], sensor.spread[1])
+    start = hit(add(at.place, offset), beam, at.apex, normal)
+    if of.on_facet:
+        return cross(of.along, subtract(start, at.apex))
+    length = flight(start, reflect(beam, normal), sensor.centres[k], sensor.axes[k])
+    lever = subtract(at.apex, start)
+    return cross(normal, gradient_of_normal(of.along, beam, normal, lever, length))
