@@ -106,7 +106,7 @@ def with_parameters(sensor: facets.Sensor, values: np.ndarray) -> facets.Sensor:
 @pytest.mark.parametrize("cut", [CUTS["detectors"], CUTS["all"]], ids=["detectors", "all"])
 def test_derivatives_by_parameters(cut):
     sensor = replace(SENSORS["skewed2"], apertures=cut)
-    some = drawn(cut, 10)
+    some = drawn(cut, 10, seed=9)
     closed = facets.parameter_jacobian(sensor, some)
     origin = np.array(parameters(sensor))
     lit = np.repeat(facets.readings(sensor, some)[:, 2::3] > 0.01 * 0.3, 3, axis=1)
@@ -123,7 +123,7 @@ def test_derivatives_by_parameters(cut):
             away.append(np.nanmax(np.abs(closed[..., p] - moved)[lit]) / scale)
         return max(away)
 
-    assert 90 < convergence(worst, (1e-5, 1e-6)) < 110
+    assert 90 < convergence(worst, (3e-5, 3e-6)) < 110
 
 
 @pytest.mark.parametrize(

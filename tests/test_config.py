@@ -451,7 +451,7 @@ def test_every_key_of_the_schema_has_a_description_and_every_number_a_range():
 
 def test_every_number_has_a_unit_in_its_name_or_is_a_count():
     counts = {"steps", "samples_per_step", "samples", "seed", "max_steps"}
-    units = ("_mm", "_um", "_deg", "_mrad", "_mw", "_uw", "_hz", "_s")
+    units = ("_mm", "_um", "_deg", "_mrad", "_mw", "_uw", "_ratio", "_hz", "_s")
     for block, node in schema()["$defs"].items():
         for name, key in node["properties"].items():
             assert not numbers(key) or name.endswith(units) or name in counts, (block, name)
