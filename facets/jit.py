@@ -58,13 +58,8 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
     numbers.defined: lambda value, a, b, c: (
         lambda value, a, b, c: value if a > 0 and b > 0 and c > 0 else math.nan
     ),
-    wedge.swept: lambda a, h, along, across, beyond, within: (
-        lambda a, h, along, across, beyond, within: wedge.swept_series(
-            a, h, along, across, beyond, within
-        )
-    ),
-    wedge.moments_along: lambda a, density, length: (
-        lambda a, density, length: wedge.moments_along_float(a, density, length)
+    wedge.side: lambda q, u: (
+        lambda q, u: wedge.side_float(q, u, q[0] * u[0] + q[1] * u[1], q[0] * u[1] - q[1] * u[0])
     ),
     wedge.wedge: lambda q, u1, u2, side1, side2: (
         lambda q, u1, u2, side1, side2: wedge.wedge_float(q, u1, u2, side1, side2)

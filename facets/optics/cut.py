@@ -39,7 +39,7 @@ def outline(sensor: Geometry, at: Scene, k: int, sides: Array) -> tuple[int, Any
 
     at: with the uncut light, unless `always_cut`.
     sides: (limits.MOST, limits.COLUMNS), filled. 0 where nothing that shows is missing: then the
-    moments are those of the scene, else their third is NaN.
+    moments are those of the scene, else only mass and centroid are known.
     """
     openings = sensor.openings
     depth = depth_of(DIM if always_cut(sensor) else at.moments[k][0])
@@ -51,7 +51,7 @@ def outline(sensor: Geometry, at: Scene, k: int, sides: Array) -> tuple[int, Any
     count = gather_edges(sensor, at, k, sides, count)
     measure(sides, count, radius)
     mass, centroid = light(sides, count, radius)
-    return count, (mass, centroid, (nan, nan, nan))
+    return count, (mass, centroid, (nan, nan, nan), (nan, nan))
 
 
 class Answer(NamedTuple):
@@ -112,7 +112,7 @@ def linearised_cut(
     and yaw.
     """
     ray = path(sensor, at, k)
-    mass, centroid, _ = at.moments[k]
+    mass, centroid, _, _ = at.moments[k]
     x, y, z = sensor.axes[k]
     nothing = (0.0, 0.0, 0.0)
     psi = held(sensor, at, k, ray, slanted(y, ray.leaving, x))

@@ -60,7 +60,7 @@ def cut_by_parameter(
     at: of `sensor`, with the light as cut.  varied: the copy of the sensor in which the parameter
     carries STEP.  moved: of `varied`, without light.  sides, count: from `cut.outline`.
     """
-    mass, centroid, _ = at.moments[k]
+    mass, centroid, _, _ = at.moments[k]
     beam, normal = sensor.direction, at.normals[k]
     x, y, z = sensor.axes[k]
     leaving = reflect(beam, normal)

@@ -40,6 +40,9 @@ WEIGHTS = (
 )
 #: A ray that points away from the light by more than this takes the continued fraction.
 AWAY = 1.5
+#: A wedge that opens wider, rad, may be as bright along both sides: each half then counts from its
+#: own, because the rounding of an angle near pi would show.
+WIDE = 2.0
 #: More pieces than this have never been needed: a bound, so that no input can hang the loop.
 PIECES = 5000
 
@@ -48,7 +51,7 @@ class Side(NamedTuple):
     """The wedge's brighter side, from which angles and moments are counted.
 
     a, h: q . u and q x u.  u: its direction.  sense: 1 where the wedge opens counter-clockwise.
-    near: whether it runs towards the beam's centre first, and moments count from its foot; else
+    near: whether it runs well towards the beam's centre first, and moments count from its foot; else
     they count from q.  light: f(q), in units of `scale`.
     """
 
@@ -67,11 +70,18 @@ def brighter_side(q: Plane, u1: Plane, u2: Plane) -> Side:
     a, h, error, u, sense = a1, h1, h1_error, u1, 1.0
     if a2 < a1:
         a, h, error, u, sense = a2, h2, h2_error, u2, -1.0
-    if a < 0:
+    if a < -1:
         return Side(a, h, u, sense, True, exp(-a * a / 2) / (2 * pi), gauss(h, error))
     square, square_error = sum_of_products(q[0], q[0], q[1], q[1])
     scale = exp(-square / 2) * (1 - square_error / 2)
     return Side(a, h, u, sense, False, 1 / (2 * pi), scale)
+
+
+def other_side(q: Plane, side: Side, u1: Plane, u2: Plane) -> Side:
+    """The darker side in the units of the brighter one, where moments count from q."""
+    u = u2 if side.sense > 0 else u1
+    a, h, _ = normalised(q, u)
+    return Side(a, h, u, -side.sense, False, side.light, side.scale)
 
 
 def tail(a: float) -> tuple[float, float, float]:
@@ -188,20 +198,24 @@ def integrate(side: Side, opening: float) -> Sums:
     return (float("nan"), 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def faint(q: Plane, u1: Plane, u2: Plane) -> tuple[float, Plane, tuple[float, float, float]]:
+def faint(q: Plane, u1: Plane, u2: Plane) -> tuple[float, Plane, tuple[float, float, float], Plane]:
     """What `wedge` gives, for a wedge of small mass; NaN centroid where no light is left at all."""
     cross, _ = sum_of_products(u1[0], u2[1], -u1[1], u2[0])
     opening = atan2(cross, u1[0] * u2[0] + u1[1] * u2[1])
     side = brighter_side(q, u1, u2)
-    light, x, y, xx, xy, yy = integrate(side, opening)
+    if side.near or opening < WIDE:
+        light, x, y, xx, xy, yy = integrate(side, opening)
+    else:
+        half, other = opening / 2, other_side(q, side, u1, u2)
+        light, x, y, xx, xy, yy = added(integrate(side, half), integrate(other, half), 1.0)
     mass = side.scale * light
     if not mass > 0:
         nan = float("nan")
-        return mass, (nan, nan), (nan, nan, nan)
+        return mass, (nan, nan), (nan, nan, nan), (nan, nan)
     cx, cy = x / light, y / light
-    foot = (side.h * side.u[1], -side.h * side.u[0]) if side.near else q
-    return (
-        mass,
-        (foot[0] + cx, foot[1] + cy),
-        (1 - xx / light + cx * cx, cx * cy - xy / light, 1 - yy / light + cy * cy),
-    )
+    shift = (1 - xx / light + cx * cx, cx * cy - xy / light, 1 - yy / light + cy * cy)
+    if side.near:
+        foot = (side.h * side.u[1], -side.h * side.u[0])
+        from_point = (cx - side.a * side.u[0], cy - side.a * side.u[1])
+        return mass, (foot[0] + cx, foot[1] + cy), shift, from_point
+    return mass, (q[0] + cx, q[1] + cy), shift, (cx, cy)

@@ -174,7 +174,7 @@ def placed(sensor: Geometry, state: tuple[Any, ...]) -> Scene:
     u1 = unit(in_sigmas(sensor, edge[1]))
     u2 = unit(in_sigmas(sensor, edge[2]))
     zero = tx * 0
-    dark = zero, (zero, zero), (zero, zero, zero)
+    dark = zero, (zero, zero), (zero, zero, zero), (zero, zero)
     none = zero, zero, zero, zero
     sides = u0, u1, u2
     return Scene(apex, place, turn, normals, edge, q, sides, (none, none, none), (dark, dark, dark))
@@ -210,7 +210,7 @@ class Path(NamedTuple):
 
 def path(sensor: Geometry, at: Scene, k: int) -> Path:
     """The ray that carries the centroid of the light on facet k to its detector."""
-    _, centroid, _ = at.moments[k]
+    centroid = at.moments[k][1]
     normal, axes = at.normals[k], sensor.axes[k]
     offset = combine(centroid[0], sensor.spread[0], centroid[1], sensor.spread[1])
     origin = add(at.place, offset)

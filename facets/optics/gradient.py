@@ -61,7 +61,7 @@ def landing_gradient(
 
 def power_gradient(sensor: Geometry, at: Scene, k: int, first: Number, second: Number) -> Gradient:
     """Of the power of detector k. first, second: the mass's derivatives, as above."""
-    mass, centroid, _ = at.moments[k]
+    mass, centroid, _, _ = at.moments[k]
     zero = mass * 0
     nothing = (zero, zero, zero)
     power = sensor.power
@@ -81,9 +81,9 @@ def gradients(
 ) -> tuple[Gradient, Gradient, Gradient]:
     """Of psi, zeta and power of detector k."""
     following = (k + 1) % 3
-    mass, centroid, _ = at.moments[k]
-    mass1, (x1, y1) = turned(at.q, at.sides[k], at.integrals[k], mass, centroid)
-    mass2, second = turned(at.q, at.sides[following], at.integrals[following], mass, centroid)
+    mass, _, _, from_point = at.moments[k]
+    mass1, (x1, y1) = turned(at.sides[k], at.integrals[k], mass, from_point)
+    mass2, second = turned(at.sides[following], at.integrals[following], mass, from_point)
     first = (-x1, -y1)  # the first edge turns counter-clockwise: the facet closes
     x, y, z = sensor.axes[k]
     along_y, along_z = slanted(y, ray.leaving, x), slanted(z, ray.leaving, x)

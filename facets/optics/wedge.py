@@ -27,33 +27,45 @@ from typing import Any
 import numpy as np
 
 from ..numbers import Number, atan2, erf, erfc, exp, integral, is_float, pi, sqrt
+from .exact import gauss, gauss_of_point, normalised
 from .faint import AWAY, faint, tail
 
 Plane = tuple[Any, Any]
 Side = tuple[Any, Any, Any, Any]
-Moments = tuple[Any, Plane, tuple[Any, Any, Any]]
+Moments = tuple[Any, Plane, tuple[Any, Any, Any], Plane]
 
 
 def side(q: Plane, u: Plane) -> Side:
     """(length, first, second, swept) of the side from `q` along the unit vector `u`."""
     a = q[0] * u[0] + q[1] * u[1]
     h = q[0] * u[1] - q[1] * u[0]
+    if is_float(a):
+        return side_float(q, u, a, h)
     root = sqrt(pi(a) + pi(a))
     half_turn = sqrt(a * 0 + 2)
-    along, across = exp(-a * a / 2), exp(-h * h / 2)
-    beyond, within = erfc(a / half_turn), erf(h / half_turn)
-    density = along * across / (2 * pi(a))
-    length = across * beyond / (2 * root)
-    first, second = moments_along(a, density, length)
-    return length, first, second, swept(a, h, along, across, beyond, within)
-
-
-def moments_along(a: Number, density: Number, length: Number) -> tuple[Number, Number]:
-    """K and J of a side from L. density: f(q)."""
-    if is_float(a):
-        return moments_along_float(a, density, length)
+    across = exp(-h * h / 2)
+    density = exp(-a * a / 2) * across / (2 * pi(a))
+    length = across * erfc(a / half_turn) / (2 * root)
     first = density - a * length
-    return first, length - a * first
+    return length, first, length - a * first, swept(a, h)
+
+
+#: Past this many sigmas the rounding of q . u and q x u shows in the Gaussian: squared.
+FAR = 30.0
+
+
+def side_float(q: Plane, u: Plane, a: float, h: float) -> Side:
+    """`side` for floats. a, h: q . u and q x u."""
+    along, across = exp(-a * a / 2), exp(-h * h / 2)
+    density = along * across / (2 * pi(a))
+    if a * a + h * h > FAR:
+        a, h, missing = normalised(q, u)
+        across = gauss(h, missing)
+        density = gauss_of_point(q)
+    beyond, within = erfc(a / sqrt(2.0)), erf(h / sqrt(2.0))
+    length = across * beyond / (2 * sqrt(2 * pi(a)))
+    first, second = moments_along_float(a, density, length)
+    return length, first, second, swept_series(a, h, along, across, beyond, within)
 
 
 def moments_along_float(a: float, density: float, length: float) -> tuple[float, float]:
@@ -65,16 +77,12 @@ def moments_along_float(a: float, density: float, length: float) -> tuple[float,
     return first, length - a * first
 
 
-def swept(
-    a: Number, h: Number, along: Number, across: Number, beyond: Number, within: Number
-) -> Number:
-    """The mass that a side sweeps over while its end moves straight from the beam's centre to q.
+def swept(a: Number, h: Number) -> Number:
+    """The mass that a side sweeps over while its end moves straight from the beam's centre to q;
+    for floats see `swept_series`.
 
     h int_0^1 L(k a, k h) dk, positive where the centre lies to the left of the side.
-    along, across: exp(-a^2/2), exp(-h^2/2); beyond, within: erfc(a/sqrt 2), erf(h/sqrt 2).
     """
-    if is_float(a):
-        return swept_series(a, h, along, across, beyond, within)
     root, half_turn = sqrt(8 * pi(a)), sqrt(a * 0 + 2)
 
     def length(k: Number) -> Number:
@@ -92,6 +100,7 @@ def swept_series(
 ) -> float:
     """`swept` for floats, to a few parts in 1e17.
 
+    along, across: exp(-a^2/2), exp(-h^2/2); beyond, within: erfc(a/sqrt 2), erf(h/sqrt 2).
     With x = max(a^2, h^2)/2 and t = min(|a|, |h|) / max(|a|, |h|), what is not erf is
     sum_j (-1)^j t^(2j+1) / (2j+1) P(j+1, x), P the regularised incomplete gamma function: the
     Taylor series of Owen's T in its second argument, without the arc tangent that would cancel.
@@ -121,11 +130,13 @@ def swept_series(
 
 
 def wedge(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
-    """(mass, centroid, 1 - covariance) of the light in a wedge; symmetric matrices as xx, xy, yy.
+    """(mass, centroid, 1 - covariance, centroid - q) of the light in a wedge.
+
+    The third is a symmetric matrix as xx, xy, yy: the derivative of the centroid by q.
 
     q: the wedge's point; u1, u2: its sides, unit vectors, u2 counter-clockwise of u1 by less than
     half a turn; side1, side2: what `side` gives for them. Units of the beam's sigma, about the
-    beam's centre. The second matrix is the derivative of the centroid with respect to q.
+    beam's centre.
     """
     if is_float(q[0]):
         return wedge_float(q, u1, u2, side1, side2)
@@ -165,12 +176,15 @@ def moments_closed(
     pxx = (u1[1] * x1 - u2[1] * x2) / mass + cx * cx
     pxy = (u1[1] * y1 - u2[1] * y2) / mass + cx * cy
     pyy = (u2[0] * y2 - u1[0] * y1) / mass + cy * cy
-    return mass, (cx, cy), (pxx, pxy, pyy)
+    return mass, (cx, cy), (pxx, pxy, pyy), (cx - q[0], cy - q[1])
 
 
-def turned(q: Plane, u: Plane, ray: Side, mass: Number, centroid: Plane) -> tuple[Number, Plane]:
-    """How mass and centroid change when side `ray` turns so that the wedge opens, per radian."""
+def turned(u: Plane, ray: Side, mass: Number, from_point: Plane) -> tuple[Number, Plane]:
+    """How mass and centroid change when side `ray` turns so that the wedge opens, per radian.
+
+    from_point: the centroid less the wedge's point.
+    """
     _, first, second, _ = ray
-    x = q[0] * first + u[0] * second - centroid[0] * first
-    y = q[1] * first + u[1] * second - centroid[1] * first
+    x = u[0] * second - from_point[0] * first
+    y = u[1] * second - from_point[1] * first
     return first, (x / mass, y / mass)

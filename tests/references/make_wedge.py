@@ -125,7 +125,7 @@ def draw(rng: np.random.Generator) -> tuple[Plane, Plane, Plane]:
 
 def error(q: Plane, u1: Plane, u2: Plane) -> tuple[float, list[mp.mpf]]:
     exact = moments(q, u1, u2)
-    mass, centroid, shift = wedge(q, u1, u2, side(q, u1), side(q, u2))
+    mass, centroid, shift, _ = wedge(q, u1, u2, side(q, u1), side(q, u2))
     ours = [mass, *centroid, *shift]
     differences = [abs(a - b) for a, b in zip(ours, exact, strict=True)]
     return float(max(differences[0] / exact[0], *differences[1:])), exact

@@ -1,0 +1,208 @@
+"""Digits lost by the light in a wedge, over the whole domain, against ball arithmetic.
+
+    python -m facets.experiments.wedge_errors [--points 100000] [--output FILE.csv]
+
+Draws wedges: the point up to 35 sigma from the beam's centre, openings from 0.01 to 179.99 degrees,
+the beam's centre on an edge, beside one or anywhere. For each, the float code's mass, centroid,
+covariance and the derivatives of mass and centroid by the angles of the sides are compared with
+the integrals' definition: an integral over the angle of radial ones in closed form, in python-flint
+at 192 bits, halved until it stands to 1e-19. Prints histograms of the errors and where the worst
+lie. 100,000 points take some minutes on two cores.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import facets
+from facets.optics.wedge import Plane, side, turned, wedge
+from facets.tables import write_table
+from facets.threads import cores
+
+BITS, NODES, STANDS = 192, 20, 1e-19
+OPENINGS = (0.01, 0.1, 1, 10, 60, 90, 120, 170, 179, 179.99)
+OFFSETS = (0.0, 1e-300, 1e-8, 0.3, 1, 2, 3, 4, 6, 8, 15, 25, 35)
+KINDS = ("mass", "centroid", "covariance", "mass_by_angle", "centroid_by_angle")
+Wedge = tuple[Plane, Plane, Plane]
+
+
+def draw(rng: np.random.Generator) -> Wedge:
+    r, opening = rng.choice(OFFSETS), math.radians(rng.choice(OPENINGS))
+    if rng.random() < 0.7:
+        r, opening = 35 * rng.random() ** 2, math.radians(rng.uniform(0.01, 179.99))
+    first, towards = rng.uniform(0, 2 * math.pi, 2)
+    if rng.random() < 0.5:
+        towards = first + math.pi + opening * rng.choice([0, 0.5, 1, -0.5, 1.5])
+    second = first + opening
+    q = (r * math.cos(towards), r * math.sin(towards))
+    return q, (math.cos(first), math.sin(first)), (math.cos(second), math.sin(second))
+
+
+@cache
+def rule() -> list[tuple[Any, Any]]:
+    """Gauss-Legendre nodes and weights."""
+    from flint import arb
+
+    pairs = (arb.legendre_p_root(NODES, k, weight=True) for k in range(NODES))
+    return [(x.mid(), w.mid()) for x, w in pairs]
+
+
+def radial(a: Any) -> tuple[Any, Any, Any]:
+    """int s^n exp(-s^2/2 - a s) ds from 0 up, for n = 1, 2, 3."""
+    from flint import arb
+
+    i0 = (arb.pi() / 2).sqrt() * (a * a / 2).exp() * (a / arb(2).sqrt()).erfc()
+    i1 = 1 - a * i0
+    i2 = i0 - a * i1
+    return i1, i2, 2 * i1 - a * i2
+
+
+def panel(q: tuple[Any, Any], low: Any, high: Any) -> list[Any]:
+    """The six polar moments about q over a range of angles."""
+    middle, half = (low + high) / 2, (high - low) / 2
+    total = [0] * 6
+    for node, weight in rule():
+        sine, cosine = (middle + half * node).sin_cos()
+        i1, i2, i3 = radial(q[0] * cosine + q[1] * sine)
+        x, y = i3 * cosine, i3 * sine
+        terms = (i1, i2 * cosine, i2 * sine, x * cosine, x * sine, y * sine)
+        total = [old + weight * term for old, term in zip(total, terms, strict=True)]
+    return [(half * value).mid() for value in total]
+
+
+def polar_moments(q: tuple[Any, Any], low: Any, high: Any) -> list[Any]:
+    """The same, halved until every part stands beside what has been summed."""
+    whole, total = [(low, high, panel(q, low, high))], [0] * 6
+    while whole:
+        start, stop, coarse = whole.pop()
+        middle = ((start + stop) / 2).mid()
+        left, right = panel(q, start, middle), panel(q, middle, stop)
+        fine = [a + b for a, b in zip(left, right, strict=True)]
+        scale = abs(float(total[0])) + abs(float(fine[0]))
+        size = abs(float(total[3] + total[5])) + abs(float(fine[3] + fine[5]))
+        if (
+            abs(float(coarse[0] - fine[0])) <= STANDS * scale
+            and abs(float(coarse[3] - fine[3])) + abs(float(coarse[5] - fine[5])) <= STANDS * size
+        ):
+            total = [a + b for a, b in zip(total, fine, strict=True)]
+        else:
+            whole += [(start, middle, left), (middle, stop, right)]
+    return total
+
+
+def exact(q: Plane, u1: Plane, u2: Plane) -> dict[str, list[Any]]:
+    """What `facets.optics.wedge` gives, of the floats given; a list for each of KINDS."""
+    from flint import arb, ctx
+
+    ctx.prec = BITS
+    qx, qy = arb(q[0]), arb(q[1])
+    start = arb.atan2(arb(u1[1]), arb(u1[0])).mid()
+    turn = arb.atan2(
+        arb(u1[0]) * u2[1] - arb(u1[1]) * u2[0], arb(u1[0]) * u2[0] + arb(u1[1]) * u2[1]
+    ).mid()
+    about, x, y, xx, xy, yy = polar_moments((qx, qy), start, (start + turn).mid())
+    light = (-(qx * qx + qy * qy) / 2).exp() / (2 * arb.pi())
+    cx, cy = x / about, y / about
+    result = {
+        "mass": [about * light],
+        "centroid": [qx + cx, qy + cy],
+        "covariance": [1 - xx / about + cx * cx, cx * cy - xy / about, 1 - yy / about + cy * cy],
+        "mass_by_angle": [],
+        "centroid_by_angle": [],
+    }
+    for angle in (start, start + turn):
+        sine, cosine = angle.sin_cos()
+        first, second, _ = radial(qx * cosine + qy * sine)
+        result["mass_by_angle"].append(first * light)
+        result["centroid_by_angle"] += [
+            (second * cosine - cx * first) / about,
+            (second * sine - cy * first) / about,
+        ]
+    return result
+
+
+def computed(q: Plane, u1: Plane, u2: Plane) -> dict[str, list[float]]:
+    sides = side(q, u1), side(q, u2)
+    mass, centroid, shift, from_point = wedge(q, u1, u2, *sides)
+    turns = [turned(u, ray, mass, from_point) for u, ray in zip((u1, u2), sides, strict=True)]
+    return {
+        "mass": [mass],
+        "centroid": [*centroid],
+        "covariance": [*shift],
+        "mass_by_angle": [turn[0] for turn in turns],
+        "centroid_by_angle": [value for turn in turns for value in turn[1]],
+    }
+
+
+def error(ours: list[float], theirs: list[Any], kind: str) -> float:
+    """Relative for mass and derivatives, each with its own size; in sigmas for the centroid."""
+    away = [abs(float(a - b)) for a, b in zip(ours, theirs, strict=True)]
+    if kind in ("centroid", "covariance"):
+        return max(away)
+    sizes = [abs(float(b)) for b in theirs]
+    if kind == "centroid_by_angle":  # two vectors
+        sizes = [math.hypot(*sizes[i : i + 2]) for i in (0, 0, 2, 2)]
+    return max(a / s if s > 1e-290 else 0.0 for a, s in zip(away, sizes, strict=True))
+
+
+def search(count: int, seed: int) -> list[tuple[Wedge, float, list[float]]]:
+    """(wedge, its mass, the errors in the order of KINDS) of random wedges that hold any light."""
+    rng = np.random.default_rng(seed)
+    found: list[tuple[Wedge, float, list[float]]] = []
+    while len(found) < count:
+        point = draw(rng)
+        theirs = exact(*point)
+        mass = float(theirs["mass"][0])
+        if mass < 1e-290:
+            continue
+        ours = computed(*point)
+        found.append((point, mass, [error(ours[kind], theirs[kind], kind) for kind in KINDS]))
+    return found
+
+
+def batches(total: int, size: int) -> Iterator[int]:
+    for start in range(0, total, size):
+        yield min(size, total - start)
+
+
+def describe(point: Wedge, mass: float) -> str:
+    q, u1, u2 = point
+    opening = math.degrees(math.atan2(u1[0] * u2[1] - u1[1] * u2[0], u1[0] * u2[0] + u1[1] * u2[1]))
+    return f"{math.hypot(*q):.4g} sigma off, {opening:.4g} degrees wide, mass {mass:.2g}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--points", type=int, default=100_000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--output", type=Path)
+    options = parser.parse_args()
+    counts = list(batches(options.points, 500))
+    seeds = np.random.SeedSequence(options.seed).generate_state(len(counts)).tolist()
+    with ProcessPoolExecutor(cores()) as pool:
+        found = [row for part in pool.map(search, counts, seeds) for row in part]
+    errors = np.array([row[2] for row in found])
+    print(f"{len(found)} wedges; share of them with an error up to")
+    limits = 10.0 ** np.arange(-16, -8)
+    print(f"{'':20}" + "".join(f"{limit:9.0e}" for limit in limits) + "    worst")
+    for kind, column in zip(KINDS, errors.T, strict=True):
+        shares = "".join(f"{(column <= limit).mean():9.5f}" for limit in limits)
+        print(f"{kind:20}{shares} {column.max():8.1e}  {describe(*found[column.argmax()][:2])}")
+    if options.output:
+        rows = [[*q, *u1, *u2, mass, *values] for (q, u1, u2), mass, values in found]
+        names = ("q_x", "q_y", "u1_x", "u1_y", "u2_x", "u2_y", "light", *KINDS)
+        columns = dict(zip(names, np.array(rows).T, strict=True))
+        about = {"facets": facets.__version__, "seed": str(options.seed)}
+        write_table(options.output, columns, about)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+"""What cut light costs: a pose with and without, and how many poses a bound spares it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..model import jacobian, readings
+from ..sensor import Apertures, Sensor
+from ..solver import solve
+from . import rivals
+from .clock import Contender, alternate
+
+Row = dict[str, Any]
+CUTS = {
+    "nothing cut": Apertures(),
+    "detectors": Apertures(detectors=True),
+    "rim at 5 mm": Apertures(rim=5.0),
+    "beam at 1/e^2": Apertures(beam=1.0),
+    "gap of 10 um": Apertures(gap=0.01),
+    "tip of 20 um": Apertures(tip=0.02),
+    "rim at 0.3 mm": Apertures(rim=0.3),
+    "all of them": Apertures(beam=1.0, detectors=True, tip=0.02, rim=0.3, gap=0.01),
+}
+
+
+def apertures(quick: bool, seed: int) -> list[Row]:
+    """Readings, readings with Jacobian and warm solves for each cut; times to those of none.
+
+    States as in the other studies: all centroids on their detectors, up to the edge.
+    """
+    poses = 2_000 if quick else 50_000
+    states = rivals.states_in_range(poses, seed)
+    sensors = {name: replace(rivals.SENSOR, apertures=cut) for name, cut in CUTS.items()}
+    plain = readings(rivals.SENSOR, states)[:, 2::3]
+    rows: list[Row] = []
+    timings = [
+        alternate([contender(kind, sensor, states) for sensor in sensors.values()], states, rounds)
+        for kind, rounds in zip(KINDS, (3, 3, 3) if quick else (15, 15, 7), strict=True)
+    ]
+    for number, (name, sensor) in enumerate(sensors.items()):
+        row: Row = {"cut": name, "poses_cut": share_cut(sensor, states, plain)}
+        for kind, times in zip(KINDS, timings, strict=True):
+            row[f"{kind}_us"] = 1e6 * times[number].median
+            row[f"{kind}_ratio"] = times[number].median / times[0].median
+        rows.append(row)
+    return rows
+
+
+KINDS = ("readings", "jacobian", "solve")
+
+
+def contender(kind: str, sensor: Sensor, states: NDArray[np.float64]) -> Contender:
+    if kind == "readings":
+        return Contender(kind, lambda s: readings(sensor, s), len(states))
+    if kind == "jacobian":
+        return Contender(kind, lambda s: jacobian(sensor, s), len(states))
+    xi = readings(sensor, states)
+
+    def warm(s: NDArray[np.float64]) -> None:
+        solve(sensor, xi[: len(s)], start=s + 1e-6, covariance=False)
+
+    return Contender(kind, warm, len(states))
+
+
+def share_cut(sensor: Sensor, states: NDArray[np.float64], plain: NDArray[np.float64]) -> float:
+    """Of the poses, those in which a power differs from the uncut one at all."""
+    power = readings(sensor, states)[:, 2::3]
+    return float((power != plain).any(axis=1).mean())

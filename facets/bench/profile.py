@@ -1,0 +1,102 @@
+"""Where the time of a pose goes, and what its special functions cost evaluated in other ways."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..model import packed, readings
+from ..solver import solve
+from . import rivals, stages
+from .clock import Contender, alternate
+
+Floats = NDArray[np.float64]
+Row = dict[str, Any]
+
+
+def profile(quick: bool, seed: int) -> list[Row]:
+    """Nanoseconds a pose up to each stage of readings and Jacobian, and of a warm solve."""
+    poses = 5_000 if quick else 50_000
+    states = rivals.states_in_range(poses, seed)
+    vectors, out = packed(rivals.SENSOR), np.empty(poses)
+    contenders = [
+        Contender(name, partial(run, work, vectors, out), poses)
+        for name, work in stages.CHAIN.items()
+    ]
+    xi = readings(rivals.SENSOR, states)
+    contenders.append(Contender("a warm solve", partial(warm, xi), poses))
+    timings = alternate(contenders, states, 3 if quick else 15)
+    rows, before = [], 0.0
+    for contender, timing in zip(contenders, timings, strict=True):
+        total = 1e9 * timing.median
+        rows.append({"stage": contender.name, "ns_up_to_here": total, "ns": total - before})
+        before = total
+    return rows
+
+
+def run(work: Any, vectors: Floats, out: Floats, states: Floats) -> None:
+    work(vectors, states, out[: len(states)])
+
+
+def warm(xi: Floats, states: Floats) -> None:
+    solve(rivals.SENSOR, xi[: len(states)], start=states + 1e-6, covariance=False)
+
+
+def special(quick: bool, seed: int) -> list[Row]:
+    """What a side sweeps over, in four ways: time, and largest error near the centre and beyond.
+
+    near: both coordinates within 1.5 sigma, as in the range of the paper's sensor; far: within 6.
+    """
+    count, checked = (10_000, 50) if quick else (100_000, 500)
+    rng = np.random.default_rng(seed)
+    near, far = rng.uniform(-1.5, 1.5, (count, 2)), rng.uniform(-6, 6, (count, 2))
+    out = np.empty(count)
+
+    def fill(work: Any, points: Floats) -> Floats:
+        work(points, out[: len(points)])
+        return out[: len(points)].copy()
+
+    ways = {
+        "facets: series": stages.by_series,
+        "SciPy's Owen's T": stages.by_library,
+        "Gauss-Legendre 6": partial(quadrature, 6),
+        "Gauss-Legendre 12": partial(quadrature, 12),
+        "Gauss-Legendre 24": partial(quadrature, 24),
+    }
+    contenders = [Contender(name, partial(fill, work), count) for name, work in ways.items()]
+    timings = alternate(contenders, near, 3 if quick else 15)
+    far_timings = alternate(contenders, far, 3 if quick else 15)
+    near_exact, far_exact = reference(near[:checked]), reference(far[:checked])
+    return [
+        {
+            "way": contender.name,
+            "ns": 1e9 * timing.median,
+            "ns_far": 1e9 * far_timing.median,
+            "ratio": timing.median / timings[0].median,
+            "error_near": worst(contender.work(near[:checked]), near_exact),
+            "error_far": worst(contender.work(far[:checked]), far_exact),
+        }
+        for contender, timing, far_timing in zip(contenders, timings, far_timings, strict=True)
+    ]
+
+
+def quadrature(nodes: int, points: Floats, out: Floats) -> None:
+    places, weights = np.polynomial.legendre.leggauss(nodes)
+    stages.by_quadrature(points, (places + 1) / 2, weights / 2, out)
+
+
+def reference(points: Floats) -> Any:
+    """From the definition, at 30 digits."""
+    import mpmath as mp
+
+    from ..optics.wedge import swept
+
+    with mp.workdps(30):
+        return np.array([swept(mp.mpf(float(a)), mp.mpf(float(h))) for a, h in points])
+
+
+def worst(values: Floats, exact: Any) -> float:
+    return float(np.abs(values - exact).max())
