@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-STUDIES = ("forward", "inverse", "scaling", "stability")
-TITLES = {
-    "forward": "readings: time a pose against error",
-    "inverse": "poses: time against error, eight unknowns from nine readings",
-    "scaling": "batch size and threads: time a pose",
-    "stability": "errors over apex offset and tilt, against high precision",
+#: Where each study is, and its title.
+STUDIES = {
+    "forward": ("studies", "readings: time a pose against error"),
+    "inverse": ("studies", "poses: time against error, eight unknowns from nine readings"),
+    "scaling": ("studies", "batch size and threads: time a pose"),
+    "apertures": ("apertures", "cut light: time a pose, beside that of uncut light"),
+    "profile": ("profile", "where the time of a pose goes"),
+    "special": ("profile", "what a side sweeps over, evaluated in other ways"),
+    "stability": ("stability", "errors over apex offset and tilt, against high precision"),
+    "digits": ("stability", "digits lost in the range"),
+    "steps": ("stability", "steps from zero to a pose"),
 }
+DRAWINGS = ("work_precision.svg", "stability.png", "histograms.svg")
 
 
 def bench(
@@ -27,21 +34,25 @@ def bench(
     """Measure run time against error, beside other ways to compute the same.
 
     All contenders run in turn in one run on the paper's sensor; ratios are to this package. Writes
-    a table a study, the machine's facts, and two pictures.
+    a table a study, the machine's facts, and three pictures.
     """
-    from facets import plots, tables
-    from facets.bench import pictures, studies
+    from importlib import import_module
 
-    names = [*(f"{name}.csv" for name in STUDIES), "machine.json"]
-    drawings = ["work_precision.svg", "stability.png"]
-    tables.refuse_to_overwrite([output / name for name in [*names, *drawings]], force)
+    from facets import plots, tables
+    from facets.bench import peers, pictures
+
+    names = [*(f"{name}.csv" for name in STUDIES), "machine.json", *DRAWINGS]
+    tables.refuse_to_overwrite([output / name for name in names], force)
     about = facts(seed)
+    if gone := peers.missing(*peers.PACKAGES):
+        typer.echo(f'left out, not installed: {", ".join(gone)}  (extra "bench-peers")\n')
     results: dict[str, list[dict[str, Any]]] = {}
-    for name in STUDIES:
-        rows = results[name] = getattr(studies, name)(quick, seed)
+    for name, (module, title) in STUDIES.items():
+        study = getattr(import_module(f"facets.bench.{module}"), name)
+        rows = results[name] = study(quick, seed)
         columns = {key: [row[key] for row in rows] for key in rows[0]}
         tables.write_table(output / f"{name}.csv", columns, about)
-        show(TITLES[name], worst_of_tilts(rows) if name == "stability" else rows)
+        show(title, worst_of_tilts(rows) if name == "stability" else rows)
     with tables.Whole(output / "machine.json") as temporary:
         import json
 
@@ -49,7 +60,9 @@ def bench(
     picture = pictures.work_precision(results["forward"], results["inverse"])
     plots.save(picture, output / "work_precision.svg")
     plots.save(pictures.heat_map(results["stability"]), output / "stability.png")
-    typer.echo(f"{output}/: {', '.join([*names, *drawings])}")
+    histograms = pictures.histograms(results["digits"], results["steps"])
+    plots.save(histograms, output / "histograms.svg")
+    typer.echo(f"{output}/: {', '.join(names)}")
 
 
 def worst_of_tilts(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -79,7 +92,7 @@ def facts(seed: int) -> dict[str, str]:
         "cores": str(cores()),
         "system": platform.platform(),
         "python": platform.python_version(),
-        **{name: version(name) for name in ("numpy", "scipy", "numba", "mpmath")},
+        **{name: version(name) for name in ("numpy", "scipy", "numba", "casadi", "mpmath")},
     }
 
 
@@ -100,12 +113,13 @@ def show(title: str, rows: list[dict[str, Any]]) -> None:
     from rich.table import Table
 
     table = Table(title=title, title_justify="left", title_style="bold", box=None)
-    keys = [key for key in rows[0] if key not in ("low_us", "high_us")]
+    keys = [key for key in rows[0] if key not in ("low_us", "high_us", "ns_up_to_here")]
     for key in keys:
-        table.add_column(key, justify="left" if key == "way" else "right")
+        table.add_column(key, justify="left" if isinstance(rows[0][key], str) else "right")
     for row in rows:
         table.add_row(*(cell(row[key]) for key in keys))
-    Console(highlight=False).print(table, "")
+    wide = None if sys.stdout.isatty() else 120
+    Console(highlight=False, width=wide).print(table, "")
 
 
 def cell(value: Any) -> str:

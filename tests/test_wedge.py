@@ -58,7 +58,9 @@ def test_at_the_beam_centre_a_wedge_holds_its_share_of_a_turn():
 
 
 def test_a_quarter_has_a_known_centroid():
-    _, centroid, shift, _ = wedge((0.0, 0.0), RIGHT, UP, side((0.0, 0.0), RIGHT), side((0.0, 0.0), UP))
+    _, centroid, shift, _ = wedge(
+        (0.0, 0.0), RIGHT, UP, side((0.0, 0.0), RIGHT), side((0.0, 0.0), UP)
+    )
     assert centroid == pytest.approx((math.sqrt(2 / math.pi),) * 2, rel=1e-15)
     assert shift == pytest.approx((2 / math.pi, 0, 2 / math.pi), abs=1e-15)
 

@@ -70,3 +70,25 @@ def heat_map(rows: Sequence[Row]) -> Figure:
             axes.set(xlabel="apex offset, sigmas of the beam", ylabel="tilt, mrad", title=title)
             picture.colorbar(image, ax=axes, label="log10")
     return picture
+
+
+def histograms(digits: Sequence[Row], steps: Sequence[Row]) -> Figure:
+    """Digits lost by powers and places, and steps from zero to a pose."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(plots.STYLE):
+        picture = plots.figure(10, 3.4)
+        left, right = picture.subplots(1, 2)
+        bars(left, digits, "digits_lost", ("powers", "places"), 0.25)
+        left.set(xlabel="digits lost (0: the last bit)", ylabel="numbers", title="readings")
+        bars(right, steps, "steps", ("exact", "noisy"), 1.0)
+        right.set(xlabel="steps from zero", ylabel="poses", title="poses from readings")
+    return picture
+
+
+def bars(axes: Axes, rows: Sequence[Row], key: str, series: Sequence[str], width: float) -> None:
+    places = np.array([row[key] for row in rows])
+    for name, side, colour in zip(series, (0.25, 0.75), (plots.BLUE, plots.ORANGE), strict=True):
+        heights = [row[name] for row in rows]
+        axes.bar(places + side * width, heights, 0.45 * width, color=colour, label=name)
+    axes.legend()

@@ -46,9 +46,14 @@ def facet_normals(states: Floats) -> Floats:
     return np.einsum("...ij,kj->...ki", turn(*np.moveaxis(states[..., 3:6], -1, 0)), resting)
 
 
+def edge_directions(normals: Floats) -> Floats:
+    """(..., 3, 3): the edge where each facet begins, from the apex down."""
+    return np.cross(normals, np.roll(normals, 1, axis=-2))
+
+
 def edge_angles(normals: Floats) -> Floats:
     """(..., 3): the angle, seen from above, of the edge where each facet begins."""
-    edges = np.cross(normals, np.roll(normals, 1, axis=-2))
+    edges = edge_directions(normals)
     return np.arctan2(edges[..., 1], edges[..., 0])
 
 

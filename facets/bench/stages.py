@@ -77,9 +77,9 @@ def up_to_jacobian(packed: Array, states: Array, out: Array) -> None:
 
 #: In the order of the chain: each does what the one before does, and more.
 CHAIN = {
-    "mirror turned, edges seen along the beam": up_to_placed,
+    "mirror turned; its edges seen along the beam": up_to_placed,
     "special functions of three edges": up_to_sides,
-    "mass, centroid, covariance on three facets": up_to_light,
+    "mass; centroid and covariance on three facets": up_to_light,
     "three rays to the detectors": up_to_readings,
     "their 72 derivatives": up_to_jacobian,
 }

@@ -1,10 +1,9 @@
-"""The studies of `facets bench`: each gives rows for a table, in the order they are to be read."""
+"""Run time against error, and against batch size: rows for tables, in the order to be read."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from ..optics.forward import geometry
 from ..optics.forward import readings as text
 from ..solver import solve
 from ..threads import cores
-from . import rivals
+from . import casadi_rival, peers, rivals
 from .clock import Contender, Timing, alternate
 
 Floats = NDArray[np.float64]
@@ -77,7 +76,7 @@ def forward_contenders(quick: bool, poses: int, seed: int) -> list[Contender]:
         Contender(f"{count} random rays", lambda s: rivals.rays(s, random(count, seed)), 2),
         Contender(f"{count} Sobol rays", lambda s: rivals.rays(s, sobol(count, seed)), 2),
     ]
-    return made
+    return made + peers.forward(quick, seed)
 
 
 def forward(quick: bool, seed: int) -> list[Row]:
@@ -157,6 +156,9 @@ def inverse(quick: bool, seed: int) -> list[Row]:
             poses,
         ),
         Contender(
+            "casadi Newton on Gauss-Legendre 12", casadi_rival.solver(), 100 if quick else 1000
+        ),
+        Contender(
             "fsolve on Gauss-Legendre 12", lambda r: solve_by(by_fsolve, twelve)(r[:, :9]), 10
         ),
         Contender(
@@ -173,6 +175,7 @@ def inverse(quick: bool, seed: int) -> list[Row]:
                 1,
             )
         )
+    contenders += peers.inverse(quick)
     timings = alternate(contenders, index, 3 if quick else 7)
     rows = []
     for contender, timing in zip(contenders, timings, strict=True):
@@ -224,36 +227,3 @@ def scaled(states: Floats, size: int, threads: int, rounds: int) -> Row:
         "readings_us": 1e6 * read_time.median,
         "solve_us": 1e6 * solve_time.median,
     }
-
-
-def stability(quick: bool, seed: int) -> list[Row]:
-    """Errors of readings over apex offset (in sigmas) and tilt; poses solved from zero, and steps.
-
-    The reference carries as many more digits as the faintest power has zeros.
-    """
-    offsets = [0, 0.01, 0.3, 0.6, 1, 1.5, 2, 3, 4, 6, 8, 10]
-    tilts = [0, 1, 5, 10, 20, 50]
-    if quick:
-        offsets, tilts = offsets[::2], tilts[::4]
-    rng = np.random.default_rng(seed)
-    rows = []
-    for offset, tilt in product(offsets, tilts):
-        states = np.zeros((2 if quick else 4, 8))
-        turn = 2 * np.pi * rng.random(len(states))
-        states[:, 0] = offset * rivals.SIGMA * np.cos(turn)
-        states[:, 1] = offset * rivals.SIGMA * np.sin(turn)
-        states[:, 3:6] = 1e-3 * tilt * rng.uniform(-1, 1, (len(states), 3))
-        values = readings(SENSOR, states)
-        place, power = errors(values, reference(states, 40 + int(offset**2 / 4)))
-        solution = solve(SENSOR, values)
-        rows.append(
-            {
-                "offset_sigma": offset,
-                "tilt_mrad": tilt,
-                "place_error_mm": place,
-                "power_error": power,
-                "solved": int(solution.ok.sum()),
-                "most_steps": int(solution.iterations[solution.ok].max(initial=0)),
-            }
-        )
-    return rows

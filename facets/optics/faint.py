@@ -51,8 +51,8 @@ class Side(NamedTuple):
     """The wedge's brighter side, from which angles and moments are counted.
 
     a, h: q . u and q x u.  u: its direction.  sense: 1 where the wedge opens counter-clockwise.
-    near: whether it runs well towards the beam's centre first, and moments count from its foot; else
-    they count from q.  light: f(q), in units of `scale`.
+    near: whether it runs well towards the beam's centre first: moments then count from its foot,
+    else from q.  light: f(q), in units of `scale`.
     """
 
     a: float
