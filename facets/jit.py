@@ -95,12 +95,12 @@ def register_text() -> None:
             if not isinstance(function, FunctionType) or function.__module__ != module.__name__:
                 continue
             if function not in TWINS:
-                register_jitable(function)
+                register_jitable(forceinline=module is not faint)(function)
 
 
 def text(function: Callable[..., Any]) -> Callable[..., Any]:
     """Marks a function as text that compiled functions may call."""
-    return register_jitable(function)
+    return register_jitable(forceinline=True)(function)
 
 
 def cache_folder() -> tuple[Path, object]:

@@ -25,12 +25,13 @@ def triangularise(matrix: Array, rows: int, columns: int) -> bool:
             return False
         norm = -sqrt(square) if matrix[j, j] > 0 else sqrt(square)
         head = matrix[j, j] - norm
+        scale = 1 / (norm * head)
         # the reflection 1 - v v' / (-norm head) with v = (head, matrix[j+1:, j])
         for k in range(j + 1, columns + 1):
             along = head * matrix[j, k]
             for i in range(j + 1, rows):
                 along += matrix[i, j] * matrix[i, k]
-            along /= norm * head
+            along *= scale
             matrix[j, k] += along * head
             for i in range(j + 1, rows):
                 matrix[i, k] += along * matrix[i, j]

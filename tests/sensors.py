@@ -1,56 +1,7 @@
-"""The sensors that the tests run on: the paper's, and ten of which nothing is symmetric."""
+"""The sensors and states that the tests run on."""
 
 import numpy as np
-
-from facets import Beam, Facet, Psd, Sensor
-
-
-def sub_beam(beam: Beam, facet: Facet) -> np.ndarray:
-    """Where a facet sends the beam at the mirror's zero pose."""
-    down = np.array([-np.sin(beam.tilt_y) * np.cos(beam.tilt_x), np.sin(beam.tilt_x), 0])
-    down[2] = -np.cos(beam.tilt_y) * np.cos(beam.tilt_x)
-    slope, azimuth = facet.inclination, facet.azimuth
-    normal = np.array(
-        [np.sin(slope) * np.cos(azimuth), np.sin(slope) * np.sin(azimuth), np.cos(slope)]
-    )
-    return down - 2 * (down @ normal) * normal
-
-
-def skewed(seed: int) -> Sensor:
-    """Every parameter off by more than any rig's, each detector near the spot it is to catch."""
-    rng = np.random.default_rng(seed)
-    beam = Beam(
-        power=rng.uniform(0.1, 5),
-        diameter_x=rng.uniform(0.5, 1.2),
-        diameter_y=rng.uniform(0.5, 1.2),
-        rotation=rng.uniform(0, np.pi),
-        tilt_x=rng.uniform(-0.02, 0.02),
-        tilt_y=rng.uniform(-0.02, 0.02),
-    )
-    facets, psds = [], []
-    for k in range(3):
-        facet = Facet(
-            inclination=np.radians(45 + rng.uniform(-4, 4)),
-            azimuth=2 * np.pi * k / 3 + np.radians(rng.uniform(-10, 10)),
-        )
-        ray = sub_beam(beam, facet)
-        radius = rng.uniform(150, 300)
-        psd = Psd(
-            radius=radius,
-            azimuth=np.arctan2(ray[1], ray[0]) + rng.uniform(-2, 2) / radius,
-            height=radius * ray[2] / np.hypot(ray[0], ray[1]) + rng.uniform(-2, 2),
-            roll=rng.uniform(-0.2, 0.2),
-            pitch=rng.uniform(-0.2, 0.2),
-            yaw=rng.uniform(-0.2, 0.2),
-            size_y=rng.uniform(10, 20),
-            size_z=rng.uniform(10, 20),
-        )
-        facets.append(facet)
-        psds.append(psd)
-    return Sensor(beam=beam, facets=tuple(facets), psds=tuple(psds))
-
-
-SENSORS = {"paper": Sensor(), **{f"skewed{seed}": skewed(seed) for seed in range(10)}}
+from facets.experiments.sensors import SENSORS as SENSORS
 
 
 def states(count: int, seed: int, offset: float = 0.2, angle: float = 0.02) -> np.ndarray:

@@ -44,11 +44,37 @@ def test_errors_are_those_of_rounding(results):
 def test_everything_is_written_with_the_machine(results):
     names = {file.name for file in results.iterdir()}
     assert names == {
-        "forward.csv", "inverse.csv", "scaling.csv", "stability.csv",
-        "machine.json", "work_precision.svg", "stability.png",
+        "forward.csv", "inverse.csv", "scaling.csv", "apertures.csv", "profile.csv", "special.csv",
+        "stability.csv", "digits.csv", "steps.csv",
+        "machine.json", "work_precision.svg", "stability.png", "histograms.svg",
     }  # fmt: skip
     about = json.loads((results / "machine.json").read_text())["about"]
     assert {"processor", "cores", "numpy", "seed", "command"} <= set(about)
+
+
+def test_nothing_is_lost_but_the_last_bit(results):
+    digits = read(results, "digits")
+    assert digits[["powers", "places"]].sum().tolist() == [120, 240]
+    assert digits.loc[digits.digits_lost >= 1, ["powers", "places"]].to_numpy().sum() == 0
+
+
+def test_ways_to_the_special_function_agree(results):
+    """All but the shortest rule hold 16 digits where the paper's sensor works."""
+    special = read(results, "special").set_index("way").drop("Gauss-Legendre 6")
+    assert (special.error_near < 3e-16).all()
+    assert special.error_far["facets: series"] < 3e-16
+
+
+def test_a_bound_spares_what_is_not_cut(results):
+    cuts = read(results, "apertures").set_index("cut").poses_cut
+    assert cuts["nothing cut"] == cuts["rim at 5 mm"] == 0
+    assert 0 < cuts["detectors"] < 1
+    assert cuts["beam at 1/e^2"] == 1
+
+
+def test_casadi_finds_the_same_poses(results):
+    inverse = read(results, "inverse").set_index("way")
+    assert inverse.length_error_mm["casadi Newton on Gauss-Legendre 12"] < 1e-8
 
 
 def test_rivals_agree_with_each_other():

@@ -198,11 +198,18 @@ def integrate(side: Side, opening: float) -> Sums:
     return (float("nan"), 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
+def no_light() -> tuple[float, Plane, tuple[float, float, float], Plane]:
+    nan = float("nan")
+    return 0.0, (nan, nan), (nan, nan, nan), (nan, nan)
+
+
 def faint(q: Plane, u1: Plane, u2: Plane) -> tuple[float, Plane, tuple[float, float, float], Plane]:
     """What `wedge` gives, for a wedge of small mass; NaN centroid where no light is left at all."""
     cross, _ = sum_of_products(u1[0], u2[1], -u1[1], u2[0])
     opening = atan2(cross, u1[0] * u2[0] + u1[1] * u2[1])
     side = brighter_side(q, u1, u2)
+    if not (side.scale > 0 and opening > 0):  # too far, or a facet seen from behind
+        return no_light()
     if side.near or opening < WIDE:
         light, x, y, xx, xy, yy = integrate(side, opening)
     else:
@@ -210,8 +217,7 @@ def faint(q: Plane, u1: Plane, u2: Plane) -> tuple[float, Plane, tuple[float, fl
         light, x, y, xx, xy, yy = added(integrate(side, half), integrate(other, half), 1.0)
     mass = side.scale * light
     if not mass > 0:
-        nan = float("nan")
-        return mass, (nan, nan), (nan, nan, nan), (nan, nan)
+        return no_light()
     cx, cy = x / light, y / light
     shift = (1 - xx / light + cx * cx, cx * cy - xy / light, 1 - yy / light + cy * cy)
     if side.near:

@@ -28,7 +28,7 @@ import numpy as np
 
 from ..numbers import Number, atan2, erf, erfc, exp, integral, is_float, pi, sqrt
 from .exact import gauss, gauss_of_point, normalised
-from .faint import AWAY, faint, tail
+from .faint import AWAY, faint, no_light, tail
 
 Plane = tuple[Any, Any]
 Side = tuple[Any, Any, Any, Any]
@@ -146,13 +146,19 @@ def wedge(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
 #: Where the mass is less than this, times 1 + |q|, the closed form has lost two digits to
 #: cancellation, and `faint` takes over.
 FAINT = 0.01
+#: Above this mass nothing cancels, however far the point.
+BRIGHT = 0.3
+#: Further off, sigmas, a wedge that holds less is dark: only a solver's lost steps get there.
+BEYOND = 1000.0
 
 
 def wedge_float(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
     mass = mass_closed(u1, u2, side1, side2)
-    if mass > FAINT * (1 + abs(q[0]) + abs(q[1])):
+    if mass > min(FAINT * (1 + abs(q[0]) + abs(q[1])), BRIGHT):
         return moments_closed(q, u1, u2, side1, side2, mass)
-    return faint(q, u1, u2)
+    if q[0] * q[0] + q[1] * q[1] < BEYOND * BEYOND:
+        return faint(q, u1, u2)
+    return no_light()
 
 
 def wedge_closed(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
