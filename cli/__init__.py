@@ -13,6 +13,8 @@ from facets.errors import FacetsError
 from . import config
 from .bench import bench
 from .console import message
+from .range_map import range_map
+from .resolution import resolution
 from .simulate import simulate
 from .solve import solve
 
@@ -56,5 +58,7 @@ def main() -> None:
 
 app.command()(simulate)
 app.command()(solve)
+app.command("range-map")(range_map)
+app.command()(resolution)
 app.command()(bench)
 app.add_typer(config.app, name="config")

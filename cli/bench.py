@@ -14,6 +14,7 @@ STUDIES = {
     "inverse": ("studies", "poses: time against error, eight unknowns from nine readings"),
     "scaling": ("studies", "batch size and threads: time a pose"),
     "apertures": ("apertures", "cut light: time a pose, beside that of uncut light"),
+    "maps": ("maps", "range maps: outlines to 0.1 um and 0.1 urad, beside grids as fine"),
     "profile": ("profile", "where the time of a pose goes"),
     "special": ("profile", "what a side sweeps over, evaluated in other ways"),
     "stability": ("stability", "errors over apex offset and tilt, against high precision"),

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import facets
-from facets.simulate import add_noise
+from facets.noise import add_noise
 from facets.tables import write_table
 
 from .sensors import SENSORS
@@ -50,7 +50,7 @@ class Case:
 
 
 def noisy(sensor: facets.Sensor, exact: Floats, rng: np.random.Generator) -> Floats:
-    return add_noise(sensor.noise, exact, rng)
+    return add_noise(sensor, exact, rng)
 
 
 def outlier(sensor: facets.Sensor, exact: Floats, rng: np.random.Generator) -> Floats:

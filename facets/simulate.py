@@ -13,12 +13,13 @@ from .errors import InputError
 from .model import on_detectors, readings
 from .motion import states
 from .names import POSE, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from .noise import add_noise
 from .solve_table import labels, pose_columns, solve_readings
 from .solver import Solution, Status
 
 if TYPE_CHECKING:
     from .config import Config, Solve
-    from .sensor import Noise, Sensor
+    from .sensor import Sensor
 
 Floats = NDArray[np.float64]
 
@@ -67,21 +68,11 @@ class Axis:
         return self.high > self.low
 
 
-def add_noise(noise: Noise, exact: Floats, rng: np.random.Generator) -> Floats:
-    """Gaussian noise of `sensor.noise` on readings (n, 9); a centroid's grows as 1/power."""
-    sigma = np.full(exact.shape, noise.power)
-    with np.errstate(divide="ignore"):
-        place = noise.position * noise.at_power / exact[:, 2::3]
-    sigma[:, 0::3] = sigma[:, 1::3] = place
-    noisy: Floats = exact + sigma * rng.standard_normal(exact.shape)
-    return noisy
-
-
 def read(sensor: Sensor, truth: Floats, noise: bool, rng: np.random.Generator) -> tuple[Any, Any]:
     """Readings (n, 9) as a bench would give them, and which spots reached their detector (n, 3)."""
     exact = readings(sensor, truth)
     reached = on_detectors(sensor, exact)
-    seen = add_noise(sensor.noise, exact, rng) if noise else exact.copy()
+    seen = add_noise(sensor, exact, rng) if noise else exact.copy()
     seen[~np.repeat(reached, 3, axis=1)] = np.nan
     return seen, reached
 

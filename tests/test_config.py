@@ -451,7 +451,27 @@ def test_every_key_of_the_schema_has_a_description_and_every_number_a_range():
 
 def test_every_number_has_a_unit_in_its_name_or_is_a_count():
     counts = {"steps", "samples_per_step", "samples", "seed", "max_steps"}
-    units = ("_mm", "_um", "_deg", "_mrad", "_mw", "_uw", "_ratio", "_hz", "_s")
+    counts |= {"snr", "condition", "adc_bits"}  # without a unit
+    units = (
+        "_mm",
+        "_um",
+        "_deg",
+        "_mrad",
+        "_urad",
+        "_mw",
+        "_uw",
+        "_ratio",
+        "_hz",
+        "_ppm",
+        "_na",
+        "_kohm",
+        "_nv_rthz",
+        "_pa_rthz",
+        "_k",
+        "_v",
+        "_a_w",
+        "_s",
+    )
     for block, node in schema()["$defs"].items():
         for name, key in node["properties"].items():
             assert not numbers(key) or name.endswith(units) or name in counts, (block, name)

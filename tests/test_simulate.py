@@ -5,7 +5,8 @@ import pytest
 
 import facets
 from facets.errors import InputError
-from facets.simulate import add_noise, axes, pose_table, reading_table, simulate, statuses
+from facets.noise import add_noise
+from facets.simulate import axes, pose_table, reading_table, simulate, statuses
 
 
 def config(tmp_path, text: str) -> facets.config.Config:
@@ -28,9 +29,9 @@ def test_with_noise_the_errors_are_those_that_are_stated():
 
 
 def test_noise_is_of_the_stated_size_and_grows_with_falling_power():
-    noise = facets.Noise(position=1e-3, at_power=0.1, power=1e-4)
+    sensor = facets.Sensor(noise=facets.Noise(position=1e-3, at_power=0.1, power=1e-4))
     exact = np.tile([1.0, 2.0, 0.1, 1.0, 2.0, 0.05, 1.0, 2.0, 0.2], (100_000, 1))
-    spread = (add_noise(noise, exact, np.random.default_rng(1)) - exact).std(axis=0)
+    spread = (add_noise(sensor, exact, np.random.default_rng(1)) - exact).std(axis=0)
     expected = [1e-3, 1e-3, 1e-4, 2e-3, 2e-3, 1e-4, 5e-4, 5e-4, 1e-4]
     assert spread == pytest.approx(expected, rel=0.01)
 

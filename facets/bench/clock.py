@@ -33,7 +33,7 @@ def alternate(contenders: Sequence[Contender], inputs: Any, rounds: int) -> list
     taken: list[list[float]] = [[] for _ in contenders]
     for contender in contenders:
         if contender.poses >= 100:
-            contender.work(inputs[:2])  # compiles, imports
+            contender.work(inputs[: contender.poses])  # compiles for this shape, imports
     for _ in range(rounds):
         for times, contender in zip(taken, contenders, strict=True):
             if times and times[0] * contender.poses > 2:

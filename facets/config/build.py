@@ -6,6 +6,7 @@ from math import inf, radians
 from pathlib import Path
 from typing import Any
 
+from ..rules import Rules
 from ..sensor import DETECTORS, Apertures, Beam, Facet, Noise, Psd, Sensor
 from .keys import Document, Mirror, Psds
 from .values import Motion, Random, Sine, Solve, State, Steps, Sweep, Table
@@ -96,6 +97,17 @@ def solve(keys: dict[str, Any]) -> Solve:
         method=keys["method"],
         start=keys["start"],
         max_steps=keys["max_steps"],
+    )
+
+
+def range_(keys: dict[str, Any]) -> Rules:
+    """The rules of the measurement range."""
+    limits = [inf if value is None else value for value in keys["coarsest"].values()]
+    return Rules(
+        whole_spot=keys["spot"] == "whole",
+        snr=keys["snr"],
+        condition=keys["condition"],
+        coarsest=(*(1e-3 * um for um in limits[:3]), *(1e-6 * urad for urad in limits[3:])),
     )
 
 

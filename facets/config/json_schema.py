@@ -18,6 +18,7 @@ UNITS = {
     "um": "um",
     "deg": "deg",
     "mrad": "mrad",
+    "urad": "urad",
     "mw": "mW",
     "uw": "uW",
     "hz": "Hz",

@@ -167,6 +167,33 @@ class SensorKeys(Section):
     apertures: Apertures = Field(Apertures(), description="what cuts the light; off unless given")
 
 
+class Coarsest(Section):
+    """Largest standard uncertainty of each axis; an axis left out has no limit."""
+
+    tx_um: float | None = Field(None, gt=0, le=1e6, description="of tx")
+    ty_um: float | None = Field(None, gt=0, le=1e6, description="of ty")
+    tz_um: float | None = Field(None, gt=0, le=1e6, description="of tz")
+    roll_urad: float | None = Field(None, gt=0, le=1e6, description="of roll")
+    pitch_urad: float | None = Field(None, gt=0, le=1e6, description="of pitch")
+    yaw_urad: float | None = Field(None, gt=0, le=1e6, description="of yaw")
+
+
+class RangeKeys(Section):
+    """What counts as inside the measurement range."""
+
+    spot: Literal["whole", "centroid"] = Field(
+        "whole",
+        description="what stays on the PSD: all of a spot inside the 1/e^2 circle, or its centroid",
+    )
+    snr: float = Field(
+        810.0, gt=0, le=1e9, description="least power on a PSD over the noise of its power"
+    )
+    condition: float = Field(
+        1e8, gt=1, le=1e15, description="largest condition number of the weighted Jacobian"
+    )
+    coarsest: Coarsest = Field(Coarsest(), description="largest standard uncertainty of each axis")
+
+
 class Simulate(Section):
     """What `facets simulate` adds to the motions."""
 
@@ -209,3 +236,4 @@ class Document(Section):
     )
     simulate: Simulate = Field(Simulate(), description="settings of `facets simulate`")
     solve: SolveKeys = Field(SolveKeys(), description="settings of the solver")
+    range: RangeKeys = Field(RangeKeys(), description="what counts as the measurement range")

@@ -34,6 +34,7 @@ def load(name_or_path: str | Path) -> Config:
         noise=resolved["simulate"]["noise"],
         seed=resolved["simulate"]["seed"],
         solve=build.solve(resolved["solve"]),
+        range=build.range_(resolved["range"]),
         resolved=resolved,
         sha256=fingerprint(resolved),
     )

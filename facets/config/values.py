@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+from ..rules import Rules
 from ..sensor import Sensor
 
 #: tx, ty, tz (mm), roll, pitch, yaw (rad), bx, by (mm): the state of Eq. (3).
@@ -115,5 +116,6 @@ class Config:
     noise: bool
     seed: int
     solve: Solve
+    range: Rules
     resolved: dict[str, Any]
     sha256: str
