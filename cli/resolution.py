@@ -79,7 +79,6 @@ def columns(found: list[Resolution]) -> dict[str, Any]:
 
     from facets.names import POSE, STATE_COLUMNS, STATE_UNITS
     from facets.plots import unit_of
-    from facets.resolution import SOURCES
 
     rows: list[dict[str, Any]] = []
     for row in found:
@@ -96,7 +95,7 @@ def columns(found: list[Resolution]) -> dict[str, Any]:
                     "u_expanded_worst": 2 * factor * row.worst[i],
                     **{
                         f"share_of_{source.replace(' ', '_')}": row.shares[i, s]
-                        for s, source in enumerate(SOURCES)
+                        for s, source in enumerate(row.sources)
                     },
                     **{f"worst_at_{c}": worst_at[k] for k, c in enumerate(STATE_COLUMNS)},
                 }

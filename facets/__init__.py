@@ -21,6 +21,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "Apertures": "sensor",
     "Beam": "sensor",
+    "Electronics": "sensor",
     "Facet": "sensor",
     "Noise": "sensor",
     "PARAMETERS": "optics.parameters",
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
     from .optics.parameters import PARAMETERS as PARAMETERS
     from .sensor import Apertures as Apertures
     from .sensor import Beam as Beam
+    from .sensor import Electronics as Electronics
     from .sensor import Facet as Facet
     from .sensor import Noise as Noise
     from .sensor import Psd as Psd

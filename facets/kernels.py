@@ -180,6 +180,14 @@ def room() -> Room:
 
 
 @text
+def weigh(sigmas: Array, weights: Array) -> None:
+    """Weights from standard deviations, for the readings that `judge` took."""
+    for i in range(9):
+        if weights[i] > 0:
+            weights[i] = 1 / sigmas[i]
+
+
+@text
 def spread(covariance: Array, free: Array, covariances: Array, n: int) -> None:
     """The covariance of the free unknowns, put at their places in that of the state."""
     if len(covariances) == 0:
@@ -194,6 +202,7 @@ def spread(covariance: Array, free: Array, covariances: Array, n: int) -> None:
 def invert(
     packed: Array,
     values: Array,
+    sigmas: Array,
     limits: Limits,
     means: Array,
     prior_weight: Array,
@@ -211,6 +220,7 @@ def invert(
 ) -> None:
     """Estimates states (n, 9: with power) from readings `values` (n, 9).
 
+    sigmas (n, 9): their standard deviations; empty where those of `limits` hold.
     means (n or 1, 3), prior_weight (3,), free: see `estimate.Problem`. starts (n or 1, 9), with
     the values of what is known. previous: start where the last converged sample ended.
     left (n,): root of the sum of squares left. covariances: (n, 8, 8) zeroed, or empty.
@@ -225,6 +235,8 @@ def invert(
         problem = Problem(means[n % len(means)], prior_weight, free, max_steps, damped)
         start, x = starts[n % len(starts)], states[n]
         status[n], steps[n], left[n] = judge(values[n], limits, weights, used[n]), 0, 0.0
+        if len(sigmas) > 0:
+            weigh(sigmas[n], weights)
         if status[n] == CONVERGED or enough(used[n], problem, limits.eight):
             warm = previous and last >= 0
             x[:] = states[last] if warm else start

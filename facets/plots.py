@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 #: Okabe and Ito's colours, told apart also by the colour-blind.
 INK, BLUE, ORANGE, GREEN, GREY = "#222222", "#0072B2", "#D55E00", "#009E73", "#999999"
+#: For many series, in this order.
+SERIES = (BLUE, ORANGE, GREEN, "#CC79A7", "#E69F00", "#56B4E9", GREY)
 STYLE: dict[Any, Any] = {
     "axes.edgecolor": INK,
     "axes.grid": True,

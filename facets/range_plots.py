@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from . import plots
 from .names import POSE
 from .ranges import CAUSES, Boundary
-from .resolution import SOURCES, Resolution
+from .resolution import Resolution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -89,10 +89,10 @@ def budget_picture(found: Sequence[Resolution]) -> Figure:
         panels = picture.subplots(1, len(found), sharey=True, squeeze=False)[0]
         for panel, row in zip(panels, found, strict=True):
             bottom = np.zeros(len(POSE))
-            for number, source in enumerate(SOURCES):
+            for number, source in enumerate(row.sources):
                 share = 100 * row.shares[:, number]
                 panel.bar(
-                    POSE, share, bottom=bottom, color=COLOURS[number], width=0.7, label=source
+                    POSE, share, bottom=bottom, color=plots.SERIES[number], width=0.7, label=source
                 )
                 bottom += share
             for place, (name, value) in enumerate(zip(POSE, row.nominal, strict=True)):
@@ -103,5 +103,5 @@ def budget_picture(found: Sequence[Resolution]) -> Figure:
             panel.title.set_fontsize(9)
         panels[0].set_ylabel("share of the variance at rest, %")
         handles, names = panels[0].get_legend_handles_labels()
-        picture.legend(handles, names, loc="outside lower center", ncols=len(SOURCES))
+        picture.legend(handles, names, loc="outside lower center", ncols=len(names))
     return picture

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from .errors import InputError
 from .model import half_sizes, jacobian, margins, readings
 from .names import ANGLES, POSE
-from .noise import standard_deviations
+from .noise import power_floor, standard_deviations
 from .rules import Rules
 from .sensor import Sensor
 from .solver import solve
@@ -62,7 +62,7 @@ def clearances(sensor: Sensor, poses: Floats, rules: Rules) -> Floats:
     out = np.empty((len(poses), len(CAUSES)))
     out[:, PSD] = on_detector(sensor, state, reading, rules)
     power = np.nan_to_num(reading[:, 2::3].min(axis=1))
-    weakest = rules.snr * sensor.noise.power
+    weakest = rules.snr * power_floor(sensor)
     out[:, LIGHT] = np.log(np.maximum(power, 1e-300) / weakest)
     out[:, SINGULAR:] = np.inf
     lit = (out[:, PSD] > -1) & (power > 0)

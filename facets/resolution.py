@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from .errors import InputError
 from .model import jacobian, readings
-from .noise import standard_deviations
+from .noise import sources as noise_sources
+from .noise import variances
 from .ranges import axis_ranges, states_of
 from .rules import Rules
 from .sensor import Sensor
@@ -48,17 +49,19 @@ def estimators(beam_sigma: float) -> list[Estimator]:
     ]
 
 
-#: What an uncertainty comes from; the columns of a budget.
-SOURCES = ("places", "powers", "beam position")
+def sources(sensor: Sensor) -> tuple[str, ...]:
+    """What an uncertainty comes from: the columns of a budget."""
+    return (*noise_sources(sensor), "beam position")
 
 
 def budgets(sensor: Sensor, states: Floats, how: Estimator) -> Floats:
-    """Variances (n, 6, 3) of the pose's axes at states (n, 8), by SOURCES; mm^2 and rad^2.
+    """Variances (n, 6, s) of the pose's axes at states (n, 8), by `sources`; mm^2 and rad^2.
 
     NaN where a detector has no reading or the readings do not determine the pose.
     """
     reading = readings(sensor, states)
-    sigma = standard_deviations(sensor, reading)
+    parts = variances(sensor, reading)
+    sigma = np.sqrt(parts.sum(axis=-1))
     matrix = jacobian(sensor, states)
     known = np.isfinite(matrix).all(axis=(1, 2))
     rows = matrix[known] / sigma[known][:, :, None]
@@ -69,15 +72,11 @@ def budgets(sensor: Sensor, states: Floats, how: Estimator) -> Floats:
     rows = with_beam(rows, how.beam)
     units = np.array([1e-3] * 3 + [1e-6] * 3 + [1e-3] * (rows.shape[2] - 6))
     gain = np.linalg.pinv(rows * units, rcond=1e-15) * units[None, :, None]
-    out = np.full((len(states), 6, len(SOURCES)), np.nan)
-    square = gain[:, :6] ** 2
-    is_power = np.arange(rows.shape[1]) % 3 == 2
-    is_power[9 - how.eight :] = False
-    is_place = ~is_power
-    is_place[9 - how.eight :] = False
-    out[known, :, 0] = square[:, :, is_place].sum(axis=2)
-    out[known, :, 1] = square[:, :, is_power].sum(axis=2)
-    out[known, :, 2] = square[:, :, ~is_place & ~is_power].sum(axis=2)
+    out = np.full((len(states), 6, parts.shape[-1] + 1), np.nan)
+    square, read = gain[:, :6] ** 2, 9 - how.eight
+    share = parts[known][:, :read] / sigma[known][:, :read, None] ** 2
+    out[known, :, :-1] = square[:, :, :read] @ share
+    out[known, :, -1] = square[:, :, read:].sum(axis=2)
     return out
 
 
@@ -124,10 +123,11 @@ def sweep_states(sensor: Sensor, rules: Rules, count: int = 101) -> Floats:
 class Resolution:
     """One estimator's standard uncertainties, mm and rad: (6,) at rest and at worst.
 
-    worst_state: (6, 8) where each axis is worst.  budget: (6, 3) variances at rest, by SOURCES.
+    worst_state: (6, 8) where each axis is worst.  budget: (6, s) variances at rest, by source.
     """
 
     how: Estimator
+    sources: tuple[str, ...]
     nominal: Floats
     worst: Floats
     worst_state: Floats
@@ -135,7 +135,7 @@ class Resolution:
 
     @property
     def shares(self) -> Floats:
-        """What part of each variance at rest comes from each source: (6, 3)."""
+        """What part of each variance at rest comes from each source: (6, s)."""
         part: Floats = self.budget / self.budget.sum(axis=1, keepdims=True)
         return part
 
@@ -153,5 +153,5 @@ def resolve(sensor: Sensor, rules: Rules, hows: Sequence[Estimator]) -> list[Res
         budget = budgets(sensor, rest, how)[0]
         nominal = np.sqrt(budget.sum(axis=1))
         largest = sigma[worst, np.arange(6)]
-        found.append(Resolution(how, nominal, largest, states[worst], budget))
+        found.append(Resolution(how, sources(sensor), nominal, largest, states[worst], budget))
     return found

@@ -111,6 +111,49 @@ class Noise:
 
 
 @dataclass(frozen=True)
+class Electronics:
+    """The detectors' electronics, from which their noise follows (`facets.noise`).
+
+    kind: of the PSDs: "duo-lateral", "pincushion" or "tetra-lateral".
+    responsivity: A/W.  dark_current: of a PSD, A.  resistance: between electrodes, ohm.
+    transimpedance: of each electrode's amplifier, ohm (V/A); voltage_noise, current_noise: of the
+    amplifier, V and A per root Hz.  bandwidth: Hz.  temperature: K.
+    adc_bits, adc_range: of the converter behind it, V full scale.
+    ambient: background light on a PSD, mW; its mean is taken off, its noise stays.
+    power_noise: of the laser, relative, from sample to sample.  pointing: jitter of the beam's
+    place in x and y, mm.
+    """
+
+    kind: str = "duo-lateral"
+    responsivity: float = 0.4
+    dark_current: float = 1e-8
+    resistance: float = 1e4
+    transimpedance: float = 1e5
+    voltage_noise: float = 1e-8
+    current_noise: float = 1e-12
+    bandwidth: float = 1e4
+    temperature: float = 296.0
+    adc_bits: int = 16
+    adc_range: float = 10.0
+    ambient: float = 0.0
+    power_noise: float = 0.0
+    pointing: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require_finite(self)
+        kinds = ("duo-lateral", "pincushion", "tetra-lateral")
+        _require(self.kind in kinds, "PSD kind", self.kind, ", ".join(kinds))
+        for name in ("responsivity", "resistance", "transimpedance", "bandwidth", "adc_range"):
+            _require(getattr(self, name) > 0, name, getattr(self, name), "above 0")
+        for name in (
+            "dark_current", "voltage_noise", "current_noise", "temperature", "ambient",
+            "power_noise", "pointing",
+        ):  # fmt: skip
+            _require(getattr(self, name) >= 0, name, getattr(self, name), "0 or more")
+        _require(1 <= self.adc_bits <= 32, "adc_bits", self.adc_bits, "1 to 32")
+
+
+@dataclass(frozen=True)
 class Apertures:
     """What cuts the light, beside the facets' edges; by default nothing does.
 
@@ -149,6 +192,8 @@ def _at_thirds(kind: type) -> tuple:
 class Sensor:
     """The whole sensor. `facets` and `psds` run A, B, C.
 
+    electronics: if given, noise follows from it instead of from `noise`.
+
     Seen from above the facets follow each other counter-clockwise, each within half a turn of the
     one before: else they are not the sides of a pyramid with its point up.
     """
@@ -158,6 +203,7 @@ class Sensor:
     psds: tuple[Psd, Psd, Psd] = _at_thirds(Psd)
     noise: Noise = Noise()
     apertures: Apertures = Apertures()
+    electronics: Electronics | None = None
 
     def __post_init__(self) -> None:
         for k, letter in enumerate(DETECTORS):

@@ -70,11 +70,23 @@ class Axis:
 
 def read(sensor: Sensor, truth: Floats, noise: bool, rng: np.random.Generator) -> tuple[Any, Any]:
     """Readings (n, 9) as a bench would give them, and which spots reached their detector (n, 3)."""
-    exact = readings(sensor, truth)
+    exact = readings(sensor, disturbed(sensor, truth, rng) if noise else truth)
     reached = on_detectors(sensor, exact)
+    if noise and sensor.electronics and sensor.electronics.power_noise > 0:
+        share = sensor.electronics.power_noise * rng.standard_normal((len(exact), 1))
+        exact[:, 2::3] *= 1 + share
     seen = add_noise(sensor, exact, rng) if noise else exact.copy()
     seen[~np.repeat(reached, 3, axis=1)] = np.nan
     return seen, reached
+
+
+def disturbed(sensor: Sensor, truth: Floats, rng: np.random.Generator) -> Floats:
+    """The true states with the beam's pointing jitter."""
+    if sensor.electronics is None or sensor.electronics.pointing == 0:
+        return truth
+    state = truth.copy()
+    state[:, 6:] += sensor.electronics.pointing * rng.standard_normal((len(truth), 2))
+    return state
 
 
 def beam_seen(options: Solve, truth: Floats, noise: bool, rng: np.random.Generator) -> Floats:

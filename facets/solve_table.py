@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,12 +47,15 @@ def solve_readings(
 ) -> Solution:
     """Solves readings (n, 9) as a config's `solve` block says.
 
+    A beam or a power that is known is known as well as the laser keeps it (`Electronics.pointing`,
+    `power_noise`).
     place: (n, 2) where the beam is, mm, if that is known; else the origin is taken. Where it is not
     finite, there is no pose.
     """
     beam: Any = "free"
     if options.beam != "free":
         sigma = options.beam_sigma if options.beam == "prior" else 0.0
+        sigma = hypot(sigma, sensor.electronics.pointing if sensor.electronics else 0.0)
         if place is None:
             place = np.zeros((1, 2))
         lost = ~np.isfinite(place).all(axis=1)
@@ -63,11 +67,18 @@ def solve_readings(
         sensor,
         readings,
         beam=beam,
-        power=options.power,  # type: ignore[arg-type]
+        power=power_known(sensor, options),
         method=options.method,  # type: ignore[arg-type]
         start=options.start,
         max_steps=options.max_steps,
     )
+
+
+def power_known(sensor: Sensor, options: Solve) -> Any:
+    noise = sensor.electronics.power_noise if sensor.electronics else 0.0
+    if options.power == "known" and noise > 0 and options.method != "paper":
+        return Prior(sensor.beam.power, noise * sensor.beam.power)
+    return options.power
 
 
 def solve_chunk(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Solution:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import estimate
 from .errors import InputError
 from .model import Floats, as_rows, half_sizes, packed
+from .noise import power_floor, standard_deviations
 from .sensor import Sensor
 from .threads import part_of, share
 
@@ -124,7 +125,7 @@ def means_of(place: Prior, light: Prior, shape: tuple[int, ...]) -> Floats:
 def limits_of(sensor: Sensor, eight: bool) -> estimate.Limits:
     noise = sensor.noise
     return estimate.Limits(
-        noise=np.array([noise.position, noise.at_power, noise.power]),
+        noise=np.array([noise.position, noise.at_power, power_floor(sensor)]),
         half_sizes=half_sizes(sensor),
         eight=eight,
     )
@@ -232,11 +233,13 @@ def solve(
     from .kernels import invert
 
     vectors = packed(sensor)
+    sigmas = np.empty((0, 9)) if sensor.electronics is None else standard_deviations(sensor, values)
 
     def run(part: slice) -> None:
         invert(
-            vectors, values[part], todo.limits, part_of(todo.means, part, n), todo.weights,
-            todo.free, part_of(starts, part, n), warm, max_steps, method != "paper",
+            vectors, values[part], part_of(sigmas, part, n), todo.limits,
+            part_of(todo.means, part, n), todo.weights, todo.free, part_of(starts, part, n),
+            warm, max_steps, method != "paper",
             states[part], used[part], status[part], steps[part], left[part],
             part_of(covariances, part, n),
         )  # fmt: skip

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..rules import Rules
-from ..sensor import DETECTORS, Apertures, Beam, Facet, Noise, Psd, Sensor
+from ..sensor import DETECTORS, Apertures, Beam, Electronics, Facet, Noise, Psd, Sensor
 from .keys import Document, Mirror, Psds
 from .values import Motion, Random, Sine, Solve, State, Steps, Sweep, Table
 
@@ -48,6 +48,26 @@ def sensor(keys: dict[str, Any]) -> Sensor:
             power=noise["power_uw"] / 1000,
         ),
         apertures=_apertures(keys["apertures"]),
+        electronics=_electronics(keys["electronics"]) if noise["model"] == "electronics" else None,
+    )
+
+
+def _electronics(keys: dict[str, Any]) -> Electronics:
+    return Electronics(
+        kind=keys["kind"],
+        responsivity=keys["responsivity_a_w"],
+        dark_current=1e-9 * keys["dark_current_na"],
+        resistance=1e3 * keys["resistance_kohm"],
+        transimpedance=1e3 * keys["transimpedance_kohm"],
+        voltage_noise=1e-9 * keys["voltage_noise_nv_rthz"],
+        current_noise=1e-12 * keys["current_noise_pa_rthz"],
+        bandwidth=keys["bandwidth_hz"],
+        temperature=keys["temperature_k"],
+        adc_bits=keys["adc_bits"],
+        adc_range=keys["adc_range_v"],
+        ambient=1e-3 * keys["ambient_uw"],
+        power_noise=1e-6 * keys["power_noise_ppm"],
+        pointing=1e-3 * keys["pointing_um"],
     )
 
 

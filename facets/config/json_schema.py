@@ -22,6 +22,11 @@ UNITS = {
     "mw": "mW",
     "uw": "uW",
     "hz": "Hz",
+    "na": "nA",
+    "kohm": "kohm",
+    "v": "V",
+    "k": "K",
+    "ppm": "ppm",
     "s": "s",
 }
 

@@ -127,11 +127,43 @@ class Psds(PsdShape):
 class Noise(Section):
     """Noise of the readings, 1 sigma."""
 
+    model: Literal["simple", "electronics"] = Field(
+        "simple", description="noise by the numbers here, or from the block `electronics`"
+    )
     position_um: float = Field(2.6, gt=0, le=1000, description="of a centroid, at `at_power_mw`")
     at_power_mw: float = Field(
         0.1, gt=0, le=1000, description="power on the detector at which `position_um` holds"
     )
     power_uw: float = Field(0.04, gt=0, le=1000, description="of a power reading")
+
+
+class Electronics(Section):
+    """The detectors' electronics; their noise counts where `noise.model` is electronics."""
+
+    kind: Literal["duo-lateral", "pincushion", "tetra-lateral"] = Field(
+        "duo-lateral", description="how the PSDs divide their current among the electrodes"
+    )
+    responsivity_a_w: float = Field(0.4, gt=0, le=10, description="current per light")
+    dark_current_na: float = Field(10.0, ge=0, le=1e6, description="of a PSD")
+    resistance_kohm: float = Field(10.0, gt=0, le=1e6, description="between electrodes")
+    transimpedance_kohm: float = Field(
+        100.0, gt=0, le=1e9, description="of an electrode's amplifier: volts per ampere"
+    )
+    voltage_noise_nv_rthz: float = Field(10.0, ge=0, le=1e6, description="of the amplifier")
+    current_noise_pa_rthz: float = Field(1.0, ge=0, le=1e6, description="of the amplifier")
+    bandwidth_hz: float = Field(10_000.0, gt=0, le=1e9, description="of a reading")
+    temperature_k: float = Field(296.0, ge=0, le=1000, description="of detectors and amplifiers")
+    adc_bits: int = Field(16, ge=1, le=32, description="of the converter")
+    adc_range_v: float = Field(10.0, gt=0, le=1000, description="of the converter, full scale")
+    ambient_uw: float = Field(
+        0.0, ge=0, le=1e6, description="other light on a PSD; its mean is taken off"
+    )
+    power_noise_ppm: float = Field(
+        0.0, ge=0, le=1e6, description="of the laser's power, from reading to reading"
+    )
+    pointing_um: float = Field(
+        0.0, ge=0, le=1e4, description="of the beam's place in x and y, from reading to reading"
+    )
 
 
 class Apertures(Section):
@@ -164,6 +196,9 @@ class SensorKeys(Section):
     mirror: Mirror = Field(Mirror(), description="the three-facet mirror")
     psd: Psds = Field(Psds(), description="the position-sensitive detectors")
     noise: Noise = Field(Noise(), description="noise of the readings, 1 sigma")
+    electronics: Electronics = Field(
+        Electronics(), description="for `noise.model: electronics`: what the noise comes from"
+    )
     apertures: Apertures = Field(Apertures(), description="what cuts the light; off unless given")
 
 

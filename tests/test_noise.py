@@ -1,0 +1,140 @@
+"""The electrode model: currents and back, and noise as drawn against noise as stated."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import facets
+from facets import Electronics, electrodes
+from facets.errors import InputError
+from facets.noise import ELECTRIC, add_noise, power_floor, standard_deviations, variances
+from facets.resolution import Estimator, budgets, sources, uncertainties
+
+#: Loud enough that no source hides behind the converter's steps.
+LOUD = Electronics(
+    voltage_noise=1e-6, current_noise=1e-10, ambient=0.05, bandwidth=1e5, adc_bits=14
+)
+READING = np.array([1.5, -2.0, 0.1, -4.0, 3.0, 0.08, 0.2, 0.1, 0.12])
+
+
+def sensor(kind: str, electronics: Electronics = LOUD) -> facets.Sensor:
+    return facets.Sensor(electronics=replace(electronics, kind=kind))
+
+
+@pytest.mark.parametrize("kind", electrodes.KINDS)
+@pytest.mark.parametrize("aspect", [1.0, 0.6])
+def test_currents_lead_back_to_the_place(kind, aspect):
+    y, z = np.random.default_rng(1).uniform(-0.9, 0.9, (2, 500))
+    shares = electrodes.fractions(kind, y, z, aspect)
+    assert (shares > 0).all()
+    assert electrodes.total(kind, shares) == pytest.approx(np.ones(500), abs=1e-11)
+    found = electrodes.places(kind, shares, aspect)
+    assert found == pytest.approx(np.stack([y, z], axis=-1), abs=1e-9)
+
+
+def test_a_tetra_laterals_currents_are_those_of_a_conducting_sheet():
+    """Against a relaxation of Laplace's equation on a grid, whose own error is some 1e-3."""
+    n = 61
+    sheet = np.zeros((n, n))
+    sheet[:, -1] = 1.0  # the side at +y; rows run along z
+    for _ in range(6000):
+        sheet[1:-1, 1:-1] = (
+            sheet[2:, 1:-1] + sheet[:-2, 1:-1] + sheet[1:-1, 2:] + sheet[1:-1, :-2]
+        ) / 4
+    for row, column in ((30, 30), (20, 45), (45, 15), (30, 50)):
+        y, z = column / 30 - 1, row / 30 - 1
+        share = electrodes.fractions("tetra-lateral", np.array(y), np.array(z))
+        assert share[1] == pytest.approx(sheet[row, column], abs=2e-3)
+
+
+def test_a_tetra_lateral_bends_and_the_others_do_not():
+    place = np.array([0.5, 0.3])
+    for kind in electrodes.KINDS:
+        raw = electrodes.ratios(kind, electrodes.fractions(kind, *place))
+        assert (np.abs(raw - place).max() > 0.05) == (kind == "tetra-lateral")
+
+
+@pytest.mark.parametrize("kind", electrodes.KINDS)
+def test_noise_is_as_large_as_stated(kind):
+    """100,000 draws: standard deviations to 1 %; a tetra-lateral's to 5 % off its middle, where
+    what one axis takes from the other is left out."""
+    one = sensor(kind)
+    exact = np.tile(READING, (100_000, 1))
+    noisy = add_noise(one, exact, np.random.default_rng(2))
+    stated = standard_deviations(one, READING)
+    tolerance = 0.05 if kind == "tetra-lateral" else 0.01
+    assert (noisy - exact).std(axis=0) == pytest.approx(stated, rel=tolerance)
+    assert (np.abs((noisy - exact).mean(axis=0)) < 0.02 * stated).all()
+
+
+def test_each_source_is_what_its_formula_says():
+    """Of a spot in the middle of a duo-lateral PSD, by hand."""
+    e = replace(LOUD, kind="duo-lateral")
+    middle = np.array([0, 0, 0.1] * 3)
+    parts = dict(zip(ELECTRIC, variances(sensor("duo-lateral"), middle)[0], strict=True))
+    light, q, kt = 0.4 * 1e-4, 1.602176634e-19, 1.380649e-23 * 296
+    scale = 13.0**2 / light**2 / 2  # of the variance of one electrode's current
+    assert parts["shot noise"] == pytest.approx(scale * 2 * q * light / 2 * 1e5)
+    assert parts["dark and ambient"] == pytest.approx(scale * 2 * q * (1e-8 + 0.4 * 5e-5) / 2 * 1e5)
+    assert parts["resistance"] == pytest.approx(scale * 4 * kt * 1e5 / 1e4)
+    amplifier = (1e-6 / 1e4) ** 2 + 1e-20 + 4 * kt / 1e5
+    assert parts["amplifier"] == pytest.approx(scale * amplifier * 1e5)
+    assert parts["ADC"] == pytest.approx(scale * (10 / 2**14 / 1e5) ** 2 / 12)
+    assert e.adc_bits == 14
+
+
+def test_place_noise_grows_as_the_light_falls():
+    """Where the amplifiers dominate, as 1/power: what ends the range in x and y."""
+    weak = standard_deviations(sensor("duo-lateral"), np.array([0, 0, 0.01] * 3))
+    strong = standard_deviations(sensor("duo-lateral"), np.array([0, 0, 0.1] * 3))
+    assert weak[0] / strong[0] == pytest.approx(10, rel=0.05)
+
+
+def test_saturated_amplifiers_give_no_reading():
+    bright = np.tile([0, 0, 1.0], 3)
+    small = Electronics(adc_range=1.0)  # 10 uA; half of 400 uA flows into each electrode
+    noisy = add_noise(facets.Sensor(electronics=small), bright, np.random.default_rng(0))
+    assert np.isnan(noisy).all()
+
+
+def test_the_solver_weighs_by_the_same_model():
+    """Estimates of electrode readings reach the bound, spots off their detectors' middles: within
+    3 %, and chi-square distributed."""
+    one = sensor("duo-lateral")
+    state = np.array([0.05, -0.05, 2.0, 3e-3, -4e-3, 8e-3, 0, 0])
+    states = np.repeat(state[None], 100_000, axis=0)
+    noisy = add_noise(one, facets.readings(one, states), np.random.default_rng(3))
+    solution = facets.solve(one, noisy, start=states, threads=0)
+    assert solution.ok.all()
+    error = (solution.state - states)[:, :6]
+    bound = uncertainties(one, state[None], Estimator("free", np.inf))[0]
+    assert error.std(axis=0) == pytest.approx(bound, rel=0.03)
+    assert (np.abs(error.mean(axis=0)) < 0.05 * bound).all()
+    matrix = np.linalg.inv(solution.covariance[0, :6, :6])
+    square = np.einsum("ni,ij,nj->n", error, matrix, error)
+    assert (square < stats.chi2(6).ppf(0.95)).mean() == pytest.approx(0.95, abs=0.01)
+
+
+def test_a_budget_names_its_sources():
+    one = sensor("pincushion")
+    budget = budgets(one, np.zeros((1, 8)), Estimator("free", np.inf))[0]
+    assert sources(one) == (*ELECTRIC, "beam position")
+    assert budget.shape == (6, 6)
+    quiet = replace(one, electronics=replace(one.electronics, adc_bits=24))
+    finer = budgets(quiet, np.zeros((1, 8)), Estimator("free", np.inf))[0]
+    assert (finer[:, 4] < 1e-5 * budget[:, 4]).all()
+    assert finer[:, :4] == pytest.approx(budget[:, :4], rel=1e-6)
+
+
+def test_the_dark_floor():
+    assert power_floor(facets.Sensor()) == facets.Noise().power
+    dark = standard_deviations(sensor("duo-lateral"), np.array([0, 0, 1e-12] * 3))[2]
+    assert power_floor(sensor("duo-lateral")) == pytest.approx(dark, rel=1e-6)
+
+
+@pytest.mark.parametrize("wrong", [{"kind": "quadrant"}, {"bandwidth": 0}, {"ambient": -1}])
+def test_impossible_electronics_are_refused(wrong):
+    with pytest.raises(InputError, match="allowed"):
+        Electronics(**wrong)
