@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .simulate import PlotKind
+from .simulate import PlotKind, TableKind
 
 if TYPE_CHECKING:
     from facets.config import Config
@@ -53,12 +53,14 @@ def range_map(
         ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace older results.")] = False,
+    table: Annotated[TableKind, typer.Option(help="Kind of the table.")] = TableKind.csv,
     plot: Annotated[PlotKind, typer.Option(help="Kind of the picture.")] = PlotKind.png,
 ) -> None:
     """Map measurement ranges and name their limits.
 
     Prints the range of each axis and the largest box in their proportion, and traces the range over
-    pairs of axes to 0.1 um and 0.1 urad. Writes the outlines as a table, and a picture.
+    pairs of axes to 0.1 um and 0.1 urad. Writes the outlines as a table, and a picture. Ctrl-C
+    leaves the outlines that are done.
     """
     import time
 
@@ -74,22 +76,22 @@ def range_map(
     pairs = [pair_of(text) for text in axes] if axes else list(combinations(POSE, 2))
     pose = pose_of(at)
     folder = output or Path("results") / f"{settings.name}-range"
-    table, picture = folder / "outlines.csv", folder / f"range.{plot.value}"
-    tables.refuse_to_overwrite([table, picture], force)
+    outlines, picture = folder / f"outlines.{table.value}", folder / f"range.{plot.value}"
+    tables.refuse_to_overwrite([outlines, picture], force)
     report_axes(settings, rules, pose)
     boundaries = trace_all(settings, rules, pairs, pose)
     what = inside.value if inside else None
     drawn = [inside_map(settings.sensor, rules, b, what) for b in boundaries] if what else []
     for boundary in boundaries:
         report(settings, rules, boundary, grid)
-    tables.write_table(table, outline_columns(boundaries), record.about(settings))
+    tables.write_table(outlines, outline_columns(boundaries), record.about(settings))
     plots.save(range_plots.ranges_picture(boundaries, drawn), picture)
     calls = sum(boundary.calls for boundary in boundaries)
     saved = np.sum([boundary.grid_calls for boundary in boundaries]) / calls
     seconds = time.perf_counter() - start
     typer.echo(
         f"{calls} calls of the model, {saved:.1g} times fewer than grids of 0.1 um and 0.1 urad; "
-        f"{seconds:.1f} s\n{folder}/: {table.name}, {picture.name}"
+        f"{seconds:.1f} s\n{folder}/: {outlines.name}, {picture.name}"
     )
 
 
@@ -132,10 +134,14 @@ def trace_all(settings: Config, rules: Rules, pairs: Any, pose: Any) -> list[Bou
     from facets.ranges import trace
 
     found = []
-    for pair in track(
-        pairs, "tracing", console=Console(stderr=True), transient=True, disable=len(pairs) < 2
-    ):
-        found.append(trace(settings.sensor, rules, pair, pose))
+    shown = Console(stderr=True)
+    try:
+        for pair in track(pairs, "tracing", console=shown, transient=True, disable=len(pairs) < 2):
+            found.append(trace(settings.sensor, rules, pair, pose))
+    except KeyboardInterrupt:
+        if not found:
+            raise
+        shown.print(f"interrupted: {len(found)} of {len(pairs)} outlines are done")
     return found
 
 

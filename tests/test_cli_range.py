@@ -1,0 +1,54 @@
+"""`facets range-map` and `facets resolution`: what they print, write and refuse."""
+
+import pandas as pd
+import pytest
+from test_cli_simulate import run
+
+
+def test_a_range_map(tmp_path):
+    done = run(
+        "range-map", "paper", "--axes", "tx,ty", "--grid", "50", "-o", "out", folder=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    assert "too little light" in done.stdout
+    assert "of 2500 grid points differ" in done.stdout
+    table = pd.read_csv(tmp_path / "out/outlines.csv", comment="#")
+    assert set(table.axis_1) == {"tx_mm"}
+    assert table.value_1.max() == pytest.approx(0.18, abs=0.01)
+    assert (tmp_path / "out/range.png").stat().st_size > 10_000
+
+
+def test_a_map_of_what_is_inside_with_the_beam_following(tmp_path):
+    way = ["--tracking", "--axes", "tx,ty", "--inside", "tz", "--table", "parquet", "--plot", "svg"]
+    done = run("range-map", "paper", *way, "-o", "out", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert len(pd.read_parquet(tmp_path / "out/outlines.parquet")) > 50
+    assert (tmp_path / "out/range.svg").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        (["--axes", "tx,sideways"], "allowed: two of tx, ty"),
+        (["--at", "tz_mm=high"], "allowed: NAME=NUMBER"),
+        (["--at", "tz_mm=20"], "spot leaves the PSD"),
+    ],
+)
+def test_wrong_arguments_are_explained(tmp_path, wrong, says):
+    done = run("range-map", "paper", *wrong, "-o", "out", folder=tmp_path)
+    assert done.returncode == 2
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_resolution(tmp_path):
+    done = run("resolution", "paper", "-o", "out", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    table = pd.read_csv(tmp_path / "out/resolution.csv", comment="#")
+    assert len(table) == 4 * 6
+    shares = [name for name in table if name.startswith("share_of_")]
+    assert table[shares].sum(axis=1).to_numpy() == pytest.approx(1)
+    again = run("resolution", "paper", "-o", "out", folder=tmp_path)
+    assert again.returncode == 2
+    assert "--force" in again.stderr
