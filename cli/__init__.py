@@ -13,6 +13,7 @@ from facets.errors import FacetsError
 from . import config
 from .bench import bench
 from .console import message
+from .jacobian import jacobian
 from .range_map import range_map
 from .resolution import resolution
 from .simulate import simulate
@@ -60,5 +61,6 @@ app.command()(simulate)
 app.command()(solve)
 app.command("range-map")(range_map)
 app.command()(resolution)
+app.command()(jacobian)
 app.command()(bench)
 app.add_typer(config.app, name="config")

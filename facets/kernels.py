@@ -114,6 +114,62 @@ def differentiate(packed: Array, states: Array, out: Array) -> None:
 
 
 @compiled
+def determine(
+    packed: Array, states: Array, noise: Array, sigmas: Array, left_out: int, out: Array
+) -> None:
+    """out (n, 3): determinant without one row, smallest singular value, condition number.
+
+    noise: (3,) a place's sigma times the power (mm mW), a power's (mW), and whether the last two
+    are wanted.  sigmas (n, 9): where the readings' standard deviations are not those; else empty.
+    The Jacobian's rows are then in standard deviations, its columns in um and urad.
+    """
+    sensor, room = unpack(packed), outlines()
+    square, scaled, normal = np.empty((8, 8)), np.empty((9, 8)), np.empty((8, 8))
+    for n in range(len(states)):
+        detectors = linearised(sensor, state_of(states, n), room)
+        lit = True
+        for k in range(3):
+            values, derivatives = detectors[k]
+            lit = lit and values[0] == values[0]
+            for i in range(3):
+                row = 3 * k + i
+                sigma = noise[0] / values[2] if i < 2 else noise[1]
+                if len(sigmas) > 0:
+                    sigma = sigmas[n, row]
+                for c in range(8):
+                    if row != left_out:
+                        square[row - (row > left_out), c] = derivatives[i][c]
+                    scaled[row, c] = derivatives[i][c] * (1e-6 if 3 <= c < 6 else 1e-3) / sigma
+        if not lit:
+            out[n] = np.nan
+            continue
+        out[n, 0] = np.linalg.det(square)
+        if noise[2] > 0:
+            out[n, 1], out[n, 2] = extremes(scaled, normal)
+
+
+#: Past this condition number, squared, the eigenvalues of J'J have lost half their digits.
+SQUARED = 1e8
+
+
+@text
+def extremes(matrix: Array, normal: Array) -> tuple[float, float]:
+    """The smallest singular value and the condition number. normal: memory, (8, 8)."""
+    for i in range(8):
+        for j in range(i + 1):
+            total = 0.0
+            for row in range(9):
+                total += matrix[row, i] * matrix[row, j]
+            normal[i, j] = total
+            normal[j, i] = total
+    values = np.linalg.eigvalsh(normal)
+    if values[0] * SQUARED > values[7]:
+        return np.sqrt(values[0]), np.sqrt(values[7] / values[0])
+    singular = np.linalg.svd(matrix)[1]
+    return singular[7], singular[0] / singular[7]
+
+
+@compiled
 def differentiate_by_parameters(packed: Array, parameters: Any, states: Array, out: Array) -> None:
     """out (n, 9, 30), zeroed: derivatives by the sensor's parameters at states (n, 8)."""
     sensor = unpack(packed)

@@ -3,8 +3,8 @@
 The formulas in `facets.optics` are written once, over scalars, with `+ - * /` and these functions.
 They then run as plain floats, inside compiled loops (`facets.kernels` gives each function here a
 compiled twin), and in high precision (mpmath); what is only geometry runs as complex numbers too,
-whose imaginary parts carry a derivative along. A formula holds no decimal literal, because a
-rounded constant would spoil a 40-digit run.
+whose imaginary parts carry a derivative along, and as rigorous intervals (`balls`). A formula holds
+no decimal literal, because a rounded constant would spoil a 40-digit run.
 """
 
 from __future__ import annotations
@@ -25,7 +25,13 @@ def library(x: Number) -> Any:
     """The module that has the elementary functions for a number of this type."""
     if is_float(x):
         return math
-    return cmath if isinstance(x, complex) else x.context
+    if isinstance(x, complex):
+        return cmath
+    if hasattr(x, "context"):
+        return x.context
+    from . import balls
+
+    return balls
 
 
 def exp(x: Number) -> Number:

@@ -65,7 +65,14 @@ def test_show_of_a_wrong_file_is_a_message_and_status_2(tmp_path, bad):
 
 def test_schema_is_json(tmp_path):
     printed = json.loads(facets("config", "schema", cwd=tmp_path).stdout)
-    assert set(printed["properties"]) == {"extends", "sensor", "motions", "simulate", "solve", "range"}
+    assert set(printed["properties"]) == {
+        "extends",
+        "sensor",
+        "motions",
+        "simulate",
+        "solve",
+        "range",
+    }
 
 
 def test_list_names_what_is_shipped(tmp_path):
