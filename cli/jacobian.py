@@ -83,8 +83,8 @@ def jacobian(
     everything = folder / f"states.{table.value}" if table else None
     files = [picture, density, story, *([everything] if everything else [])]
     tables.refuse_to_overwrite([*files, *([proof] if certify else [])], force)
-    start = time.perf_counter()
     domain, share = where(settings, box)
+    start = time.perf_counter()
     about = record.about(settings, seed)
     found = surveyed(settings, domain, states, sampling, seed, left_out, threads, everything, about)
     report(settings, domain, found, time.perf_counter() - start, left_out)
@@ -108,7 +108,7 @@ def jacobian(
 
 
 def where(settings: Config, box: str | None) -> tuple[Domain, float | None]:
-    """The box, and the least share of the light for a proof: by the config's rules, or by the box."""
+    """The box, and the least share of light for a proof: by the config's rules, or by the box."""
     from facets.domain import domain_of, range_domain
     from facets.noise import power_floor
 
@@ -130,7 +130,7 @@ def surveyed(
     everything: Path | None,
     about: dict[str, str],
 ) -> Survey:
-    """Draws and measures, chunk by chunk, with a progress bar; writes all states where asked for."""
+    """Draws and measures, chunk by chunk, with a progress bar; writes all states if asked for."""
     from contextlib import ExitStack
 
     from rich.console import Console
@@ -140,7 +140,7 @@ def surveyed(
     from facets.singularity import CHUNK, samples, survey
 
     chunks = track(
-        samples(domain, states, sampling.value, seed),  # type: ignore[arg-type]
+        samples(domain, states, sampling.value, seed),
         "measuring",
         total=-(-states // CHUNK),
         console=Console(stderr=True),
@@ -203,8 +203,8 @@ def report(settings: Config, domain: Domain, found: Survey, seconds: float, left
         "  negative, as it is with psi mirrored"
     )
     typer.echo(
-        f"smallest singular value: {found.low[1]:.4g} to {found.high[1]:.4g} standard deviations a\n"
-        f"  um or urad; condition number {found.low[2]:.4g} to {found.high[2]:.4g}"
+        f"smallest singular value: {found.low[1]:.4g} to {found.high[1]:.4g} standard deviations\n"
+        f"  per um or urad; condition number {found.low[2]:.4g} to {found.high[2]:.4g}"
     )
     tell("weakest drawn", settings, found.weakest)
 

@@ -74,8 +74,9 @@ def product_of(a: Any, b: Any) -> Any:
     return [[inner(row, [b[0][j], b[1][j], b[2][j]]) for j in range(3)] for row in a]
 
 
-def turned(roll: Any, pitch: Any, yaw: Any, sin: Any, cos: Any, one: Any) -> Any:
+def turned(angles: Any, sin: Any, cos: Any, one: Any) -> Any:
     """Rz(yaw) Ry(pitch) Rx(roll), as three rows."""
+    roll, pitch, yaw = angles
     none = one * arb(0)
     x = [[one, none, none], [none, cos(roll), -sin(roll)], [none, sin(roll), cos(roll)]]
     y = [[cos(pitch), none, sin(pitch)], [none, one, none], [-sin(pitch), none, cos(pitch)]]
@@ -84,7 +85,7 @@ def turned(roll: Any, pitch: Any, yaw: Any, sin: Any, cos: Any, one: Any) -> Any
 
 
 def turned_by(roll: Any, pitch: Any, yaw: Any) -> Any:
-    return turned(roll, pitch, yaw, lambda a: a.sin(), lambda a: a.cos(), arb(1))
+    return turned((roll, pitch, yaw), lambda a: a.sin(), lambda a: a.cos(), arb(1))
 
 
 class Rig:
@@ -117,7 +118,7 @@ class Rig:
 def spots(rig: Rig, box: list[Any], light: Any) -> list[Dual]:
     """psi and zeta of the three detectors, with their derivatives at fixed shares of the light."""
     unknown = [Dual(x, [arb(i == j) for j in range(6)]) for i, x in enumerate(box)]
-    turn = turned(*unknown[3:], sine, cosine, Dual(arb(1)))
+    turn = turned((unknown[3], unknown[4], unknown[5]), sine, cosine, Dual(arb(1)))
     apex, out = unknown[:3], []
     for k in range(3):
         normal = [inner(row, rig.normals[k]) for row in turn]
@@ -147,7 +148,7 @@ def spots(rig: Rig, box: list[Any], light: Any) -> list[Dual]:
 def edges_of(rig: Rig, angles: list[Any]) -> list[tuple[Any, list[Any]]]:
     """Of each edge, its angle seen along the beam and how that changes with roll, pitch and yaw."""
     own = [Dual(x, [arb(0)] * 3 + [arb(i == j) for j in range(3)]) for i, x in enumerate(angles)]
-    turn = turned(*own, sine, cosine, Dual(arb(1)))
+    turn = turned((own[0], own[1], own[2]), sine, cosine, Dual(arb(1)))
     found = []
     for k in range(3):
         a, b = rig.normals[k], rig.normals[k - 1]
@@ -164,7 +165,7 @@ def edges_of(rig: Rig, angles: list[Any]) -> list[tuple[Any, list[Any]]]:
 
 
 def along(q: list[Any], angle: Any) -> tuple[Any, Any, Any, list[Any]]:
-    """Light L on a half-line from q, K / L, J / K, and its direction; decreasing where q . u grows."""
+    """Light L on a half-line from q, K / L, J / K, and its direction; all fall as q . u grows."""
     u = [angle.cos(), angle.sin()]
     a, h = q[0] * u[0] + q[1] * u[1], q[0] * u[1] - q[1] * u[0]
     low, high = float(h.abs_lower()), float(h.abs_upper())
@@ -174,7 +175,7 @@ def along(q: list[Any], angle: Any) -> tuple[Any, Any, Any, list[Any]]:
 
     def light(x: Any, far: float) -> Any:
         g = (x / arb(2).sqrt()).erfc() / (8 * arb.pi()).sqrt()
-        return g * (-arb(far) ** 2 / 2).exp()
+        return g * (-(arb(far) ** 2) / 2).exp()
 
     ends = a.lower(), a.upper()
     whole = light(ends[1], high).union(light(ends[0], low))
@@ -192,9 +193,9 @@ def wanted(claims: list[tuple[list[float], Any]]) -> bool:
 
 
 def check_cell(
-    edges: Any, openings: list[Any], q: list[Any], least: float, light: Any, depth: int = 0
+    edges: Any, openings: list[Any], q: list[Any], least: float, light: Any, depth: int
 ) -> None:
-    """Whether the file's bounds hold for a cell of offsets, where its shares can be large enough."""
+    """Whether the file's bounds hold in a cell of offsets, where its shares can be enough."""
     shares, middles = [], []
     for k in range(3):
         mass, moment = arb(0), [arb(0), arb(0)]
@@ -240,7 +241,7 @@ def quarter(x: Any) -> list[Any]:
 
 
 def check_light(rig: Rig, content: dict[str, Any]) -> None:
-    """The bounds of the light, over the square out to where a facet has less than its least share."""
+    """The bounds of the light, over the square beyond which a facet lacks its least share."""
     low, high = content["low"], content["high"]
     far = 8.0
     for part in range(PARTS):
@@ -258,7 +259,7 @@ def check_light(rig: Rig, content: dict[str, Any]) -> None:
         places = [-far + 2 * far * n / CELLS for n in range(CELLS + 1)]
         for i, j in product(range(CELLS), repeat=2):
             q = [span(places[i], places[i + 1]), span(places[j], places[j + 1])]
-            check_cell(edges, openings, q, content["least_share"], content["light"])
+            check_cell(edges, openings, q, content["least_share"], content["light"], 0)
 
 
 def check_cover(content: dict[str, Any]) -> None:

@@ -37,7 +37,7 @@ def survey_picture(found: Survey, left_out: str, pair: Twins | None = None) -> F
         density(picture, panels[0, 1], found.edges[0], found.edges[2], found.second)
         panels[0, 1].set(
             xlabel="apex from the beam's centre, mm",
-            ylabel="σ per µm or µrad",
+            ylabel="standard deviations per µm or µrad",
             title="smallest singular value",
         )
         if pair is not None:
@@ -62,7 +62,7 @@ def between_twins(panels: NDArray[np.object_], pair: Twins) -> None:
     first.plot([0, 1], [0, 0], "o", color=plots.ORANGE)
     first.set(
         xlabel="from one state (0) to its twin (1)",
-        ylabel="readings apart, σ",
+        ylabel="readings apart, standard deviations",
         title="two states, the same readings",
     )
     second.plot(pair.share, pair.determinant, color=plots.BLUE)

@@ -1,4 +1,4 @@
-"""Two states with the same readings, beside a state where the Jacobian is singular: why it matters."""
+"""Two states with the same readings, beside one where the Jacobian is singular."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Twins:
 
 
 def twins(sensor: Sensor, near: Floats) -> Twins | None:
-    """The pair furthest apart that is found about a state (8,) near a singular one; None if none."""
+    """The pair furthest apart that is found about a nearly singular state (8,), if any is."""
     direction = weakest_direction(sensor, near) * UNITS
     direction *= FARTHEST / np.abs(direction / UNITS).max()
     for reach in REACHES:

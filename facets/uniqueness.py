@@ -51,6 +51,8 @@ Floats = NDArray[np.float64]
 PIECES = (2, 2, 1, 3, 3, 3)
 #: A piece is halved at most so many times.
 DEPTH = 12
+#: What sums of a few floats can round.
+ROUNDED = 1e-12
 #: No box is made more than so many times as large.
 FARTHEST = 20.0
 #: So many pieces without a proof end the search: there would be more.
@@ -123,8 +125,8 @@ def fans_of(sensor: Geometry, domain: Domain) -> list[Fan]:
 
 def share_over(sensor: Geometry, fans: list[Fan], domain: Domain) -> float:
     """The least share that a facet has anywhere in the box, its offsets included; rounded down."""
-    offset = [between(domain.low[i], domain.high[i]) for i in (6, 7, 2)]
-    return min(least_share(fan, in_sigmas(sensor, offset)) for fan in fans)
+    x, y, z = (between(domain.low[i], domain.high[i]) for i in (6, 7, 2))
+    return min(least_share(fan, in_sigmas(sensor, (x, y, z))) for fan in fans)
 
 
 def cut(domain: Domain, axis: int, count: int) -> list[Ball]:
@@ -195,12 +197,15 @@ def regularity(matrix: list[list[Ball]]) -> tuple[float, Floats, Floats]:
         return -np.inf, np.zeros_like(middle), np.ones(len(middle))
     inverse = np.linalg.pinv(middle)
     left = arb_mat(inverse.tolist()) * arb_mat(matrix)
-    size = np.array([[magnitude(left[i, j] - (i == j)) for j in range(6)] for i in range(6)])
-    vector = np.ones(6)
+    size: Floats = np.array(
+        [[magnitude(left[i, j] - (i == j)) for j in range(6)] for i in range(6)]
+    )
+    vector: Floats = np.ones(6)
     for _ in range(200):
         vector = size @ vector + 1e-9 * vector.max()
         vector /= vector.max()
-    return float(1 - (size @ vector / vector).max()) - 1e-12, inverse, vector
+    margin = float(1 - (size @ vector / vector).max()) - ROUNDED
+    return margin, np.asarray(inverse), vector
 
 
 def slope_of_powers(sensor: Geometry, shares: Shares) -> Ball:

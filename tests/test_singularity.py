@@ -1,0 +1,114 @@
+"""Determinants and singular values over many states; the search; states with equal readings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import facets
+from facets.domain import AXES, apex_offset, domain_of, range_domain
+from facets.errors import InputError
+from facets.ranges import scaled_jacobian
+from facets.singularity import in_words, measures, samples, search, survey, weakest_direction
+from facets.twins import twins
+
+from .sensors import SENSORS, states
+
+PAPER = SENSORS["paper"]
+
+
+@pytest.mark.parametrize("name", list(SENSORS)[:4])
+def test_measures_are_those_of_numpy(name):
+    state = states(300, seed=5)
+    found = measures(SENSORS[name], state)
+    matrices = facets.jacobian(SENSORS[name], state)
+    exact = np.linalg.det(np.delete(matrices, 8, axis=1))
+    np.testing.assert_allclose(found[:, 0], exact, rtol=1e-9)
+    values = np.linalg.svd(scaled_jacobian(SENSORS[name], state), compute_uv=False)
+    np.testing.assert_allclose(found[:, 1], values[:, -1], rtol=1e-6)
+    np.testing.assert_allclose(found[:, 2], values[:, 0] / values[:, -1], rtol=1e-6)
+
+
+def test_any_reading_can_be_left_out():
+    state = states(20, seed=6)
+    matrices = facets.jacobian(PAPER, state)
+    for row, name in enumerate(facets.READING):
+        exact = np.linalg.det(np.delete(matrices, row, axis=1))
+        np.testing.assert_allclose(measures(PAPER, state, name)[:, 0], exact, rtol=1e-6)
+    with pytest.raises(InputError, match="power_d"):
+        measures(PAPER, state, "power_d")
+
+
+def test_electronics_weigh_the_rows():
+    from dataclasses import replace
+
+    sensor = replace(PAPER, electronics=facets.Electronics())
+    state = states(50, seed=7)
+    values = np.linalg.svd(scaled_jacobian(sensor, state), compute_uv=False)
+    np.testing.assert_allclose(measures(sensor, state)[:, 1], values[:, -1], rtol=1e-6)
+
+
+@pytest.mark.parametrize("sampling", ["sobol", "uniform"])
+def test_the_paper_s_range_has_one_sign(sampling):
+    config = facets.load("fig4")
+    domain = range_domain(config.sensor, config.range)
+    found = survey(config.sensor, samples(domain, 20_000, sampling, 1))
+    assert found.states == 20_000
+    assert found.one_sign
+    assert found.signs[2] == 20_000
+    assert found.counts.sum() == 20_000
+    for column, worst in ((0, found.lowest), (1, found.weakest)):
+        again = search(config.sensor, domain, column)
+        assert again.values[column] <= 1.001 * worst.values[column]
+
+
+def test_samples_are_in_the_box_and_in_chunks():
+    domain = domain_of("tx_mm=1:2,yaw_mrad=5,offset_x_mm=0.1")
+    drawn = list(samples(domain, 250_000, "uniform", 3))
+    assert [len(part) for part in drawn] == [100_000, 100_000, 50_000]
+    every = np.concatenate(drawn)
+    assert every[:, 0].min() >= 1
+    assert every[:, 0].max() <= 2
+    assert (every[:, [1, 2, 3, 4]] == 0).all()
+    assert apex_offset(every).max() <= 0.1 + 1e-12
+    again = np.concatenate(list(samples(domain, 250_000, "uniform", 3)))
+    np.testing.assert_array_equal(every, again)
+
+
+@pytest.mark.parametrize("text", ["txmm=1", "tx_mm=a", "tx_mm=1:2:3", "tx_mm=-1", "tx_mm"])
+def test_a_bad_box_is_refused(text):
+    with pytest.raises(InputError, match="--box"):
+        domain_of(text)
+
+
+def test_dark_states_are_counted_not_measured():
+    domain = domain_of("roll_mrad=2000")
+    found = survey(PAPER, samples(domain, 1000, "sobol", 1))
+    assert 0 < found.dark < 1000
+    assert not found.one_sign
+
+
+def test_directions_have_words():
+    direction = np.zeros(8)
+    direction[[0, 6]] = np.sqrt(0.5)
+    assert in_words(direction) == "mirror and beam together along x"
+    direction[6] *= -1
+    assert in_words(direction) == "mirror and beam apart along x"
+    for i, name in enumerate(AXES[:6]):
+        assert name[-1] in in_words(np.eye(8)[i])
+    weakest = weakest_direction(PAPER, np.zeros(8))
+    slope = np.linalg.norm(scaled_jacobian(PAPER, np.zeros((1, 8)))[0] @ weakest)
+    assert slope == pytest.approx(measures(PAPER, np.zeros((1, 8)))[0, 1])
+
+
+def test_a_singular_design_has_twins():
+    config = facets.load("singular")
+    domain = range_domain(config.sensor, config.range)
+    found = survey(config.sensor, samples(domain, 5000, "sobol", 1))
+    assert not found.one_sign
+    pair = twins(config.sensor, search(config.sensor, domain, 1).state)
+    assert pair is not None
+    readings = facets.readings(config.sensor, [pair.one, pair.other])
+    np.testing.assert_allclose(readings[0], readings[1], atol=1e-10)
+    assert np.abs(pair.one - pair.other)[:3].max() > 1
+    assert pair.determinant[0] * pair.determinant[-1] < 0
