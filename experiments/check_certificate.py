@@ -22,7 +22,7 @@ from flint import arb
 
 FORMAT = "facets uniqueness certificate 1"
 #: Cells on each side of the square of offsets, rays across a facet, and parts of the yaw range.
-CELLS, RAYS, PARTS = 16, 24, 2
+CELLS, RAYS, PARTS = 16, 48, 3
 
 
 def span(low: float, high: float) -> Any:
