@@ -99,9 +99,7 @@ def jacobian(
     if certify:
         results |= proved(settings, domain, share, limit, reach, proof, about)
         files.append(proof)
-    with tables.Whole(story) as temporary:
-        seconds = time.perf_counter() - start
-        temporary.write_text(record.run_record(settings, seed, seconds, results), "utf-8")
+    record.write_record(story, settings, seed, time.perf_counter() - start, results)
     typer.echo(f"{folder}/: {', '.join(file.name for file in files)}")
     if certify and not results["unique"]:
         raise typer.Exit(1)

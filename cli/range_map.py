@@ -77,7 +77,8 @@ def range_map(
     pose = pose_of(at)
     folder = output or Path("results") / f"{settings.name}-range"
     outlines, picture = folder / f"outlines.{table.value}", folder / f"range.{plot.value}"
-    tables.refuse_to_overwrite([outlines, picture], force)
+    story = folder / "run.yaml"
+    tables.refuse_to_overwrite([outlines, picture, story], force)
     report_axes(settings, rules, pose)
     boundaries = trace_all(settings, rules, pairs, pose)
     what = inside.value if inside else None
@@ -89,9 +90,11 @@ def range_map(
     calls = sum(boundary.calls for boundary in boundaries)
     saved = np.sum([boundary.grid_calls for boundary in boundaries]) / calls
     seconds = time.perf_counter() - start
+    traced = {" ".join(boundary.axes): len(boundary.points) for boundary in boundaries}
+    record.write_record(story, settings, None, seconds, {"tracking": tracking, "points": traced})
     typer.echo(
         f"{calls} calls of the model, {saved:.1g} times fewer than grids of 0.1 um and 0.1 urad; "
-        f"{seconds:.1f} s\n{folder}/: {outlines.name}, {picture.name}"
+        f"{seconds:.1f} s\n{folder}/: {outlines.name}, {picture.name}, {story.name}"
     )
 
 

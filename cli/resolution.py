@@ -34,6 +34,8 @@ def resolution(
     paper's inversion and for ours with the beam's place free, known within the config's
     `beam_sigma_um`, and known. Also which source each uncertainty at rest comes from.
     """
+    import time
+
     from facets import load, plots, range_plots, record, tables
     from facets.resolution import estimators, resolve
 
@@ -41,12 +43,16 @@ def resolution(
     rules = replace(settings.range, tracking=tracking)
     folder = output or Path("results") / f"{settings.name}-resolution"
     table, picture = folder / "resolution.csv", folder / f"budget.{plot.value}"
-    tables.refuse_to_overwrite([table, picture], force)
+    story = folder / "run.yaml"
+    tables.refuse_to_overwrite([table, picture, story], force)
+    start = time.perf_counter()
     found = resolve(settings.sensor, rules, estimators(settings.solve.beam_sigma))
     show(found)
     tables.write_table(table, columns(found), record.about(settings))
     plots.save(range_plots.budget_picture(found), picture)
-    typer.echo(f"{folder}/: {table.name}, {picture.name}")
+    results = {"tracking": tracking, "estimators": [row.how.name for row in found]}
+    record.write_record(story, settings, None, time.perf_counter() - start, results)
+    typer.echo(f"{folder}/: {table.name}, {picture.name}, {story.name}")
 
 
 def show(found: list[Resolution]) -> None:

@@ -68,8 +68,7 @@ def simulate(
     plots.save(plots.motion_picture(segments), picture)
     seconds = time.perf_counter() - start
     results = {segment.name: study.statuses(segment) for segment in segments}
-    with tables.Whole(story) as temporary:
-        temporary.write_text(record.run_record(settings, drawn, seconds, results), "utf-8")
+    record.write_record(story, settings, drawn, seconds, results)
     report(segments)
     typer.echo(f"{folder}/: {readings.name}, {poses.name}, {picture.name}, {story.name}")
 

@@ -7,9 +7,11 @@ import sys
 from datetime import UTC, datetime
 from importlib.metadata import version
 from io import StringIO
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import __version__
+from .tables import Whole
 
 if TYPE_CHECKING:
     from .config import Config
@@ -37,7 +39,7 @@ def about(config: Config, seed: int | None = None) -> dict[str, str]:
     return {key: value for key, value in known.items() if value is not None}
 
 
-def run_record(config: Config, seed: int, seconds: float, results: dict[str, Any]) -> str:
+def run_record(config: Config, seed: int | None, seconds: float, results: dict[str, Any]) -> str:
     """The whole story of a run, as YAML."""
     from ruamel.yaml import YAML
 
@@ -56,3 +58,11 @@ def run_record(config: Config, seed: int, seconds: float, results: dict[str, Any
         stream,
     )
     return stream.getvalue()
+
+
+def write_record(
+    path: Path, config: Config, seed: int | None, seconds: float, results: dict[str, Any]
+) -> None:
+    """`run_record` as a file, whole or not at all."""
+    with Whole(path) as temporary:
+        temporary.write_text(run_record(config, seed, seconds, results), "utf-8")
