@@ -11,10 +11,13 @@ from facets import __version__
 from facets.errors import FacetsError
 
 from . import config
+from .acquire import acquire
 from .bench import bench
 from .console import message
+from .emulate import emulate
 from .jacobian import jacobian
 from .range_map import range_map
+from .replay import recover, replay
 from .resolution import resolution
 from .simulate import simulate
 from .solve import solve
@@ -62,5 +65,9 @@ app.command()(solve)
 app.command("range-map")(range_map)
 app.command()(resolution)
 app.command()(jacobian)
+app.command()(acquire)
+app.command()(replay)
+app.command()(recover)
+app.command()(emulate)
 app.command()(bench)
 app.add_typer(config.app, name="config")

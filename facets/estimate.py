@@ -20,6 +20,9 @@ CONVERGED, MAX_STEPS, SINGULAR, OUT_OF_RANGE, NO_LIGHT, NON_FINITE = range(6)
 
 #: Converged when the next step would move the fit by less than this, in sigmas, squared.
 SMALL = 1e-12
+#: A detector with less light than this, in standard deviations of its power, is left out: the noise
+#: of its spot's place, which goes as 1 / power, is then no Gaussian that a weight could stand for.
+FAINTEST = 10.0
 #: Rounding of a computed reading, relative to the detector's distance or to the power.
 ROUNDING = 4e-15
 UNKNOWNS = 9
@@ -69,7 +72,7 @@ def judge(values: Array, limits: Limits, weights: Array, used: Array) -> int:
     """Fills weights (9,) = 1/sigma and used (3,) for one reading; returns what is wrong, if any.
 
     A detector is left out, with weight 0, where a number of it is not finite, where its power is
-    under one sigma of the noise, and where its place is past its edge, where no light can be read.
+    under FAINTEST sigmas of the noise, and where its place is past its edge, where no light can be read.
     """
     status = CONVERGED
     for k in range(3):
@@ -77,7 +80,7 @@ def judge(values: Array, limits: Limits, weights: Array, used: Array) -> int:
         fault = CONVERGED
         if not (isfinite(psi) and isfinite(zeta) and isfinite(power)):
             fault = NON_FINITE
-        elif not power > limits.noise[2]:
+        elif not power > FAINTEST * limits.noise[2]:
             fault = NO_LIGHT
         elif abs(psi) > limits.half_sizes[k, 0] or abs(zeta) > limits.half_sizes[k, 1]:
             fault = OUT_OF_RANGE

@@ -72,12 +72,20 @@ def test_schema_is_json(tmp_path):
         "simulate",
         "solve",
         "range",
+        "acquire",
+        "stage",
     }
 
 
 def test_list_names_what_is_shipped(tmp_path):
     lines = facets("config", "list", cwd=tmp_path).stdout.splitlines()
-    assert [line.split(":")[0] for line in lines] == ["fig4", "paper", "singular", "skewed"]
+    assert [line.split(":")[0] for line in lines] == [
+        "bench",
+        "fig4",
+        "paper",
+        "singular",
+        "skewed",
+    ]
 
 
 def test_check_does_not_load_the_compiler(tmp_path):

@@ -339,8 +339,8 @@ def test_yaml_1_2_numbers_and_words(write):
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("papr", ["did you mean 'paper'", "shipped: paper, skewed"]),
-        ("nothere.yaml", ["no such file", "shipped: paper, skewed"]),
+        ("papr", ["did you mean 'paper'", "shipped: bench, fig4, paper, singular, skewed"]),
+        ("nothere.yaml", ["no such file", "shipped: bench, fig4, paper, singular, skewed"]),
         (".", ["folder"]),
         ("x" * 300, ["too long"]),
     ],
@@ -451,7 +451,7 @@ def test_every_key_of_the_schema_has_a_description_and_every_number_a_range():
 
 def test_every_number_has_a_unit_in_its_name_or_is_a_count():
     counts = {"steps", "samples_per_step", "samples", "seed", "max_steps"}
-    counts |= {"snr", "condition", "adc_bits"}  # without a unit
+    counts |= {"snr", "condition", "adc_bits", "baud", "gain", "integral", "dark_counts"}
     units = (
         "_mm",
         "_um",
@@ -471,6 +471,9 @@ def test_every_number_has_a_unit_in_its_name_or_is_a_count():
         "_v",
         "_a_w",
         "_s",
+        "_ms",
+        "_mm_s",
+        "_mm_s2",
     )
     for block, node in schema()["$defs"].items():
         for name, key in node["properties"].items():

@@ -9,7 +9,7 @@ from typing import Any
 from ..rules import Rules
 from ..sensor import DETECTORS, Apertures, Beam, Electronics, Facet, Noise, Psd, Sensor
 from .keys import Document, Mirror, Psds
-from .values import Motion, Random, Sine, Solve, State, Steps, Sweep, Table
+from .values import Acquire, Motion, Random, Sine, Solve, Stage, State, Steps, Sweep, Table
 
 
 def resolve(document: Document) -> dict[str, Any]:
@@ -48,11 +48,11 @@ def sensor(keys: dict[str, Any]) -> Sensor:
             power=noise["power_uw"] / 1000,
         ),
         apertures=_apertures(keys["apertures"]),
-        electronics=_electronics(keys["electronics"]) if noise["model"] == "electronics" else None,
+        electronics=electronics(keys["electronics"]) if noise["model"] == "electronics" else None,
     )
 
 
-def _electronics(keys: dict[str, Any]) -> Electronics:
+def electronics(keys: dict[str, Any]) -> Electronics:
     return Electronics(
         kind=keys["kind"],
         responsivity=keys["responsivity_a_w"],
@@ -117,6 +117,40 @@ def solve(keys: dict[str, Any]) -> Solve:
         method=keys["method"],
         start=keys["start"],
         max_steps=keys["max_steps"],
+    )
+
+
+def acquire(keys: dict[str, Any]) -> Acquire:
+    return Acquire(
+        port=keys["port"],
+        baud=keys["baud"],
+        format=keys["format"],
+        content=keys["content"],
+        dark=keys["dark_counts"],
+        delay=keys["delay_ms"] / 1000,
+    )
+
+
+def stage(keys: dict[str, Any]) -> Stage:
+    return Stage(
+        driver=keys["driver"],
+        port=keys["port"],
+        baud=keys["baud"],
+        step=keys["step_um"] / 1000,
+        zero=tuple(keys["zero_mm"]),
+        low=tuple(keys["low_mm"]),
+        high=tuple(keys["high_mm"]),
+        max_speed=keys["max_speed_mm_s"],
+        max_step=keys["max_step_mm"],
+        rate=keys["rate_hz"],
+        accuracy=keys["accuracy_um"] / 1000,
+        law=keys["law"],
+        gain=keys["gain"],
+        integral=keys["integral"],
+        stale=keys["stale_ms"] / 1000,
+        lag=keys["lag_ms"] / 1000,
+        latency=keys["latency_ms"] / 1000,
+        acceleration=keys["acceleration_mm_s2"],
     )
 
 

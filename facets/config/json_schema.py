@@ -28,6 +28,10 @@ UNITS = {
     "k": "K",
     "ppm": "ppm",
     "s": "s",
+    "ms": "ms",
+    "mm_s": "mm/s",
+    "mm_s2": "mm/s^2",
+    "a_w": "A/W",
 }
 
 
@@ -108,7 +112,9 @@ def unit(path: Path_) -> str:
     keys = [key for key in path if isinstance(key, str)]
     if path[0] == "motions" and len(keys) == 4 and keys[2] in ("cycles", "phase_deg"):
         keys.pop()
-    return UNITS.get(keys[-1].rpartition("_")[2], "") if "_" in keys[-1] else ""
+    words = keys[-1].split("_")[1:]
+    whole = (UNITS.get("_".join(words[n:]), "") for n in range(len(words)))
+    return next((name for name in whole if name), "")
 
 
 def allowed(path: Path_, plain: Any = None) -> str:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field
 
+from .live_keys import Acquire, Stage
 from .motion_keys import Motions
 from .section import HALF_TURN, MAX_LENGTH, Section
 
@@ -271,4 +272,6 @@ class Document(Section):
     )
     simulate: Simulate = Field(Simulate(), description="settings of `facets simulate`")
     solve: SolveKeys = Field(SolveKeys(), description="settings of the solver")
+    acquire: Acquire = Field(Acquire(), description="the detector board's stream")
+    stage: Stage = Field(Stage(), description="the stage that carries the beam")
     range: RangeKeys = Field(RangeKeys(), description="what counts as the measurement range")

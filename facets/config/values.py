@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from ..rules import Rules
-from ..sensor import Sensor
+from ..sensor import Electronics, Sensor
 
 #: tx, ty, tz (mm), roll, pitch, yaw (rad), bx, by (mm): the state of Eq. (3).
 State = tuple[float, float, float, float, float, float, float, float]
@@ -101,10 +101,51 @@ class Solve:
 
 
 @dataclass(frozen=True)
+class Acquire:
+    """The detector board's stream. dark: counts without light.  delay: s."""
+
+    port: str | None
+    baud: int
+    format: str
+    content: str
+    dark: float
+    delay: float
+
+
+@dataclass(frozen=True)
+class Stage:
+    """The stage that carries the beam; mm, mm/s, s.
+
+    zero: the beam's place at the stage's zero.  low, high: soft limits of the beam's place.
+    step: one native unit.  accuracy: of the encoder, 1 sigma.  gain, integral: per command.
+    """
+
+    driver: str
+    port: str | None
+    baud: int
+    step: float
+    zero: tuple[float, float]
+    low: tuple[float, float]
+    high: tuple[float, float]
+    max_speed: float
+    max_step: float
+    rate: float
+    accuracy: float
+    law: str
+    gain: float
+    integral: float
+    stale: float
+    lag: float
+    latency: float
+    acceleration: float
+
+
+@dataclass(frozen=True)
 class Config:
     """A checked configuration.
 
     name: file name without suffix.  path: of the file.
+    electronics: of the detectors, also where the noise does not follow from them.
     resolved: the same as plain types with every default filled in, in the units of the YAML keys.
     sha256: of `resolved` as JSON; equal sums mean equal sensors, motions and settings.
     """
@@ -116,6 +157,9 @@ class Config:
     noise: bool
     seed: int
     solve: Solve
+    acquire: Acquire
+    stage: Stage
+    electronics: Electronics
     range: Rules
     resolved: dict[str, Any]
     sha256: str

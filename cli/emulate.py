@@ -1,0 +1,60 @@
+"""`facets emulate`: a virtual bench on two serial ports."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from facets.live.virtual import Bench
+
+
+def emulate(
+    config: Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")],
+    motion: Annotated[str, typer.Option(help="Which the mirror goes through, again and again.")],
+    rate: Annotated[float, typer.Option(min=1, max=200_000, help="Samples per second.")] = 10_000,
+    folder: Annotated[
+        Path, typer.Option(help="For the ports `board` and `stage`, and the truth.")
+    ] = Path("bench"),
+    seconds: Annotated[float | None, typer.Option(min=0, help="Then it ends.")] = None,
+    faults: Annotated[
+        str,
+        typer.Option(
+            help="Chances a sample of flip, lose, double, drop, and a second of stall, block, "
+            "saturate, unplug, refuse, jam: flip=1e-4,stall=0.1."
+        ),
+    ] = "",
+    seed: Annotated[int, typer.Option(min=0, help="Of noise and faults.")] = 1,
+) -> None:
+    """Run a virtual bench: moving mirror, detectors, and a stage that carries the beam.
+
+    Its ports are named FOLDER/board and FOLDER/stage. It writes where the mirror and the beam
+    truly were to FOLDER/truth.bin, and at its end what it did to FOLDER/counts.json.
+    """
+    import json
+    import sys
+
+    from facets import load
+    from facets.errors import InputError
+
+    if sys.platform == "win32":
+        raise InputError("facets emulate needs ptys, which this system has not")
+    from facets.live.virtual import Bench, Faults
+
+    settings = load(config)
+    bench = Bench(settings, motion, rate, Faults.of(faults), seed, folder)
+    warm_up(bench)
+    typer.echo(f"board: {bench.board.link}   stage: {bench.stage.link} ({settings.stage.driver})")
+    typer.echo("running; ^C ends it")
+    bench.run(seconds or float("inf"))
+    typer.echo(json.dumps(bench.count.__dict__))
+
+
+def warm_up(bench: Bench) -> None:
+    import numpy as np
+
+    from facets.model import readings
+
+    readings(bench.config.sensor, np.zeros(8))

@@ -1,0 +1,72 @@
+"""The keys of a bench: where counts come from, and the stage that carries the beam."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from .section import MAX_LENGTH, Section
+
+
+def _tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+Place = Annotated[float, Field(ge=-MAX_LENGTH, le=MAX_LENGTH)]
+Pair = Annotated[
+    tuple[Place, Place], BeforeValidator(_tuple, json_schema_input_type=tuple[Place, Place])
+]
+
+
+class Acquire(Section):
+    """The detector board's stream; how counts become light is in `sensor.electronics`."""
+
+    port: str | None = Field(
+        None, description="device or URL: /dev/ttyACM0, COM3, socket://host:port, file:bytes.bin"
+    )
+    baud: int = Field(3_000_000, gt=0, le=100_000_000, description="of a serial line")
+    format: Literal["frames", "cobs", "text"] = Field(
+        "frames", description="of the stream; README, Formats"
+    )
+    content: Literal["electrodes", "xy-sum"] = Field(
+        "electrodes", description="of text lines; frames say it themselves"
+    )
+    dark_counts: float = Field(
+        0.0, ge=-1e9, le=1e9, description="what an electrode reads without light"
+    )
+    delay_ms: float = Field(
+        1.5, ge=0, le=1000, description="from a sample to its bytes at the host, on average"
+    )
+
+
+class Stage(Section):
+    """The two-axis stage that carries the beam."""
+
+    driver: Literal["zaber", "pi"] = Field("zaber", description="Zaber ASCII, or PI GCS 2.0")
+    port: str | None = Field(None, description="device or URL")
+    baud: int = Field(115_200, gt=0, le=100_000_000, description="of a serial line")
+    step_um: float = Field(0.1, gt=0, le=1000, description="Zaber: one native unit of position")
+    zero_mm: Pair = Field((0.0, 0.0), description="beam's place at the stage's zero")
+    low_mm: Pair = Field((-7.0, -7.0), description="soft limits of the beam's place")
+    high_mm: Pair = Field((7.0, 7.0), description="soft limits of the beam's place")
+    max_speed_mm_s: float = Field(20.0, gt=0, le=10_000, description="of commanded moves")
+    max_step_mm: float = Field(0.5, gt=0, le=MAX_LENGTH, description="of one commanded move")
+    rate_hz: float = Field(100.0, gt=0, le=10_000, description="of commands")
+    accuracy_um: float = Field(2.0, gt=0, le=10_000, description="of its encoder, 1 sigma")
+    law: Literal["proportional", "pi", "feedforward"] = Field(
+        "feedforward",
+        description="Eq. (14), the same with an integral, or by the solved place of the apex",
+    )
+    gain: float = Field(
+        0.5, gt=0, le=2, description="share of the error that one command takes away"
+    )
+    integral: float = Field(0.1, ge=0, le=1, description="for `pi`: share of the summed error")
+    stale_ms: float = Field(
+        50.0, gt=0, le=10_000, description="without a good pose for so long, it stops"
+    )
+    lag_ms: float = Field(8.0, ge=0, le=10_000, description="its answer to a step: time constant")
+    latency_ms: float = Field(
+        5.0, ge=0, le=10_000, description="from light on the detectors to the stage's start"
+    )
+    acceleration_mm_s2: float = Field(2000.0, gt=0, le=1e7, description="largest")

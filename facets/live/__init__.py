@@ -1,0 +1,1 @@
+"""The sensor on a real or a virtual bench: streams in, poses out, the beam following the mirror."""

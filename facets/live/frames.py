@@ -1,0 +1,253 @@
+"""What a detector board sends: three formats, parsed in blocks, made again after noise.
+
+Every format carries the same sample: seq (u32), t_us (u32), and 12 counts (i32), four a detector.
+README.md, "Formats", describes the bytes for those who write firmware.
+"""
+
+from __future__ import annotations
+
+import zlib
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+SYNC = b"\xa5\x5a"
+FRAME = np.dtype(
+    [
+        ("sync", "<u2"),
+        ("kind", "u1"),
+        ("flags", "u1"),
+        ("seq", "<u4"),
+        ("time", "<u4"),
+        ("counts", "<i4", 12),
+        ("crc", "<u4"),
+    ]
+)
+SIZE = FRAME.itemsize
+#: Kinds of frames: the counts of four electrodes a detector, or X, Y, SUM and one spare.
+ELECTRODES, XY_SUM = 1, 2
+#: Bits of `flags`: the board lost samples before this one; a converter was at its end.
+OVERRUN, SATURATED = 1, 2
+
+
+class Samples(NamedTuple):
+    """Samples in the order in which they came.
+
+    kind, flags: (n,) uint8.  seq, time: (n,) uint32, as sent.  counts: (n, 12) int32.
+    """
+
+    kind: NDArray[np.uint8]
+    flags: NDArray[np.uint8]
+    seq: NDArray[np.uint32]
+    time: NDArray[np.uint32]
+    counts: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.seq)
+
+    def where(self, keep: NDArray[np.bool_]) -> Samples:
+        kind, flags, seq, time, counts = self
+        return Samples(kind[keep], flags[keep], seq[keep], time[keep], counts[keep])
+
+
+class Parser(Protocol):
+    """Turns blocks of bytes into samples. corrupt: frames refused; skipped: bytes passed over."""
+
+    corrupt: int
+    skipped: int
+
+    def feed(self, block: bytes) -> Samples: ...
+
+
+def packed(samples: Samples) -> bytes:
+    """Samples as fixed frames."""
+    frames = np.zeros(len(samples), FRAME)
+    frames["sync"] = int.from_bytes(SYNC, "little")
+    for name in ("kind", "flags", "seq", "time", "counts"):
+        frames[name] = getattr(samples, name)
+    raw = bytearray(frames.tobytes())
+    view = memoryview(raw)
+    for start in range(0, len(raw), SIZE):
+        crc = zlib.crc32(view[start : start + SIZE - 4])
+        raw[start + SIZE - 4 : start + SIZE] = crc.to_bytes(4, "little")
+    return bytes(raw)
+
+
+def from_frames(frames: NDArray[np.void]) -> Samples:
+    kind, flags, seq, time, counts = (
+        np.array(frames[name]) for name in ("kind", "flags", "seq", "time", "counts")
+    )
+    return Samples(kind, flags, seq, time, counts)
+
+
+def nothing() -> Samples:
+    return from_frames(np.zeros(0, FRAME))
+
+
+def sound(frame: memoryview | bytes) -> bool:
+    """Whether a frame's CRC-32 is that of its bytes."""
+    return zlib.crc32(frame[: SIZE - 4]) == int.from_bytes(frame[SIZE - 4 :], "little")
+
+
+class FixedFrames:
+    """Format "frames": 64 bytes each, one after the other."""
+
+    def __init__(self) -> None:
+        self.rest = b""
+        self.corrupt = self.skipped = 0
+
+    def feed(self, block: bytes) -> Samples:
+        raw = self.rest + block
+        view = memoryview(raw)
+        good: list[bytes | memoryview] = []
+        place = 0
+        while True:
+            start = place
+            while len(raw) - place >= SIZE and self.accepted(raw, view, place):
+                place += SIZE
+            if place > start:
+                good.append(view[start:place])
+            if len(raw) - place < SIZE:
+                break
+            place = self.resumed(raw, view, place)
+        self.rest = raw[place:]
+        return from_frames(np.frombuffer(b"".join(good), FRAME)) if good else nothing()
+
+    def accepted(self, raw: bytes, view: memoryview, place: int) -> bool:
+        return raw.startswith(SYNC, place) and sound(view[place : place + SIZE])
+
+    def resumed(self, raw: bytes, view: memoryview, place: int) -> int:
+        """Where a sound frame begins again, or may begin in what has not come yet."""
+        self.corrupt += raw.startswith(SYNC, place)
+        following = place + 1
+        while True:
+            following = raw.find(SYNC, following)
+            if following < 0:
+                following = len(raw) - (raw[-1:] == SYNC[:1])
+                break
+            if len(raw) - following < SIZE or sound(view[following : following + SIZE]):
+                break
+            following += 1
+        self.skipped += following - place
+        return following
+
+
+class CobsFrames:
+    """Format "cobs": the same 64 bytes, made free of zeros, each ended by a zero."""
+
+    #: One byte more than the frame, since it is shorter than 254.
+    CODED = SIZE + 1
+
+    def __init__(self) -> None:
+        self.rest = b""
+        self.corrupt = self.skipped = 0
+
+    def feed(self, block: bytes) -> Samples:
+        *parts, self.rest = (self.rest + block).split(b"\0")
+        whole = [part for part in parts if len(part) == self.CODED]
+        self.refuse([part for part in parts if part and len(part) != self.CODED])
+        if len(self.rest) > 4 * self.CODED:  # no end in sight: not this format
+            self.refuse([self.rest])
+            self.rest = b""
+        if not whole:
+            return nothing()
+        raw = uncoded(np.frombuffer(b"".join(whole), np.uint8).reshape(-1, self.CODED))
+        fine = [row.startswith(SYNC) and sound(row) for row in map(bytes, raw)]
+        self.refuse([part for part, good in zip(whole, fine, strict=True) if not good])
+        kept = np.ascontiguousarray(raw[np.array(fine)])
+        return from_frames(kept.view(FRAME).ravel())
+
+    def refuse(self, parts: list[bytes]) -> None:
+        self.corrupt += len(parts)
+        self.skipped += sum(len(part) + 1 for part in parts)
+
+
+def uncoded(coded: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """COBS undone, for rows (n, 65) of frames shorter than 254 bytes: (n, 64).
+
+    Each code says how far the next one is; in the frame, a zero stands there. A chain that does not
+    end at the row's end leaves a row whose CRC fails.
+    """
+    raw = coded.copy()
+    rows = np.arange(len(raw))
+    place = raw[:, 0].astype(np.int64)
+    while len(rows):
+        inside = place < raw.shape[1]
+        rows, place = rows[inside], place[inside]
+        step = raw[rows, place].astype(np.int64)
+        raw[rows, place] = 0
+        rows, place = rows[step > 0], (place + step)[step > 0]
+    return raw[:, 1:]
+
+
+def coded(samples: Samples) -> bytes:
+    """Samples in format "cobs"."""
+    raw, out = packed(samples), bytearray()
+    for start in range(0, len(raw), SIZE):
+        for part in raw[start : start + SIZE].split(b"\0"):
+            out.append(len(part) + 1)
+            out += part
+        out.append(0)
+    return bytes(out)
+
+
+class TextLines:
+    """Format "text": lines of seq,t_us,c0,...,c11. There is no checksum: use it to try things."""
+
+    #: A line is never so long.
+    LONGEST = 400
+
+    def __init__(self, kind: int) -> None:
+        self.kind = kind
+        self.rest = b""
+        self.corrupt = self.skipped = 0
+
+    def feed(self, block: bytes) -> Samples:
+        *lines, self.rest = (self.rest + block).split(b"\n")
+        if len(self.rest) > self.LONGEST:
+            lines, self.rest = [*lines, self.rest], b""
+        rows = [row for row in map(self.numbers, lines) if row is not None]
+        if not rows:
+            return nothing()
+        table = np.array(rows, dtype=np.int64)
+        none = np.zeros(len(table), np.uint8)
+        return Samples(
+            none + np.uint8(self.kind),
+            none,
+            table[:, 0].astype(np.uint32),
+            table[:, 1].astype(np.uint32),
+            table[:, 2:].astype(np.int32),
+        )
+
+    def numbers(self, line: bytes) -> list[int] | None:
+        text = line.strip()
+        if not text or text.startswith(b"#"):
+            return None
+        try:
+            row = [int(part) for part in text.split(b",")]
+        except ValueError:
+            row = []
+        within = len(row) == 14 and all(0 <= x < 2**32 for x in row[:2])
+        if within and all(-(2**31) <= x < 2**31 for x in row[2:]):
+            return row
+        self.corrupt += 1
+        self.skipped += len(line) + 1
+        return None
+
+
+def written(samples: Samples) -> bytes:
+    """Samples in format "text"."""
+    rows = np.column_stack([samples.seq, samples.time, samples.counts])
+    return b"".join(b",".join(b"%d" % x for x in row) + b"\n" for row in rows.tolist())
+
+
+def parser(form: str, content: str) -> Parser:
+    """form: "frames", "cobs" or "text". content: of text, "electrodes" or "xy-sum"."""
+    if form == "text":
+        return TextLines(XY_SUM if content == "xy-sum" else ELECTRODES)
+    return CobsFrames() if form == "cobs" else FixedFrames()
+
+
+def encoded(form: str, samples: Samples) -> bytes:
+    return {"frames": packed, "cobs": coded, "text": written}[form](samples)
