@@ -72,7 +72,8 @@ def judge(values: Array, limits: Limits, weights: Array, used: Array) -> int:
     """Fills weights (9,) = 1/sigma and used (3,) for one reading; returns what is wrong, if any.
 
     A detector is left out, with weight 0, where a number of it is not finite, where its power is
-    under FAINTEST sigmas of the noise, and where its place is past its edge, where no light can be read.
+    under FAINTEST sigmas of the noise, and where its place is past its edge, where there can be
+    no light.
     """
     status = CONVERGED
     for k in range(3):

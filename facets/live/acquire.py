@@ -154,6 +154,7 @@ def acquire(
     show: called after each block. Whatever happens, the stage stops and the recording is closed.
     """
     tracker = live.tracker
+    live.begin = time.monotonic()
     reader.start()
     if tracker:
         tracker.start()

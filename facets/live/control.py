@@ -23,8 +23,11 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Seen:
-    """What a command is made from. time: of the sample, now: of the command, s.  powers: (3,) mW.  apex: (2,) solved, mm, or None.
-    beam: (2,) where the stage says that the beam is, mm."""
+    """What a command is made from.
+
+    time: of the sample, now: of the command, s.  powers: (3,) mW.  apex: (2,) solved, mm, or None.
+    beam: (2,) where the stage says that the beam is, mm.
+    """
 
     time: float
     now: float
@@ -58,11 +61,12 @@ def slope_of_error(sensor: Sensor) -> Floats:
 class Law:
     """Where the beam is to go next. Kept within speed, step and soft limits.
 
-    limited: how often a limit held a command back.
+    goal: the last command.  summed: of the errors.  limited: how often a limit held one back.
     """
 
     settings: Settings
     inverse: Floats
+    goal: Floats | None = None
     summed: Floats = field(default_factory=lambda: np.zeros(2))
     limited: int = 0
     last: tuple[float, Floats] | None = None
@@ -80,11 +84,12 @@ class Law:
         else:
             off = self.inverse @ tracking_error(seen.powers)
             integral = s.integral if s.law == "pi" else 0.0
-            wanted = seen.beam - s.gain * off - integral * (self.summed + off)
-            held = self.held(wanted, seen.beam)
-            if np.array_equal(held, wanted):  # else the sum would only grow
+            goal = seen.beam if self.goal is None else self.goal
+            wanted = goal - s.gain * off - integral * (self.summed + off)
+            self.goal = self.held(wanted, seen.beam)
+            if np.allclose(self.goal, wanted, atol=1e-9):  # else the sum would only grow
                 self.summed = self.summed + off
-            return held
+            return self.goal
         return self.held(wanted, seen.beam)
 
     def ahead(self, seen: Seen) -> Floats:
@@ -112,7 +117,7 @@ class Law:
 
     def forget(self) -> None:
         """After a loss: what was summed up no longer holds."""
-        self.summed = np.zeros(2)
+        self.goal, self.summed = None, np.zeros(2)
         self.last, self.speed = None, np.zeros(2)
 
 
@@ -150,17 +155,16 @@ def margin_of(settings: Settings, room: float) -> Margin:
     """room: how far the beam may be off the apex, mm.
 
     The loop is an integrator with a delay of d commands: error(n+1) = error(n) - g error(n-d). It
-    is stable for g < 2 sin(pi / (4 d + 2)). A mirror at speed v is met late: by
-    v (1 / (g rate) + delay) under proportional control; under `feedforward` by what the stage's lag
-    leaves, which is little, until its greatest speed.
+    is stable for g < 2 sin(pi / (4 d + 2)). A mirror at speed v is met late by v / (g rate) under
+    proportional control; under the others by little, until the stage's greatest speed.
     """
     delay = settings.latency + settings.lag
-    commands = 1 + delay * settings.rate
+    commands = delay * settings.rate
     most = 2 * sin(pi / (4 * commands + 2))
     gain = settings.gain + (settings.integral if settings.law == "pi" else 0.0)
     if settings.law == "feedforward":
         return Margin(delay, float("inf"), float("inf"), settings.max_speed)
-    behind = 1 / (settings.gain * settings.rate) + delay
+    behind = 1 / (settings.gain * settings.rate)
     speed = min(settings.max_speed, room / behind)
     if settings.law == "pi" and settings.integral > 0:
         speed = settings.max_speed

@@ -7,7 +7,8 @@ README.md, "Formats", describes the bytes for those who write firmware.
 from __future__ import annotations
 
 import zlib
-from typing import NamedTuple, Protocol
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,8 @@ ELECTRODES, XY_SUM = 1, 2
 OVERRUN, SATURATED = 1, 2
 
 
-class Samples(NamedTuple):
+@dataclass(frozen=True)
+class Samples:
     """Samples in the order in which they came.
 
     kind, flags: (n,) uint8.  seq, time: (n,) uint32, as sent.  counts: (n, 12) int32.
@@ -47,8 +49,9 @@ class Samples(NamedTuple):
         return len(self.seq)
 
     def where(self, keep: NDArray[np.bool_]) -> Samples:
-        kind, flags, seq, time, counts = self
-        return Samples(kind[keep], flags[keep], seq[keep], time[keep], counts[keep])
+        return Samples(
+            self.kind[keep], self.flags[keep], self.seq[keep], self.time[keep], self.counts[keep]
+        )
 
 
 class Parser(Protocol):

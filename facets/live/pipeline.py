@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from ..solve_table import power_known
 from ..solver import Prior, Solution, Status, solve
 from .clock import Drift, Sequence
 from .frames import OVERRUN, XY_SUM, Samples, parser
-from .tracker import Encoder
+from .tracker import REACH, Encoder
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -27,7 +27,8 @@ TIMING = 1e-3
 FLAGS = {SATURATED: "saturated", UNEQUAL: "unequal sums", 4: "board overrun"}
 
 
-class Poses(NamedTuple):
+@dataclass(frozen=True)
+class Poses:
     """What became of some samples.
 
     seq, time: (n,) unwrapped, the board's us.  host: (n,) the host's monotonic clock, s.
@@ -113,7 +114,7 @@ class Pipeline:
         return found
 
     def beam(self, host: Floats, encoder: Encoder | None) -> Any:
-        """What is known of the beam's place at the samples' times."""
+        """What is known of the beam's place at the samples' times, if anything."""
         options = self.config.solve
         if options.beam == "free" or options.method == "paper":
             return "free"
@@ -122,7 +123,11 @@ class Pipeline:
         if encoder is None:
             sigma = options.beam_sigma if options.beam == "prior" else 0.0
             return Prior(np.zeros((len(host), 2)), float(np.hypot(sigma, jitter)))
-        moving = TIMING * np.hypot(*encoder.speed)
+        age = max(0.0, float(host[-1]) - encoder.time)
+        if age > REACH:
+            return "free"
+        # a stage may have changed its speed since it was asked: half the way is in doubt
+        moving = float(np.hypot(*encoder.speed)) * (TIMING + age / 2)
         sigma = float(np.sqrt(self.config.stage.accuracy**2 + moving**2 + jitter**2))
         return Prior(encoder.at(host), sigma)
 

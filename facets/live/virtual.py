@@ -38,7 +38,9 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-TRUTH = np.dtype([("seq", "<u4"), ("host", "<f8"), ("state", "<f8", 8)])
+TRUTH = np.dtype([("seq", "<u4"), ("fate", "u1"), ("host", "<f8"), ("state", "<f8", 8)])
+#: What became of a sample.
+SENT, DROPPED, SPOILT = range(3)
 #: What a board can hold back while the host does not read, bytes: then it loses samples.
 BUFFER = 1 << 16
 #: How often the bench goes round, s.
@@ -264,17 +266,17 @@ class Bench:
         share = np.clip((times - before) / max(now - before, 1e-9), 0, 1)[:, None]
         states[:, 6:] = start + share * (self.model.place - start)
         seq = (first + np.arange(due)).astype(np.uint32)
-        self.log(seq, times, states)
         self.count.made += due
         samples = self.sampled(states, seq, times, now)
+        lost = self.rng.random(due) < self.faults.drop
         if self.unplugged or self.happens("stall", now):
-            self.drop(len(samples))
-            return
-        self.send(self.dropped(samples))
-
-    def log(self, seq: NDArray[np.uint32], times: Floats, states: Floats) -> None:
-        rows = np.zeros(len(seq), TRUTH)
-        rows["seq"], rows["host"], rows["state"] = seq, self.begin + times, states
+            lost[:] = True
+        fate = np.where(lost, DROPPED, SENT).astype(np.uint8)
+        self.drop(int(lost.sum()))
+        fate[~lost] = self.send(samples.where(~lost))
+        rows = np.zeros(due, TRUTH)
+        rows["seq"], rows["fate"], rows["state"] = seq, fate, states
+        rows["host"] = self.begin + times
         self.truth.write(rows.tobytes())
 
     def sampled(
@@ -299,20 +301,15 @@ class Bench:
         board = (np.round(1e6 * times).astype(np.int64) % 2**32).astype(np.uint32)
         return Samples(kinds, flags, seq, board, counts)
 
-    def dropped(self, samples: Samples) -> Samples:
-        """Those that the board does not lose."""
-        keep = self.rng.random(len(samples)) >= self.faults.drop
-        self.drop(int((~keep).sum()))
-        return samples.where(keep)
-
     def drop(self, count: int) -> None:
         self.count.dropped += count
         self.overrun |= count > 0
 
-    def send(self, samples: Samples) -> None:
-        """Into the board's buffer, as far as there is room; spoilt here and there."""
+    def send(self, samples: Samples) -> NDArray[np.uint8]:
+        """Into the board's buffer, as far as there is room, spoilt here and there: their fates."""
+        fate = np.full(len(samples), SENT, np.uint8)
         if not len(samples):
-            return
+            return fate
         if self.overrun:
             samples.flags[0] |= OVERRUN
             self.overrun = False
@@ -321,16 +318,21 @@ class Bench:
         room = (BUFFER - len(self.pending)) // max(size, 1)
         if room < len(samples):
             self.drop(len(samples) - max(room, 0))
+            fate[max(room, 0) :] = DROPPED
             samples = samples.where(np.arange(len(samples)) < room)
             data = encoded(self.config.acquire.format, samples) if len(samples) else b""
         self.count.sent += len(samples)
-        self.pending += self.spoilt(data, len(samples))
+        broken, bad = self.spoilt(data, len(samples))
+        fate[bad] = SPOILT
+        self.pending += broken
+        return fate
 
-    def spoilt(self, data: bytes, count: int) -> bytes | bytearray:
+    def spoilt(self, data: bytes, count: int) -> tuple[bytes | bytearray, NDArray[np.int64]]:
+        """The bytes with their faults, and which samples have one."""
         f = self.faults
         chances = np.array([f.flip, f.lose, f.double])
         if count == 0 or not chances.any():
-            return data
+            return data, np.zeros(0, np.int64)
         drawn = self.rng.random((count, 3)) < chances
         bad = np.flatnonzero(drawn.any(axis=1))
         self.count.spoilt += len(bad)
@@ -343,7 +345,7 @@ class Bench:
                 del out[place]
             else:
                 out.insert(place, out[place])
-        return out
+        return out, bad
 
     def flush(self) -> None:
         if self.unplugged:

@@ -1,0 +1,109 @@
+"""An acquisition killed at random moments: what of its recording is left?
+
+`python -m facets.experiments.kills [TIMES]`: 200 by default, a minute.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import facets
+from facets.counts import counts_of
+from facets.live.acquire import Ending, Live, Reader, acquire
+from facets.live.frames import SIZE, Samples, packed
+from facets.live.pipeline import Pipeline
+from facets.live.recording import Recording, recorded_poses
+from facets.live.replay import recorded_config, replayed
+from facets.record import run_record
+
+BLOCK, RATE = 50, 400.0
+
+
+def stream(count: int) -> bytes:
+    """The bytes of a mirror that wobbles."""
+    config = facets.load("bench")
+    state = np.zeros((count, 8))
+    state[:, 5] = 1e-3 * np.sin(np.arange(count) / 100)
+    counts = counts_of(config.sensor, config.electronics, facets.readings(config.sensor, state))
+    number = np.arange(count, dtype=np.uint32)
+    kind = np.ones(count, np.uint8)
+    return packed(Samples(kind, 0 * kind, number, 100 * number, counts))
+
+
+class Source:
+    """Gives the stream block by block, and says how far it got."""
+
+    ended = False
+
+    def __init__(self, data: bytes, given: Any) -> None:
+        self.data, self.given = data, given
+
+    def read(self) -> bytes:
+        time.sleep(1 / RATE)
+        start = self.given.value
+        block = self.data[start : start + BLOCK * SIZE]
+        self.given.value = start + len(block)
+        return block
+
+    def close(self) -> None:
+        pass
+
+
+def acquiring(folder: Path, data: bytes, given: Any) -> None:
+    config = facets.load("bench")
+    live = Live(Pipeline(config))
+    recording = Recording(folder, run_record(config, None, 0, {}))
+    reader = Reader.__new__(Reader)
+    Reader.__init__(reader, config, f"file:{os.devnull}", recording, False, live)
+    reader.port = Source(data, given)
+    acquire(live, reader, recording, Ending())
+
+
+def killed(folder: Path, data: bytes, after: float) -> dict[str, int]:
+    """What is left of a recording that was killed so many seconds after its beginning."""
+    context = multiprocessing.get_context("fork")
+    given = context.Value("q", 0, lock=False)
+    process = context.Process(target=acquiring, args=(folder, data, given))
+    process.start()
+    while not (folder / "events.jsonl").exists():
+        time.sleep(0.001)
+    time.sleep(after)
+    assert process.pid
+    os.kill(process.pid, signal.SIGKILL)
+    process.join()
+    kept = (folder / "bytes.bin").read_bytes()
+    assert data.startswith(kept)
+    solved = sum(len(poses) for poses in replayed(folder, Pipeline(recorded_config(folder))))
+    old = recorded_poses(folder)
+    return {
+        "given": given.value,
+        "kept": len(kept),
+        "lost": given.value - len(kept),
+        "recovered": solved,
+        "unrecovered": len(kept) // SIZE - solved,
+        "poses": len(old["seq"]) if old else 0,
+    }
+
+
+if __name__ == "__main__":
+    times = int(sys.argv[1]) if len(sys.argv) > 1 else 200
+    data = stream(40_000)
+    Pipeline(facets.load("bench")).feed(data[: 100 * SIZE], 0.0)  # compiled before the first fork
+    rng = np.random.default_rng(1)
+    rows = []
+    for _ in range(times):
+        with tempfile.TemporaryDirectory() as place:
+            rows.append(killed(Path(place) / "recording", data, rng.uniform(0, 0.8)))
+    print(f"{times} kills, {sum(row['kept'] for row in rows) // SIZE} samples kept in all")
+    print(f"most lost: {max(row['lost'] for row in rows) / SIZE:g} samples; a block has {BLOCK}")
+    print(f"kept but not recovered: {max(row['unrecovered'] for row in rows)}")
+    print(f"with poses on disk as well: {sum(row['poses'] > 0 for row in rows)}")

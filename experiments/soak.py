@@ -1,0 +1,94 @@
+"""A virtual bench full of faults: is every accepted sample right, and every loss counted?
+
+`python -m facets.experiments.soak [SECONDS] [RATE]`: ten minutes at 10 kHz by default.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import resource
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import facets
+from facets.live.acquire import Ending, Live, Reader, acquire
+from facets.live.pipeline import Pipeline
+from facets.live.recording import Recording, recorded_poses
+from facets.live.virtual import SENT, Bench, Faults, truth_of
+from facets.names import STATE_COLUMNS, STATE_UNITS
+from facets.record import run_record
+
+FAULTS = "flip=1e-4,lose=1e-4,double=1e-4,drop=1e-4,stall=0.1,block=0.1,saturate=0.1"
+#: An error of more than this many standard uncertainties is wrong: once in 1e10 numbers, by chance.
+WRONG = 6.5
+
+
+def bench(folder: Path, rate: float, faults: str, seconds: float) -> None:
+    config = facets.load("bench")
+    Bench(config, "wobble", rate, Faults.of(faults), 3, folder).run(seconds)
+
+
+def soak(folder: Path, seconds: float, rate: float, faults: str = FAULTS) -> dict[str, Any]:
+    """Runs both; returns what was found. Raises nothing: the caller judges."""
+    config = facets.load("bench")
+    facets.readings(config.sensor, np.zeros(8))  # compiled before both need it
+    live = Live(Pipeline(config))
+    live.pipeline.solved(np.full((2, 9), 0.1), np.zeros(2), None)
+    live.pipeline.state = np.zeros(8)
+    context = multiprocessing.get_context("fork")
+    other = context.Process(target=bench, args=(folder, rate, faults, seconds + 3))
+    other.start()
+    while not (folder / "board").exists():
+        time.sleep(0.01)
+    recording = Recording(folder / "recording", run_record(config, None, 0, {}))
+    live.begin = time.monotonic()
+    reader = Reader(config, str(folder / "board"), recording, True, live)
+    memory: list[float] = []
+    spent = time.process_time()
+
+    def show(_: Live) -> None:
+        if len(memory) < time.monotonic() - live.begin:  # once a second
+            memory.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3)
+
+    acquire(live, reader, recording, Ending(seconds), show)
+    spent = (time.process_time() - spent) / seconds
+    other.join()
+    return {**judged(folder, live), "cores": spent, "p99_ms": 1e3 * live.ninety_nine(),
+            "memory_mb": (memory[min(3, len(memory) - 1)], memory[-1])}  # fmt: skip
+
+
+def judged(folder: Path, live: Live) -> dict[str, Any]:
+    """The recording against the bench's truth."""
+    truth, poses = truth_of(folder), recorded_poses(folder / "recording")
+    first, last = int(poses["seq"][0]), int(poses["seq"][-1])
+    accepted = np.zeros(last - first + 1, dtype=bool)
+    accepted[poses["seq"] - first] = True
+    sent = truth["fate"][first : last + 1] == SENT
+    good = poses["status"] == 0
+    wrong = np.zeros(len(good), dtype=bool)
+    for i, name in enumerate(STATE_COLUMNS):
+        error = poses[name] - truth["state"][poses["seq"], i] / STATE_UNITS[i]
+        wrong |= good & ~(np.abs(error) < WRONG * poses[f"u_{name}"])
+    return {
+        "samples": len(good),
+        "solved": int(good.sum()),
+        "wrong": int(wrong.sum()),
+        "lost": live.pipeline.sequence.lost,
+        "bench_lost": int((~sent).sum()),
+        "accepted_though_spoilt": int((accepted & ~sent).sum()),
+        "refused_though_sound": int((~accepted & sent).sum()),
+        "corrupt": live.pipeline.parser.corrupt,
+    }
+
+
+if __name__ == "__main__":
+    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 600.0
+    rate = float(sys.argv[2]) if len(sys.argv) > 2 else 10_000.0
+    with tempfile.TemporaryDirectory() as place:
+        for name, value in soak(Path(place), seconds, rate).items():
+            print(f"{name:24} {value}")
