@@ -124,7 +124,7 @@ def tracker_of(
     """Opens the stage, and says how well it will follow before it moves."""
     import numpy as np
 
-    from facets.live.control import Law, margin_of
+    from facets.live.control import Law, margin_of, pull_of
     from facets.live.pi import Pi
     from facets.live.ports import opened
     from facets.live.tracker import Tracker
@@ -134,7 +134,8 @@ def tracker_of(
     stage = settings.stage
     name = required(port or stage.port, "--stage-port", "stage.port")
     fixed = axis_ranges(settings.sensor, settings.range, np.zeros(6))[:2]
-    margin = margin_of(stage, min(axis.symmetric / 2 for axis in fixed))
+    room = min(axis.symmetric / 2 for axis in fixed)
+    margin = margin_of(stage, pull_of(settings.sensor, room))
     typer.echo(f"stage: {stage.law}, {margin.words}", err=True)
     if margin.times < 1:
         from facets.errors import InputError

@@ -41,6 +41,9 @@ def simulate(
     noise: Annotated[
         bool | None, typer.Option("--noise/--no-noise", help="[default: the config's]")
     ] = None,
+    track: Annotated[
+        bool, typer.Option("--track", help="The config's stage carries the beam after the mirror.")
+    ] = False,
     table: Annotated[TableKind, typer.Option(help="Kind of the tables.")] = TableKind.csv,
     plot: Annotated[PlotKind, typer.Option(help="Kind of the picture.")] = PlotKind.png,
 ) -> None:
@@ -60,7 +63,7 @@ def simulate(
     readings, poses = folder / f"readings.{table.value}", folder / f"poses.{table.value}"
     picture, story = folder / f"motion.{plot.value}", folder / "run.yaml"
     tables.refuse_to_overwrite([readings, poses, picture, story], force)
-    segments = study.simulate(settings, motion or [], noise, seed)
+    segments = study.simulate(settings, motion or [], noise, seed, track)
     drawn = settings.seed if seed is None else seed
     about = record.about(settings, drawn)
     tables.write_table(readings, study.reading_table(segments), about)

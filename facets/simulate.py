@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError
+from .live.follow import followed
 from .model import on_detectors, readings
 from .motion import states
 from .names import POSE, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
@@ -97,8 +98,12 @@ def beam_seen(options: Solve, truth: Floats, noise: bool, rng: np.random.Generat
     return place
 
 
-def run(config: Config, name: str, noise: bool, rng: np.random.Generator) -> Segment:
+def run(
+    config: Config, name: str, noise: bool, rng: np.random.Generator, track: bool = False
+) -> Segment:
     time, truth = states(config.motions[name], rng)
+    if track:
+        truth = followed(config.sensor, config.stage, time, truth)
     seen, reached = read(config.sensor, truth, noise, rng)
     place = beam_seen(config.solve, truth, noise, rng)
     solution = solve_readings(config.sensor, config.solve, seen, place)
@@ -106,9 +111,15 @@ def run(config: Config, name: str, noise: bool, rng: np.random.Generator) -> Seg
 
 
 def simulate(
-    config: Config, motions: Sequence[str] = (), noise: bool | None = None, seed: int | None = None
+    config: Config,
+    motions: Sequence[str] = (),
+    noise: bool | None = None,
+    seed: int | None = None,
+    track: bool = False,
 ) -> list[Segment]:
     """Runs the named motions (default: all) one after the other.
+
+    track: whether the beam follows the mirror, carried by the config's stage.
 
     noise, seed: of the readings; default: the config's. Each motion draws from a stream of its own,
     so that leaving one out does not change the others.
@@ -121,7 +132,9 @@ def simulate(
     noisy = config.noise if noise is None else noise
     streams = np.random.SeedSequence(config.seed if seed is None else seed)
     children = dict(zip(config.motions, streams.spawn(len(config.motions)), strict=True))
-    return [run(config, name, noisy, np.random.default_rng(children[name])) for name in names]
+    return [
+        run(config, name, noisy, np.random.default_rng(children[name]), track) for name in names
+    ]
 
 
 def axes(segment: Segment) -> list[Axis]:

@@ -151,8 +151,22 @@ class Margin:
         )
 
 
-def margin_of(settings: Settings, room: float) -> Margin:
-    """room: how far the beam may be off the apex, mm.
+def pull_of(sensor: Sensor, room: float) -> float:
+    """The largest offset that Eq. (14) shows, mm, while the true one stays within `room` along x.
+
+    It shows less and less of a larger one, since no share can be more than all.
+    """
+    states = np.zeros((200, 8))
+    states[:, 6] = np.linspace(-room, room, 200)
+    shown = tracking_error(readings(sensor, states)[:, 2::3]) @ np.linalg.inv(
+        slope_of_error(sensor)
+    )
+    lengths: Floats = np.hypot(*shown.T)
+    return float(min(lengths[:100].max(), lengths[100:].max()))
+
+
+def margin_of(settings: Settings, pull: float) -> Margin:
+    """pull: see `pull_of`, mm.
 
     The loop is an integrator with a delay of d commands: error(n+1) = error(n) - g error(n-d). It
     is stable for g < 2 sin(pi / (4 d + 2)). A mirror at speed v is met late by v / (g rate) under
@@ -165,7 +179,7 @@ def margin_of(settings: Settings, room: float) -> Margin:
     if settings.law == "feedforward":
         return Margin(delay, float("inf"), float("inf"), settings.max_speed)
     behind = 1 / (settings.gain * settings.rate)
-    speed = min(settings.max_speed, room / behind)
+    speed = min(settings.max_speed, pull / behind)
     if settings.law == "pi" and settings.integral > 0:
         speed = settings.max_speed
     return Margin(delay, most, most / gain, speed)

@@ -55,6 +55,11 @@ class StageModel:
         """A move that begins after the latency."""
         self.waiting.append((self.now + self.settings.latency, np.array(place, dtype=float)))
 
+    @property
+    def settled(self) -> bool:
+        """Whether it stands where it was last told to go, to 0.1 um."""
+        return not self.waiting and bool(np.abs(self.target - self.place).max() < 1e-4)
+
     def halt(self) -> None:
         self.waiting.clear()
         self.target = self.place.copy()

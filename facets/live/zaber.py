@@ -70,10 +70,10 @@ class ZaberDevice:
         self.target = np.array(model.place)
 
     def answer(self, line: str) -> str:
-        words = line.strip().lstrip("/").split()
-        address = [int(words.pop(0)) for _ in range(2) if words and words[0].isdigit()]
-        axis = address[1] if len(address) > 1 else 0
-        head = f"@01 {axis}"
+        words = line.strip().lstrip("/").partition(":")[0].split()  # a checksum may follow a colon
+        numbers = [words.pop(0) for _ in range(3) if words and words[0].isdigit()]
+        axis = int(numbers[1]) if len(numbers) > 1 else 0
+        head = " ".join([f"@01 {axis}", *numbers[2:]])  # a message's id comes back
         if not words:
             return f"{head} OK {self.status} -- 0\r\n"
         if words[:2] == ["get", "pos"]:
@@ -109,4 +109,4 @@ class ZaberDevice:
 
     @property
     def status(self) -> str:
-        return "BUSY" if np.abs(self.model.speed).max() > 1e-3 else "IDLE"
+        return "IDLE" if self.model.settled else "BUSY"

@@ -1,0 +1,65 @@
+// Reference firmware for a detector board: twelve electrode currents as fixed 64-byte frames.
+// For a Teensy 4.x or another board with fast USB serial; README.md, "Formats", has the bytes.
+// Reads three four-channel converters; replace `convert` by what yours need.
+
+#include <Arduino.h>
+
+constexpr uint32_t PERIOD_US = 100;      // 10 kHz
+constexpr uint8_t ELECTRODES = 1;        // kind: counts of the electrodes; 2 is X, Y, SUM, spare
+constexpr uint8_t OVERRUN = 1, SATURATED = 2;
+constexpr int32_t TOP = 65535;           // of a 16-bit converter
+
+struct __attribute__((packed)) Frame {   // little-endian, as ARM is
+  uint8_t sync[2];
+  uint8_t kind, flags;
+  uint32_t seq, time_us;
+  int32_t counts[12];                    // A, B, C; each -y, +y, -z, +z
+  uint32_t crc;                          // CRC-32 (zlib, Ethernet) of the 60 bytes before it
+};
+static_assert(sizeof(Frame) == 64, "a frame has 64 bytes");
+
+static uint32_t table[256];
+static uint32_t next_us, seq;
+static bool lost;
+
+static void make_table() {
+  for (uint32_t n = 0; n < 256; n++) {
+    uint32_t c = n;
+    for (int k = 0; k < 8; k++) c = c & 1 ? 0xEDB88320u ^ (c >> 1) : c >> 1;
+    table[n] = c;
+  }
+}
+
+static uint32_t crc32(const uint8_t *data, size_t size) {
+  uint32_t c = 0xFFFFFFFFu;
+  while (size--) c = table[(c ^ *data++) & 255] ^ (c >> 8);
+  return ~c;
+}
+
+static int32_t convert(int channel) {    // your converter here
+  return analogRead(channel);
+}
+
+void setup() {
+  make_table();
+  Serial.begin(3000000);
+  next_us = micros() + PERIOD_US;
+}
+
+void loop() {
+  if (int32_t(micros() - next_us) < 0) return;
+  Frame f = {{0xA5, 0x5A}, ELECTRODES, 0, seq++, micros(), {}, 0};
+  next_us += PERIOD_US;
+  for (int k = 0; k < 12; k++) {
+    f.counts[k] = convert(k);
+    if (f.counts[k] >= TOP) f.flags |= SATURATED;
+  }
+  if (lost) f.flags |= OVERRUN;
+  f.crc = crc32(reinterpret_cast<uint8_t *>(&f), 60);
+  if (Serial.availableForWrite() < int(sizeof f)) {  // never wait: a sample lost is counted
+    lost = true;
+    return;
+  }
+  lost = false;
+  Serial.write(reinterpret_cast<uint8_t *>(&f), sizeof f);
+}

@@ -1,0 +1,60 @@
+"""How fast a mirror can move before the beam is lost, by law, against what is told beforehand.
+
+`python -m facets.experiments.tracking`
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import bisect
+
+import facets
+from facets.config.values import Stage
+from facets.live.control import margin_of, pull_of
+from facets.live.follow import followed
+from facets.ranges import axis_ranges
+
+LAWS = ("proportional", "pi", "feedforward")
+
+
+def offset(settings: Stage, speed: float, seconds: float = 3.0) -> float:
+    """How far beam and mirror part, mm, when the mirror comes to speed along x in 1 s."""
+    time = np.arange(int(1000 * seconds)) / 1000
+    truth = np.zeros((len(time), 8))
+    truth[:, 0] = speed * np.where(time < 1, time**2 / 2, time - 0.5)
+    states = followed(facets.load("bench").sensor, settings, time, truth)
+    return float(np.abs(states[:, 0] - states[:, 6]).max())
+
+
+def lost_above(settings: Stage, room: float) -> float:
+    """The speed at which the mirror gets `room` mm ahead of the beam, mm/s."""
+    return float(bisect(lambda speed: offset(settings, speed) - room, 0.1, 60.0, xtol=0.02))
+
+
+if __name__ == "__main__":
+    config = facets.load("bench")
+    found = axis_ranges(config.sensor, config.range, np.zeros(6))[:2]
+    room = min(axis.symmetric / 2 for axis in found)
+    wide = replace(config.stage, low=(-1e3, -1e3), high=(1e3, 1e3))
+    print(
+        f"room {room:.4f} mm; {wide.rate:g} Hz, gain {wide.gain}, {wide.max_speed:g} mm/s at most"
+    )
+    for law in LAWS:
+        settings = replace(wide, law=law)
+        told, seen = margin_of(settings, pull_of(config.sensor, room)), lost_above(settings, room)
+        print(f"{law:13} told {told.speed:6.2f} mm/s   found {seen:6.2f} mm/s   "
+              f"{offset(settings, 6.28) * 1e3:6.1f} um off at 6.28 mm/s")  # fmt: skip
+    time = np.arange(8000) / 1000
+    for axis, reach in ((0, 6.0), (1, 5.0)):
+        truth = np.zeros((len(time), 8))
+        truth[:, axis] = reach * np.sin(2 * np.pi * time / 8)
+        states = followed(config.sensor, config.stage, time, truth)
+        seen_ = facets.readings(config.sensor, states)
+        solution = facets.solve(config.sensor, seen_, start=states)
+        off = np.hypot(states[:, 0] - states[:, 6], states[:, 1] - states[:, 7]).max()
+        print(
+            f"Fig. 11, {'xy'[axis]}: +-{reach} mm, {int(solution.ok.sum())} of {len(time)} solved, "
+            f"beam at most {1e3 * off:.1f} um off"
+        )
