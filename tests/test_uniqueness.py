@@ -169,7 +169,7 @@ def test_the_checker_finds_what_is_wrong(certificate, tmp_path, spoil):
     elif spoil == "parameters":
         content["parameters"][12] = 600.0
     else:
-        content["least_share"] = 0.05
+        content["least_share"] = 0.002
     path = tmp_path / "spoilt.json"
     path.write_text(json.dumps(content))
     with pytest.raises(AssertionError):
