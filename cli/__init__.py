@@ -17,6 +17,7 @@ from .console import message
 from .emulate import emulate
 from .jacobian import jacobian
 from .range_map import range_map
+from .render import render
 from .replay import recover, replay
 from .resolution import resolution
 from .simulate import simulate
@@ -69,5 +70,6 @@ app.command()(acquire)
 app.command()(replay)
 app.command()(recover)
 app.command()(emulate)
+app.command()(render)
 app.command()(bench)
 app.add_typer(config.app, name="config")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from enum import StrEnum
 from itertools import combinations
@@ -112,22 +113,30 @@ def pose_of(text: str | None) -> Any:
     """'tz_mm=1,yaw_mrad=2' as a pose (6,), mm and rad."""
     import numpy as np
 
-    from facets.errors import InputError
-    from facets.names import STATE_COLUMNS, STATE_UNITS
+    from facets.names import STATE_COLUMNS
 
-    pose = np.zeros(6)
+    return np.array(numbers_at(text, STATE_COLUMNS[:6]))
+
+
+def numbers_at(text: str | None, names: Sequence[str]) -> list[float]:
+    """NAME=NUMBER,... in the order of the names, mm and rad; zero where a name is left out."""
+    from math import isfinite
+
+    from facets.errors import InputError
+    from facets.names import STATE_UNITS
+
+    found = [0.0] * len(names)
     for part in text.split(",") if text else []:
         name, _, value = part.partition("=")
-        name = name.strip()
         try:
-            number = STATE_COLUMNS[:6].index(name)
-            pose[number] = float(value) * STATE_UNITS[number]
+            number = names.index(name.strip())
+            found[number] = float(value) * STATE_UNITS[number]
         except ValueError:
-            may = ", ".join(STATE_COLUMNS[:6])
+            may = ", ".join(names)
             raise InputError(f"--at has {part.strip()!r}; allowed: NAME=NUMBER, of {may}") from None
-        if not np.isfinite(pose[number]):
+        if not isfinite(found[number]):
             raise InputError(f"--at has {part.strip()!r}; allowed: finite numbers")
-    return pose
+    return found
 
 
 def trace_all(settings: Config, rules: Rules, pairs: Any, pose: Any) -> list[Boundary]:
