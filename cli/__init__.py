@@ -16,6 +16,7 @@ from .bench import bench
 from .console import message
 from .emulate import emulate
 from .jacobian import jacobian
+from .optimize import optimize
 from .range_map import range_map
 from .render import render
 from .replay import recover, replay
@@ -66,6 +67,7 @@ app.command()(solve)
 app.command("range-map")(range_map)
 app.command()(resolution)
 app.command()(jacobian)
+app.command()(optimize)
 app.command()(acquire)
 app.command()(replay)
 app.command()(recover)

@@ -3,8 +3,9 @@
 The formulas in `facets.optics` are written once, over scalars, with `+ - * /` and these functions.
 They then run as plain floats, inside compiled loops (`facets.kernels` gives each function here a
 compiled twin), and in high precision (mpmath); what is only geometry runs as complex numbers too,
-whose imaginary parts carry a derivative along, and as rigorous intervals (`balls`). A formula holds
-no decimal literal, because a rounded constant would spoil a 40-digit run.
+whose imaginary parts carry a derivative along, as rigorous intervals (`balls`), and with casadi's
+symbols (`symbols`). A formula holds no decimal literal, because a rounded constant would spoil a
+40-digit run.
 """
 
 from __future__ import annotations
@@ -29,13 +30,17 @@ def library(x: Number) -> Any:
         return cmath
     if hasattr(x, "context"):
         return x.context
+    if type(x).__module__.startswith("casadi"):
+        from . import symbols
+
+        return symbols
     from . import balls
 
     return balls
 
 
 def exp(x: Number) -> Number:
-    return math.exp(x) if is_float(x) else x.context.exp(x)
+    return library(x).exp(x)
 
 
 def sqrt(x: Number) -> Number:
@@ -51,27 +56,29 @@ def cos(x: Number) -> Number:
 
 
 def erf(x: Number) -> Number:
-    return math.erf(x) if is_float(x) else x.context.erf(x)
+    return library(x).erf(x)
 
 
 def erfc(x: Number) -> Number:
-    return math.erfc(x) if is_float(x) else x.context.erfc(x)
+    return library(x).erfc(x)
 
 
 def atan2(y: Number, x: Number) -> Number:
-    return math.atan2(y, x) if is_float(x) else x.context.atan2(y, x)
+    return library(x).atan2(y, x)
 
 
 def pi(like: Number) -> Number:
     """The number pi in the type and precision of `like`."""
-    return math.pi if is_float(like) else +like.context.pi
+    return math.pi if is_float(like) else +library(like).pi
 
 
 def integral(integrand: Callable[[Number], Number], like: Number) -> Number:
     """The integral over 0..1 in the precision of `like`; for floats the optics has faster ways."""
-    return like.context.quad(integrand, [0, 1])
+    return library(like).quad(integrand, [0, 1])
 
 
 def defined(value: Number, a: Number, b: Number, c: Number) -> Number:
-    """`value` where a, b and c are above zero, else NaN."""
+    """`value` where a, b and c are above zero, else NaN; a symbol as it is."""
+    if type(value).__module__.startswith("casadi"):
+        return value
     return value if a > 0 and b > 0 and c > 0 else value * math.nan

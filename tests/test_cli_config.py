@@ -74,18 +74,15 @@ def test_schema_is_json(tmp_path):
         "range",
         "acquire",
         "stage",
+        "optimize",
     }
 
 
 def test_list_names_what_is_shipped(tmp_path):
     lines = facets("config", "list", cwd=tmp_path).stdout.splitlines()
     assert [line.split(":")[0] for line in lines] == [
-        "bench",
-        "fig4",
-        "paper",
-        "singular",
-        "skewed",
-    ]
+        "bench", "fig4", "layout", "paper", "singular", "skewed", "tilt-stage",
+    ]  # fmt: skip
 
 
 def test_check_does_not_load_the_compiler(tmp_path):

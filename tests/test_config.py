@@ -339,8 +339,17 @@ def test_yaml_1_2_numbers_and_words(write):
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("papr", ["did you mean 'paper'", "shipped: bench, fig4, paper, singular, skewed"]),
-        ("nothere.yaml", ["no such file", "shipped: bench, fig4, paper, singular, skewed"]),
+        (
+            "papr",
+            [
+                "did you mean 'paper'",
+                "shipped: bench, fig4, layout, paper, singular, skewed, tilt-stage",
+            ],
+        ),
+        (
+            "nothere.yaml",
+            ["no such file", "shipped: bench, fig4, layout, paper, singular, skewed, tilt-stage"],
+        ),
         (".", ["folder"]),
         ("x" * 300, ["too long"]),
     ],
@@ -451,7 +460,7 @@ def test_every_key_of_the_schema_has_a_description_and_every_number_a_range():
 
 def test_every_number_has_a_unit_in_its_name_or_is_a_count():
     counts = {"steps", "samples_per_step", "samples", "seed", "max_steps"}
-    counts |= {"snr", "condition", "adc_bits", "baud", "gain", "integral", "dark_counts"}
+    counts |= {"snr", "condition", "adc_bits", "baud", "gain", "integral", "dark_counts", "starts"}
     units = (
         "_mm",
         "_um",

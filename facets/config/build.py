@@ -9,7 +9,7 @@ from typing import Any
 from ..rules import Rules
 from ..sensor import DETECTORS, Apertures, Beam, Electronics, Facet, Noise, Psd, Sensor
 from .keys import Document, Mirror, Psds
-from .values import Acquire, Motion, Random, Sine, Solve, Stage, State, Steps, Sweep, Table
+from .values import Acquire, Layout, Motion, Random, Sine, Solve, Stage, State, Steps, Sweep, Table
 
 
 def resolve(document: Document) -> dict[str, Any]:
@@ -151,6 +151,21 @@ def stage(keys: dict[str, Any]) -> Stage:
         lag=keys["lag_ms"] / 1000,
         latency=keys["latency_ms"] / 1000,
         acceleration=keys["acceleration_mm_s2"],
+    )
+
+
+def layout(keys: dict[str, Any]) -> Layout:
+    return Layout(
+        variables={k: tuple(v) for k, v in keys["variables"].items() if v is not None},
+        volume=state(keys["volume"]),
+        aim=keys["aim"],
+        unit=tuple(inf if value is None else value for value in keys["unit"].values()),
+        limit=tuple(inf if value is None else value for value in keys["limit"].values()),
+        head=inf if keys["head_mm"] is None else keys["head_mm"],
+        least_power=keys["least_power_uw"] / 1000,
+        following=keys["beam"] == "following",
+        starts=keys["starts"],
+        seed=keys["seed"],
     )
 
 

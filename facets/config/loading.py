@@ -38,6 +38,7 @@ def load(name_or_path: str | Path) -> Config:
         stage=build.stage(resolved["stage"]),
         electronics=build.electronics(resolved["sensor"]["electronics"]),
         range=build.range_(resolved["range"]),
+        layout=build.layout(resolved["optimize"]),
         resolved=resolved,
         sha256=fingerprint(resolved),
     )
@@ -59,6 +60,7 @@ def _resolved(tree: Marked) -> dict[str, Any]:
         *(_aperture_conflicts(tree, resolved["sensor"]) or aim.problems(resolved["sensor"], tree)),
         *_find_tables(tree, resolved["motions"]),
         *_method_conflicts(tree, resolved["solve"]),
+        *_empty_bounds(tree, resolved["optimize"]["variables"]),
     ]
     if problems:
         raise ConfigError("\n".join(problems))
@@ -91,6 +93,16 @@ def _aperture_conflicts(tree: Marked, sensor: dict[str, Any]) -> list[str]:
     return [
         f"{mark.place}: sensor.apertures.rim_mm: the facets would end before they begin "
         f"(got {rim:g}; allowed: above {tip / 1000:g} mm, the tip)"
+    ]
+
+
+def _empty_bounds(tree: Marked, variables: dict[str, Any]) -> list[str]:
+    """Between the least and the most there is something."""
+    return [
+        f"{tree.find(('optimize', 'variables', name))[0].place}: optimize.variables.{name}: "
+        f"the least must be below the most (got {quoted(list(pair))})"
+        for name, pair in variables.items()
+        if pair is not None and not pair[0] < pair[1]
     ]
 
 

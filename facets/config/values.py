@@ -141,6 +141,27 @@ class Stage:
 
 
 @dataclass(frozen=True)
+class Layout:
+    """What a layout is to be found for; see the keys of `optimize`.
+
+    variables: least and most of each, in the unit of its name.  volume: half widths of the pose and
+    of the beam's offset (8,), mm and rad.  unit, limit: (6,) um and urad, infinite where not given.
+    head: mm, infinite where it may be any.  least_power: mW.
+    """
+
+    variables: dict[str, tuple[float, float]]
+    volume: State
+    aim: str
+    unit: tuple[float, ...]
+    limit: tuple[float, ...]
+    head: float
+    least_power: float
+    following: bool
+    starts: int
+    seed: int
+
+
+@dataclass(frozen=True)
 class Config:
     """A checked configuration.
 
@@ -161,5 +182,6 @@ class Config:
     stage: Stage
     electronics: Electronics
     range: Rules
+    layout: Layout
     resolved: dict[str, Any]
     sha256: str

@@ -72,7 +72,11 @@ class Reader(threading.Thread):
         super().__init__(name="reader", daemon=True)
         self.settings, self.port_name = config.acquire, name
         self.recording, self.reconnect, self.live = recording, reconnect, live
-        self.port: Port | None = open_port(name, config.acquire.baud)
+        self.port: Port | None = None
+        if reconnect:
+            live.note = f"waiting for {name}"
+        else:
+            self.port = open_port(name, config.acquire.baud)
         self.queue: SimpleQueue[Block] = SimpleQueue()
         self.ending = threading.Event()
         self.error: FacetsError | None = None
@@ -125,9 +129,9 @@ class Reader(threading.Thread):
         except PortError:
             self.ending.wait(AGAIN)
             return
-        self.live.reconnects += 1
+        self.live.reconnects += self.live.bytes > 0
         self.live.note = ""
-        self.event("connected again")
+        self.event("connected again" if self.live.bytes else "connected")
 
     def event(self, name: str, **more: str) -> None:
         if self.recording:

@@ -1,0 +1,166 @@
+"""Layouts: the symbols are the model; optima are optima; what can not be met is named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+import facets
+from facets.errors import ConfigError, InputError
+from facets.layout import Outcome, outcome, present, varied
+from facets.model import parameters
+from facets.optimize import optimize, shares_of_volume, states_of, worst_over
+from facets.resolution import Estimator, uncertainties
+
+from .sensors import SENSORS, states
+from .test_cli_jacobian import facets as command
+
+CONFIG = facets.load("layout")
+SCALE = np.array([1e3, 1e3, 1e3, 1e6, 1e6, 1e6])
+
+
+def sensor_of(sensor, names, x):
+    """The float sensor with named variables set: by `facets.layout`, put back into data."""
+    p, sizes = varied(sensor, names, list(x))
+    facet = [replace(f, inclination=p[6 + 2 * k], azimuth=p[7 + 2 * k])
+             for k, f in enumerate(sensor.facets)]  # fmt: skip
+    psds = [
+        replace(
+            s, radius=p[i], azimuth=p[i + 1], height=p[i + 2], pitch=p[i + 4], size_y=d, size_z=d
+        )
+        for s, i, d in zip(sensor.psds, (12, 18, 24), sizes, strict=True)
+    ]
+    beam = replace(sensor.beam, power=p[0], diameter_x=p[1], diameter_y=p[2])
+    return replace(sensor, beam=beam, facets=tuple(facet), psds=tuple(psds))
+
+
+@pytest.mark.parametrize("name", ["paper", "skewed0", "skewed1"])
+def test_the_symbols_are_the_model(name):
+    sensor = SENSORS[name]
+    function = outcome(sensor)
+    sizes = [min(psd.size_y, psd.size_z) for psd in sensor.psds]
+    for state in states(10, seed=4, offset=0.15, angle=0.01):
+        found = np.array(function(parameters(sensor), sizes, state, 0.0)).ravel()
+        sigma = uncertainties(sensor, state[None], Estimator("", np.inf))[0] * SCALE
+        np.testing.assert_allclose(np.sqrt(found[Outcome.VARIANCES]), sigma, rtol=1e-8)
+        reading = facets.readings(sensor, state)
+        np.testing.assert_allclose(found[Outcome.POWERS], reading[2::3], rtol=1e-10)
+        square = [replace(p, size_y=d, size_z=d) for p, d in zip(sensor.psds, sizes, strict=True)]
+        room = facets.margins(replace(sensor, psds=tuple(square)), state)[:, :4].ravel()
+        assert (found[Outcome.ROOM] <= room + 1e-9).all()  # the whole ellipse is no smaller
+        assert (found[Outcome.ROOM] > room - 1.0).all()
+
+
+def worst(x, names, layout=CONFIG.layout):
+    """The objective and the constraints by the float model alone."""
+    sensor = sensor_of(CONFIG.sensor, names, x)
+    all_states = np.array(states_of(layout, 1.0), dtype=float)
+    sigma = uncertainties(sensor, all_states, Estimator("", np.inf)) * SCALE
+    reading = facets.readings(sensor, all_states)
+    room = float(facets.margins(sensor, all_states)[:, :, :4].min())
+    power = float(reading[:, 2::3].min() / layout.least_power - 1)
+    head = 1 - 2 * sensor.psds[0].radius / layout.head
+    return float((sigma / np.array(layout.unit)).max()), min(room, power, head)
+
+
+@pytest.fixture(scope="module")
+def optimum():
+    return optimize(CONFIG.sensor, CONFIG.layout)
+
+
+def test_all_starts_end_at_the_same_optimum_and_it_is_better(optimum):
+    assert all(end.found for end in optimum.ends)
+    assert np.ptp([end.objective for end in optimum.ends]) < 1e-6
+    value, room = worst(optimum.best.x, optimum.names)
+    assert value == pytest.approx(np.sqrt(optimum.best.objective), rel=1e-6)
+    assert room > -1e-6
+    before, _ = worst([present(CONFIG.sensor)[n] for n in optimum.names], optimum.names)
+    assert before == pytest.approx(np.sqrt(optimum.before), rel=1e-6)
+    assert value < 0.75 * before
+
+
+def test_no_neighbour_is_better(optimum):
+    """To 0.1 %, of those that keep what the optimum keeps: the whole ellipse on the detectors."""
+    best, names = optimum.best.x, optimum.names
+    value, _ = worst(best, names)
+    function = outcome(CONFIG.sensor)
+    rng = np.random.default_rng(1)
+    tried = 0
+    for _ in range(150):
+        x = best * (1 + rng.uniform(-0.02, 0.02, len(best)))
+        p, sizes = varied(CONFIG.sensor, names, list(x))
+        places = np.array(states_of(CONFIG.layout, 1.0), dtype=float)
+        room = np.array(function.map(len(places))(p, sizes, places.T, 0.0))[Outcome.ROOM].min()
+        if room < 0 or x[0] > 250:
+            continue
+        tried += 1
+        assert worst(x, names)[0] > 0.999 * value
+    assert tried > 20
+
+
+def test_an_independent_optimiser_finds_no_better():
+    """Two variables, Nelder and Mead's simplex on the float model with a penalty."""
+    names = ["radius_mm", "diameter_mm"]
+    layout = replace(CONFIG.layout, variables={n: CONFIG.layout.variables[n] for n in names})
+    best = optimize(CONFIG.sensor, layout).best
+    function = outcome(CONFIG.sensor)
+    places = np.array(states_of(layout, 1.0), dtype=float)
+    many = function.map(len(places))
+
+    def objective(x):
+        p, sizes = varied(CONFIG.sensor, names, list(x))
+        found = np.array(many(p, sizes, places.T, 0.0))
+        short = min(found[Outcome.ROOM].min(), found[Outcome.POWERS].min() / layout.least_power - 1)
+        short = min(short, (250 - x[0]) / 250)
+        return worst(x, names, layout)[0] + 100 * max(-short, 0)
+
+    found = minimize(objective, [200, 1.0], method="Nelder-Mead", options={"xatol": 1e-4})
+    assert found.fun > 0.999 * np.sqrt(best.objective)
+    assert found.fun == pytest.approx(np.sqrt(best.objective), rel=5e-3)
+
+
+def test_a_larger_volume_is_found():
+    layout = replace(CONFIG.layout, aim="range", limit=(np.inf,) * 6, starts=1)
+    found = optimize(CONFIG.sensor, layout)
+    assert found.best.found
+    assert -found.best.objective > 1.1 * -found.before
+
+
+def test_what_can_not_be_met_is_named():
+    layout = replace(CONFIG.layout, limit=(np.inf, np.inf, 0.1, np.inf, np.inf, np.inf), starts=1)
+    found = optimize(CONFIG.sensor, layout)
+    assert not found.best.found
+    assert "uncertainty of tz" in found.best.missing
+
+
+def test_nothing_to_vary_is_an_error():
+    with pytest.raises(InputError, match="nothing may change"):
+        optimize(CONFIG.sensor, replace(CONFIG.layout, variables={}))
+
+
+def test_the_volume_has_its_corners():
+    shares = shares_of_volume()
+    assert (np.abs(shares).max(axis=0) == 1).all()
+    assert len(np.unique(shares[:, :6], axis=0)) > 64
+
+
+def test_the_command_writes_a_configuration(tmp_path):
+    result = command("optimize", "layout", "-o", "better.yaml", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "what holds it back" in result.stdout
+    better = facets.load(tmp_path / "better.yaml")
+    old, new = (worst_over(c.sensor, CONFIG.layout) for c in (CONFIG, better))
+    assert (new < old).all()
+    again = command("optimize", "layout", "-o", "better.yaml", cwd=tmp_path)
+    assert again.returncode == 2
+    assert "--force" in again.stderr
+
+
+def test_bounds_are_checked(tmp_path):
+    path = tmp_path / "bad.yaml"
+    path.write_text("extends: layout\noptimize:\n  variables: {radius_mm: [300, 100]}\n")
+    with pytest.raises(ConfigError, match=r"bad\.yaml:3.*least must be below"):
+        facets.load(path)
