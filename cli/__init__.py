@@ -15,6 +15,7 @@ from .acquire import acquire
 from .bench import bench
 from .console import message
 from .emulate import emulate
+from .explore import explore
 from .jacobian import jacobian
 from .optimize import optimize
 from .range_map import range_map
@@ -68,6 +69,7 @@ app.command("range-map")(range_map)
 app.command()(resolution)
 app.command()(jacobian)
 app.command()(optimize)
+app.command()(explore)
 app.command()(acquire)
 app.command()(replay)
 app.command()(recover)

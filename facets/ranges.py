@@ -81,7 +81,8 @@ def on_detector(sensor: Sensor, state: Floats, reading: Floats, rules: Rules) ->
         # a facet that meets no light inside the circle has no footprint: its centroid counts
         bare = np.isnan(room[:, :, 0]) & ~np.isnan(reading[:, 0::3])
         if bare.any():
-            room[bare] = margins(sensor, state, whole=False)[bare]
+            rows = bare.any(axis=1)
+            room[bare] = margins(sensor, state[rows], whole=False)[bare[rows]]
             room[bare, :4] /= half[np.nonzero(bare)[1]]
             room[bare, 4] = np.inf
     else:
@@ -117,7 +118,9 @@ class Exits(NamedTuple):
     calls: int
 
 
-#: Shares of the farthest distance at which a ray is asked before its exit is narrowed down.
+#: Shares of the farthest distance at which a ray is asked before its exit is narrowed down, and
+#: how many of them at once.
+STAGE = 5
 STEPS = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 28)])
 
 
@@ -140,10 +143,14 @@ def exits(
         return margin.reshape(distance.shape)
 
     numbers = np.arange(len(rays))
-    distance = np.repeat(STEPS[None], len(rays), axis=0)
-    inside = least(distance, np.repeat(numbers[:, None], len(STEPS), axis=1)) > 0
-    leaves = ~inside.all(axis=1)
-    first = np.argmin(inside, axis=1)
+    first = np.full(len(rays), len(STEPS))  # the step at which a ray is first outside
+    for begin in range(0, len(STEPS), STAGE):  # a ray that has left is not asked further out
+        which = numbers[first == len(STEPS)]
+        steps = np.repeat(STEPS[None, begin : begin + STAGE], len(which), axis=0)
+        outside = least(steps, np.repeat(which[:, None], steps.shape[1], axis=1)) <= 0
+        left = outside.any(axis=1)
+        first[which[left]] = begin + np.argmax(outside[left], axis=1)
+    leaves = first < len(STEPS)
     end = np.ones(len(rays))
     if leaves.any():
         which = numbers[leaves]
@@ -191,11 +198,16 @@ def require_inside(sensor: Sensor, rules: Rules, start: Floats) -> None:
         )
 
 
-def axis_ranges(sensor: Sensor, rules: Rules, start: Floats) -> list[AxisRange]:
-    """The range of each of the six axes about a pose (6,), relative to it."""
+def axis_ranges(
+    sensor: Sensor, rules: Rules, start: Floats, tolerance: float = 1e-9
+) -> list[AxisRange]:
+    """The range of each of the six axes about a pose (6,), relative to it.
+
+    tolerance: in units of FARTHEST.
+    """
     require_inside(sensor, rules, start)
     rays = np.concatenate([-np.diag(FARTHEST), np.diag(FARTHEST)])
-    found = exits(sensor, rules, start, rays, 1e-9)
+    found = exits(sensor, rules, start, rays, tolerance)
     far = found.distance * np.tile(FARTHEST, 2)
     return [
         AxisRange(name, -far[i], far[i + 6], int(found.cause[i]), int(found.cause[i + 6]))

@@ -1,0 +1,120 @@
+"""`facets explore`: a design space, on all cores or a cluster, and its Pareto front."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from .simulate import PlotKind
+
+if TYPE_CHECKING:
+    from facets.explore import Space
+
+
+class Draw(StrEnum):
+    sobol = "sobol"
+    lhs = "lhs"
+    grid = "grid"
+
+
+def explore(
+    config: Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Folder.  [default: results/CONFIG-explore]"),
+    ] = None,
+    designs: Annotated[int, typer.Option(min=1, help="How many, at least.")] = 1000,
+    sampling: Annotated[Draw, typer.Option(help="How they are drawn.")] = Draw.sobol,
+    seed: Annotated[int, typer.Option(min=0, help="Of the draw.")] = 1,
+    objective: Annotated[
+        list[str] | None,
+        typer.Option(help="May be given again.  [default: head_mm, u_tz_um, range_yaw_mrad]"),
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a Dask cluster, else all cores here.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Begin anew in an old folder.")] = False,
+    plot: Annotated[PlotKind, typer.Option(help="Kind of the picture.")] = PlotKind.png,
+) -> None:
+    """Explore a design space: ranges and resolutions of many layouts, and the best of them.
+
+    Varies what the config's `optimize.variables` names. Results are written part by part: the same
+    command goes on where a run was cut off.
+    """
+    import time
+
+    from facets import load, plots, record, tables
+    from facets.explore import Space, collected, front, require_measures, sensitivity
+    from facets.explore import explore as run
+    from facets.explore_plots import front_picture
+
+    settings = load(config)
+    space = Space(settings.sensor, settings.range, settings.layout, sampling.value, designs, seed)
+    goals = objective or ["head_mm", "u_tz_um", "range_yaw_mrad"]
+    require_measures(goals)
+    folder = output or Path("results") / f"{settings.name}-explore"
+    about = record.about(settings, seed)
+    prepare(folder, identity(about, space), force)
+    start = time.perf_counter()
+    with_progress(lambda tell: run(space, folder, about, scheduler, tell))
+    seconds = time.perf_counter() - start
+    table = collected(folder)
+    best = front(table, goals)
+    indices = sensitivity(table, space.names, goals)
+    tables.write_table(folder / "designs.parquet", table, about)
+    tables.write_table(folder / "front.csv", {n: c[best] for n, c in table.items()}, about)
+    plots.save(front_picture(table, best, goals, indices), folder / f"front.{plot.value}")
+    report(table, best, goals, indices, seconds)
+    typer.echo(f"{folder}/: designs.parquet, front.csv, front.{plot.value}")
+
+
+def identity(about: dict[str, str], space: Space) -> str:
+    """What must be the same for a run to go on in a folder."""
+    return f"{about['config_sha256']} {space.sampling} {space.count} {space.seed}\n"
+
+
+def prepare(folder: Path, mine: str, force: bool) -> None:
+    """A new folder, or an old one of the same search."""
+    import shutil
+
+    from facets.errors import OutputError
+
+    mark = folder / "search.txt"
+    if force and mark.exists():
+        shutil.rmtree(folder / "parts", ignore_errors=True)
+        mark.unlink()
+    if mark.exists() and mark.read_text() != mine:
+        raise OutputError(
+            f"{folder}: holds another search; --force begins anew, -o names another folder"
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    mark.write_text(mine)
+
+
+def with_progress(run: Any) -> None:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("exploring", total=None)
+        run(lambda done, whole: progress.update(task, completed=done, total=whole))
+
+
+def report(
+    table: dict[str, Any], best: Any, goals: list[str], indices: dict[str, Any], seconds: float
+) -> None:
+    import numpy as np
+
+    reasons, counts = np.unique(table["skipped"], return_counts=True)
+    whole = len(table["skipped"])
+    typer.echo(f"{whole} designs, {seconds:.1f} s in this run")
+    for reason, count in zip(reasons, counts, strict=True):
+        typer.echo(f"  {count:7} {reason or 'looked at'}")
+    typer.echo(f"{int(best.sum())} are beaten by none in {', '.join(goals)}")
+    for name, found in indices.items():
+        shown = ", ".join(f"{key} {value:.2f}" for key, value in found.items())
+        typer.echo(f"  {name} follows: {shown}")

@@ -1,0 +1,134 @@
+"""Design spaces: the same parts anywhere, gone on with after a cut, and the front that is one."""
+
+from __future__ import annotations
+
+import os
+import signal
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import facets
+from facets import explore as study
+from facets.errors import InputError
+from facets.explore import MEASURES, Space, collected, designs, front, looked_at, part_of
+from facets.ranges import axis_ranges
+
+from .test_cli_jacobian import facets as command
+
+CONFIG = facets.load("layout")
+SPACE = Space(CONFIG.sensor, CONFIG.range, CONFIG.layout, "sobol", 60, 1)
+
+
+@pytest.mark.parametrize("sampling", ["sobol", "lhs", "grid"])
+def test_designs_are_in_their_bounds_and_the_same_again(sampling):
+    space = replace(SPACE, sampling=sampling)
+    drawn = designs(space)
+    assert len(drawn) >= 60
+    bounds = np.array(list(space.layout.variables.values()))
+    assert (drawn >= bounds[:, 0] - 1e-9).all()
+    assert (drawn <= bounds[:, 1] + 1e-9).all()
+    np.testing.assert_array_equal(drawn, designs(space))
+
+
+def test_a_design_is_what_the_other_commands_say_of_it():
+    x = np.array([250.0, 45.0, 0.0, 120.0, 0.85])
+    why, values = looked_at(SPACE, x)
+    assert why == 0
+    found = dict(zip(MEASURES, values, strict=True))
+    ranges = axis_ranges(CONFIG.sensor, replace(CONFIG.range, condition=np.inf), np.zeros(6))
+    assert found["head_mm"] == 500
+    assert found["range_tz_mm"] == pytest.approx(ranges[2].symmetric, rel=1e-3)
+    assert found["range_yaw_mrad"] == pytest.approx(1e3 * ranges[5].symmetric, rel=1e-3)
+
+
+def test_what_can_not_work_at_rest_is_skipped():
+    dim = replace(SPACE, layout=replace(SPACE.layout, least_power=0.2))
+    why, values = looked_at(dim, designs(dim)[0])
+    assert study.SKIPPED[why] == "too little light at rest"
+    assert np.isnan(values[1:]).all()
+
+
+def brute(costs):
+    """By the definition: no other is as good in all and better in one."""
+    return np.array(
+        [not any((c <= mine).all() and (c < mine).any() for c in costs) for mine in costs]
+    )
+
+
+def test_the_front_is_that_of_the_definition():
+    rng = np.random.default_rng(1)
+    table = {name: rng.random(300) for name in MEASURES}
+    table["u_tz_um"][:5] = np.nan
+    names = ["head_mm", "u_tz_um", "range_yaw_mrad"]
+    best = front(table, names)
+    costs = np.stack([table["head_mm"], table["u_tz_um"], -table["range_yaw_mrad"]], axis=1)
+    assert not best[:5].any()
+    np.testing.assert_array_equal(best[5:], brute(costs[5:]))
+
+
+def test_a_run_goes_on_where_it_was_cut_off(tmp_path, monkeypatch):
+    monkeypatch.setattr(study, "PART", 20)
+    asked = []
+
+    def here(space, firsts, _):
+        asked.append(list(firsts))
+        for first in firsts:
+            yield first, part_of(space, first)
+
+    monkeypatch.setattr(study, "pooled", here)
+    study.explore(SPACE, tmp_path, {})
+    whole = collected(tmp_path)
+    (tmp_path / "parts" / "0000000020.parquet").unlink()
+    study.explore(SPACE, tmp_path, {})
+    assert asked == [[0, 20, 40], [20]]
+    for name, column in collected(tmp_path).items():
+        np.testing.assert_array_equal(column, whole[name])
+
+
+def test_a_cluster_gives_the_same_though_a_worker_is_killed(tmp_path, monkeypatch):
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(study, "PART", 10)
+    alone = [part_of(SPACE, first) for first in range(0, 60, 10)]
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as cluster:
+        victim = next(iter(cluster.workers.values())).pid
+        killed = []
+
+        def tell(done, whole):
+            if done == 1 and not killed:
+                killed.append(victim)
+                os.kill(victim, signal.SIGKILL)
+
+        study.explore(SPACE, tmp_path, {}, cluster.scheduler_address, tell)
+    assert killed
+    found = collected(tmp_path)
+    for name in MEASURES:
+        expected = np.concatenate([part[name] for part in alone])
+        np.testing.assert_allclose(found[name], expected, rtol=1e-12)
+
+
+def test_the_command_explores_and_refuses(tmp_path):
+    arguments = ("explore", "layout", "--designs", "128", "-o", "out")
+    result = command(*arguments, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "128 designs" in result.stdout
+    assert "range_yaw_mrad follows: radius_mm" in result.stdout
+    assert (tmp_path / "out" / "front.png").stat().st_size > 10_000
+    again = command(*arguments, cwd=tmp_path)  # nothing is left to do
+    assert again.returncode == 0
+    other = command(*arguments[:-2], "--seed", "2", "-o", "out", cwd=tmp_path)
+    assert other.returncode == 2
+    assert "another search" in other.stderr
+    for wrong, words in ((("--objective", "cost"), "no measure cost"),
+                         (("--scheduler", "tcp://127.0.0.1:1"), "no cluster answers")):  # fmt: skip
+        result = command("explore", "layout", *wrong, "-o", "new", cwd=tmp_path)
+        assert result.returncode == 2
+        assert words in result.stderr
+
+
+def test_nothing_to_vary_is_an_error():
+    with pytest.raises(InputError, match="nothing may change"):
+        designs(replace(SPACE, layout=replace(SPACE.layout, variables={})))
