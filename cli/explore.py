@@ -31,7 +31,7 @@ def explore(
     seed: Annotated[int, typer.Option(min=0, help="Of the draw.")] = 1,
     objective: Annotated[
         list[str] | None,
-        typer.Option(help="May be given again.  [default: head_mm, u_tz_um, range_yaw_mrad]"),
+        typer.Option(help="May be given again.  [default: head_mm, u_roll_urad, range_roll_mrad]"),
     ] = None,
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a Dask cluster, else all cores here.")
@@ -53,7 +53,7 @@ def explore(
 
     settings = load(config)
     space = Space(settings.sensor, settings.range, settings.layout, sampling.value, designs, seed)
-    goals = objective or ["head_mm", "u_tz_um", "range_yaw_mrad"]
+    goals = objective or ["head_mm", "u_roll_urad", "range_roll_mrad"]
     require_measures(goals)
     folder = output or Path("results") / f"{settings.name}-explore"
     about = record.about(settings, seed)

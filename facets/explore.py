@@ -46,7 +46,10 @@ SKIPPED = ("", "spot beside the PSD at rest", "too little light at rest", "no se
 
 @dataclass(frozen=True)
 class Space:
-    """What is searched.  sampling: "sobol", "lhs" or "grid".  count: of designs, at least."""
+    """What is searched.
+
+    sampling: "sobol", "lhs" or "grid".  count: of designs, at least.  part: designs a task.
+    """
 
     sensor: Sensor
     rules: Rules
@@ -54,6 +57,7 @@ class Space:
     sampling: str
     count: int
     seed: int
+    part: int = PART
 
     @property
     def names(self) -> list[str]:
@@ -132,7 +136,7 @@ def looked_at(space: Space, x: Floats) -> tuple[int, Floats]:
 
 def part_of(space: Space, first: int) -> dict[str, Any]:
     """A table of some designs, from number `first` on."""
-    drawn = designs(space)[first : first + PART]
+    drawn = designs(space)[first : first + space.part]
     rows = [looked_at(space, x) for x in drawn]
     columns: dict[str, Any] = {"design": first + np.arange(len(drawn))}
     columns |= {name: drawn[:, i] for i, name in enumerate(space.names)}
@@ -155,7 +159,7 @@ def explore(
     from .tables import write_table
 
     count = len(designs(space))
-    firsts = range(0, count, PART)
+    firsts = range(0, count, space.part)
     missing = [first for first in firsts if not part_path(folder, first).exists()]
     done = len(firsts) - len(missing)
     tell(done, len(firsts))

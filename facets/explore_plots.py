@@ -31,7 +31,9 @@ def front_picture(
             panel.plot(table[one], table[other], ".", ms=1.5, color=plots.GREY, rasterized=True)
             panel.plot(table[one][best], table[other][best], "o", ms=3, color=plots.BLUE)
             panel.set(xlabel=labelled(one), ylabel=labelled(other))
-        panels[0].plot([], [], "o", ms=3, color=plots.BLUE, label="not beaten in all objectives")
+        panels[0].plot(
+            [], [], "o", ms=3, color=plots.BLUE, label="beaten by none in all objectives"
+        )
         panels[0].legend(loc="best", fontsize=7)
         bars(panels[-1], indices)
     return picture

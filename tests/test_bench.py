@@ -45,7 +45,7 @@ def test_everything_is_written_with_the_machine(results):
     names = {file.name for file in results.iterdir()}
     assert names == {
         "forward.csv", "inverse.csv", "scaling.csv", "apertures.csv", "maps.csv",
-        "drawing.csv", "profile.csv",
+        "layouts.csv", "drawing.csv", "profile.csv",
         "special.csv", "stability.csv", "digits.csv", "steps.csv",
         "machine.json", "work_precision.svg", "stability.png", "histograms.svg",
     }  # fmt: skip

@@ -69,7 +69,6 @@ def test_the_front_is_that_of_the_definition():
 
 
 def test_a_run_goes_on_where_it_was_cut_off(tmp_path, monkeypatch):
-    monkeypatch.setattr(study, "PART", 20)
     asked = []
 
     def here(space, firsts, _):
@@ -78,19 +77,20 @@ def test_a_run_goes_on_where_it_was_cut_off(tmp_path, monkeypatch):
             yield first, part_of(space, first)
 
     monkeypatch.setattr(study, "pooled", here)
-    study.explore(SPACE, tmp_path, {})
+    space = replace(SPACE, part=20)
+    study.explore(space, tmp_path, {})
     whole = collected(tmp_path)
     (tmp_path / "parts" / "0000000020.parquet").unlink()
-    study.explore(SPACE, tmp_path, {})
+    study.explore(space, tmp_path, {})
     assert asked == [[0, 20, 40], [20]]
     for name, column in collected(tmp_path).items():
         np.testing.assert_array_equal(column, whole[name])
 
 
-def test_a_cluster_gives_the_same_though_a_worker_is_killed(tmp_path, monkeypatch):
+def test_a_cluster_gives_the_same_though_a_worker_is_killed(tmp_path):
     distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr(study, "PART", 10)
-    alone = [part_of(SPACE, first) for first in range(0, 60, 10)]
+    space = replace(SPACE, part=10)
+    alone = [part_of(space, first) for first in range(0, 60, 10)]
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
     ) as cluster:
@@ -102,7 +102,7 @@ def test_a_cluster_gives_the_same_though_a_worker_is_killed(tmp_path, monkeypatc
                 killed.append(victim)
                 os.kill(victim, signal.SIGKILL)
 
-        study.explore(SPACE, tmp_path, {}, cluster.scheduler_address, tell)
+        study.explore(space, tmp_path, {}, cluster.scheduler_address, tell)
     assert killed
     found = collected(tmp_path)
     for name in MEASURES:
@@ -115,7 +115,7 @@ def test_the_command_explores_and_refuses(tmp_path):
     result = command(*arguments, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "128 designs" in result.stdout
-    assert "range_yaw_mrad follows: radius_mm" in result.stdout
+    assert "range_roll_mrad follows: radius_mm" in result.stdout
     assert (tmp_path / "out" / "front.png").stat().st_size > 10_000
     again = command(*arguments, cwd=tmp_path)  # nothing is left to do
     assert again.returncode == 0

@@ -1,0 +1,107 @@
+"""Layouts: the best one, and many, beside what SciPy alone makes of the float model."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..config import load
+from ..explore import Space, designs, looked_at, sensor_of
+from ..model import half_sizes, margins, readings
+from ..optimize import optimize, states_of
+from ..resolution import Estimator, uncertainties
+
+Row = dict[str, Any]
+Floats = NDArray[np.float64]
+SCALE = np.array([1e3, 1e3, 1e3, 1e6, 1e6, 1e6])
+#: How far one axis's range is looked for, mm and rad.
+FAR = np.array([0.6, 0.6, 12, 0.06, 0.06, 0.12])
+
+
+def layouts(quick: bool, seed: int) -> list[Row]:
+    """One start of the shipped `layout`; and designs of the same space, each with its ranges."""
+    config = load("layout")
+    names = ["radius_mm", "diameter_mm"] if quick else list(config.layout.variables)
+    bounds = {name: config.layout.variables[name] for name in names}
+    layout = replace(config.layout, variables=bounds, starts=1)
+    start = time.perf_counter()
+    best = optimize(config.sensor, layout).best
+    ours = time.perf_counter() - start
+    slow, value = by_scipy(config.sensor, layout, names)
+    space = Space(config.sensor, config.range, config.layout, "sobol", 4 if quick else 64, seed)
+    drawn = designs(space)
+    looked_at(space, drawn[0])
+    fast = clocked(lambda x: looked_at(space, x), drawn)
+    scalar = clocked(lambda x: ranges_by_brentq(sensor_of(space.sensor, space.names, x)), drawn[:4])
+    return [
+        row("best layout: casadi, exact derivatives", ours, ours, np.sqrt(best.objective)),
+        row("best layout: SciPy SLSQP, differences", slow, ours, value),
+        row("ranges and resolution of a design", fast, fast, np.nan),
+        row("ranges of a design by SciPy brentq", scalar, fast, np.nan),
+    ]
+
+
+def row(what: str, seconds: float, ours: float, value: float) -> Row:
+    return {"what": what, "ms": 1e3 * seconds, "ratio": seconds / ours, "objective": float(value)}
+
+
+def clocked(function: Any, drawn: Floats) -> float:
+    start = time.perf_counter()
+    for x in drawn:
+        function(x)
+    return (time.perf_counter() - start) / len(drawn)
+
+
+def by_scipy(sensor: Any, layout: Any, names: list[str]) -> tuple[float, float]:
+    """Seconds, and the worst uncertainty over the units asked for, by the usual minimax."""
+    from scipy.optimize import minimize
+
+    states = np.array(states_of(layout, 1.0), dtype=float)
+    low, high = np.array([layout.variables[name] for name in names]).T
+
+    def at(shares: Floats) -> Any:
+        return sensor_of(sensor, names, low + shares * (high - low))
+
+    def fine(unknown: Floats) -> Floats:
+        sigma = uncertainties(at(unknown[:-1]), states, Estimator("", np.inf)) * SCALE
+        return np.nan_to_num(unknown[-1] - (sigma / np.array(layout.unit)).max(axis=0), nan=-1e3)
+
+    def room(unknown: Floats) -> Floats:
+        here = at(unknown[:-1])
+        edges = margins(here, states)[:, :, :4].reshape(len(states), -1).min(axis=0)
+        return np.nan_to_num(edges / half_sizes(here)[0, 0], nan=-1.0)
+
+    begin = np.append(np.full(len(names), 0.5), 5.0)
+    start = time.perf_counter()
+    found = minimize(
+        lambda unknown: unknown[-1],
+        begin,
+        method="SLSQP",
+        bounds=[(0, 1)] * len(names) + [(0, None)],
+        constraints=[{"type": "ineq", "fun": fine}, {"type": "ineq", "fun": room}],
+    )
+    return time.perf_counter() - start, float(found.x[-1])
+
+
+def ranges_by_brentq(sensor: Any) -> list[float]:
+    """Both ends of each axis, one scalar root after the other, on the same model."""
+    from scipy.optimize import brentq
+
+    half = float(half_sizes(sensor)[0, 0])
+    ends = []
+    for axis in range(6):
+        for side in (-1, 1):
+
+            def clear(distance: float, axis: int = axis, side: int = side) -> float:
+                state = np.zeros(8)
+                state[axis] = side * distance
+                spot = margins(sensor, state)[:, :4].min() / half
+                light = readings(sensor, state)[2::3].min() / 0.0324 - 1
+                return float(np.nan_to_num(min(spot, light), nan=-1.0))
+
+            ends.append(brentq(clear, 0.0, FAR[axis]) if clear(FAR[axis]) < 0 else np.inf)
+    return ends
