@@ -38,8 +38,8 @@ def layouts(quick: bool, seed: int) -> list[Row]:
     fast = clocked(lambda x: looked_at(space, x), drawn)
     scalar = clocked(lambda x: ranges_by_brentq(sensor_of(space.sensor, space.names, x)), drawn[:4])
     return [
-        row("best layout: casadi, exact derivatives", ours, ours, np.sqrt(best.objective)),
-        row("best layout: SciPy SLSQP, differences", slow, ours, value),
+        row("best layout by casadi with exact derivatives", ours, ours, np.sqrt(best.objective)),
+        row("best layout by SciPy SLSQP with differences", slow, ours, value),
         row("ranges and resolution of a design", fast, fast, np.nan),
         row("ranges of a design by SciPy brentq", scalar, fast, np.nan),
     ]
