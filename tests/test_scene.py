@@ -14,6 +14,7 @@ import facets
 from facets import scene
 from facets.scene import Stand
 
+from .gltf_page import page_of
 from .sensors import SENSORS, states
 from .test_cli_jacobian import facets as command
 
@@ -116,22 +117,37 @@ def test_gltf_is_a_scene_of_many_bodies(rendered):
     assert len(content["meshes"]) > 10
 
 
-@pytest.mark.skipif(not shutil.which("chromium"), reason="needs Chromium")
-def test_html_opens_in_a_browser(rendered, tmp_path):
-    html = (rendered / "scene.html").read_text("utf-8", "replace")
-    assert "http://" not in html.split("<script")[0]
-    shot = tmp_path / "shot.png"
+def seen(page, shot):
+    """A page as headless Chromium shows it."""
     subprocess.run(
         ["chromium", "--headless", "--no-sandbox", "--enable-unsafe-swiftshader", "--no-first-run",
          "--disable-background-networking", "--disable-component-update", "--disable-sync",
-         f"--user-data-dir={tmp_path / 'profile'}", "--window-size=1000,800",
-         "--virtual-time-budget=20000", f"--screenshot={shot}",
-         f"file://{rendered / 'scene.html'}"],
+         f"--user-data-dir={shot.parent / 'profile'}", "--window-size=1000,800",
+         "--virtual-time-budget=20000", f"--screenshot={shot}", f"file://{page}"],
         check=True, capture_output=True, timeout=120,
     )  # fmt: skip
-    image = pixels(shot)
+    return pixels(shot)
+
+
+needs_browser = pytest.mark.skipif(not shutil.which("chromium"), reason="needs Chromium")
+
+
+@needs_browser
+def test_html_opens_in_a_browser(rendered, tmp_path):
+    image = seen(rendered / "scene.html", tmp_path / "shot.png")
     assert image.std() > 0.02
     assert orange(image) > 0.001
+
+
+@needs_browser
+def test_gltf_opens_in_a_browser(tmp_path):
+    result = command("render", "paper", "--view", "mirror", "-o", "close.gltf", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    page = tmp_path / "page.html"
+    page.write_text(page_of(json.loads((tmp_path / "close.gltf").read_text())))
+    image = seen(page, tmp_path / "shot.png")
+    assert orange(image) > 0.005  # beams
+    assert (np.ptp(image, axis=-1) > 0.05).mean() > 0.05
 
 
 def test_films_and_flat_pictures(tmp_path):
