@@ -77,7 +77,8 @@ def refuse(found: Optimum) -> None:
 def show_result(settings: Config, better: Config, found: Optimum) -> None:
     from facets.layout import present
     from facets.names import POSE
-    from facets.optimize import gains, in_words, unit_of_axis, worst_over
+    from facets.optimize import gains, in_words, worst_over
+    from facets.plots import unit_of
 
     aim = settings.layout.aim
     if found.before == found.before:
@@ -92,7 +93,7 @@ def show_result(settings: Config, better: Config, found: Optimum) -> None:
     old, new = (worst_over(c.sensor, settings.layout) for c in (settings, better))
     for i, name in enumerate(POSE):
         gain = f"{old[i] / new[i]:.2f} times as fine"
-        typer.echo(f"  {name:<6} {old[i]:8.3g} -> {new[i]:8.3g} {unit_of_axis(name):<5} {gain}")
+        typer.echo(f"  {name:<6} {old[i]:8.3g} -> {new[i]:8.3g} {unit_of(name)[2]:<5} {gain}")
     typer.echo("\nwhat holds it back, over the strongest:")
     for group, size in list(found.best.pressing.items())[:8]:
         typer.echo(f"  {size:5.2f}  {group}")

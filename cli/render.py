@@ -136,12 +136,10 @@ def film_states(settings: Config, motion: str | None, recording: Path | None, fr
         good = poses["status"] == 0
         states = np.column_stack([poses[name][good] for name in STATE_COLUMNS]) * STATE_UNITS
     else:
+        from facets.motion import named
         from facets.motion import states as states_of
 
-        if motion not in settings.motions:
-            has = ", ".join(settings.motions) or "none"
-            raise InputError(f"{settings.path}: no motion {motion}; it has: {has}")
-        _, states = states_of(settings.motions[motion], np.random.default_rng(settings.seed))
+        _, states = states_of(named(settings, motion or ""), np.random.default_rng(settings.seed))
     return states[np.linspace(0, len(states) - 1, frames).round().astype(int)]
 
 

@@ -149,6 +149,6 @@ def tangent(angle: Any) -> Any:
     return sin(angle) / cos(angle)
 
 
-def head_of(p: Sequence[Any], sizes: Sequence[Any]) -> Any:
-    """Twice the largest radius of a detector: the head's diameter, mm; the first detector's."""
+def head_of(p: Sequence[Any]) -> Any:
+    """The head's diameter, mm: twice the radius of detector A."""
     return 2 * p[PSDS[0]]

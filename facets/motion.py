@@ -7,12 +7,20 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .config.values import Motion, Sine, Steps, Sweep, Table
+from .config.values import Config, Motion, Sine, Steps, Sweep, Table
 from .errors import InputError
 from .names import STATE_COLUMNS, STATE_UNITS
 from .tables import read_chunks
 
 Floats = NDArray[np.float64]
+
+
+def named(config: Config, name: str) -> Motion:
+    """The config's motion of that name."""
+    if name not in config.motions:
+        has = ", ".join(config.motions) or "none"
+        raise InputError(f"{config.path}: no motion {name}; it has: {has}")
+    return config.motions[name]
 
 
 def states(motion: Motion, rng: np.random.Generator) -> tuple[Floats, Floats]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from .errors import InputError
 from .layout import COLUMNS, Outcome, head_of, outcome, present, varied
-from .names import ANGLES, POSE
+from .names import POSE
 from .sensor import Sensor
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ class Problem:
             prior,
         )
         self.limits = self.kept(results, parameters, sizes)
-        self.objective = self.wanted(results, parameters, sizes, extra)
+        self.objective = self.wanted(results, parameters, extra)
 
     def kept(self, results: Any, parameters: Any, sizes: Any) -> list[Limit]:
         """What every layout must keep: each value at least zero, all of order one."""
@@ -151,10 +151,10 @@ class Problem:
                 fine = 1 - results[i, :].T / limit**2
                 kept.append(Limit(f"uncertainty of {name}", fine))
         if np.isfinite(layout.head):
-            kept.append(Limit("size of the head", 1 - head_of(parameters, sizes) / layout.head))
+            kept.append(Limit("size of the head", 1 - head_of(parameters) / layout.head))
         return kept
 
-    def wanted(self, results: Any, parameters: Any, sizes: Any, extra: Any) -> Any:
+    def wanted(self, results: Any, parameters: Any, extra: Any) -> Any:
         """What is made small. For a minimax, its parts become constraints below the slack."""
         import casadi as ca
 
@@ -162,7 +162,7 @@ class Problem:
         if self.layout.aim == "range":
             return -extra
         if self.layout.aim == "size":
-            return head_of(parameters, sizes) / 100
+            return head_of(parameters) / 100
         if not axes:
             raise InputError("optimize.unit names no axis: there is nothing to be made fine")
         parts = [results[i, :].T / self.layout.unit[i] ** 2 for i in axes]
@@ -340,10 +340,6 @@ def in_words(aim: str, objective: float) -> str:
     if aim == "range":
         return f"a volume {-objective:.4g} times as large in each axis"
     return f"a head of {100 * objective:.4g} mm"
-
-
-def unit_of_axis(name: str) -> str:
-    return "urad" if name in ANGLES else "um"
 
 
 def worst_over(sensor: Sensor, layout: Layout) -> Floats:

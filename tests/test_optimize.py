@@ -10,6 +10,7 @@ from scipy.optimize import minimize
 
 import facets
 from facets.errors import ConfigError, InputError
+from facets.explore import sensor_of
 from facets.layout import Outcome, outcome, present, varied
 from facets.model import parameters
 from facets.optimize import optimize, shares_of_volume, states_of, worst_over
@@ -20,21 +21,6 @@ from .test_cli_jacobian import facets as command
 
 CONFIG = facets.load("layout")
 SCALE = np.array([1e3, 1e3, 1e3, 1e6, 1e6, 1e6])
-
-
-def sensor_of(sensor, names, x):
-    """The float sensor with named variables set: by `facets.layout`, put back into data."""
-    p, sizes = varied(sensor, names, list(x))
-    facet = [replace(f, inclination=p[6 + 2 * k], azimuth=p[7 + 2 * k])
-             for k, f in enumerate(sensor.facets)]  # fmt: skip
-    psds = [
-        replace(
-            s, radius=p[i], azimuth=p[i + 1], height=p[i + 2], pitch=p[i + 4], size_y=d, size_z=d
-        )
-        for s, i, d in zip(sensor.psds, (12, 18, 24), sizes, strict=True)
-    ]
-    beam = replace(sensor.beam, power=p[0], diameter_x=p[1], diameter_y=p[2])
-    return replace(sensor, beam=beam, facets=tuple(facet), psds=tuple(psds))
 
 
 @pytest.mark.parametrize("name", ["paper", "skewed0", "skewed1"])
@@ -56,7 +42,7 @@ def test_the_symbols_are_the_model(name):
 
 def worst(x, names, layout=CONFIG.layout):
     """The objective and the constraints by the float model alone."""
-    sensor = sensor_of(CONFIG.sensor, names, x)
+    sensor = sensor_of(CONFIG.sensor, names, np.asarray(x, dtype=float))
     all_states = np.array(states_of(layout, 1.0), dtype=float)
     sigma = uncertainties(sensor, all_states, Estimator("", np.inf)) * SCALE
     reading = facets.readings(sensor, all_states)

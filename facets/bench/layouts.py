@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from ..config import load
 from ..explore import Space, designs, looked_at, sensor_of
+from ..layout import COLUMNS
 from ..model import half_sizes, margins, readings
 from ..optimize import optimize, states_of
 from ..resolution import Estimator, uncertainties
 
 Row = dict[str, Any]
 Floats = NDArray[np.float64]
-SCALE = np.array([1e3, 1e3, 1e3, 1e6, 1e6, 1e6])
 #: How far one axis's range is looked for, mm and rad.
 FAR = np.array([0.6, 0.6, 12, 0.06, 0.06, 0.12])
 
@@ -67,7 +67,9 @@ def by_scipy(sensor: Any, layout: Any, names: list[str]) -> tuple[float, float]:
         return sensor_of(sensor, names, low + shares * (high - low))
 
     def fine(unknown: Floats) -> Floats:
-        sigma = uncertainties(at(unknown[:-1]), states, Estimator("", np.inf)) * SCALE
+        sigma = uncertainties(at(unknown[:-1]), states, Estimator("", np.inf)) / np.array(
+            COLUMNS[:6]
+        )
         return np.nan_to_num(unknown[-1] - (sigma / np.array(layout.unit)).max(axis=0), nan=-1e3)
 
     def room(unknown: Floats) -> Floats:

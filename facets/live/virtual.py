@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from ..counts import counts_of, xy_sum_of
 from ..errors import InputError
 from ..model import on_detectors, readings
-from ..motion import states
+from ..motion import named, states
 from .frames import ELECTRODES, OVERRUN, XY_SUM, Samples, encoded
 from .frames import SATURATED as FULL
 from .pi import PiController
@@ -145,10 +145,7 @@ class Mirror:
     """
 
     def __init__(self, config: Config, name: str, seed: int) -> None:
-        if name not in config.motions:
-            has = ", ".join(config.motions) or "none"
-            raise InputError(f"{config.path}: no motion {name}; it has: {has}")
-        times, self.states = states(config.motions[name], np.random.default_rng(seed))
+        times, self.states = states(named(config, name), np.random.default_rng(seed))
         self.times = times - times[0]
         step = self.times[-1] / (len(times) - 1) if len(times) > 1 else 1.0
         self.period = float(self.times[-1] + step)
