@@ -110,6 +110,11 @@ class Problem:
 
         self.sensor, self.layout = sensor, layout
         self.names = list(layout.variables)
+        if sensor.electronics is not None or sensor.apertures.cut:
+            raise InputError(
+                "facets optimize knows neither sensor.apertures nor `noise.model: electronics`; "
+                "leave them out to find a layout, then see what they change by facets resolution"
+            )
         if not self.names:
             raise InputError("optimize.variables is empty: nothing may change")
         self.low = np.array([layout.variables[name][0] for name in self.names])

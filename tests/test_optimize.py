@@ -127,6 +127,14 @@ def test_nothing_to_vary_is_an_error():
         optimize(CONFIG.sensor, replace(CONFIG.layout, variables={}))
 
 
+@pytest.mark.parametrize(
+    "more", [{"electronics": facets.Electronics()}, {"apertures": facets.Apertures(beam=1.0)}]
+)
+def test_what_the_symbols_do_not_know_is_an_error(more):
+    with pytest.raises(InputError, match="knows neither"):
+        optimize(replace(CONFIG.sensor, **more), CONFIG.layout)
+
+
 def test_the_volume_has_its_corners():
     shares = shares_of_volume()
     assert (np.abs(shares).max(axis=0) == 1).all()

@@ -140,6 +140,13 @@ def test_a_share_that_three_facets_can_not_all_have_is_no_proof():
     assert found.reason
 
 
+def test_light_that_apertures_cut_is_no_proof():
+    sensor = replace(SENSORS["paper"], apertures=facets.Apertures(beam=1.0))
+    found = certify(sensor, SMALL, SHARE)
+    assert not found.unique
+    assert "apertures" in found.reason
+
+
 def test_a_box_where_a_facet_turns_over_is_no_proof():
     found = certify(SENSORS["paper"], domain_of("roll_mrad=1500"), 0.1, limit=20)
     assert not found.unique
