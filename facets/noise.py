@@ -50,13 +50,13 @@ def power_floor(sensor: Sensor) -> float:
     return float(np.sqrt(var) / (1e-3 * sensor.electronics.responsivity))
 
 
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")  # a reading can be anything
 def variances(sensor: Sensor, reading: ArrayLike) -> Floats:
     """Of each number of readings (..., 9), by source: (..., 9, n), mm^2 and mW^2."""
     exact = np.asarray(reading, dtype=float)
     if sensor.electronics is None:
         out = np.zeros((*exact.shape, 2))
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            place = (sensor.noise.position * sensor.noise.at_power / exact[..., 2::3]) ** 2
+        place = (sensor.noise.position * sensor.noise.at_power / exact[..., 2::3]) ** 2
         out[..., 0::3, 0] = out[..., 1::3, 0] = place
         out[..., 2::3, 1] = sensor.noise.power**2 + 0 * exact[..., 2::3]
         return out
@@ -107,8 +107,7 @@ def detector(sensor: Sensor, electronics: Electronics, exact: Floats, k: int) ->
         below, above = currents[..., low].sum(-1), currents[..., high].sum(-1)
         noise_below, noise_above = var[..., low, :].sum(-2), var[..., high, :].sum(-2)
         square = above[..., None] ** 2 * noise_below + below[..., None] ** 2 * noise_above
-        with np.errstate(divide="ignore", invalid="ignore"):
-            out[..., axis, :] = half[axis] ** 2 * 4 * square / (below + above)[..., None] ** 4
+        out[..., axis, :] = half[axis] ** 2 * 4 * square / (below + above)[..., None] ** 4
     if kind == "tetra-lateral":
         place = np.stack([exact[..., 3 * k + i] / half[i] for i in range(2)], axis=-1)
         slope = electrodes.slopes(np.clip(place, -0.97, 0.97), half[1] / half[0])

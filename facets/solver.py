@@ -186,7 +186,8 @@ def starting(start: str | ArrayLike, todo: Plan, values: Floats, shape: tuple[in
     else:
         raise InputError(f'start is {start!r}; allowed: "zero", "previous" or states (..., 8)')
     if unknown_power:
-        seen = np.nansum(values[:, 2::3], axis=1)
+        with np.errstate(over="ignore", invalid="ignore"):  # a spoilt reading can be anything
+            seen = np.nansum(values[:, 2::3], axis=1)
         starts[:, 8] = np.where(np.isfinite(seen) & (seen > 0), seen, starts[:, 8])
     return starts
 

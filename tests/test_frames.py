@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from facets.live.clock import Drift, Sequence
@@ -40,7 +40,6 @@ def same(one: Samples, other: Samples) -> bool:
 
 
 @pytest.mark.parametrize("form", FORMS)
-@settings(max_examples=40, deadline=None)
 @given(cuts=st.lists(st.integers(0, 3000), max_size=12), count=st.integers(0, 30))
 def test_any_pieces_give_the_same(form, cuts, count):
     sent = samples(count)
@@ -52,7 +51,6 @@ def test_any_pieces_give_the_same(form, cuts, count):
 
 
 @pytest.mark.parametrize("form", ["frames", "cobs"])
-@settings(max_examples=150, deadline=None)
 @given(data=st.data())
 def test_noise_costs_the_frames_it_hits_and_no_other(form, data):
     sent = samples(20)
