@@ -33,6 +33,12 @@ def explore(
         list[str] | None,
         typer.Option(help="May be given again.  [default: head_mm, u_roll_urad, range_roll_mrad]"),
     ] = None,
+    every: Annotated[
+        bool, typer.Option("--every", help="Look also at designs that cannot be on the front.")
+    ] = False,
+    required: Annotated[
+        bool, typer.Option("--required", help="Only what keeps all that `optimize` asks for.")
+    ] = False,
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a Dask cluster, else all cores here.")
     ] = None,
@@ -42,7 +48,8 @@ def explore(
     """Explore a design space: ranges and resolutions of many layouts, and the best of them.
 
     Varies what the config's `optimize.variables` names. Results are written part by part: the same
-    command goes on where a run was cut off.
+    command goes on where a run was cut off. A design that cannot be on the front any more is not
+    asked for its ranges, which take most of the time.
     """
     import time
 
@@ -52,9 +59,12 @@ def explore(
     from facets.explore_plots import front_picture
 
     settings = load(config)
-    space = Space(settings.sensor, settings.range, settings.layout, sampling.value, designs, seed)
     goals = objective or ["head_mm", "u_roll_urad", "range_roll_mrad"]
     require_measures(goals)
+    space = Space(
+        settings.sensor, settings.range, settings.layout, sampling.value, designs, seed,
+        tuple(goals), every, required,
+    )  # fmt: skip
     folder = output or Path("results") / f"{settings.name}-explore"
     about = record.about(settings, seed)
     prepare(folder, identity(about, space), force)
@@ -63,7 +73,8 @@ def explore(
     seconds = time.perf_counter() - start
     table = collected(folder)
     best = front(table, goals)
-    indices = sensitivity(table, space.names, goals)
+    pilot = {name: column[: space.pilot] for name, column in table.items()}
+    indices = sensitivity(pilot, space.names, goals)
     tables.write_table(folder / "designs.parquet", table, about)
     tables.write_table(folder / "front.csv", {n: c[best] for n, c in table.items()}, about)
     plots.save(front_picture(table, best, goals, indices), folder / f"front.{plot.value}")
@@ -73,7 +84,8 @@ def explore(
 
 def identity(about: dict[str, str], space: Space) -> str:
     """What must be the same for a run to go on in a folder."""
-    return f"{about['config_sha256']} {space.sampling} {space.count} {space.seed}\n"
+    asked = f"{space.sampling} {space.count} {space.seed} {space.every} {space.required}"
+    return f"{about['config_sha256']} {asked} {' '.join(space.objectives)}\n"
 
 
 def prepare(folder: Path, mine: str, force: bool) -> None:
@@ -109,11 +121,14 @@ def report(
 ) -> None:
     import numpy as np
 
-    reasons, counts = np.unique(table["skipped"], return_counts=True)
-    whole = len(table["skipped"])
-    typer.echo(f"{whole} designs, {seconds:.1f} s in this run")
-    for reason, count in zip(reasons, counts, strict=True):
-        typer.echo(f"  {count:7} {reason or 'looked at'}")
+    skipped, spent = table["skipped"], table["seconds"]
+    typer.echo(f"{len(skipped)} designs, {seconds:.1f} s in this run")
+    full = np.median(spent[skipped == ""]) if (skipped == "").any() else np.nan
+    for reason in np.unique(skipped):
+        each = spent[skipped == reason]
+        saved = f", {full * len(each) - each.sum():.0f} core seconds saved" if reason else ""
+        told = f"{1e3 * np.median(each):.2f} ms each{saved}"
+        typer.echo(f"  {len(each):7} {reason or 'looked at'} ({told})")
     typer.echo(f"{int(best.sum())} are beaten by none in {', '.join(goals)}")
     for name, found in indices.items():
         shown = ", ".join(f"{key} {value:.2f}" for key, value in found.items())

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .simulate import PlotKind
+
 if TYPE_CHECKING:
     from facets.config import Config
     from facets.optimize import Optimum
@@ -20,25 +22,30 @@ def optimize(
             "-o", "--output", help="The layout found, a YAML file.  [default: CONFIG-optimum.yaml]"
         ),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace an older file.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace older files.")] = False,
+    plot: Annotated[PlotKind, typer.Option(help="Kind of the picture.")] = PlotKind.png,
 ) -> None:
     """Find the best layout by the config's block `optimize`.
 
-    Varies what may vary, within bounds, from several starts; tells what holds the best one back, or
-    which requirements can not be met together. The result is a configuration for every command.
+    Varies what may vary, within bounds, from several starts, with each choice of parts from a
+    catalogue; tells what holds the best one back, or which requirements can not be met together.
+    The result is a configuration for every command. Beside it a table and a picture compare it with
+    what was, by the range, by the float model and by simulated readings.
     """
-    from facets import load, record, tables
-    from facets.errors import ConfigError
+    from facets import load, plots, record, tables
+    from facets.errors import ConfigError, InputError
+    from facets.layout_plots import layout_picture
     from facets.optimize import optimize as run
+    from facets.recheck import compare
 
     settings = load(config)
     path = output or Path(f"{settings.name}-optimum.yaml")
     if path.suffix.lower() not in (".yaml", ".yml"):
-        from facets.errors import InputError
-
         raise InputError(f"{path}: a configuration's name ends in .yaml")
-    tables.refuse_to_overwrite([path], force)
+    csv, picture = path.with_suffix(".csv"), path.with_suffix(f".{plot.value}")
+    tables.refuse_to_overwrite([path, csv, picture], force)
     found = run(settings.sensor, settings.layout)
+    show_parts(found)
     show_starts(found)
     if not found.best.found:
         refuse(found)
@@ -51,12 +58,36 @@ def optimize(
     except ConfigError as error:  # a sub-beam may miss a detector elsewhere than in the volume
         typer.echo(f"{path} is written, but does not load:\n{error}", err=True)
         raise typer.Exit(1) from None
+    table = compare(
+        settings.sensor, better.sensor, settings.layout, settings.range, settings.layout.seed
+    )
+    tables.write_table(csv, table, about)
+    plots.save(layout_picture(table), picture)
     show_result(settings, better, found)
-    typer.echo(f"{path}")
+    show_comparison(table)
+    show_reasons(settings, found)
+    typer.echo(f"{path}, {csv.name}, {picture.name}")
+
+
+def show_parts(found: Optimum) -> None:
+    """Each choice from the catalogue, the best first."""
+    if not found.tried:
+        return
+    from rich.table import Table
+
+    table = Table(title="parts, the best first", title_justify="left", box=None)
+    for name in ("detectors", "laser", "price", *found.names, "objective", "end"):
+        left = name in ("detectors", "laser", "end")
+        table.add_column(name, justify="left" if left else "right", no_wrap=True)
+    for choice, end in found.tried:
+        price = "" if choice.price is None else f"{choice.price:.0f}"
+        values = [f"{value:.4g}" for value in end.x]
+        told = f"{end.objective:.4g}" if end.found else "-"
+        table.add_row(choice.psd, choice.laser, price, *values, told, end.status)
+    show(table)
 
 
 def show_starts(found: Optimum) -> None:
-    from rich.console import Console
     from rich.table import Table
 
     table = Table(title="starts, the best first", title_justify="left", box=None)
@@ -65,6 +96,12 @@ def show_starts(found: Optimum) -> None:
     for end in found.ends:
         values = [f"{value:.5g}" for value in end.x]
         table.add_row(*values, f"{end.objective:.6g}", f"{end.seconds:.1f}", end.status)
+    show(table)
+
+
+def show(table: Any) -> None:
+    from rich.console import Console
+
     Console(highlight=False, width=140).print(table, "")
 
 
@@ -76,9 +113,7 @@ def refuse(found: Optimum) -> None:
 
 def show_result(settings: Config, better: Config, found: Optimum) -> None:
     from facets.layout import present
-    from facets.names import POSE
-    from facets.optimize import gains, in_words, worst_over
-    from facets.plots import unit_of
+    from facets.optimize import in_words
 
     aim = settings.layout.aim
     if found.before == found.before:
@@ -89,17 +124,33 @@ def show_result(settings: Config, better: Config, found: Optimum) -> None:
     now, then = present(settings.sensor), present(better.sensor)
     for name in found.names:
         typer.echo(f"  {name:<16} {now[name]:10.4g} -> {then[name]:.6g}")
-    typer.echo("\nworst uncertainty over the volume, 1 sigma, by the float model:")
-    old, new = (worst_over(c.sensor, settings.layout) for c in (settings, better))
-    for i, name in enumerate(POSE):
-        gain = f"{old[i] / new[i]:.2f} times as fine"
-        typer.echo(f"  {name:<6} {old[i]:8.3g} -> {new[i]:8.3g} {unit_of(name)[2]:<5} {gain}")
-    typer.echo("\nwhat holds it back, over the strongest:")
+
+
+def show_comparison(table: dict[str, Any]) -> None:
+    from rich.table import Table
+
+    typer.echo("\nbefore and after: the worst over the volume (1 sigma), and ranges in all")
+    shown = Table(box=None)
+    for name in ("quantity", "before", "after", "after / before", "simulated"):
+        shown.add_column(name, justify="left" if name == "quantity" else "right")
+    for quantity, before, after, drawn in zip(*table.values(), strict=True):
+        simulated = "" if drawn != drawn else f"{drawn:.3g}"
+        ratio = f"{after / before:.2f}" if before > 0 < after else ""
+        shown.add_row(quantity, f"{before:.3g}", f"{after:.3g}", ratio, simulated)
+    show(shown)
+
+
+def show_reasons(settings: Config, found: Optimum) -> None:
+    from facets.optimize import gains, in_words
+
+    typer.echo("what holds it back, over the strongest:")
     for group, size in list(found.best.pressing.items())[:8]:
         typer.echo(f"  {size:5.2f}  {group}")
-    typer.echo("\nwhat more would give:")
-    for what, objective in gains(settings.sensor, settings.layout, found.best.x).items():
-        typer.echo(f"  {what}: {in_words(aim, objective)}")
+    more = gains(found.sensor, settings.layout, found.best.x)
+    if more:
+        typer.echo("\nwhat more would give:")
+    for what, objective in more.items():
+        typer.echo(f"  {what}: {in_words(settings.layout.aim, objective)}")
     typer.echo("")
 
 
@@ -109,33 +160,17 @@ def as_yaml(settings: Config, found: Optimum, about: dict[str, str]) -> str:
 
     from ruamel.yaml import YAML
 
+    from facets.config.geometry import written
+    from facets.layout import sensor_of
+
+    best = sensor_of(found.sensor, found.names, found.best.x)
+    keys = written(settings.resolved["sensor"], best)
+    keys["noise"]["position_um"] = 1000 * best.noise.position
     stream = StringIO()
     for key, value in about.items():
         stream.write(f"# {key}: {' '.join(value.split())}\n")
-    YAML().dump({**settings.resolved, "sensor": changed(settings, found)}, stream)
+    if found.tried:
+        choice = found.tried[0][0]
+        stream.write(f"# parts: {' '.join(f'{choice.psd} {choice.laser}'.split())}\n")
+    YAML().dump({**settings.resolved, "sensor": keys}, stream)
     return stream.getvalue()
-
-
-def changed(settings: Config, found: Optimum) -> dict[str, Any]:
-    """The resolved `sensor` block with the variables at their best."""
-    from copy import deepcopy
-    from math import radians, tan
-
-    keys = deepcopy(settings.resolved["sensor"])
-    value = dict(zip(found.names, (float(x) for x in found.best.x), strict=True))
-    for k, letter in enumerate("abc"):
-        psd, facet = keys["psd"][letter], keys["mirror"][letter]
-        psd["radius_mm"] = value.get("radius_mm", psd["radius_mm"])
-        psd["pitch_mrad"] = value.get("pitch_mrad", psd["pitch_mrad"])
-        if "size_mm" in value:
-            psd["size_mm"] = [value["size_mm"]] * 2
-        if "inclination_deg" in value:
-            facet["inclination_deg"] = value["inclination_deg"]
-            psd["height_mm"] = psd["radius_mm"] / tan(2 * radians(value["inclination_deg"]))
-        if "azimuth_b_deg" in value and k > 0:
-            turn = value["azimuth_b_deg"] if k == 1 else 360 - value["azimuth_b_deg"]
-            facet["azimuth_deg"] = psd["azimuth_deg"] = turn
-    if "diameter_mm" in value:
-        keys["beam"]["diameter_mm"] = [value["diameter_mm"]] * 2
-    keys["beam"]["power_mw"] = value.get("power_mw", keys["beam"]["power_mw"])
-    return keys

@@ -3,13 +3,20 @@
 Designs are drawn by a number, so that any part of them can be made again anywhere: a part is some
 hundred designs, goes to a worker as a number, and comes back as a table that is written at once.
 A run that was cut off goes on with the parts that are missing.
+
+Ranges take nine tenths of the time, so a design that cannot be on the front is not asked for them:
+where the range of a rival, already known, is no smaller, and the rival is as good in all else. That
+takes two poses an axis. The first parts, the pilot, are looked at in full: they give the rivals,
+the same for all other parts wherever those are made, and the indices of sensitivity.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,13 +25,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError
-from .layout import FACETS, PSDS, varied
+from .layout import sensor_of
 from .model import margins, readings
 from .names import ANGLES, POSE
-from .ranges import axis_ranges
+from .optimize import states_of
+from .ranges import axis_ranges, clearances
 from .resolution import Estimator, uncertainties
 from .rules import Rules
 from .sensor import Sensor
+from .singularity import measures
+from .tables import write_table
 from .threads import cores
 
 if TYPE_CHECKING:
@@ -32,16 +42,31 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-#: Designs a task: about a second of work.
-PART = 200
+#: Designs a task: about a second of work; and tasks of the pilot.
+PART, PILOT = 200, 5
+#: Rivals that a design is held against, at most.
+RIVALS = 32
 #: To what share of its length a range is followed.
 FINE_ENOUGH = 1e-5
-#: What is told of a design; ranges are symmetric and in all, uncertainties at rest.
+#: Of the pose's axes as they are told, mm and mrad; a thousandth of it for uncertainties.
+UNITS = np.array([1e3 if name in ANGLES else 1.0 for name in POSE])
+#: What is told of a design; ranges are symmetric and in all, uncertainties and the condition number
+#: at rest; regular: 1 where the determinant of Eq. (11) has one sign over the volume's corners,
+#: faces and centre, else 0.
 RANGES = tuple(f"range_{n}_mrad" if n in ANGLES else f"range_{n}_mm" for n in POSE)
 FINE = tuple(f"u_{n}_urad" if n in ANGLES else f"u_{n}_um" for n in POSE)
-MEASURES = ("head_mm", *RANGES, *FINE)
+MEASURES = ("head_mm", *RANGES, *FINE, "condition", "regular")
+AT_RANGES = slice(1, 7)
+NO_RIVALS = np.empty((0, len(MEASURES)))
 #: Why a design was not looked at further; "" for those that were.
-SKIPPED = ("", "spot beside the PSD at rest", "too little light at rest", "no sensor")
+SKIPPED = (
+    "",
+    "spot beside the PSD at rest",
+    "too little light at rest",
+    "no sensor",
+    "not what is required over the volume",
+    "beaten before its ranges are known",
+)
 
 
 @dataclass(frozen=True)
@@ -49,6 +74,8 @@ class Space:
     """What is searched.
 
     sampling: "sobol", "lhs" or "grid".  count: of designs, at least.  part: designs a task.
+    objectives: whose front is wanted.  every: whether the beaten are looked at in full, too.
+    required: whether designs must keep what the layout asks for over its volume.
     """
 
     sensor: Sensor
@@ -57,11 +84,24 @@ class Space:
     sampling: str
     count: int
     seed: int
+    objectives: tuple[str, ...] = ("head_mm", "u_roll_urad", "range_roll_mrad")
+    every: bool = False
+    required: bool = False
     part: int = PART
 
     @property
     def names(self) -> list[str]:
         return list(self.layout.variables)
+
+    @cached_property
+    def volume(self) -> Floats:
+        """States (n, 8): corners, faces and centre of the layout's volume."""
+        return np.array(states_of(self.layout, 1.0), dtype=float)
+
+    @property
+    def pilot(self) -> int:
+        """How many designs are looked at in full."""
+        return self.count if self.every else PILOT * self.part
 
 
 def designs(space: Space) -> Floats:
@@ -72,11 +112,12 @@ def designs(space: Space) -> Floats:
     if not len(bounds):
         raise InputError("optimize.variables is empty: nothing may change")
     dimension = len(bounds)
+    rng = np.random.default_rng(space.seed)
     if space.sampling == "grid":
         side = int(np.ceil(space.count ** (1 / dimension)))
         axes = [np.linspace(low, high, side) for low, high in bounds]
-        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dimension)
-    rng = np.random.default_rng(space.seed)
+        places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dimension)
+        return rng.permutation(places)  # so that the pilot is of all of them
     if space.sampling == "lhs":
         shares = qmc.LatinHypercube(dimension, rng=rng).random(space.count)
     else:
@@ -86,63 +127,110 @@ def designs(space: Space) -> Floats:
     return drawn
 
 
-def sensor_of(sensor: Sensor, names: list[str], x: Floats) -> Sensor:
-    """The sensor with the named variables at x."""
-    p, sizes = varied(sensor, names, x.tolist())
-    facets = [
-        replace(facet, inclination=p[i], azimuth=p[i + 1])
-        for facet, i in zip(sensor.facets, FACETS, strict=True)
-    ]
-    psds = [
-        replace(psd, radius=p[i], azimuth=p[i + 1], height=p[i + 2], pitch=p[i + 4],
-                size_y=size, size_z=size)
-        for psd, i, size in zip(sensor.psds, PSDS, sizes, strict=True)
-    ]  # fmt: skip
-    beam = replace(sensor.beam, power=p[0], diameter_x=p[1], diameter_y=p[2])
-    return replace(
-        sensor,
-        beam=beam,
-        facets=(facets[0], facets[1], facets[2]),
-        psds=(psds[0], psds[1], psds[2]),
-    )
-
-
-def looked_at(space: Space, x: Floats) -> tuple[int, Floats]:
-    """Why a design is skipped, by its place in SKIPPED, and its measures, NaN where it is."""
+def at_rest(space: Space, x: Floats) -> tuple[int, Floats, Sensor | None]:
+    """All but the ranges: why a design is skipped, its measures, and the sensor if it is not."""
     values = np.full(len(MEASURES), np.nan)
     try:
         sensor = sensor_of(space.sensor, space.names, x)
     except InputError:
-        return 3, values
+        return 3, values, None
     values[0] = 2 * max(psd.radius for psd in sensor.psds)
     rest = np.zeros((1, 8))
-    room = margins(sensor, rest)
-    if not np.nanmin(np.where(np.isnan(room), -1, room)) > 0:
-        return 1, values
+    if not whole_on_detectors(sensor, rest):
+        return 1, values, None
     if not readings(sensor, rest)[:, 2::3].min() > space.layout.least_power:
-        return 2, values
-    units = np.array([1e3 if name in ANGLES else 1.0 for name in POSE])
+        return 2, values, None
+    if space.required and not keeps(sensor, space.layout, space.volume):
+        return 4, values, None
+    values[7:13] = 1e3 * UNITS * uncertainties(sensor, rest, Estimator("", np.inf))[0]
+    values[13] = measures(sensor, rest)[0, 2]
+    signs = np.sign(measures(sensor, space.volume, spectra=False)[:, 0])
+    values[14] = float(abs(signs.sum()) == len(signs))
+    return 0, values, sensor
+
+
+def whole_on_detectors(sensor: Sensor, states: Floats) -> bool:
+    room = margins(sensor, states)
+    return bool(np.where(np.isnan(room), -1, room).min() > 0)
+
+
+def keeps(sensor: Sensor, layout: Layout, states: Floats) -> bool:
+    """Whether all that the layout asks for holds over the volume's states."""
+    if 2 * max(psd.radius for psd in sensor.psds) > layout.head:
+        return False
+    if not whole_on_detectors(sensor, states):
+        return False
+    if not readings(sensor, states)[:, 2::3].min() > layout.least_power:
+        return False
+    if np.isinf(layout.limit).all():
+        return True
+    sigma = uncertainties(sensor, states, Estimator("", np.inf)) * 1e3 * UNITS
+    return bool((sigma <= layout.limit).all())
+
+
+def looked_at(space: Space, x: Floats, rivals: Floats = NO_RIVALS) -> tuple[int, Floats]:
+    """Why a design is skipped, by its place in SKIPPED, and its measures, NaN where it is.
+
+    rivals: measures (n, MEASURES) of designs that it is held against; none to look at it in full.
+    """
+    why, values, sensor = at_rest(space, x)
+    if sensor is None:
+        return why, values
+    rules = replace(space.rules, condition=np.inf)
+    if len(rivals) and beaten(space, sensor, rules, values, rivals):
+        return 5, values
     try:
-        found = axis_ranges(
-            sensor, replace(space.rules, condition=np.inf), np.zeros(6), FINE_ENOUGH
-        )
+        found = axis_ranges(sensor, rules, np.zeros(6), FINE_ENOUGH)
     except InputError:
         return 2, values
-    values[1:7] = units * np.array([axis.symmetric for axis in found])
-    sigma = uncertainties(sensor, rest, Estimator("", np.inf))[0]
-    values[7:] = 1e3 * units * sigma
+    values[AT_RANGES] = UNITS * np.array([axis.symmetric for axis in found])
     return 0, values
 
 
-def part_of(space: Space, first: int) -> dict[str, Any]:
-    """A table of some designs, from number `first` on."""
+def beaten(space: Space, sensor: Sensor, rules: Rules, values: Floats, rivals: Floats) -> bool:
+    """Whether a rival is as good in all objectives, and better in one that is known.
+
+    Its range is as large as this one's where this one has left its own at the rival's end.
+    """
+    places = [MEASURES.index(name) for name in space.objectives]
+    known = [place for place in places if place not in range(7)[AT_RANGES]]
+    axes = [place - 1 for place in places if place not in known]
+    good = (rivals[:, known] <= values[known]).all(axis=1)
+    if known:
+        good &= (rivals[:, known] < values[known]).any(axis=1)
+    some = rivals[good]
+    if not axes or not len(some):
+        return len(some) > 0
+    ends = some[:, AT_RANGES][:, axes] / UNITS[axes] / 2
+    some = ends[np.argsort(-ends.min(axis=1))[:RIVALS]]
+    poses = np.zeros((len(some), len(axes), 2, 6))
+    for n, axis in enumerate(axes):
+        poses[:, n, 0, axis], poses[:, n, 1, axis] = some[:, n], -some[:, n]
+    out = clearances(sensor, poses.reshape(-1, 6), rules).min(axis=1).reshape(-1, len(axes), 2) <= 0
+    return bool(out.any(axis=2).all(axis=1).any())
+
+
+def part_of(space: Space, first: int, rivals: Floats) -> dict[str, Any]:
+    """A table of some designs, from number `first` on.
+
+    rivals: measures of those that they are held against, beside one another; none in the pilot.
+    """
     drawn = designs(space)[first : first + space.part]
-    rows = [looked_at(space, x) for x in drawn]
+    full = first < space.pilot
+    reasons, values, seconds = [], [], []
+    for x in drawn:
+        begin = time.perf_counter()
+        why, found = looked_at(space, x, NO_RIVALS if full else rivals)
+        seconds.append(time.perf_counter() - begin)
+        reasons.append(SKIPPED[why])
+        values.append(found)
+        if not why and not full:
+            rivals = np.concatenate([rivals, found[None]])
     columns: dict[str, Any] = {"design": first + np.arange(len(drawn))}
     columns |= {name: drawn[:, i] for i, name in enumerate(space.names)}
-    columns["skipped"] = np.array([SKIPPED[why] for why, _ in rows])
-    values = np.array([row for _, row in rows])
-    return columns | {name: values[:, i] for i, name in enumerate(MEASURES)}
+    columns["skipped"] = np.array(reasons)
+    columns |= {name: np.array(values)[:, i] for i, name in enumerate(MEASURES)}
+    return columns | {"seconds": np.array(seconds)}
 
 
 def explore(
@@ -156,32 +244,43 @@ def explore(
 
     scheduler: address of a Dask cluster; else all cores of this machine.
     """
-    from .tables import write_table
-
     count = len(designs(space))
     firsts = range(0, count, space.part)
     missing = [first for first in firsts if not part_path(folder, first).exists()]
     done = len(firsts) - len(missing)
     tell(done, len(firsts))
     made = clustered if scheduler else pooled
-    for first, table in made(space, missing, scheduler or ""):
-        write_table(part_path(folder, first), table, about)
-        done += 1
-        tell(done, len(firsts))
+    rivals = NO_RIVALS
+    for whole in (True, False):
+        wanted = [first for first in missing if (first < space.pilot) == whole]
+        for first, table in made(space, wanted, rivals, scheduler or ""):
+            write_table(part_path(folder, first), table, about)
+            done += 1
+            tell(done, len(firsts))
+        rivals = rivals_in(space, folder)
+
+
+def rivals_in(space: Space, folder: Path) -> Floats:
+    """The front of the pilot: measures (n, MEASURES)."""
+    table = collected(folder, range(0, space.pilot, space.part))
+    best = front(table, list(space.objectives))
+    return np.stack([table[name][best] for name in MEASURES], axis=1)
 
 
 def part_path(folder: Path, first: int) -> Path:
     return folder / "parts" / f"{first:010d}.parquet"
 
 
-def pooled(space: Space, firsts: list[int], _: str) -> Iterator[tuple[int, dict[str, Any]]]:
+def pooled(
+    space: Space, firsts: list[int], rivals: Floats, _: str
+) -> Iterator[tuple[int, dict[str, Any]]]:
     """Parts as they come, from a process on each core."""
     if not firsts:
         return
-    looked_at(space, designs(space)[0])  # compiled once, before the processes begin
+    looked_at(space, designs(space)[0], rivals)  # compiled once, before the processes begin
     workers = min(cores(), len(firsts))
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        jobs = {pool.submit(part_of, space, first): first for first in firsts}
+        jobs = {pool.submit(part_of, space, first, rivals): first for first in firsts}
         try:
             for job in as_completed(jobs):
                 yield jobs[job], job.result()
@@ -191,7 +290,7 @@ def pooled(space: Space, firsts: list[int], _: str) -> Iterator[tuple[int, dict[
 
 
 def clustered(
-    space: Space, firsts: list[int], address: str
+    space: Space, firsts: list[int], rivals: Floats, address: str
 ) -> Iterator[tuple[int, dict[str, Any]]]:
     """Parts as they come, from a cluster; those of a worker that is lost are made again."""
     try:
@@ -204,18 +303,21 @@ def clustered(
     except OSError as error:
         raise InputError(f"--scheduler {address}: no cluster answers: {error}") from None
     with client:
-        jobs = client.map(lambda first: part_of(space, first), firsts, pure=False, retries=5)
+        part = partial(part_of, space, rivals=rivals)
+        jobs = client.map(part, firsts, pure=False, retries=5)
         numbers = {job.key: first for job, first in zip(jobs, firsts, strict=True)}
         for job in completed(jobs):
             yield numbers[job.key], job.result()
             job.release()
 
 
-def collected(folder: Path) -> dict[str, NDArray[Any]]:
-    """All parts that are there, as one table in the designs' order."""
+def collected(folder: Path, firsts: Iterable[int] | None = None) -> dict[str, NDArray[Any]]:
+    """The parts that are there, or those of them named, as one table in the designs' order."""
     import pyarrow.parquet as pq
 
     files = sorted((folder / "parts").glob("*.parquet"))
+    if firsts is not None:
+        files = [path for path in (part_path(folder, first) for first in firsts) if path in files]
     if not files:
         raise InputError(f"{folder}: holds no designs")
     tables = [pq.read_table(file) for file in files]
@@ -250,7 +352,10 @@ def front(table: dict[str, NDArray[Any]], objectives: list[str]) -> NDArray[np.b
 def sensitivity(
     table: dict[str, NDArray[Any]], names: list[str], objectives: list[str]
 ) -> dict[str, dict[str, float]]:
-    """First-order Sobol indices of each objective by each variable, by SALib's RBD-FAST."""
+    """First-order Sobol indices of each objective by each variable, by SALib's RBD-FAST.
+
+    table: of designs that were all looked at in full, but for those that no sensor can be.
+    """
     from SALib.analyze import rbd_fast
 
     good = np.isfinite(table["range_tz_mm"])

@@ -1,4 +1,4 @@
-"""A layout as symbols: what a sensor can do over a volume, as functions that casadi differentiates.
+"""A layout: what may be varied of it, and what a state of it gives, in symbols for casadi.
 
 The text is that of `optics`, with its closed Jacobian; casadi only adds the derivatives by what is
 varied.
@@ -7,7 +7,7 @@ varied.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from .optics.forward import geometry, placed
 from .optics.gradient import linearised
 from .optics.rays import gradient_of_shift, reflect, slanted
 from .optics.vectors import dot
-from .sensor import Sensor
+from .sensor import DETECTORS, Sensor
 
 Floats = NDArray[np.float64]
 
@@ -36,16 +36,19 @@ class Outcome:
 
     variances: 6, um^2 and urad^2.  powers: 3, mW.  room: 12, from the light inside the 1/e^2 circle
     to each detector's edges at -y, +y, -z, +z, mm, by the whole ellipse, which is no less.
+    condition: square of the weighted Jacobian's condition number in the Frobenius norm, which is at
+    least that of the spectral norm and at most 8 times it.
     """
 
     VARIANCES = slice(0, 6)
     POWERS = slice(6, 9)
     ROOM = slice(9, 21)
-    SIZE = 21
+    CONDITION = slice(21, 22)
+    SIZE = 22
 
 
 def outcome(sensor: Sensor) -> Any:
-    """The casadi function (parameters (30), sizes (3), state (8), prior (1)) -> outcome (21).
+    """The casadi function (parameters (30), sizes (3), state (8), prior (1)) -> outcome (22).
 
     sizes: of the detectors, square, mm.  prior: 1 / um^2, what is known of bx and by; 0 nothing.
     """
@@ -65,11 +68,13 @@ def outcome(sensor: Sensor) -> Any:
     information = ca.mtimes(matrix.T, matrix)
     for i in (6, 7):
         information[i, i] += prior
-    inverse = ca.solve(information, ca.SX.eye(8)[:, :6])
+    inverse = ca.solve(information, ca.SX.eye(8))
+    condition = ca.trace(information) * ca.trace(inverse)
     variances = [inverse[i, i] for i in range(6)]
     powers = [values[2] for values, _ in detectors]
     room = room_of(fixed, state, sizes)
-    return ca.Function("outcome", [p, sizes, s, prior], [ca.vertcat(*variances, *powers, *room)])
+    found = ca.vertcat(*variances, *powers, *room, condition)
+    return ca.Function("outcome", [p, sizes, s, prior], [found])
 
 
 def room_of(fixed: Any, state: Any, sizes: Any) -> list[Any]:
@@ -92,55 +97,99 @@ def room_of(fixed: Any, state: Any, sizes: Any) -> list[Any]:
     return room
 
 
-#: What may be varied, in the order of `config.layout_keys.Variables`, and its unit in the code.
-VARIABLES = {
-    "radius_mm": 1.0,
-    "inclination_deg": np.pi / 180,
-    "pitch_mrad": 1e-3,
-    "azimuth_b_deg": np.pi / 180,
-    "size_mm": 1.0,
-    "diameter_mm": 1.0,
-    "power_mw": 1.0,
-}
+UNITS = {"mm": 1.0, "mw": 1.0, "mrad": 1e-3, "deg": np.pi / 180}
+#: What may be varied for all facets or detectors alike; see `config.layout_keys`.
+COMMON = (
+    "radius_mm", "inclination_deg", "roll_mrad", "pitch_mrad", "yaw_mrad", "azimuth_b_deg",
+    "size_mm", "diameter_mm", "power_mw",
+)  # fmt: skip
+#: Of one facet or detector: the place among its own parameters.
+OF_A_FACET = {"inclination_deg": 0, "azimuth_deg": 1}
+OF_A_PSD = {"radius_mm": 0, "azimuth_deg": 1, "height_mm": 2,
+            "roll_mrad": 3, "pitch_mrad": 4, "yaw_mrad": 5}  # fmt: skip
+
+
+def unit_of(name: str) -> float:
+    """Of a variable, in mm, mW or rad: its name ends in it."""
+    return UNITS[name.rpartition("_")[2]]
+
+
+def singles() -> dict[str, int]:
+    """What may be varied of one facet or detector alone, by its place in the 30 parameters."""
+    found: dict[str, int] = {}
+    for k, letter in enumerate(DETECTORS):
+        found |= {f"facet_{letter}_{key}": FACETS[k] + i for key, i in OF_A_FACET.items()}
+        found |= {f"psd_{letter}_{key}": PSDS[k] + i for key, i in OF_A_PSD.items()}
+    return found
 
 
 def present(sensor: Sensor) -> dict[str, float]:
     """The variables' values as the sensor is, in the units of their names."""
-    psd = sensor.psds[0]
+    psd, p = sensor.psds[0], parameters(sensor)
     values = {
         "radius_mm": psd.radius,
         "inclination_deg": sensor.facets[0].inclination,
+        "roll_mrad": psd.roll,
         "pitch_mrad": psd.pitch,
+        "yaw_mrad": psd.yaw,
         "azimuth_b_deg": sensor.facets[1].azimuth,
         "size_mm": min(psd.size_y, psd.size_z),
         "diameter_mm": sensor.beam.diameter_x,
         "power_mw": sensor.beam.power,
-    }
-    return {name: values[name] / unit for name, unit in VARIABLES.items()}
+    } | {name: float(p[i]) for name, i in singles().items()}
+    return {name: value / unit_of(name) for name, value in values.items()}
 
 
 def varied(sensor: Sensor, names: Sequence[str], x: Any) -> tuple[list[Any], list[Any]]:
     """The 30 parameters and the 3 sizes when the named variables take the values x.
 
-    x: symbols or floats, in the units of the names. Detectors go up and down with the sub-beams.
+    x: symbols or floats, in the units of the names. Detectors go up and down with the sub-beams
+    where an inclination varies.
     """
     p: list[Any] = list(parameters(sensor))
     sizes: list[Any] = [min(psd.size_y, psd.size_z) for psd in sensor.psds]
-    value = {name: x[i] * VARIABLES[name] for i, name in enumerate(names)}
+    value = {name: x[i] * unit_of(name) for i, name in enumerate(names)}
+    alone = {i: value[name] for name, i in singles().items() if name in value}
     for k, (facet, psd) in enumerate(zip(FACETS, PSDS, strict=True)):
-        p[psd] = value.get("radius_mm", p[psd])
-        p[psd + 4] = value.get("pitch_mrad", p[psd + 4])
+        for name in ("radius_mm", "roll_mrad", "pitch_mrad", "yaw_mrad"):
+            i = psd + OF_A_PSD[name]
+            p[i] = value.get(name, p[i])
         sizes[k] = value.get("size_mm", sizes[k])
-        if "inclination_deg" in value:
-            p[facet] = value["inclination_deg"]
-            p[psd + 2] = p[psd] / tangent(2 * p[facet])
+        p[facet] = value.get("inclination_deg", p[facet])
         if "azimuth_b_deg" in value and k > 0:
             turn = value["azimuth_b_deg"] if k == 1 else 2 * np.pi - value["azimuth_b_deg"]
             p[facet + 1] = p[psd + 1] = turn
+        for i in (facet, facet + 1, *range(psd, psd + 6)):
+            p[i] = alone.get(i, p[i])
+        if ("inclination_deg" in value or facet in alone) and psd + 2 not in alone:
+            p[psd + 2] = p[psd] / tangent(2 * p[facet])
     if "diameter_mm" in value:
         p[1] = p[2] = value["diameter_mm"]
     p[0] = value.get("power_mw", p[0])
     return p, sizes
+
+
+def sensor_of(sensor: Sensor, names: Sequence[str], x: Floats) -> Sensor:
+    """The sensor with the named variables at x. Raises `InputError` where that is none."""
+    p, sizes = varied(sensor, names, x.tolist())
+    facets = [
+        replace(facet, inclination=p[i], azimuth=p[i + 1])
+        for facet, i in zip(sensor.facets, FACETS, strict=True)
+    ]
+    psds = [
+        replace(psd, radius=p[i], azimuth=p[i + 1], height=p[i + 2], roll=p[i + 3],
+                pitch=p[i + 4], yaw=p[i + 5])
+        for psd, i in zip(sensor.psds, PSDS, strict=True)
+    ]  # fmt: skip
+    if "size_mm" in names:
+        psds = [replace(psd, size_y=d, size_z=d) for psd, d in zip(psds, sizes, strict=True)]
+    beam = replace(sensor.beam, power=p[0], diameter_x=p[1], diameter_y=p[2])
+    return replace(
+        sensor,
+        beam=beam,
+        facets=(facets[0], facets[1], facets[2]),
+        psds=(psds[0], psds[1], psds[2]),
+    )
 
 
 def tangent(angle: Any) -> Any:
@@ -149,6 +198,6 @@ def tangent(angle: Any) -> Any:
     return sin(angle) / cos(angle)
 
 
-def head_of(p: Sequence[Any]) -> Any:
-    """The head's diameter, mm: twice the radius of detector A."""
-    return 2 * p[PSDS[0]]
+def heads_of(p: Sequence[Any]) -> list[Any]:
+    """Twice the radius of each detector, mm; the largest is the head's diameter."""
+    return [2 * p[psd] for psd in PSDS]

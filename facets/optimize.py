@@ -2,13 +2,14 @@
 
 Over the corners, the middles of the faces and the centre of the volume, the largest of what is
 asked for is pushed down by a slack variable (minimax); what must be kept are constraints with
-names, so that what holds the optimum back, or what can not be met, is told in words.
+names, so that what holds the optimum back, or what can not be met, is told in words. Where parts
+come from a catalogue, every choice of them is tried.
 """
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -16,11 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError
-from .layout import COLUMNS, Outcome, head_of, outcome, present, varied
+from .layout import COLUMNS, Outcome, heads_of, outcome, present, varied
 from .names import POSE
 from .sensor import Sensor
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from .config.values import Layout
 
 Floats = NDArray[np.float64]
@@ -60,13 +63,26 @@ class End:
 
 
 @dataclass(frozen=True)
+class Choice:
+    """Parts from the catalogue, "" where it has none of the kind.  price: of three detectors and
+    the laser, None where one is not known."""
+
+    psd: str
+    laser: str
+    price: float | None
+
+
+@dataclass(frozen=True)
 class Optimum:
     """All ends, the best first.  names: of the variables.  before: the objective as it was, or NaN
-    where the sensor did not keep the constraints."""
+    where the sensor did not keep the constraints.  sensor: with the best of the parts.  tried: each
+    choice of parts and where it ended, the best first; empty without a catalogue."""
 
     names: list[str]
     ends: list[End]
     before: float
+    sensor: Sensor
+    tried: list[tuple[Choice, End]] = field(default_factory=list)
 
     @property
     def best(self) -> End:
@@ -102,8 +118,12 @@ def unique(states: list[Any]) -> list[Any]:
     return [list(row) for row in np.unique(np.array(states, dtype=float), axis=0)]
 
 
+#: What the slack of an aim, or the scale of the volume, starts from; for an aim that needs one.
+GUESS = {"resolution": 100.0, "condition": 10.0, "size": 100.0, "range": 0.3}
+
+
 class Problem:
-    """The problem as casadi takes it: variables x and, last, the slack or the scale."""
+    """The problem as casadi takes it: variables x and, last, slacks and the scale, by their aim."""
 
     def __init__(self, sensor: Sensor, layout: Layout) -> None:
         import casadi as ca
@@ -120,13 +140,12 @@ class Problem:
         self.low = np.array([layout.variables[name][0] for name in self.names])
         self.high = np.array([layout.variables[name][1] for name in self.names])
         self.width = self.high - self.low
-        unknown = ca.MX.sym("x", len(self.names) + 1)
-        x = [self.low[i] + self.width[i] * unknown[i] for i in range(len(self.names))]
-        extra = unknown[len(self.names)]
-        self.unknown = unknown
+        self.extras = [aim for aim in GUESS if aim in layout.aims]
+        self.unknown = ca.MX.sym("x", len(self.names) + len(self.extras))
+        x = [self.low[i] + self.width[i] * self.unknown[i] for i in range(len(self.names))]
+        extra = {aim: self.unknown[len(self.names) + n] for n, aim in enumerate(self.extras)}
         parameters, sizes = varied(sensor, self.names, x)
-        growing = layout.aim == "range"
-        states = states_of(layout, extra if growing else 1.0)
+        states = states_of(layout, extra.get("range", 1.0))
         columns = [ca.vertcat(*state) for state in states]
         self.count = len(columns)
         function = outcome(sensor).map(self.count)
@@ -142,6 +161,8 @@ class Problem:
 
     def kept(self, results: Any, parameters: Any, sizes: Any) -> list[Limit]:
         """What every layout must keep: each value at least zero, all of order one."""
+        import casadi as ca
+
         layout, kept = self.layout, []
         power = results[Outcome.POWERS, :].T / layout.least_power - 1
         kept.append(Limit("power on a detector", column(power)))
@@ -156,26 +177,46 @@ class Problem:
                 fine = 1 - results[i, :].T / limit**2
                 kept.append(Limit(f"uncertainty of {name}", fine))
         if np.isfinite(layout.head):
-            kept.append(Limit("size of the head", 1 - head_of(parameters) / layout.head))
+            heads = ca.vertcat(*heads_of(parameters))
+            kept.append(Limit("size of the head", 1 - heads / layout.head))
         return kept
 
-    def wanted(self, results: Any, parameters: Any, extra: Any) -> Any:
-        """What is made small. For a minimax, its parts become constraints below the slack."""
-        import casadi as ca
+    def wanted(self, results: Any, parameters: Any, extra: dict[str, Any]) -> Any:
+        """What is made small: the sum of the aims by their weights.
 
-        axes = [i for i in range(6) if np.isfinite(self.layout.unit[i])]
-        if self.layout.aim == "range":
-            return -extra
-        if self.layout.aim == "size":
-            return head_of(parameters) / 100
-        if not axes:
-            raise InputError("optimize.unit names no axis: there is nothing to be made fine")
-        parts = [results[i, :].T / self.layout.unit[i] ** 2 for i in axes]
-        if self.layout.aim == "mean-resolution":
-            return ca.sum1(ca.vertcat(*parts)) / (len(axes) * self.count)
-        for i, part in zip(axes, parts, strict=True):
-            self.limits.append(Limit(f"uncertainty of {POSE[i]} as low as it can be", extra - part))
-        return extra
+        For the worst of something, its parts become constraints below the slack.
+        """
+        weights = self.layout.aims
+        if weights.keys() & {"resolution", "mean-resolution"}:
+            axes = [i for i in range(6) if np.isfinite(self.layout.unit[i])]
+            if not axes:
+                raise InputError("optimize.unit names no axis: there is nothing to be made fine")
+            parts = {i: results[i, :].T / self.layout.unit[i] ** 2 for i in axes}
+        costs = {}
+        if "resolution" in weights:
+            for i, part in parts.items():
+                what = f"uncertainty of {POSE[i]} as low as it can be"
+                self.limits.append(Limit(what, extra["resolution"] - part))
+            costs["resolution"] = extra["resolution"]
+        if "mean-resolution" in weights:
+            costs["mean-resolution"] = total(parts.values()) / (len(parts) * self.count)
+        if "size" in weights:
+            for head in heads_of(parameters):
+                what = "size of the head as low as it can be"
+                self.limits.append(Limit(what, extra["size"] - head / 100))
+            costs["size"] = extra["size"]
+        if "condition" in weights:
+            decades = log10(results[Outcome.CONDITION, :].T) / 2
+            what = "conditioning as good as it can be"
+            self.limits.append(Limit(what, extra["condition"] - decades))
+            costs["condition"] = extra["condition"]
+        if "range" in weights:
+            costs["range"] = -extra["range"]
+        if self.layout.aim != "weighted":
+            return costs[self.layout.aim]
+        for squared in costs.keys() & {"resolution", "mean-resolution"}:
+            costs[squared] = costs[squared] ** 0.5  # what is added up is uncertainty, not variance
+        return sum(weights[aim] * cost for aim, cost in costs.items())
 
     def solver(self) -> Any:
         import casadi as ca
@@ -205,12 +246,11 @@ class Problem:
 
     def first_guess(self, start: Floats) -> Floats:
         """The unknowns at a start: the slack above what it has to be above, the scale small."""
-        last = {"range": 0.3, "resolution": 100.0}.get(self.layout.aim, 0.0)
-        return np.append((start - self.low) / self.width, last)
+        return np.append((start - self.low) / self.width, [GUESS[aim] for aim in self.extras])
 
     def bounds(self) -> tuple[Floats, Floats]:
-        low, high = np.zeros(len(self.names) + 1), np.ones(len(self.names) + 1)
-        high[-1] = np.inf
+        low, high = np.zeros(self.unknown.numel()), np.ones(self.unknown.numel())
+        high[len(self.names) :] = np.inf
         return low, high
 
 
@@ -219,6 +259,18 @@ def column(values: Any) -> Any:
     import casadi as ca
 
     return ca.reshape(values, values.numel(), 1)
+
+
+def total(columns: Any) -> Any:
+    import casadi as ca
+
+    return ca.sum1(ca.vertcat(*columns))
+
+
+def log10(value: Any) -> Any:
+    import casadi as ca
+
+    return ca.log(value) / np.log(10)
 
 
 def starts_of(problem: Problem, layout: Layout) -> Floats:
@@ -231,14 +283,53 @@ def starts_of(problem: Problem, layout: Layout) -> Floats:
 
 
 def optimize(sensor: Sensor, layout: Layout) -> Optimum:
-    """The best of several starts. Raises `InputError` where nothing is asked for."""
-    problem = Problem(sensor, layout)
+    """The best of several starts. Raises `InputError` where nothing is asked for.
+
+    With a catalogue each choice of parts is tried from the sensor as it is, and the best of them
+    from all starts.
+    """
+    before = Problem(sensor, layout)
+    tried: list[tuple[Choice, End]] = []
+    chosen = sensor
+    if layout.psds or layout.lasers:
+        made = dict(choices(sensor, layout))
+        tried = [(choice, alone(other, layout)) for choice, other in made.items()]
+        tried.sort(key=lambda pair: (not pair[1].found, pair[1].objective, pair[0].price or 0))
+        chosen = made[tried[0][0]]
+    problem = Problem(chosen, layout)
     solver = problem.solver()
     ends = [ended(problem, solver, start) for start in starts_of(problem, layout)]
     ends.sort(key=lambda end: (not end.found, end.objective))
     if not ends[0].found:
         ends[0].missing = shortfalls(problem, ends[0])
-    return Optimum(problem.names, ends, objective_at(problem, solver))
+    return Optimum(problem.names, ends, objective_at(before, before.solver()), chosen, tried)
+
+
+def choices(sensor: Sensor, layout: Layout) -> Iterator[tuple[Choice, Sensor]]:
+    """Every choice of parts and the sensor with it."""
+    for psd, laser in product(layout.psds or [""], layout.lasers or [""]):
+        made, prices = sensor, []
+        if psd:
+            part = layout.psds[psd]
+            prices.append(None if part.price is None else 3 * part.price)
+            a, b, c = (replace(p, size_y=part.size, size_z=part.size) for p in made.psds)
+            position = made.noise.position if part.position is None else part.position
+            made = replace(made, psds=(a, b, c), noise=replace(made.noise, position=position))
+        if laser:
+            source = layout.lasers[laser]
+            prices.append(source.price)
+            beam = replace(made.beam, power=source.power)
+            if "diameter_mm" not in layout.variables:  # else a telescope makes it
+                beam = replace(beam, diameter_x=source.diameter, diameter_y=source.diameter)
+            made = replace(made, beam=beam)
+        known = [price for price in prices if price is not None]
+        yield Choice(psd, laser, sum(known) if len(known) == len(prices) else None), made
+
+
+def alone(sensor: Sensor, layout: Layout) -> End:
+    """Where the sensor as it is ends."""
+    problem = Problem(sensor, layout)
+    return ended(problem, problem.solver(), starts_of(problem, replace(layout, starts=1))[0])
 
 
 def ended(problem: Problem, solver: Any, start: Floats) -> End:
@@ -249,7 +340,7 @@ def ended(problem: Problem, solver: Any, start: Floats) -> End:
     values, pull = np.array(found["g"]).ravel(), np.abs(np.array(found["lam_g"]).ravel())
     return End(
         start=start,
-        x=problem.low + problem.width * unknowns[:-1],
+        x=problem.low + problem.width * unknowns[: len(problem.names)],
         objective=float(found["f"]),
         found=bool(solver.stats()["success"]) and bool(values.min() > -OFF),
         status=str(solver.stats()["return_status"]).replace("_", " ").lower(),
@@ -302,11 +393,11 @@ def objective_at(problem: Problem, solver: Any) -> float:
     now = present(problem.sensor)
     start = np.array([now[name] for name in problem.names])
     fixed = (start - problem.low) / problem.width
-    last = problem.bounds()
+    (low, high), count = problem.bounds(), len(fixed)
     found = solver(
         x0=problem.first_guess(start),
-        lbx=np.append(fixed, last[0][-1]),
-        ubx=np.append(fixed, last[1][-1]),
+        lbx=np.append(fixed, low[count:]),
+        ubx=np.append(fixed, high[count:]),
         lbg=0.0,
         ubg=np.inf,
     )
@@ -316,14 +407,12 @@ def objective_at(problem: Problem, solver: Any) -> float:
 
 def gains(sensor: Sensor, layout: Layout, best: Floats) -> dict[str, float]:
     """The objective if what may not vary were a little more, solved again from the optimum."""
-    from dataclasses import replace
-
     tried: dict[str, tuple[Sensor, Layout]] = {}
-    if "size_mm" not in layout.variables:
+    if "size_mm" not in layout.variables and not layout.psds:
         wider = [replace(p, size_y=p.size_y + 1, size_z=p.size_z + 1) for p in sensor.psds]
         larger = replace(sensor, psds=(wider[0], wider[1], wider[2]))
         tried["1 mm more detector"] = (larger, layout)
-    if "power_mw" not in layout.variables:
+    if "power_mw" not in layout.variables and not layout.lasers:
         brighter = replace(sensor, beam=replace(sensor.beam, power=1.1 * sensor.beam.power))
         tried["10 % more laser power"] = (brighter, layout)
     if np.isfinite(layout.head):
@@ -344,6 +433,10 @@ def in_words(aim: str, objective: float) -> str:
         return f"{kind} uncertainty {np.sqrt(max(objective, 0.0)):.4g} of the units asked for"
     if aim == "range":
         return f"a volume {-objective:.4g} times as large in each axis"
+    if aim == "condition":
+        return f"worst condition number {10**objective:.4g}"
+    if aim == "weighted":
+        return f"weighted sum {objective:.4g}"
     return f"a head of {100 * objective:.4g} mm"
 
 

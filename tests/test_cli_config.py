@@ -81,7 +81,8 @@ def test_schema_is_json(tmp_path):
 def test_list_names_what_is_shipped(tmp_path):
     lines = facets("config", "list", cwd=tmp_path).stdout.splitlines()
     assert [line.split(":")[0] for line in lines] == [
-        "bench", "fig4", "layout", "paper", "singular", "skewed", "tilt-stage",
+        "bench", "catalogue", "fig4", "layout", "paper", "parts",
+        "singular", "skewed", "tilt-stage",
     ]  # fmt: skip
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,7 @@ from facets.config import (
     to_yaml,
 )
 from facets.config.aim import landings
+from facets.config.geometry import written
 from facets.errors import ConfigError
 from facets.sensor import Sensor
 
@@ -206,6 +208,31 @@ motions:
     assert motions["yaw-sweep"].stop == load("paper").motions["yaw-sweep"].stop
 
 
+def test_of_several_the_later_override_the_earlier(write):
+    write("extends: skewed\nsensor: {beam: {power_mw: 1}}\n", "one.yaml")
+    write("sensor: {beam: {power_mw: 2, diameter_mm: 3}}\n", "two.yaml")
+    config = load(write("extends: [one.yaml, two.yaml]\nsensor: {beam: {diameter_mm: 4}}\n"))
+    assert (config.sensor.beam.power, config.sensor.beam.diameter_x) == (2, 4)
+    assert config.sensor.facets == load("skewed").sensor.facets
+
+
+def test_a_part_without_a_value_is_taken_away(write):
+    config = load(write("extends: parts\noptimize: {parts: {psds: {square-4: }}}\n"))
+    assert "square-4" not in config.layout.psds
+    assert "square-10" in config.layout.psds
+
+
+def test_a_sensor_is_written_back_as_it_was_read(write):
+    config = load("skewed")
+    keys = config.resolved["sensor"]
+    assert written(keys, config.sensor) == keys
+    other = replace(config.sensor, beam=replace(config.sensor.beam, tilt_y=0.003))
+    changed = written(keys, other)
+    assert changed["beam"]["tilt_mrad"][1] == pytest.approx(3)
+    changed["beam"]["tilt_mrad"] = keys["beam"]["tilt_mrad"]
+    assert changed == keys
+
+
 def test_a_circle_of_extends_is_an_error(write):
     write("extends: my.yaml\n", "other.yaml")
     (line,) = problems(write("\nextends: other.yaml\n"))
@@ -226,7 +253,8 @@ def test_a_wrong_value_inherited_is_reported_where_it_stands(write):
     [
         ("extends: papr\n", "my.yaml:1: extends: papr: no such file", "did you mean 'paper'"),
         ("extends: lab/no.yaml\n", "my.yaml:1: extends: lab/no.yaml: no such file", "shipped: "),
-        ("\nextends: [a]\n", "my.yaml:2: extends: must be a shipped name or a path", "['a']"),
+        ("\nextends: [a]\n", "my.yaml:2: extends: a: no such file", "shipped: "),
+        ("\nextends: {a: 1}\n", "my.yaml:2: extends: must be a shipped name or a path", "list"),
     ],
 )
 def test_extending_what_is_not_there(write, text, start, hint):
@@ -343,12 +371,15 @@ def test_yaml_1_2_numbers_and_words(write):
             "papr",
             [
                 "did you mean 'paper'",
-                "shipped: bench, fig4, layout, paper, singular, skewed, tilt-stage",
+                "shipped: bench, catalogue, fig4, layout, paper, parts, singular",
             ],
         ),
         (
             "nothere.yaml",
-            ["no such file", "shipped: bench, fig4, layout, paper, singular, skewed, tilt-stage"],
+            [
+                "no such file",
+                "shipped: bench, catalogue, fig4, layout, paper, parts, singular",
+            ],
         ),
         (".", ["folder"]),
         ("x" * 300, ["too long"]),
@@ -461,6 +492,7 @@ def test_every_key_of_the_schema_has_a_description_and_every_number_a_range():
 def test_every_number_has_a_unit_in_its_name_or_is_a_count():
     counts = {"steps", "samples_per_step", "samples", "seed", "max_steps"}
     counts |= {"snr", "condition", "adc_bits", "baud", "gain", "integral", "dark_counts", "starts"}
+    counts |= {"price", "resolution", "mean_resolution", "range", "size"}  # prices and weights
     units = (
         "_mm",
         "_um",

@@ -12,7 +12,7 @@ import pytest
 import facets
 from facets import explore as study
 from facets.errors import InputError
-from facets.explore import MEASURES, Space, collected, designs, front, looked_at, part_of
+from facets.explore import MEASURES, NO_RIVALS, Space, collected, designs, front, looked_at, part_of
 from facets.ranges import axis_ranges
 
 from .test_cli_jacobian import facets as command
@@ -68,13 +68,62 @@ def test_the_front_is_that_of_the_definition():
     np.testing.assert_array_equal(best[5:], brute(costs[5:]))
 
 
+def rivals_of(tables):
+    table = {name: np.concatenate([t[name] for t in tables]) for name in MEASURES}
+    best = front(table, list(SPACE.objectives))
+    return np.stack([table[name][best] for name in MEASURES], axis=1)
+
+
+@pytest.mark.parametrize(
+    "objectives",
+    [
+        ("head_mm", "u_roll_urad", "range_roll_mrad"),
+        ("range_tz_mm", "range_yaw_mrad"),
+        ("u_tz_um", "condition"),
+    ],
+)
+def test_what_is_skipped_is_not_on_the_front(objectives):
+    """The front without skipping has the same designs, and the skipped are a good part of all."""
+    space = replace(SPACE, part=100, count=600, objectives=objectives)
+    pilot = [part_of(space, first, NO_RIVALS) for first in range(0, 500, 100)]
+    full = part_of(replace(space, every=True), 500, NO_RIVALS)
+    short = part_of(space, 500, rivals_of(pilot))
+    skipped = short["skipped"] == study.SKIPPED[5]
+    assert skipped.sum() > 20
+    found = []
+    for last in (full, short):
+        table = {name: np.concatenate([t[name] for t in [*pilot, last]]) for name in full}
+        found.append(table["design"][front(table, list(objectives))])
+    np.testing.assert_array_equal(found[0], found[1])
+
+
+def test_only_what_keeps_the_requirement_is_looked_at():
+    space = replace(SPACE, required=True)
+    best = np.array([221.0, 53.0, 257.0, 119.75, 1.8])
+    assert looked_at(space, best)[0] == 0
+    assert study.keeps(space.sensor, space.layout, space.volume)  # the paper's own
+    fine = replace(space.layout, limit=(*[np.inf] * 2, 0.1, *[np.inf] * 3))
+    assert not study.keeps(space.sensor, fine, space.volume)
+    why, _ = looked_at(replace(space, layout=fine), best)
+    assert study.SKIPPED[why] == "not what is required over the volume"
+
+
+@pytest.mark.parametrize(("name", "regular"), [("paper", 1.0), ("singular", 0.0)])
+def test_a_singular_design_is_told(name, regular):
+    sensor = facets.load(name).sensor
+    volume = (0.0, 0.0, 3.0, 0.02, 0.02, 0.02, 0.0, 0.0)
+    layout = replace(CONFIG.layout, variables={"power_mw": (0.2, 0.4)}, volume=volume)
+    space = Space(sensor, CONFIG.range, layout, "sobol", 4, 1)
+    assert study.at_rest(space, np.array([0.3]))[1][MEASURES.index("regular")] == regular
+
+
 def test_a_run_goes_on_where_it_was_cut_off(tmp_path, monkeypatch):
     asked = []
 
-    def here(space, firsts, _):
+    def here(space, firsts, rivals, _):
         asked.append(list(firsts))
         for first in firsts:
-            yield first, part_of(space, first)
+            yield first, part_of(space, first, rivals)
 
     monkeypatch.setattr(study, "pooled", here)
     space = replace(SPACE, part=20)
@@ -82,15 +131,17 @@ def test_a_run_goes_on_where_it_was_cut_off(tmp_path, monkeypatch):
     whole = collected(tmp_path)
     (tmp_path / "parts" / "0000000020.parquet").unlink()
     study.explore(space, tmp_path, {})
-    assert asked == [[0, 20, 40], [20]]
+    assert asked == [[0, 20, 40], [], [20], []]
     for name, column in collected(tmp_path).items():
-        np.testing.assert_array_equal(column, whole[name])
+        if name != "seconds":
+            np.testing.assert_array_equal(column, whole[name])
 
 
 def test_a_cluster_gives_the_same_though_a_worker_is_killed(tmp_path):
     distributed = pytest.importorskip("distributed")
     space = replace(SPACE, part=10)
-    alone = [part_of(space, first) for first in range(0, 60, 10)]
+    alone = [part_of(space, first, NO_RIVALS) for first in range(0, 50, 10)]
+    alone.append(part_of(space, 50, rivals_of(alone)))
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
     ) as cluster:

@@ -9,12 +9,14 @@ import pytest
 from scipy.optimize import minimize
 
 import facets
+from facets.config.values import LaserPart, PsdPart
 from facets.errors import ConfigError, InputError
-from facets.explore import sensor_of
-from facets.layout import Outcome, outcome, present, varied
+from facets.layout import Outcome, outcome, present, sensor_of, varied
 from facets.model import parameters
 from facets.optimize import optimize, shares_of_volume, states_of, worst_over
+from facets.recheck import compare
 from facets.resolution import Estimator, uncertainties
+from facets.singularity import measures
 
 from .sensors import SENSORS, states
 from .test_cli_jacobian import facets as command
@@ -33,6 +35,8 @@ def test_the_symbols_are_the_model(name):
         sigma = uncertainties(sensor, state[None], Estimator("", np.inf))[0] * SCALE
         np.testing.assert_allclose(np.sqrt(found[Outcome.VARIANCES]), sigma, rtol=1e-8)
         reading = facets.readings(sensor, state)
+        spectral, frobenius = measures(sensor, state[None])[0, 2], np.sqrt(found[Outcome.CONDITION])
+        assert spectral <= frobenius[0] <= 8 * spectral
         np.testing.assert_allclose(found[Outcome.POWERS], reading[2::3], rtol=1e-10)
         square = [replace(p, size_y=d, size_z=d) for p, d in zip(sensor.psds, sizes, strict=True)]
         room = facets.margins(replace(sensor, psds=tuple(square)), state)[:, :4].ravel()
@@ -115,6 +119,94 @@ def test_a_larger_volume_is_found():
     assert -found.best.objective > 1.1 * -found.before
 
 
+@pytest.mark.parametrize("aim", ["size", "condition", "mean-resolution"])
+def test_every_aim_gets_better(aim):
+    limit = (np.inf, np.inf, 2.3, 8.0, 8.0, np.inf)
+    layout = replace(CONFIG.layout, aim=aim, starts=1, limit=limit)
+    found = optimize(CONFIG.sensor, layout)
+    assert found.best.found
+    assert found.best.objective < found.before - 0.01
+    better = sensor_of(CONFIG.sensor, found.names, found.best.x)
+    if aim == "size":
+        assert 2 * better.psds[0].radius == pytest.approx(100 * found.best.objective, rel=1e-6)
+    if aim == "condition":
+        states = np.array(states_of(layout, 1.0), dtype=float)
+        old, new = (measures(s, states)[:, 2].max() for s in (CONFIG.sensor, better))
+        assert new < old
+
+
+def test_a_weighted_sum_lies_between_its_parts():
+    """All the weight on one aim is that aim; some on the other gives some of the other."""
+    layout = replace(CONFIG.layout, aim="weighted", starts=1)
+    best = {}
+    for size in (0.0, 0.2, 1.0):
+        weights = {"resolution": 1.0} | ({"size": size} if size else {})
+        best[size] = optimize(CONFIG.sensor, replace(layout, weights=weights)).best
+        assert best[size].found
+    alone = optimize(CONFIG.sensor, replace(layout, aim="resolution")).best
+    assert best[0.0].objective == pytest.approx(np.sqrt(alone.objective), rel=1e-6)
+    assert best[1.0].x[0] < best[0.2].x[0] < best[0.0].x[0] - 0.1
+
+
+def test_one_detector_alone_can_vary():
+    """Symmetric otherwise, so nothing is gained by the third detector's place but by its turn."""
+    names = {"psd_c_radius_mm": (200.0, 250.0), "psd_c_pitch_mrad": (-200.0, 200.0)}
+    found = optimize(CONFIG.sensor, replace(CONFIG.layout, variables=names, starts=2))
+    better = sensor_of(CONFIG.sensor, found.names, found.best.x)
+    assert better.psds[0] == CONFIG.sensor.psds[0]
+    assert better.psds[2].radius == found.best.x[0]
+    assert better.psds[2].pitch == pytest.approx(1e-3 * found.best.x[1])
+    assert found.best.objective < found.before + 1e-6
+
+
+def test_the_best_parts_are_those_of_trying_each():
+    psds = {"small": PsdPart(8.0, 0.0016, 100.0), "large": PsdPart(20.0, 0.004, None)}
+    lasers = {"dim": LaserPart(0.3, 0.85, 50.0), "bright": LaserPart(1.0, 0.85, 500.0)}
+    layout = replace(CONFIG.layout, variables={"radius_mm": (100.0, 250.0)}, psds=psds,
+                     lasers=lasers, starts=1)  # fmt: skip
+    found = optimize(CONFIG.sensor, layout)
+    assert len(found.tried) == 4
+    assert found.tried[0][0].laser == "bright"
+    prices = {(choice.psd, choice.laser): choice.price for choice, _ in found.tried}
+    assert prices["small", "dim"] == 350
+    assert prices["large", "dim"] is None
+    for choice, end in found.tried:
+        part, laser = psds[choice.psd], lasers[choice.laser]
+        noise = replace(CONFIG.sensor.noise, position=part.position)
+        beam = replace(CONFIG.sensor.beam, power=laser.power)
+        a, b, c = (replace(p, size_y=part.size, size_z=part.size) for p in CONFIG.sensor.psds)
+        sensor = replace(CONFIG.sensor, noise=noise, beam=beam, psds=(a, b, c))
+        alone = optimize(sensor, replace(layout, psds={}, lasers={})).best
+        assert (alone.found, alone.objective) == (end.found, pytest.approx(end.objective))
+
+
+def test_a_layout_is_checked_again_by_what_shares_nothing_with_the_optimiser():
+    sensor, layout = CONFIG.sensor, CONFIG.layout
+    table = compare(sensor, sensor, layout, CONFIG.range, 1)
+    np.testing.assert_allclose(table["before"], table["after"], rtol=0.05)
+    row = dict(zip(table["quantity"], table["after"], strict=True))
+    spread = dict(zip(table["quantity"], table["simulated"], strict=True))
+    for name in ("u_tx_um", "u_tz_um", "u_roll_urad", "u_yaw_urad"):
+        assert spread[name] == pytest.approx(row[name], rel=0.05)  # 5000 draws: 1 % of 1 sigma
+    assert row["u_roll_urad"] == pytest.approx(worst_over(sensor, layout)[3], rel=1e-3)
+    assert row["range_roll_mrad"] == pytest.approx(28.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("  variables: {size_mm: [5, 20]}\n", "variables.size_mm: comes from optimize.parts.psds"),
+        ("  aim: weighted\n", "every one of optimize.weights is 0"),
+        ("  variables: {psd_d_radius_mm: [5, 20]}\n", "unknown key"),
+    ],
+)
+def test_contradictions_are_told(tmp_path, text, words):
+    path = tmp_path / "bad.yaml"
+    path.write_text("extends: [layout, parts]\noptimize:\n" + text)
+    with pytest.raises(ConfigError, match=words.replace(".", r"\.")):
+        facets.load(path)
+
+
 def test_what_can_not_be_met_is_named():
     layout = replace(CONFIG.layout, limit=(np.inf, np.inf, 0.1, np.inf, np.inf, np.inf), starts=1)
     found = optimize(CONFIG.sensor, layout)
@@ -145,6 +237,8 @@ def test_the_command_writes_a_configuration(tmp_path):
     result = command("optimize", "layout", "-o", "better.yaml", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "what holds it back" in result.stdout
+    assert "u_roll_urad" in (tmp_path / "better.csv").read_text()
+    assert (tmp_path / "better.png").stat().st_size > 10_000
     better = facets.load(tmp_path / "better.yaml")
     old, new = (worst_over(c.sensor, CONFIG.layout) for c in (CONFIG, better))
     assert (new < old).all()

@@ -7,9 +7,24 @@ from pathlib import Path
 from typing import Any
 
 from ..rules import Rules
-from ..sensor import DETECTORS, Apertures, Beam, Electronics, Facet, Noise, Psd, Sensor
+from ..sensor import DETECTORS, Apertures, Electronics, Noise, Sensor
+from . import geometry
 from .keys import Document, Mirror, Psds
-from .values import Acquire, Layout, Motion, Random, Sine, Solve, Stage, State, Steps, Sweep, Table
+from .values import (
+    Acquire,
+    LaserPart,
+    Layout,
+    Motion,
+    PsdPart,
+    Random,
+    Sine,
+    Solve,
+    Stage,
+    State,
+    Steps,
+    Sweep,
+    Table,
+)
 
 
 def resolve(document: Document) -> dict[str, Any]:
@@ -35,13 +50,11 @@ def _singles(common: Mirror | Psds) -> dict[str, Any]:
 
 def sensor(keys: dict[str, Any]) -> Sensor:
     """A Sensor from the resolved `sensor` block."""
-    facets = [_facet(keys["mirror"][name]) for name in DETECTORS]
-    psds = [_psd(keys["psd"][name]) for name in DETECTORS]
     noise = keys["noise"]
     return Sensor(
-        beam=_beam(keys["beam"]),
-        facets=(facets[0], facets[1], facets[2]),
-        psds=(psds[0], psds[1], psds[2]),
+        beam=geometry.beam(keys["beam"]),
+        facets=geometry.facets(keys["mirror"]),
+        psds=geometry.psds(keys["psd"]),
         noise=Noise(
             position=noise["position_um"] / 1000,
             at_power=noise["at_power_mw"],
@@ -78,34 +91,6 @@ def _apertures(keys: dict[str, Any]) -> Apertures:
         tip=keys["tip_um"] / 1000,
         rim=inf if keys["rim_mm"] is None else keys["rim_mm"],
         gap=keys["gap_um"] / 1000,
-    )
-
-
-def _beam(keys: dict[str, Any]) -> Beam:
-    return Beam(
-        power=keys["power_mw"],
-        diameter_x=keys["diameter_mm"][0],
-        diameter_y=keys["diameter_mm"][1],
-        rotation=radians(keys["rotation_deg"]),
-        tilt_x=keys["tilt_mrad"][0] / 1000,
-        tilt_y=keys["tilt_mrad"][1] / 1000,
-    )
-
-
-def _facet(keys: dict[str, Any]) -> Facet:
-    return Facet(inclination=radians(keys["inclination_deg"]), azimuth=radians(keys["azimuth_deg"]))
-
-
-def _psd(keys: dict[str, Any]) -> Psd:
-    return Psd(
-        radius=keys["radius_mm"],
-        azimuth=radians(keys["azimuth_deg"]),
-        height=keys["height_mm"],
-        roll=keys["roll_mrad"] / 1000,
-        pitch=keys["pitch_mrad"] / 1000,
-        yaw=keys["yaw_mrad"] / 1000,
-        size_y=keys["size_mm"][0],
-        size_z=keys["size_mm"][1],
     )
 
 
@@ -158,7 +143,20 @@ def layout(keys: dict[str, Any]) -> Layout:
     return Layout(
         variables={k: tuple(v) for k, v in keys["variables"].items() if v is not None},
         volume=state(keys["volume"]),
+        psds={
+            name: PsdPart(
+                part["size_mm"],
+                None if part["position_um"] is None else part["position_um"] / 1000,
+                part["price"],
+            )
+            for name, part in keys["parts"]["psds"].items()
+        },
+        lasers={
+            name: LaserPart(part["power_mw"], part["diameter_mm"], part["price"])
+            for name, part in keys["parts"]["lasers"].items()
+        },
         aim=keys["aim"],
+        weights={name.replace("_", "-"): w for name, w in keys["weights"].items() if w},
         unit=tuple(inf if value is None else value for value in keys["unit"].values()),
         limit=tuple(inf if value is None else value for value in keys["limit"].values()),
         head=inf if keys["head_mm"] is None else keys["head_mm"],

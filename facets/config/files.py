@@ -9,6 +9,8 @@ from ..errors import ConfigError
 from .marks import Marked, read, shown
 
 SUFFIXES = (".yaml", ".yml", ".json")
+#: Blocks whose keys are names that the user gives.
+NAMED = (("motions",), ("optimize", "parts", "psds"), ("optimize", "parts", "lasers"))
 
 
 def shipped() -> dict[str, Path]:
@@ -56,21 +58,28 @@ def gather(file: Path) -> Marked:
 
 def _gather(file: Path, children: tuple[Path, ...]) -> Marked:
     tree = read(file)
-    link = tree.value.pop("extends", None)
-    if link is None or link.value is None:
+    extends = tree.value.pop("extends", None)
+    if extends is None or extends.value is None:
         return tree
-    parent = _parent(link)
+    links = extends.value if isinstance(extends.value, list) else [extends]
     chain = (*children, file)
-    if parent in chain:
-        circle = " -> ".join(shown(f) for f in (*chain[chain.index(parent) :], parent))
-        raise ConfigError(f"{link.place}: extends: goes round in a circle: {circle}")
-    return merge(_gather(parent, chain), tree)
+    laid: Marked | None = None
+    for link in links:
+        parent = _parent(link)
+        if parent in chain:
+            circle = " -> ".join(shown(f) for f in (*chain[chain.index(parent) :], parent))
+            raise ConfigError(f"{link.place}: extends: goes round in a circle: {circle}")
+        below = _gather(parent, chain)
+        laid = below if laid is None else merge(laid, below)
+    return tree if laid is None else merge(laid, tree)
 
 
 def _parent(link: Marked) -> Path:
     if not isinstance(link.value, str):
         got = f"(got {link.plain()!r})"
-        raise ConfigError(f"{link.place}: extends: must be a shipped name or a path {got}")
+        raise ConfigError(
+            f"{link.place}: extends: must be a shipped name or a path, or a list of them {got}"
+        )
     try:
         return find(link.value, link.file.parent)
     except ConfigError as error:
@@ -81,7 +90,7 @@ def merge(parent: Marked, child: Marked, path: tuple[str, ...] = ()) -> Marked:
     """`child` laid over `parent`, key by key; lists and single values are replaced whole.
 
     A motion that changes `kind` replaces the inherited one, whose keys would mean nothing to it;
-    a motion without a value (`x-steps:`) takes the inherited one away.
+    a motion or a part without a value (`x-steps:`) takes the inherited one away.
     """
     if not isinstance(parent.value, dict):
         return child
@@ -93,7 +102,7 @@ def merge(parent: Marked, child: Marked, path: tuple[str, ...] = ()) -> Marked:
     for key, value in child.value.items():
         if key not in merged:
             merged[key] = value
-        elif path == ("motions",) and value.value is None:
+        elif path in NAMED and value.value is None:
             del merged[key]
         else:
             merged[key] = merge(merged[key], value, (*path, key))

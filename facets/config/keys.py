@@ -264,8 +264,10 @@ class SolveKeys(Section):
 class Document(Section):
     """A configuration of the three-facet-mirror 6-DOF sensor."""
 
-    extends: str | None = Field(
-        None, description="shipped name, or path from this file, whose keys this file overrides"
+    extends: str | list[str] | None = Field(
+        None,
+        description="shipped name, or path from this file, whose keys this file overrides; of "
+        "several, the later override the earlier",
     )
     sensor: SensorKeys = Field(SensorKeys(), description="the sensor")
     motions: Motions = Field(

@@ -61,6 +61,7 @@ def _resolved(tree: Marked) -> dict[str, Any]:
         *_find_tables(tree, resolved["motions"]),
         *_method_conflicts(tree, resolved["solve"]),
         *_empty_bounds(tree, resolved["optimize"]["variables"]),
+        *_layout_conflicts(tree, resolved["optimize"]),
     ]
     if problems:
         raise ConfigError("\n".join(problems))
@@ -104,6 +105,22 @@ def _empty_bounds(tree: Marked, variables: dict[str, Any]) -> list[str]:
         for name, pair in variables.items()
         if pair is not None and not pair[0] < pair[1]
     ]
+
+
+def _layout_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:
+    """What parts decide does not vary; a weighted aim has weights."""
+    problems = [
+        f"{tree.find(('optimize', 'variables', name))[0].place}: optimize.variables.{name}: "
+        f"comes from optimize.parts.{kind}; leave one of them out"
+        for name, kind in (("size_mm", "psds"), ("power_mw", "lasers"))
+        if keys["variables"][name] is not None and keys["parts"][kind]
+    ]
+    if keys["aim"] == "weighted" and not any(keys["weights"].values()):
+        mark = tree.find(("optimize", "aim"))[0]
+        problems.append(
+            f"{mark.place}: optimize.aim: weighted, but every one of optimize.weights is 0"
+        )
+    return problems
 
 
 def _method_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:

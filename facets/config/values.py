@@ -141,17 +141,40 @@ class Stage:
 
 
 @dataclass(frozen=True)
+class PsdPart:
+    """A detector that can be had.  size: mm.  position: noise, mm, None as the sensor's."""
+
+    size: float
+    position: float | None
+    price: float | None
+
+
+@dataclass(frozen=True)
+class LaserPart:
+    """A laser that can be had: mW, mm."""
+
+    power: float
+    diameter: float
+    price: float | None
+
+
+@dataclass(frozen=True)
 class Layout:
     """What a layout is to be found for; see the keys of `optimize`.
 
     variables: least and most of each, in the unit of its name.  volume: half widths of the pose and
     of the beam's offset (8,), mm and rad.  unit, limit: (6,) um and urad, infinite where not given.
-    head: mm, infinite where it may be any.  least_power: mW.
+    head: mm, infinite where it may be any.  least_power: mW.  weights: of the aims, where they
+    are weighted.
+    psds, lasers: the parts that can be had, by name; empty where any can.
     """
 
     variables: dict[str, tuple[float, float]]
+    psds: dict[str, PsdPart]
+    lasers: dict[str, LaserPart]
     volume: State
     aim: str
+    weights: dict[str, float]
     unit: tuple[float, ...]
     limit: tuple[float, ...]
     head: float
@@ -159,6 +182,11 @@ class Layout:
     following: bool
     starts: int
     seed: int
+
+    @property
+    def aims(self) -> dict[str, float]:
+        """What is aimed at, and how much each counts."""
+        return self.weights if self.aim == "weighted" else {self.aim: 1.0}
 
 
 @dataclass(frozen=True)

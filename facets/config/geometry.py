@@ -1,0 +1,73 @@
+"""Beam, facets and detectors: from their keys to what the code works with, and back."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from math import pi
+from typing import Any
+
+from ..sensor import DETECTORS, Beam, Facet, Psd, Sensor
+
+#: How many of a key's unit make one of the code's.
+MM, MW, MRAD, DEG = 1.0, 1.0, 1000.0, 180 / pi
+Keys = dict[str, tuple[tuple[str, ...], float]]
+#: Each key with the fields that it gives, and its unit; keys of two fields are lists.
+BEAM: Keys = {
+    "power_mw": (("power",), MW),
+    "diameter_mm": (("diameter_x", "diameter_y"), MM),
+    "rotation_deg": (("rotation",), DEG),
+    "tilt_mrad": (("tilt_x", "tilt_y"), MRAD),
+}
+FACET: Keys = {"inclination_deg": (("inclination",), DEG), "azimuth_deg": (("azimuth",), DEG)}
+PSD: Keys = {
+    "radius_mm": (("radius",), MM),
+    "azimuth_deg": (("azimuth",), DEG),
+    "height_mm": (("height",), MM),
+    "roll_mrad": (("roll",), MRAD),
+    "pitch_mrad": (("pitch",), MRAD),
+    "yaw_mrad": (("yaw",), MRAD),
+    "size_mm": (("size_y", "size_z"), MM),
+}
+
+
+def beam(keys: dict[str, Any]) -> Beam:
+    return Beam(**_fields(keys, BEAM))
+
+
+def facets(keys: dict[str, Any]) -> tuple[Facet, Facet, Facet]:
+    a, b, c = (Facet(**_fields(keys[letter], FACET)) for letter in DETECTORS)
+    return a, b, c
+
+
+def psds(keys: dict[str, Any]) -> tuple[Psd, Psd, Psd]:
+    a, b, c = (Psd(**_fields(keys[letter], PSD)) for letter in DETECTORS)
+    return a, b, c
+
+
+def _fields(keys: dict[str, Any], table: Keys) -> dict[str, float]:
+    fields: dict[str, float] = {}
+    for key, (names, unit) in table.items():
+        values = keys[key] if len(names) > 1 else [keys[key]]
+        fields |= {name: value / unit for name, value in zip(names, values, strict=True)}
+    return fields
+
+
+def written(keys: dict[str, Any], sensor: Sensor) -> dict[str, Any]:
+    """The resolved `sensor` block with the sensor's geometry; what is unchanged stays as written.
+
+    Noise, electronics and apertures stay those of the block.
+    """
+    new = deepcopy(keys)
+    _write(new["beam"], beam(keys["beam"]), sensor.beam, BEAM)
+    for letter, old, now in zip(DETECTORS, facets(keys["mirror"]), sensor.facets, strict=True):
+        _write(new["mirror"][letter], old, now, FACET)
+    for letter, before, then in zip(DETECTORS, psds(keys["psd"]), sensor.psds, strict=True):
+        _write(new["psd"][letter], before, then, PSD)
+    return new
+
+
+def _write(keys: dict[str, Any], old: Any, new: Any, table: Keys) -> None:
+    for key, (names, unit) in table.items():
+        values = [float(getattr(new, name)) * unit for name in names]
+        if values != [getattr(old, name) * unit for name in names]:
+            keys[key] = values if len(names) > 1 else values[0]
