@@ -45,7 +45,7 @@ def layouts(quick: bool, seed: int) -> list[Row]:
         row("best layout by casadi with exact derivatives", ours, ours, np.sqrt(best.objective)),
         row("best layout by SciPy SLSQP with differences", slow, ours, value),
         row("ranges and resolution of a design", fast, fast, np.nan),
-        row("the same where rivals are known, mean", against, fast, np.nan),
+        row("the same where rivals are known", against, fast, np.nan),
         row("ranges of a design by SciPy brentq", scalar, fast, np.nan),
     ]
 
