@@ -21,6 +21,7 @@ from .optimize import optimize
 from .range_map import range_map
 from .render import render
 from .replay import recover, replay
+from .reproduce import reproduce
 from .resolution import resolution
 from .simulate import simulate
 from .solve import solve
@@ -76,4 +77,5 @@ app.command()(recover)
 app.command()(emulate)
 app.command()(render)
 app.command()(bench)
+app.command()(reproduce)
 app.add_typer(config.app, name="config")

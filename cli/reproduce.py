@@ -1,0 +1,65 @@
+"""`facets reproduce`: the paper's figures, tables and claims, compared with stored references."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from facets.experiments.reproduce import Result
+
+
+def reproduce(
+    names: Annotated[
+        list[str] | None, typer.Argument(help="Such as fig4, table2; none, or all, for all.")
+    ] = None,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Folder of the report, tables and figures.")
+    ] = Path("results/reproduce"),
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer samples.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace an older report.")] = False,
+) -> None:
+    """Reproduce the paper: each figure, table and claim, beside the paper's own numbers.
+
+    Compares what comes out with stored references, column by column, and exits with 1 where one is
+    missed. Writes tables, figures and one page that holds them all.
+    """
+    from facets.experiments.report import write_report
+    from facets.experiments.reproduce import chosen
+    from facets.experiments.reproduce import reproduce as run
+
+    from facets import tables
+
+    wanted = chosen(names or [])
+    report = output / "report.html"
+    tables.refuse_to_overwrite([report], force)
+    output.mkdir(parents=True, exist_ok=True)
+    typer.echo(f"{'':11}  {'':4}  {'paper':>9}  {'ours':>9}  {'ratio':>7}")
+    results = []
+    for result in run(wanted, quick, output):
+        show(result)
+        results.append(result)
+    write_report(report, results, quick)
+    missed = [result.name for result in results if not result.passed]
+    seconds = sum(result.seconds for result in results)
+    told = f"missed: {', '.join(missed)}" if missed else "all as expected"
+    typer.echo(f"\n{len(results)} experiments in {seconds:.1f} s; {told}\n{report}")
+    if missed:
+        raise typer.Exit(1)
+
+
+def show(result: Result) -> None:
+    """Pass or miss, the claims, and the checks that were missed."""
+    from facets.experiments.report import number
+
+    verdict = "pass" if result.passed else "MISS"
+    typer.echo(f"\n{result.name:11}  {verdict}  {result.title} ({result.seconds:.1f} s)")
+    for claim in result.claims:
+        numbers = f"{number(claim.paper):>9}  {number(claim.ours):>9}  {number(claim.ratio):>7}"
+        typer.echo(f"{'':11}  {'':4}  {numbers}  {claim.unit:9}  {claim.what}")
+    for check in result.checks:
+        if not check.passed:
+            off = "has other rows" if check.off != check.off else f"{check.off:.3g} times too far"
+            typer.echo(f"{'':11}  MISS  {check.column}: {off} (allowed: {check.allowed})")

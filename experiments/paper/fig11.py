@@ -1,0 +1,93 @@
+"""Fig. 11: motions in x and in y of several mm, the beam following by feedback."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import facets
+from facets import plots
+from facets.live.follow import followed
+from facets.noise import add_noise
+
+from .experiment import NONE, Claim, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TITLE = "Fig. 11: motions in x and y with mirror tracking"
+CONFIG = "bench"
+#: Swing, mm: most of Fig. 10's range.
+REACH = {"x": 6.0, "y": 5.0}
+SECONDS, RATE = 8.0, 1000
+
+
+def compute(quick: bool) -> Table:
+    """The mirror swings once along each axis; the stage's encoder tells where the beam is."""
+    config = facets.load(CONFIG)
+    rng = np.random.default_rng(11)
+    time = np.arange(int(SECONDS * RATE)) / RATE
+    parts = []
+    for axis, reach in enumerate(REACH.values()):
+        motion = np.zeros((len(time), 8))
+        motion[:, axis] = reach * np.sin(2 * np.pi * time / SECONDS)
+        states = followed(config.sensor, config.stage, time, motion)
+        seen = add_noise(config.sensor, facets.readings(config.sensor, states), rng)
+        place = states[:, 6:] + config.stage.accuracy * rng.standard_normal((len(time), 2))
+        known = facets.Prior(place, config.stage.accuracy)
+        found = facets.solve(config.sensor, seen, beam=known, threads=0)
+        off = np.hypot(states[:, 0] - states[:, 6], states[:, 1] - states[:, 7])
+        parts.append((states, found.state, found.ok, off))
+    states, estimate, ok, off = (np.concatenate(part) for part in zip(*parts, strict=True))
+    thin = slice(None, None, 4)
+    return {
+        "axis": np.repeat(list(REACH), len(time))[thin],
+        "time_s": np.tile(time, 2)[thin],
+        "true_tx_mm": states[thin, 0],
+        "true_ty_mm": states[thin, 1],
+        "tx_mm": estimate[thin, 0],
+        "ty_mm": estimate[thin, 1],
+        "beam_off_um": 1e3 * off[thin],
+        "solved": ok[thin].astype(int),
+    }
+
+
+def claims(table: Table) -> list[Claim]:
+    found = []
+    for axis, reach in REACH.items():
+        rows = table["axis"] == axis
+        key = f"t{axis}_mm"
+        error = 1e3 * (table[key] - table[f"true_{key}"])[rows]
+        found += [
+            Claim(f"range covered in {axis}", "mm", NONE, 2 * reach,
+                  "the paper shows a picture: less than Fig. 10 by limits of its stage"),
+            Claim(f"samples solved in {axis}", "", 1, table["solved"][rows].mean(), ""),
+            Claim(f"r.m.s. error in {axis}", "um", NONE, float(np.sqrt(np.nanmean(error**2))),
+                  "the uncertainty of the stage's encoder that tells where the beam is"),
+            Claim(f"beam off the apex in {axis}; most", "um", NONE,
+                  table["beam_off_um"][rows].max(), "by the virtual stage's lag and control law"),
+        ]  # fmt: skip
+    return found
+
+
+def picture(table: Table) -> Figure:
+    import matplotlib as mpl
+
+    with mpl.rc_context(plots.STYLE):
+        drawing = plots.figure(9, 4.4)
+        panels = drawing.subplots(2, 2, sharex=True)
+        for (place, error), axis in zip(panels.T, REACH, strict=True):
+            rows, key = table["axis"] == axis, f"t{axis}_mm"
+            time, true = table["time_s"][rows], table[f"true_{key}"][rows]
+            place.plot(time, true, color=plots.INK, label="truth")
+            place.plot(time, table[key][rows], ".", ms=1, color=plots.BLUE, label="estimate")
+            place.set_ylabel(f"t{axis}, mm")
+            error.plot(time, 1e3 * (table[key][rows] - true), ".", ms=1, color=plots.BLUE,
+                       label="error of the pose")  # fmt: skip
+            error.plot(time, table["beam_off_um"][rows], color=plots.ORANGE,
+                       label="beam off the apex")  # fmt: skip
+            error.set(ylabel="µm", xlabel="time, s")
+            for panel in (place, error):
+                panel.legend(fontsize=7)
+    return drawing

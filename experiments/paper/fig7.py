@@ -1,0 +1,26 @@
+"""Fig. 7: a translation along x under a fixed beam, with errors in six axes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from . import motion
+from .experiment import Claim, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TITLE = "Fig. 7: translation along x"
+CONFIG = "paper"
+
+
+def compute(quick: bool) -> Table:
+    return motion.simulated(CONFIG, "x-steps")
+
+
+def claims(table: Table) -> list[Claim]:
+    return motion.errors_in_six_axes(table)
+
+
+def picture(table: Table) -> Figure:
+    return motion.drawn(table, ("tx",))

@@ -1,0 +1,28 @@
+"""Fig. 9: a motion of all six axes, with errors in six axes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from facets.names import POSE
+
+from . import motion
+from .experiment import Claim, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TITLE = "Fig. 9: motion of all six axes"
+CONFIG = "paper"
+
+
+def compute(quick: bool) -> Table:
+    return motion.simulated(CONFIG, "multi-axis")
+
+
+def claims(table: Table) -> list[Claim]:
+    return motion.errors_in_six_axes(table)
+
+
+def picture(table: Table) -> Figure:
+    return motion.drawn(table, POSE)

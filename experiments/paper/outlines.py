@@ -1,0 +1,65 @@
+"""Outlines of measurement ranges as tables, and drawn from them: Fig. 6 and Fig. 10."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import facets
+from facets.names import POSE
+from facets.plots import unit_of
+from facets.range_plots import ranges_picture
+from facets.ranges import CAUSES, Boundary, trace
+
+from .experiment import Table, columns_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PAIRS = tuple(combinations(POSE, 2))
+
+
+def traced(config_name: str, pairs: tuple[tuple[str, str], ...], tracking: bool) -> Table:
+    """Points of each outline in order; mm and mrad."""
+    config = facets.load(config_name)
+    rules = replace(config.range, tracking=tracking)
+    rows = []
+    for axes in pairs:
+        found = trace(config.sensor, rules, axes)
+        factors = [unit_of(name)[1] for name in axes]
+        points = found.points * factors
+        causes = [CAUSES[cause] if cause >= 0 else "" for cause in found.causes]
+        rows += [(*axes, *point, cause) for point, cause in zip(points, causes, strict=True)]
+    return columns_of("first second first_place second_place cause", rows)
+
+
+def drawn(table: Table) -> Figure:
+    return ranges_picture([outline(table, *axes) for axes in pairs_of(table)])
+
+
+def pairs_of(table: Table) -> list[tuple[str, str]]:
+    pairs = zip(table["first"].tolist(), table["second"].tolist(), strict=True)
+    return list(dict.fromkeys(pairs))
+
+
+def outline(table: Table, first: str, second: str) -> Boundary:
+    rows = (table["first"] == first) & (table["second"] == second)
+    units = np.array([unit_of(first)[1], unit_of(second)[1]])
+    points = np.stack([table["first_place"][rows], table["second_place"][rows]], axis=1) / units
+    causes = [CAUSES.index(cause) for cause in table["cause"][rows]]
+    return Boundary((first, second), np.zeros(6), points, np.array(causes), 0)
+
+
+def symmetric(table: Table, first: str, second: str, axis: int) -> float:
+    """Twice the nearer end along one axis of a map, the other at rest; mm or mrad."""
+    points = outline(table, first, second).points
+    factor = unit_of((first, second)[axis])[1]
+    other, along = points[:, 1 - axis], points[:, axis]
+    here, there = (other, along), (np.roll(other, -1), np.roll(along, -1))
+    crosses = (here[0] <= 0) != (there[0] <= 0)
+    share = here[0][crosses] / (here[0] - there[0])[crosses]
+    ends = here[1][crosses] + share * (there[1] - here[1])[crosses]
+    return float(2 * factor * np.abs(ends).min())

@@ -1,0 +1,73 @@
+"""Not in the paper: what a laser that has lost a share of its power does to the pose."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import facets
+from facets import plots
+from facets.names import POSE
+from facets.plots import unit_of
+
+from .experiment import NONE, Claim, Table, columns_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TITLE = "Beyond the paper: drift of the laser's power"
+CONFIG = "paper"
+DRIFTS = (-5.0, -2.0, -1.0, -0.5, -0.1, 0.1, 0.5, 1.0, 2.0, 5.0)
+AWAY = np.array([0.08, -0.05, 0.5, 3e-3, -2e-3, 5e-3, 0, 0])
+WAYS = {
+    "paper": {"method": "paper"},
+    "nine readings": {},
+    "nine readings; beam known": {"beam": "known"},
+    "power solved for": {"power": "unknown"},
+}
+
+
+def compute(quick: bool) -> Table:
+    """Error of each axis, um and urad, at a pose off the beam's centre, by way of solving."""
+    sensor = facets.load(CONFIG).sensor
+    factors = np.array([unit_of(name)[3] for name in POSE])
+    rows = []
+    for drift in DRIFTS:
+        power = (1 + drift / 100) * sensor.beam.power
+        seen = facets.readings(replace(sensor, beam=replace(sensor.beam, power=power)), AWAY)
+        for way, options in WAYS.items():
+            found = facets.solve(sensor, seen, start=AWAY, **options)  # type: ignore[arg-type]
+            rows.append((drift, way, *((found.state - AWAY)[:6] * factors)))
+    return columns_of("drift_percent way tx_um ty_um tz_um roll_urad pitch_urad yaw_urad", rows)
+
+
+def claims(table: Table) -> list[Claim]:
+    found = []
+    for way in WAYS:
+        row = np.flatnonzero((table["way"] == way) & (table["drift_percent"] == 1.0))[0]
+        off = float(np.hypot(table["tx_um"][row], table["ty_um"][row]))
+        why = "at 0.09 mm off the beam; a power that is wrong looks like light that has moved"
+        if way == "power solved for":
+            why = "a ninth unknown, which nine readings still give"
+        found.append(Claim(f"1 % more light: error of the place; {way}", "um", NONE, off, why))
+    return found
+
+
+def picture(table: Table) -> Figure:
+    import matplotlib as mpl
+
+    with mpl.rc_context(plots.STYLE):
+        drawing = plots.figure(6, 3.6)
+        panel = drawing.subplots()
+        for way, colour in zip(WAYS, plots.SERIES, strict=False):
+            rows = table["way"] == way
+            off = np.hypot(table["tx_um"], table["ty_um"])[rows]
+            panel.plot(table["drift_percent"][rows], off, "o-", ms=3, color=colour, label=way)
+        panel.set(
+            xlabel="drift of the laser's power, %", ylabel="error of the place in x and y, µm"
+        )
+        panel.set_yscale("symlog", linthresh=0.01)
+        panel.legend(fontsize=7)
+    return drawing

@@ -1,0 +1,60 @@
+"""One page that holds a run: figures, numbers beside the paper's, checks, configurations."""
+
+from __future__ import annotations
+
+import platform
+from base64 import b64encode
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+import facets
+from facets.config import to_yaml
+from facets.record import PACKAGES, command_line, version
+from facets.tables import Whole
+
+from .reproduce import Result
+
+TEMPLATE = Path(__file__).parent / "report.html"
+
+
+def number(value: float) -> str:
+    """Four digits; nothing where there is no number."""
+    if value != value:
+        return ""
+    return f"{value:.4g}" if abs(value) < 1e5 else f"{value:.3g}"
+
+
+def embedded(path: Path | None) -> str:
+    """A picture as the text of its own address, so that the page needs no other file."""
+    if path is None:
+        return ""
+    return "data:image/svg+xml;base64," + b64encode(path.read_bytes()).decode()
+
+
+def facts() -> dict[str, str]:
+    return {
+        "facets": facets.__version__,
+        "command": command_line(),
+        "made": datetime.now(UTC).isoformat(timespec="seconds"),
+        "Python": platform.python_version(),
+        **{name: version(name) for name in PACKAGES},
+        "machine": f"{platform.system()} {platform.machine()}",
+    }
+
+
+def write_report(path: Path, results: list[Result], quick: bool) -> None:
+    """Writes the page, whole or not at all."""
+    places = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined,
+                                trim_blocks=True, lstrip_blocks=True)  # fmt: skip
+    places.filters |= {"number": number, "embedded": embedded}
+    page = places.from_string(TEMPLATE.read_text("utf-8"))
+    configs: dict[str, Any] = {}
+    for name in dict.fromkeys(result.config for result in results):
+        config = facets.load(name)
+        configs[name] = {"sha256": config.sha256, "text": to_yaml(config)}
+    text = page.render(results=results, quick=quick, facts=facts(), configs=configs)
+    with Whole(path) as temporary:
+        temporary.write_text(text, "utf-8")

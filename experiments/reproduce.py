@@ -1,0 +1,183 @@
+"""Runs experiments, and holds what they give against what they gave: `facets reproduce`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import facets
+from facets import plots, record
+from facets.errors import InputError
+from facets.tables import write_table
+
+from .paper.experiment import EXPERIMENTS, Claim, Experiment, Table, experiment
+
+EXPECTED = Path(__file__).parent / "expected"
+
+
+@dataclass(frozen=True)
+class Check:
+    """One column against its reference.
+
+    off: the largest difference over what is allowed; 1 or less is a pass, NaN where the rows or the
+    words themselves differ.  allowed: in words.  why: the reason for it.
+    """
+
+    column: str
+    off: float
+    allowed: str
+    why: str
+
+    @property
+    def passed(self) -> bool:
+        return self.off <= 1
+
+
+@dataclass(frozen=True)
+class Result:
+    """What an experiment gave. table, picture: files; picture is None where there is none."""
+
+    name: str
+    title: str
+    config: str
+    claims: list[Claim]
+    checks: list[Check]
+    table: Path
+    picture: Path | None
+    seconds: float
+
+    @property
+    def passed(self) -> bool:
+        return all(check.passed for check in self.checks)
+
+
+def chosen(names: list[str]) -> list[str]:
+    """The experiments of those names, in order; all of them for none or `all`."""
+    unknown = [name for name in names if name not in (*EXPERIMENTS, "all")]
+    if unknown:
+        raise InputError(
+            f"no experiment {', '.join(unknown)}; there are: {', '.join(EXPERIMENTS)}, all"
+        )
+    if not names or "all" in names:
+        return list(EXPERIMENTS)
+    return [name for name in EXPERIMENTS if name in names]
+
+
+def reproduce(names: list[str], quick: bool, folder: Path) -> Iterator[Result]:
+    """Each experiment in turn, its files in the folder."""
+    for name in names:
+        start = time.perf_counter()
+        work = experiment(name)
+        path = folder / f"{name}.csv"
+        table = computed(work, quick, path)
+        claims = work.claims(table)
+        drawing = work.picture(table)
+        picture = None
+        if drawing is not None:
+            picture = folder / f"{name}.svg"
+            plots.save(drawing, picture)
+        checks = checked(name, quick, table, claims)
+        seconds = time.perf_counter() - start
+        yield Result(name, work.TITLE, work.CONFIG, claims, checks, path, picture, seconds)
+
+
+def computed(work: Experiment, quick: bool, path: Path) -> Table:
+    """The table, by way of its file: what is drawn and claimed is what is written."""
+    write_table(path, work.compute(quick), record.about(facets.load(work.CONFIG)))
+    return read(path)
+
+
+def read(path: Path) -> Table:
+    """A table of numbers and words; an empty word is one."""
+    import pandas as pd
+
+    frame = pd.read_csv(path, comment="#")
+    words = [name for name in frame if not pd.api.types.is_numeric_dtype(frame[name])]
+    frame = frame.fillna(dict.fromkeys(words, ""))
+    return {str(name): frame[name].to_numpy() for name in frame.columns}
+
+
+def claim_table(claims: list[Claim]) -> Table:
+    return {
+        "what": np.array([claim.what for claim in claims]),
+        "unit": np.array([claim.unit for claim in claims]),
+        "paper": np.array([float(claim.paper) for claim in claims]),
+        "ours": np.array([float(claim.ours) for claim in claims]),
+    }
+
+
+def reference_path(name: str, quick: bool, kind: str) -> Path:
+    """Of the quick run where that gives something else."""
+    short = EXPECTED / "quick" / f"{name}-{kind}.csv"
+    return short if quick and short.exists() else EXPECTED / f"{name}-{kind}.csv"
+
+
+def tolerances() -> dict[str, Any]:
+    """By experiment and kind of table (claims, table) and column: rel, abs, why."""
+    from ruamel.yaml import YAML
+
+    found: dict[str, Any] = YAML(typ="safe").load(EXPECTED / "tolerances.yaml")
+    return found
+
+
+def checked(name: str, quick: bool, table: Table, claims: list[Claim]) -> list[Check]:
+    """Every column that the tolerances name, against its reference."""
+    checks = []
+    for kind, columns in tolerances()[name].items():
+        found = table if kind == "table" else claim_table(claims)
+        path = reference_path(name, quick, kind)
+        expected = read(path) if path.exists() else {}
+        checks += [compared(column, found, expected, rule) for column, rule in columns.items()]
+    return checks
+
+
+def compared(column: str, found: Table, expected: Table, rule: dict[str, Any]) -> Check:
+    rel, absolute = float(rule.get("rel", 0)), float(rule.get("abs", 0))
+    parts = [f"{rel:g} of it"] * bool(rel) + [f"{absolute:g}"] * bool(absolute)
+    allowed = " and ".join(parts) or "the same"
+    return Check(column, distance(column, found, expected, rel, absolute), allowed, rule["why"])
+
+
+def distance(column: str, found: Table, expected: Table, rel: float, absolute: float) -> float:
+    """The largest difference over what is allowed; NaN where it has no meaning."""
+    if column not in found or column not in expected:
+        return np.nan
+    here, there = found[column], expected[column]
+    if len(here) != len(there):
+        return np.nan
+    if "what" in found and found["what"].tolist() != expected["what"].tolist():
+        return np.nan
+    if here.dtype.kind not in "biuf" or there.dtype.kind not in "biuf":
+        return 0.0 if (here == there).all() else np.nan
+    here, there = here.astype(float), there.astype(float)
+    same = (here == there) | (np.isnan(here) & np.isnan(there))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        off = np.where(same, 0.0, np.abs(here - there) / (absolute + rel * np.abs(there)))
+    return float(off.max(initial=0.0))
+
+
+def write_expected(quick: bool, folder: Path) -> None:
+    """New references, from a fresh run. For a commit that says why they changed."""
+    rules = tolerances()
+    for result in reproduce(list(EXPERIMENTS), quick, folder):
+        if quick and result.passed:
+            continue  # the same as in full
+        about = record.about(facets.load(result.config))
+        kinds = {"claims": claim_table(result.claims), "table": read(result.table)}
+        for kind in rules[result.name]:
+            path = EXPECTED / ("quick" if quick else "") / f"{result.name}-{kind}.csv"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_table(path, kinds[kind], {key: about[key] for key in ("config", "config_sha256")})
+
+
+if __name__ == "__main__":
+    import tempfile
+
+    for short in (False, True):
+        with tempfile.TemporaryDirectory() as scratch:
+            write_expected(short, Path(scratch))
