@@ -1,8 +1,9 @@
 # make run: the paper's sensor, simulated and solved.  make test: all checks.
+# make reproduce: the paper's figures, tables and claims.  make docs: the documentation, in site/.
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test lint types layers unit bench clean
+.PHONY: run test lint types layers unit bench reproduce docs clean
 
 run: .venv/installed
 	$(BIN)/facets simulate paper -o results/paper --force
@@ -25,6 +26,12 @@ unit: .venv/developed
 bench: .venv/installed
 	$(BIN)/facets bench -o results/bench --force
 
+reproduce: .venv/installed
+	$(BIN)/facets reproduce $(QUICK) -o results/reproduce --force
+
+docs: .venv/developed
+	$(BIN)/mkdocs build --strict --quiet
+
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet --upgrade "pip>=23.1"
@@ -36,4 +43,4 @@ bench: .venv/installed
 	touch $@
 
 clean:
-	rm -rf .venv build results *.egg-info
+	rm -rf .venv build results site *.egg-info

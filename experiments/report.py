@@ -24,6 +24,8 @@ def number(value: float) -> str:
     """Four digits; nothing where there is no number."""
     if value != value:
         return ""
+    if value == int(value) and 1e4 <= abs(value) < 1e7:
+        return f"{value:,.0f}".replace(",", " ")
     return f"{value:.4g}" if abs(value) < 1e5 else f"{value:.3g}"
 
 

@@ -31,7 +31,8 @@ def compute(quick: bool) -> Table:
     parts = []
     for axis, reach in enumerate(REACH.values()):
         motion = np.zeros((len(time), 8))
-        motion[:, axis] = reach * np.sin(2 * np.pi * time / SECONDS)
+        phase = 2 * np.pi * time / SECONDS
+        motion[:, axis] = reach * np.sin(phase - np.sin(phase))  # from rest to rest
         states = followed(config.sensor, config.stage, time, motion)
         seen = add_noise(config.sensor, facets.readings(config.sensor, states), rng)
         place = states[:, 6:] + config.stage.accuracy * rng.standard_normal((len(time), 2))
@@ -81,10 +82,11 @@ def picture(table: Table) -> Figure:
             rows, key = table["axis"] == axis, f"t{axis}_mm"
             time, true = table["time_s"][rows], table[f"true_{key}"][rows]
             place.plot(time, true, color=plots.INK, label="truth")
-            place.plot(time, table[key][rows], ".", ms=1, color=plots.BLUE, label="estimate")
+            place.plot(time, table[key][rows], ".", ms=1, color=plots.BLUE, label="estimate",
+                       rasterized=True)  # fmt: skip
             place.set_ylabel(f"t{axis}, mm")
             error.plot(time, 1e3 * (table[key][rows] - true), ".", ms=1, color=plots.BLUE,
-                       label="error of the pose")  # fmt: skip
+                       rasterized=True, label="error of the pose")  # fmt: skip
             error.plot(time, table["beam_off_um"][rows], color=plots.ORANGE,
                        label="beam off the apex")  # fmt: skip
             error.set(ylabel="µm", xlabel="time, s")

@@ -65,20 +65,23 @@ def drawn(table: Table, axes: tuple[str, ...]) -> Figure:
     import matplotlib as mpl
 
     with mpl.rc_context(plots.STYLE):
-        drawing = plots.figure(9, 4.6)
+        drawing = plots.figure(9, 4.6 if len(axes) == 1 else 7)
         halves: Any = drawing.subfigures(1, 2, width_ratios=(1, 1.35))
         left, right = halves
         moved = np.atleast_1d(left.subplots(len(axes), 1, sharex=True))
         for panel, name in zip(moved, axes, strict=True):
             key = column(name)
             panel.plot(table["time_s"], table[f"true_{key}"], color=plots.INK, label="truth")
-            panel.plot(table["time_s"], table[key], ".", ms=2, color=plots.BLUE, label="estimate")
+            panel.plot(table["time_s"], table[key], ".", ms=2, color=plots.BLUE, label="estimate",
+                       rasterized=True)  # fmt: skip
             panel.set_ylabel(f"{name}, {unit_of(name)[0]}")
         moved[0].legend(loc="best", fontsize=7)
         moved[-1].set_xlabel("time, s")
         panels = right.subplots(3, 2, sharex=True)
         for panel, name in zip(panels.T.ravel(), POSE, strict=True):
-            panel.plot(table["time_s"], errors(table, name), ".", ms=1.5, color=plots.BLUE)
+            panel.plot(
+                table["time_s"], errors(table, name), ".", ms=1.5, color=plots.BLUE, rasterized=True
+            )
             panel.set_ylabel(f"error of {name}, {unit_of(name)[2]}", fontsize=7)
         for panel in panels[-1]:
             panel.set_xlabel("time, s")
