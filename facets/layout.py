@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .model import parameters
+from .model import parameters, sensor_with
 from .optics.forward import geometry, placed
 from .optics.gradient import linearised
 from .optics.rays import gradient_of_shift, reflect, slanted
@@ -172,24 +172,11 @@ def varied(sensor: Sensor, names: Sequence[str], x: Any) -> tuple[list[Any], lis
 def sensor_of(sensor: Sensor, names: Sequence[str], x: Floats) -> Sensor:
     """The sensor with the named variables at x. Raises `InputError` where that is none."""
     p, sizes = varied(sensor, names, x.tolist())
-    facets = [
-        replace(facet, inclination=p[i], azimuth=p[i + 1])
-        for facet, i in zip(sensor.facets, FACETS, strict=True)
-    ]
-    psds = [
-        replace(psd, radius=p[i], azimuth=p[i + 1], height=p[i + 2], roll=p[i + 3],
-                pitch=p[i + 4], yaw=p[i + 5])
-        for psd, i in zip(sensor.psds, PSDS, strict=True)
-    ]  # fmt: skip
-    if "size_mm" in names:
-        psds = [replace(psd, size_y=d, size_z=d) for psd, d in zip(psds, sizes, strict=True)]
-    beam = replace(sensor.beam, power=p[0], diameter_x=p[1], diameter_y=p[2])
-    return replace(
-        sensor,
-        beam=beam,
-        facets=(facets[0], facets[1], facets[2]),
-        psds=(psds[0], psds[1], psds[2]),
-    )
+    made = sensor_with(sensor, p)
+    if "size_mm" not in names:
+        return made
+    a, b, c = (replace(psd, size_y=d, size_z=d) for psd, d in zip(made.psds, sizes, strict=True))
+    return replace(made, psds=(a, b, c))
 
 
 def tangent(angle: Any) -> Any:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +26,16 @@ def parameters(sensor: Sensor) -> tuple[float, ...]:
     for psd in sensor.psds:
         values += [getattr(psd, name) for name in PSD]
     return tuple(float(value) for value in values)
+
+
+def sensor_with(sensor: Sensor, p: Sequence[float]) -> Sensor:
+    """The sensor with other values of its 30 parameters. Raises `InputError` where that is none."""
+    values = iter(p)
+    beam = replace(sensor.beam, **{name: next(values) for name in BEAM})
+    a, b, c = (replace(part, **{name: next(values) for name in FACET}) for part in sensor.facets)
+    stands: list[Any] = [{name: next(values) for name in PSD} for _ in sensor.psds]
+    d, e, f = (replace(part, **new) for part, new in zip(sensor.psds, stands, strict=True))
+    return replace(sensor, beam=beam, facets=(a, b, c), psds=(d, e, f))
 
 
 def geometry_of(sensor: Sensor) -> Geometry:

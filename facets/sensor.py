@@ -67,6 +67,29 @@ class Facet:
         )
 
 
+#: Powers of y and of z, in half sizes, in what is added to a place that a detector reads.
+MONOMIALS = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
+
+
+@dataclass(frozen=True)
+class Correction:
+    """What a calibration adds to what a detector reads.
+
+    power: share added to the power.  y, z: coefficients (mm) of `MONOMIALS` added to psi and zeta.
+    """
+
+    power: float = 0.0
+    y: tuple[float, ...] = (0.0,) * len(MONOMIALS)
+    z: tuple[float, ...] = (0.0,) * len(MONOMIALS)
+
+    def __post_init__(self) -> None:
+        _require_finite(self)
+        _require(self.power > -1, "correction of the power", self.power, "above -1")
+        for name in ("y", "z"):
+            count = len(getattr(self, name))
+            _require(count == len(MONOMIALS), f"correction {name}", count, "9 coefficients")
+
+
 @dataclass(frozen=True)
 class Psd:
     """A position-sensitive detector.
@@ -74,7 +97,7 @@ class Psd:
     radius, azimuth, height: its centre in cylinder coordinates of the world frame, mm, rad, mm.
     roll, pitch, yaw: its turn, R = Rz(yaw) Ry(pitch) Rx(roll), from the nominal orientation in
     which x points radially outward, z up and y = z cross x; rad.
-    size_y, size_z: its sensitive area, mm.
+    size_y, size_z: its sensitive area, mm.  correction: of what it reads.
     """
 
     radius: float = 250.0
@@ -85,6 +108,7 @@ class Psd:
     yaw: float = 0.0
     size_y: float = 13.0
     size_z: float = 13.0
+    correction: Correction = Correction()
 
     def __post_init__(self) -> None:
         _require_finite(self)
@@ -184,6 +208,23 @@ class Apertures:
         return self != Apertures()
 
 
+@dataclass(frozen=True)
+class Calibration:
+    """How well the sensor's parameters are known, after a calibration.
+
+    names: of parameters (`facets.PARAMETERS`) and of corrections (`correction.NAMES`).
+    covariance: (n, n) as nested tuples, in mm, rad, mW and shares.
+    """
+
+    names: tuple[str, ...]
+    covariance: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        size = len(self.names)
+        square = len(self.covariance) == size and all(len(row) == size for row in self.covariance)
+        _require(square, "size of the covariance", len(self.covariance), f"{size} x {size}")
+
+
 def _at_thirds(kind: type) -> tuple:
     return tuple(kind(azimuth=2 * pi * k / 3) for k in range(3))
 
@@ -193,6 +234,7 @@ class Sensor:
     """The whole sensor. `facets` and `psds` run A, B, C.
 
     electronics: if given, noise follows from it instead of from `noise`.
+    calibration: if given, its uncertainty is part of every pose's.
 
     Seen from above the facets follow each other counter-clockwise, each within half a turn of the
     one before: else they are not the sides of a pyramid with its point up.
@@ -204,6 +246,7 @@ class Sensor:
     noise: Noise = Noise()
     apertures: Apertures = Apertures()
     electronics: Electronics | None = None
+    calibration: Calibration | None = None
 
     def __post_init__(self) -> None:
         for k, letter in enumerate(DETECTORS):

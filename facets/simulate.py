@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .correction import uncorrected
 from .errors import InputError
 from .live.follow import followed
 from .model import on_detectors, readings
@@ -77,6 +78,7 @@ def read(sensor: Sensor, truth: Floats, noise: bool, rng: np.random.Generator) -
         share = sensor.electronics.power_noise * rng.standard_normal((len(exact), 1))
         exact[:, 2::3] *= 1 + share
     seen = add_noise(sensor, exact, rng) if noise else exact.copy()
+    seen = uncorrected(sensor, seen)
     seen[~np.repeat(reached, 3, axis=1)] = np.nan
     return seen, reached
 

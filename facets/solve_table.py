@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import tables
+from .correction import corrected
 from .errors import InputError
 from .names import DETECTORS, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from .solver import Prior, Solution, Status, solve
@@ -45,7 +46,7 @@ class Count:
 def solve_readings(
     sensor: Sensor, options: Solve, readings: Floats, place: Floats | None
 ) -> Solution:
-    """Solves readings (n, 9) as a config's `solve` block says.
+    """Solves readings (n, 9), as the detectors gave them, as a config's `solve` block says.
 
     A beam or a power that is known is known as well as the laser keeps it (`Electronics.pointing`,
     `power_noise`).
@@ -65,7 +66,7 @@ def solve_readings(
         beam = Prior(place[0] if len(place) == 1 else place, sigma)
     return solve(
         sensor,
-        readings,
+        corrected(sensor, readings),
         beam=beam,
         power=power_known(sensor, options),
         method=options.method,  # type: ignore[arg-type]

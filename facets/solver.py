@@ -59,6 +59,7 @@ class Solution:
     power: (...) of the beam, mW.  used: (..., 3) the detectors that took part.
     iterations: (...).  residual: (...) root of the weighted sum of squares left, in sigmas.
     covariance: (..., 8, 8) of the state, or None where not asked for; zero for what was known.
+    With `Sensor.calibration` that of the parameters is in it, the same in every sample.
     """
 
     state: Floats
@@ -246,6 +247,12 @@ def solve(
         )  # fmt: skip
 
     share(run, n, threads)
+    if covariance and sensor.calibration is not None:
+        from .inherited import covariances as inherited
+
+        covariances += inherited(
+            sensor, sensor.calibration, states[:, :8], used, todo.free, todo.weights
+        )
     return Solution(
         state=states[:, :8].reshape(*shape, 8),
         status=status.reshape(shape),

@@ -471,6 +471,7 @@ def test_a_landing_is_what_the_reflected_apex_ray_says():
 def numbers(node: dict) -> list[dict]:
     """The numbers that a key may hold, each with its range."""
     inner = [*node.get("anyOf", []), *node.get("prefixItems", [])]
+    inner += [node["items"]] if "items" in node else []
     own = [node] if node.get("type") in ("number", "integer") else []
     return own + [number for part in inner for number in numbers(part)]
 
@@ -504,6 +505,7 @@ def test_every_number_has_a_unit_in_its_name_or_is_a_count():
         "_ratio",
         "_hz",
         "_ppm",
+        "_percent",
         "_na",
         "_kohm",
         "_nv_rthz",

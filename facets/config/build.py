@@ -8,7 +8,7 @@ from typing import Any
 
 from ..rules import Rules
 from ..sensor import DETECTORS, Apertures, Electronics, Noise, Sensor
-from . import geometry
+from . import covariance, geometry
 from .keys import Document, Mirror, Psds
 from .values import (
     Acquire,
@@ -62,6 +62,9 @@ def sensor(keys: dict[str, Any]) -> Sensor:
         ),
         apertures=_apertures(keys["apertures"]),
         electronics=electronics(keys["electronics"]) if noise["model"] == "electronics" else None,
+        calibration=None
+        if keys["calibration"]["file"] is None
+        else covariance.read(Path(keys["calibration"]["file"])),
     )
 
 

@@ -6,10 +6,10 @@ from copy import deepcopy
 from math import pi
 from typing import Any
 
-from ..sensor import DETECTORS, Beam, Facet, Psd, Sensor
+from ..sensor import DETECTORS, Beam, Correction, Facet, Psd, Sensor
 
 #: How many of a key's unit make one of the code's.
-MM, MW, MRAD, DEG = 1.0, 1.0, 1000.0, 180 / pi
+MM, MW, MRAD, DEG, UM, PERCENT = 1.0, 1.0, 1000.0, 180 / pi, 1000.0, 100.0
 Keys = dict[str, tuple[tuple[str, ...], float]]
 #: Each key with the fields that it gives, and its unit; keys of two fields are lists.
 BEAM: Keys = {
@@ -40,8 +40,18 @@ def facets(keys: dict[str, Any]) -> tuple[Facet, Facet, Facet]:
 
 
 def psds(keys: dict[str, Any]) -> tuple[Psd, Psd, Psd]:
-    a, b, c = (Psd(**_fields(keys[letter], PSD)) for letter in DETECTORS)
+    a, b, c = (_psd(keys[letter]) for letter in DETECTORS)
     return a, b, c
+
+
+def _psd(keys: dict[str, Any]) -> Psd:
+    given: Any = _fields(keys, PSD)
+    return Psd(**given, correction=_correction(keys["correction"]))
+
+
+def _correction(keys: dict[str, Any]) -> Correction:
+    y, z = (tuple(um / UM for um in keys[key]) for key in ("y_um", "z_um"))
+    return Correction(keys["power_percent"] / PERCENT, y, z)
 
 
 def _fields(keys: dict[str, Any], table: Keys) -> dict[str, float]:
@@ -55,7 +65,7 @@ def _fields(keys: dict[str, Any], table: Keys) -> dict[str, float]:
 def written(keys: dict[str, Any], sensor: Sensor) -> dict[str, Any]:
     """The resolved `sensor` block with the sensor's geometry; what is unchanged stays as written.
 
-    Noise, electronics and apertures stay those of the block.
+    Noise, electronics, apertures and calibration stay those of the block.
     """
     new = deepcopy(keys)
     _write(new["beam"], beam(keys["beam"]), sensor.beam, BEAM)
@@ -63,6 +73,12 @@ def written(keys: dict[str, Any], sensor: Sensor) -> dict[str, Any]:
         _write(new["mirror"][letter], old, now, FACET)
     for letter, before, then in zip(DETECTORS, psds(keys["psd"]), sensor.psds, strict=True):
         _write(new["psd"][letter], before, then, PSD)
+        if then.correction != before.correction:
+            new["psd"][letter]["correction"] = {
+                "power_percent": PERCENT * then.correction.power,
+                "y_um": [UM * value for value in then.correction.y],
+                "z_um": [UM * value for value in then.correction.z],
+            }
     return new
 
 

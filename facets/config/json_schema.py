@@ -27,6 +27,7 @@ UNITS = {
     "v": "V",
     "k": "K",
     "ppm": "ppm",
+    "percent": "%",
     "s": "s",
     "ms": "ms",
     "mm_s": "mm/s",
@@ -143,6 +144,8 @@ def _words(node: dict[str, Any]) -> str:
         first = node["anyOf"][0]
         return f"one or two numbers{_range(first)}" if _numeric(first) else _words(first)
     kind = node.get("type")
+    if kind == "array" and "items" in node:
+        return f"a list of {node['minItems']} numbers{_range(node['items'])}"
     if kind == "array":
         return f"a list of two numbers{_range(node['prefixItems'][0])}"
     if kind in ("number", "integer"):

@@ -84,6 +84,17 @@ class Mirror(FacetShape):
     c: OneFacet = Field(OneFacet(), description="facet c alone")
 
 
+NINE = Annotated[list[Annotated[float, Field(ge=-1e4, le=1e4)]], Field(min_length=9, max_length=9)]
+
+
+class CorrectionKeys(Section):
+    """What is added to what a detector reads: y, z, y2, yz, z2, y3, y2z, yz2, z3 in half sizes."""
+
+    power_percent: float = Field(0.0, gt=-100, le=1000, description="added to the power")
+    y_um: NINE = Field([0.0] * 9, description="added to psi, times each of the nine")
+    z_um: NINE = Field([0.0] * 9, description="added to zeta, times each of the nine")
+
+
 class PsdShape(Section):
     radius_mm: float = Field(
         250.0, gt=0, le=MAX_LENGTH, description="of the centre from the z_w axis, R_PSD"
@@ -102,6 +113,9 @@ class PsdShape(Section):
     )
     size_mm: Lengths = Field(
         (13.0, 13.0), description="of the sensitive area; two for width (psi) and height (zeta)"
+    )
+    correction: CorrectionKeys = Field(
+        CorrectionKeys(), description="of what it reads; a calibration's"
     )
 
 
@@ -191,6 +205,13 @@ class Apertures(Section):
     )
 
 
+class CalibrationKeys(Section):
+    """The covariance of parameters that were calibrated."""
+
+    file: str | None = Field(None, description="CSV file of the covariance, path from this file")
+    sha256: str | None = Field(None, pattern="^[0-9a-f]{64}$", description="of that file")
+
+
 class SensorKeys(Section):
     """Beam, mirror, detectors and their noise."""
 
@@ -202,6 +223,9 @@ class SensorKeys(Section):
         Electronics(), description="for `noise.model: electronics`: what the noise comes from"
     )
     apertures: Apertures = Field(Apertures(), description="what cuts the light; off unless given")
+    calibration: CalibrationKeys = Field(
+        CalibrationKeys(), description="how well the parameters are known; from `facets calibrate`"
+    )
 
 
 class Coarsest(Section):

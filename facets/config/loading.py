@@ -59,6 +59,7 @@ def _resolved(tree: Marked) -> dict[str, Any]:
     problems = [
         *(_aperture_conflicts(tree, resolved["sensor"]) or aim.problems(resolved["sensor"], tree)),
         *_find_tables(tree, resolved["motions"]),
+        *_find_covariance(tree, resolved["sensor"]["calibration"]),
         *_method_conflicts(tree, resolved["solve"]),
         *_empty_bounds(tree, resolved["optimize"]["variables"]),
         *_layout_conflicts(tree, resolved["optimize"]),
@@ -83,6 +84,22 @@ def _find_tables(tree: Marked, motions: dict[str, Any]) -> list[str]:
             )
         keys["file"] = str(file.resolve())
     return problems
+
+
+def _find_covariance(tree: Marked, keys: dict[str, Any]) -> list[str]:
+    """Makes the path of the covariance absolute, and holds the file against its sum."""
+    if keys["file"] is None:
+        return []
+    mark, _ = tree.find(("sensor", "calibration", "file"))
+    file = mark.file.parent / Path(keys["file"]).expanduser()
+    where = f"{mark.place}: sensor.calibration.file: "
+    if not file.is_file():
+        return [f"{where}no such file (got {keys['file']!r}; looked for {shown(file)})"]
+    found = hashlib.sha256(file.read_bytes()).hexdigest()
+    if keys["sha256"] not in (None, found):
+        return [f"{where}{shown(file)} is not the file that was calibrated: its sha256 is {found}"]
+    keys["file"], keys["sha256"] = str(file.resolve()), found
+    return []
 
 
 def _aperture_conflicts(tree: Marked, sensor: dict[str, Any]) -> list[str]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..correction import corrected
 from ..counts import SATURATED, UNEQUAL, readings_of
 from ..solve_table import power_known
 from ..solver import Prior, Solution, Status, solve
@@ -75,6 +76,7 @@ class Pipeline:
         self.drift.add(1e-6 * time[-1], arrival)
         host = arrival - self.config.acquire.delay - 1e-6 * (time[-1] - time)
         readings, flags = self.readings(samples)
+        readings = corrected(self.config.sensor, readings)
         solution = self.solved(readings, host, encoder)
         flags |= np.where(samples.flags & OVERRUN, 4, 0).astype(np.uint8)
         self.count(solution, flags)

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..correction import uncorrected
 from ..counts import counts_of, xy_sum_of
 from ..errors import InputError
 from ..model import on_detectors, readings
@@ -280,7 +281,7 @@ class Bench:
         self, states: Floats, seq: NDArray[np.uint32], times: Floats, now: float
     ) -> Samples:
         sensor = self.config.sensor
-        exact = readings(sensor, states)
+        exact = uncorrected(sensor, readings(sensor, states))
         dark = ~np.repeat(on_detectors(sensor, exact), 3, axis=1)
         exact[:, 2::3] = np.where(dark[:, 2::3], 0.0, exact[:, 2::3])
         if self.happens("block", now):

@@ -1,0 +1,64 @@
+"""What detectors read, corrected: unequal gains, and places that are not linear.
+
+The model's readings are those of perfect detectors. What real ones read comes to it by way of
+`corrected`; a simulation goes the other way. The corrections are linear in their coefficients.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .model import half_sizes
+from .names import DETECTORS
+from .sensor import MONOMIALS, Correction, Sensor
+
+Floats = NDArray[np.float64]
+
+#: Of one detector: the power's share, then the coefficients of psi and of zeta.
+OF_ONE = ("power", *(f"{axis}{a}{b}" for axis in "yz" for a, b in MONOMIALS))
+#: Of all: "correction_a.power", "correction_a.y10", ...
+NAMES = tuple(f"correction_{letter}.{name}" for letter in DETECTORS for name in OF_ONE)
+
+
+def is_corrected(sensor: Sensor) -> bool:
+    return any(psd.correction != Correction() for psd in sensor.psds)
+
+
+def coefficients(sensor: Sensor) -> Floats:
+    """(57,) in the order of `NAMES`: shares and mm."""
+    parts = [(p.correction.power, *p.correction.y, *p.correction.z) for p in sensor.psds]
+    return np.array(parts).ravel()
+
+
+def slopes(sensor: Sensor, raw: Floats) -> Floats:
+    """What each coefficient adds to raw readings (n, 9), per unit: (n, 9, 57)."""
+    out = np.zeros((len(raw), 9, len(NAMES)))
+    count = len(MONOMIALS)
+    for k, half in enumerate(half_sizes(sensor)):
+        y, z = raw[:, 3 * k] / half[0], raw[:, 3 * k + 1] / half[1]
+        powers = np.stack([y**a * z**b for a, b in MONOMIALS], axis=1)
+        first = k * len(OF_ONE)
+        out[:, 3 * k + 2, first] = raw[:, 3 * k + 2]
+        out[:, 3 * k, first + 1 : first + 1 + count] = powers
+        out[:, 3 * k + 1, first + 1 + count : first + 1 + 2 * count] = powers
+    return out
+
+
+def corrected(sensor: Sensor, raw: Floats) -> Floats:
+    """Readings (n, 9) as perfect detectors would give them."""
+    if not is_corrected(sensor):
+        return raw
+    with np.errstate(over="ignore", invalid="ignore"):  # a spoilt reading can be anything
+        fixed: Floats = raw + slopes(sensor, raw) @ coefficients(sensor)
+    return fixed
+
+
+def uncorrected(sensor: Sensor, exact: Floats) -> Floats:
+    """What the detectors read (n, 9) where perfect ones would give `exact`."""
+    if not is_corrected(sensor):
+        return exact
+    raw = exact.copy()
+    for _ in range(30):  # corrections of some per cent: two digits a step
+        raw -= corrected(sensor, raw) - exact
+    return raw
