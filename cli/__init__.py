@@ -13,6 +13,7 @@ from facets.errors import FacetsError
 from . import config
 from .acquire import acquire
 from .bench import bench
+from .calibrate import calibrate
 from .console import message
 from .emulate import emulate
 from .explore import explore
@@ -69,6 +70,7 @@ app.command()(solve)
 app.command("range-map")(range_map)
 app.command()(resolution)
 app.command()(jacobian)
+app.command()(calibrate)
 app.command()(optimize)
 app.command()(explore)
 app.command()(acquire)

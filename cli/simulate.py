@@ -44,6 +44,10 @@ def simulate(
     track: Annotated[
         bool, typer.Option("--track", help="The config's stage carries the beam after the mirror.")
     ] = False,
+    reference: Annotated[
+        bool,
+        typer.Option("--reference", help="Beside the readings, what a reference says."),
+    ] = False,
     table: Annotated[TableKind, typer.Option(help="Kind of the tables.")] = TableKind.csv,
     plot: Annotated[PlotKind, typer.Option(help="Kind of the picture.")] = PlotKind.png,
 ) -> None:
@@ -66,7 +70,9 @@ def simulate(
     segments = study.simulate(settings, motion or [], noise, seed, track)
     drawn = settings.seed if seed is None else seed
     about = record.about(settings, drawn)
-    tables.write_table(readings, study.reading_table(segments), about)
+    beside = settings.calibrate.reference if reference else [float("inf")] * 6
+    columns = study.reading_table(segments) | study.reference_columns(segments, beside, drawn)
+    tables.write_table(readings, columns, about)
     tables.write_table(poses, study.pose_table(segments), about)
     plots.save(plots.motion_picture(segments), picture)
     seconds = time.perf_counter() - start

@@ -44,6 +44,14 @@ def covariances(
     return out
 
 
+def by_parameters(sensor: Sensor, known: Calibration, states: Floats, seen: Floats) -> Floats:
+    """How far model and reading part for each unit of what was calibrated: (n, 9, p)."""
+    places = [(*PARAMETERS, *NAMES).index(name) for name in known.names]
+    every = np.concatenate([parameter_jacobian(sensor, states), -slopes(sensor, seen)], axis=2)
+    parted: Floats = every[:, :, places]
+    return parted
+
+
 def of_part(
     sensor: Sensor,
     known: Calibration,
@@ -58,9 +66,7 @@ def of_part(
     by_state[:, :, :8] = jacobian(sensor, states)
     by_state[:, 2::3, 8] = seen[:, 2::3] / sensor.beam.power
     rows = np.nan_to_num(by_state[:, :, free] * weigh[:, :, None])
-    places = [(*PARAMETERS, *NAMES).index(name) for name in known.names]
-    every = np.concatenate([parameter_jacobian(sensor, states), -slopes(sensor, seen)], axis=2)
-    off = np.nan_to_num(every[:, :, places] * weigh[:, :, None])
+    off = np.nan_to_num(by_parameters(sensor, known, states, seen) * weigh[:, :, None])
     before = np.zeros(9)
     before[6:] = weights**2
     units = np.array([1e-3] * 3 + [1e-6] * 3 + [1e-3] * 3)[free]
@@ -69,7 +75,7 @@ def of_part(
     good = np.isfinite(states).all(axis=1)
     inner[~good] = np.eye(len(free))
     moved = np.linalg.solve(inner, np.swapaxes(rows, 1, 2) @ off) * units[:, None]
-    whole = np.zeros((len(states), 9, len(places)))
+    whole = np.zeros((len(states), 9, len(known.names)))
     whole[:, free] = moved
     whole[~good] = 0.0
     added: Floats = whole @ np.array(known.covariance) @ np.swapaxes(whole, 1, 2)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError
+from .inherited import by_parameters
 from .model import jacobian, readings
 from .noise import sources as noise_sources
 from .noise import variances
@@ -51,7 +52,7 @@ def estimators(beam_sigma: float) -> list[Estimator]:
 
 def sources(sensor: Sensor) -> tuple[str, ...]:
     """What an uncertainty comes from: the columns of a budget."""
-    return (*noise_sources(sensor), "beam position")
+    return (*noise_sources(sensor), "beam position", *["calibration"] * bool(sensor.calibration))
 
 
 def budgets(sensor: Sensor, states: Floats, how: Estimator) -> Floats:
@@ -72,11 +73,17 @@ def budgets(sensor: Sensor, states: Floats, how: Estimator) -> Floats:
     rows = with_beam(rows, how.beam)
     units = np.array([1e-3] * 3 + [1e-6] * 3 + [1e-3] * (rows.shape[2] - 6))
     gain = np.linalg.pinv(rows * units, rcond=1e-15) * units[None, :, None]
-    out = np.full((len(states), 6, parts.shape[-1] + 1), np.nan)
+    out = np.full((len(states), 6, len(sources(sensor))), np.nan)
     square, read = gain[:, :6] ** 2, 9 - how.eight
     share = parts[known][:, :read] / sigma[known][:, :read, None] ** 2
-    out[known, :, :-1] = square[:, :, :read] @ share
-    out[known, :, -1] = square[:, :, read:].sum(axis=2)
+    count = parts.shape[-1]
+    out[known, :, :count] = square[:, :, :read] @ share
+    out[known, :, count] = square[:, :, read:].sum(axis=2)
+    if sensor.calibration is not None:
+        off = by_parameters(sensor, sensor.calibration, states[known], reading[known])
+        moved = gain[:, :6, :read] @ (off[:, :read] / sigma[known][:, :read, None])
+        cross = moved @ np.array(sensor.calibration.covariance)
+        out[known, :, -1] = (cross * moved).sum(axis=2)
     return out
 
 

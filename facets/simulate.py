@@ -175,6 +175,23 @@ def reading_table(segments: Sequence[Segment]) -> dict[str, Any]:
     return columns | {name: place[:, i] for i, name in enumerate(STATE_COLUMNS[6:])}
 
 
+def reference_columns(
+    segments: Sequence[Segment], sigma: Sequence[float], seed: int
+) -> dict[str, Any]:
+    """What a reference beside the sensor says of the poses, for `facets calibrate`.
+
+    sigma: (6,) its standard uncertainty, mm and rad; an axis that it does not measure is infinite.
+    """
+    rng = np.random.default_rng([seed, 6])
+    truth = np.concatenate([segment.truth[:, :6] for segment in segments])
+    noise = rng.standard_normal(truth.shape)
+    return {
+        f"ref_{STATE_COLUMNS[n]}": (truth[:, n] + sigma[n] * noise[:, n]) / STATE_UNITS[n]
+        for n in range(6)
+        if np.isfinite(sigma[n])
+    }
+
+
 def pose_table(segments: Sequence[Segment]) -> dict[str, Any]:
     """True states, estimates and their uncertainties of all segments as columns."""
     truth = np.concatenate([segment.truth for segment in segments]) / STATE_UNITS

@@ -75,6 +75,7 @@ def test_schema_is_json(tmp_path):
         "acquire",
         "stage",
         "optimize",
+        "calibrate",
     }
 
 
@@ -82,7 +83,7 @@ def test_list_names_what_is_shipped(tmp_path):
     lines = facets("config", "list", cwd=tmp_path).stdout.splitlines()
     assert [line.split(":")[0] for line in lines] == [
         "bench", "catalogue", "fig4", "layout", "paper", "parts",
-        "singular", "skewed", "tilt-stage",
+        "rig", "singular", "skewed", "tilt-stage",
     ]  # fmt: skip
 
 

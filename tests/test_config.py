@@ -371,14 +371,14 @@ def test_yaml_1_2_numbers_and_words(write):
             "papr",
             [
                 "did you mean 'paper'",
-                "shipped: bench, catalogue, fig4, layout, paper, parts, singular",
+                "shipped: bench, catalogue, fig4, layout, paper, parts, rig, singular",
             ],
         ),
         (
             "nothere.yaml",
             [
                 "no such file",
-                "shipped: bench, catalogue, fig4, layout, paper, parts, singular",
+                "shipped: bench, catalogue, fig4, layout, paper, parts, rig, singular",
             ],
         ),
         (".", ["folder"]),
@@ -493,7 +493,14 @@ def test_every_key_of_the_schema_has_a_description_and_every_number_a_range():
 def test_every_number_has_a_unit_in_its_name_or_is_a_count():
     counts = {"steps", "samples_per_step", "samples", "seed", "max_steps"}
     counts |= {"snr", "condition", "adc_bits", "baud", "gain", "integral", "dark_counts", "starts"}
-    counts |= {"price", "resolution", "mean_resolution", "range", "size"}  # prices and weights
+    counts |= {
+        "outliers",
+        "price",
+        "resolution",
+        "mean_resolution",
+        "range",
+        "size",
+    }  # prices and weights
     units = (
         "_mm",
         "_um",

@@ -12,6 +12,7 @@ from . import covariance, geometry
 from .keys import Document, Mirror, Psds
 from .values import (
     Acquire,
+    Calibrate,
     LaserPart,
     Layout,
     Motion,
@@ -39,13 +40,21 @@ def _singles(common: Mirror | Psds) -> dict[str, Any]:
     """a, b and c in full: their own keys, else the common ones, else the nominal azimuth."""
     shared = common.model_dump(mode="json", exclude=set(DETECTORS))
     return {
-        name: {
-            **shared,
-            "azimuth_deg": 120.0 * k,
-            **getattr(common, name).model_dump(mode="json", exclude_unset=True),
-        }
+        name: _laid(
+            {**shared, "azimuth_deg": 120.0 * k},
+            getattr(common, name).model_dump(mode="json", exclude_unset=True),
+        )
         for k, name in enumerate(DETECTORS)
     }
+
+
+def _laid(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """`above` over `below`, key by key, block by block."""
+    blocks = {
+        key: _laid(below[key], value) if isinstance(value, dict) else value
+        for key, value in above.items()
+    }
+    return {**below, **blocks}
 
 
 def sensor(keys: dict[str, Any]) -> Sensor:
@@ -167,6 +176,17 @@ def layout(keys: dict[str, Any]) -> Layout:
         following=keys["beam"] == "following",
         starts=keys["starts"],
         seed=keys["seed"],
+    )
+
+
+def calibrate(keys: dict[str, Any]) -> Calibrate:
+    units = (*[1e-3] * 3, *[1e-6] * 3)
+    sigmas = zip(keys["reference"].values(), units, strict=True)
+    return Calibrate(
+        reference=tuple(inf if value is None else value * unit for value, unit in sigmas),
+        before={name: value for name, value in keys["before"].items() if value is not None},
+        held_back=keys["held_back_percent"] / 100,
+        outliers=keys["outliers"],
     )
 
 

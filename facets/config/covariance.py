@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
+from ..correction import NAMES
 from ..errors import InputError
+from ..optics.parameters import PARAMETERS
 from ..sensor import Calibration
 
 
@@ -18,6 +20,9 @@ def read(path: Path) -> Calibration:
             rows = tuple(tuple(float(value) for value in line) for line in lines)
         except (StopIteration, ValueError) as error:
             raise InputError(f"{path}: not a covariance: {error}") from None
+    unknown = [name for name in names if name not in (*PARAMETERS, *NAMES)]
+    if unknown:
+        raise InputError(f"{path}: not a parameter of the sensor: {', '.join(unknown)}")
     try:
         return Calibration(names, rows)
     except InputError as error:

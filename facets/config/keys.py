@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field
 
+from .calibrate_keys import Calibrate
 from .layout_keys import Optimize
 from .live_keys import Acquire, Stage
 from .motion_keys import Motions
@@ -302,4 +303,5 @@ class Document(Section):
     acquire: Acquire = Field(Acquire(), description="the detector board's stream")
     stage: Stage = Field(Stage(), description="the stage that carries the beam")
     range: RangeKeys = Field(RangeKeys(), description="what counts as the measurement range")
+    calibrate: Calibrate = Field(Calibrate(), description="what `facets calibrate` takes and finds")
     optimize: Optimize = Field(Optimize(), description="what `facets optimize` looks for")

@@ -39,6 +39,7 @@ def load(name_or_path: str | Path) -> Config:
         electronics=build.electronics(resolved["sensor"]["electronics"]),
         range=build.range_(resolved["range"]),
         layout=build.layout(resolved["optimize"]),
+        calibrate=build.calibrate(resolved["calibrate"]),
         resolved=resolved,
         sha256=fingerprint(resolved),
     )
@@ -56,10 +57,11 @@ def _resolved(tree: Marked) -> dict[str, Any]:
     except ValidationError as error:
         raise ConfigError("\n".join(messages(error, tree))) from None
     resolved = build.resolve(document)
+    if lost := _find_covariance(tree, resolved["sensor"]["calibration"]):
+        raise ConfigError("\n".join(lost))  # without it there is no sensor to look at
     problems = [
         *(_aperture_conflicts(tree, resolved["sensor"]) or aim.problems(resolved["sensor"], tree)),
         *_find_tables(tree, resolved["motions"]),
-        *_find_covariance(tree, resolved["sensor"]["calibration"]),
         *_method_conflicts(tree, resolved["solve"]),
         *_empty_bounds(tree, resolved["optimize"]["variables"]),
         *_layout_conflicts(tree, resolved["optimize"]),

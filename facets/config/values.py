@@ -190,6 +190,20 @@ class Layout:
 
 
 @dataclass(frozen=True)
+class Calibrate:
+    """What a calibration takes; see the keys of `calibrate`.
+
+    reference: (6,) mm and rad, infinite where an axis is not measured.  before: by key, in its
+    unit; what stays is not there.  held_back: share of the samples.
+    """
+
+    reference: tuple[float, ...]
+    before: dict[str, float]
+    held_back: float
+    outliers: float | None
+
+
+@dataclass(frozen=True)
 class Config:
     """A checked configuration.
 
@@ -211,5 +225,6 @@ class Config:
     electronics: Electronics
     range: Rules
     layout: Layout
+    calibrate: Calibrate
     resolved: dict[str, Any]
     sha256: str

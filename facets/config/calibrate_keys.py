@@ -1,0 +1,60 @@
+"""The keys of a calibration: how well its reference and the sensor are known before."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from .section import MAX_LENGTH, Section
+
+
+class Reference(Section):
+    """Standard uncertainty of what the reference says; an axis that it does not measure is null."""
+
+    tx_um: float | None = Field(0.1, gt=0, le=1e6, description="of tx")
+    ty_um: float | None = Field(0.1, gt=0, le=1e6, description="of ty")
+    tz_um: float | None = Field(0.1, gt=0, le=1e6, description="of tz")
+    roll_urad: float | None = Field(0.5, gt=0, le=1e6, description="of roll")
+    pitch_urad: float | None = Field(0.5, gt=0, le=1e6, description="of pitch")
+    yaw_urad: float | None = Field(0.5, gt=0, le=1e6, description="of yaw")
+
+
+class Before(Section):
+    """Standard uncertainties before, from tolerances; what is null stays as it is."""
+
+    psd_place_mm: float | None = Field(
+        0.2, gt=0, le=MAX_LENGTH, description="of each PSD's centre, along each direction"
+    )
+    psd_turn_mrad: float | None = Field(3.0, gt=0, le=1000, description="of each PSD's three turns")
+    facet_mrad: float | None = Field(
+        1.5, gt=0, le=1000, description="of each facet's inclination and azimuth"
+    )
+    beam_tilt_mrad: float | None = Field(1.5, gt=0, le=1000, description="of the beam's two tilts")
+    beam_diameter_percent: float | None = Field(
+        None, gt=0, le=100, description="of the beam's two diameters"
+    )
+    power_percent: float | None = Field(2.0, gt=0, le=100, description="of each PSD's gain")
+    scale_percent: float | None = Field(
+        2.0, gt=0, le=100, description="of each PSD's scales along y and z"
+    )
+    bend_um: float | None = Field(
+        None, gt=0, le=10_000, description="of each PSD's second and third order, at its edge"
+    )
+    lever_mm: float | None = Field(
+        50.0, gt=0, le=MAX_LENGTH, description="of the apex from the reference's pivot"
+    )
+    apex_mm: float | None = Field(
+        0.1, gt=0, le=MAX_LENGTH, description="of the apex from the beam, the reference at zero"
+    )
+
+
+class Calibrate(Section):
+    """What `facets calibrate` takes and finds."""
+
+    reference: Reference = Field(Reference(), description="how well it knows the motion")
+    before: Before = Field(Before(), description="how well the sensor is known")
+    held_back_percent: float = Field(
+        20.0, ge=0, le=90, description="of the samples, on which the result is tried"
+    )
+    outliers: float | None = Field(
+        3.0, gt=0, le=100, description="standard deviations beyond which a reading weighs less"
+    )

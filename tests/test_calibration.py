@@ -1,0 +1,368 @@
+"""Calibrations: derivatives and algebra against plain ones, hidden rigs found, honest words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from facets.experiments import rigs
+from scipy.spatial.transform import Rotation
+
+import facets
+from facets import calibration as study
+from facets.calibration import ALL, MOUNTING, OWN_UNITS, Choice, Data, fit, linear, states_of
+from facets.correction import NAMES, coefficients, corrected, slopes, uncorrected
+from facets.errors import ConfigError, InputError
+from facets.identify import information, mean_left, proposed, told_by, weak
+from facets.model import parameters, sensor_with
+from facets.resolution import Estimator, uncertainties
+
+from .sensors import SENSORS
+from .test_cli_jacobian import facets as command
+
+NOMINAL = facets.Sensor()
+EVERY = Choice(ALL, np.ones(len(ALL)))
+
+
+def some_rig(seed=3, count=60):
+    rng = np.random.default_rng(seed)
+    rig = rigs.drawn(NOMINAL, rng)
+    data, state = rigs.moved(rig, count, rng)
+    return rig, data, state
+
+
+# ---- corrections
+
+
+def test_corrections_go_both_ways():
+    rig, data, _ = some_rig()
+    bent = tuple(0.01 * n for n in range(1, 10))
+    psds = [replace(p, correction=replace(p.correction, y=bent)) for p in rig.sensor.psds]
+    sensor = replace(rig.sensor, psds=(psds[0], psds[1], psds[2]))
+    back = uncorrected(sensor, corrected(sensor, data.raw))
+    np.testing.assert_allclose(back, data.raw, atol=1e-12)
+    assert not np.allclose(corrected(sensor, data.raw), data.raw, atol=1e-3)
+    whole = data.raw + slopes(sensor, data.raw) @ coefficients(sensor)
+    np.testing.assert_allclose(corrected(sensor, data.raw), whole)
+
+
+def test_a_scale_and_a_gain_mean_what_they_say():
+    psd = replace(NOMINAL.psds[0], correction=facets.sensor.Correction(
+        power=0.02, y=(0.065, *[0.0] * 8)))  # fmt: skip
+    sensor = replace(NOMINAL, psds=(psd, *NOMINAL.psds[1:]))
+    raw = facets.readings(NOMINAL, np.array([[0.02, 0.01, 0.1, 1e-3, 2e-3, 5e-3, 0, 0]]))
+    fixed = corrected(sensor, raw)
+    np.testing.assert_allclose(fixed[0, :3] / raw[0, :3], [1.01, 1.0, 1.02], rtol=1e-12)
+    np.testing.assert_array_equal(fixed[:, 3:], raw[:, 3:])
+
+
+@pytest.mark.parametrize("name", ["paper", "skewed0"])
+def test_a_sensor_is_its_parameters(name):
+    sensor = SENSORS[name]
+    assert sensor_with(sensor, parameters(sensor)) == sensor
+
+
+# ---- the pieces of the fit
+
+
+def test_the_mirror_is_carried_as_a_rigid_body():
+    """By SciPy's rotations: t = t_s + (R - 1) lever + apex, R = Rz Ry Rx."""
+    rng = np.random.default_rng(1)
+    pose = rng.uniform(-0.3, 0.3, (20, 6))
+    mounting = rng.uniform(-5, 5, 5)
+    data = Data(np.zeros((20, 9)), pose, np.ones(6), np.zeros((20, 2)))
+    state = states_of(data, np.zeros((20, 6)), mounting)
+    turn = Rotation.from_euler("ZYX", pose[:, [5, 4, 3]])
+    place = pose[:, :3] + turn.apply(mounting[:3]) - mounting[:3]
+    place[:, :2] += mounting[3:]
+    np.testing.assert_allclose(state[:, :3], place, atol=1e-13)
+    np.testing.assert_array_equal(state[:, 3:6], pose[:, 3:])
+
+
+def test_derivatives_are_those_of_differences():
+    """Every one of the 92 unknowns and the six of each pose, by central differences."""
+    rig, data, _ = some_rig(count=4)
+    opening = np.full((4, 6), 1e-4)
+    found = linear(rig.sensor, data, opening, rig.values, EVERY)
+    weights = facets.noise.standard_deviations(rig.sensor, corrected(rig.sensor, data.raw))
+
+    def left(values, wider):
+        """Weighed alike: the weights are not what is differentiated."""
+        sensor = study.assigned(NOMINAL, values)
+        state = states_of(data, wider, values[-len(MOUNTING) :])
+        return (corrected(sensor, data.raw) - facets.readings(sensor, state)) / weights
+
+    for n, name in enumerate(ALL):
+        step = np.zeros(len(ALL))
+        step[n] = 1e-6
+        slope = (left(rig.values - step, opening) - left(rig.values + step, opening)) / 2e-6
+        scale = np.abs(slope).max() + 1
+        np.testing.assert_allclose(found.common[:, :, n], slope, atol=2e-5 * scale, err_msg=name)
+    for n in range(6):
+        step = np.zeros((4, 6))
+        step[:, n] = 1e-3 * OWN_UNITS[n]
+        slope = (left(rig.values, opening - step) - left(rig.values, opening + step)) / 2e-3
+        scale = np.abs(slope).max() + 1
+        np.testing.assert_allclose(found.own[:, :, n], slope, atol=1e-4 * scale)
+
+
+def test_elimination_gives_what_the_whole_system_gives():
+    """Against the dense normal equations of all unknowns together."""
+    _, data, _ = some_rig(count=7)
+    data = data._replace(sigma=np.array([1e-4, 1e-4, np.inf, 5e-7, np.inf, 5e-7]))
+    choice = rigs.choice()
+    values = np.concatenate([parameters(NOMINAL), coefficients(NOMINAL), np.zeros(5)])
+    opening = np.zeros((7, 6))
+    found = linear(NOMINAL, data, opening, values, choice)
+    normal = study.eliminated(found, np.ones((7, 9)), opening, data.sigma)
+    size = len(choice.names)
+    prior = 1 / choice.sigma**2
+    step = np.linalg.solve(normal.matrix + np.diag(prior), normal.side)
+    rows = np.zeros((7 * 9, size + 42))
+    rows[:, :size] = found.common.reshape(-1, size)
+    for n in range(7):
+        rows[9 * n : 9 * n + 9, size + 6 * n : size + 6 * n + 6] = found.own[n]
+    known = np.where(np.isfinite(data.sigma), OWN_UNITS / data.sigma, 1e-9)
+    extra = np.diag(np.concatenate([1 / choice.sigma, np.tile(known, 7)]))
+    side = np.concatenate([found.residual.ravel(), np.zeros(size + 42)])
+    whole, *_ = np.linalg.lstsq(np.concatenate([rows, extra]), side, rcond=None)
+    np.testing.assert_allclose(step / choice.sigma, whole[:size] / choice.sigma, atol=1e-6)
+    own = normal.back[:, :, -1] - normal.back[:, :, :-1] @ step
+    np.testing.assert_allclose(own.ravel(), whole[size:], atol=1e-4 * np.abs(whole[size:]).max())
+
+
+# ---- what comes of it
+
+
+@pytest.fixture(scope="module")
+def calibrated():
+    """Four rigs of `experiments/rigs.py`, which has twenty."""
+    return [rigs.tried(seed, 300) for seed in range(4)]
+
+
+def test_poses_are_as_fine_as_by_a_rig_that_is_known(calibrated):
+    for _, found, rows in calibrated:
+        assert found.ended
+        before, after, perfect = rows
+        assert (after < 1.3 * perfect).all()
+        assert (before[2:] > 10 * after[2:]).all()
+
+
+def test_stated_uncertainties_of_the_parameters_are_honest(calibrated):
+    """160 of them: 95 % inside is 152 +- 3, not all independent."""
+    off = [(found.values - rig.values[found.choice.places]) / found.uncertainty
+           for rig, found, _ in calibrated]  # fmt: skip
+    inside = np.abs(np.concatenate(off)) < 1.96
+    assert 0.9 < inside.mean() < 0.995
+
+
+def test_stated_uncertainties_of_poses_have_the_calibration_in_them():
+    """A rig calibrated by few samples: the errors left are larger than the noise alone says."""
+    ratios, bare = [], []
+    for seed in range(6):
+        rng = np.random.default_rng(seed + 50)
+        rig = rigs.drawn(NOMINAL, rng)
+        data, _ = rigs.moved(rig, 12, rng)
+        found = fit(NOMINAL, data, rigs.choice())
+        fresh, state = rigs.moved(rig, 300, rng)
+        for sensor, kept in (
+            (found.sensor, ratios),
+            (replace(found.sensor, calibration=None), bare),
+        ):
+            solution = facets.solve(sensor, corrected(sensor, fresh.raw), beam="known")
+            kept.append((solution.state - state)[:, :6] / solution.uncertainty[:, :6])
+    honest, short = (np.sqrt(np.nanmean(np.concatenate(kept) ** 2)) for kept in (ratios, bare))
+    assert 0.75 < honest < 1.3
+    assert short > 1.3 * honest
+
+
+def test_the_budget_of_a_resolution_has_the_same_part():
+    _, data, _ = some_rig(count=20)
+    found = fit(NOMINAL, data, rigs.choice())
+    state = np.zeros((1, 8))
+    with_it = uncertainties(found.sensor, state, Estimator("", 0.0))[0]
+    without = uncertainties(replace(found.sensor, calibration=None), state, Estimator("", 0.0))[0]
+    reading = facets.readings(found.sensor, state)
+    solved = facets.solve(found.sensor, reading, beam="known").uncertainty[0, :6]
+    np.testing.assert_allclose(with_it, solved, rtol=1e-6)
+    assert (with_it > without).all()
+
+
+def test_outliers_count_less():
+    rig, data, _ = some_rig(seed=8, count=300)
+    rng = np.random.default_rng(2)
+    hit = rng.random(300) < 0.05
+    data.raw[hit, 0] += 0.3
+    robust, plain = (fit(NOMINAL, data, rigs.choice(), limit) for limit in (3.0, None))
+    fresh, state = rigs.moved(rig, 1000, rng)
+    perfect, good, bad = (
+        rigs.rms(rigs.errors(sensor, fresh, state))
+        for sensor in (rig.sensor, robust.sensor, plain.sensor)
+    )
+    assert (good < 1.3 * perfect).all()
+    assert (bad > 1.5 * perfect).any()
+    assert robust.weights[hit, 0].max() < 0.5
+
+
+def test_a_missing_detector_is_no_obstacle():
+    rig, data, _ = some_rig(count=200)
+    data.raw[::4, 3:6] = np.nan
+    found = fit(NOMINAL, data, rigs.choice())
+    fresh, state = rigs.moved(rig, 500, np.random.default_rng(4))
+    ratio = rigs.rms(rigs.errors(found.sensor, fresh, state)) / rigs.rms(
+        rigs.errors(rig.sensor, fresh, state)
+    )
+    assert (ratio < 1.3).all()
+
+
+def test_bent_detectors_are_straightened():
+    """Second and third order of 30 um at the edge, found from the same data."""
+    rng = np.random.default_rng(6)
+    bend = {f"correction_{k}.{a}{p}": 0.03 for k in "abc" for a in "yz"
+            for p in ("20", "11", "02", "30", "21", "12", "03")}  # fmt: skip
+    values = np.concatenate([parameters(NOMINAL), coefficients(NOMINAL), np.zeros(5)])
+    for name in bend:
+        values[ALL.index(name)] = rng.uniform(-0.03, 0.03)
+    rig = rigs.Rig(study.assigned(NOMINAL, values), values)
+    data, _ = rigs.moved(rig, 600, rng)
+    names = {**rigs.hidden(), **bend}
+    found = fit(NOMINAL, data, Choice(tuple(names), np.array(list(names.values()))))
+    fresh, state = rigs.moved(rig, 1000, rng)
+    before, after, perfect = (
+        rigs.rms(rigs.errors(sensor, fresh, state))
+        for sensor in (NOMINAL, found.sensor, rig.sensor)
+    )
+    assert (after < 1.3 * perfect).all()
+    assert (before[3:] > 1.5 * after[3:]).all()
+
+
+# ---- what a motion tells
+
+
+@pytest.mark.parametrize(
+    ("lost", "words"),
+    [
+        ((3, 4, 5), "turning all facets about z, as yaw does"),
+        ((3, 4, 5), "tilting all facets about x, as roll does"),
+        ((2,), "raising all PSDs"),
+    ],
+)
+def test_what_cannot_be_told_is_named(lost, words):
+    _, data, _ = some_rig(count=150)
+    sigma = rigs.REFERENCE.copy()
+    sigma[list(lost)] = np.inf
+    choice = rigs.choice()
+    found = weak(information(NOMINAL, data._replace(sigma=sigma), choice), choice, NOMINAL)
+    untold = {direction.words for direction in found if direction.information < 1e-3}
+    assert words in untold
+    whole = weak(information(NOMINAL, data, choice), choice, NOMINAL)
+    assert words not in {direction.words for direction in whole if direction.information < 1e-3}
+
+
+def test_proposed_poses_tell_more_than_random_ones():
+    rng = np.random.default_rng(5)
+    poses = rng.uniform(-1, 1, (400, 6)) * rigs.BOX
+    choice = rigs.choice()
+    chosen, left = proposed(NOMINAL, choice, rigs.REFERENCE, poses, 10)
+    assert (np.diff(left) < 0).all()
+    for part in (poses[10 * n : 10 * n + 10] for n in range(5)):
+        rows = told_by(NOMINAL, choice, rigs.REFERENCE, part).reshape(-1, len(choice.names))
+        assert mean_left(np.eye(rows.shape[1]) + rows.T @ rows) > 1.05 * left[-1]
+    rows = told_by(NOMINAL, choice, rigs.REFERENCE, poses[chosen]).reshape(-1, len(choice.names))
+    assert left[-1] == pytest.approx(mean_left(np.eye(rows.shape[1]) + rows.T @ rows), rel=1e-6)
+
+
+def test_too_little_is_an_error():
+    _, data, _ = some_rig(count=1)
+    with pytest.raises(InputError, match="two samples"):
+        fit(NOMINAL, data, rigs.choice())
+
+
+# ---- the command
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("rig")
+    made = command(
+        "simulate", "rig", "--motion", "calibration", "--reference", "-o", "rig", cwd=folder
+    )
+    assert made.returncode == 0, made.stderr
+    result = command("calibrate", "paper", "rig/readings.csv", "-o", "mine.yaml", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    return folder, result.stdout
+
+
+def test_the_command_finds_the_rig(run):
+    folder, told = run
+    assert "left to what was known before" in told
+    mine, rig = facets.load(folder / "mine.yaml").sensor, facets.load("rig").sensor
+    assert mine.beam.tilt_x == pytest.approx(rig.beam.tilt_x, abs=3e-5)
+    for found, true in zip(mine.psds, rig.psds, strict=True):
+        assert found.radius == pytest.approx(true.radius, abs=0.12)
+        assert found.correction.power == pytest.approx(true.correction.power, abs=4e-4)
+    assert mine.calibration is not None
+    assert set(mine.calibration.names) <= {*facets.PARAMETERS, *NAMES}
+    assert (folder / "mine.png").stat().st_size > 10_000
+
+
+def test_every_command_takes_the_calibrated_rig(run):
+    """Raw readings of another motion: as fine as by the rig itself, with honest uncertainties."""
+    folder, _ = run
+    command("simulate", "rig", "--motion", "trial", "-o", "trial", cwd=folder)
+    arguments = ("mine.yaml", "trial/readings.csv", "-o", "trial.csv", "--beam", "known")
+    solved = command("solve", *arguments, cwd=folder)
+    assert solved.returncode == 0, solved.stderr
+    import pandas as pd
+
+    found = pd.read_csv(folder / "trial.csv", comment="#")
+    truth = pd.read_csv(folder / "trial" / "poses.csv", comment="#")
+    for name in ("tz_mm", "roll_mrad", "yaw_mrad"):
+        off = (found[name] - truth[f"true_{name}"]) / found[f"u_{name}"]
+        assert 0.8 < np.sqrt((off**2).mean()) < 1.3
+    again = command("simulate", "mine.yaml", "--motion", "x-steps", "-o", "again", cwd=folder)
+    assert again.returncode == 0, again.stderr
+    fine = command("resolution", "mine.yaml", "-o", "fine", cwd=folder)
+    assert fine.returncode == 0, fine.stderr
+
+
+def test_the_command_proposes_poses(run):
+    folder, _ = run
+    result = command("calibrate", "paper", "--propose", "5", "-o", "poses.csv", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    assert (folder / "poses.csv").read_text().count("\n") == 11
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("paper",), "DATA is missing"),
+        (("paper", "nowhere.csv"), "no such file"),
+        (("paper", "trial.csv", "-o", "new.yaml"), "missing columns: psi_a_mm"),
+        (("paper", "rig/readings.csv", "-o", "mine.yaml"), "--force"),
+        (("paper", "rig/readings.csv", "-o", "mine.txt"), "ends in .yaml"),
+    ],
+)
+def test_what_is_wrong_is_told(run, arguments, words):
+    folder, _ = run
+    (folder / "trial.csv").write_text("a\n1\n")
+    result = command("calibrate", *arguments, cwd=folder)
+    assert result.returncode == 2
+    assert words in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+def test_a_covariance_that_was_changed_is_refused(run):
+    folder, _ = run
+    path = folder / "mine-covariance.csv"
+    text = path.read_text()
+    try:
+        path.write_text(text.replace("beam.tilt_x", "beam.tilt_y", 1))
+        with pytest.raises(ConfigError, match=r"mine\.yaml:\d+: .*is not the file"):
+            facets.load(folder / "mine.yaml")
+        path.unlink()
+        with pytest.raises(ConfigError, match="no such file"):
+            facets.load(folder / "mine.yaml")
+    finally:
+        path.write_text(text)
