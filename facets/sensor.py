@@ -209,6 +209,30 @@ class Apertures:
 
 
 @dataclass(frozen=True)
+class Imperfections:
+    """What real optics do besides; for simulations, while poses are solved as if they did not.
+
+    index: complex refractive index (n, k) of the facets' coating, None for one that reflects all.
+    polarization: angle of the light's field from the beam's x axis, rad; None for unpolarised.
+    wavefront_radius: of the beam at the mirror, mm, positive where it spreads.
+    wavelength: of the light, mm, for diffraction at the facets' edges; 0 for none.
+    sag: of each facet, mm, positive where its middle bulges out, over the diameter `sag_over`, mm.
+    """
+
+    index: tuple[float, float] | None = None
+    polarization: float | None = None
+    wavefront_radius: float = math.inf
+    wavelength: float = 0.0
+    sag: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sag_over: float = 5.0
+
+    def __post_init__(self) -> None:
+        _require(self.wavefront_radius != 0, "wavefront_radius", 0, "any but 0 mm")
+        _require(self.wavelength >= 0, "wavelength", self.wavelength, "0 or more, mm")
+        _require(self.sag_over > 0, "sag_over", self.sag_over, "above 0 mm")
+
+
+@dataclass(frozen=True)
 class Calibration:
     """How well the sensor's parameters are known, after a calibration.
 
@@ -235,6 +259,7 @@ class Sensor:
 
     electronics: if given, noise follows from it instead of from `noise`.
     calibration: if given, its uncertainty is part of every pose's.
+    imperfections: of the optics, in simulations alone.
 
     Seen from above the facets follow each other counter-clockwise, each within half a turn of the
     one before: else they are not the sides of a pyramid with its point up.
@@ -247,8 +272,11 @@ class Sensor:
     apertures: Apertures = Apertures()
     electronics: Electronics | None = None
     calibration: Calibration | None = None
+    imperfections: Imperfections = Imperfections()
 
     def __post_init__(self) -> None:
+        both = self.apertures.cut and self.imperfections != Imperfections()
+        _require(not both, "imperfections", "given with apertures", "one of the two")
         for k, letter in enumerate(DETECTORS):
             following = (k + 1) % 3
             gap = (self.facets[following].azimuth - self.facets[k].azimuth) % (2 * pi)

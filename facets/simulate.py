@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from .correction import uncorrected
 from .errors import InputError
+from .imperfect import seen as seen_by
 from .live.follow import followed
-from .model import on_detectors, readings
+from .model import on_detectors
 from .motion import states
 from .names import POSE, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from .noise import add_noise
@@ -72,7 +73,7 @@ class Axis:
 
 def read(sensor: Sensor, truth: Floats, noise: bool, rng: np.random.Generator) -> tuple[Any, Any]:
     """Readings (n, 9) as a bench would give them, and which spots reached their detector (n, 3)."""
-    exact = readings(sensor, disturbed(sensor, truth, rng) if noise else truth)
+    exact = seen_by(sensor, disturbed(sensor, truth, rng) if noise else truth)
     reached = on_detectors(sensor, exact)
     if noise and sensor.electronics and sensor.electronics.power_noise > 0:
         share = sensor.electronics.power_noise * rng.standard_normal((len(exact), 1))

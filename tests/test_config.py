@@ -494,6 +494,7 @@ def test_every_number_has_a_unit_in_its_name_or_is_a_count():
     counts = {"steps", "samples_per_step", "samples", "seed", "max_steps"}
     counts |= {"snr", "condition", "adc_bits", "baud", "gain", "integral", "dark_counts", "starts"}
     counts |= {
+        "index",
         "outliers",
         "price",
         "resolution",
@@ -511,6 +512,7 @@ def test_every_number_has_a_unit_in_its_name_or_is_a_count():
         "_uw",
         "_ratio",
         "_hz",
+        "_nm",
         "_ppm",
         "_percent",
         "_na",

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..rules import Rules
-from ..sensor import DETECTORS, Apertures, Electronics, Noise, Sensor
+from ..sensor import DETECTORS, Apertures, Electronics, Imperfections, Noise, Sensor
 from . import covariance, geometry
 from .keys import Document, Mirror, Psds
 from .values import (
@@ -71,9 +71,22 @@ def sensor(keys: dict[str, Any]) -> Sensor:
         ),
         apertures=_apertures(keys["apertures"]),
         electronics=electronics(keys["electronics"]) if noise["model"] == "electronics" else None,
+        imperfections=imperfections(keys["imperfections"]),
         calibration=None
         if keys["calibration"]["file"] is None
         else covariance.read(Path(keys["calibration"]["file"])),
+    )
+
+
+def imperfections(keys: dict[str, Any]) -> Imperfections:
+    turn, radius = keys["polarization_deg"], keys["wavefront_radius_mm"]
+    return Imperfections(
+        index=None if keys["index"] is None else tuple(keys["index"]),
+        polarization=None if turn is None else radians(turn),
+        wavefront_radius=inf if radius is None else radius,
+        wavelength=1e-6 * (keys["wavelength_nm"] or 0.0),
+        sag=tuple(1e-6 * nm for nm in keys["sag_nm"]),
+        sag_over=keys["sag_over_mm"],
     )
 
 

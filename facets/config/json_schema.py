@@ -26,6 +26,7 @@ UNITS = {
     "kohm": "kohm",
     "v": "V",
     "k": "K",
+    "nm": "nm",
     "ppm": "ppm",
     "percent": "%",
     "s": "s",

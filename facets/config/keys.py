@@ -206,6 +206,31 @@ class Apertures(Section):
     )
 
 
+Index = Annotated[float, Field(ge=0, le=100)]
+Sag = Annotated[float, Field(ge=-10_000, le=10_000)]
+
+
+class Imperfections(Section):
+    """What real optics do besides: simulated, and solved as if it were not there."""
+
+    index: Annotated[tuple[Index, Index], BeforeValidator(_two)] | None = Field(
+        None, description="complex refractive index n, k of the coating; null reflects all"
+    )
+    polarization_deg: float | None = Field(
+        None, ge=-360, le=360, description="of the light, from the beam's x axis; null is none"
+    )
+    wavefront_radius_mm: float | None = Field(
+        None, ge=-1e9, le=1e9, description="of the beam at the mirror, positive where it spreads"
+    )
+    wavelength_nm: float | None = Field(
+        None, gt=0, le=20_000, description="of the light, for diffraction at edges; null for none"
+    )
+    sag_nm: Annotated[tuple[Sag, Sag, Sag], BeforeValidator(_two)] = Field(
+        (0.0, 0.0, 0.0), description="by which facets A, B, C bulge, over `sag_over_mm`"
+    )
+    sag_over_mm: float = Field(5.0, gt=0, le=1000, description="diameter of a facet")
+
+
 class CalibrationKeys(Section):
     """The covariance of parameters that were calibrated."""
 
@@ -224,6 +249,9 @@ class SensorKeys(Section):
         Electronics(), description="for `noise.model: electronics`: what the noise comes from"
     )
     apertures: Apertures = Field(Apertures(), description="what cuts the light; off unless given")
+    imperfections: Imperfections = Field(
+        Imperfections(), description="of the optics, in simulations alone; off unless given"
+    )
     calibration: CalibrationKeys = Field(
         CalibrationKeys(), description="how well the parameters are known; from `facets calibrate`"
     )

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from ..correction import uncorrected
 from ..counts import counts_of, xy_sum_of
 from ..errors import InputError
-from ..model import on_detectors, readings
+from ..imperfect import seen
+from ..model import on_detectors
 from ..motion import named, states
 from .frames import ELECTRODES, OVERRUN, XY_SUM, Samples, encoded
 from .frames import SATURATED as FULL
@@ -281,7 +282,7 @@ class Bench:
         self, states: Floats, seq: NDArray[np.uint32], times: Floats, now: float
     ) -> Samples:
         sensor = self.config.sensor
-        exact = uncorrected(sensor, readings(sensor, states))
+        exact = uncorrected(sensor, seen(sensor, states))
         dark = ~np.repeat(on_detectors(sensor, exact), 3, axis=1)
         exact[:, 2::3] = np.where(dark[:, 2::3], 0.0, exact[:, 2::3])
         if self.happens("block", now):

@@ -1,0 +1,162 @@
+"""What the closed form neglects, and how much each matters to a pose, with and without calibration.
+
+    python -m facets.experiments.neglected [--output FILE.csv]
+
+Readings of the paper's head with one imperfection at a time, over the motions of `rigs`, without
+noise, are solved as if it were perfect, the beam known: the r.m.s. error over a reading's own
+uncertainty, worst of x and y, and worst of the others. Then the same after a calibration that knows
+nothing of the imperfection either. Effects grow in proportion to what causes them, so one over a
+number is by how much larger its cause may be before it shows above the noise. Diffraction at the
+edges between facets is there by its closed form, and once more as a scalar field by Fresnel's
+propagation (FFT): how far it shifts a centroid.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import facets
+from facets.calibration import Choice, Data, fit
+from facets.correction import corrected
+from facets.imperfect import seen
+from facets.sensor import Imperfections, Sensor
+from facets.tables import write_table
+
+from . import rigs
+
+Floats = NDArray[np.float64]
+
+ALUMINIUM = (1.37, 7.62)  # at 633 nm
+WAVELENGTH, PATH = 632.8e-6, 250.0
+#: Second and third orders of a detector's correction.
+BENT = ("20", "11", "02", "30", "21", "12", "03")
+WAIST = 0.425  # mm, radius to 1/e^2 of the paper's beam
+
+
+def wavefront(distance: float) -> float:
+    """Radius of a Gaussian beam's wavefront, mm, at a distance from its waist."""
+    rayleigh = np.pi * WAIST**2 / WAVELENGTH
+    return float(distance * (1 + (rayleigh / distance) ** 2))
+
+
+def flawed(**flaws: Any) -> Sensor:
+    return replace(facets.Sensor(), imperfections=Imperfections(**flaws))
+
+
+def real_ones() -> dict[str, Sensor]:
+    nominal = facets.Sensor()
+    beam = nominal.beam
+    sag = WAVELENGTH / 10
+    return {
+        "aluminium; light unpolarised": flawed(index=ALUMINIUM),
+        "aluminium; light polarised": flawed(index=ALUMINIUM, polarization=0.3),
+        "ellipticity 5 %": replace(nominal, beam=replace(beam, diameter_x=1.05 * beam.diameter_x)),
+        "beam tilt 2 mrad": replace(nominal, beam=replace(beam, tilt_x=1.4e-3, tilt_y=-1.4e-3)),
+        "divergence; 0.5 m from a HeNe": flawed(wavefront_radius=wavefront(500.0)),
+        "diffraction at the edges": flawed(wavelength=WAVELENGTH),
+        "facets domed by a tenth wave over 5 mm": flawed(sag=(sag, -sag, sag)),
+    }
+
+
+def choice() -> Choice:
+    """What `rigs` lets vary, the beam's diameters, and detectors that are not linear."""
+    known = rigs.hidden() | {"beam.diameter_x": 0.04, "beam.diameter_y": 0.04}
+    known |= {f"correction_{k}.{a}{p}": 0.05 for k in "abc" for a in "yz" for p in BENT}
+    return Choice(tuple(known), np.array(list(known.values())))
+
+
+def moved(sensor: Sensor, count: int, rng: np.random.Generator) -> tuple[Data, Floats]:
+    """Exact readings of random motions, which the reference knows as well as that of `rigs`."""
+    pose = rng.uniform(-1, 1, (count, 6)) * rigs.BOX
+    state = np.concatenate([pose, np.zeros((count, 2))], axis=1)
+    return Data(seen(sensor, state), pose, rigs.REFERENCE, np.zeros((count, 2))), state
+
+
+def over_noise(sensor: Sensor, data: Data, state: Floats, apex: Floats) -> Floats:
+    """r.m.s. error over the uncertainty of one reading: the worse of x and y, the worst other."""
+    solution = facets.solve(sensor, corrected(sensor, data.raw), beam="known")
+    error = (solution.state - state)[:, :6]
+    error[:, :2] -= apex
+    own = facets.solve(facets.Sensor(), data.raw, beam="known").uncertainty[:, :6]
+    ratio = rigs.rms(error) / rigs.rms(own)
+    return np.array([ratio[:2].max(), ratio[2:].max()])
+
+
+def optics() -> list[tuple[Any, ...]]:
+    """(what, before in x and y, in others, after calibration in x and y, in others)."""
+    found: list[tuple[Any, ...]] = []
+    for name, real in real_ones().items():
+        rng = np.random.default_rng(1)
+        data, _ = moved(real, 150, rng)
+        fresh, state = moved(real, 200, rng)
+        before = over_noise(facets.Sensor(), fresh, state, np.zeros(2))
+        fitted = fit(facets.Sensor(), data, choice(), None)
+        after = over_noise(fitted.sensor, fresh, state, fitted.mounting[3:])
+        found.append((name, *before.tolist(), *after.tolist()))
+    return found
+
+
+def diffracted(offset: float, places: Floats, count: int = 4096, step: float = 0.0055) -> Floats:
+    """Shifts of a spot's centroid, mm, where it lies at `places` on a detector of 13 mm.
+
+    offset: of the apex from the beam, along the facet's middle, mm.  The field is that of a facet
+    of 120 degrees; its band holds the angles to the detector's far edge.
+    """
+    x = (np.arange(count) - count // 2) * step
+    along, across = np.meshgrid(x, x, indexing="ij")
+    field = np.exp(-(along**2 + across**2) / WAIST**2) * covered(along, across, offset, step)
+    inside = (along * field**2).sum() / (field**2).sum()
+    wave = np.fft.fftfreq(count, step)
+    phase = np.exp(-1j * np.pi * WAVELENGTH * PATH * (wave[:, None] ** 2 + wave**2))
+    cell = np.sinc(wave * step)  # what a cell's mean takes off a wave, given back
+    lands = np.abs(WAVELENGTH * PATH * wave) < count * step / 2  # else it would come in again
+    filtered = phase * np.outer(lands / cell, lands / cell)
+    light = np.abs(np.fft.ifft2(np.fft.fft2(field) * filtered)) ** 2
+    shifts = []
+    for place in places:
+        on = (np.abs(along + place) < 6.5) & (np.abs(across) < 6.5)
+        shifts.append((along[on] * light[on]).sum() / light[on].sum() - inside)
+    return np.array(shifts)
+
+
+def covered(along: Floats, across: Floats, offset: float, step: float, parts: int = 4) -> Floats:
+    """What share of each cell the facet covers."""
+    shares = (np.arange(parts) + 0.5) / parts - 0.5
+    share = np.zeros_like(along)
+    for a in shares * step:
+        for b in shares * step:
+            share += np.abs(np.arctan2(across + b, along + a - offset)) < np.pi / 3
+    return share / parts**2
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--output", type=Path)
+    options = parser.parse_args()
+    rows = optics()
+    print("r.m.s. error over the noise of one reading, before and after calibration")
+    print(f"{'':42} {'x; y':>8} {'others':>8} {'x; y':>8} {'others':>8}")
+    for name, *numbers in rows:
+        print(f"{name:42} " + " ".join(f"{number:8.2g}" for number in numbers))
+    places = np.array([0.0, 2.0, 4.0, 5.0])
+    sensor = facets.Sensor()
+    noise = 1e3 * sensor.noise.position * sensor.noise.at_power / (sensor.beam.power / 3)
+    print(f"\ndiffraction: shift of a centroid by the field, um (its noise: {noise:.2g})")
+    print(f"{'apex off by, mm':>16} " + " ".join(f"{place:5.0f} mm" for place in places))
+    for offset in (-0.1, 0.0, 0.1):
+        shifts = 1e3 * diffracted(offset, places)
+        print(f"{offset:16.1f} " + " ".join(f"{shift:8.2f}" for shift in shifts))
+    if options.output:
+        names = ("what", "before_xy", "before_others", "after_xy", "after_others")
+        columns = dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
+        write_table(options.output, columns, {"facets": facets.__version__})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,116 @@
+"""Imperfect optics by rays: nothing where nothing is imperfect, textbook values where it is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from facets.experiments.neglected import diffracted
+
+import facets
+from facets import imperfect
+from facets.errors import InputError
+from facets.imperfect import reflectances, seen, traced
+from facets.model import geometry_of, half_sizes
+from facets.sensor import Apertures, Imperfections
+
+from .sensors import SENSORS, states
+
+PAPER = facets.Sensor()
+AWAY = np.array([0.06, -0.04, 0.3, 3e-3, -2e-3, 5e-3, 0, 0])
+
+
+def flawed(**flaws):
+    return replace(PAPER, imperfections=Imperfections(**flaws))
+
+
+@pytest.mark.parametrize("name", ["paper", "skewed0", "skewed1"])
+def test_perfect_optics_by_rays_are_the_closed_form(name):
+    """To the quadrature: 1e-9 mm and of the power."""
+    sensor = SENSORS[name]
+    some = states(10, seed=3, offset=0.15, angle=0.01)
+    fixed, halves = geometry_of(sensor), half_sizes(sensor)
+    rays = np.array([traced(fixed, Imperfections(), state, halves) for state in some])
+    np.testing.assert_allclose(rays, facets.readings(sensor, some), atol=1e-9)
+
+
+def test_what_is_off_costs_nothing():
+    np.testing.assert_array_equal(seen(PAPER, AWAY[None]), facets.readings(PAPER, AWAY[None]))
+
+
+def test_aluminium_at_45_degrees():
+    """n = 1.37 + 7.62i at 633 nm: 0.938 across; along, its square, as any mirror at 45 degrees."""
+    s, p = reflectances(1.37 + 7.62j, np.sqrt(0.5))
+    assert s == pytest.approx(0.938, abs=2e-3)
+    assert p == pytest.approx(s**2, abs=1e-9)
+    normal = abs((1.37 + 7.62j - 1) / (1.37 + 7.62j + 1)) ** 2
+    assert reflectances(1.37 + 7.62j, 1.0)[0] == pytest.approx(normal)
+
+
+def test_unpolarised_light_is_shared_as_if_nothing_were_there():
+    rest = np.zeros((1, 8))
+    plain = facets.readings(PAPER, rest)
+    np.testing.assert_allclose(seen(flawed(index=(1.37, 7.62)), rest), plain, atol=1e-9)
+    polarised = seen(flawed(index=(1.37, 7.62), polarization=0.0), rest)
+    s, p = reflectances(1.37 + 7.62j, np.sqrt(0.5))
+    assert polarised[0, 2] / plain[0, 2] == pytest.approx(2 * p / (s + p), rel=1e-6)
+    quarter = (p + 3 * s) / 4  # the field lies at 60 degrees to the others' planes of incidence
+    assert polarised[0, 5] / plain[0, 5] == pytest.approx(2 * quarter / (s + p), rel=1e-6)
+
+
+def test_a_beam_that_spreads_enlarges_the_spots():
+    """The centroid's offset from the apex's image grows by path over radius."""
+    radius = 2000.0
+    rest = np.zeros((1, 8))
+    plain, wide = facets.readings(PAPER, rest), seen(flawed(wavefront_radius=radius), rest)
+    assert wide[0, 1] / plain[0, 1] == pytest.approx(1 + 250 / radius, rel=2e-3)
+
+
+def test_a_dome_enlarges_them_as_a_mirror_of_its_radius():
+    """R = D^2 / 8 sag; along the plane of incidence at 45 degrees its power is 2 sqrt 2 / R."""
+    sag, over = 1e-4, 5.0
+    rest = np.zeros((1, 8))
+    plain, wide = facets.readings(PAPER, rest), seen(flawed(sag=(sag,) * 3, sag_over=over), rest)
+    radius = over**2 / 8 / sag
+    assert wide[0, 1] / plain[0, 1] == pytest.approx(1 + 250 * 2 * np.sqrt(2) / radius, rel=2e-3)
+
+
+def test_diffraction_is_that_of_a_propagated_field():
+    """Against Fresnel's propagation by FFT, of a facet of 120 degrees, to what its grid resolves.
+
+    The detector is moved under the spot of A, so that it lies 2 and 4 mm off its middle; z of the
+    spot is the direction along the facet. Told from the middle, where the field's own shift falls
+    with its grid: 0.65, 0.45, 0.26 um at cells of 7.5, 6, 4.5 um.
+    """
+    places = np.array([0.0, 2.0, 4.0])
+    for offset in (-0.1, 0.1):
+        fields = diffracted(offset, places)
+        state = np.array([offset, 0, 0, 0, 0, 0, 0, 0])
+        for place, field in zip(places[1:], fields[1:] - fields[0], strict=True):
+            height = facets.readings(PAPER, state)[1] + place
+            psds = (replace(PAPER.psds[0], height=height), *PAPER.psds[1:])
+            sensor = replace(flawed(wavelength=632.8e-6), psds=psds)
+            shift = seen(sensor, state[None])[0, 1] - facets.readings(sensor, state)[1]
+            assert shift > 0  # towards the middle
+            assert shift == pytest.approx(-field, rel=0.06)
+
+
+def test_simulations_have_it_and_the_solver_does_not():
+    config = replace(facets.load("paper"), sensor=flawed(index=(1.37, 7.62), polarization=0.3))
+    from facets.simulate import simulate
+
+    (segment,) = simulate(config, ["multi-axis"], noise=False)
+    assert np.abs(segment.error[:, 0]).max() > 1e-3  # 6 % of the power apart is microns in x
+    (plain,) = simulate(facets.load("paper"), ["multi-axis"], noise=False)
+    assert np.abs(plain.error[:, 0]).max() < 1e-9
+
+
+def test_apertures_do_not_go_with_it():
+    with pytest.raises(InputError, match="imperfections"):
+        replace(flawed(index=(1.37, 7.62)), apertures=Apertures(beam=1.0))
+
+
+def test_the_nodes_hold_all_the_light():
+    at = imperfect.placed(geometry_of(PAPER), tuple(AWAY.tolist()))
+    assert sum(imperfect.nodes(at, k)[0].sum() for k in range(3)) == pytest.approx(1, abs=1e-12)
