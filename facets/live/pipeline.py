@@ -33,7 +33,7 @@ class Poses:
     """What became of some samples.
 
     seq, time: (n,) unwrapped, the board's us.  host: (n,) the host's monotonic clock, s.
-    readings: (n, 9).  solution: (n).  flags: (n,) bits of FLAGS.
+    readings: (n, 9) as the detectors gave them.  solution: (n).  flags: (n,) bits of FLAGS.
     """
 
     seq: NDArray[np.int64]
@@ -76,8 +76,7 @@ class Pipeline:
         self.drift.add(1e-6 * time[-1], arrival)
         host = arrival - self.config.acquire.delay - 1e-6 * (time[-1] - time)
         readings, flags = self.readings(samples)
-        readings = corrected(self.config.sensor, readings)
-        solution = self.solved(readings, host, encoder)
+        solution = self.solved(corrected(self.config.sensor, readings), host, encoder)
         flags |= np.where(samples.flags & OVERRUN, 4, 0).astype(np.uint8)
         self.count(solution, flags)
         return Poses(seq, time, host, readings, solution, flags)
