@@ -54,6 +54,7 @@ def choice(sensor: Sensor, before: dict[str, float]) -> Choice:
     diameter = before.get("beam_diameter_percent", 0) / 100
     sigma["beam.diameter_x"] = diameter * sensor.beam.diameter_x
     sigma["beam.diameter_y"] = diameter * sensor.beam.diameter_y
+    sigma["beam.power"] = before.get("laser_percent", 0) / 100 * sensor.beam.power
     for name in ("tilt_x", "tilt_y"):
         sigma[f"beam.{name}"] = before.get("beam_tilt_mrad", 0) / 1000
     place, turn = before.get("psd_place_mm", 0), before.get("psd_turn_mrad", 0) / 1000
@@ -67,6 +68,7 @@ def choice(sensor: Sensor, before: dict[str, float]) -> Choice:
         for name in ("roll", "pitch", "yaw"):
             sigma[f"psd_{letter}.{name}"] = turn
         sigma[f"correction_{letter}.power"] = before.get("power_percent", 0) / 100
+        sigma[f"correction_{letter}.dark"] = before.get("dark_uw", 0) / 1000
         sigma[f"correction_{letter}.y10"] = scale * psd.size_y / 2
         sigma[f"correction_{letter}.z01"] = scale * psd.size_z / 2
         for a, b in MONOMIALS[2:]:
@@ -94,6 +96,8 @@ def unit_of(name: str) -> tuple[str, float]:
         return "mm", 1.0
     if part == "power":
         return ("mW", 1.0) if name.startswith("beam") else ("%", 100.0)
+    if part == "dark":
+        return "uW", 1e3
     return ("um", 1e3) if name.startswith("correction") else ("mrad", 1e3)
 
 

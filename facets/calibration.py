@@ -291,13 +291,12 @@ def cost(
 def assigned(sensor: Sensor, values: Floats) -> Sensor:
     """The sensor with values of `ALL`."""
     made = sensor_with(sensor, values[: len(PARAMETERS)].tolist())
-    parts = values[len(PARAMETERS) : -len(MOUNTING)].reshape(3, len(OF_ONE))
+    parts = values[len(PARAMETERS) : -len(MOUNTING)].reshape(3, len(OF_ONE)).tolist()
     count = len(MONOMIALS)
     psds = [
-        replace(psd, correction=Correction(float(part[0]), tuple(map(float, part[1 : 1 + count])),
-                                           tuple(map(float, part[1 + count :]))))
-        for psd, part in zip(made.psds, parts, strict=True)
-    ]  # fmt: skip
+        replace(psd, correction=Correction(power, dark, tuple(rest[:count]), tuple(rest[count:])))
+        for psd, (power, dark, *rest) in zip(made.psds, parts, strict=True)
+    ]
     return replace(made, psds=(psds[0], psds[1], psds[2]))
 
 

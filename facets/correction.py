@@ -15,8 +15,8 @@ from .sensor import MONOMIALS, Correction, Sensor
 
 Floats = NDArray[np.float64]
 
-#: Of one detector: the power's share, then the coefficients of psi and of zeta.
-OF_ONE = ("power", *(f"{axis}{a}{b}" for axis in "yz" for a, b in MONOMIALS))
+#: Of one detector: what is added to the power, then the coefficients of psi and of zeta.
+OF_ONE = ("power", "dark", *(f"{axis}{a}{b}" for axis in "yz" for a, b in MONOMIALS))
 #: Of all: "correction_a.power", "correction_a.y10", ...
 NAMES = tuple(f"correction_{letter}.{name}" for letter in DETECTORS for name in OF_ONE)
 
@@ -26,13 +26,16 @@ def is_corrected(sensor: Sensor) -> bool:
 
 
 def coefficients(sensor: Sensor) -> Floats:
-    """(57,) in the order of `NAMES`: shares and mm."""
-    parts = [(p.correction.power, *p.correction.y, *p.correction.z) for p in sensor.psds]
+    """(60,) in the order of `NAMES`: shares, mW and mm."""
+    parts = [
+        (p.correction.power, p.correction.dark, *p.correction.y, *p.correction.z)
+        for p in sensor.psds
+    ]
     return np.array(parts).ravel()
 
 
 def slopes(sensor: Sensor, raw: Floats) -> Floats:
-    """What each coefficient adds to raw readings (n, 9), per unit: (n, 9, 57)."""
+    """What each coefficient adds to raw readings (n, 9), per unit: (n, 9, 60)."""
     out = np.zeros((len(raw), 9, len(NAMES)))
     count = len(MONOMIALS)
     for k, half in enumerate(half_sizes(sensor)):
@@ -40,8 +43,9 @@ def slopes(sensor: Sensor, raw: Floats) -> Floats:
         powers = np.stack([y**a * z**b for a, b in MONOMIALS], axis=1)
         first = k * len(OF_ONE)
         out[:, 3 * k + 2, first] = raw[:, 3 * k + 2]
-        out[:, 3 * k, first + 1 : first + 1 + count] = powers
-        out[:, 3 * k + 1, first + 1 + count : first + 1 + 2 * count] = powers
+        out[:, 3 * k + 2, first + 1] = 1.0
+        out[:, 3 * k, first + 2 : first + 2 + count] = powers
+        out[:, 3 * k + 1, first + 2 + count : first + 2 + 2 * count] = powers
     return out
 
 

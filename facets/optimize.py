@@ -135,6 +135,11 @@ class Problem:
                 "facets optimize knows neither sensor.apertures nor `noise.model: electronics`; "
                 "leave them out to find a layout, then see what they change by facets resolution"
             )
+        if sensor.calibration is not None:
+            raise InputError(
+                "sensor.calibration belongs to a rig that stands, not to a layout to be found; "
+                "leave it out"
+            )
         if not self.names:
             raise InputError("optimize.variables is empty: nothing may change")
         self.low = np.array([layout.variables[name][0] for name in self.names])

@@ -75,10 +75,12 @@ MONOMIALS = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0,
 class Correction:
     """What a calibration adds to what a detector reads.
 
-    power: share added to the power.  y, z: coefficients (mm) of `MONOMIALS` added to psi and zeta.
+    power: share added to the power.  dark: added to it besides, mW.  y, z: coefficients (mm) of
+    `MONOMIALS` added to psi and zeta.
     """
 
     power: float = 0.0
+    dark: float = 0.0
     y: tuple[float, ...] = (0.0,) * len(MONOMIALS)
     z: tuple[float, ...] = (0.0,) * len(MONOMIALS)
 

@@ -216,6 +216,22 @@ def test_a_missing_detector_is_no_obstacle():
     assert (ratio < 1.3).all()
 
 
+def test_dark_offsets_and_the_laser_s_power_are_found():
+    """Detectors that read 0.3 uW too much or too little, and a laser 2 % weaker than thought."""
+    rng = np.random.default_rng(9)
+    values = np.concatenate([parameters(NOMINAL), coefficients(NOMINAL), np.zeros(5)])
+    known = {"beam.power": 0.01, **{f"correction_{k}.dark": 5e-4 for k in "abc"}}
+    values[ALL.index("beam.power")] *= 0.98
+    for k, dark in zip("abc", (3e-4, -3e-4, 1e-4), strict=True):
+        values[ALL.index(f"correction_{k}.dark")] = dark
+    rig = rigs.Rig(study.assigned(NOMINAL, values), values)
+    data, _ = rigs.moved(rig, 400, rng)
+    found = fit(NOMINAL, data, Choice(tuple(known), np.array(list(known.values()))))
+    off = (found.values - values[found.choice.places]) / found.uncertainty
+    assert np.abs(off).max() < 4
+    assert (found.uncertainty < 0.1 * found.choice.sigma).all()
+
+
 def test_bent_detectors_are_straightened():
     """Second and third order of 30 um at the edge, found from the same data."""
     rng = np.random.default_rng(6)

@@ -220,10 +220,15 @@ def test_nothing_to_vary_is_an_error():
 
 
 @pytest.mark.parametrize(
-    "more", [{"electronics": facets.Electronics()}, {"apertures": facets.Apertures(beam=1.0)}]
+    ("more", "words"),
+    [
+        ({"electronics": facets.Electronics()}, "knows neither"),
+        ({"apertures": facets.Apertures(beam=1.0)}, "knows neither"),
+        ({"calibration": facets.sensor.Calibration((), ())}, "belongs to a rig"),
+    ],
 )
-def test_what_the_symbols_do_not_know_is_an_error(more):
-    with pytest.raises(InputError, match="knows neither"):
+def test_what_the_symbols_do_not_know_is_an_error(more, words):
+    with pytest.raises(InputError, match=words):
         optimize(replace(CONFIG.sensor, **more), CONFIG.layout)
 
 

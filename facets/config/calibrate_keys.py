@@ -33,6 +33,12 @@ class Before(Section):
         None, gt=0, le=100, description="of the beam's two diameters"
     )
     power_percent: float | None = Field(2.0, gt=0, le=100, description="of each PSD's gain")
+    dark_uw: float | None = Field(
+        None, gt=0, le=1e6, description="of what each PSD reads without light"
+    )
+    laser_percent: float | None = Field(
+        None, gt=0, le=100, description="of the laser's power; or give power_percent"
+    )
     scale_percent: float | None = Field(
         2.0, gt=0, le=100, description="of each PSD's scales along y and z"
     )

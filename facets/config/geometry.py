@@ -9,7 +9,7 @@ from typing import Any
 from ..sensor import DETECTORS, Beam, Correction, Facet, Psd, Sensor
 
 #: How many of a key's unit make one of the code's.
-MM, MW, MRAD, DEG, UM, PERCENT = 1.0, 1.0, 1000.0, 180 / pi, 1000.0, 100.0
+MM, MW, MRAD, DEG, UM, UW, PERCENT = 1.0, 1.0, 1000.0, 180 / pi, 1000.0, 1000.0, 100.0
 Keys = dict[str, tuple[tuple[str, ...], float]]
 #: Each key with the fields that it gives, and its unit; keys of two fields are lists.
 BEAM: Keys = {
@@ -51,7 +51,7 @@ def _psd(keys: dict[str, Any]) -> Psd:
 
 def _correction(keys: dict[str, Any]) -> Correction:
     y, z = (tuple(um / UM for um in keys[key]) for key in ("y_um", "z_um"))
-    return Correction(keys["power_percent"] / PERCENT, y, z)
+    return Correction(keys["power_percent"] / PERCENT, keys["dark_uw"] / UW, y, z)
 
 
 def _fields(keys: dict[str, Any], table: Keys) -> dict[str, float]:
@@ -76,6 +76,7 @@ def written(keys: dict[str, Any], sensor: Sensor) -> dict[str, Any]:
         if then.correction != before.correction:
             new["psd"][letter]["correction"] = {
                 "power_percent": PERCENT * then.correction.power,
+                "dark_uw": UW * then.correction.dark,
                 "y_um": [UM * value for value in then.correction.y],
                 "z_um": [UM * value for value in then.correction.z],
             }

@@ -92,6 +92,7 @@ class CorrectionKeys(Section):
     """What is added to what a detector reads: y, z, y2, yz, z2, y3, y2z, yz2, z3 in half sizes."""
 
     power_percent: float = Field(0.0, gt=-100, le=1000, description="added to the power")
+    dark_uw: float = Field(0.0, ge=-1e6, le=1e6, description="added to the power besides")
     y_um: NINE = Field([0.0] * 9, description="added to psi, times each of the nine")
     z_um: NINE = Field([0.0] * 9, description="added to zeta, times each of the nine")
 
