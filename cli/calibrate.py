@@ -93,7 +93,7 @@ def show_weak(directions: list[Direction]) -> None:
     if not directions:
         typer.echo("the motion tells every one of them better than it was known")
         return
-    typer.echo("left to what was known before, since the motion tells less of it:")
+    typer.echo("left to what was known before, since the motion tells less (how much, over that):")
     for direction in directions:
         typer.echo(f"  {direction.information:8.2g}  {direction.words}")
 

@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import facets
-from facets.calibration import Choice, Data, fit
+from facets.bundle import Choice, Data
+from facets.calibration import fit
 from facets.correction import corrected
 from facets.imperfect import seen
 from facets.sensor import Imperfections, Sensor

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import facets
-from facets.calibration import ALL, MOUNTING, Choice, Data, Fit, assigned, fit, states_of
+from facets.bundle import ALL, MOUNTING, Choice, Data, states_of
+from facets.calibration import Fit, assigned, fit
 from facets.correction import coefficients, corrected, uncorrected
 from facets.model import parameters
 from facets.noise import add_noise

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import tables
-from .calibration import ALL, MOUNTING, Choice, Data, Fit, states_of
+from .bundle import ALL, MOUNTING, Choice, Data, states_of
+from .calibration import Fit
 from .correction import corrected
 from .errors import InputError
 from .model import parameters

@@ -14,7 +14,8 @@ from .sensor import DETECTORS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from .calibration import Data, Fit
+    from .bundle import Data
+    from .calibration import Fit
 
 KINDS = (("psi", plots.BLUE), ("zeta", plots.ORANGE), ("power", plots.GREEN))
 

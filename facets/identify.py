@@ -11,16 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .calibration import (
-    ALL,
-    MOUNTING,
-    OWN_UNITS,
-    Choice,
-    Data,
-    eliminated,
-    linear,
-    opened,
-)
+from .bundle import ALL, MOUNTING, OWN_UNITS, Choice, Data, eliminated, linear
+from .calibration import opened
 from .correction import coefficients
 from .model import parameters, readings
 from .sensor import DETECTORS, Sensor

@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 import facets
 from facets import calibration as study
-from facets.calibration import ALL, MOUNTING, OWN_UNITS, Choice, Data, fit, linear, states_of
+from facets.bundle import ALL, MOUNTING, OWN_UNITS, Choice, Data, eliminated, linear, states_of
+from facets.calibration import fit
 from facets.correction import NAMES, coefficients, corrected, slopes, uncorrected
 from facets.errors import ConfigError, InputError
 from facets.identify import information, mean_left, proposed, told_by, weak
@@ -115,7 +116,7 @@ def test_elimination_gives_what_the_whole_system_gives():
     values = np.concatenate([parameters(NOMINAL), coefficients(NOMINAL), np.zeros(5)])
     opening = np.zeros((7, 6))
     found = linear(NOMINAL, data, opening, values, choice)
-    normal = study.eliminated(found, np.ones((7, 9)), opening, data.sigma)
+    normal = eliminated(found, np.ones((7, 9)), opening, data.sigma)
     size = len(choice.names)
     prior = 1 / choice.sigma**2
     step = np.linalg.solve(normal.matrix + np.diag(prior), normal.side)
