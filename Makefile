@@ -30,7 +30,7 @@ reproduce: .venv/installed
 	$(BIN)/facets reproduce $(QUICK) -o results/reproduce --force
 
 docs: .venv/developed
-	$(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv
