@@ -29,7 +29,7 @@ from .correction import OF_ONE, coefficients, corrected
 from .errors import InputError
 from .model import parameters, sensor_with
 from .optics.parameters import PARAMETERS
-from .sensor import MONOMIALS, Calibration, Correction, Sensor
+from .sensor import MONOMIALS, Calibration, Sensor
 from .solver import solve
 
 Floats = NDArray[np.float64]
@@ -186,9 +186,11 @@ def assigned(sensor: Sensor, values: Floats) -> Sensor:
     parts = values[len(PARAMETERS) : -len(MOUNTING)].reshape(3, len(OF_ONE)).tolist()
     count = len(MONOMIALS)
     psds = [
-        replace(psd, correction=Correction(power, dark, tuple(rest[:count]), tuple(rest[count:])))
+        replace(psd, correction=replace(
+            psd.correction, power=power, dark=dark, y=tuple(rest[:count]), z=tuple(rest[count:])
+        ))
         for psd, (power, dark, *rest) in zip(made.psds, parts, strict=True)
-    ]
+    ]  # fmt: skip
     return replace(made, psds=(psds[0], psds[1], psds[2]))
 
 

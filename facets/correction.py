@@ -1,7 +1,8 @@
 """What detectors read, corrected: unequal gains, and places that are not linear.
 
 The model's readings are those of perfect detectors. What real ones read comes to it by way of
-`corrected`; a simulation goes the other way. The corrections are linear in their coefficients.
+`corrected`; a simulation goes the other way. Corrections are linear in their coefficients; a grid
+that the maker or the user has measured comes on top.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from .model import half_sizes
 from .names import DETECTORS
-from .sensor import MONOMIALS, Correction, Sensor
+from .sensor import MONOMIALS, Correction, Grid, Sensor
 
 Floats = NDArray[np.float64]
 
@@ -55,7 +56,20 @@ def corrected(sensor: Sensor, raw: Floats) -> Floats:
         return raw
     with np.errstate(over="ignore", invalid="ignore"):  # a spoilt reading can be anything
         fixed: Floats = raw + slopes(sensor, raw) @ coefficients(sensor)
+    for k, psd in enumerate(sensor.psds):
+        if psd.correction.grid is not None:
+            fixed[:, 3 * k : 3 * k + 2] += looked_up(psd.correction.grid, raw[:, 3 * k : 3 * k + 2])
     return fixed
+
+
+def looked_up(grid: Grid, places: Floats) -> Floats:
+    """What a grid adds at places (n, 2), mm; past its edge what it adds there."""
+    from scipy.interpolate import RegularGridInterpolator
+
+    added = np.stack([grid.add_y, grid.add_z], axis=-1)
+    nearest = np.clip(places, (grid.y[0], grid.z[0]), (grid.y[-1], grid.z[-1]))
+    found: Floats = RegularGridInterpolator((grid.y, grid.z), added)(nearest)
+    return found
 
 
 def uncorrected(sensor: Sensor, exact: Floats) -> Floats:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from math import pi
 
 from .errors import InputError
@@ -72,17 +73,41 @@ MONOMIALS = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0,
 
 
 @dataclass(frozen=True)
+class Grid:
+    """What is added to a detector's places, as measured on a grid, straight in between; mm.
+
+    y: (n), z: (m) where, going up.  add_y, add_z: (n, m) as nested tuples.
+    """
+
+    y: tuple[float, ...]
+    z: tuple[float, ...]
+    add_y: tuple[tuple[float, ...], ...]
+    add_z: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        for name in ("y", "z"):
+            places = getattr(self, name)
+            up = len(places) > 1 and all(a < b for a, b in pairwise(places))
+            _require(up, f"{name} of a grid", places, "two places or more, going up")
+        for name in ("add_y", "add_z"):
+            rows = getattr(self, name)
+            whole = len(rows) == len(self.y) and all(len(row) == len(self.z) for row in rows)
+            _require(whole, f"size of {name}", len(rows), f"{len(self.y)} x {len(self.z)}")
+
+
+@dataclass(frozen=True)
 class Correction:
     """What a calibration adds to what a detector reads.
 
     power: share added to the power.  dark: added to it besides, mW.  y, z: coefficients (mm) of
-    `MONOMIALS` added to psi and zeta.
+    `MONOMIALS` added to psi and zeta.  grid: added to both besides, as measured.
     """
 
     power: float = 0.0
     dark: float = 0.0
     y: tuple[float, ...] = (0.0,) * len(MONOMIALS)
     z: tuple[float, ...] = (0.0,) * len(MONOMIALS)
+    grid: Grid | None = None
 
     def __post_init__(self) -> None:
         _require_finite(self)

@@ -50,12 +50,40 @@ def test_corrections_go_both_ways():
 
 def test_a_scale_and_a_gain_mean_what_they_say():
     psd = replace(NOMINAL.psds[0], correction=facets.sensor.Correction(
-        power=0.02, y=(0.065, *[0.0] * 8)))  # fmt: skip
+        power=0.02, dark=1e-3, y=(0.065, *[0.0] * 8)))  # fmt: skip
     sensor = replace(NOMINAL, psds=(psd, *NOMINAL.psds[1:]))
     raw = facets.readings(NOMINAL, np.array([[0.02, 0.01, 0.1, 1e-3, 2e-3, 5e-3, 0, 0]]))
     fixed = corrected(sensor, raw)
-    np.testing.assert_allclose(fixed[0, :3] / raw[0, :3], [1.01, 1.0, 1.02], rtol=1e-12)
+    np.testing.assert_allclose(fixed[0, :2] / raw[0, :2], [1.01, 1.0], rtol=1e-12)
+    assert fixed[0, 2] == pytest.approx(1.02 * raw[0, 2] + 1e-3, rel=1e-12)
     np.testing.assert_array_equal(fixed[:, 3:], raw[:, 3:])
+
+
+def test_a_measured_table_corrects_as_what_it_was_measured_of(tmp_path):
+    """A grid of a plane is that plane, in a file of any order; past its edge it stays as it is."""
+    rng = np.random.default_rng(1)
+    grid = np.array([(y, z) for y in range(-6, 7, 2) for z in (-6, 0, 6)], dtype=float)
+    rows = np.column_stack([grid, 10 * grid[:, 0] - 3 * grid[:, 1], 2 * grid[:, 1]])
+    mixed = [",".join(map(str, row)) for row in rng.permutation(rows)]
+    lines = ["psi_mm,zeta_mm,add_psi_um,add_zeta_um", *mixed]
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    text = "extends: paper\nsensor: {psd: {b: {correction: {table: a.csv}}}}\n"
+    (tmp_path / "my.yaml").write_text(text)
+    config = facets.load(tmp_path / "my.yaml")
+    raw = facets.readings(NOMINAL, np.array([[0.02, 0.01, 0.4, 1e-3, 2e-3, 5e-3, 0, 0]]))
+    psi, zeta = raw[0, 3:5]
+    fixed = corrected(config.sensor, raw)
+    np.testing.assert_allclose(fixed[0, 3] - psi, 0.01 * psi - 0.003 * zeta, atol=1e-12)
+    np.testing.assert_allclose(fixed[0, 4] - zeta, 0.002 * zeta, atol=1e-12)
+    np.testing.assert_array_equal(fixed[:, [0, 1, 2, 5, 6, 7, 8]], raw[:, [0, 1, 2, 5, 6, 7, 8]])
+    np.testing.assert_allclose(uncorrected(config.sensor, fixed), raw, atol=1e-12)
+    (tmp_path / "a.csv").write_text("\n".join(lines[:-1]))
+    with pytest.raises(InputError, match="not a grid: 20 rows, 7 values of psi_mm, 3 of zeta_mm"):
+        facets.load(tmp_path / "my.yaml")
+    (tmp_path / "my.yaml").write_text(text.replace("b: {", "").replace("}}}}", "}}}"))
+    (tmp_path / "a.csv").unlink()
+    with pytest.raises(ConfigError, match=r"my\.yaml:2: .*no such file"):
+        facets.load(tmp_path / "my.yaml")
 
 
 @pytest.mark.parametrize("name", ["paper", "skewed0"])
@@ -376,7 +404,7 @@ def test_a_covariance_that_was_changed_is_refused(run):
     text = path.read_text()
     try:
         path.write_text(text.replace("beam.tilt_x", "beam.tilt_y", 1))
-        with pytest.raises(ConfigError, match=r"mine\.yaml:\d+: .*is not the file"):
+        with pytest.raises(ConfigError, match=r"mine\.yaml:\d+: .*has changed"):
             facets.load(folder / "mine.yaml")
         path.unlink()
         with pytest.raises(ConfigError, match="no such file"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from math import inf, radians
 from pathlib import Path
 from typing import Any
@@ -41,7 +42,7 @@ def _singles(common: Mirror | Psds) -> dict[str, Any]:
     shared = common.model_dump(mode="json", exclude=set(DETECTORS))
     return {
         name: _laid(
-            {**shared, "azimuth_deg": 120.0 * k},
+            {**deepcopy(shared), "azimuth_deg": 120.0 * k},
             getattr(common, name).model_dump(mode="json", exclude_unset=True),
         )
         for k, name in enumerate(DETECTORS)

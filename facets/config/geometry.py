@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from copy import deepcopy
 from math import pi
+from pathlib import Path
 from typing import Any
 
 from ..sensor import DETECTORS, Beam, Correction, Facet, Psd, Sensor
+from . import grid
 
 #: How many of a key's unit make one of the code's.
 MM, MW, MRAD, DEG, UM, UW, PERCENT = 1.0, 1.0, 1000.0, 180 / pi, 1000.0, 1000.0, 100.0
@@ -51,7 +53,8 @@ def _psd(keys: dict[str, Any]) -> Psd:
 
 def _correction(keys: dict[str, Any]) -> Correction:
     y, z = (tuple(um / UM for um in keys[key]) for key in ("y_um", "z_um"))
-    return Correction(keys["power_percent"] / PERCENT, keys["dark_uw"] / UW, y, z)
+    measured = None if keys["table"] is None else grid.read(Path(keys["table"]))
+    return Correction(keys["power_percent"] / PERCENT, keys["dark_uw"] / UW, y, z, measured)
 
 
 def _fields(keys: dict[str, Any], table: Keys) -> dict[str, float]:
@@ -74,7 +77,7 @@ def written(keys: dict[str, Any], sensor: Sensor) -> dict[str, Any]:
     for letter, before, then in zip(DETECTORS, psds(keys["psd"]), sensor.psds, strict=True):
         _write(new["psd"][letter], before, then, PSD)
         if then.correction != before.correction:
-            new["psd"][letter]["correction"] = {
+            new["psd"][letter]["correction"] |= {
                 "power_percent": PERCENT * then.correction.power,
                 "dark_uw": UW * then.correction.dark,
                 "y_um": [UM * value for value in then.correction.y],

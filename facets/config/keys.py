@@ -95,6 +95,10 @@ class CorrectionKeys(Section):
     dark_uw: float = Field(0.0, ge=-1e6, le=1e6, description="added to the power besides")
     y_um: NINE = Field([0.0] * 9, description="added to psi, times each of the nine")
     z_um: NINE = Field([0.0] * 9, description="added to zeta, times each of the nine")
+    table: str | None = Field(
+        None, description="CSV file, path from this file: psi_mm, zeta_mm, add_psi_um, add_zeta_um"
+    )
+    table_sha256: str | None = Field(None, pattern="^[0-9a-f]{64}$", description="of that file")
 
 
 class PsdShape(Section):

@@ -10,6 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from ..errors import ConfigError
+from ..sensor import DETECTORS
 from . import aim, build
 from .files import find, gather
 from .keys import Document
@@ -57,7 +58,7 @@ def _resolved(tree: Marked) -> dict[str, Any]:
     except ValidationError as error:
         raise ConfigError("\n".join(messages(error, tree))) from None
     resolved = build.resolve(document)
-    if lost := _find_covariance(tree, resolved["sensor"]["calibration"]):
+    if lost := _find_measured(tree, resolved["sensor"]):
         raise ConfigError("\n".join(lost))  # without it there is no sensor to look at
     problems = [
         *(_aperture_conflicts(tree, resolved["sensor"]) or aim.problems(resolved["sensor"], tree)),
@@ -88,20 +89,41 @@ def _find_tables(tree: Marked, motions: dict[str, Any]) -> list[str]:
     return problems
 
 
-def _find_covariance(tree: Marked, keys: dict[str, Any]) -> list[str]:
-    """Makes the path of the covariance absolute, and holds the file against its sum."""
-    if keys["file"] is None:
-        return []
-    mark, _ = tree.find(("sensor", "calibration", "file"))
-    file = mark.file.parent / Path(keys["file"]).expanduser()
-    where = f"{mark.place}: sensor.calibration.file: "
-    if not file.is_file():
-        return [f"{where}no such file (got {keys['file']!r}; looked for {shown(file)})"]
-    found = hashlib.sha256(file.read_bytes()).hexdigest()
-    if keys["sha256"] not in (None, found):
-        return [f"{where}{shown(file)} is not the file that was calibrated: its sha256 is {found}"]
-    keys["file"], keys["sha256"] = str(file.resolve()), found
-    return []
+#: Files of what was measured of a sensor: where their key may stand, and that of their sum.
+MEASURED: dict[str, tuple[list[tuple[str, ...]], str]] = {
+    "calibration": ([("calibration", "file")], "sha256"),
+    **{
+        f"psd.{letter}.correction": (
+            [("psd", letter, "correction", "table"), ("psd", "correction", "table")],
+            "table_sha256",
+        )
+        for letter in DETECTORS
+    },
+}
+
+
+def _find_measured(tree: Marked, sensor: dict[str, Any]) -> list[str]:
+    """Makes the paths of files about the sensor absolute, and holds the files to their sums."""
+    problems = []
+    for block, (places, total) in MEASURED.items():
+        keys = sensor
+        for part in block.split("."):
+            keys = keys[part]
+        name = places[0][-1]
+        if keys[name] is None:
+            continue
+        found = [tree.find(("sensor", *place)) for place in places]
+        mark = next(mark for mark, path in found if path[-1] == name)
+        where = f"{mark.place}: sensor.{block}.{name}: "
+        file = mark.file.parent / Path(keys[name]).expanduser()
+        if not file.is_file():
+            problems.append(f"{where}no such file (got {keys[name]!r}; looked for {shown(file)})")
+            continue
+        summed = hashlib.sha256(file.read_bytes()).hexdigest()
+        if keys[total] not in (None, summed):
+            problems.append(f"{where}{shown(file)} has changed: its sha256 is {summed}")
+        keys[name], keys[total] = str(file.resolve()), summed
+    return problems
 
 
 def _aperture_conflicts(tree: Marked, sensor: dict[str, Any]) -> list[str]:

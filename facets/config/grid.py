@@ -1,0 +1,41 @@
+"""Measured corrections of a detector, from a CSV file."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..sensor import Grid
+
+COLUMNS = ("psi_mm", "zeta_mm", "add_psi_um", "add_zeta_um")
+
+
+def read(path: Path) -> Grid:
+    """Rows in any order, one for each crossing of a grid. Raises `InputError` where one is not."""
+    with path.open(encoding="utf-8", newline="") as file:
+        lines = csv.DictReader(line for line in file if not line.startswith("#"))
+        try:
+            rows = np.array([[float(line[name]) for name in COLUMNS] for line in lines])
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(
+                f"{path}: not a grid: {error}; needed are numbers in {', '.join(COLUMNS)}"
+            ) from None
+    rows = rows.reshape(-1, len(COLUMNS))
+    y, z = np.unique(rows[:, 0]), np.unique(rows[:, 1])
+    crossings = len(np.unique(rows[:, :2], axis=0))
+    if not np.isfinite(rows).all() or not len(rows) == crossings == len(y) * len(z):
+        raise InputError(
+            f"{path}: not a grid: {len(rows)} rows, {len(y)} values of psi_mm, {len(z)} of "
+            "zeta_mm; "
+            "needed is one row of numbers for each pair of them"
+        )
+    rows = rows[np.lexsort((rows[:, 1], rows[:, 0]))]
+    add = 1e-3 * rows[:, 2:].reshape(len(y), len(z), 2)
+    tuples = [tuple(map(tuple, add[:, :, n].tolist())) for n in range(2)]
+    try:
+        return Grid(tuple(y.tolist()), tuple(z.tolist()), *tuples)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
