@@ -115,7 +115,7 @@ def started(settings: Config, output: Path | None) -> Recording:
     now = datetime.now(UTC)
     folder = output or Path("recordings") / now.strftime("%Y%m%d-%H%M%S")
     begin = {"begin_utc": now.isoformat(), "begin_monotonic": time.monotonic()}
-    return Recording(folder, run_record(settings, None, 0.0, begin))
+    return Recording(folder, run_record(settings, None, 0.0, begin), settings.resolved)
 
 
 def tracker_of(

@@ -61,7 +61,7 @@ class Source:
 def acquiring(folder: Path, data: bytes, given: Any) -> None:
     config = facets.load("bench")
     live = Live(Pipeline(config))
-    recording = Recording(folder, run_record(config, None, 0, {}))
+    recording = Recording(folder, run_record(config, None, 0, {}), config.resolved)
     reader = Reader(config, f"file:{os.devnull}", recording, False, live)
     reader.port = Source(data, given)
     acquire(live, reader, recording, Ending())

@@ -45,7 +45,8 @@ def soak(folder: Path, seconds: float, rate: float, faults: str = FAULTS) -> dic
     other.start()
     while not (folder / "board").exists():
         time.sleep(0.01)
-    recording = Recording(folder / "recording", run_record(config, None, 0, {}))
+    story = run_record(config, None, 0, {})
+    recording = Recording(folder / "recording", story, config.resolved)
     live.begin = time.monotonic()
     reader = Reader(config, str(folder / "board"), recording, True, live)
     memory: list[float] = []

@@ -16,7 +16,10 @@ from facets.calibration import fit
 from facets.correction import NAMES, coefficients, corrected, slopes, uncorrected
 from facets.errors import ConfigError, InputError
 from facets.identify import information, mean_left, proposed, told_by, weak
+from facets.live.recording import Recording
+from facets.live.replay import recorded_config
 from facets.model import parameters, sensor_with
+from facets.record import run_record
 from facets.resolution import Estimator, uncertainties
 
 from .sensors import SENSORS
@@ -370,6 +373,21 @@ def test_every_command_takes_the_calibrated_rig(run):
     assert again.returncode == 0, again.stderr
     fine = command("resolution", "mine.yaml", "-o", "fine", cwd=folder)
     assert fine.returncode == 0, fine.stderr
+
+
+def test_a_recording_keeps_what_was_measured_of_the_rig(run, tmp_path):
+    folder, _ = run
+    text = "extends: mine.yaml\n"
+    (folder / "again.yaml").write_text(text)
+    config = facets.load(folder / "again.yaml")
+    kept = Recording(tmp_path / "r", run_record(config, None, 0.0, {}), config.resolved)
+    kept.close()
+    hidden = folder / "mine-covariance.csv"
+    moved_away = hidden.rename(folder / "away.csv")
+    try:
+        assert recorded_config(tmp_path / "r").sensor == config.sensor
+    finally:
+        moved_away.rename(hidden)
 
 
 def test_the_command_proposes_poses(run):

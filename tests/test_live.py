@@ -84,7 +84,7 @@ def test_a_recording_needs_a_new_folder(tmp_path):
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "thing").touch()
     with pytest.raises(InputError, match="not empty"):
-        Recording(tmp_path / "old", "")
+        Recording(tmp_path / "old", "", facets.load("bench").resolved)
     with pytest.raises(InputError, match="no recording"):
         list(blocks(tmp_path / "old"))
 

@@ -102,14 +102,28 @@ MEASURED: dict[str, tuple[list[tuple[str, ...]], str]] = {
 }
 
 
+def measured(resolved: dict[str, Any]) -> list[tuple[dict[str, Any], str, str]]:
+    """Blocks of a resolved configuration that name a file on the sensor, the key, and its sum."""
+    found = []
+    for block, (places, total) in MEASURED.items():
+        keys, name = _block(resolved["sensor"], block), places[0][-1]
+        if keys.get(name) is not None:
+            found.append((keys, name, keys[total]))
+    return found
+
+
+def _block(keys: dict[str, Any], dotted: str) -> dict[str, Any]:
+    """A block, empty where an older version had none."""
+    for part in dotted.split("."):
+        keys = keys.get(part, {})
+    return keys
+
+
 def _find_measured(tree: Marked, sensor: dict[str, Any]) -> list[str]:
     """Makes the paths of files about the sensor absolute, and holds the files to their sums."""
     problems = []
     for block, (places, total) in MEASURED.items():
-        keys = sensor
-        for part in block.split("."):
-            keys = keys[part]
-        name = places[0][-1]
+        keys, name = _block(sensor, block), places[0][-1]
         if keys[name] is None:
             continue
         found = [tree.find(("sensor", *place)) for place in places]

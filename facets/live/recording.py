@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,6 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..config.loading import measured
 from ..errors import FacetsError, InputError
 from ..names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from .pipeline import Poses
@@ -56,13 +58,16 @@ class Block(NamedTuple):
 class Recording:
     """Writes one. Bytes go to the system at once, so that only a power failure can take them."""
 
-    def __init__(self, folder: Path, meta: str) -> None:
+    def __init__(self, folder: Path, meta: str, resolved: dict[str, Any]) -> None:
+        """Begins with the whole configuration, and what files it names about the sensor."""
         self.folder = folder
         if folder.exists() and any(folder.iterdir()):
             raise InputError(f"{folder}: is not empty; a recording begins in a new folder")
         try:
             folder.mkdir(parents=True, exist_ok=True)
             (folder / "meta.yaml").write_text(meta, "utf-8")
+            for keys, name, total in measured(resolved):
+                shutil.copyfile(keys[name], folder / kept(total))
             flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND
             self.files = {
                 name: os.open(folder / name, flags, 0o644) for name in NAMES if name != "meta.yaml"
@@ -213,6 +218,11 @@ def recorded_poses(folder: Path) -> dict[str, NDArray[Any]]:
     except (StopIteration, pa.ArrowInvalid, OSError):
         pass
     return joined(parts) if parts else {}
+
+
+def kept(total: str) -> str:
+    """The name in a recording of a file with that SHA-256."""
+    return f"measured-{total[:12]}.csv"
 
 
 def meta_of(folder: Path) -> dict[str, Any]:

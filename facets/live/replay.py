@@ -11,7 +11,7 @@ import numpy as np
 
 from ..solver import Status
 from .pipeline import Pipeline, Poses
-from .recording import blocks, meta_of, pose_columns
+from .recording import blocks, kept, meta_of, pose_columns
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -23,12 +23,15 @@ def recorded_config(folder: Path) -> Config:
 
     from ruamel.yaml import YAML
 
-    from ..config import load
+    from ..config.loading import load, measured
 
+    meta = meta_of(folder)
+    for keys, name, total in measured(meta["resolved"]):
+        keys[name] = str((folder / kept(total)).resolve())
     with tempfile.TemporaryDirectory() as place:
-        path = Path(place) / f"{meta_of(folder)['config']}.yaml"
+        path = Path(place) / f"{meta['config']}.yaml"
         with path.open("w", encoding="utf-8") as file:
-            YAML(typ="safe").dump(meta_of(folder)["resolved"], file)
+            YAML(typ="safe").dump(meta["resolved"], file)
         return load(path)
 
 
