@@ -133,22 +133,16 @@ def write_covariance(path: Path, found: Fit, about: dict[str, str]) -> None:
 
 def as_yaml(settings: Config, found: Fit, covariance: Path, about: dict[str, str]) -> str:
     from hashlib import sha256
-    from io import StringIO
-
-    from ruamel.yaml import YAML
 
     from facets.config.geometry import written
+    from facets.record import configuration
 
     keys = written(settings.resolved["sensor"], found.sensor)
     keys["calibration"] = {
         "file": covariance.name,
         "sha256": sha256(covariance.read_bytes()).hexdigest(),
     }
-    stream = StringIO()
-    for key, value in about.items():
-        stream.write(f"# {key}: {' '.join(value.split())}\n")
-    YAML().dump({**settings.resolved, "sensor": keys}, stream)
-    return stream.getvalue()
+    return configuration(settings, keys, about)
 
 
 def propose_poses(settings: Config, path: Path, count: int, force: bool) -> None:

@@ -107,14 +107,12 @@ def jacobian(
 
 def where(settings: Config, box: str | None) -> tuple[Domain, float | None]:
     """The box, and the least share of light for a proof: by the config's rules, or by the box."""
-    from facets.domain import domain_of, range_domain
-    from facets.noise import power_floor
+    from facets.domain import domain_of, least_share, range_domain
 
     if box is not None:
         return domain_of(box), None
-    sensor = settings.sensor
-    least = settings.range.snr * power_floor(sensor) / sensor.beam.power
-    return range_domain(sensor, settings.range), least
+    sensor, rules = settings.sensor, settings.range
+    return range_domain(sensor, rules), least_share(sensor, rules)
 
 
 def surveyed(

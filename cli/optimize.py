@@ -155,22 +155,15 @@ def show_reasons(settings: Config, found: Optimum) -> None:
 
 
 def as_yaml(settings: Config, found: Optimum, about: dict[str, str]) -> str:
-    """The configuration it came from, with what was changed; how it was made above."""
-    from io import StringIO
-
-    from ruamel.yaml import YAML
-
+    """The configuration it came from, with what was changed."""
     from facets.config.geometry import written
     from facets.layout import sensor_of
+    from facets.record import configuration
 
     best = sensor_of(found.sensor, found.names, found.best.x)
     keys = written(settings.resolved["sensor"], best)
     keys["noise"]["position_um"] = 1000 * best.noise.position
-    stream = StringIO()
-    for key, value in about.items():
-        stream.write(f"# {key}: {' '.join(value.split())}\n")
     if found.tried:
         choice = found.tried[0][0]
-        stream.write(f"# parts: {' '.join(f'{choice.psd} {choice.laser}'.split())}\n")
-    YAML().dump({**settings.resolved, "sensor": keys}, stream)
-    return stream.getvalue()
+        about = {**about, "parts": f"{choice.psd} {choice.laser}"}
+    return configuration(settings, keys, about)

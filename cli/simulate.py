@@ -70,8 +70,9 @@ def simulate(
     segments = study.simulate(settings, motion or [], noise, seed, track)
     drawn = settings.seed if seed is None else seed
     about = record.about(settings, drawn)
-    beside = settings.calibrate.reference if reference else [float("inf")] * 6
-    columns = study.reading_table(segments) | study.reference_columns(segments, beside, drawn)
+    columns = study.reading_table(segments)
+    if reference:
+        columns |= study.reference_columns(segments, settings.calibrate.reference, drawn)
     tables.write_table(readings, columns, about)
     tables.write_table(poses, study.pose_table(segments), about)
     plots.save(plots.motion_picture(segments), picture)

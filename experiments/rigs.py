@@ -19,10 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import facets
-from facets.bundle import ALL, MOUNTING, Choice, Data, states_of
+from facets.bundle import ALL, MOUNTING, Choice, Data, states_of, values_of
 from facets.calibration import Fit, assigned, fit
-from facets.correction import coefficients, corrected, uncorrected
-from facets.model import parameters
+from facets.correction import corrected, uncorrected
 from facets.noise import add_noise
 from facets.sensor import Sensor
 
@@ -61,7 +60,7 @@ class Rig(NamedTuple):
 
 
 def drawn(nominal: Sensor, rng: np.random.Generator) -> Rig:
-    values = np.concatenate([parameters(nominal), coefficients(nominal), np.zeros(len(MOUNTING))])
+    values = values_of(nominal)
     for name, half in hidden().items():
         values[ALL.index(name)] += rng.uniform(-half, half)
     return Rig(assigned(nominal, values), values)

@@ -14,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .correction import NAMES, corrected, slopes
-from .model import jacobian, parameter_jacobian, readings
+from .correction import NAMES, coefficients, corrected, slopes
+from .model import jacobian, parameter_jacobian, parameters, readings
+from .names import FINE_UNITS
 from .noise import standard_deviations
 from .optics.parameters import PARAMETERS
 from .sensor import Sensor
@@ -25,6 +26,11 @@ Floats = NDArray[np.float64]
 #: Where the mirror is on the reference: the apex from its pivot; and from the beam while at zero.
 MOUNTING = ("lever.x", "lever.y", "lever.z", "apex.x", "apex.y")
 ALL = (*PARAMETERS, *NAMES, *MOUNTING)
+
+
+def values_of(sensor: Sensor) -> Floats:
+    """Of `ALL`, as the sensor is thought to be, the apex on the pivot and on the beam."""
+    return np.concatenate([parameters(sensor), coefficients(sensor), np.zeros(len(MOUNTING))])
 
 
 class Data(NamedTuple):
@@ -102,7 +108,7 @@ class Linear(NamedTuple):
     own: Floats
 
 
-OWN_UNITS = np.array([1e-3] * 3 + [1e-6] * 3)
+OWN_UNITS = np.array(FINE_UNITS[:6])
 
 
 def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: Choice) -> Linear:

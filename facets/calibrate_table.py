@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import tables
-from .bundle import ALL, MOUNTING, Choice, Data, states_of
+from .bundle import MOUNTING, Choice, Data, states_of, values_of
 from .calibration import Fit
 from .correction import corrected
 from .errors import InputError
-from .model import parameters
 from .names import ANGLES, POSE, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from .sensor import DETECTORS, MONOMIALS, Sensor
-from .solver import solve
+from .solver import Prior, solve
 
 if TYPE_CHECKING:
     from .config.values import Calibrate
@@ -104,12 +103,9 @@ def unit_of(name: str) -> tuple[str, float]:
 
 def found_table(nominal: Sensor, found: Fit) -> dict[str, NDArray[Any]]:
     """Each parameter: how far from where it was thought to be, and the uncertainties, told."""
-    from .correction import coefficients
-
-    start = np.concatenate([parameters(nominal), coefficients(nominal), np.zeros(len(MOUNTING))])
     units = [unit_of(name) for name in found.choice.names]
     factors = np.array([factor for _, factor in units])
-    change = found.values - start[[ALL.index(name) for name in found.choice.names]]
+    change = found.values - values_of(nominal)[found.choice.places]
     return {
         "parameter": np.array(found.choice.names),
         "unit": np.array([unit for unit, _ in units]),
@@ -126,8 +122,6 @@ def validation(nominal: Sensor, found: Fit, held: Data) -> dict[str, NDArray[Any
     since where the mirror is on the reference is not known then.  after: by the calibrated one.
     stated: what the uncertainties of pose and reference say.
     """
-    from .solver import Prior
-
     units = np.array([1e6 if name in ANGLES else 1e3 for name in POSE])
     known = np.isfinite(held.sigma)
     rows = {}
@@ -135,7 +129,7 @@ def validation(nominal: Sensor, found: Fit, held: Data) -> dict[str, NDArray[Any
         ("before", nominal, np.zeros(len(MOUNTING))),
         ("after", found.sensor, found.mounting),
     ):
-        beam = Prior(held.beam, 1e-9)
+        beam = Prior(held.beam, 0.0)
         solution = solve(sensor, corrected(sensor, held.raw), beam=beam, threads=0)
         error = (solution.state - states_of(held, np.zeros_like(held.pose), mounting))[:, :6]
         if name == "before":

@@ -24,10 +24,11 @@ from .bundle import (
     linear,
     residuals,
     states_of,
+    values_of,
 )
-from .correction import OF_ONE, coefficients, corrected
+from .correction import OF_ONE, corrected
 from .errors import InputError
-from .model import parameters, sensor_with
+from .model import sensor_with
 from .optics.parameters import PARAMETERS
 from .sensor import MONOMIALS, Calibration, Sensor
 from .solver import solve
@@ -92,8 +93,7 @@ class Task:
         if len(data.raw) < 2 or not len(choice.names):
             raise InputError("a calibration needs two samples and one parameter, at least")
         self.nominal, self.data, self.choice, self.robust = sensor, data, choice, robust
-        mounting = np.zeros(len(MOUNTING))
-        self.start = np.concatenate([parameters(sensor), coefficients(sensor), mounting])
+        self.start = values_of(sensor)
         self.prior = 1 / choice.sigma**2
 
     def guess(self, values: Floats, opening: Floats) -> Guess:

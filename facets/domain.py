@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from .errors import InputError
 from .names import ANGLES, POSE
+from .noise import power_floor
 from .ranges import axis_ranges
 from .rules import Rules
 from .sensor import Sensor
@@ -59,6 +60,11 @@ def range_domain(sensor: Sensor, rules: Rules) -> Domain:
     ranges = [*following, *fixed[2:], *fixed[:2]]
     low = np.array([axis.low for axis in ranges])
     return Domain(low, np.array([axis.high for axis in ranges]))
+
+
+def least_share(sensor: Sensor, rules: Rules) -> float:
+    """Of the light, that a detector gets at least within the rules."""
+    return rules.snr * power_floor(sensor) / sensor.beam.power
 
 
 def domain_of(text: str) -> Domain:

@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from .errors import InputError
 from .layout import sensor_of
 from .model import margins, readings
-from .names import ANGLES, POSE
+from .names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS, STATE_UNITS
 from .optimize import states_of
 from .ranges import axis_ranges, clearances
 from .resolution import Estimator, uncertainties
@@ -48,14 +48,12 @@ PART, PILOT = 200, 5
 RIVALS = 32
 #: To what share of its length a range is followed.
 FINE_ENOUGH = 1e-5
-#: Of the pose's axes as they are told, mm and mrad; a thousandth of it for uncertainties.
-UNITS = np.array([1e3 if name in ANGLES else 1.0 for name in POSE])
+#: Of the pose's axes as they are told: mm and mrad, um and urad.
+FAR, FINE = 1 / np.array(STATE_UNITS[:6]), 1 / np.array(FINE_UNITS[:6])
 #: What is told of a design; ranges are symmetric and in all, uncertainties and the condition number
 #: at rest; regular: 1 where the determinant of Eq. (11) has one sign over the volume's corners,
 #: faces and centre, else 0.
-RANGES = tuple(f"range_{n}_mrad" if n in ANGLES else f"range_{n}_mm" for n in POSE)
-FINE = tuple(f"u_{n}_urad" if n in ANGLES else f"u_{n}_um" for n in POSE)
-MEASURES = ("head_mm", *RANGES, *FINE, "condition", "regular")
+MEASURES = ("head_mm", *RANGE_COLUMNS, *FINE_COLUMNS, "condition", "regular")
 AT_RANGES = slice(1, 7)
 NO_RIVALS = np.empty((0, len(MEASURES)))
 #: Why a design was not looked at further; "" for those that were.
@@ -106,25 +104,30 @@ class Space:
 
 def designs(space: Space) -> Floats:
     """All designs (n, variables), in the units of the variables' names."""
+    if not space.names:
+        raise InputError("optimize.variables is empty: nothing may change")
+    bounds = tuple(space.layout.variables[name] for name in space.names)
+    return drawn(space.sampling, bounds, space.count, space.seed)
+
+
+@lru_cache(1)  # a worker makes its parts from the same
+def drawn(sampling: str, bounds: tuple[tuple[float, float], ...], count: int, seed: int) -> Floats:
     from scipy.stats import qmc
 
-    bounds = np.array([space.layout.variables[name] for name in space.names])
-    if not len(bounds):
-        raise InputError("optimize.variables is empty: nothing may change")
-    dimension = len(bounds)
-    rng = np.random.default_rng(space.seed)
-    if space.sampling == "grid":
-        side = int(np.ceil(space.count ** (1 / dimension)))
+    dimension, rng = len(bounds), np.random.default_rng(seed)
+    if sampling == "grid":
+        side = int(np.ceil(count ** (1 / dimension)))
         axes = [np.linspace(low, high, side) for low, high in bounds]
         places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dimension)
         return rng.permutation(places)  # so that the pilot is of all of them
-    if space.sampling == "lhs":
-        shares = qmc.LatinHypercube(dimension, rng=rng).random(space.count)
+    if sampling == "lhs":
+        shares = qmc.LatinHypercube(dimension, rng=rng).random(count)
     else:
-        power = int(np.ceil(np.log2(max(space.count, 2))))
-        shares = qmc.Sobol(dimension, rng=rng).random_base2(power)[: space.count]
-    drawn: Floats = bounds[:, 0] + shares * (bounds[:, 1] - bounds[:, 0])
-    return drawn
+        power = int(np.ceil(np.log2(max(count, 2))))
+        shares = qmc.Sobol(dimension, rng=rng).random_base2(power)[:count]
+    low, high = np.array(bounds).T
+    found: Floats = low + shares * (high - low)
+    return found
 
 
 def at_rest(space: Space, x: Floats) -> tuple[int, Floats, Sensor | None]:
@@ -142,7 +145,7 @@ def at_rest(space: Space, x: Floats) -> tuple[int, Floats, Sensor | None]:
         return 2, values, None
     if space.required and not keeps(sensor, space.layout, space.volume):
         return 4, values, None
-    values[7:13] = 1e3 * UNITS * uncertainties(sensor, rest, Estimator("", np.inf))[0]
+    values[7:13] = FINE * uncertainties(sensor, rest, Estimator("", np.inf))[0]
     values[13] = measures(sensor, rest)[0, 2]
     signs = np.sign(measures(sensor, space.volume, spectra=False)[:, 0])
     values[14] = float(abs(signs.sum()) == len(signs))
@@ -164,7 +167,7 @@ def keeps(sensor: Sensor, layout: Layout, states: Floats) -> bool:
         return False
     if np.isinf(layout.limit).all():
         return True
-    sigma = uncertainties(sensor, states, Estimator("", np.inf)) * 1e3 * UNITS
+    sigma = uncertainties(sensor, states, Estimator("", np.inf)) * FINE
     return bool((sigma <= layout.limit).all())
 
 
@@ -183,7 +186,7 @@ def looked_at(space: Space, x: Floats, rivals: Floats = NO_RIVALS) -> tuple[int,
         found = axis_ranges(sensor, rules, np.zeros(6), FINE_ENOUGH)
     except InputError:
         return 2, values
-    values[AT_RANGES] = UNITS * np.array([axis.symmetric for axis in found])
+    values[AT_RANGES] = FAR * np.array([axis.symmetric for axis in found])
     return 0, values
 
 
@@ -201,7 +204,7 @@ def beaten(space: Space, sensor: Sensor, rules: Rules, values: Floats, rivals: F
     some = rivals[good]
     if not axes or not len(some):
         return len(some) > 0
-    ends = some[:, AT_RANGES][:, axes] / UNITS[axes] / 2
+    ends = some[:, AT_RANGES][:, axes] / FAR[axes] / 2
     some = ends[np.argsort(-ends.min(axis=1))[:RIVALS]]
     poses = np.zeros((len(some), len(axes), 2, 6))
     for n, axis in enumerate(axes):
@@ -215,10 +218,10 @@ def part_of(space: Space, first: int, rivals: Floats) -> dict[str, Any]:
 
     rivals: measures of those that they are held against, beside one another; none in the pilot.
     """
-    drawn = designs(space)[first : first + space.part]
+    some = designs(space)[first : first + space.part]
     full = first < space.pilot
     reasons, values, seconds = [], [], []
-    for x in drawn:
+    for x in some:
         begin = time.perf_counter()
         why, found = looked_at(space, x, NO_RIVALS if full else rivals)
         seconds.append(time.perf_counter() - begin)
@@ -226,8 +229,8 @@ def part_of(space: Space, first: int, rivals: Floats) -> dict[str, Any]:
         values.append(found)
         if not why and not full:
             rivals = np.concatenate([rivals, found[None]])
-    columns: dict[str, Any] = {"design": first + np.arange(len(drawn))}
-    columns |= {name: drawn[:, i] for i, name in enumerate(space.names)}
+    columns: dict[str, Any] = {"design": first + np.arange(len(some))}
+    columns |= {name: some[:, i] for i, name in enumerate(space.names)}
     columns["skipped"] = np.array(reasons)
     columns |= {name: np.array(values)[:, i] for i, name in enumerate(MEASURES)}
     return columns | {"seconds": np.array(seconds)}
@@ -250,14 +253,13 @@ def explore(
     done = len(firsts) - len(missing)
     tell(done, len(firsts))
     made = clustered if scheduler else pooled
-    rivals = NO_RIVALS
-    for whole in (True, False):
-        wanted = [first for first in missing if (first < space.pilot) == whole]
+    for pilot in (True, False):
+        wanted = [first for first in missing if (first < space.pilot) == pilot]
+        rivals = NO_RIVALS if pilot or not wanted else rivals_in(space, folder)
         for first, table in made(space, wanted, rivals, scheduler or ""):
             write_table(part_path(folder, first), table, about)
             done += 1
             tell(done, len(firsts))
-        rivals = rivals_in(space, folder)
 
 
 def rivals_in(space: Space, folder: Path) -> Floats:

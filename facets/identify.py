@@ -11,10 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .bundle import ALL, MOUNTING, OWN_UNITS, Choice, Data, eliminated, linear
+from .bundle import ALL, OWN_UNITS, Choice, Data, eliminated, linear, values_of
 from .calibration import opened
-from .correction import coefficients
-from .model import parameters, readings
+from .model import readings
 from .sensor import DETECTORS, Sensor
 
 Floats = NDArray[np.float64]
@@ -31,14 +30,10 @@ class Direction(NamedTuple):
     words: str
 
 
-def start_values(sensor: Sensor) -> Floats:
-    return np.concatenate([parameters(sensor), coefficients(sensor), np.zeros(len(MOUNTING))])
-
-
 def information(sensor: Sensor, data: Data, choice: Choice) -> Floats:
     """Of the data alone (p, p), in units of what is known before, at the nominal sensor."""
     opening = opened(data, sensor)
-    found = linear(sensor, data, opening, start_values(sensor), choice)
+    found = linear(sensor, data, opening, values_of(sensor), choice)
     matrix = eliminated(found, np.ones_like(data.raw), opening, data.sigma).matrix
     scaled: Floats = choice.sigma[:, None] * matrix * choice.sigma
     return scaled
@@ -163,7 +158,7 @@ def told_by(sensor: Sensor, choice: Choice, sigma: Floats, candidates: Floats) -
     data = Data(np.zeros((len(candidates), 9)), candidates, sigma, np.zeros((len(candidates), 2)))
     states = np.concatenate([candidates, data.beam], axis=1)
     data = data._replace(raw=readings(sensor, states))
-    found = linear(sensor, data, np.zeros_like(candidates), start_values(sensor), choice)
+    found = linear(sensor, data, np.zeros_like(candidates), values_of(sensor), choice)
     with np.errstate(divide="ignore"):
         spread = np.where(np.isfinite(sigma), sigma / OWN_UNITS, 1e9)
     wide = found.own * spread

@@ -12,6 +12,8 @@ of it lands on the detector and leaves the centroid where it is; what misses the
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -51,13 +53,20 @@ def traced(fixed: Geometry, flaws: Imperfections, state: Floats, halves: Floats)
     return out
 
 
+@cache
+def gauss(count: int) -> tuple[Floats, Floats]:
+    """Gauss and Legendre's nodes and weights from -1 to 1, found once."""
+    found: tuple[Floats, Floats] = np.polynomial.legendre.leggauss(count)
+    return found
+
+
 def nodes(at: Scene, k: int) -> tuple[Floats, Floats]:
     """Shares of the beam (n,) and places (n, 2) in sigmas from its centre, over the wedge of k."""
     q = np.array(at.q)
     first, last = (np.arctan2(side[1], side[0]) for side in (at.sides[k], at.sides[(k + 1) % 3]))
     last = first + (last - first) % (2 * np.pi)
-    x, wx = np.polynomial.legendre.leggauss(ANGLES)
-    r, wr = np.polynomial.legendre.leggauss(RADII)
+    x, wx = gauss(ANGLES)
+    r, wr = gauss(RADII)
     angle = first + (x + 1) / 2 * (last - first)
     far = np.hypot(*q) + FAR
     radius = (r + 1) / 2 * far
@@ -114,7 +123,7 @@ def lost(
 
 def along(fixed: Geometry, at: Scene, side: Floats) -> float:
     """Light along an edge, mW/mm."""
-    x, weights = np.polynomial.legendre.leggauss(RADII)
+    x, weights = gauss(RADII)
     far = np.hypot(*at.q) + FAR
     places = np.array(at.q) + np.outer((x + 1) / 2 * far, side)
     whole = weights @ np.exp(-(places**2).sum(axis=1) / 2) * far / 2 / (2 * np.pi)

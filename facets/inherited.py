@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from .correction import NAMES, slopes
 from .model import jacobian, parameter_jacobian, readings
+from .names import FINE_UNITS
 from .noise import standard_deviations
 from .optics.parameters import PARAMETERS
 
@@ -37,29 +38,10 @@ def covariances(
     used: (n, 3) detectors.  free, weights: the unknowns that were solved for, out of the state and
     the power, and one over the sigmas of what was known of bx, by and the power.
     """
-    out = np.zeros((len(states), 8, 8))
-    for first in range(0, len(states), PART):
-        part = slice(first, first + PART)
-        out[part] = of_part(sensor, known, states[part], used[part], free, weights)
-    return out
-
-
-def by_parameters(sensor: Sensor, known: Calibration, states: Floats, seen: Floats) -> Floats:
-    """How far model and reading part for each unit of what was calibrated: (n, 9, p)."""
-    places = [(*PARAMETERS, *NAMES).index(name) for name in known.names]
-    every = np.concatenate([parameter_jacobian(sensor, states), -slopes(sensor, seen)], axis=2)
-    parted: Floats = every[:, :, places]
-    return parted
-
-
-def of_part(
-    sensor: Sensor,
-    known: Calibration,
-    states: Floats,
-    used: NDArray[np.bool_],
-    free: NDArray[np.int64],
-    weights: Floats,
-) -> Floats:
+    if len(states) > PART:
+        parts = [slice(first, first + PART) for first in range(0, len(states), PART)]
+        found = [covariances(sensor, known, states[p], used[p], free, weights) for p in parts]
+        return np.concatenate(found)
     seen = readings(sensor, states)
     weigh = np.repeat(used, 3, axis=1) / standard_deviations(sensor, seen)
     by_state = np.zeros((len(states), 9, 9))
@@ -69,7 +51,7 @@ def of_part(
     off = np.nan_to_num(by_parameters(sensor, known, states, seen) * weigh[:, :, None])
     before = np.zeros(9)
     before[6:] = weights**2
-    units = np.array([1e-3] * 3 + [1e-6] * 3 + [1e-3] * 3)[free]
+    units = np.array([*FINE_UNITS, 1e-3])[free]
     rows *= units
     inner = np.swapaxes(rows, 1, 2) @ rows + np.diag(before[free] * units**2)
     good = np.isfinite(states).all(axis=1)
@@ -80,3 +62,11 @@ def of_part(
     whole[~good] = 0.0
     added: Floats = whole @ np.array(known.covariance) @ np.swapaxes(whole, 1, 2)
     return added[:, :8, :8]
+
+
+def by_parameters(sensor: Sensor, known: Calibration, states: Floats, seen: Floats) -> Floats:
+    """How far model and reading part for each unit of what was calibrated: (n, 9, p)."""
+    places = [(*PARAMETERS, *NAMES).index(name) for name in known.names]
+    every = np.concatenate([parameter_jacobian(sensor, states), -slopes(sensor, seen)], axis=2)
+    parted: Floats = every[:, :, places]
+    return parted

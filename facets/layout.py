@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .model import parameters, sensor_with
+from .names import FINE_UNITS
 from .optics.forward import geometry, placed
 from .optics.gradient import linearised
 from .optics.rays import gradient_of_shift, reflect, slanted
@@ -22,8 +23,6 @@ from .sensor import DETECTORS, Sensor
 
 Floats = NDArray[np.float64]
 
-#: What is measured in these, so that numbers are of order one: um and urad.
-COLUMNS = (1e-3, 1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3, 1e-3)
 #: Half of the 1/e^2 diameter, in sigmas.
 RIM = 2
 #: Where the parts of a sensor's 30 parameters begin: the beam, the facets, the detectors.
@@ -62,7 +61,7 @@ def outcome(sensor: Sensor) -> Any:
     for values, derivatives in detectors:
         place = sensor.noise.position * sensor.noise.at_power / values[2]
         for i, sigma in enumerate((place, place, sensor.noise.power)):
-            scaled = [d * unit / sigma for d, unit in zip(derivatives[i], COLUMNS, strict=True)]
+            scaled = [d * unit / sigma for d, unit in zip(derivatives[i], FINE_UNITS, strict=True)]
             rows.append(ca.horzcat(*scaled))
     matrix = ca.vertcat(*rows)
     information = ca.mtimes(matrix.T, matrix)
@@ -114,13 +113,13 @@ def unit_of(name: str) -> float:
     return UNITS[name.rpartition("_")[2]]
 
 
-def singles() -> dict[str, int]:
-    """What may be varied of one facet or detector alone, by its place in the 30 parameters."""
-    found: dict[str, int] = {}
-    for k, letter in enumerate(DETECTORS):
-        found |= {f"facet_{letter}_{key}": FACETS[k] + i for key, i in OF_A_FACET.items()}
-        found |= {f"psd_{letter}_{key}": PSDS[k] + i for key, i in OF_A_PSD.items()}
-    return found
+#: What may be varied of one facet or detector alone, by its place in the 30 parameters.
+SINGLES = {
+    f"{kind}_{letter}_{key}": first[k] + i
+    for kind, first, keys in (("facet", FACETS, OF_A_FACET), ("psd", PSDS, OF_A_PSD))
+    for k, letter in enumerate(DETECTORS)
+    for key, i in keys.items()
+}
 
 
 def present(sensor: Sensor) -> dict[str, float]:
@@ -136,7 +135,7 @@ def present(sensor: Sensor) -> dict[str, float]:
         "size_mm": min(psd.size_y, psd.size_z),
         "diameter_mm": sensor.beam.diameter_x,
         "power_mw": sensor.beam.power,
-    } | {name: float(p[i]) for name, i in singles().items()}
+    } | {name: float(p[i]) for name, i in SINGLES.items()}
     return {name: value / unit_of(name) for name, value in values.items()}
 
 
@@ -149,7 +148,7 @@ def varied(sensor: Sensor, names: Sequence[str], x: Any) -> tuple[list[Any], lis
     p: list[Any] = list(parameters(sensor))
     sizes: list[Any] = [min(psd.size_y, psd.size_z) for psd in sensor.psds]
     value = {name: x[i] * unit_of(name) for i, name in enumerate(names)}
-    alone = {i: value[name] for name, i in singles().items() if name in value}
+    alone = {i: value[name] for name, i in SINGLES.items() if name in value}
     for k, (facet, psd) in enumerate(zip(FACETS, PSDS, strict=True)):
         for name in ("radius_mm", "roll_mrad", "pitch_mrad", "yaw_mrad"):
             i = psd + OF_A_PSD[name]

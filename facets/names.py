@@ -21,3 +21,10 @@ READING_COLUMNS = tuple(
 
 #: What one unit of a state's column is in the units of the code (mm, rad).
 STATE_UNITS = tuple(1e-3 if name in ANGLES else 1.0 for name in STATE)
+
+#: What one um or urad is in the units of the code, by component of the state.
+FINE_UNITS = tuple(1e-6 if name in ANGLES else 1e-3 for name in STATE)
+
+#: Columns of ranges and of standard uncertainties of the pose.
+RANGE_COLUMNS = tuple(f"range_{name}" for name in STATE_COLUMNS[:6])
+FINE_COLUMNS = tuple(f"u_{name}_urad" if name in ANGLES else f"u_{name}_um" for name in POSE)

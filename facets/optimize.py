@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError
-from .layout import COLUMNS, Outcome, heads_of, outcome, present, varied
-from .names import POSE
+from .layout import Outcome, heads_of, outcome, present, varied
+from .names import FINE_UNITS, POSE
 from .sensor import Sensor
 
 if TYPE_CHECKING:
@@ -293,21 +293,21 @@ def optimize(sensor: Sensor, layout: Layout) -> Optimum:
     With a catalogue each choice of parts is tried from the sensor as it is, and the best of them
     from all starts.
     """
-    before = Problem(sensor, layout)
     tried: list[tuple[Choice, End]] = []
-    chosen = sensor
+    problem = Problem(sensor, layout)
+    solver = problem.solver()
+    before = objective_at(problem, solver)
     if layout.psds or layout.lasers:
         made = dict(choices(sensor, layout))
         tried = [(choice, alone(other, layout)) for choice, other in made.items()]
         tried.sort(key=lambda pair: (not pair[1].found, pair[1].objective, pair[0].price or 0))
-        chosen = made[tried[0][0]]
-    problem = Problem(chosen, layout)
-    solver = problem.solver()
+        problem = Problem(made[tried[0][0]], layout)
+        solver = problem.solver()
     ends = [ended(problem, solver, start) for start in starts_of(problem, layout)]
     ends.sort(key=lambda end: (not end.found, end.objective))
     if not ends[0].found:
         ends[0].missing = shortfalls(problem, ends[0])
-    return Optimum(problem.names, ends, objective_at(before, before.solver()), chosen, tried)
+    return Optimum(problem.names, ends, before, problem.sensor, tried)
 
 
 def choices(sensor: Sensor, layout: Layout) -> Iterator[tuple[Choice, Sensor]]:
@@ -334,7 +334,7 @@ def choices(sensor: Sensor, layout: Layout) -> Iterator[tuple[Choice, Sensor]]:
 def alone(sensor: Sensor, layout: Layout) -> End:
     """Where the sensor as it is ends."""
     problem = Problem(sensor, layout)
-    return ended(problem, problem.solver(), starts_of(problem, replace(layout, starts=1))[0])
+    return ended(problem, problem.solver(), starts_of(problem, layout)[0])
 
 
 def ended(problem: Problem, solver: Any, start: Floats) -> End:
@@ -451,5 +451,5 @@ def worst_over(sensor: Sensor, layout: Layout) -> Floats:
 
     states = np.array(states_of(layout, 1.0), dtype=float)
     found = uncertainties(sensor, states, Estimator("", np.inf))
-    worst: Floats = found.max(axis=0) / np.array(COLUMNS[:6])
+    worst: Floats = found.max(axis=0) / np.array(FINE_UNITS[:6])
     return worst

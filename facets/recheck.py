@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .errors import InputError
 from .model import margins, readings
-from .names import ANGLES, POSE
+from .names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS, STATE_UNITS
 from .noise import add_noise
 from .optimize import states_of
 from .ranges import axis_ranges
@@ -60,18 +60,16 @@ def performance(
     sigma = uncertainties(sensor, states, FREE)
     found: dict[str, float] = {}
     worst = np.zeros(6, dtype=int)
-    for i, name in enumerate(POSE):
-        unit = ("urad", 1e6) if name in ANGLES else ("um", 1e3)
+    for i, (name, unit) in enumerate(zip(FINE_COLUMNS, FINE_UNITS, strict=False)):
         worst[i] = int(np.argmax(np.where(np.isnan(sigma[:, i]), np.inf, sigma[:, i])))
-        found[f"u_{name}_{unit[0]}"] = float(sigma[worst[i], i] * unit[1])
+        found[name] = float(sigma[worst[i], i] / unit)
     tracking = Rules(rules.whole_spot, rules.snr, rules.condition, rules.coarsest, layout.following)
     try:
         ranges = [axis.symmetric for axis in axis_ranges(sensor, tracking, np.zeros(6))]
     except InputError:
         ranges = [np.nan] * 6
-    for name, length in zip(POSE, ranges, strict=True):
-        unit = ("mrad", 1e3) if name in ANGLES else ("mm", 1.0)
-        found[f"range_{name}_{unit[0]}"] = length * unit[1]
+    for name, length, unit in zip(RANGE_COLUMNS, ranges, STATE_UNITS, strict=False):
+        found[name] = length / unit
     found["head_mm"] = 2 * max(psd.radius for psd in sensor.psds)
     found["condition"] = float(measures(sensor, states)[:, 2].max())
     found["room_mm"] = float(np.nan_to_num(margins(sensor, states)[:, :, :4], nan=-np.inf).min())
@@ -90,8 +88,7 @@ def compare(
     rng = np.random.default_rng(seed)
     old, _ = performance(before, layout, rules, rng)
     new, worst = performance(after, layout, rules, rng)
-    units = [1e6 if name in ANGLES else 1e3 for name in POSE]
-    spread = simulated(after, worst, rng) * units
+    spread = simulated(after, worst, rng) / FINE_UNITS[:6]
     drawn = np.concatenate([spread, np.full(len(new) - 6, np.nan)])
     return {
         "quantity": np.array(list(new)),

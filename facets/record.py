@@ -39,6 +39,17 @@ def about(config: Config, seed: int | None = None) -> dict[str, str]:
     return {key: value for key, value in known.items() if value is not None}
 
 
+def configuration(config: Config, sensor: dict[str, Any], about: dict[str, str]) -> str:
+    """A configuration as YAML, with another `sensor` block; above, how it was made."""
+    from ruamel.yaml import YAML
+
+    stream = StringIO()
+    for key, value in about.items():
+        stream.write(f"# {key}: {' '.join(value.split())}\n")
+    YAML().dump({**config.resolved, "sensor": sensor}, stream)
+    return stream.getvalue()
+
+
 def run_record(config: Config, seed: int | None, seconds: float, results: dict[str, Any]) -> str:
     """The whole story of a run, as YAML."""
     from ruamel.yaml import YAML

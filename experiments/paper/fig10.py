@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from . import outlines
 from .experiment import Claim, Table
+from .table2 import FOLLOWING
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,8 +22,8 @@ def compute(quick: bool) -> Table:
 
 def claims(table: Table) -> list[Claim]:
     return [
-        Claim("range in tx", "mm", 13.6, outlines.symmetric(table, "tx", "ty", 0), WHY),
-        Claim("range in ty", "mm", 11.8, outlines.symmetric(table, "tx", "ty", 1), WHY),
+        Claim(f"range in t{axis}", "mm", paper, outlines.symmetric(table, "tx", "ty", n), WHY)
+        for n, (axis, paper) in enumerate(zip("xy", FOLLOWING, strict=True))
     ]
 
 

@@ -13,6 +13,7 @@ from facets.plots import unit_of
 from facets.resolution import Estimator, uncertainties
 
 from .experiment import Claim, Table, columns_of
+from .table2 import RESOLUTION
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,12 +37,12 @@ def compute(quick: bool) -> Table:
 def claims(table: Table) -> list[Claim]:
     free, known = (np.flatnonzero(table["beam_um"] == um)[0] for um in (np.inf, 0.0))
     found = []
-    for axis in ("tx", "ty"):
+    for axis, paper in zip(("tx", "ty"), RESOLUTION, strict=False):
         fine = 2 * table[f"{axis}_um"]
         found += [
-            Claim(f"resolution in {axis} at rest; beam free", "um", {"tx": 2.6, "ty": 1.9}[axis],
+            Claim(f"resolution in {axis} at rest; beam free", "um", paper,
                   fine[free], "the paper's own is between the two: its beam stood still"),
-            Claim(f"resolution in {axis} at rest; beam known", "um", {"tx": 2.6, "ty": 1.9}[axis],
+            Claim(f"resolution in {axis} at rest; beam known", "um", paper,
                   fine[known], "the powers then tell the apex's offset alone"),
         ]  # fmt: skip
     return found

@@ -13,12 +13,11 @@ from facets.plots import unit_of
 from facets.simulate import pose_table, simulate
 
 from .experiment import Claim, Table
+from .table2 import RESOLUTION
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Table 2's resolutions, um and urad: twice the largest standard deviation.
-RESOLUTION = dict(zip(POSE, (2.6, 1.9, 2.8, 9.4, 8.7, 13.0), strict=True))
 WHY = {
     "tx": "the paper's beam is better known than solved for: see known-beam",
     "ty": "as in x",
@@ -51,7 +50,7 @@ def errors(table: Table, name: str) -> np.ndarray:
 def errors_in_six_axes(table: Table) -> list[Claim]:
     """Twice the root mean square error of each axis, beside the paper's resolution."""
     found = []
-    for name, paper in RESOLUTION.items():
+    for name, paper in zip(POSE, RESOLUTION, strict=True):
         off = 2 * float(np.sqrt(np.nanmean(errors(table, name) ** 2)))
         unit = unit_of(name)[2].replace("µ", "u")
         found.append(Claim(f"twice the r.m.s. error in {name}", unit, paper, off, WHY[name]))

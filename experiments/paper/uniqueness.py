@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import facets
-from facets.domain import range_domain
+from facets.domain import least_share, range_domain
 from facets.uniqueness import certify
 
 from .experiment import NONE, Claim, Table, columns_of
@@ -21,7 +21,7 @@ def compute(quick: bool) -> Table:
     """The paper's sensor over all its ranges at once, by interval arithmetic."""
     config = facets.load(CONFIG)
     domain = range_domain(config.sensor, config.range)
-    least = config.range.snr * config.sensor.noise.power / config.sensor.beam.power
+    least = least_share(config.sensor, config.range)
     found = certify(config.sensor, domain, share=least)
     rows = [
         ("proved one to one", "", float(found.unique)),

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from ..config import load
 from ..explore import MEASURES, NO_RIVALS, Space, designs, front, looked_at, part_of
-from ..layout import COLUMNS, sensor_of
+from ..layout import sensor_of
 from ..model import half_sizes, margins, readings
+from ..names import FINE_UNITS
 from ..optimize import optimize, states_of
 from ..resolution import Estimator, uncertainties
 
@@ -73,7 +74,7 @@ def by_scipy(sensor: Any, layout: Any, names: list[str]) -> tuple[float, float]:
 
     def fine(unknown: Floats) -> Floats:
         sigma = uncertainties(at(unknown[:-1]), states, Estimator("", np.inf)) / np.array(
-            COLUMNS[:6]
+            FINE_UNITS[:6]
         )
         return np.nan_to_num(unknown[-1] - (sigma / np.array(layout.unit)).max(axis=0), nan=-1e3)
 

@@ -7,6 +7,7 @@ from math import inf, radians
 from pathlib import Path
 from typing import Any
 
+from ..names import FINE_UNITS
 from ..rules import Rules
 from ..sensor import DETECTORS, Apertures, Electronics, Imperfections, Noise, Sensor
 from . import covariance, geometry
@@ -183,8 +184,8 @@ def layout(keys: dict[str, Any]) -> Layout:
         },
         aim=keys["aim"],
         weights={name.replace("_", "-"): w for name, w in keys["weights"].items() if w},
-        unit=tuple(inf if value is None else value for value in keys["unit"].values()),
-        limit=tuple(inf if value is None else value for value in keys["limit"].values()),
+        unit=per_axis(keys["unit"]),
+        limit=per_axis(keys["limit"]),
         head=inf if keys["head_mm"] is None else keys["head_mm"],
         least_power=keys["least_power_uw"] / 1000,
         following=keys["beam"] == "following",
@@ -193,11 +194,15 @@ def layout(keys: dict[str, Any]) -> Layout:
     )
 
 
+def per_axis(keys: dict[str, float | None]) -> tuple[float, ...]:
+    """(6,) um and urad, infinite where not given."""
+    return tuple(inf if value is None else value for value in keys.values())
+
+
 def calibrate(keys: dict[str, Any]) -> Calibrate:
-    units = (*[1e-3] * 3, *[1e-6] * 3)
-    sigmas = zip(keys["reference"].values(), units, strict=True)
+    sigmas = zip(per_axis(keys["reference"]), FINE_UNITS, strict=False)
     return Calibrate(
-        reference=tuple(inf if value is None else value * unit for value, unit in sigmas),
+        reference=tuple(value * unit for value, unit in sigmas),
         before={name: value for name, value in keys["before"].items() if value is not None},
         held_back=keys["held_back_percent"] / 100,
         outliers=keys["outliers"],
@@ -206,12 +211,12 @@ def calibrate(keys: dict[str, Any]) -> Calibrate:
 
 def range_(keys: dict[str, Any]) -> Rules:
     """The rules of the measurement range."""
-    limits = [inf if value is None else value for value in keys["coarsest"].values()]
+    limits = per_axis(keys["coarsest"])
     return Rules(
         whole_spot=keys["spot"] == "whole",
         snr=keys["snr"],
         condition=keys["condition"],
-        coarsest=(*(1e-3 * um for um in limits[:3]), *(1e-6 * urad for urad in limits[3:])),
+        coarsest=tuple(value * unit for value, unit in zip(limits, FINE_UNITS, strict=False)),
     )
 
 

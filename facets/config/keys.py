@@ -14,16 +14,12 @@ from .calibrate_keys import Calibrate
 from .layout_keys import Optimize
 from .live_keys import Acquire, Stage
 from .motion_keys import Motions
-from .section import HALF_TURN, MAX_LENGTH, Section
+from .section import HALF_TURN, MAX_LENGTH, PerAxis, Section, as_tuple
 
 
 def _pair(value: Any) -> Any:
     """One number stands for two equal ones; YAML's list becomes a tuple."""
     return tuple(value) if isinstance(value, list) else (value, value)
-
-
-def _two(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
 
 
 Length = Annotated[float, Field(gt=0, le=1000)]
@@ -33,7 +29,7 @@ Lengths = Annotated[
 ]
 Tilt = Annotated[float, Field(ge=-1000, le=1000)]
 Tilts = Annotated[
-    tuple[Tilt, Tilt], BeforeValidator(_two, json_schema_input_type=tuple[Tilt, Tilt])
+    tuple[Tilt, Tilt], BeforeValidator(as_tuple, json_schema_input_type=tuple[Tilt, Tilt])
 ]
 
 
@@ -218,7 +214,7 @@ Sag = Annotated[float, Field(ge=-10_000, le=10_000)]
 class Imperfections(Section):
     """What real optics do besides: simulated, and solved as if it were not there."""
 
-    index: Annotated[tuple[Index, Index], BeforeValidator(_two)] | None = Field(
+    index: Annotated[tuple[Index, Index], BeforeValidator(as_tuple)] | None = Field(
         None, description="complex refractive index n, k of the coating; null reflects all"
     )
     polarization_deg: float | None = Field(
@@ -230,7 +226,7 @@ class Imperfections(Section):
     wavelength_nm: float | None = Field(
         None, gt=0, le=20_000, description="of the light, for diffraction at edges; null for none"
     )
-    sag_nm: Annotated[tuple[Sag, Sag, Sag], BeforeValidator(_two)] = Field(
+    sag_nm: Annotated[tuple[Sag, Sag, Sag], BeforeValidator(as_tuple)] = Field(
         (0.0, 0.0, 0.0), description="by which facets A, B, C bulge, over `sag_over_mm`"
     )
     sag_over_mm: float = Field(5.0, gt=0, le=1000, description="diameter of a facet")
@@ -262,17 +258,6 @@ class SensorKeys(Section):
     )
 
 
-class Coarsest(Section):
-    """Largest standard uncertainty of each axis; an axis left out has no limit."""
-
-    tx_um: float | None = Field(None, gt=0, le=1e6, description="of tx")
-    ty_um: float | None = Field(None, gt=0, le=1e6, description="of ty")
-    tz_um: float | None = Field(None, gt=0, le=1e6, description="of tz")
-    roll_urad: float | None = Field(None, gt=0, le=1e6, description="of roll")
-    pitch_urad: float | None = Field(None, gt=0, le=1e6, description="of pitch")
-    yaw_urad: float | None = Field(None, gt=0, le=1e6, description="of yaw")
-
-
 class RangeKeys(Section):
     """What counts as inside the measurement range."""
 
@@ -286,7 +271,7 @@ class RangeKeys(Section):
     condition: float = Field(
         1e8, gt=1, le=1e15, description="largest condition number of the weighted Jacobian"
     )
-    coarsest: Coarsest = Field(Coarsest(), description="largest standard uncertainty of each axis")
+    coarsest: PerAxis = Field(PerAxis(), description="largest standard uncertainty of each axis")
 
 
 class Simulate(Section):

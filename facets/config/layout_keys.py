@@ -8,17 +8,13 @@ from pydantic import BeforeValidator, Field, create_model
 
 from ..sensor import DETECTORS
 from .motion_keys import Box, Name
-from .section import HALF_TURN, MAX_LENGTH, Section
-
-
-def _two(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
+from .section import HALF_TURN, MAX_LENGTH, PerAxis, Section, as_tuple, empty_if_none
 
 
 def bounds(low: float, high: float) -> Any:
     """Two numbers, least and most, both within what the key can mean."""
     part = Annotated[float, Field(ge=low, le=high)]
-    return Annotated[tuple[part, part], BeforeValidator(_two)] | None
+    return Annotated[tuple[part, part], BeforeValidator(as_tuple)] | None
 
 
 class Common(Section):
@@ -84,17 +80,13 @@ class LaserPart(Section):
     price: float | None = Field(None, ge=0, le=1e9, description="in the same money")
 
 
-def _none_is_empty(given: Any) -> Any:
-    return {} if given is None else given
-
-
 class Parts(Section):
     """A catalogue: where detectors or lasers are listed, the best of them are taken."""
 
-    psds: Annotated[dict[Name, PsdPart], BeforeValidator(_none_is_empty)] = Field(
+    psds: Annotated[dict[Name, PsdPart], BeforeValidator(empty_if_none)] = Field(
         {}, description="name: detector; three of the same"
     )
-    lasers: Annotated[dict[Name, LaserPart], BeforeValidator(_none_is_empty)] = Field(
+    lasers: Annotated[dict[Name, LaserPart], BeforeValidator(empty_if_none)] = Field(
         {}, description="name: laser"
     )
 
@@ -107,17 +99,6 @@ class Weights(Section):
     range: float = Field(0, ge=0, le=1e6, description="how many times as large the volume is")
     size: float = Field(0, ge=0, le=1e6, description="diameter of the head, 100 mm")
     condition: float = Field(0, ge=0, le=1e6, description="worst condition number, decades")
-
-
-class Finest(Section):
-    """Standard uncertainties that count as 1 in the objective, and that are asked for as limits."""
-
-    tx_um: float | None = Field(None, gt=0, le=1e6, description="of tx")
-    ty_um: float | None = Field(None, gt=0, le=1e6, description="of ty")
-    tz_um: float | None = Field(None, gt=0, le=1e6, description="of tz")
-    roll_urad: float | None = Field(None, gt=0, le=1e6, description="of roll")
-    pitch_urad: float | None = Field(None, gt=0, le=1e6, description="of pitch")
-    yaw_urad: float | None = Field(None, gt=0, le=1e6, description="of yaw")
 
 
 class Optimize(Section):
@@ -135,11 +116,11 @@ class Optimize(Section):
         "large as can be; the smallest head; the best conditioned; or a sum by `weights`",
     )
     weights: Weights = Field(Weights(), description="of the aims, for `aim: weighted`")
-    unit: Finest = Field(
-        Finest(tz_um=1, roll_urad=5, pitch_urad=5, yaw_urad=5),
+    unit: PerAxis = Field(
+        PerAxis(tz_um=1, roll_urad=5, pitch_urad=5, yaw_urad=5),
         description="uncertainty of each axis that counts as 1; axes left out do not count",
     )
-    limit: Finest = Field(Finest(), description="largest uncertainty of each axis in the volume")
+    limit: PerAxis = Field(PerAxis(), description="largest uncertainty of each axis in the volume")
     head_mm: float | None = Field(
         None, gt=0, le=20_000, description="largest diameter of the head, over the detectors"
     )

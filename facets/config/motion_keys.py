@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from .section import HALF_TURN, MAX_LENGTH, Section
+from .section import HALF_TURN, MAX_LENGTH, Section, empty_if_none
 
 SAMPLES = Field(ge=1, le=1_000_000_000, description="number of readings")
 RATE = Field(gt=0, le=1e9, description="readings per second")
@@ -132,6 +132,4 @@ MotionKeys = Annotated[
     StepsKeys | SweepKeys | SineKeys | RandomKeys | TableKeys, Field(discriminator="kind")
 ]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
-Motions = Annotated[
-    dict[Name, MotionKeys], BeforeValidator(lambda given: {} if given is None else given)
-]
+Motions = Annotated[dict[Name, MotionKeys], BeforeValidator(empty_if_none)]
