@@ -126,6 +126,18 @@ def diffracted(offset: float, places: Floats, count: int = 4096, step: float = 0
     return np.array(shifts)
 
 
+def closed(offset: float, places: Floats) -> Floats:
+    """The same by the closed form: PSD A is moved under its spot, whose z runs along the facet."""
+    nominal, state = facets.Sensor(), np.array([offset, 0, 0, 0, 0, 0, 0, 0])
+    shifts = []
+    for place in places:
+        height = facets.readings(nominal, state)[1] + place
+        psds = (replace(nominal.psds[0], height=height), *nominal.psds[1:])
+        sensor = replace(flawed(wavelength=WAVELENGTH), psds=psds)
+        shifts.append(facets.readings(sensor, state)[1] - seen(sensor, state[None])[0, 1])
+    return np.array(shifts)
+
+
 def covered(along: Floats, across: Floats, offset: float, step: float, parts: int = 4) -> Floats:
     """What share of each cell the facet covers."""
     shares = (np.arange(parts) + 0.5) / parts - 0.5
@@ -148,11 +160,15 @@ def main() -> None:
     places = np.array([0.0, 2.0, 4.0, 5.0])
     sensor = facets.Sensor()
     noise = 1e3 * sensor.noise.position * sensor.noise.at_power / (sensor.beam.power / 3)
-    print(f"\ndiffraction: shift of a centroid by the field, um (its noise: {noise:.2g})")
-    print(f"{'apex off by, mm':>16} " + " ".join(f"{place:5.0f} mm" for place in places))
+    print(
+        f"\ndiffraction: shift of a centroid from that in the middle, um (its noise: {noise:.2g})"
+    )
+    print(f"{'apex off by, mm':>24} " + " ".join(f"{place:5.0f} mm" for place in places))
     for offset in (-0.1, 0.0, 0.1):
-        shifts = 1e3 * diffracted(offset, places)
-        print(f"{offset:16.1f} " + " ".join(f"{shift:8.2f}" for shift in shifts))
+        for name, way in (("field", diffracted), ("closed", closed)):
+            shifts = way(offset, places)
+            told = " ".join(f"{1e3 * (shift - shifts[0]):8.2f}" for shift in shifts)
+            print(f"{offset:17.1f} {name:>6} {told}")
     if options.output:
         names = ("what", "before_xy", "before_others", "after_xy", "after_others")
         columns = dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
