@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from facets import __version__
-from facets.errors import FacetsError
+from facets.core.errors import FacetsError
 
 from . import config
 from .acquire import acquire

@@ -90,7 +90,7 @@ def abandon(recording: Recording | None) -> None:
 
 
 def required(value: str | None, option: str, key: str) -> str:
-    from facets.errors import InputError
+    from facets.core.errors import InputError
 
     if not value:
         raise InputError(f"no port is given: give {option}, or {key} in the configuration")
@@ -109,8 +109,8 @@ def started(settings: Config, output: Path | None) -> Recording:
     import time
     from datetime import UTC, datetime
 
+    from facets.files.provenance import run_record
     from facets.live.recording import Recording
-    from facets.record import run_record
 
     now = datetime.now(UTC)
     folder = output or Path("recordings") / now.strftime("%Y%m%d-%H%M%S")
@@ -124,12 +124,12 @@ def tracker_of(
     """Opens the stage, and says how well it will follow before it moves."""
     import numpy as np
 
-    from facets.live.control import Law, margin_of, pull_of
+    from facets.characterization.ranges import axis_ranges
     from facets.live.pi import Pi
     from facets.live.ports import opened
     from facets.live.tracker import Tracker
     from facets.live.zaber import Zaber
-    from facets.ranges import axis_ranges
+    from facets.tracking.control import Law, margin_of, pull_of
 
     stage = settings.stage
     name = required(port or stage.port, "--stage-port", "stage.port")
@@ -138,7 +138,7 @@ def tracker_of(
     margin = margin_of(stage, pull_of(settings.sensor, room))
     typer.echo(f"stage: {stage.law}, {margin.words}", err=True)
     if margin.times < 1:
-        from facets.errors import InputError
+        from facets.core.errors import InputError
 
         raise InputError(
             f"stage.gain is {stage.gain}: with a delay of {1e3 * margin.delay:.3g} ms at "

@@ -41,8 +41,9 @@ def bench(
     """
     from importlib import import_module
 
-    from facets import plots, tables
     from facets.bench import peers, pictures
+    from facets.files import tables
+    from facets.pictures import style
 
     names = [*(f"{name}.csv" for name in STUDIES), "machine.json", *DRAWINGS]
     tables.refuse_to_overwrite([output / name for name in names], force)
@@ -61,10 +62,10 @@ def bench(
 
         temporary.write_text(json.dumps({"about": about, **results}, indent=1), "utf-8")
     picture = pictures.work_precision(results["forward"], results["inverse"])
-    plots.save(picture, output / "work_precision.svg")
-    plots.save(pictures.heat_map(results["stability"]), output / "stability.png")
+    style.save(picture, output / "work_precision.svg")
+    style.save(pictures.heat_map(results["stability"]), output / "stability.png")
     histograms = pictures.histograms(results["digits"], results["steps"])
-    plots.save(histograms, output / "histograms.svg")
+    style.save(histograms, output / "histograms.svg")
     typer.echo(f"{output}/: {', '.join(names)}")
 
 
@@ -84,8 +85,8 @@ def facts(seed: int) -> dict[str, str]:
     from importlib.metadata import version
 
     from facets import __version__
-    from facets.record import command_line
-    from facets.threads import cores
+    from facets.files.provenance import command_line
+    from facets.model.threads import cores
 
     return {
         "facets": __version__,

@@ -10,9 +10,9 @@ import typer
 from .simulate import PlotKind
 
 if TYPE_CHECKING:
-    from facets.calibration import Fit
+    from facets.calibration.fit import Fit
+    from facets.calibration.identifiability import Direction
     from facets.config import Config
-    from facets.identify import Direction
 
 
 def calibrate(
@@ -37,7 +37,7 @@ def calibrate(
     writes a configuration whose uncertainty goes into every pose that is solved with it.
     """
     from facets import load
-    from facets.errors import InputError
+    from facets.core.errors import InputError
 
     settings = load(config)
     path = output or Path(f"{settings.name}-{'poses.csv' if propose else 'calibrated.yaml'}")
@@ -50,12 +50,14 @@ def calibrate(
 
 
 def fit_rig(settings: Config, data: Path, path: Path, plot: PlotKind, force: bool) -> None:
-    from facets import load, plots, record, tables
-    from facets.calibrate_table import choice, found_table, read, split, validation
-    from facets.calibration import fit
-    from facets.calibration_plots import residual_picture
-    from facets.errors import InputError
-    from facets.identify import information, weak
+    from facets import load
+    from facets.calibration.fit import fit
+    from facets.calibration.identifiability import information, weak
+    from facets.calibration.table import choice, found_table, read, split, validation
+    from facets.core.errors import InputError
+    from facets.files import provenance, tables
+    from facets.pictures import style
+    from facets.pictures.calibration import residual_picture
 
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{path}: a configuration's name ends in .yaml")
@@ -78,12 +80,12 @@ def fit_rig(settings: Config, data: Path, path: Path, plot: PlotKind, force: boo
     show_found(changes, found)
     errors = validation(settings.sensor, found, held if len(held.raw) else fitted)
     show_errors(errors)
-    about = record.about(settings)
+    about = provenance.about(settings)
     write_covariance(covariance, found, about)
     with tables.Whole(path) as temporary:
         temporary.write_text(as_yaml(settings, found, covariance, about), "utf-8")
     tables.write_table(table, changes, about)
-    plots.save(residual_picture(fitted, found, errors), picture)
+    style.save(residual_picture(fitted, found, errors), picture)
     load(path)
     typer.echo(f"{path}, {covariance.name}, {table.name}, {picture.name}")
 
@@ -125,7 +127,7 @@ def show_errors(table: dict[str, Any]) -> None:
 
 def write_covariance(path: Path, found: Fit, about: dict[str, str]) -> None:
     from facets.config.covariance import columns
-    from facets.tables import write_table
+    from facets.files.tables import write_table
 
     assert found.sensor.calibration is not None
     write_table(path, columns(found.sensor.calibration), about)
@@ -135,7 +137,7 @@ def as_yaml(settings: Config, found: Fit, covariance: Path, about: dict[str, str
     from hashlib import sha256
 
     from facets.config.geometry import written
-    from facets.record import configuration
+    from facets.files.provenance import configuration
 
     keys = written(settings.resolved["sensor"], found.sensor)
     keys["calibration"] = {
@@ -149,11 +151,11 @@ def propose_poses(settings: Config, path: Path, count: int, force: bool) -> None
     """Out of random poses and corners of half the range, those that together tell most."""
     import numpy as np
 
-    from facets import record, tables
-    from facets.calibrate_table import REFERENCE, choice
-    from facets.identify import mean_left, proposed, told_by
-    from facets.names import STATE_UNITS
-    from facets.ranges import axis_ranges, clearances
+    from facets.calibration.identifiability import mean_left, proposed, told_by
+    from facets.calibration.table import REFERENCE, choice
+    from facets.characterization.ranges import axis_ranges, clearances
+    from facets.core.names import STATE_UNITS
+    from facets.files import provenance, tables
 
     tables.refuse_to_overwrite([path], force)
     tables.ending(path)
@@ -172,7 +174,7 @@ def propose_poses(settings: Config, path: Path, count: int, force: bool) -> None
         name: poses[chosen, n] / STATE_UNITS[n] for n, name in enumerate(REFERENCE)
     }
     columns["mean_left"] = left
-    tables.write_table(path, columns, record.about(settings))
+    tables.write_table(path, columns, provenance.about(settings))
     typer.echo(
         f"{path}: {count} poses; uncertainties are {left[-1]:.3g} of those before, in the "
         f"geometric mean; by as many at random {any_ones:.3g}"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from facets.errors import ConfigError
+from facets.core.errors import ConfigError
 
 if TYPE_CHECKING:
     from facets.config import Config

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from facets.errors import FacetsError
+from facets.core.errors import FacetsError
 
 
 def message(error: FacetsError) -> str:

@@ -37,7 +37,7 @@ def emulate(
     import sys
 
     from facets import load
-    from facets.errors import InputError
+    from facets.core.errors import InputError
 
     if sys.platform == "win32":
         raise InputError("facets emulate needs ptys, which this system has not")
@@ -55,6 +55,6 @@ def emulate(
 def warm_up(bench: Bench) -> None:
     import numpy as np
 
-    from facets.model import readings
+    from facets.model.arrays import readings
 
     readings(bench.config.sensor, np.zeros(8))

@@ -11,7 +11,7 @@ import typer
 from .simulate import PlotKind
 
 if TYPE_CHECKING:
-    from facets.explore import Space
+    from facets.design.exploration import Space
 
 
 class Draw(StrEnum):
@@ -53,10 +53,12 @@ def explore(
     """
     import time
 
-    from facets import load, plots, record, tables
-    from facets.explore import Space, collected, front, require_measures, sensitivity
-    from facets.explore import explore as run
-    from facets.explore_plots import front_picture
+    from facets import load
+    from facets.design.exploration import Space, collected, front, require_measures, sensitivity
+    from facets.design.exploration import explore as run
+    from facets.files import provenance, tables
+    from facets.pictures import style
+    from facets.pictures.exploration import front_picture
 
     settings = load(config)
     goals = objective or ["head_mm", "u_roll_urad", "range_roll_mrad"]
@@ -66,7 +68,7 @@ def explore(
         tuple(goals), every, required,
     )  # fmt: skip
     folder = output or Path("results") / f"{settings.name}-explore"
-    about = record.about(settings, seed)
+    about = provenance.about(settings, seed)
     prepare(folder, identity(about, space), force)
     start = time.perf_counter()
     with_progress(lambda tell: run(space, folder, about, scheduler, tell))
@@ -77,7 +79,7 @@ def explore(
     indices = sensitivity(pilot, space.names, goals)
     tables.write_table(folder / "designs.parquet", table, about)
     tables.write_table(folder / "front.csv", {n: c[best] for n, c in table.items()}, about)
-    plots.save(front_picture(table, best, goals, indices), folder / f"front.{plot.value}")
+    style.save(front_picture(table, best, goals, indices), folder / f"front.{plot.value}")
     report(table, best, goals, indices, seconds)
     typer.echo(f"{folder}/: designs.parquet, front.csv, front.{plot.value}")
 
@@ -92,7 +94,7 @@ def prepare(folder: Path, mine: str, force: bool) -> None:
     """A new folder, or an old one of the same search."""
     import shutil
 
-    from facets.errors import OutputError
+    from facets.core.errors import OutputError
 
     mark = folder / "search.txt"
     if force and mark.exists():

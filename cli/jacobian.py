@@ -11,10 +11,10 @@ import typer
 from .simulate import PlotKind, TableKind
 
 if TYPE_CHECKING:
+    from facets.characterization.singularity import Survey, Worst
+    from facets.characterization.state_box import Domain
     from facets.config import Config
-    from facets.domain import Domain
-    from facets.singularity import Survey, Worst
-    from facets.uniqueness import Certificate
+    from facets.proof.uniqueness import Certificate
 
 
 class Sampling(StrEnum):
@@ -68,9 +68,11 @@ def jacobian(
     """
     import time
 
-    from facets import load, plots, record, tables
-    from facets.singularity_plots import survey_picture
-    from facets.twins import twins
+    from facets import load
+    from facets.characterization.ambiguity import twins
+    from facets.files import provenance, tables
+    from facets.pictures import style
+    from facets.pictures.singularity import survey_picture
 
     settings = load(config)
     folder = output or Path("results") / f"{settings.name}-jacobian"
@@ -85,7 +87,7 @@ def jacobian(
     tables.refuse_to_overwrite([*files, *([proof] if certify else [])], force)
     domain, share = where(settings, box)
     start = time.perf_counter()
-    about = record.about(settings, seed)
+    about = provenance.about(settings, seed)
     found = surveyed(settings, domain, states, sampling, seed, left_out, threads, everything, about)
     report(settings, domain, found, time.perf_counter() - start, left_out)
     pair = None
@@ -94,12 +96,12 @@ def jacobian(
         pair = None if found.one_sign else twins(settings.sensor, worst.state)
         show_pair(pair)
     tables.write_table(density, density_columns(found), about)
-    plots.save(survey_picture(found, left_out, pair), picture)
+    style.save(survey_picture(found, left_out, pair), picture)
     results: dict[str, Any] = {"states": found.states, "one_sign": found.one_sign}
     if certify:
         results |= proved(settings, domain, share, limit, reach, proof, about)
         files.append(proof)
-    record.write_record(story, settings, seed, time.perf_counter() - start, results)
+    provenance.write_record(story, settings, seed, time.perf_counter() - start, results)
     typer.echo(f"{folder}/: {', '.join(file.name for file in files)}")
     if certify and not results["unique"]:
         raise typer.Exit(1)
@@ -107,7 +109,7 @@ def jacobian(
 
 def where(settings: Config, box: str | None) -> tuple[Domain, float | None]:
     """The box, and the least share of light for a proof: by the config's rules, or by the box."""
-    from facets.domain import domain_of, least_share, range_domain
+    from facets.characterization.state_box import domain_of, least_share, range_domain
 
     if box is not None:
         return domain_of(box), None
@@ -132,8 +134,8 @@ def surveyed(
     from rich.console import Console
     from rich.progress import track
 
-    from facets import tables
-    from facets.singularity import CHUNK, samples, survey
+    from facets.characterization.singularity import CHUNK, samples, survey
+    from facets.files import tables
 
     chunks = track(
         samples(domain, states, sampling.value, seed),
@@ -157,8 +159,8 @@ def surveyed(
 
 
 def state_columns(states: Any, values: Any) -> dict[str, Any]:
-    from facets.domain import apex_offset
-    from facets.names import STATE_COLUMNS, STATE_UNITS
+    from facets.characterization.state_box import apex_offset
+    from facets.core.names import STATE_COLUMNS, STATE_UNITS
 
     columns = {name: states[:, i] / STATE_UNITS[i] for i, name in enumerate(STATE_COLUMNS)}
     names = ("determinant", "smallest_singular_value", "condition_number")
@@ -182,7 +184,7 @@ def density_columns(found: Survey) -> dict[str, Any]:
 
 
 def report(settings: Config, domain: Domain, found: Survey, seconds: float, left_out: str) -> None:
-    from facets.domain import COLUMNS, UNITS
+    from facets.characterization.state_box import COLUMNS, UNITS
 
     typer.echo(f"{settings.name}: {found.states} states, {seconds:.2f} s, of the box")
     for name, unit, low, high in zip(COLUMNS, UNITS, domain.low, domain.high, strict=True):
@@ -206,8 +208,8 @@ def report(settings: Config, domain: Domain, found: Survey, seconds: float, left
 
 
 def tell(title: str, settings: Config, worst: Worst) -> None:
-    from facets.names import STATE_COLUMNS, STATE_UNITS
-    from facets.singularity import in_words, weakest_direction
+    from facets.characterization.singularity import in_words, weakest_direction
+    from facets.core.names import STATE_COLUMNS, STATE_UNITS
 
     place = ", ".join(
         f"{name} {value / unit:.4g}"
@@ -219,7 +221,7 @@ def tell(title: str, settings: Config, worst: Worst) -> None:
 
 def searched(settings: Config, domain: Domain, found: Survey, left_out: str, seed: int) -> Worst:
     """The worst that a search finds, and how near the draw came to it."""
-    from facets.singularity import search
+    from facets.characterization.singularity import search
 
     lowest = search(settings.sensor, domain, 0, left_out, seed)
     weakest = search(settings.sensor, domain, 1, left_out, seed)
@@ -236,7 +238,7 @@ def searched(settings: Config, domain: Domain, found: Survey, left_out: str, see
 
 
 def show_pair(pair: Any) -> None:
-    from facets.names import STATE_COLUMNS, STATE_UNITS
+    from facets.core.names import STATE_COLUMNS, STATE_UNITS
 
     if pair is None:
         return
@@ -259,8 +261,8 @@ def proved(
     from rich.console import Console
     from rich.progress import Progress
 
-    from facets.certificate import write_certificate
-    from facets.uniqueness import certify, reach_of
+    from facets.proof.certificate import write_certificate
+    from facets.proof.uniqueness import certify, reach_of
 
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
@@ -298,7 +300,7 @@ def verdict(settings: Config, found: Certificate) -> list[str]:
 
 
 def piece_text(piece: Any) -> str:
-    from facets.domain import COLUMNS, UNITS
+    from facets.characterization.state_box import COLUMNS, UNITS
 
     return ", ".join(
         f"{name} {low / unit:.4g} to {high / unit:.4g}"

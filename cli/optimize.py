@@ -11,7 +11,7 @@ from .simulate import PlotKind
 
 if TYPE_CHECKING:
     from facets.config import Config
-    from facets.optimize import Optimum
+    from facets.design.optimization import Optimum
 
 
 def optimize(
@@ -32,11 +32,13 @@ def optimize(
     The result is a configuration for every command. Beside it a table and a picture compare it with
     what was, by the range, by the float model and by simulated readings.
     """
-    from facets import load, plots, record, tables
-    from facets.errors import ConfigError, InputError
-    from facets.layout_plots import layout_picture
-    from facets.optimize import optimize as run
-    from facets.recheck import compare
+    from facets import load
+    from facets.core.errors import ConfigError, InputError
+    from facets.design.optimization import optimize as run
+    from facets.design.verification import compare
+    from facets.files import provenance, tables
+    from facets.pictures import style
+    from facets.pictures.layout import layout_picture
 
     settings = load(config)
     path = output or Path(f"{settings.name}-optimum.yaml")
@@ -50,7 +52,7 @@ def optimize(
     if not found.best.found:
         refuse(found)
         raise typer.Exit(1)
-    about = record.about(settings, settings.layout.seed)
+    about = provenance.about(settings, settings.layout.seed)
     with tables.Whole(path) as temporary:
         temporary.write_text(as_yaml(settings, found, about), "utf-8")
     try:
@@ -62,7 +64,7 @@ def optimize(
         settings.sensor, better.sensor, settings.layout, settings.range, settings.layout.seed
     )
     tables.write_table(csv, table, about)
-    plots.save(layout_picture(table), picture)
+    style.save(layout_picture(table), picture)
     show_result(settings, better, found)
     show_comparison(table)
     show_reasons(settings, found)
@@ -112,8 +114,8 @@ def refuse(found: Optimum) -> None:
 
 
 def show_result(settings: Config, better: Config, found: Optimum) -> None:
-    from facets.layout import present
-    from facets.optimize import in_words
+    from facets.design.optimization import in_words
+    from facets.design.variables import present
 
     aim = settings.layout.aim
     if found.before == found.before:
@@ -141,7 +143,7 @@ def show_comparison(table: dict[str, Any]) -> None:
 
 
 def show_reasons(settings: Config, found: Optimum) -> None:
-    from facets.optimize import gains, in_words
+    from facets.design.optimization import gains, in_words
 
     typer.echo("what holds it back, over the strongest:")
     for group, size in list(found.best.pressing.items())[:8]:
@@ -157,8 +159,8 @@ def show_reasons(settings: Config, found: Optimum) -> None:
 def as_yaml(settings: Config, found: Optimum, about: dict[str, str]) -> str:
     """The configuration it came from, with what was changed."""
     from facets.config.geometry import written
-    from facets.layout import sensor_of
-    from facets.record import configuration
+    from facets.design.variables import sensor_of
+    from facets.files.provenance import configuration
 
     best = sensor_of(found.sensor, found.names, found.best.x)
     keys = written(settings.resolved["sensor"], best)

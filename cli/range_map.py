@@ -14,9 +14,9 @@ import typer
 from .simulate import PlotKind, TableKind
 
 if TYPE_CHECKING:
+    from facets.characterization.ranges import Boundary
     from facets.config import Config
-    from facets.ranges import Boundary
-    from facets.rules import Rules
+    from facets.core.rules import Rules
 
 
 class Inside(StrEnum):
@@ -67,9 +67,11 @@ def range_map(
 
     import numpy as np
 
-    from facets import load, plots, range_plots, record, tables
-    from facets.names import POSE
-    from facets.ranges import inside_map
+    from facets import load
+    from facets.characterization.ranges import inside_map
+    from facets.core.names import POSE
+    from facets.files import provenance, tables
+    from facets.pictures import ranges, style
 
     start = time.perf_counter()
     settings = load(config)
@@ -86,13 +88,15 @@ def range_map(
     drawn = [inside_map(settings.sensor, rules, b, what) for b in boundaries] if what else []
     for boundary in boundaries:
         report(settings, rules, boundary, grid)
-    tables.write_table(outlines, outline_columns(boundaries), record.about(settings))
-    plots.save(range_plots.ranges_picture(boundaries, drawn), picture)
+    tables.write_table(outlines, outline_columns(boundaries), provenance.about(settings))
+    style.save(ranges.ranges_picture(boundaries, drawn), picture)
     calls = sum(boundary.calls for boundary in boundaries)
     saved = np.sum([boundary.grid_calls for boundary in boundaries]) / calls
     seconds = time.perf_counter() - start
     traced = {" ".join(boundary.axes): len(boundary.points) for boundary in boundaries}
-    record.write_record(story, settings, None, seconds, {"tracking": tracking, "points": traced})
+    provenance.write_record(
+        story, settings, None, seconds, {"tracking": tracking, "points": traced}
+    )
     typer.echo(
         f"{calls} calls of the model, {saved:.1g} times fewer than grids of 0.1 um and 0.1 urad; "
         f"{seconds:.1f} s\n{folder}/: {outlines.name}, {picture.name}, {story.name}"
@@ -100,8 +104,8 @@ def range_map(
 
 
 def pair_of(text: str) -> tuple[str, str]:
-    from facets.errors import InputError
-    from facets.names import POSE
+    from facets.core.errors import InputError
+    from facets.core.names import POSE
 
     names = [name.strip() for name in text.split(",")]
     if len(names) != 2 or len(set(names)) != 2 or not set(names) <= set(POSE):
@@ -113,7 +117,7 @@ def pose_of(text: str | None) -> Any:
     """'tz_mm=1,yaw_mrad=2' as a pose (6,), mm and rad."""
     import numpy as np
 
-    from facets.names import STATE_COLUMNS
+    from facets.core.names import STATE_COLUMNS
 
     return np.array(numbers_at(text, STATE_COLUMNS[:6]))
 
@@ -122,8 +126,8 @@ def numbers_at(text: str | None, names: Sequence[str]) -> list[float]:
     """NAME=NUMBER,... in the order of the names, mm and rad; zero where a name is left out."""
     from math import isfinite
 
-    from facets.errors import InputError
-    from facets.names import STATE_UNITS
+    from facets.core.errors import InputError
+    from facets.core.names import STATE_UNITS
 
     found = [0.0] * len(names)
     for part in text.split(",") if text else []:
@@ -143,7 +147,7 @@ def trace_all(settings: Config, rules: Rules, pairs: Any, pose: Any) -> list[Bou
     from rich.console import Console
     from rich.progress import track
 
-    from facets.ranges import trace
+    from facets.characterization.ranges import trace
 
     found = []
     shown = Console(stderr=True)
@@ -163,8 +167,8 @@ def report_axes(settings: Config, rules: Rules, pose: Any) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from facets.plots import unit_of
-    from facets.ranges import CAUSES, axis_ranges, box
+    from facets.characterization.ranges import CAUSES, axis_ranges, box
+    from facets.pictures.style import unit_of
 
     mode = "beam follows in x and y" if rules.tracking else "beam fixed"
     table = Table(title=f"{settings.name}: range of each axis, {mode}", box=None)
@@ -190,8 +194,8 @@ def report(settings: Config, rules: Rules, boundary: Boundary, grid: int) -> Non
     """One line about an outline: its size, its causes, and how it stood its checks."""
     import numpy as np
 
-    from facets import ranges
-    from facets.plots import unit_of
+    from facets.characterization import ranges
+    from facets.pictures.style import unit_of
 
     sizes = [
         f"{name} {unit_of(name)[1] * size:.4g} {unit_of(name)[0]}"
@@ -212,8 +216,8 @@ def outline_columns(boundaries: list[Boundary]) -> dict[str, Any]:
     """The outlines as columns; places in the units of their names' axes."""
     import numpy as np
 
-    from facets.plots import unit_of
-    from facets.ranges import CAUSES
+    from facets.characterization.ranges import CAUSES
+    from facets.pictures.style import unit_of
 
     keys = ("axis_1", "axis_2", "value_1", "value_2", "ends_where")
     rows: dict[str, list[Any]] = {key: [] for key in keys}

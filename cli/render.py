@@ -50,8 +50,9 @@ def render(
 
     All bodies are made of the model's own rays. Without a display it renders off-screen.
     """
-    from facets import load, tables
-    from facets.errors import InputError
+    from facets import load
+    from facets.core.errors import InputError
+    from facets.files import tables
 
     settings = load(config)
     flat = spots or plan
@@ -80,9 +81,9 @@ def name_of(spots: bool, plan: bool, film: bool) -> str:
 
 
 def check_ending(path: Path, flat: bool, film: bool) -> None:
-    from facets.errors import InputError
-    from facets.plots import ENDINGS
-    from facets.render import MOVIES, PICTURES, SCENES
+    from facets.core.errors import InputError
+    from facets.pictures.render import MOVIES, PICTURES, SCENES
+    from facets.pictures.style import ENDINGS
 
     allowed = ENDINGS if flat else MOVIES if film else (*PICTURES, *SCENES)
     if path.suffix.lower() not in allowed:
@@ -94,7 +95,7 @@ def state_of(text: str | None) -> Any:
     """'tz_mm=1,yaw_mrad=2' as a state (8,), mm and rad."""
     import numpy as np
 
-    from facets.names import STATE_COLUMNS
+    from facets.core.names import STATE_COLUMNS
 
     from .range_map import numbers_at
 
@@ -102,7 +103,7 @@ def state_of(text: str | None) -> Any:
 
 
 def draw(settings: Config, state: Any, view: Any, size: tuple[int, int], path: Path | None) -> None:
-    from facets.render import Picture
+    from facets.pictures.render import Picture
 
     picture = Picture(settings.sensor, state, view, size, interactive=path is None)
     if path is None:
@@ -113,22 +114,22 @@ def draw(settings: Config, state: Any, view: Any, size: tuple[int, int], path: P
 
 
 def draw_flat(settings: Config, state: Any, spots: bool, path: Path) -> None:
-    from facets import plots
-    from facets.spot_plots import plan_picture, spots_picture
+    from facets.pictures import style
+    from facets.pictures.spots import plan_picture, spots_picture
 
     make = spots_picture if spots else plan_picture
-    plots.save(make(settings.sensor, state), path)
+    style.save(make(settings.sensor, state), path)
 
 
 def film_states(settings: Config, motion: str | None, recording: Path | None, frames: int) -> Any:
     """States (n, 8) of a motion or a recording, as many as there are frames."""
     import numpy as np
 
-    from facets.errors import InputError
+    from facets.core.errors import InputError
 
     if recording is not None:
+        from facets.core.names import STATE_COLUMNS, STATE_UNITS
         from facets.live.recording import recorded_poses
-        from facets.names import STATE_COLUMNS, STATE_UNITS
 
         poses = recorded_poses(recording)
         if not poses or not (poses["status"] == 0).any():
@@ -136,8 +137,8 @@ def film_states(settings: Config, motion: str | None, recording: Path | None, fr
         good = poses["status"] == 0
         states = np.column_stack([poses[name][good] for name in STATE_COLUMNS]) * STATE_UNITS
     else:
-        from facets.motion import named
-        from facets.motion import states as states_of
+        from facets.simulation.motion import named
+        from facets.simulation.motion import states as states_of
 
         _, states = states_of(named(settings, motion or ""), np.random.default_rng(settings.seed))
     return states[np.linspace(0, len(states) - 1, frames).round().astype(int)]
@@ -149,7 +150,7 @@ def shoot(
     from rich.console import Console
     from rich.progress import Progress
 
-    from facets.render import Picture
+    from facets.pictures.render import Picture
 
     picture = Picture(settings.sensor, states[0], view, size)
     console = Console(stderr=True)

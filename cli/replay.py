@@ -31,7 +31,8 @@ def replay(
 
     By the recording's own configuration the poses are those of the run, to the last bit.
     """
-    from facets import load, record, tables
+    from facets import load
+    from facets.files import provenance, tables
     from facets.live.pipeline import Pipeline
     from facets.live.recording import meta_of
     from facets.live.replay import recorded_config, replayed
@@ -45,7 +46,7 @@ def replay(
     found = list(replayed(recording, pipeline, real_time))
     tell(pipeline, recording)
     if output:
-        write(output, found, record.about(settings))
+        write(output, found, provenance.about(settings))
     if compare:
         compared(recording, found)
 
@@ -64,7 +65,7 @@ def recover(
 
     Nothing in the recording is changed or deleted.
     """
-    from facets import record, tables
+    from facets.files import provenance, tables
     from facets.live.pipeline import Pipeline
     from facets.live.replay import recorded_config, replayed
 
@@ -73,13 +74,13 @@ def recover(
     tables.ending(path)
     tables.refuse_to_overwrite([path], force)
     pipeline = Pipeline(settings)
-    write(path, replayed(recording, pipeline), record.about(settings))
+    write(path, replayed(recording, pipeline), provenance.about(settings))
     tell(pipeline, recording)
     typer.echo(f"{path}")
 
 
 def write(path: Path, found: Iterable[Any], about: dict[str, str]) -> None:
-    from facets import tables
+    from facets.files import tables
     from facets.live.replay import labelled
 
     with tables.Whole(path) as temporary:
@@ -88,7 +89,7 @@ def write(path: Path, found: Iterable[Any], about: dict[str, str]) -> None:
             for poses in found:
                 writer.write(labelled(poses))
             if writer.file is None:
-                from facets.errors import InputError
+                from facets.core.errors import InputError
 
                 raise InputError(f"{path}: not written, the recording holds no whole sample")
         finally:

@@ -30,7 +30,7 @@ def reproduce(
     from facets.experiments.reproduce import chosen
     from facets.experiments.reproduce import reproduce as run
 
-    from facets import tables
+    from facets.files import tables
 
     wanted = chosen(names or [])
     report = output / "report.html"

@@ -11,7 +11,7 @@ import typer
 from .simulate import PlotKind
 
 if TYPE_CHECKING:
-    from facets.resolution import Resolution
+    from facets.characterization.resolution import Resolution
 
 
 def resolution(
@@ -36,8 +36,10 @@ def resolution(
     """
     import time
 
-    from facets import load, plots, range_plots, record, tables
-    from facets.resolution import estimators, resolve
+    from facets import load
+    from facets.characterization.resolution import estimators, resolve
+    from facets.files import provenance, tables
+    from facets.pictures import ranges, style
 
     settings = load(config)
     rules = replace(settings.range, tracking=tracking)
@@ -48,10 +50,10 @@ def resolution(
     start = time.perf_counter()
     found = resolve(settings.sensor, rules, estimators(settings.solve.beam_sigma))
     show(found)
-    tables.write_table(table, columns(found), record.about(settings))
-    plots.save(range_plots.budget_picture(found), picture)
+    tables.write_table(table, columns(found), provenance.about(settings))
+    style.save(ranges.budget_picture(found), picture)
     results = {"tracking": tracking, "estimators": [row.how.name for row in found]}
-    record.write_record(story, settings, None, time.perf_counter() - start, results)
+    provenance.write_record(story, settings, None, time.perf_counter() - start, results)
     typer.echo(f"{folder}/: {table.name}, {picture.name}, {story.name}")
 
 
@@ -59,8 +61,8 @@ def show(found: list[Resolution]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from facets.names import POSE
-    from facets.plots import unit_of
+    from facets.core.names import POSE
+    from facets.pictures.style import unit_of
 
     console = Console(highlight=False)
     for title, field in (("at rest", "nominal"), ("at worst in the range of each axis", "worst")):
@@ -83,8 +85,8 @@ def columns(found: list[Resolution]) -> dict[str, Any]:
     """A row an estimator and axis; um and urad."""
     import numpy as np
 
-    from facets.names import POSE, STATE_COLUMNS, STATE_UNITS
-    from facets.plots import unit_of
+    from facets.core.names import POSE, STATE_COLUMNS, STATE_UNITS
+    from facets.pictures.style import unit_of
 
     rows: list[dict[str, Any]] = []
     for row in found:

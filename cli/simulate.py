@@ -11,7 +11,7 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from facets.simulate import Segment
+    from facets.simulation.run import Segment
 
 
 class TableKind(StrEnum):
@@ -58,8 +58,10 @@ def simulate(
     """
     import time
 
-    from facets import load, plots, record, tables
-    from facets import simulate as study
+    from facets import load
+    from facets.files import provenance, tables
+    from facets.pictures import style
+    from facets.simulation import run as study
 
     start = time.perf_counter()
     settings = load(config)
@@ -69,16 +71,16 @@ def simulate(
     tables.refuse_to_overwrite([readings, poses, picture, story], force)
     segments = study.simulate(settings, motion or [], noise, seed, track)
     drawn = settings.seed if seed is None else seed
-    about = record.about(settings, drawn)
+    about = provenance.about(settings, drawn)
     columns = study.reading_table(segments)
     if reference:
         columns |= study.reference_columns(segments, settings.calibrate.reference, drawn)
     tables.write_table(readings, columns, about)
     tables.write_table(poses, study.pose_table(segments), about)
-    plots.save(plots.motion_picture(segments), picture)
+    style.save(style.motion_picture(segments), picture)
     seconds = time.perf_counter() - start
     results = {segment.name: study.statuses(segment) for segment in segments}
-    record.write_record(story, settings, drawn, seconds, results)
+    provenance.write_record(story, settings, drawn, seconds, results)
     report(segments)
     typer.echo(f"{folder}/: {readings.name}, {poses.name}, {picture.name}, {story.name}")
 
@@ -95,8 +97,8 @@ def print_segment(console: Console, segment: Segment) -> None:
     """Errors of one motion by axis, then what became of its samples."""
     from rich.table import Table
 
-    from facets.plots import unit_of
-    from facets.simulate import axes
+    from facets.pictures.style import unit_of
+    from facets.simulation.run import axes
 
     table = Table(title=segment.name, title_justify="left", title_style="bold", box=None)
     for heading in ("axis", "moved from", "to", "", "max error", "RMS error", "u (1 sigma)", ""):
@@ -112,8 +114,8 @@ def print_segment(console: Console, segment: Segment) -> None:
 
 def outcome(segment: Segment) -> str:
     """Samples by status, spots that missed their detector, and the largest cross-axis error."""
-    from facets.plots import unit_of
-    from facets.simulate import axes, statuses
+    from facets.pictures.style import unit_of
+    from facets.simulation.run import axes, statuses
 
     counts = ", ".join(f"{count} {label}" for label, count in statuses(segment).items())
     text = f"  {len(segment.time)} samples: {counts}"

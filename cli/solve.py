@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from facets.solve_table import Count
+    from facets.estimation.table import Count
 
 
 class Beam(StrEnum):
@@ -53,9 +53,10 @@ def solve(
     """
     from dataclasses import replace
 
-    from facets import load, record, tables
-    from facets.errors import InputError
-    from facets.solve_table import solve_table
+    from facets import load
+    from facets.core.errors import InputError
+    from facets.estimation.table import solve_table
+    from facets.files import provenance, tables
 
     settings = load(config)
     given = {"beam": beam, "power": power, "method": method, "start": start}
@@ -66,7 +67,9 @@ def solve(
         raise InputError(f"{output}: is the table of readings itself")
     tables.refuse_to_overwrite([output], force)
     with progress_bar(readings) as advance:
-        count = solve_table(settings, options, readings, output, record.about(settings), advance)
+        count = solve_table(
+            settings, options, readings, output, provenance.about(settings), advance
+        )
     report(count, output)
     if not count.solved:
         raise typer.Exit(1)

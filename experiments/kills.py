@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 
 import facets
-from facets.counts import counts_of
+from facets.detectors.counts import counts_of
+from facets.files.provenance import run_record
 from facets.live.acquire import Ending, Live, Reader, acquire
 from facets.live.frames import SIZE, Samples, packed
 from facets.live.pipeline import Pipeline
 from facets.live.recording import Recording, recorded_poses
 from facets.live.replay import recorded_config, replayed
-from facets.record import run_record
 
 BLOCK, RATE = 50, 400.0
 

@@ -22,12 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import facets
-from facets.bundle import Choice, Data
-from facets.calibration import fit
-from facets.correction import corrected
-from facets.imperfect import seen
-from facets.sensor import Imperfections, Sensor
-from facets.tables import write_table
+from facets.calibration.bundle_adjustment import Choice, Data
+from facets.calibration.fit import fit
+from facets.core.sensor import Imperfections, Sensor
+from facets.detectors.correction import corrected
+from facets.files.tables import write_table
+from facets.simulation.imperfect_optics import seen
 
 from . import rigs
 

@@ -12,8 +12,8 @@ import jinja2
 
 import facets
 from facets.config import to_yaml
-from facets.record import PACKAGES, command_line, version
-from facets.tables import Whole
+from facets.files.provenance import PACKAGES, command_line, version
+from facets.files.tables import Whole
 
 from .reproduce import Result
 

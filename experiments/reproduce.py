@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 import facets
-from facets import plots, record
-from facets.errors import InputError
-from facets.tables import write_table
+from facets.core.errors import InputError
+from facets.files import provenance
+from facets.files.tables import write_table
+from facets.pictures import style
 
 from .paper.experiment import EXPERIMENTS, Claim, Experiment, Table, experiment
 
@@ -80,7 +81,7 @@ def reproduce(names: list[str], quick: bool, folder: Path) -> Iterator[Result]:
         picture = None
         if drawing is not None:
             picture = folder / f"{name}.svg"
-            plots.save(drawing, picture)
+            style.save(drawing, picture)
         checks = checked(name, quick, table, claims)
         seconds = time.perf_counter() - start
         yield Result(name, work.TITLE, work.CONFIG, claims, checks, path, picture, seconds)
@@ -88,7 +89,7 @@ def reproduce(names: list[str], quick: bool, folder: Path) -> Iterator[Result]:
 
 def computed(work: Experiment, quick: bool, path: Path) -> Table:
     """The table, by way of its file: what is drawn and claimed is what is written."""
-    write_table(path, work.compute(quick), record.about(facets.load(work.CONFIG)))
+    write_table(path, work.compute(quick), provenance.about(facets.load(work.CONFIG)))
     return read(path)
 
 
@@ -167,7 +168,7 @@ def write_expected(quick: bool, folder: Path) -> None:
     for result in reproduce(list(EXPERIMENTS), quick, folder):
         if quick and result.passed:
             continue  # the same as in full
-        about = record.about(facets.load(result.config))
+        about = provenance.about(facets.load(result.config))
         kinds = {"claims": claim_table(result.claims), "table": read(result.table)}
         for kind in rules[result.name]:
             path = EXPECTED / ("quick" if quick else "") / f"{result.name}-{kind}.csv"

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import facets
-from facets.bundle import ALL, MOUNTING, Choice, Data, states_of, values_of
-from facets.calibration import Fit, assigned, fit
-from facets.correction import corrected, uncorrected
-from facets.noise import add_noise
-from facets.sensor import Sensor
+from facets.calibration.bundle_adjustment import ALL, MOUNTING, Choice, Data, states_of, values_of
+from facets.calibration.fit import Fit, assigned, fit
+from facets.core.sensor import Sensor
+from facets.detectors.correction import corrected, uncorrected
+from facets.detectors.noise import add_noise
 
 Floats = NDArray[np.float64]
 

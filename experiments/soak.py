@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 
 import facets
+from facets.core.names import STATE_COLUMNS, STATE_UNITS
+from facets.files.provenance import run_record
 from facets.live.acquire import Ending, Live, Reader, acquire
 from facets.live.pipeline import Pipeline
 from facets.live.recording import Recording, recorded_poses
 from facets.live.virtual import SENT, Bench, Faults, truth_of
-from facets.names import STATE_COLUMNS, STATE_UNITS
-from facets.record import run_record
 
 FAULTS = "flip=1e-4,lose=1e-4,double=1e-4,drop=1e-4,stall=0.1,block=0.1,saturate=0.1"
 #: An error of more than this many standard uncertainties is wrong: once in 1e10 numbers, by chance.

@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import facets
-from facets.noise import add_noise
-from facets.tables import write_table
+from facets.detectors.noise import add_noise
+from facets.files.tables import write_table
 
 from .sensors import SENSORS
 

@@ -11,10 +11,10 @@ import numpy as np
 from scipy.optimize import bisect
 
 import facets
-from facets.config.values import Stage
-from facets.live.control import margin_of, pull_of
-from facets.live.follow import followed
-from facets.ranges import axis_ranges
+from facets.characterization.ranges import axis_ranges
+from facets.core.settings import Stage
+from facets.tracking.closed_loop import followed
+from facets.tracking.control import margin_of, pull_of
 
 LAWS = ("proportional", "pi", "feedforward")
 

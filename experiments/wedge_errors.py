@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 
 import facets
+from facets.files.tables import write_table
+from facets.model.threads import cores
 from facets.optics.wedge import Plane, side, turned, wedge
-from facets.tables import write_table
-from facets.threads import cores
 
 BITS, NODES, STANDS = 192, 20, 1e-19
 OPENINGS = (0.01, 0.1, 1, 10, 60, 90, 120, 170, 179, 179.99)

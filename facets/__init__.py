@@ -15,56 +15,56 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from .core.version import __version__ as __version__
 
 # A name is imported when it is first asked for, so that a command pays only for what it uses.
 _HOMES = {
-    "Apertures": "sensor",
-    "Beam": "sensor",
-    "Electronics": "sensor",
-    "Facet": "sensor",
-    "Noise": "sensor",
+    "Apertures": "core.sensor",
+    "Beam": "core.sensor",
+    "Electronics": "core.sensor",
+    "Facet": "core.sensor",
+    "Noise": "core.sensor",
     "PARAMETERS": "optics.parameters",
-    "Prior": "solver",
-    "Psd": "sensor",
-    "READING": "names",
-    "STATE": "names",
-    "Sensor": "sensor",
-    "Solution": "solver",
-    "Status": "solver",
-    "footprints": "model",
-    "jacobian": "model",
+    "Prior": "estimation.solver",
+    "Psd": "core.sensor",
+    "READING": "core.names",
+    "STATE": "core.names",
+    "Sensor": "core.sensor",
+    "Solution": "estimation.solver",
+    "Status": "estimation.solver",
+    "footprints": "model.arrays",
+    "jacobian": "model.arrays",
     "load": "config",
-    "margins": "model",
-    "parameter_jacobian": "model",
-    "reaches": "model",
-    "readings": "model",
-    "solve": "solver",
+    "margins": "model.arrays",
+    "parameter_jacobian": "model.arrays",
+    "reaches": "model.arrays",
+    "readings": "model.arrays",
+    "solve": "estimation.solver",
 }
 __all__ = sorted(_HOMES)
 
 if TYPE_CHECKING:
     from .config import load as load
-    from .model import footprints as footprints
-    from .model import jacobian as jacobian
-    from .model import margins as margins
-    from .model import parameter_jacobian as parameter_jacobian
-    from .model import reaches as reaches
-    from .model import readings as readings
-    from .names import READING as READING
-    from .names import STATE as STATE
+    from .core.names import READING as READING
+    from .core.names import STATE as STATE
+    from .core.sensor import Apertures as Apertures
+    from .core.sensor import Beam as Beam
+    from .core.sensor import Electronics as Electronics
+    from .core.sensor import Facet as Facet
+    from .core.sensor import Noise as Noise
+    from .core.sensor import Psd as Psd
+    from .core.sensor import Sensor as Sensor
+    from .estimation.solver import Prior as Prior
+    from .estimation.solver import Solution as Solution
+    from .estimation.solver import Status as Status
+    from .estimation.solver import solve as solve
+    from .model.arrays import footprints as footprints
+    from .model.arrays import jacobian as jacobian
+    from .model.arrays import margins as margins
+    from .model.arrays import parameter_jacobian as parameter_jacobian
+    from .model.arrays import reaches as reaches
+    from .model.arrays import readings as readings
     from .optics.parameters import PARAMETERS as PARAMETERS
-    from .sensor import Apertures as Apertures
-    from .sensor import Beam as Beam
-    from .sensor import Electronics as Electronics
-    from .sensor import Facet as Facet
-    from .sensor import Noise as Noise
-    from .sensor import Psd as Psd
-    from .sensor import Sensor as Sensor
-    from .solver import Prior as Prior
-    from .solver import Solution as Solution
-    from .solver import Status as Status
-    from .solver import solve as solve
 
 
 def __getattr__(name: str) -> Any:

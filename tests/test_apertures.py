@@ -9,8 +9,8 @@ from sensors import SENSORS, states
 
 import facets
 from facets import Apertures
-from facets.errors import InputError
-from facets.model import parameters
+from facets.core.errors import InputError
+from facets.model.arrays import parameters
 from facets.optics.parameters import BEAM, FACET, PSD
 
 CUTS = {

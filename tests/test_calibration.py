@@ -10,17 +10,26 @@ from facets.experiments import rigs
 from scipy.spatial.transform import Rotation
 
 import facets
-from facets import calibration as study
-from facets.bundle import ALL, MOUNTING, OWN_UNITS, Choice, Data, eliminated, linear, states_of
-from facets.calibration import fit
-from facets.correction import NAMES, coefficients, corrected, slopes, uncorrected
-from facets.errors import ConfigError, InputError
-from facets.identify import information, mean_left, proposed, told_by, weak
+from facets.calibration import fit as study
+from facets.calibration.bundle_adjustment import (
+    ALL,
+    MOUNTING,
+    OWN_UNITS,
+    Choice,
+    Data,
+    eliminated,
+    linear,
+    states_of,
+)
+from facets.calibration.fit import fit
+from facets.calibration.identifiability import information, mean_left, proposed, told_by, weak
+from facets.characterization.resolution import Estimator, uncertainties
+from facets.core.errors import ConfigError, InputError
+from facets.detectors.correction import NAMES, coefficients, corrected, slopes, uncorrected
+from facets.files.provenance import run_record
 from facets.live.recording import Recording
 from facets.live.replay import recorded_config
-from facets.model import parameters, sensor_with
-from facets.record import run_record
-from facets.resolution import Estimator, uncertainties
+from facets.model.arrays import parameters, sensor_with
 
 from .sensors import SENSORS
 from .test_cli_jacobian import facets as command
@@ -52,7 +61,7 @@ def test_corrections_go_both_ways():
 
 
 def test_a_scale_and_a_gain_mean_what_they_say():
-    psd = replace(NOMINAL.psds[0], correction=facets.sensor.Correction(
+    psd = replace(NOMINAL.psds[0], correction=facets.core.sensor.Correction(
         power=0.02, dark=1e-3, y=(0.065, *[0.0] * 8)))  # fmt: skip
     sensor = replace(NOMINAL, psds=(psd, *NOMINAL.psds[1:]))
     raw = facets.readings(NOMINAL, np.array([[0.02, 0.01, 0.1, 1e-3, 2e-3, 5e-3, 0, 0]]))
@@ -117,7 +126,9 @@ def test_derivatives_are_those_of_differences():
     rig, data, _ = some_rig(count=4)
     opening = np.full((4, 6), 1e-4)
     found = linear(rig.sensor, data, opening, rig.values, EVERY)
-    weights = facets.noise.standard_deviations(rig.sensor, corrected(rig.sensor, data.raw))
+    weights = facets.detectors.noise.standard_deviations(
+        rig.sensor, corrected(rig.sensor, data.raw)
+    )
 
     def left(values, wider):
         """Weighed alike: the weights are not what is differentiated."""

@@ -21,10 +21,10 @@ from facets.config import (
     shipped,
     to_yaml,
 )
-from facets.config.aim import landings
+from facets.config.alignment_check import landings
 from facets.config.geometry import written
-from facets.errors import ConfigError
-from facets.sensor import Sensor
+from facets.core.errors import ConfigError
+from facets.core.sensor import Sensor
 
 
 @pytest.fixture

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import facets
-from facets.live.control import Law, Seen, margin_of, slope_of_error, tracking_error
-from facets.live.stage import StageModel
+from facets.tracking.control import Law, Seen, margin_of, slope_of_error, tracking_error
+from facets.tracking.stage import StageModel
 
 from .sensors import SENSORS
 

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 import facets
-from facets.counts import SATURATED, UNEQUAL, counts_of, per_ampere, readings_of, xy_sum_of
+from facets.detectors.counts import (
+    SATURATED,
+    UNEQUAL,
+    counts_of,
+    per_ampere,
+    readings_of,
+    xy_sum_of,
+)
 
 from .sensors import SENSORS, states
 

@@ -10,10 +10,19 @@ import numpy as np
 import pytest
 
 import facets
-from facets import explore as study
-from facets.errors import InputError
-from facets.explore import MEASURES, NO_RIVALS, Space, collected, designs, front, looked_at, part_of
-from facets.ranges import axis_ranges
+from facets.characterization.ranges import axis_ranges
+from facets.core.errors import InputError
+from facets.design import exploration as study
+from facets.design.exploration import (
+    MEASURES,
+    NO_RIVALS,
+    Space,
+    collected,
+    designs,
+    front,
+    looked_at,
+    part_of,
+)
 
 from .test_cli_jacobian import facets as command
 

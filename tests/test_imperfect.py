@@ -9,11 +9,11 @@ import pytest
 from facets.experiments.neglected import closed, diffracted
 
 import facets
-from facets import imperfect
-from facets.errors import InputError
-from facets.imperfect import reflectances, seen, traced
-from facets.model import geometry_of, half_sizes
-from facets.sensor import Apertures, Imperfections
+from facets.core.errors import InputError
+from facets.core.sensor import Apertures, Imperfections
+from facets.model.arrays import geometry_of, half_sizes
+from facets.simulation import imperfect_optics
+from facets.simulation.imperfect_optics import reflectances, seen, traced
 
 from .sensors import SENSORS, states
 
@@ -93,7 +93,7 @@ def test_diffraction_is_that_of_a_propagated_field():
 
 def test_simulations_have_it_and_the_solver_does_not():
     config = replace(facets.load("paper"), sensor=flawed(index=(1.37, 7.62), polarization=0.3))
-    from facets.simulate import simulate
+    from facets.simulation.run import simulate
 
     (segment,) = simulate(config, ["multi-axis"], noise=False)
     assert np.abs(segment.error[:, 0]).max() > 1e-3  # 6 % of the power apart is microns in x
@@ -107,5 +107,7 @@ def test_apertures_do_not_go_with_it():
 
 
 def test_the_nodes_hold_all_the_light():
-    at = imperfect.placed(geometry_of(PAPER), tuple(AWAY.tolist()))
-    assert sum(imperfect.nodes(at, k)[0].sum() for k in range(3)) == pytest.approx(1, abs=1e-12)
+    at = imperfect_optics.placed(geometry_of(PAPER), tuple(AWAY.tolist()))
+    assert sum(imperfect_optics.nodes(at, k)[0].sum() for k in range(3)) == pytest.approx(
+        1, abs=1e-12
+    )

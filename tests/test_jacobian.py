@@ -6,7 +6,7 @@ import pytest
 from sensors import SENSORS, states
 
 import facets
-from facets.model import parameters
+from facets.model.arrays import parameters
 from facets.optics.forward import geometry, readings
 
 STEP = mp.mpf(10) ** -14  # error of a central difference: some 1e-28, of its rounding 1e-36

@@ -14,7 +14,7 @@ from facets.experiments.kills import killed, stream
 from facets.experiments.soak import soak
 
 import facets
-from facets.errors import InputError
+from facets.core.errors import InputError
 from facets.live.frames import SIZE
 from facets.live.pipeline import Pipeline
 from facets.live.recording import Recording, blocks, joined, pose_columns, recorded_poses

@@ -11,9 +11,9 @@ import pytest
 
 import facets
 from facets.live.pi import PiController
-from facets.live.stage import StageModel
 from facets.live.virtual import Pty
 from facets.live.zaber import ZaberDevice
+from facets.tracking.stage import StageModel
 
 STAGE = facets.load("bench").stage
 

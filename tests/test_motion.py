@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from facets.config.values import Random, Sine, Steps, Sweep, Table
-from facets.errors import InputError
-from facets.motion import states
+from facets.core.errors import InputError
+from facets.core.settings import Random, Sine, Steps, Sweep, Table
+from facets.simulation.motion import states
 
 ZERO = (0.0,) * 8
 START = (-1.0, 0.0, 0.0, 0.0, 0.0, -0.01, 0.0, 0.0)

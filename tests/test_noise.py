@@ -7,10 +7,11 @@ import pytest
 from scipy import stats
 
 import facets
-from facets import Electronics, electrodes
-from facets.errors import InputError
-from facets.noise import ELECTRIC, add_noise, power_floor, standard_deviations, variances
-from facets.resolution import Estimator, budgets, sources, uncertainties
+from facets import Electronics
+from facets.characterization.resolution import Estimator, budgets, sources, uncertainties
+from facets.core.errors import InputError
+from facets.detectors import electrodes
+from facets.detectors.noise import ELECTRIC, add_noise, power_floor, standard_deviations, variances
 
 #: Loud enough that no source hides behind the converter's steps.
 LOUD = Electronics(

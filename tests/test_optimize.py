@@ -9,14 +9,14 @@ import pytest
 from scipy.optimize import minimize
 
 import facets
-from facets.config.values import LaserPart, PsdPart
-from facets.errors import ConfigError, InputError
-from facets.layout import Outcome, outcome, present, sensor_of, varied
-from facets.model import parameters
-from facets.optimize import optimize, shares_of_volume, states_of, worst_over
-from facets.recheck import compare
-from facets.resolution import Estimator, uncertainties
-from facets.singularity import measures
+from facets.characterization.resolution import Estimator, uncertainties
+from facets.characterization.singularity import measures
+from facets.core.errors import ConfigError, InputError
+from facets.core.settings import LaserPart, PsdPart
+from facets.design.optimization import optimize, shares_of_volume, states_of, worst_over
+from facets.design.variables import Outcome, outcome, present, sensor_of, varied
+from facets.design.verification import compare
+from facets.model.arrays import parameters
 
 from .sensors import SENSORS, states
 from .test_cli_jacobian import facets as command
@@ -224,7 +224,7 @@ def test_nothing_to_vary_is_an_error():
     [
         ({"electronics": facets.Electronics()}, "knows neither"),
         ({"apertures": facets.Apertures(beam=1.0)}, "knows neither"),
-        ({"calibration": facets.sensor.Calibration((), ())}, "belongs to a rig"),
+        ({"calibration": facets.core.sensor.Calibration((), ())}, "belongs to a rig"),
     ],
 )
 def test_what_the_symbols_do_not_know_is_an_error(more, words):

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import facets
-from facets import ranges
-from facets.errors import InputError
-from facets.names import POSE
-from facets.ranges import CAUSES, LIGHT, PSD
-from facets.rules import Rules
+from facets.characterization import ranges
+from facets.characterization.ranges import CAUSES, LIGHT, PSD
+from facets.core.errors import InputError
+from facets.core.names import POSE
+from facets.core.rules import Rules
 
 SENSOR = facets.Sensor()
 REST = np.zeros(6)

@@ -7,8 +7,8 @@ from scipy.integrate import dblquad
 from sensors import SENSORS, states
 
 import facets
-from facets.errors import InputError
-from facets.model import geometry_of
+from facets.core.errors import InputError
+from facets.model.arrays import geometry_of
 from facets.optics.forward import readings as plain_readings
 
 NAMED = pytest.mark.parametrize("name", SENSORS)

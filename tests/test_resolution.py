@@ -8,9 +8,15 @@ from scipy import stats
 from sensors import SENSORS
 
 import facets
-from facets.noise import add_noise
-from facets.resolution import Estimator, budgets, estimators, resolve, uncertainties
-from facets.rules import Rules
+from facets.characterization.resolution import (
+    Estimator,
+    budgets,
+    estimators,
+    resolve,
+    uncertainties,
+)
+from facets.core.rules import Rules
+from facets.detectors.noise import add_noise
 
 SENSOR = facets.Sensor()
 PLACES = np.zeros((5, 8))

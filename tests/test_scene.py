@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import facets
-from facets import scene
-from facets.scene import Stand
+from facets.pictures import scene
+from facets.pictures.scene import Stand
 
 from .gltf_page import page_of
 from .sensors import SENSORS, states

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import facets
-from facets.errors import InputError
-from facets.noise import add_noise
-from facets.simulate import axes, pose_table, reading_table, simulate, statuses
+from facets.core.errors import InputError
+from facets.detectors.noise import add_noise
+from facets.simulation.run import axes, pose_table, reading_table, simulate, statuses
 
 
 def config(tmp_path, text: str) -> facets.config.Config:

@@ -6,11 +6,18 @@ import numpy as np
 import pytest
 
 import facets
-from facets.domain import AXES, apex_offset, domain_of, range_domain
-from facets.errors import InputError
-from facets.ranges import scaled_jacobian
-from facets.singularity import in_words, measures, samples, search, survey, weakest_direction
-from facets.twins import twins
+from facets.characterization.ambiguity import twins
+from facets.characterization.ranges import scaled_jacobian
+from facets.characterization.singularity import (
+    in_words,
+    measures,
+    samples,
+    search,
+    survey,
+    weakest_direction,
+)
+from facets.characterization.state_box import AXES, apex_offset, domain_of, range_domain
+from facets.core.errors import InputError
 
 from .sensors import SENSORS, states
 

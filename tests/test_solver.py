@@ -5,8 +5,8 @@ import pytest
 
 import facets
 from facets import Prior, Status
-from facets.errors import InputError
-from facets.least_squares import back_substitute, triangularise
+from facets.core.errors import InputError
+from facets.estimation.least_squares import back_substitute, triangularise
 
 SENSOR = facets.Sensor()
 HALF_RANGE = np.array([0.1, 0.1, 6.0, 12e-3, 12e-3, 24e-3, 0.05, 0.05])

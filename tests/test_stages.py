@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import facets
-from facets.live.control import Law
 from facets.live.pi import Pi, PiController
-from facets.live.stage import StageError, StageModel
 from facets.live.tracker import Spiral, Target, Tracker
 from facets.live.zaber import Zaber, ZaberDevice
+from facets.tracking.control import Law
+from facets.tracking.stage import StageError, StageModel
 
 from .sensors import SENSORS
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from facets import tables
-from facets.errors import InputError, OutputError
+from facets.core.errors import InputError, OutputError
+from facets.files import tables
 
 
 def read(path, needed=("a", "b"), optional=(), rows=1000):

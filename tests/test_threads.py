@@ -5,8 +5,8 @@ import pytest
 from sensors import SENSORS, states
 
 import facets
-from facets.errors import InputError
-from facets.threads import cores, part_of, share
+from facets.core.errors import InputError
+from facets.model.threads import cores, part_of, share
 
 
 @pytest.mark.parametrize(("rows", "threads"), [(0, 1), (5, 4), (2000, 2), (10_001, 3), (4000, 0)])

@@ -11,11 +11,10 @@ from facets.experiments.check_certificate import check
 from flint import arb
 
 import facets
-from facets.balls import between, ends, monotone, positive, square
-from facets.certificate import write_certificate
-from facets.domain import Domain, domain_of, range_domain
-from facets.fan import shares_held, together
-from facets.uniqueness import (
+from facets.characterization.state_box import Domain, domain_of, range_domain
+from facets.proof.certificate import write_certificate
+from facets.proof.light_sharing import shares_held, together
+from facets.proof.uniqueness import (
     certify,
     exact,
     fans_of,
@@ -24,6 +23,7 @@ from facets.uniqueness import (
     share_over,
     slope_of_powers,
 )
+from facets.scalars.intervals import between, ends, monotone, positive, square
 
 from .sensors import SENSORS
 
@@ -193,5 +193,5 @@ def test_intervals_hold_what_they_should():
 
 
 def test_a_box_has_two_ends():
-    with pytest.raises(facets.errors.InputError, match="the box runs"):
+    with pytest.raises(facets.core.errors.InputError, match="the box runs"):
         Domain(np.ones(8), -np.ones(8))

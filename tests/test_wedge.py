@@ -11,7 +11,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from facets.optics.faint import AWAY, faint, tail
+from facets.optics.tail_quadrature import AWAY, faint, tail
 from facets.optics.wedge import moments_along_float, side, turned, wedge, wedge_closed
 
 ROWS = json.loads((Path(__file__).parent / "references" / "wedge.json").read_text())

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.optimize import root
 
 import facets
-from facets import plots
-from facets.live.control import tracking_error
+from facets.pictures import style
+from facets.tracking.control import tracking_error
 
 from .experiment import NONE, Claim, Table, columns_of
 
@@ -61,16 +61,16 @@ def claims(table: Table) -> list[Claim]:
 def picture(table: Table) -> Figure:
     import matplotlib as mpl
 
-    with mpl.rc_context(plots.STYLE):
-        drawing = plots.figure(6, 3.6)
+    with mpl.rc_context(style.STYLE):
+        drawing = style.figure(6, 3.6)
         panel = drawing.subplots()
         for name, colour in zip(
-            ("roll", "pitch", "roll against pitch"), plots.SERIES, strict=False
+            ("roll", "pitch", "roll against pitch"), style.SERIES, strict=False
         ):
             rows = table["turn"] == name
             panel.plot(table["angle_mrad"][rows], table["left_um"][rows], "o-", color=colour,
                        label=name)  # fmt: skip
-        panel.plot([0, 10], [BOUND, BOUND], color=plots.INK, ls="--", label="the paper's bound")
+        panel.plot([0, 10], [BOUND, BOUND], color=style.INK, ls="--", label="the paper's bound")
         panel.set(xlabel="each angle, mrad", ylabel="beam off the apex, µm", xlim=0, ylim=0)
         panel.legend()
     return drawing

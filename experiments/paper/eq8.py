@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import facets
-from facets import plots
+from facets.pictures import style
 
 from .experiment import Claim, Table, columns_of
 
@@ -58,10 +58,10 @@ def claims(table: Table) -> list[Claim]:
 def picture(table: Table) -> Figure:
     import matplotlib as mpl
 
-    with mpl.rc_context(plots.STYLE):
-        drawing = plots.figure(6, 3.6)
+    with mpl.rc_context(style.STYLE):
+        drawing = style.figure(6, 3.6)
         panel = drawing.subplots()
-        for name, colour in zip(AXES, plots.SERIES, strict=False):
+        for name, colour in zip(AXES, style.SERIES, strict=False):
             rows = (table["axis"] == name) & (table["offset_mm"] == 0)
             if table["place_nm"][rows].max() > 1e-3:
                 panel.loglog(table["tilt_mrad"][rows], table["place_nm"][rows], "o-", color=colour,

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import facets
-from facets import plots
-from facets.live.follow import followed
-from facets.noise import add_noise
+from facets.detectors.noise import add_noise
+from facets.pictures import style
+from facets.tracking.closed_loop import followed
 
 from .experiment import NONE, Claim, Table
 
@@ -75,19 +75,19 @@ def claims(table: Table) -> list[Claim]:
 def picture(table: Table) -> Figure:
     import matplotlib as mpl
 
-    with mpl.rc_context(plots.STYLE):
-        drawing = plots.figure(9, 4.4)
+    with mpl.rc_context(style.STYLE):
+        drawing = style.figure(9, 4.4)
         panels = drawing.subplots(2, 2, sharex=True)
         for (place, error), axis in zip(panels.T, REACH, strict=True):
             rows, key = table["axis"] == axis, f"t{axis}_mm"
             time, true = table["time_s"][rows], table[f"true_{key}"][rows]
-            place.plot(time, true, color=plots.INK, label="truth")
-            place.plot(time, table[key][rows], ".", ms=1, color=plots.BLUE, label="estimate",
+            place.plot(time, true, color=style.INK, label="truth")
+            place.plot(time, table[key][rows], ".", ms=1, color=style.BLUE, label="estimate",
                        rasterized=True)  # fmt: skip
             place.set_ylabel(f"t{axis}, mm")
-            error.plot(time, 1e3 * (table[key][rows] - true), ".", ms=1, color=plots.BLUE,
+            error.plot(time, 1e3 * (table[key][rows] - true), ".", ms=1, color=style.BLUE,
                        rasterized=True, label="error of the pose")  # fmt: skip
-            error.plot(time, table["beam_off_um"][rows], color=plots.ORANGE,
+            error.plot(time, table["beam_off_um"][rows], color=style.ORANGE,
                        label="beam off the apex")  # fmt: skip
             error.set(ylabel="µm", xlabel="time, s")
             for panel in (place, error):

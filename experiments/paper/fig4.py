@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import facets
-from facets import plots
-from facets.domain import apex_offset, range_domain
-from facets.singularity import measures, samples
+from facets.characterization.singularity import measures, samples
+from facets.characterization.state_box import apex_offset, range_domain
+from facets.pictures import style
 
 from .experiment import NONE, Claim, Table
 
@@ -59,14 +59,14 @@ def claims(table: Table) -> list[Claim]:
 def picture(table: Table) -> Figure:
     import matplotlib as mpl
 
-    with mpl.rc_context(plots.STYLE):
-        drawing = plots.figure(6, 3.6)
+    with mpl.rc_context(style.STYLE):
+        drawing = style.figure(6, 3.6)
         panel = drawing.subplots()
         place = table["distance_mm"]
-        panel.fill_between(place, table["least"], table["largest"], color=plots.BLUE, alpha=0.25,
+        panel.fill_between(place, table["least"], table["largest"], color=style.BLUE, alpha=0.25,
                            lw=0, label="from least to largest")  # fmt: skip
-        panel.plot(place, table["median"], color=plots.BLUE, label="median")
-        panel.axhline(0, color=plots.ORANGE, lw=1.0, label="singular")
+        panel.plot(place, table["median"], color=style.BLUE, label="median")
+        panel.axhline(0, color=style.ORANGE, lw=1.0, label="singular")
         panel.set(xlabel="distance of the apex from the beam, mm", ylabel="determinant, Eq. (11)")
         panel.legend()
     return drawing

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from facets.names import POSE
+from facets.core.names import POSE
 
 from . import motion
 from .experiment import Claim, Table

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import facets
-from facets import plots
-from facets.names import POSE
-from facets.plots import unit_of
-from facets.resolution import Estimator, uncertainties
+from facets.characterization.resolution import Estimator, uncertainties
+from facets.core.names import POSE
+from facets.pictures import style
+from facets.pictures.style import unit_of
 
 from .experiment import Claim, Table, columns_of
 from .table2 import RESOLUTION
@@ -51,16 +51,16 @@ def claims(table: Table) -> list[Claim]:
 def picture(table: Table) -> Figure:
     import matplotlib as mpl
 
-    with mpl.rc_context(plots.STYLE):
-        drawing = plots.figure(6, 3.6)
+    with mpl.rc_context(style.STYLE):
+        drawing = style.figure(6, 3.6)
         panel = drawing.subplots()
         some = (table["beam_um"] > 0) & np.isfinite(table["beam_um"])
         free = np.flatnonzero(np.isinf(table["beam_um"]))[0]
-        for axis, colour in (("tx", plots.BLUE), ("tz", plots.GREEN)):
+        for axis, colour in (("tx", style.BLUE), ("tz", style.GREEN)):
             fine = 2 * table[f"{axis}_um"]
             panel.loglog(table["beam_um"][some], fine[some], "o-", color=colour, label=axis)
             panel.axhline(fine[free], color=colour, ls=":", lw=1)
-        panel.plot([], [], color=plots.GREY, ls=":", label="beam free")
+        panel.plot([], [], color=style.GREY, ls=":", label="beam free")
         panel.set(xlabel="standard uncertainty of the beam's place, µm",
                   ylabel="resolution (2 sigma) at rest, µm")  # fmt: skip
         panel.legend()

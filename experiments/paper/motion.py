@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import facets
-from facets import plots
-from facets.names import POSE, STATE_COLUMNS
-from facets.plots import unit_of
-from facets.simulate import pose_table, simulate
+from facets.core.names import POSE, STATE_COLUMNS
+from facets.pictures import style
+from facets.pictures.style import unit_of
+from facets.simulation.run import pose_table, simulate
 
 from .experiment import Claim, Table
 from .table2 import RESOLUTION
@@ -63,15 +63,15 @@ def drawn(table: Table, axes: tuple[str, ...]) -> Figure:
     """The moved axes on the left, the errors of all six on the right."""
     import matplotlib as mpl
 
-    with mpl.rc_context(plots.STYLE):
-        drawing = plots.figure(9, 4.6 if len(axes) == 1 else 7)
+    with mpl.rc_context(style.STYLE):
+        drawing = style.figure(9, 4.6 if len(axes) == 1 else 7)
         halves: Any = drawing.subfigures(1, 2, width_ratios=(1, 1.35))
         left, right = halves
         moved = np.atleast_1d(left.subplots(len(axes), 1, sharex=True))
         for panel, name in zip(moved, axes, strict=True):
             key = column(name)
-            panel.plot(table["time_s"], table[f"true_{key}"], color=plots.INK, label="truth")
-            panel.plot(table["time_s"], table[key], ".", ms=2, color=plots.BLUE, label="estimate",
+            panel.plot(table["time_s"], table[f"true_{key}"], color=style.INK, label="truth")
+            panel.plot(table["time_s"], table[key], ".", ms=2, color=style.BLUE, label="estimate",
                        rasterized=True)  # fmt: skip
             panel.set_ylabel(f"{name}, {unit_of(name)[0]}")
         moved[0].legend(loc="best", fontsize=7)
@@ -79,7 +79,7 @@ def drawn(table: Table, axes: tuple[str, ...]) -> Figure:
         panels = right.subplots(3, 2, sharex=True)
         for panel, name in zip(panels.T.ravel(), POSE, strict=True):
             panel.plot(
-                table["time_s"], errors(table, name), ".", ms=1.5, color=plots.BLUE, rasterized=True
+                table["time_s"], errors(table, name), ".", ms=1.5, color=style.BLUE, rasterized=True
             )
             panel.set_ylabel(f"error of {name}, {unit_of(name)[2]}", fontsize=7)
         for panel in panels[-1]:

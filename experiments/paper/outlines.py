@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import facets
-from facets.names import POSE
-from facets.plots import unit_of
-from facets.range_plots import ranges_picture
-from facets.ranges import CAUSES, Boundary, trace
+from facets.characterization.ranges import CAUSES, Boundary, trace
+from facets.core.names import POSE
+from facets.pictures.ranges import ranges_picture
+from facets.pictures.style import unit_of
 
 from .experiment import Table, columns_of
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import facets
-from facets import plots
-from facets.names import POSE
-from facets.plots import unit_of
+from facets.core.names import POSE
+from facets.pictures import style
+from facets.pictures.style import unit_of
 
 from .experiment import NONE, Claim, Table, columns_of
 
@@ -58,10 +58,10 @@ def claims(table: Table) -> list[Claim]:
 def picture(table: Table) -> Figure:
     import matplotlib as mpl
 
-    with mpl.rc_context(plots.STYLE):
-        drawing = plots.figure(6, 3.6)
+    with mpl.rc_context(style.STYLE):
+        drawing = style.figure(6, 3.6)
         panel = drawing.subplots()
-        for way, colour in zip(WAYS, plots.SERIES, strict=False):
+        for way, colour in zip(WAYS, style.SERIES, strict=False):
             rows = table["way"] == way
             off = np.hypot(table["tx_um"], table["ty_um"])[rows]
             panel.plot(table["drift_percent"][rows], off, "o-", ms=3, color=colour, label=way)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import facets
-from facets.ranges import box
-from facets.resolution import estimators, resolve
+from facets.characterization.ranges import box
+from facets.characterization.resolution import estimators, resolve
 
 from .experiment import Claim, Table, columns_of
 

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import facets
-from facets import plots
-from facets.names import POSE
-from facets.plots import unit_of
-from facets.ranges import axis_ranges
-from facets.resolution import estimators, resolve
+from facets.characterization.ranges import axis_ranges
+from facets.characterization.resolution import estimators, resolve
+from facets.core.names import POSE
+from facets.pictures import style
+from facets.pictures.style import unit_of
 
 from .experiment import Claim, Table, columns_of
 
@@ -79,16 +79,16 @@ def claims(table: Table) -> list[Claim]:
 def picture(table: Table) -> Figure:
     import matplotlib as mpl
 
-    with mpl.rc_context(plots.STYLE):
-        drawing = plots.figure(8, 3.4)
+    with mpl.rc_context(style.STYLE):
+        drawing = style.figure(8, 3.4)
         panels = drawing.subplots(1, 2, sharey=True)
         for panel, quantity in zip(panels, ("range", "resolution"), strict=True):
-            for beam, colour, shift in ((FIXED, plots.GREY, -0.2), (TRACKING, plots.BLUE, 0.2)):
+            for beam, colour, shift in ((FIXED, style.GREY, -0.2), (TRACKING, style.BLUE, 0.2)):
                 rows = (table["quantity"] == quantity) & (table["beam"] == beam)
                 places = [POSE.index(name) + shift for name in table["axis"][rows]]
                 ratio = table["ours"][rows] / table["paper"][rows]
                 panel.bar(places, ratio, 0.38, color=colour, label=beam)
-            panel.axhline(1, color=plots.INK, lw=1)
+            panel.axhline(1, color=style.INK, lw=1)
             panel.set_xticks(range(6), POSE)
             panel.set_title(quantity, loc="left")
         panels[0].set_ylabel("model over paper")

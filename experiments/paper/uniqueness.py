@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import facets
-from facets.domain import least_share, range_domain
-from facets.uniqueness import certify
+from facets.characterization.state_box import least_share, range_domain
+from facets.proof.uniqueness import certify
 
 from .experiment import NONE, Claim, Table, columns_of
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..model import jacobian, readings
-from ..sensor import Apertures, Sensor
-from ..solver import solve
+from ..core.sensor import Apertures, Sensor
+from ..estimation.solver import solve
+from ..model.arrays import jacobian, readings
 from . import rivals
 from .clock import Contender, alternate
 

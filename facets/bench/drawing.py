@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from .. import scene
-from ..render import BODIES, Picture
+from ..pictures import scene
+from ..pictures.render import BODIES, Picture
 from . import rivals
 
 Row = dict[str, Any]

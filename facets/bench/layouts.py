@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..characterization.resolution import Estimator, uncertainties
 from ..config import load
-from ..explore import MEASURES, NO_RIVALS, Space, designs, front, looked_at, part_of
-from ..layout import sensor_of
-from ..model import half_sizes, margins, readings
-from ..names import FINE_UNITS
-from ..optimize import optimize, states_of
-from ..resolution import Estimator, uncertainties
+from ..core.names import FINE_UNITS
+from ..design.exploration import MEASURES, NO_RIVALS, Space, designs, front, looked_at, part_of
+from ..design.optimization import optimize, states_of
+from ..design.variables import sensor_of
+from ..model.arrays import half_sizes, margins, readings
 
 Row = dict[str, Any]
 Floats = NDArray[np.float64]

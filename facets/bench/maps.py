@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..names import POSE
-from ..ranges import clearances, trace
-from ..rules import Rules
+from ..characterization.ranges import clearances, trace
+from ..core.names import POSE
+from ..core.rules import Rules
 from . import rivals
 
 Row = dict[str, Any]

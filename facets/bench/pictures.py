@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import plots
+from ..pictures import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,8 +20,8 @@ def work_precision(forward: Sequence[Row], inverse: Sequence[Row]) -> Figure:
     """Time a pose against error, readings left and poses right; nearer the corner is better."""
     import matplotlib as mpl
 
-    with mpl.rc_context(plots.STYLE):
-        picture = plots.figure(11, 5)
+    with mpl.rc_context(style.STYLE):
+        picture = style.figure(11, 5)
         left, right = picture.subplots(1, 2)
         diagram(left, forward, "place_error_mm")
         diagram(right, inverse, "length_error_mm")
@@ -35,7 +35,7 @@ def diagram(axes: Axes, rows: Sequence[Row], error: str) -> None:
     shown.sort(key=lambda row: row["us_per_pose"])
     for number, row in enumerate(shown, start=1):
         ours = row["way"].startswith("facets")
-        colour = plots.BLUE if ours else plots.ORANGE
+        colour = style.BLUE if ours else style.ORANGE
         time, value = row["us_per_pose"], row[error]
         spread = [[time - row["low_us"]], [row["high_us"] - time]]
         label = f"{number}  {row['way']}"
@@ -52,8 +52,8 @@ def heat_map(rows: Sequence[Row]) -> Figure:
 
     offsets = sorted({row["offset_sigma"] for row in rows})
     tilts = sorted({row["tilt_mrad"] for row in rows})
-    with mpl.rc_context({**plots.STYLE, "axes.grid": False}):
-        picture = plots.figure(10, 3.2)
+    with mpl.rc_context({**style.STYLE, "axes.grid": False}):
+        picture = style.figure(10, 3.2)
         left, right = picture.subplots(1, 2)
         for axes, key, title in (
             (left, "power_error", "relative error of a power"),
@@ -76,8 +76,8 @@ def histograms(digits: Sequence[Row], steps: Sequence[Row]) -> Figure:
     """Digits lost by powers and places, and steps from zero to a pose."""
     import matplotlib as mpl
 
-    with mpl.rc_context(plots.STYLE):
-        picture = plots.figure(10, 3.4)
+    with mpl.rc_context(style.STYLE):
+        picture = style.figure(10, 3.4)
         left, right = picture.subplots(1, 2)
         bars(left, digits, "digits_lost", ("powers", "places"), 0.25)
         left.set(xlabel="digits lost (0: the last bit)", ylabel="numbers", title="readings")
@@ -88,7 +88,7 @@ def histograms(digits: Sequence[Row], steps: Sequence[Row]) -> Figure:
 
 def bars(axes: Axes, rows: Sequence[Row], key: str, series: Sequence[str], width: float) -> None:
     places = np.array([row[key] for row in rows])
-    for name, side, colour in zip(series, (0.25, 0.75), (plots.BLUE, plots.ORANGE), strict=True):
+    for name, side, colour in zip(series, (0.25, 0.75), (style.BLUE, style.ORANGE), strict=True):
         heights = [row[name] for row in rows]
         axes.bar(places + side * width, heights, 0.45 * width, color=colour, label=name)
     axes.legend()

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..model import packed, readings
-from ..solver import solve
+from ..estimation.solver import solve
+from ..model.arrays import packed, readings
 from . import rivals, stages
 from .clock import Contender, alternate
 

@@ -14,7 +14,7 @@ from math import cos, erf, exp, pi, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ..sensor import Sensor
+from ..core.sensor import Sensor
 
 Floats = NDArray[np.float64]
 Moments = Callable[[Floats, float, float], tuple[float, float, float]]
@@ -190,7 +190,7 @@ def sobol_points(count: int, seed: int) -> Floats:
 
 def states_in_range(count: int, seed: int) -> Floats:
     """Random states whose three spots lie on their detectors."""
-    from ..model import reaches
+    from ..model.arrays import reaches
 
     half = np.array([0.1, 0.1, 6.0, 12e-3, 12e-3, 24e-3, 0.05, 0.05])
     rng = np.random.default_rng(seed)

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..model import readings
-from ..solver import solve
+from ..estimation.solver import solve
+from ..model.arrays import readings
 from . import rivals
 from .studies import SENSOR, Row, errors, reference
 

@@ -10,13 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from ..jit import compiled
-from ..kernels import state_of, unpack
+from ..model import kernels
+from ..model.jit import compiler
+from ..model.kernels import state_of, unpack
 from ..optics.forward import placed, readings_of, shone_on
 from ..optics.gradient import linearised
 from ..optics.wedge import side, swept_series
 
 Array = Any
+
+compiled = compiler(__file__, calls=(kernels,))
 
 
 @compiled

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..model import jacobian, parameters, readings
+from ..estimation.solver import solve
+from ..model.arrays import jacobian, parameters, readings
+from ..model.threads import cores
 from ..optics.forward import geometry
 from ..optics.forward import readings as text
-from ..solver import solve
-from ..threads import cores
 from . import casadi_rival, peers, rivals
 from .clock import Contender, Timing, alternate
 

@@ -1,10 +1,10 @@
 """YAML configurations: keys with units, defaults, ranges, and errors with file and line."""
 
+from ..core.settings import Config, Motion, Random, Sine, Solve, State, Steps, Sweep, Table
 from .files import shipped
 from .json_schema import schema
 from .loading import fingerprint, load
 from .show import to_yaml
-from .values import Config, Motion, Random, Sine, Solve, State, Steps, Sweep, Table
 
 __all__ = [
     "Config",

@@ -7,12 +7,10 @@ from math import inf, radians
 from pathlib import Path
 from typing import Any
 
-from ..names import FINE_UNITS
-from ..rules import Rules
-from ..sensor import DETECTORS, Apertures, Electronics, Imperfections, Noise, Sensor
-from . import covariance, geometry
-from .keys import Document, Mirror, Psds
-from .values import (
+from ..core.names import FINE_UNITS
+from ..core.rules import Rules
+from ..core.sensor import DETECTORS, Apertures, Electronics, Imperfections, Noise, Sensor
+from ..core.settings import (
     Acquire,
     Calibrate,
     LaserPart,
@@ -28,6 +26,8 @@ from .values import (
     Sweep,
     Table,
 )
+from . import covariance, geometry
+from .keys import Document, Mirror, Psds
 
 
 def resolve(document: Document) -> dict[str, Any]:

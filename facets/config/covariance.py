@@ -5,10 +5,10 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-from ..correction import NAMES
-from ..errors import InputError
+from ..core.errors import InputError
+from ..core.sensor import Calibration
+from ..detectors.correction import NAMES
 from ..optics.parameters import PARAMETERS
-from ..sensor import Calibration
 
 
 def read(path: Path) -> Calibration:

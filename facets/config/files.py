@@ -5,8 +5,8 @@ from __future__ import annotations
 import difflib
 from pathlib import Path
 
-from ..errors import ConfigError
-from .marks import Marked, read, shown
+from ..core.errors import ConfigError
+from .yaml_positions import Marked, read, shown
 
 SUFFIXES = (".yaml", ".yml", ".json")
 #: Blocks whose keys are names that the user gives.

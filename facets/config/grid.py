@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
-from ..sensor import Grid
+from ..core.errors import InputError
+from ..core.sensor import Grid
 
 COLUMNS = ("psi_mm", "zeta_mm", "add_psi_um", "add_zeta_um")
 

@@ -11,7 +11,7 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema
 
 from .keys import Document
-from .marks import Path_
+from .yaml_positions import Path_
 
 UNITS = {
     "mm": "mm",

@@ -9,14 +9,14 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ..errors import ConfigError
-from ..sensor import DETECTORS
-from . import aim, build
+from ..core.errors import ConfigError
+from ..core.sensor import DETECTORS
+from ..core.settings import Config
+from . import alignment_check, build
 from .files import find, gather
 from .keys import Document
-from .marks import Marked, shown
 from .problems import messages, quoted
-from .values import Config
+from .yaml_positions import Marked, shown
 
 
 def load(name_or_path: str | Path) -> Config:
@@ -61,7 +61,10 @@ def _resolved(tree: Marked) -> dict[str, Any]:
     if lost := _find_measured(tree, resolved["sensor"]):
         raise ConfigError("\n".join(lost))  # without it there is no sensor to look at
     problems = [
-        *(_aperture_conflicts(tree, resolved["sensor"]) or aim.problems(resolved["sensor"], tree)),
+        *(
+            _aperture_conflicts(tree, resolved["sensor"])
+            or alignment_check.problems(resolved["sensor"], tree)
+        ),
         *_find_tables(tree, resolved["motions"]),
         *_method_conflicts(tree, resolved["solve"]),
         *_empty_bounds(tree, resolved["optimize"]["variables"]),

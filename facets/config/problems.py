@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from .json_schema import allowed, entry, names, nearest, suggestion
-from .marks import Marked, Path_, dotted
+from .yaml_positions import Marked, Path_, dotted
 
 
 def messages(error: ValidationError, tree: Marked) -> list[str]:

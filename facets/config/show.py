@@ -7,9 +7,9 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+from ..core.settings import Config
 from .json_schema import allowed, entry
-from .marks import Path_
-from .values import Config
+from .yaml_positions import Path_
 
 PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 WORDS = {"true", "false", "null", "yes", "no", "on", "off", "y", "n"}

@@ -16,15 +16,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..solver import Status
+from ..estimation.solver import Status
 from .pipeline import Pipeline, Poses
 from .ports import Port, PortError, SerialPort, open_port
 from .recording import Block, DiskError, Recording
 from .tracker import Target, Tracker
 
 if TYPE_CHECKING:
-    from ..config import Config
-    from ..errors import FacetsError
+    from ..core.errors import FacetsError
+    from ..core.settings import Config
 
 #: After so long with bytes but without a sample something is set wrongly, s.
 PATIENCE = 2.0

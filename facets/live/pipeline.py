@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..correction import corrected
-from ..counts import SATURATED, UNEQUAL, readings_of
-from ..solve_table import power_known
-from ..solver import Prior, Solution, Status, solve
+from ..detectors.correction import corrected
+from ..detectors.counts import SATURATED, UNEQUAL, readings_of
+from ..estimation.solver import Prior, Solution, Status, solve
+from ..estimation.table import power_known
 from .clock import Drift, Sequence
 from .frames import OVERRUN, XY_SUM, Samples, parser
 from .tracker import REACH, Encoder
 
 if TYPE_CHECKING:
-    from ..config import Config
+    from ..core.settings import Config
 
 Floats = NDArray[np.float64]
 

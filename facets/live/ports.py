@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Protocol
 
-from ..errors import FacetsError
+from ..core.errors import FacetsError
 
 #: A read waits no longer than this for more, s: blocks are then as long.
 POLL = 0.003

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..config.loading import measured
-from ..errors import FacetsError, InputError
-from ..names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..core.errors import FacetsError, InputError
+from ..core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from .pipeline import Poses
 from .tracker import Encoder
 

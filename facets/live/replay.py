@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..solver import Status
+from ..estimation.solver import Status
 from .pipeline import Pipeline, Poses
 from .recording import blocks, kept, meta_of, pose_columns
 
 if TYPE_CHECKING:
-    from ..config import Config
+    from ..core.settings import Config
 
 
 def recorded_config(folder: Path) -> Config:

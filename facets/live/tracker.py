@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..config.values import Stage as Settings
-from .control import Law, Seen
-from .stage import Stage, StageError
+from ..core.settings import Stage as Settings
+from ..tracking.control import Law, Seen
+from ..tracking.stage import Stage, StageError
 
 Floats = NDArray[np.float64]
 

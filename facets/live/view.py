@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..model import half_sizes
-from ..names import ANGLES, DETECTORS, STATE
-from ..solver import Status
+from ..core.names import ANGLES, DETECTORS, STATE
+from ..estimation.solver import Status
+from ..model.arrays import half_sizes
+from ..tracking.control import tracking_error
 from .acquire import Live
-from .control import tracking_error
 
 if TYPE_CHECKING:
     from rich.console import Group

@@ -23,20 +23,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..correction import uncorrected
-from ..counts import counts_of, xy_sum_of
-from ..errors import InputError
-from ..imperfect import seen
-from ..model import on_detectors
-from ..motion import named, states
+from ..core.errors import InputError
+from ..detectors.correction import uncorrected
+from ..detectors.counts import counts_of, xy_sum_of
+from ..model.arrays import on_detectors
+from ..simulation.imperfect_optics import seen
+from ..simulation.motion import named, states
+from ..tracking.stage import StageModel
 from .frames import ELECTRODES, OVERRUN, XY_SUM, Samples, encoded
 from .frames import SATURATED as FULL
 from .pi import PiController
-from .stage import StageModel
 from .zaber import ZaberDevice
 
 if TYPE_CHECKING:
-    from ..config import Config
+    from ..core.settings import Config
 
 Floats = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..config.values import Stage as Settings
-from .stage import StageError, StageModel
+from ..core.settings import Stage as Settings
+from ..tracking.stage import StageError, StageModel
 
 Floats = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from math import inf
 from typing import Any, NamedTuple
 
-from ..numbers import Number, cos, defined, sin, sqrt
+from ..scalars.dispatch import Number, cos, defined, sin, sqrt
 from .rays import flight, hit, land, reflect
 from .vectors import (
     Matrix,

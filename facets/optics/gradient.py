@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..numbers import Number
+from ..scalars.dispatch import Number
 from .forward import Geometry, Path, Scene, Three, in_sigmas, path, reading, scene
 from .rays import gradient_of_mirror, gradient_of_normal, gradient_of_shift, slanted
 from .vectors import Matrix, Vector, add, combine, cross, dot, rotation_axes, subtract

@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import inf, log
 from typing import NamedTuple
 
-from ..numbers import defined, sqrt
+from ..scalars.dispatch import defined, sqrt
 from .forward import Geometry, Scene
 from .rays import (
     flight,

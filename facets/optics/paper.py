@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..core.errors import InputError
 from .forward import Geometry, Path, Scene, path, scene
 from .rays import flight, hit, land
 from .vectors import Vector, add, dot

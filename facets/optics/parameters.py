@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..numbers import Number, cos, sin
+from ..scalars.dispatch import Number, cos, sin
 from .forward import Geometry, Path, Scene, path, reading
 from .gradient import Gradient, gradient_of_angle, gradients, in_world
 from .rays import gradient_of_beam, slanted

@@ -5,7 +5,7 @@ Vectors are tuples in the world frame, mm. Any number type.
 
 from __future__ import annotations
 
-from ..numbers import Number
+from ..scalars.dispatch import Number
 from .vectors import Matrix, Vector, add, combine, dot, scale, subtract
 
 

@@ -26,9 +26,9 @@ from typing import Any
 
 import numpy as np
 
-from ..numbers import Number, atan2, erf, erfc, exp, integral, is_float, pi, sqrt
-from .exact import gauss, gauss_of_point, normalised
-from .faint import AWAY, faint, no_light, tail
+from ..scalars.dispatch import Number, atan2, erf, erfc, exp, integral, is_float, pi, sqrt
+from .compensated import gauss, gauss_of_point, normalised
+from .tail_quadrature import AWAY, faint, no_light, tail
 
 Plane = tuple[Any, Any]
 Side = tuple[Any, Any, Any, Any]

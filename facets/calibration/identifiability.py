@@ -1,0 +1,168 @@
+"""What a motion can tell of a sensor's parameters, in words, and which motions would tell most.
+
+Everything is in units of what is known before: a direction in which the data say less than that is
+left to what was known, and is named.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.sensor import DETECTORS, Sensor
+from ..model.arrays import readings
+from .bundle_adjustment import ALL, OWN_UNITS, Choice, Data, eliminated, linear, values_of
+from .fit import opened
+
+Floats = NDArray[np.float64]
+
+#: How much of a pattern is not told, at least, for it to be named; and how large a part of another
+#: direction is, at least, to be named.
+ALIKE, LARGE = 0.98, 0.25
+
+
+class Direction(NamedTuple):
+    """information: of the data over what was known before.  words: what it is."""
+
+    information: float
+    words: str
+
+
+def information(sensor: Sensor, data: Data, choice: Choice) -> Floats:
+    """Of the data alone (p, p), in units of what is known before, at the nominal sensor."""
+    opening = opened(data, sensor)
+    found = linear(sensor, data, opening, values_of(sensor), choice)
+    matrix = eliminated(found, np.ones_like(data.raw), opening, data.sigma).matrix
+    scaled: Floats = choice.sigma[:, None] * matrix * choice.sigma
+    return scaled
+
+
+def weak(matrix: Floats, choice: Choice, sensor: Sensor, limit: float = 1.0) -> list[Direction]:
+    """The directions of which the data say less than `limit` times what was known, least first.
+
+    First those that have a name, then what is left, by its parts.
+    """
+    sizes, directions = np.linalg.eigh(matrix)
+    space = directions[:, sizes < limit]
+    found = []
+    for words, pattern in patterns(sensor).items():
+        scaled = pattern[choice.places] / choice.sigma
+        whole, inside = np.linalg.norm(scaled), np.linalg.norm(space.T @ scaled)
+        told = float(scaled @ matrix @ scaled / whole**2) if whole > 0 else np.inf
+        if told < limit and inside > ALIKE * whole:
+            found.append(Direction(max(told, 0.0), words))
+            space = without(space, scaled / whole)
+    small = space.T @ matrix @ space
+    values, turned = np.linalg.eigh(small)
+    rest = (space @ turned).T
+    found += [
+        Direction(max(float(told), 0.0), by_parts(direction, choice))
+        for told, direction in zip(values, rest, strict=True)
+    ]
+    return sorted(found)
+
+
+def without(space: Floats, direction: Floats) -> Floats:
+    """A basis (p, k - 1) of what is left of a space (p, k) beside a direction in it."""
+    inside = space.T @ direction
+    _, _, rows = np.linalg.svd(inside[None] / np.linalg.norm(inside))
+    return space @ rows[1:].T
+
+
+def by_parts(direction: Floats, choice: Choice) -> str:
+    """A direction by its largest parts."""
+    order = np.argsort(-np.abs(direction))
+    large = [n for n in order if abs(direction[n]) > LARGE][:4]
+    parts = [f"{choice.names[n]} {'up' if direction[n] > 0 else 'down'}" for n in large]
+    return ", ".join(parts) or "a little of everything"
+
+
+def patterns(sensor: Sensor) -> dict[str, Floats]:
+    """Changes of `ALL` that have a name, mm and rad."""
+    found = {}
+
+    def change(words: str, parts: dict[str, float]) -> None:
+        values = np.zeros(len(ALL))
+        for name, value in parts.items():
+            values[ALL.index(name)] = value
+        found[words] = values
+
+    def each(what: str, name: str) -> dict[str, float]:
+        return {f"{what}_{letter}.{name}": 1.0 for letter in DETECTORS}
+
+    change("turning all PSDs about z", each("psd", "azimuth"))
+    change("raising all PSDs", each("psd", "height"))
+    change("all PSDs further out", each("psd", "radius"))
+    change("all PSDs turned about their normals", each("psd", "roll"))
+    change("all PSDs leaning outward", each("psd", "pitch"))
+    change("all PSDs turned about their upright axes", each("psd", "yaw"))
+    change("turning all facets about z, as yaw does", each("facet", "azimuth"))
+    for axis, name in (("x", "roll"), ("y", "pitch")):
+        change(f"tilting all facets about {axis}, as {name} does", tilted(sensor, axis))
+    change("all facets steeper", each("facet", "inclination"))
+    change("all powers larger", each("correction", "power"))
+    change("all places scaled along y", each("correction", "y10"))
+    change("all places scaled along z", each("correction", "z01"))
+    for axis, turn in (("x", np.cos), ("y", np.sin)):
+        parts = {}
+        for letter, psd in zip(DETECTORS, sensor.psds, strict=True):
+            across = -np.sin(psd.azimuth) if axis == "x" else np.cos(psd.azimuth)
+            parts[f"psd_{letter}.radius"] = float(turn(psd.azimuth))
+            parts[f"psd_{letter}.azimuth"] = float(across / psd.radius)
+        change(f"shifting all PSDs along {axis}", parts)
+        change(f"shifting all PSDs and the apex along {axis}", parts | {f"apex.{axis}": 1.0})
+    together = each("psd", "azimuth") | each("facet", "azimuth")
+    change("turning all PSDs and facets about z", together)
+    return found
+
+
+def tilted(sensor: Sensor, axis: str) -> dict[str, float]:
+    """How the facets' normals turn about x or y."""
+    parts = {}
+    for letter, facet in zip(DETECTORS, sensor.facets, strict=True):
+        c, s, across = np.cos(facet.azimuth), np.sin(facet.azimuth), 1 / np.tan(facet.inclination)
+        turn = (-s, -c * across) if axis == "x" else (c, -s * across)
+        parts[f"facet_{letter}.inclination"] = float(turn[0])
+        parts[f"facet_{letter}.azimuth"] = float(turn[1])
+    return parts
+
+
+def proposed(
+    sensor: Sensor, choice: Choice, sigma: Floats, candidates: Floats, count: int
+) -> tuple[NDArray[np.int64], Floats]:
+    """The poses out of candidates (n, 6) that together tell most (D-optimal, one after another).
+
+    sigma: (6,) of the reference.  Returns their numbers (count,), and `mean_left` after each.
+    """
+    rows = told_by(sensor, choice, sigma, candidates)
+    covariance, chosen, left = np.eye(len(choice.names)), [], []
+    for _ in range(count):
+        told = np.eye(9) + rows @ covariance @ np.swapaxes(rows, 1, 2)
+        best = int(np.argmax(np.linalg.slogdet(told)[1]))
+        chosen.append(best)
+        gain = covariance @ rows[best].T
+        covariance = covariance - gain @ np.linalg.solve(told[best], gain.T)
+        left.append(mean_left(np.linalg.inv(covariance)))
+    return np.array(chosen), np.array(left)
+
+
+def mean_left(matrix: Floats) -> float:
+    """The geometric mean of uncertainties left, over those before. matrix: all information."""
+    return float(np.exp(-np.linalg.slogdet(matrix)[1] / 2 / len(matrix)))
+
+
+def told_by(sensor: Sensor, choice: Choice, sigma: Floats, candidates: Floats) -> Floats:
+    """(n, 9, p): what a pose tells, in sigmas for each unit of what is known before."""
+    data = Data(np.zeros((len(candidates), 9)), candidates, sigma, np.zeros((len(candidates), 2)))
+    states = np.concatenate([candidates, data.beam], axis=1)
+    data = data._replace(raw=readings(sensor, states))
+    found = linear(sensor, data, np.zeros_like(candidates), values_of(sensor), choice)
+    with np.errstate(divide="ignore"):
+        spread = np.where(np.isfinite(sigma), sigma / OWN_UNITS, 1e9)
+    wide = found.own * spread
+    inner = np.eye(9) + wide @ np.swapaxes(wide, 1, 2)
+    root = np.linalg.cholesky(inner)
+    told: Floats = np.linalg.solve(root, found.common * choice.sigma)
+    return told

@@ -1,0 +1,271 @@
+"""Is the Jacobian regular over a box of states? Sampled as for Fig. 4, and searched for the worst.
+
+The determinant of Eq. (11), of the readings but one, has units in which no size is small or large.
+What means something is the smallest singular value of the Jacobian with its columns in um and urad
+and its rows in standard deviations of the readings: by how many standard deviations the readings
+answer, all together, to one unit in the direction to which they answer least.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError
+from ..core.names import READING
+from ..core.sensor import Sensor
+from ..detectors.noise import standard_deviations
+from ..model.arrays import packed
+from ..model.threads import share
+from .ranges import scaled_jacobian
+from .state_box import AXES, Domain, apex_offset
+
+Floats = NDArray[np.float64]
+
+CHUNK = 100_000
+#: What is told of a state.
+MEASURES = ("determinant", "smallest singular value", "condition number")
+
+
+def measures(
+    sensor: Sensor,
+    states: Floats,
+    left_out: str = "power_c",
+    spectra: bool = True,
+    threads: int = 1,
+) -> Floats:
+    """(n, 3) by `MEASURES` at states (n, 8); NaN where a detector has no reading.
+
+    left_out: the reading whose row the determinant lacks; mm, mW and rad. The other two take all
+    nine, um and urad; NaN without `spectra`.
+    """
+    from ..model.kernels import determine
+
+    if left_out not in READING:
+        raise InputError(f"left out is {left_out!r}; allowed: {', '.join(READING)}")
+    out = np.full((len(states), 3), np.nan)
+    noise = sensor.noise
+    simple = np.array([noise.position * noise.at_power, noise.power, float(spectra)])
+
+    def run(part: slice) -> None:
+        sigmas = np.empty((0, 9))
+        if sensor.electronics is not None and spectra:
+            from ..model.arrays import readings
+
+            sigmas = standard_deviations(sensor, readings(sensor, states[part]))
+        determine(vectors, states[part], simple, sigmas, READING.index(left_out), out[part])
+
+    vectors = packed(sensor)
+    share(run, len(states), threads)
+    return out
+
+
+class Worst(NamedTuple):
+    """A state (8,) and its measures (3,)."""
+
+    state: Floats
+    values: Floats
+
+
+@dataclass
+class Survey:
+    """What was found over many states.
+
+    counts: (OFFSETS, LEVELS) of states by apex offset and determinant; second: by smallest singular
+    value. edges: of offsets (mm), determinants, singular values.
+    low, high: (3,) of each measure.  signs: how many determinants are below, at and above zero.
+    weakest: the state whose smallest singular value is least.  lowest: that of least |determinant|.
+    dark: states in which a detector has no reading.
+    """
+
+    edges: tuple[Floats, Floats, Floats]
+    counts: Floats
+    second: Floats
+    low: Floats
+    high: Floats
+    signs: NDArray[np.int64]
+    weakest: Worst
+    lowest: Worst
+    states: int = 0
+    dark: int = 0
+
+    @property
+    def one_sign(self) -> bool:
+        """Whether every determinant is above zero, or every one below."""
+        return self.dark == 0 and self.states in (self.signs[0], self.signs[2])
+
+
+OFFSETS, LEVELS = 120, 160
+
+
+def samples(
+    domain: Domain, count: int, sampling: Literal["sobol", "uniform"], seed: int
+) -> Iterator[Floats]:
+    """States of the box (n, 8), chunk by chunk."""
+    from scipy.stats import qmc
+
+    if sampling not in ("sobol", "uniform"):
+        raise InputError(f'sampling is {sampling!r}; allowed: "sobol", "uniform"')
+    rng = np.random.default_rng(seed)
+    sobol = qmc.Sobol(8, rng=rng) if sampling == "sobol" else None
+    for first in range(0, count, CHUNK):
+        rows = min(CHUNK, count - first)
+        with np.errstate(all="ignore"):
+            shares = rng.random((rows, 8)) if sobol is None else drawn(sobol, rows)
+        yield domain.states(shares)
+
+
+def drawn(sobol: object, rows: int) -> Floats:
+    """Points of a Sobol sequence; any number of them, of which SciPy would warn."""
+    import warnings
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        points: Floats = sobol.random(rows)  # type: ignore[attr-defined]
+    return points
+
+
+def survey(
+    sensor: Sensor,
+    chunks: Iterator[Floats],
+    left_out: str = "power_c",
+    spectra: bool = True,
+    threads: int = 1,
+    keep: Callable[[Floats, Floats], None] | None = None,
+) -> Survey:
+    """Measures all states of `chunks` in flat memory. keep: takes each chunk and its measures."""
+    found: Survey | None = None
+    for states in chunks:
+        values = measures(sensor, states, left_out, spectra, threads)
+        if found is None:
+            found = empty(apex_offset(states), values)
+        add(found, states, values)
+        if keep is not None:
+            keep(states, values)
+    if found is None:
+        raise InputError("no states are asked for; allowed: 1 or more")
+    return found
+
+
+def empty(offset: Floats, values: Floats) -> Survey:
+    """A survey whose classes fit the first chunk, with room beside it."""
+    with np.errstate(invalid="ignore"):
+        top = float(offset.max(initial=0.0)) * 1.02 or 1.0
+        ends = [spread_of(values[:, 0]), spread_of(values[:, 1])]
+    edges = (np.linspace(0, top, OFFSETS + 1), *(np.linspace(*end, LEVELS + 1) for end in ends))
+    none = Worst(np.full(8, np.nan), np.full(3, np.nan))
+    return Survey(
+        edges=(edges[0], edges[1], edges[2]),
+        counts=np.zeros((OFFSETS, LEVELS)),
+        second=np.zeros((OFFSETS, LEVELS)),
+        low=np.full(3, np.inf),
+        high=np.full(3, -np.inf),
+        signs=np.zeros(3, np.int64),
+        weakest=none,
+        lowest=none,
+    )
+
+
+def spread_of(values: Floats) -> tuple[float, float]:
+    """From zero to past the largest, or on both sides of zero where the values are."""
+    known = values[np.isfinite(values)]
+    if len(known) == 0:
+        return 0.0, 1.0
+    low, high = min(0.0, 1.15 * known.min()), max(0.0, 1.15 * known.max())
+    return low, high if high > low else low + 1
+
+
+def add(found: Survey, states: Floats, values: Floats) -> None:
+    lit = np.isfinite(values[:, 0])
+    found.states += len(states)
+    found.dark += int((~lit).sum())
+    if not lit.any():
+        return
+    states, values = states[lit], values[lit]
+    offset = apex_offset(states)
+    for counts, edges, column in ((found.counts, 1, 0), (found.second, 2, 1)):
+        ends = found.edges[edges]
+        if np.isfinite(values[0, column]):
+            held = np.clip(values[:, column], ends[0], ends[-1])
+            inside = np.minimum(offset, found.edges[0][-1])
+            counts += np.histogram2d(inside, held, bins=(found.edges[0], ends))[0]
+    found.low = np.fmin(found.low, values.min(axis=0))
+    found.high = np.fmax(found.high, values.max(axis=0))
+    sign = np.sign(values[:, 0])
+    found.signs += [int((sign == s).sum()) for s in (-1, 0, 1)]
+    found.lowest = worse(found.lowest, states, values, np.abs(values[:, 0]), 0)
+    if np.isfinite(values[0, 1]):
+        found.weakest = worse(found.weakest, states, values, values[:, 1], 1)
+
+
+def worse(known: Worst, states: Floats, values: Floats, size: Floats, column: int) -> Worst:
+    n = int(size.argmin())
+    if not size[n] >= abs(known.values[column]):
+        return Worst(states[n].copy(), values[n].copy())
+    return known
+
+
+def search(
+    sensor: Sensor, domain: Domain, column: int, left_out: str = "power_c", seed: int = 1
+) -> Worst:
+    """The state of the box where a measure is least, by differential evolution and descent.
+
+    column: 0 the determinant, times the sign it has in the middle; 1 the smallest singular value.
+    """
+    from scipy.optimize import differential_evolution
+
+    middle = measures(sensor, domain.states(np.full((1, 8), 0.5)), left_out, column == 1)[0]
+    sign = np.sign(middle[0]) if column == 0 else 1.0
+    scale = abs(middle[column]) or 1.0
+    wide = np.flatnonzero(domain.high > domain.low)
+
+    def least(shares: Floats) -> Floats:
+        points = np.full((8, shares.reshape(len(wide), -1).shape[1]), 0.5)
+        points[wide] = shares.reshape(len(wide), -1)
+        values = measures(sensor, domain.states(points.T.copy()), left_out, column == 1)[:, column]
+        size: Floats = np.nan_to_num(sign * values / scale, nan=1e9)
+        return size if shares.ndim == 2 else size[0]
+
+    if len(wide) == 0:
+        shares = np.full((1, 8), 0.5)
+    else:
+        found = differential_evolution(
+            least, [(0, 1)] * len(wide), rng=np.random.default_rng(seed), vectorized=True,
+            updating="deferred", maxiter=400, tol=1e-8,
+        )  # fmt: skip
+        shares = np.full((1, 8), 0.5)
+        shares[0, wide] = found.x
+    state = domain.states(shares)
+    return Worst(state[0], measures(sensor, state, left_out)[0])
+
+
+def weakest_direction(sensor: Sensor, state: Floats) -> Floats:
+    """The direction (8,) of the state to which the readings answer least, um and urad, length 1."""
+    matrix = scaled_jacobian(sensor, state[None])[0]
+    vector: Floats = np.linalg.svd(matrix)[2][-1]
+    return vector * (np.sign(vector[np.abs(vector).argmax()]) or 1.0)
+
+
+#: A part of a direction smaller than this is not named.
+NAMED = 0.25
+
+
+def in_words(direction: Floats) -> str:
+    """A direction of the state in words: what moves, and what moves with it."""
+    large = np.abs(direction) > NAMED
+    words = []
+    for letter, t, b in (("x", 0, 6), ("y", 1, 7)):
+        if large[t] and large[b]:
+            together = direction[t] * direction[b] > 0
+            words.append(f"mirror and beam {'together' if together else 'apart'} along {letter}")
+        elif large[t]:
+            words.append(f"mirror along {letter}")
+        elif large[b]:
+            words.append(f"beam along {letter}")
+    words += [f"mirror along {AXES[2][1]}"] if large[2] else []
+    words += [AXES[i] for i in (3, 4, 5) if large[i]]
+    return ", ".join(words)

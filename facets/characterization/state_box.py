@@ -1,0 +1,87 @@
+"""A box of states, in which the sensor is examined."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError
+from ..core.names import ANGLES, POSE
+from ..core.rules import Rules
+from ..core.sensor import Sensor
+from ..detectors.noise import power_floor
+from .ranges import axis_ranges
+
+Floats = NDArray[np.float64]
+
+#: What a box spans: the pose, and how far the apex stands off the beam's centre, Eq. (12).
+AXES = (*POSE, "offset_x", "offset_y")
+COLUMNS = tuple(f"{name}_mrad" if name in ANGLES else f"{name}_mm" for name in AXES)
+UNITS = tuple(1e-3 if name in ANGLES else 1.0 for name in AXES)
+
+
+@dataclass(frozen=True)
+class Domain:
+    """A box: low, high (8,) along `AXES`, mm and rad."""
+
+    low: Floats
+    high: Floats
+
+    def __post_init__(self) -> None:
+        for name, low, high in zip(AXES, self.low, self.high, strict=True):
+            if not (np.isfinite(low) and np.isfinite(high) and low <= high):
+                raise InputError(f"the box runs from {low} to {high} in {name}")
+
+    def states(self, shares: Floats) -> Floats:
+        """States (n, 8) of Eq. (3) at shares (n, 8) of the box, 0 to 1."""
+        state: Floats = self.low + shares * (self.high - self.low)
+        state[:, 6:] = state[:, :2] - state[:, 6:]
+        return state
+
+
+def apex_offset(states: Floats) -> Floats:
+    """How far the apex stands off the beam's centre, Eq. (12), mm: (n, 8) -> (n,)."""
+    distance: Floats = np.hypot(states[:, 0] - states[:, 6], states[:, 1] - states[:, 7])
+    return distance
+
+
+def range_domain(sensor: Sensor, rules: Rules) -> Domain:
+    """The box of the ranges of the axes: x and y with the beam following, the offset without.
+
+    It holds the whole measurement range and more, since not all axes can be at their ends at once.
+    """
+    from dataclasses import replace
+
+    rest = np.zeros(6)
+    following = axis_ranges(sensor, replace(rules, tracking=True), rest)[:2]
+    fixed = axis_ranges(sensor, replace(rules, tracking=False), rest)
+    ranges = [*following, *fixed[2:], *fixed[:2]]
+    low = np.array([axis.low for axis in ranges])
+    return Domain(low, np.array([axis.high for axis in ranges]))
+
+
+def least_share(sensor: Sensor, rules: Rules) -> float:
+    """Of the light, that a detector gets at least within the rules."""
+    return rules.snr * power_floor(sensor) / sensor.beam.power
+
+
+def domain_of(text: str) -> Domain:
+    """'tx_mm=1,yaw_mrad=-2:5' as a box: half widths about zero or both ends; else no width."""
+    low, high = np.zeros(8), np.zeros(8)
+    for part in text.split(","):
+        name, _, value = part.strip().partition("=")
+        try:
+            number = COLUMNS.index(name.strip())
+            ends = [float(end) for end in value.split(":")]
+        except ValueError:
+            raise InputError(
+                f"--box has {part.strip()!r}; allowed: NAME=HALF or NAME=LOW:HIGH, of "
+                f"{', '.join(COLUMNS)}"
+            ) from None
+        if len(ends) > 2 or (len(ends) == 1 and ends[0] < 0):
+            raise InputError(f"--box has {part.strip()!r}; allowed: a half width, or LOW:HIGH")
+        first, last = (-ends[0], ends[0]) if len(ends) == 1 else ends
+        low[number], high[number] = first * UNITS[number], last * UNITS[number]
+    return Domain(low, high)

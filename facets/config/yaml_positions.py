@@ -1,0 +1,177 @@
+"""YAML read so that every value still knows the file and line that it came from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode
+from ruamel.yaml.reader import ReaderError
+
+from ..core.errors import ConfigError
+
+Path_ = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Marked:
+    """A YAML value. `value`: a scalar, a list of Marked, or a dict of Marked by key.
+
+    line: of the key, for an entry of a mapping, so that an unknown key is pointed at itself.
+    """
+
+    value: Any
+    file: Path
+    line: int
+
+    @property
+    def place(self) -> str:
+        return f"{shown(self.file)}:{self.line}"
+
+    def plain(self) -> Any:
+        """The value as YAML would have it, without marks."""
+        if isinstance(self.value, dict):
+            return {key: child.plain() for key, child in self.value.items()}
+        if isinstance(self.value, list):
+            return [child.plain() for child in self.value]
+        return self.value
+
+    def find(self, path: Path_) -> tuple[Marked, Path_]:
+        """The value at a path, or what stands closest above it, and the path to that."""
+        found: Marked = self
+        for depth, key in enumerate(path):
+            inside = found.value
+            known = isinstance(inside, dict) and key in inside
+            if not known and not (isinstance(inside, list) and key in range(len(inside))):
+                return found, path[:depth]
+            found = inside[key]
+        return found, path
+
+
+def shown(file: Path) -> str:
+    """A path as a person would write it from here."""
+    try:
+        return str(file.relative_to(Path.cwd()))
+    except (ValueError, OSError):
+        return str(file)
+
+
+def read(file: Path) -> Marked:
+    """One YAML file. Raises ConfigError with file and line for what is not YAML, or read twice."""
+    text = _text(file)
+    yaml = YAML(typ="safe", pure=True)
+    try:
+        root = yaml.compose(text)
+        if root is None:
+            return Marked({}, file, 1)
+        reader = _Reader(file, yaml)
+        tree = reader.marked(root, root.start_mark.line + 1, ())
+    except YAMLError as error:
+        raise ConfigError(_syntax(file, error, text)) from None
+    except RecursionError:
+        raise ConfigError(f"{shown(file)}: nested too deeply") from None
+    if reader.problems:
+        raise ConfigError("\n".join(reader.problems))
+    if not isinstance(tree.value, dict):
+        raise ConfigError(f"{tree.place}: a configuration is made of `key: value` lines")
+    return tree
+
+
+def _text(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        raise ConfigError(f"{shown(file)}:{line}: not UTF-8 text; save it as UTF-8") from None
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise ConfigError(f"{shown(file)}: cannot be read: {reason}") from None
+
+
+#: What ruamel says, and what most often has to be done about it.
+ADVICE = {
+    "expected <block end>": "check the indentation",
+    "inconsistent indentation": "check the indentation",
+    "cannot start any token": "indent with spaces, and quote text with special characters",
+    "mapping values are not allowed": "one `key: value` a line; quote text that holds ': '",
+    "expected ',' or": "a comma or a closing bracket is missing",
+    "could not find expected ':'": "a key needs a colon and a space: `key: value`",
+    "determine a constructor": "leave the tag (!...) out",
+}
+
+
+def _syntax(file: Path, error: YAMLError, text: str) -> str:
+    if isinstance(error, ReaderError):
+        line = text[: error.position].count("\n") + 1
+        return f"{shown(file)}:{line}: not valid YAML: it holds the character {error.character!r}"
+    if not isinstance(error, MarkedYAMLError):
+        return f"{shown(file)}: not valid YAML: {error}"
+    mark, opened = error.problem_mark or error.context_mark, error.context_mark
+    place = shown(file) if mark is None else f"{shown(file)}:{mark.line + 1}"
+    what = str(error.problem)
+    if error.context:
+        begun = f" begun in line {opened.line + 1}" if opened and opened is not mark else ""
+        what = f"{error.context}{begun}, {what}"
+    advice = next((cure for sign, cure in ADVICE.items() if sign in what), "")
+    return f"{place}: not valid YAML: {what}{advice and '; ' + advice}"
+
+
+class _Reader:
+    """Turns ruamel's nodes into Marked values and collects what is wrong on the way."""
+
+    def __init__(self, file: Path, yaml: YAML) -> None:
+        self.file = file
+        self.constructor = yaml.constructor
+        self.problems: list[str] = []
+        self.open: list[Node] = []
+
+    def marked(self, node: Node, line: int, path: Path_) -> Marked:
+        if isinstance(node, ScalarNode):
+            return Marked(self.constructor.construct_object(node), self.file, line)
+        if any(node is outer for outer in self.open):
+            self._problem(line, path, "an alias that contains itself")
+            return Marked(None, self.file, line)
+        self.open.append(node)
+        value: Any
+        if isinstance(node, MappingNode):
+            value = dict(self._entries(node, path))
+        else:
+            value = [
+                self.marked(item, item.start_mark.line + 1, (*path, index))
+                for index, item in enumerate(node.value)
+            ]
+        self.open.pop()
+        return Marked(value, self.file, line)
+
+    def _entries(self, node: MappingNode, path: Path_) -> Iterator[tuple[str, Marked]]:
+        lines: dict[str, int] = {}
+        for key_node, value_node in node.value:
+            line = key_node.start_mark.line + 1
+            if not isinstance(key_node, ScalarNode):
+                self._problem(line, path, "a key must be a plain name")
+                continue
+            key = str(key_node.value)
+            if key == "<<":
+                self._problem(line, (*path, key), "merge keys are not supported; use `extends`")
+            elif key in lines:
+                twice = f"given twice, before in line {lines[key]}; keep one"
+                self._problem(line, (*path, key), twice)
+            else:
+                lines[key] = line
+                yield key, self.marked(value_node, line, (*path, key))
+
+    def _problem(self, line: int, path: Path_, reason: str) -> None:
+        where = f"{dotted(path)}: " if path else ""
+        self.problems.append(f"{shown(self.file)}:{line}: {where}{reason}")
+
+
+def dotted(path: Path_) -> str:
+    """sensor.beam.tilt_mrad[1]"""
+    text = ""
+    for key in path:
+        text += f"[{key}]" if isinstance(key, int) else f".{key}" if text else str(key)
+    return text

@@ -1,0 +1,315 @@
+"""The sensor: one beam, three facets, three position-sensitive detectors, and their noise.
+
+Lengths in mm, angles in rad, powers in mW. Defaults are the rig of Park & Cho, Table 1.
+Every object is frozen and checks itself; a `Sensor` is plain data and knows no optics.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from math import pi
+
+from .errors import InputError
+from .names import DETECTORS
+
+
+def _require(condition: bool, what: str, value: object, allowed: str) -> None:
+    if not condition:
+        raise InputError(f"{what} is {value}; allowed: {allowed}")
+
+
+def _require_finite(thing: object) -> None:
+    for field in fields(thing):  # type: ignore[arg-type]
+        value = getattr(thing, field.name)
+        if isinstance(value, int | float):
+            _require(math.isfinite(value), field.name, value, "a finite number")
+
+
+@dataclass(frozen=True)
+class Beam:
+    """A collimated Gaussian beam. Its centre (bx, by) in the x_w y_w plane is part of the state.
+
+    power: mW.  diameter_x, diameter_y: 1/e^2 diameters along the beam's own axes, mm.
+    rotation: of those axes about the beam, rad.
+    tilt_x, tilt_y: of the beam about x_w, then y_w, from straight down (0, 0, -1), rad.
+    """
+
+    power: float = 0.3
+    diameter_x: float = 0.85
+    diameter_y: float = 0.85
+    rotation: float = 0.0
+    tilt_x: float = 0.0
+    tilt_y: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require_finite(self)
+        _require(self.power > 0, "beam power", self.power, "above 0 mW")
+        for name in ("diameter_x", "diameter_y"):
+            _require(getattr(self, name) > 0, f"beam {name}", getattr(self, name), "above 0 mm")
+
+
+@dataclass(frozen=True)
+class Facet:
+    """One reflecting side of the mirror, through the apex, in the mirror frame.
+
+    inclination: of its normal from the mirror's axis, rad, between 0 and pi/2.
+    azimuth: of its normal about the mirror's axis, rad.
+    """
+
+    inclination: float = pi / 4
+    azimuth: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require_finite(self)
+        _require(
+            0 < self.inclination < pi / 2, "facet inclination", self.inclination, "0 to pi/2 rad"
+        )
+
+
+#: Powers of y and of z, in half sizes, in what is added to a place that a detector reads.
+MONOMIALS = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
+
+
+@dataclass(frozen=True)
+class Grid:
+    """What is added to a detector's places, as measured on a grid, straight in between; mm.
+
+    y: (n), z: (m) where, going up.  add_y, add_z: (n, m) as nested tuples.
+    """
+
+    y: tuple[float, ...]
+    z: tuple[float, ...]
+    add_y: tuple[tuple[float, ...], ...]
+    add_z: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        for name in ("y", "z"):
+            places = getattr(self, name)
+            up = len(places) > 1 and all(a < b for a, b in pairwise(places))
+            _require(up, f"{name} of a grid", places, "two places or more, going up")
+        for name in ("add_y", "add_z"):
+            rows = getattr(self, name)
+            whole = len(rows) == len(self.y) and all(len(row) == len(self.z) for row in rows)
+            _require(whole, f"size of {name}", len(rows), f"{len(self.y)} x {len(self.z)}")
+
+
+@dataclass(frozen=True)
+class Correction:
+    """What a calibration adds to what a detector reads.
+
+    power: share added to the power.  dark: added to it besides, mW.  y, z: coefficients (mm) of
+    `MONOMIALS` added to psi and zeta.  grid: added to both besides, as measured.
+    """
+
+    power: float = 0.0
+    dark: float = 0.0
+    y: tuple[float, ...] = (0.0,) * len(MONOMIALS)
+    z: tuple[float, ...] = (0.0,) * len(MONOMIALS)
+    grid: Grid | None = None
+
+    def __post_init__(self) -> None:
+        _require_finite(self)
+        _require(self.power > -1, "correction of the power", self.power, "above -1")
+        for name in ("y", "z"):
+            count = len(getattr(self, name))
+            _require(count == len(MONOMIALS), f"correction {name}", count, "9 coefficients")
+
+
+@dataclass(frozen=True)
+class Psd:
+    """A position-sensitive detector.
+
+    radius, azimuth, height: its centre in cylinder coordinates of the world frame, mm, rad, mm.
+    roll, pitch, yaw: its turn, R = Rz(yaw) Ry(pitch) Rx(roll), from the nominal orientation in
+    which x points radially outward, z up and y = z cross x; rad.
+    size_y, size_z: its sensitive area, mm.  correction: of what it reads.
+    """
+
+    radius: float = 250.0
+    azimuth: float = 0.0
+    height: float = 0.0
+    roll: float = 0.0
+    pitch: float = 0.0
+    yaw: float = 0.0
+    size_y: float = 13.0
+    size_z: float = 13.0
+    correction: Correction = Correction()
+
+    def __post_init__(self) -> None:
+        _require_finite(self)
+        for name in ("radius", "size_y", "size_z"):
+            _require(getattr(self, name) > 0, f"PSD {name}", getattr(self, name), "above 0 mm")
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Gaussian noise of the readings, independent from reading to reading; 1 sigma.
+
+    position: of a centroid, mm, at the stated `at_power`, mW; it grows as 1/power.
+    power: of a power reading, mW.
+    """
+
+    position: float = 0.0026
+    at_power: float = 0.1
+    power: float = 4e-5
+
+    def __post_init__(self) -> None:
+        _require_finite(self)
+        for name in ("position", "at_power", "power"):
+            _require(getattr(self, name) > 0, f"noise {name}", getattr(self, name), "above 0")
+
+
+@dataclass(frozen=True)
+class Electronics:
+    """The detectors' electronics, from which their noise follows (`facets.detectors.noise`).
+
+    kind: of the PSDs: "duo-lateral", "pincushion" or "tetra-lateral".
+    responsivity: A/W.  dark_current: of a PSD, A.  resistance: between electrodes, ohm.
+    transimpedance: of each electrode's amplifier, ohm (V/A); voltage_noise, current_noise: of the
+    amplifier, V and A per root Hz.  bandwidth: Hz.  temperature: K.
+    adc_bits, adc_range: of the converter behind it, V full scale.
+    ambient: background light on a PSD, mW; its mean is taken off, its noise stays.
+    power_noise: of the laser, relative, from sample to sample.  pointing: jitter of the beam's
+    place in x and y, mm.
+    """
+
+    kind: str = "duo-lateral"
+    responsivity: float = 0.4
+    dark_current: float = 1e-8
+    resistance: float = 1e4
+    transimpedance: float = 1e5
+    voltage_noise: float = 1e-8
+    current_noise: float = 1e-12
+    bandwidth: float = 1e4
+    temperature: float = 296.0
+    adc_bits: int = 16
+    adc_range: float = 10.0
+    ambient: float = 0.0
+    power_noise: float = 0.0
+    pointing: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require_finite(self)
+        kinds = ("duo-lateral", "pincushion", "tetra-lateral")
+        _require(self.kind in kinds, "PSD kind", self.kind, ", ".join(kinds))
+        for name in ("responsivity", "resistance", "transimpedance", "bandwidth", "adc_range"):
+            _require(getattr(self, name) > 0, name, getattr(self, name), "above 0")
+        for name in (
+            "dark_current", "voltage_noise", "current_noise", "temperature", "ambient",
+            "power_noise", "pointing",
+        ):  # fmt: skip
+            _require(getattr(self, name) >= 0, name, getattr(self, name), "0 or more")
+        _require(1 <= self.adc_bits <= 32, "adc_bits", self.adc_bits, "1 to 32")
+
+
+@dataclass(frozen=True)
+class Apertures:
+    """What cuts the light, beside the facets' edges; by default nothing does.
+
+    beam: diameter of an aperture in the beam over the beam's 1/e^2 diameter; of the beam's own
+    shape and centred on it, so 1 cuts where the irradiance has fallen to 1/e^2.
+    detectors: whether the light past a PSD's sensitive area is lost.
+    tip, rim: the mirror reflects from `tip` to `rim` off its axis, counted towards where a facet
+    faces, so that both its flat top and its foot are bounded by straight edges; mm.
+    gap: width of the strip that is lost along each edge, half of it on either facet, mm.
+    """
+
+    beam: float = math.inf
+    detectors: bool = False
+    tip: float = 0.0
+    rim: float = math.inf
+    gap: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require(self.beam > 0, "aperture of the beam", self.beam, "above 0")
+        for name in ("tip", "gap"):
+            value = getattr(self, name)
+            _require(0 <= value < math.inf, f"mirror {name}", value, "0 or more, mm, and finite")
+        _require(self.rim > self.tip, "mirror rim", self.rim, "above its tip, mm")
+
+    @property
+    def cut(self) -> bool:
+        """Whether anything does."""
+        return self != Apertures()
+
+
+@dataclass(frozen=True)
+class Imperfections:
+    """What real optics do besides; for simulations, while poses are solved as if they did not.
+
+    index: complex refractive index (n, k) of the facets' coating, None for one that reflects all.
+    polarization: angle of the light's field from the beam's x axis, rad; None for unpolarised.
+    wavefront_radius: of the beam at the mirror, mm, positive where it spreads.
+    wavelength: of the light, mm, for diffraction at the facets' edges; 0 for none.
+    sag: of each facet, mm, positive where its middle bulges out, over the diameter `sag_over`, mm.
+    """
+
+    index: tuple[float, float] | None = None
+    polarization: float | None = None
+    wavefront_radius: float = math.inf
+    wavelength: float = 0.0
+    sag: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sag_over: float = 5.0
+
+    def __post_init__(self) -> None:
+        _require(self.wavefront_radius != 0, "wavefront_radius", 0, "any but 0 mm")
+        _require(self.wavelength >= 0, "wavelength", self.wavelength, "0 or more, mm")
+        _require(self.sag_over > 0, "sag_over", self.sag_over, "above 0 mm")
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """How well the sensor's parameters are known, after a calibration.
+
+    names: of parameters (`facets.PARAMETERS`) and of corrections (`correction.NAMES`).
+    covariance: (n, n) as nested tuples, in mm, rad, mW and shares.
+    """
+
+    names: tuple[str, ...]
+    covariance: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        size = len(self.names)
+        square = len(self.covariance) == size and all(len(row) == size for row in self.covariance)
+        _require(square, "size of the covariance", len(self.covariance), f"{size} x {size}")
+
+
+def _at_thirds(kind: type) -> tuple:
+    return tuple(kind(azimuth=2 * pi * k / 3) for k in range(3))
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """The whole sensor. `facets` and `psds` run A, B, C.
+
+    electronics: if given, noise follows from it instead of from `noise`.
+    calibration: if given, its uncertainty is part of every pose's.
+    imperfections: of the optics, in simulations alone.
+
+    Seen from above the facets follow each other counter-clockwise, each within half a turn of the
+    one before: else they are not the sides of a pyramid with its point up.
+    """
+
+    beam: Beam = Beam()
+    facets: tuple[Facet, Facet, Facet] = _at_thirds(Facet)
+    psds: tuple[Psd, Psd, Psd] = _at_thirds(Psd)
+    noise: Noise = Noise()
+    apertures: Apertures = Apertures()
+    electronics: Electronics | None = None
+    calibration: Calibration | None = None
+    imperfections: Imperfections = Imperfections()
+
+    def __post_init__(self) -> None:
+        both = self.apertures.cut and self.imperfections != Imperfections()
+        _require(not both, "imperfections", "given with apertures", "one of the two")
+        for k, letter in enumerate(DETECTORS):
+            following = (k + 1) % 3
+            gap = (self.facets[following].azimuth - self.facets[k].azimuth) % (2 * pi)
+            _require(
+                0 < gap < pi,
+                f"azimuth of facet {DETECTORS[following]} less that of facet {letter}",
+                gap,
+                "between 0 and pi rad, so that the facets make a pyramid",
+            )

@@ -1,0 +1,377 @@
+"""A design space searched: many layouts with their ranges and resolutions, on one machine or many.
+
+Designs are drawn by a number, so that any part of them can be made again anywhere: a part is some
+hundred designs, goes to a worker as a number, and comes back as a table that is written at once.
+A run that was cut off goes on with the parts that are missing.
+
+Ranges take nine tenths of the time, so a design that cannot be on the front is not asked for them:
+where the range of a rival, already known, is no smaller, and the rival is as good in all else. That
+takes two poses an axis. The first parts, the pilot, are looked at in full: they give the rivals,
+the same for all other parts wherever those are made, and the indices of sensitivity.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache, partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..characterization.ranges import axis_ranges, clearances
+from ..characterization.resolution import Estimator, uncertainties
+from ..characterization.singularity import measures
+from ..core.errors import InputError
+from ..core.names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS, STATE_UNITS
+from ..core.rules import Rules
+from ..core.sensor import Sensor
+from ..files.tables import write_table
+from ..model.arrays import margins, readings
+from ..model.threads import cores
+from .optimization import states_of
+from .variables import sensor_of
+
+if TYPE_CHECKING:
+    from ..core.settings import Layout
+
+Floats = NDArray[np.float64]
+
+#: Designs a task: about a second of work; and tasks of the pilot.
+PART, PILOT = 200, 5
+#: Rivals that a design is held against, at most.
+RIVALS = 32
+#: To what share of its length a range is followed.
+FINE_ENOUGH = 1e-5
+#: Of the pose's axes as they are told: mm and mrad, um and urad.
+FAR, FINE = 1 / np.array(STATE_UNITS[:6]), 1 / np.array(FINE_UNITS[:6])
+#: What is told of a design; ranges are symmetric and in all, uncertainties and the condition number
+#: at rest; regular: 1 where the determinant of Eq. (11) has one sign over the volume's corners,
+#: faces and centre, else 0.
+MEASURES = ("head_mm", *RANGE_COLUMNS, *FINE_COLUMNS, "condition", "regular")
+AT_RANGES = slice(1, 7)
+NO_RIVALS = np.empty((0, len(MEASURES)))
+#: Why a design was not looked at further; "" for those that were.
+SKIPPED = (
+    "",
+    "spot beside the PSD at rest",
+    "too little light at rest",
+    "no sensor",
+    "not what is required over the volume",
+    "beaten before its ranges are known",
+)
+
+
+@dataclass(frozen=True)
+class Space:
+    """What is searched.
+
+    sampling: "sobol", "lhs" or "grid".  count: of designs, at least.  part: designs a task.
+    objectives: whose front is wanted.  every: whether the beaten are looked at in full, too.
+    required: whether designs must keep what the layout asks for over its volume.
+    """
+
+    sensor: Sensor
+    rules: Rules
+    layout: Layout
+    sampling: str
+    count: int
+    seed: int
+    objectives: tuple[str, ...] = ("head_mm", "u_roll_urad", "range_roll_mrad")
+    every: bool = False
+    required: bool = False
+    part: int = PART
+
+    @property
+    def names(self) -> list[str]:
+        return list(self.layout.variables)
+
+    @cached_property
+    def volume(self) -> Floats:
+        """States (n, 8): corners, faces and centre of the layout's volume."""
+        return np.array(states_of(self.layout, 1.0), dtype=float)
+
+    @property
+    def pilot(self) -> int:
+        """How many designs are looked at in full."""
+        return self.count if self.every else PILOT * self.part
+
+
+def designs(space: Space) -> Floats:
+    """All designs (n, variables), in the units of the variables' names."""
+    if not space.names:
+        raise InputError("optimize.variables is empty: nothing may change")
+    bounds = tuple(space.layout.variables[name] for name in space.names)
+    return drawn(space.sampling, bounds, space.count, space.seed)
+
+
+@lru_cache(1)  # a worker makes its parts from the same
+def drawn(sampling: str, bounds: tuple[tuple[float, float], ...], count: int, seed: int) -> Floats:
+    from scipy.stats import qmc
+
+    dimension, rng = len(bounds), np.random.default_rng(seed)
+    if sampling == "grid":
+        side = int(np.ceil(count ** (1 / dimension)))
+        axes = [np.linspace(low, high, side) for low, high in bounds]
+        places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, dimension)
+        return rng.permutation(places)  # so that the pilot is of all of them
+    if sampling == "lhs":
+        shares = qmc.LatinHypercube(dimension, rng=rng).random(count)
+    else:
+        power = int(np.ceil(np.log2(max(count, 2))))
+        shares = qmc.Sobol(dimension, rng=rng).random_base2(power)[:count]
+    low, high = np.array(bounds).T
+    found: Floats = low + shares * (high - low)
+    return found
+
+
+def at_rest(space: Space, x: Floats) -> tuple[int, Floats, Sensor | None]:
+    """All but the ranges: why a design is skipped, its measures, and the sensor if it is not."""
+    values = np.full(len(MEASURES), np.nan)
+    try:
+        sensor = sensor_of(space.sensor, space.names, x)
+    except InputError:
+        return 3, values, None
+    values[0] = 2 * max(psd.radius for psd in sensor.psds)
+    rest = np.zeros((1, 8))
+    if not whole_on_detectors(sensor, rest):
+        return 1, values, None
+    if not readings(sensor, rest)[:, 2::3].min() > space.layout.least_power:
+        return 2, values, None
+    if space.required and not keeps(sensor, space.layout, space.volume):
+        return 4, values, None
+    values[7:13] = FINE * uncertainties(sensor, rest, Estimator("", np.inf))[0]
+    values[13] = measures(sensor, rest)[0, 2]
+    signs = np.sign(measures(sensor, space.volume, spectra=False)[:, 0])
+    values[14] = float(abs(signs.sum()) == len(signs))
+    return 0, values, sensor
+
+
+def whole_on_detectors(sensor: Sensor, states: Floats) -> bool:
+    room = margins(sensor, states)
+    return bool(np.where(np.isnan(room), -1, room).min() > 0)
+
+
+def keeps(sensor: Sensor, layout: Layout, states: Floats) -> bool:
+    """Whether all that the layout asks for holds over the volume's states."""
+    if 2 * max(psd.radius for psd in sensor.psds) > layout.head:
+        return False
+    if not whole_on_detectors(sensor, states):
+        return False
+    if not readings(sensor, states)[:, 2::3].min() > layout.least_power:
+        return False
+    if np.isinf(layout.limit).all():
+        return True
+    sigma = uncertainties(sensor, states, Estimator("", np.inf)) * FINE
+    return bool((sigma <= layout.limit).all())
+
+
+def looked_at(space: Space, x: Floats, rivals: Floats = NO_RIVALS) -> tuple[int, Floats]:
+    """Why a design is skipped, by its place in SKIPPED, and its measures, NaN where it is.
+
+    rivals: measures (n, MEASURES) of designs that it is held against; none to look at it in full.
+    """
+    why, values, sensor = at_rest(space, x)
+    if sensor is None:
+        return why, values
+    rules = replace(space.rules, condition=np.inf)
+    if len(rivals) and beaten(space, sensor, rules, values, rivals):
+        return 5, values
+    try:
+        found = axis_ranges(sensor, rules, np.zeros(6), FINE_ENOUGH)
+    except InputError:
+        return 2, values
+    values[AT_RANGES] = FAR * np.array([axis.symmetric for axis in found])
+    return 0, values
+
+
+def beaten(space: Space, sensor: Sensor, rules: Rules, values: Floats, rivals: Floats) -> bool:
+    """Whether a rival is as good in all objectives, and better in one that is known.
+
+    Its range is as large as this one's where this one has left its own at the rival's end.
+    """
+    places = [MEASURES.index(name) for name in space.objectives]
+    known = [place for place in places if place not in range(7)[AT_RANGES]]
+    axes = [place - 1 for place in places if place not in known]
+    good = (rivals[:, known] <= values[known]).all(axis=1)
+    if known:
+        good &= (rivals[:, known] < values[known]).any(axis=1)
+    some = rivals[good]
+    if not axes or not len(some):
+        return len(some) > 0
+    ends = some[:, AT_RANGES][:, axes] / FAR[axes] / 2
+    some = ends[np.argsort(-ends.min(axis=1))[:RIVALS]]
+    poses = np.zeros((len(some), len(axes), 2, 6))
+    for n, axis in enumerate(axes):
+        poses[:, n, 0, axis], poses[:, n, 1, axis] = some[:, n], -some[:, n]
+    out = clearances(sensor, poses.reshape(-1, 6), rules).min(axis=1).reshape(-1, len(axes), 2) <= 0
+    return bool(out.any(axis=2).all(axis=1).any())
+
+
+def part_of(space: Space, first: int, rivals: Floats) -> dict[str, Any]:
+    """A table of some designs, from number `first` on.
+
+    rivals: measures of those that they are held against, beside one another; none in the pilot.
+    """
+    some = designs(space)[first : first + space.part]
+    full = first < space.pilot
+    reasons, values, seconds = [], [], []
+    for x in some:
+        begin = time.perf_counter()
+        why, found = looked_at(space, x, NO_RIVALS if full else rivals)
+        seconds.append(time.perf_counter() - begin)
+        reasons.append(SKIPPED[why])
+        values.append(found)
+        if not why and not full:
+            rivals = np.concatenate([rivals, found[None]])
+    columns: dict[str, Any] = {"design": first + np.arange(len(some))}
+    columns |= {name: some[:, i] for i, name in enumerate(space.names)}
+    columns["skipped"] = np.array(reasons)
+    columns |= {name: np.array(values)[:, i] for i, name in enumerate(MEASURES)}
+    return columns | {"seconds": np.array(seconds)}
+
+
+def explore(
+    space: Space,
+    folder: Path,
+    about: dict[str, str],
+    scheduler: str | None = None,
+    tell: Callable[[int, int], None] = lambda done, whole: None,
+) -> None:
+    """Writes a Parquet file for each part that is not there yet.
+
+    scheduler: address of a Dask cluster; else all cores of this machine.
+    """
+    count = len(designs(space))
+    firsts = range(0, count, space.part)
+    missing = [first for first in firsts if not part_path(folder, first).exists()]
+    done = len(firsts) - len(missing)
+    tell(done, len(firsts))
+    made = clustered if scheduler else pooled
+    for pilot in (True, False):
+        wanted = [first for first in missing if (first < space.pilot) == pilot]
+        rivals = NO_RIVALS if pilot or not wanted else rivals_in(space, folder)
+        for first, table in made(space, wanted, rivals, scheduler or ""):
+            write_table(part_path(folder, first), table, about)
+            done += 1
+            tell(done, len(firsts))
+
+
+def rivals_in(space: Space, folder: Path) -> Floats:
+    """The front of the pilot: measures (n, MEASURES)."""
+    table = collected(folder, range(0, space.pilot, space.part))
+    best = front(table, list(space.objectives))
+    return np.stack([table[name][best] for name in MEASURES], axis=1)
+
+
+def part_path(folder: Path, first: int) -> Path:
+    return folder / "parts" / f"{first:010d}.parquet"
+
+
+def pooled(
+    space: Space, firsts: list[int], rivals: Floats, _: str
+) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Parts as they come, from a process on each core."""
+    if not firsts:
+        return
+    looked_at(space, designs(space)[0], rivals)  # compiled once, before the processes begin
+    workers = min(cores(), len(firsts))
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        jobs = {pool.submit(part_of, space, first, rivals): first for first in firsts}
+        try:
+            for job in as_completed(jobs):
+                yield jobs[job], job.result()
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def clustered(
+    space: Space, firsts: list[int], rivals: Floats, address: str
+) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Parts as they come, from a cluster; those of a worker that is lost are made again."""
+    try:
+        from dask.distributed import Client
+        from dask.distributed import as_completed as completed
+    except ImportError:
+        raise InputError("--scheduler needs the extra `cluster`: facets-6dof[cluster]") from None
+    try:
+        client = Client(address, timeout="10s")
+    except OSError as error:
+        raise InputError(f"--scheduler {address}: no cluster answers: {error}") from None
+    with client:
+        part = partial(part_of, space, rivals=rivals)
+        jobs = client.map(part, firsts, pure=False, retries=5)
+        numbers = {job.key: first for job, first in zip(jobs, firsts, strict=True)}
+        for job in completed(jobs):
+            yield numbers[job.key], job.result()
+            job.release()
+
+
+def collected(folder: Path, firsts: Iterable[int] | None = None) -> dict[str, NDArray[Any]]:
+    """The parts that are there, or those of them named, as one table in the designs' order."""
+    import pyarrow.parquet as pq
+
+    files = sorted((folder / "parts").glob("*.parquet"))
+    if firsts is not None:
+        files = [path for path in (part_path(folder, first) for first in firsts) if path in files]
+    if not files:
+        raise InputError(f"{folder}: holds no designs")
+    tables = [pq.read_table(file) for file in files]
+    names = tables[0].column_names
+    return {
+        name: np.concatenate([table[name].to_numpy(zero_copy_only=False) for table in tables])
+        for name in names
+    }
+
+
+def require_measures(names: list[str]) -> None:
+    """What can be an objective: all that may be small or large, by degrees."""
+    able = MEASURES[:-1]
+    unknown = [name for name in names if name not in able]
+    if unknown:
+        raise InputError(f"no measure {', '.join(unknown)}; there are: {', '.join(able)}")
+
+
+def front(table: dict[str, NDArray[Any]], objectives: list[str]) -> NDArray[np.bool_]:
+    """Which designs are not beaten in all objectives; ranges are to be large, all else small."""
+    signs = [-1.0 if name.startswith("range") else 1.0 for name in objectives]
+    costs = np.stack([s * table[n] for s, n in zip(signs, objectives, strict=True)], axis=1)
+    best = np.zeros(len(costs), dtype=bool)
+    known = np.flatnonzero(np.isfinite(costs).all(axis=1))
+    left = known[np.lexsort(costs[known].T[::-1])]
+    while len(left):  # the first is beaten by none that follow; what it beats goes
+        first = left[0]
+        best[first] = True
+        beaten = (costs[left] >= costs[first]).all(axis=1)
+        left = left[~beaten]
+    return best
+
+
+def sensitivity(
+    table: dict[str, NDArray[Any]], names: list[str], objectives: list[str]
+) -> dict[str, dict[str, float]]:
+    """First-order Sobol indices of each objective by each variable, by SALib's RBD-FAST.
+
+    table: of designs that were all looked at in full, but for those that no sensor can be.
+    """
+    from SALib.analyze import rbd_fast
+
+    good = np.isfinite(table["range_tz_mm"])
+    if good.sum() < 100:
+        return {}
+    x = np.stack([table[name][good] for name in names], axis=1)
+    bounds = [[float(low), float(high)] for low, high in zip(x.min(0), x.max(0), strict=True)]
+    problem = {"num_vars": len(names), "names": names, "bounds": bounds}
+    found = {}
+    for objective in objectives:
+        if np.ptp(table[objective][good]) == 0:
+            continue
+        result = rbd_fast.analyze(problem, x, table[objective][good], seed=1)
+        found[objective] = dict(zip(names, (float(s) for s in result["S1"]), strict=True))
+    return found

@@ -1,0 +1,98 @@
+"""A layout before and after, by the float model, the measurement range and simulated readings.
+
+None of it comes from the optimiser: what it has found is asked again of the functions that every
+other command uses.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..characterization.ranges import axis_ranges
+from ..characterization.resolution import Estimator, uncertainties
+from ..characterization.singularity import measures
+from ..core.errors import InputError
+from ..core.names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS, STATE_UNITS
+from ..core.rules import Rules
+from ..core.sensor import Sensor
+from ..detectors.noise import add_noise
+from ..estimation.solver import solve
+from ..model.arrays import margins, readings
+from .optimization import states_of
+
+if TYPE_CHECKING:
+    from ..core.settings import Layout
+
+Floats = NDArray[np.float64]
+
+#: Noisy readings at the worst state of each axis, and random states of the volume.
+DRAWS, RANDOM = 5000, 4000
+FREE = Estimator("", np.inf)
+
+
+def volume(layout: Layout, rng: np.random.Generator) -> Floats:
+    """The states (n, 8) that the optimiser knows, and random ones between them."""
+    known = np.array(states_of(layout, 1.0), dtype=float)
+    drawn = rng.uniform(-1, 1, (RANDOM, 8)) * np.array(layout.volume)
+    if layout.following:
+        drawn[:, 6:] += drawn[:, :2]
+    return np.concatenate([known, drawn])
+
+
+def simulated(sensor: Sensor, states: Floats, rng: np.random.Generator) -> Floats:
+    """The spread (6,) of axis i over solves of noisy readings at state i; mm and rad."""
+    spread = np.empty(6)
+    for i, state in enumerate(states):
+        exact = np.broadcast_to(readings(sensor, state), (DRAWS, 9))
+        found = solve(sensor, add_noise(sensor, exact, rng), start=state, covariance=False)
+        spread[i] = np.nanstd(found.state[:, i]) if found.ok.mean() > 0.999 else np.nan
+    return spread
+
+
+def performance(
+    sensor: Sensor, layout: Layout, rules: Rules, rng: np.random.Generator
+) -> tuple[dict[str, float], Floats]:
+    """What a sensor does, by name and unit, NaN where it can not; and its worst states (6, 8)."""
+    states = volume(layout, rng)
+    sigma = uncertainties(sensor, states, FREE)
+    found: dict[str, float] = {}
+    worst = np.zeros(6, dtype=int)
+    for i, (name, unit) in enumerate(zip(FINE_COLUMNS, FINE_UNITS, strict=False)):
+        worst[i] = int(np.argmax(np.where(np.isnan(sigma[:, i]), np.inf, sigma[:, i])))
+        found[name] = float(sigma[worst[i], i] / unit)
+    tracking = Rules(rules.whole_spot, rules.snr, rules.condition, rules.coarsest, layout.following)
+    try:
+        ranges = [axis.symmetric for axis in axis_ranges(sensor, tracking, np.zeros(6))]
+    except InputError:
+        ranges = [np.nan] * 6
+    for name, length, unit in zip(RANGE_COLUMNS, ranges, STATE_UNITS, strict=False):
+        found[name] = length / unit
+    found["head_mm"] = 2 * max(psd.radius for psd in sensor.psds)
+    found["condition"] = float(measures(sensor, states)[:, 2].max())
+    found["room_mm"] = float(np.nan_to_num(margins(sensor, states)[:, :, :4], nan=-np.inf).min())
+    found["least_power_mw"] = float(readings(sensor, states)[:, 2::3].min())
+    return found, states[worst]
+
+
+def compare(
+    before: Sensor, after: Sensor, layout: Layout, rules: Rules, seed: int
+) -> dict[str, NDArray[Any]]:
+    """A table: quantity, before, after, simulated (the spread of solves at the worst state, after).
+
+    Uncertainties, condition, room and power are the worst over the volume; ranges are symmetric and
+    in all.
+    """
+    rng = np.random.default_rng(seed)
+    old, _ = performance(before, layout, rules, rng)
+    new, worst = performance(after, layout, rules, rng)
+    spread = simulated(after, worst, rng) / FINE_UNITS[:6]
+    drawn = np.concatenate([spread, np.full(len(new) - 6, np.nan)])
+    return {
+        "quantity": np.array(list(new)),
+        "before": np.array(list(old.values())),
+        "after": np.array(list(new.values())),
+        "simulated": drawn,
+    }

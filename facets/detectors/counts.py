@@ -1,0 +1,100 @@
+"""Counts of a detector board to readings, and back for a virtual one.
+
+A count is a step of the converter behind an electrode's transimpedance amplifier. A board that
+divides by itself sends X, Y and SUM: X / SUM is the place in half sizes, SUM the photocurrent.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.sensor import Electronics, Sensor
+from ..model.arrays import half_sizes
+from . import electrodes
+from .noise import current_variances, currents_of, two_layers
+
+Floats = NDArray[np.float64]
+
+#: What is wrong with a sample, as bits: a converter at its end; the sums along y and z of a
+#: duo-lateral PSD, which see the same light, apart by more than MISMATCH.
+SATURATED, UNEQUAL = 1, 2
+#: Largest part of the photocurrent that the two sums may differ by.
+MISMATCH = 0.02
+
+
+def per_ampere(electronics: Electronics) -> float:
+    """Counts per ampere of an electrode."""
+    return electronics.transimpedance * 2**electronics.adc_bits / electronics.adc_range
+
+
+def counts_of(
+    sensor: Sensor, electronics: Electronics, exact: Floats, rng: np.random.Generator | None = None
+) -> NDArray[np.int32]:
+    """What the converters say to exact readings (n, 9), with noise if rng is given: (n, 12)."""
+    parts = []
+    for k in range(3):
+        currents = np.nan_to_num(currents_of(sensor, electronics, exact, k))
+        if rng is not None:
+            var = current_variances(electronics, currents)[..., :-1].sum(axis=-1)
+            currents = currents + np.sqrt(var) * rng.standard_normal(currents.shape)
+        parts.append(currents)
+    counts = np.round(np.concatenate(parts, axis=-1) * per_ampere(electronics))
+    top = 2**electronics.adc_bits - 1
+    return np.clip(counts, -top, top).astype(np.int32)
+
+
+def xy_sum_of(electronics: Electronics, counts: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Electrode counts (n, 12) as X, Y, SUM and a spare of each detector (n, 12).
+
+    X and Y are scaled so that X / SUM is the place in half sizes.
+    """
+    out = np.zeros_like(counts)
+    for k in range(3):
+        currents = counts[:, 4 * k : 4 * k + 4].astype(float)
+        whole = electrodes.total(electronics.kind, currents)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            place = np.nan_to_num(electrodes.ratios(electronics.kind, currents))
+        out[:, 4 * k : 4 * k + 2] = np.round(place * whole[:, None])
+        out[:, 4 * k + 2] = np.round(whole)
+    return out
+
+
+def readings_of(
+    sensor: Sensor, electronics: Electronics, counts: NDArray[np.int32], xy_sum: bool, dark: Floats
+) -> tuple[Floats, NDArray[np.uint8]]:
+    """Readings (n, 9) in mm and mW, and what is wrong with them (n,), of counts (n, 12).
+
+    dark: (12,) counts without light. A detector whose converter is at its end reads NaN.
+    """
+    half = half_sizes(sensor)
+    top = 2**electronics.adc_bits - 1
+    per_milliwatt = 1e-3 * electronics.responsivity * per_ampere(electronics)
+    out, flags = np.empty((len(counts), 9)), np.zeros(len(counts), np.uint8)
+    for k in range(3):
+        raw = counts[:, 4 * k : 4 * k + 4]
+        lit = raw - dark[4 * k : 4 * k + 4]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            if xy_sum:
+                whole = lit[:, 2]
+                place = straight(electronics.kind, lit[:, :2] / whole[:, None], half[k])
+            else:
+                whole = electrodes.total(electronics.kind, lit)
+                place = electrodes.places(electronics.kind, lit, half[k, 1] / half[k, 0])
+        out[:, 3 * k : 3 * k + 2] = half[k] * place
+        out[:, 3 * k + 2] = whole / per_milliwatt
+        full = (np.abs(raw) >= top).any(axis=1)
+        out[full, 3 * k : 3 * k + 3] = np.nan
+        flags[full] |= SATURATED
+        if two_layers(electronics) and not xy_sum:
+            apart = np.abs(lit[:, 0] + lit[:, 1] - lit[:, 2] - lit[:, 3])
+            flags[apart > MISMATCH * np.maximum(whole, top / 100)] |= UNEQUAL
+    return out, flags
+
+
+def straight(kind: str, ratios: Floats, half: Floats) -> Floats:
+    """Places from a board's own quotients, which are those of the kind's formula."""
+    if kind != "tetra-lateral":
+        return ratios
+    pairs = np.stack([1 - ratios[:, 0], 1 + ratios[:, 0], 1 - ratios[:, 1], 1 + ratios[:, 1]], -1)
+    return electrodes.places(kind, pairs, half[1] / half[0])

@@ -1,0 +1,159 @@
+"""Noise of readings: how large, from which source, and drawn as the electrodes see it.
+
+Simple form: one position noise at a stated power, growing as 1/power, and one power noise. With
+`Sensor.electronics`, from the electrodes' currents I_k (A), bandwidth B:
+
+    shot         2 q I_k B, of light, dark current and ambient light
+    resistance   4 k T B / R between electrodes
+    amplifier    (e_n^2 / R^2 + i_n^2 + 4 k T / R_f) B, R_f its transimpedance
+    ADC          (full scale / 2^bits / R_f)^2 / 12
+
+each independent from electrode to electrode, and carried to place and power by the formulas of
+`electrodes`. Laser power noise and pointing jitter are common to the three detectors, so they are
+no noise of a single reading: `simulate` draws them, and the solver takes them as priors.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..core.sensor import Electronics, Sensor
+from ..model.arrays import half_sizes
+from . import electrodes
+
+Floats = NDArray[np.float64]
+
+#: Elementary charge, C, and Boltzmann's constant, J/K: exact in the SI.
+CHARGE, BOLTZMANN = 1.602176634e-19, 1.380649e-23
+SIMPLE = ("places", "powers")
+ELECTRIC = ("shot noise", "dark and ambient", "resistance", "amplifier", "ADC")
+
+
+def sources(sensor: Sensor) -> tuple[str, ...]:
+    """What the noise of a reading is made of."""
+    return SIMPLE if sensor.electronics is None else ELECTRIC
+
+
+def standard_deviations(sensor: Sensor, reading: ArrayLike) -> Floats:
+    """Of each number of readings (..., 9), 1 sigma: mm and mW. NaN where the reading is."""
+    root: Floats = np.sqrt(variances(sensor, reading).sum(axis=-1))
+    return root
+
+
+def power_floor(sensor: Sensor) -> float:
+    """The standard deviation of a power, mW, where there is no light."""
+    if sensor.electronics is None:
+        return sensor.noise.power
+    var = current_variances(sensor.electronics, np.zeros(4)).sum()
+    var /= 4 if two_layers(sensor.electronics) else 1
+    return float(np.sqrt(var) / (1e-3 * sensor.electronics.responsivity))
+
+
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")  # a reading can be anything
+def variances(sensor: Sensor, reading: ArrayLike) -> Floats:
+    """Of each number of readings (..., 9), by source: (..., 9, n), mm^2 and mW^2."""
+    exact = np.asarray(reading, dtype=float)
+    if sensor.electronics is None:
+        out = np.zeros((*exact.shape, 2))
+        place = (sensor.noise.position * sensor.noise.at_power / exact[..., 2::3]) ** 2
+        out[..., 0::3, 0] = out[..., 1::3, 0] = place
+        out[..., 2::3, 1] = sensor.noise.power**2 + 0 * exact[..., 2::3]
+        return out
+    parts = [detector(sensor, sensor.electronics, exact, k) for k in range(3)]
+    return np.concatenate(parts, axis=-2)
+
+
+def current_variances(electronics: Electronics, currents: Floats) -> Floats:
+    """Of the electrodes' currents (..., 4), A: by source (..., 4, 5), A^2."""
+    e, band = electronics, electronics.bandwidth
+    dark = (e.dark_current + 1e-3 * e.responsivity * e.ambient) / (2 if two_layers(e) else 4)
+    thermal = 4 * BOLTZMANN * e.temperature * band
+    amplifier = (e.voltage_noise / e.resistance) ** 2 + e.current_noise**2
+    step = e.adc_range / 2**e.adc_bits / e.transimpedance
+    even = [
+        2 * CHARGE * dark * band,
+        thermal / e.resistance,
+        amplifier * band + thermal / e.transimpedance,
+        step**2 / 12,
+    ]
+    out = np.empty((*currents.shape, len(ELECTRIC)))
+    out[..., 0] = 2 * CHARGE * band * np.abs(currents)
+    out[..., 1:] = even
+    return out
+
+
+def two_layers(electronics: Electronics) -> bool:
+    return electronics.kind == "duo-lateral"
+
+
+def currents_of(sensor: Sensor, electronics: Electronics, exact: Floats, k: int) -> Floats:
+    """The electrodes' currents (..., 4) of detector k, A, of its light alone."""
+    half = half_sizes(sensor)[k]
+    y, z = (np.clip(exact[..., 3 * k + i] / half[i], -0.999, 0.999) for i in range(2))
+    light = 1e-3 * electronics.responsivity * exact[..., 3 * k + 2]
+    share = electrodes.fractions(electronics.kind, y, z, half[1] / half[0])
+    currents: Floats = light[..., None] * share
+    return currents
+
+
+def detector(sensor: Sensor, electronics: Electronics, exact: Floats, k: int) -> Floats:
+    """Variances (..., 3, 5) of psi, zeta and power of detector k."""
+    kind, half = electronics.kind, half_sizes(sensor)[k]
+    currents = currents_of(sensor, electronics, exact, k)
+    var = current_variances(electronics, currents)
+    out = np.empty((*exact.shape[:-1], 3, len(ELECTRIC)))
+    for axis, (low, high) in enumerate(electrode_pairs(kind)):
+        below, above = currents[..., low].sum(-1), currents[..., high].sum(-1)
+        noise_below, noise_above = var[..., low, :].sum(-2), var[..., high, :].sum(-2)
+        square = above[..., None] ** 2 * noise_below + below[..., None] ** 2 * noise_above
+        out[..., axis, :] = half[axis] ** 2 * 4 * square / (below + above)[..., None] ** 4
+    if kind == "tetra-lateral":
+        place = np.stack([exact[..., 3 * k + i] / half[i] for i in range(2)], axis=-1)
+        slope = electrodes.slopes(np.clip(place, -0.97, 0.97), half[1] / half[0])
+        out[..., 0, :] /= slope[..., 0, 0, None] ** 2
+        out[..., 1, :] /= slope[..., 1, 1, None] ** 2
+    whole = var.sum(axis=-2) / (4 if two_layers(electronics) else 1)
+    out[..., 2, :] = whole / (1e-3 * electronics.responsivity) ** 2
+    return out
+
+
+def electrode_pairs(kind: str) -> tuple[tuple[list[int], list[int]], ...]:
+    """For y and for z: the electrodes that light moves away from, and towards."""
+    if kind == "pincushion":
+        return ([0, 2], [1, 3]), ([0, 1], [2, 3])
+    return ([0], [1]), ([2], [3])
+
+
+def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> Floats:
+    """Readings (..., 9) with noise: as drawn at the electrodes, where there are electronics.
+
+    NaN for a detector whose amplifiers saturate, and where its currents fit no place on it.
+    """
+    exact = np.asarray(reading, dtype=float)
+    if sensor.electronics is None:
+        sigma = standard_deviations(sensor, exact)
+        noisy: Floats = exact + sigma * rng.standard_normal(sigma.shape)
+        return noisy
+    parts = [sampled(sensor, sensor.electronics, exact, k, rng) for k in range(3)]
+    return np.concatenate(parts, axis=-1)
+
+
+def sampled(
+    sensor: Sensor, electronics: Electronics, exact: Floats, k: int, rng: np.random.Generator
+) -> Floats:
+    """(..., 3): psi, zeta, power of detector k from its electrodes' sampled currents."""
+    kind, half = electronics.kind, half_sizes(sensor)[k]
+    currents = currents_of(sensor, electronics, exact, k)
+    var = current_variances(electronics, currents)[..., :-1].sum(axis=-1)  # all but the ADC
+    drawn = currents + np.sqrt(var) * rng.standard_normal(currents.shape)
+    full = electronics.adc_range / electronics.transimpedance
+    step = full / 2**electronics.adc_bits
+    read = step * np.round(drawn / step)
+    out = np.empty((*exact.shape[:-1], 3))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        place = electrodes.places(kind, read, half[1] / half[0])
+        out[..., :2] = half * place
+    out[..., 2] = electrodes.total(kind, read) / (1e-3 * electronics.responsivity)
+    out[(read > full).any(axis=-1) | ~np.isfinite(out).all(axis=-1)] = np.nan
+    return out

@@ -1,0 +1,264 @@
+"""From readings to the mirror's pose: weighted least squares on all that is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..core.errors import InputError
+from ..core.sensor import Sensor
+from ..detectors.noise import power_floor, standard_deviations
+from ..model.arrays import Floats, as_rows, half_sizes, packed
+from ..model.threads import part_of, share
+from . import gauss_newton
+
+
+class Status(IntEnum):
+    """How the estimate of one reading ended. Only a converged one has a pose."""
+
+    CONVERGED = gauss_newton.CONVERGED
+    MAX_STEPS = gauss_newton.MAX_STEPS
+    SINGULAR = gauss_newton.SINGULAR
+    OUT_OF_RANGE = gauss_newton.OUT_OF_RANGE
+    NO_LIGHT = gauss_newton.NO_LIGHT
+    NON_FINITE = gauss_newton.NON_FINITE
+
+    @property
+    def label(self) -> str:
+        return self.name.lower().replace("_", " ")
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known before the reading: a Gaussian of the given mean and standard deviation.
+
+    For the beam, mean (..., 2) and sigma (a number or one each) of bx, by in mm; for the power,
+    mean and sigma in mW. sigma 0: known exactly; infinite: not known at all.
+    """
+
+    mean: ArrayLike
+    sigma: ArrayLike
+
+    def __post_init__(self) -> None:
+        sigma = np.asarray(self.sigma, dtype=float)
+        if not (sigma >= 0).all():
+            raise InputError(f"a prior's sigma is {self.sigma!r}; allowed: 0 or more")
+        if not np.isfinite(np.asarray(self.mean, dtype=float)).all():
+            raise InputError(f"a prior's mean is {self.mean!r}; allowed: finite numbers")
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Estimated states, one for each reading; (...) is the leading shape of the readings.
+
+    state: (..., 8) mm, rad, NaN where not converged.  status: (...) of `Status`.
+    power: (...) of the beam, mW.  used: (..., 3) the detectors that took part.
+    iterations: (...).  residual: (...) root of the weighted sum of squares left, in sigmas.
+    covariance: (..., 8, 8) of the state, or None where not asked for; zero for what was known.
+    With `Sensor.calibration` that of the parameters is in it, the same in every sample.
+    """
+
+    state: Floats
+    status: NDArray[np.int8]
+    power: Floats
+    used: NDArray[np.bool_]
+    iterations: NDArray[np.int32]
+    residual: Floats
+    covariance: Floats | None
+
+    @property
+    def ok(self) -> NDArray[np.bool_]:
+        """Where the estimate converged: (...)."""
+        return self.status == Status.CONVERGED
+
+    @property
+    def uncertainty(self) -> Floats:
+        """Standard uncertainty of each component of the state: (..., 8), mm and rad."""
+        if self.covariance is None:
+            raise InputError("no covariance: it was left out by solve(..., covariance=False)")
+        root: Floats = np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
+        return root
+
+
+class Plan(NamedTuple):
+    """What is asked for and what is known: the arrays that `kernels.invert` takes."""
+
+    means: Floats
+    weights: Floats
+    free: NDArray[np.int64]
+    limits: gauss_newton.Limits
+
+
+def prior_of_beam(beam: str | Prior) -> Prior:
+    if isinstance(beam, Prior):
+        return beam
+    sigma = {"free": np.inf, "known": 0.0}.get(beam)
+    if sigma is None:
+        raise InputError(f'beam is {beam!r}; allowed: "free", "known" or a facets.Prior')
+    return Prior((0.0, 0.0), sigma)
+
+
+def prior_of_power(power: str | Prior, sensor: Sensor) -> Prior:
+    if isinstance(power, Prior):
+        return power
+    sigma = {"known": 0.0, "unknown": np.inf}.get(power)
+    if sigma is None:
+        raise InputError(f'power is {power!r}; allowed: "known", "unknown" or a facets.Prior')
+    return Prior(sensor.beam.power, sigma)
+
+
+def means_of(place: Prior, light: Prior, shape: tuple[int, ...]) -> Floats:
+    """What is known of bx, by and the power: (1, 3), or (n, 3) where it differs by reading."""
+    where, amount = np.asarray(place.mean, float), np.asarray(light.mean, float)
+    shape = shape if where.shape[:-1] or amount.shape else ()
+    try:
+        means = np.empty((*shape, 3))
+        means[..., :2], means[..., 2] = where, amount
+    except ValueError as error:
+        raise InputError(f"a prior does not fit readings of shape {shape}: {error}") from None
+    return means.reshape(-1, 3)
+
+
+def limits_of(sensor: Sensor, eight: bool) -> gauss_newton.Limits:
+    noise = sensor.noise
+    return gauss_newton.Limits(
+        noise=np.array([noise.position, noise.at_power, power_floor(sensor)]),
+        half_sizes=half_sizes(sensor),
+        eight=eight,
+    )
+
+
+def plan(
+    sensor: Sensor, beam: str | Prior, power: str | Prior, method: str, shape: tuple[int, ...]
+) -> Plan:
+    if method not in ("least-squares", "paper"):
+        raise InputError(f'method is {method!r}; allowed: "least-squares", "paper"')
+    paper = method == "paper"
+    if paper and not (beam == "free" and power == "known"):
+        raise InputError('method="paper" has the beam "free" and the power "known"')
+    place, light = prior_of_beam(beam), prior_of_power(power, sensor)
+    sigmas = np.empty(3)
+    sigmas[:2], sigmas[2] = place.sigma, light.sigma
+    free = np.concatenate([np.arange(6), 6 + np.flatnonzero(sigmas > 0)])
+    with np.errstate(divide="ignore"):
+        weights = np.where(sigmas > 0, 1 / sigmas, 0.0)
+    return Plan(means_of(place, light, shape), weights, free, limits_of(sensor, paper))
+
+
+def plan_kept(
+    sensor: Sensor, beam: str | Prior, power: str | Prior, method: str, shape: tuple[int, ...]
+) -> Plan:
+    """`plan`, made once a sensor where it holds no prior: a live loop asks for the same again."""
+    if isinstance(beam, Prior) or isinstance(power, Prior):
+        return plan(sensor, beam, power, method, shape)
+    kept: dict[tuple[str, str, str], Plan] = sensor.__dict__.setdefault("_plans", {})
+    known = kept.get((beam, power, method))
+    if known is None:
+        known = kept[beam, power, method] = plan(sensor, beam, power, method, ())
+    return known
+
+
+def starting(start: str | ArrayLike, todo: Plan, values: Floats, shape: tuple[int, ...]) -> Floats:
+    """Where the estimates start: (1 or n, 9), with the means of what is known.
+
+    An unknown power starts from the light that is seen.
+    """
+    unknown_power = todo.weights[2] == 0 and todo.free[-1] == 8
+    if not isinstance(start, str):
+        states = np.asarray(start, dtype=np.float64)
+        if states.shape != (*shape, 8):
+            try:
+                states = np.broadcast_to(states, (*shape, 8))
+            except ValueError as error:
+                raise InputError(f"start does not fit the readings: {error}") from None
+        starts = np.empty((len(values), 9))
+        starts[:, :8] = states.reshape(-1, 8)
+        starts[:, 8] = todo.means[:, 2]
+        if len(todo.free) < 8 or todo.free[7] != 7 or todo.free[6] != 6:
+            starts[:, 6:8] = todo.means[:, :2]
+    elif start in ("zero", "previous"):
+        starts = np.zeros((len(values) if unknown_power else len(todo.means), 9))
+        starts[:, 6:] = todo.means
+        starts[:, :2] = todo.means[:, :2]  # there is light to read only near the beam
+    else:
+        raise InputError(f'start is {start!r}; allowed: "zero", "previous" or states (..., 8)')
+    if unknown_power:
+        with np.errstate(over="ignore", invalid="ignore"):  # a spoilt reading can be anything
+            seen = np.nansum(values[:, 2::3], axis=1)
+        starts[:, 8] = np.where(np.isfinite(seen) & (seen > 0), seen, starts[:, 8])
+    return starts
+
+
+def solve(
+    sensor: Sensor,
+    readings: ArrayLike,
+    *,
+    beam: Literal["free", "known"] | Prior = "free",
+    power: Literal["known", "unknown"] | Prior = "known",
+    start: Literal["zero", "previous"] | ArrayLike = "zero",
+    method: Literal["least-squares", "paper"] = "least-squares",
+    max_steps: int = 50,
+    covariance: bool = True,
+    threads: int = 1,
+) -> Solution:
+    """The mirror's pose and the beam's place from the detectors' readings.
+
+    Weighted least squares on all nine readings, weights from the sensor's noise, by Gauss-Newton
+    steps that are damped where they do not help.
+
+    readings: (..., 9) as `facets.readings` gives them. A detector with a NaN, without light or with
+    a spot past its edge is left out where the rest is enough.
+    beam: its place is "free", "known" to be (0, 0), or has a `Prior` in mm.
+    power: "known" as the sensor's, "unknown", or a `Prior` in mW.
+    start: "zero" (with the apex where the beam is thought to be), "previous" (the last converged
+    sample before), or states (..., 8).
+    method: "paper" is Newton's method on eight readings, without the power of C (section 2.3 of the
+    paper): no weights, no damping, the beam free and its power known.
+    threads: that share the readings; 0 for all cores. With start="previous" each begins at zero.
+
+    Bad arguments raise `InputError`; a reading that cannot be solved gets a status and NaN.
+    """
+    values, shape = as_rows(readings, 9, "readings")
+    if max_steps < 1:
+        raise InputError(f"max_steps is {max_steps}; allowed: 1 or more")
+    todo = plan_kept(sensor, beam, power, method, shape)
+    starts = starting(start, todo, values, shape)
+    warm = isinstance(start, str) and start == "previous"
+    n = len(values)
+    states, left = np.empty((n, 9)), np.empty(n)
+    used, status, steps = np.empty((n, 3), bool), np.empty(n, np.int8), np.empty(n, np.int32)
+    covariances = np.zeros((n if covariance else 0, 8, 8))
+    from .kernels import invert
+
+    vectors = packed(sensor)
+    sigmas = np.empty((0, 9)) if sensor.electronics is None else standard_deviations(sensor, values)
+
+    def run(part: slice) -> None:
+        invert(
+            vectors, values[part], part_of(sigmas, part, n), todo.limits,
+            part_of(todo.means, part, n), todo.weights, todo.free, part_of(starts, part, n),
+            warm, max_steps, method != "paper",
+            states[part], used[part], status[part], steps[part], left[part],
+            part_of(covariances, part, n),
+        )  # fmt: skip
+
+    share(run, n, threads)
+    if covariance and sensor.calibration is not None:
+        from .calibration_uncertainty import covariances as inherited
+
+        covariances += inherited(
+            sensor, sensor.calibration, states[:, :8], used, todo.free, todo.weights
+        )
+    return Solution(
+        state=states[:, :8].reshape(*shape, 8),
+        status=status.reshape(shape),
+        power=states[:, 8].reshape(shape),
+        used=used.reshape(*shape, 3),
+        iterations=steps.reshape(shape),
+        residual=left.reshape(shape),
+        covariance=covariances.reshape(*shape, 8, 8) if covariance else None,
+    )

@@ -1,0 +1,149 @@
+"""A table of readings in, a table of poses out, of any length."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import hypot
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError
+from ..core.names import DETECTORS, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..detectors.correction import corrected
+from ..files import tables
+from .solver import Prior, Solution, Status, solve
+
+if TYPE_CHECKING:
+    from ..core.sensor import Sensor
+    from ..core.settings import Config, Solve
+
+Floats = NDArray[np.float64]
+UNPARSABLE = "unparsable"
+BEAM_COLUMNS = STATE_COLUMNS[6:]
+
+
+@dataclass
+class Count:
+    """What became of the rows. lines: of the first few that could not be parsed."""
+
+    statuses: Counter[str] = field(default_factory=Counter)
+    unparsable_lines: list[int] = field(default_factory=list)
+
+    @property
+    def rows(self) -> int:
+        return self.statuses.total()
+
+    @property
+    def solved(self) -> int:
+        return self.statuses[Status.CONVERGED.label]
+
+
+def solve_readings(
+    sensor: Sensor, options: Solve, readings: Floats, place: Floats | None
+) -> Solution:
+    """Solves readings (n, 9), as the detectors gave them, as a config's `solve` block says.
+
+    A beam or a power that is known is known as well as the laser keeps it (`Electronics.pointing`,
+    `power_noise`).
+    place: (n, 2) where the beam is, mm, if that is known; else the origin is taken. Where it is not
+    finite, there is no pose.
+    """
+    beam: Any = "free"
+    if options.beam != "free":
+        sigma = options.beam_sigma if options.beam == "prior" else 0.0
+        sigma = hypot(sigma, sensor.electronics.pointing if sensor.electronics else 0.0)
+        if place is None:
+            place = np.zeros((1, 2))
+        lost = ~np.isfinite(place).all(axis=1)
+        if lost.any():
+            readings, place = readings.copy(), place.copy()
+            readings[lost], place[lost] = np.nan, 0.0
+        beam = Prior(place[0] if len(place) == 1 else place, sigma)
+    return solve(
+        sensor,
+        corrected(sensor, readings),
+        beam=beam,
+        power=power_known(sensor, options),
+        method=options.method,  # type: ignore[arg-type]
+        start=options.start,
+        max_steps=options.max_steps,
+    )
+
+
+def power_known(sensor: Sensor, options: Solve) -> Any:
+    noise = sensor.electronics.power_noise if sensor.electronics else 0.0
+    if options.power == "known" and noise > 0 and options.method != "paper":
+        return Prior(sensor.beam.power, noise * sensor.beam.power)
+    return options.power
+
+
+def solve_chunk(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Solution:
+    readings = np.column_stack([chunk.columns[name] for name in READING_COLUMNS])
+    place = None
+    if all(name in chunk.columns for name in BEAM_COLUMNS):
+        place = np.column_stack([chunk.columns[name] for name in BEAM_COLUMNS])
+    return solve_readings(sensor, options, readings, place)
+
+
+def labels(solution: Solution, unparsable: NDArray[np.bool_]) -> NDArray[np.str_]:
+    names = np.array([status.label for status in Status])
+    texts: NDArray[np.str_] = names[solution.status].astype("U20")
+    texts[unparsable] = UNPARSABLE
+    return texts
+
+
+def pose_columns(solution: Solution, status: NDArray[np.str_]) -> dict[str, Any]:
+    """A solution as the columns of a table of poses."""
+    letters = np.array(DETECTORS)
+    used = np.array(["".join(letters[[bool(n & 4), bool(n & 2), bool(n & 1)]]) for n in range(8)])
+    columns: dict[str, Any] = {
+        name: solution.state[:, i] / STATE_UNITS[i] for i, name in enumerate(STATE_COLUMNS)
+    }
+    columns["status"] = status
+    columns["used"] = used[solution.used @ np.array([4, 2, 1])]
+    columns["residual"] = solution.residual
+    columns["power_mw"] = solution.power
+    for i, name in enumerate(STATE_COLUMNS):
+        columns[f"u_{name}"] = solution.uncertainty[:, i] / STATE_UNITS[i]
+    return columns
+
+
+def solve_table(
+    config: Config,
+    options: Solve,
+    readings: Path,
+    poses: Path,
+    about: dict[str, str],
+    progress: Callable[[int], None] = lambda _: None,
+    rows: int = tables.CHUNK,
+) -> Count:
+    """Solves each row of `readings` into a row of `poses`; a row that is not numbers gets NaN.
+
+    Needed columns: psi_a_mm, zeta_a_mm, power_a_mw, ...; time_s is carried through, and bx_mm,
+    by_mm say where the beam is. progress: called with the number of bytes read.
+    """
+    tables.ending(poses)
+    chunks = tables.read_chunks(readings, READING_COLUMNS, ("time_s", *BEAM_COLUMNS), rows)
+    count = Count()
+    with tables.Whole(poses) as temporary:
+        writer = tables.Writer(temporary, about)
+        try:
+            for chunk in chunks:
+                solution = solve_chunk(config.sensor, options, chunk)
+                status = labels(solution, chunk.unparsable)
+                time = {k: v for k, v in chunk.columns.items() if k == "time_s"}
+                writer.write({**time, **pose_columns(solution, status)})
+                count.statuses.update(status.tolist())
+                bad = chunk.lines[chunk.unparsable][: 5 - len(count.unparsable_lines)]
+                count.unparsable_lines += bad.tolist()
+                progress(chunk.bytes_read)
+            if not count.rows:
+                raise InputError(f"{readings}: no rows")
+        finally:
+            writer.close()
+    return count

@@ -1,0 +1,79 @@
+"""How a result was made: what every table and every run record says of itself."""
+
+from __future__ import annotations
+
+import platform
+import sys
+from datetime import UTC, datetime
+from importlib.metadata import version
+from io import StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..core.version import __version__
+from .tables import Whole
+
+if TYPE_CHECKING:
+    from ..core.settings import Config
+
+PACKAGES = ("numpy", "scipy", "numba")
+
+
+def command_line() -> str:
+    """The command as it was given, with the program's bare name."""
+    import shlex
+
+    return shlex.join(["facets", *sys.argv[1:]])
+
+
+def about(config: Config, seed: int | None = None) -> dict[str, str]:
+    """For the head of a table: config and its hash, version, seed, command, time."""
+    known = {
+        "config": config.name,
+        "config_sha256": config.sha256,
+        "facets": __version__,
+        "seed": None if seed is None else str(seed),
+        "command": command_line(),
+        "made": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    return {key: value for key, value in known.items() if value is not None}
+
+
+def configuration(config: Config, sensor: dict[str, Any], about: dict[str, str]) -> str:
+    """A configuration as YAML, with another `sensor` block; above, how it was made."""
+    from ruamel.yaml import YAML
+
+    stream = StringIO()
+    for key, value in about.items():
+        stream.write(f"# {key}: {' '.join(value.split())}\n")
+    YAML().dump({**config.resolved, "sensor": sensor}, stream)
+    return stream.getvalue()
+
+
+def run_record(config: Config, seed: int | None, seconds: float, results: dict[str, Any]) -> str:
+    """The whole story of a run, as YAML."""
+    from ruamel.yaml import YAML
+
+    stream = StringIO()
+    yaml = YAML()
+    yaml.width = 100
+    yaml.dump(
+        {
+            **about(config, seed),
+            "seconds": round(seconds, 3),
+            "python": platform.python_version(),
+            "packages": {name: version(name) for name in PACKAGES},
+            "results": results,
+            "resolved": config.resolved,
+        },
+        stream,
+    )
+    return stream.getvalue()
+
+
+def write_record(
+    path: Path, config: Config, seed: int | None, seconds: float, results: dict[str, Any]
+) -> None:
+    """`run_record` as a file, whole or not at all."""
+    with Whole(path) as temporary:
+        temporary.write_text(run_record(config, seed, seconds, results), "utf-8")

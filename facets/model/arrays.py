@@ -1,0 +1,201 @@
+"""The sensor's model on arrays: readings, their derivatives, and which spots reach a detector."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..core.errors import InputError
+from ..core.sensor import Sensor
+from ..optics.forward import Geometry, Openings, geometry
+from ..optics.parameters import BEAM, FACET, PSD
+from .threads import share
+
+Floats = NDArray[np.float64]
+
+
+def parameters(sensor: Sensor) -> tuple[float, ...]:
+    """The sensor's 30 parameters in the order of `facets.PARAMETERS`; mm, rad, mW."""
+    values = [getattr(sensor.beam, name) for name in BEAM]
+    for facet in sensor.facets:
+        values += [getattr(facet, name) for name in FACET]
+    for psd in sensor.psds:
+        values += [getattr(psd, name) for name in PSD]
+    return tuple(float(value) for value in values)
+
+
+def sensor_with(sensor: Sensor, p: Sequence[float]) -> Sensor:
+    """The sensor with other values of its 30 parameters. Raises `InputError` where that is none."""
+    values = iter(p)
+    beam = replace(sensor.beam, **{name: next(values) for name in BEAM})
+    a, b, c = (replace(part, **{name: next(values) for name in FACET}) for part in sensor.facets)
+    stands: list[Any] = [{name: next(values) for name in PSD} for _ in sensor.psds]
+    d, e, f = (replace(part, **new) for part, new in zip(sensor.psds, stands, strict=True))
+    return replace(sensor, beam=beam, facets=(a, b, c), psds=(d, e, f))
+
+
+def geometry_of(sensor: Sensor) -> Geometry:
+    """The sensor's vectors, in plain floats."""
+    return geometry(parameters(sensor), openings(sensor))
+
+
+def openings(sensor: Sensor) -> Openings:
+    """The sensor's apertures as the optics takes them."""
+    given = sensor.apertures
+    y, z = half_sizes(sensor).T if given.detectors else np.full((2, 3), np.inf)
+    halves = tuple(zip(y.tolist(), z.tolist(), strict=True))
+    return Openings(given.cut, 2 * given.beam, given.tip, given.rim, given.gap, halves)  # type: ignore[arg-type]
+
+
+def packed(sensor: Sensor) -> Floats:
+    """The sensor's vectors as one array for the kernels, made once a sensor."""
+    known: Floats | None = sensor.__dict__.get("_packed")
+    if known is None:
+        from .kernels import pack
+
+        known = sensor.__dict__["_packed"] = pack(geometry_of(sensor))
+    return known
+
+
+def varied(sensor: Sensor) -> NDArray[np.complex128]:
+    """The sensor packed once for each parameter, which carries `cut_parameters.STEP`: (30, ...)."""
+    from ..optics.cut_parameters import STEP
+    from .kernels import pack
+
+    values = parameters(sensor)
+    copies = []
+    for number in range(len(values)):
+        steps = [complex(0, STEP if i == number else 0) for i in range(len(values))]
+        moved = tuple(value + step for value, step in zip(values, steps, strict=True))
+        copies.append(pack(geometry(moved, openings(sensor))))
+    return np.array(copies, dtype=complex)
+
+
+def as_rows(values: ArrayLike, width: int, what: str) -> tuple[Floats, tuple[int, ...]]:
+    """An (..., width) array as (n, width) rows, and the leading shape to give back."""
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim == 0 or array.shape[-1] != width:
+        raise InputError(f"{what} has shape {array.shape}; needed: (..., {width})")
+    return np.ascontiguousarray(array).reshape(-1, width), array.shape[:-1]
+
+
+def readings(
+    sensor: Sensor,
+    state: ArrayLike,
+    irradiance: Literal["exact", "paper"] = "exact",
+    threads: int = 1,
+) -> Floats:
+    """What the detectors read: Eq. (1) of the paper, exact for collimated light and flat facets.
+
+    state: (..., 8) tx, ty, tz, roll, pitch, yaw, bx, by; mm and rad, world frame.
+    Returns (..., 9): psi, zeta (mm, detector frame) and power (mW) of A, B and C. The place is
+    where the spot's centroid lies on the detector's plane, also past its edge: see `reaches`.
+    NaN for a detector whose facet is turned past the beam or whose plane its sub-beam never meets,
+    and where the state is not finite.
+
+    irradiance="paper" evaluates Eq. (7) to (9) as printed, by quadrature, for comparison: Eq. (8)
+    leaves out a cross term, and is exact only for a level sub-beam. Slow.
+
+    threads: that share the states; 0 for all cores.
+    """
+    rows, shape = as_rows(state, 8, "state")
+    if irradiance == "paper":
+        from ..optics.paper import paper_readings
+
+        return paper_readings(geometry_of(sensor), rows).reshape(*shape, 9)
+    if irradiance != "exact":
+        raise InputError(f'irradiance is {irradiance!r}; allowed: "exact", "paper"')
+    from .kernels import read
+
+    vectors, out = packed(sensor), np.empty((len(rows), 9))
+    share(lambda part: read(vectors, rows[part], out[part]), len(rows), threads)
+    return out.reshape(*shape, 9)
+
+
+def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
+    """The derivatives of the readings with respect to the state, closed.
+
+    state: (..., 8) as for `readings`. Returns (..., 9, 8): mm and mW per mm and rad; NaN in the
+    rows of a detector that `readings` gives NaN for. threads: as for `readings`.
+    """
+    from .kernels import differentiate
+
+    rows, shape = as_rows(state, 8, "state")
+    vectors, out = packed(sensor), np.empty((len(rows), 9, 8))
+    share(lambda part: differentiate(vectors, rows[part], out[part]), len(rows), threads)
+    return out.reshape(*shape, 9, 8)
+
+
+def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
+    """The derivatives of the readings with respect to the sensor's parameters, closed.
+
+    state: (..., 8). Returns (..., 9, 30), columns in the order of `facets.PARAMETERS`; mm and mW
+    per mm, rad and mW. NaN as in `jacobian`.
+    """
+    from .kernels import differentiate_by_parameters, differentiate_cut
+
+    rows, shape = as_rows(state, 8, "state")
+    out = np.zeros((len(rows), 9, 30))
+    differentiate_by_parameters(packed(sensor), parameters(sensor), rows, out)
+    if sensor.apertures.cut:
+        differentiate_cut(packed(sensor), varied(sensor), rows, out)
+    return out.reshape(*shape, 9, 30)
+
+
+def half_sizes(sensor: Sensor) -> Floats:
+    """From the middles of the detectors' sensitive areas to their edges along y and z: (3, 2)."""
+    return np.array([[psd.size_y / 2, psd.size_z / 2] for psd in sensor.psds])
+
+
+def on_detectors(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
+    """Which spots of given readings (..., 9) lie on their detector's sensitive area: (..., 3)."""
+    array = np.asarray(reading, dtype=np.float64)
+    y, z = half_sizes(sensor).T
+    inside: NDArray[np.bool_] = (np.abs(array[..., 0::3]) <= y) & (np.abs(array[..., 1::3]) <= z)
+    return inside
+
+
+def reaches(sensor: Sensor, state: ArrayLike) -> NDArray[np.bool_]:
+    """Which spots' centroids lie on their detector's sensitive area: (..., 8) -> (..., 3).
+
+    False also where the sub-beam never meets its detector's plane.
+    """
+    return on_detectors(sensor, readings(sensor, state))
+
+
+def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
+    """How far the spots reach, of the light inside the beam's 1/e^2 circle or smaller aperture.
+
+    state: (..., 8) as for `readings`. Returns (..., 3, 5): least and largest psi, least and largest
+    zeta on the detectors' planes (mm, detector frame), and how far from the mirror's axis the light
+    meets the facet at most (mm). NaN where a facet meets no light inside the circle, where it is
+    turned past the beam, and where its sub-beam never meets the detector's plane.
+    """
+    from .kernels import outline
+
+    rows, shape = as_rows(state, 8, "state")
+    vectors, out = packed(sensor), np.empty((len(rows), 3, 5))
+    share(lambda part: outline(vectors, rows[part], out[part]), len(rows), threads)
+    return out.reshape(*shape, 3, 5)
+
+
+def margins(sensor: Sensor, state: ArrayLike, whole: bool = True, threads: int = 1) -> Floats:
+    """How far each spot is from each of its limits, positive inside; mm.
+
+    whole: of the whole footprint inside the 1/e^2 circle, else of the centroid.
+    Returns (..., 3, 5): from the edges at -y, +y, -z and +z of detectors A, B, C, and from the
+    mirror's rim, counted square to its axis; infinite where `sensor.apertures` gives no rim. NaN as
+    `footprints` and `readings`; for a centroid, the rim is that of the whole footprint.
+    """
+    ends = footprints(sensor, state, threads)
+    if not whole:
+        spots = readings(sensor, state, threads=threads)
+        places = np.stack([spots[..., 0::3], spots[..., 1::3]], axis=-1)
+        ends[..., :4] = np.repeat(places, 2, axis=-1)
+    limits = np.repeat(half_sizes(sensor), 2, axis=1)
+    rims = np.full((3, 1), sensor.apertures.rim)
+    return np.hstack([limits, rims]) + ends * np.array([1, -1, 1, -1, -1])

@@ -1,0 +1,167 @@
+"""Compiling the optics' text, and keeping the machine code. Importing this imports Numba.
+
+The text of `facets.optics` is compiled as it stands; only what `scalars.dispatch` and the wedge
+decide by number type gets a compiled twin here. Machine code is kept on disk in a folder named
+after the text, because Numba notices when a compiled function's own file changes, but not when a
+file that it calls into does.
+"""
+
+from __future__ import annotations
+
+import cmath
+import hashlib
+import math
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import Any
+
+import numba  # noqa: TID253  this module is itself imported only where compiled code is needed
+import platformdirs
+from numba.extending import overload, register_jitable  # noqa: TID253
+
+from ..optics import (
+    compensated,
+    cut,
+    cut_parameters,
+    detected,
+    footprint,
+    forward,
+    gradient,
+    limits,
+    parameters,
+    rays,
+    region,
+    tail_quadrature,
+    vectors,
+    wedge,
+)
+from ..scalars import dispatch
+
+
+def is_complex(kind: Any) -> bool:
+    return isinstance(kind, numba.types.Complex)
+
+
+TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
+    dispatch.exp: lambda x: lambda x: math.exp(x),
+    dispatch.sqrt: lambda x: (lambda x: cmath.sqrt(x)) if is_complex(x) else lambda x: math.sqrt(x),
+    dispatch.sin: lambda x: (lambda x: cmath.sin(x)) if is_complex(x) else lambda x: math.sin(x),
+    dispatch.cos: lambda x: (lambda x: cmath.cos(x)) if is_complex(x) else lambda x: math.cos(x),
+    dispatch.erf: lambda x: lambda x: math.erf(x),
+    dispatch.erfc: lambda x: lambda x: math.erfc(x),
+    dispatch.atan2: lambda y, x: lambda y, x: math.atan2(y, x),
+    dispatch.pi: lambda like: lambda like: math.pi,
+    dispatch.defined: lambda value, a, b, c: (
+        lambda value, a, b, c: value if a > 0 and b > 0 and c > 0 else math.nan
+    ),
+    wedge.side: lambda q, u: (
+        lambda q, u: wedge.side_float(q, u, q[0] * u[0] + q[1] * u[1], q[0] * u[1] - q[1] * u[0])
+    ),
+    wedge.wedge: lambda q, u1, u2, side1, side2: (
+        lambda q, u1, u2, side1, side2: wedge.wedge_float(q, u1, u2, side1, side2)
+    ),
+}
+TEXT = (
+    vectors,
+    rays,
+    compensated,
+    tail_quadrature,
+    wedge,
+    forward,
+    region,
+    limits,
+    footprint,
+    gradient,
+    cut,
+    cut_parameters,
+    detected,
+    parameters,
+)
+
+
+def register(module: ModuleType) -> None:
+    """Lets Numba compile the functions of a module of text where a compiled function calls them."""
+    for function in vars(module).values():
+        if not isinstance(function, FunctionType) or function.__module__ != module.__name__:
+            continue
+        if function not in TWINS and function not in _REGISTERED:
+            _REGISTERED.add(function)
+            register_jitable(forceinline=module is not tail_quadrature)(function)
+
+
+def compilable(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Marks a function as one that compiled functions may call."""
+    return register_jitable(forceinline=True)(function)
+
+
+def cache_folder(*files: str | None) -> tuple[Path, object]:
+    """Where the machine code made of these files and of the optics is kept.
+
+    The user's cache, else a folder that goes with this process. The second is what keeps that
+    folder.
+    """
+    text = hashlib.sha256(numba.__version__.encode())
+    for file in (*(module.__file__ for module in (*TEXT, dispatch)), __file__, *files):
+        if file:
+            text.update(Path(file).read_bytes())
+    name = text.hexdigest()[:16]
+    base = os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_dir("facets-6dof")
+    folder = Path(base) / name
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder, None
+    except OSError:
+        passing = tempfile.TemporaryDirectory(prefix="facets-")
+        return Path(passing.name), passing
+
+
+_REGISTERED: set[Callable[..., Any]] = set()
+for _function, _twin in TWINS.items():
+    overload(_function)(_twin)
+for _module in TEXT:
+    register(_module)
+
+
+def compiler(
+    file: str, *modules: ModuleType, calls: tuple[ModuleType, ...] = ()
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """The decorator that compiles the functions of one file of kernels.
+
+    file: the kernels' own.  modules: text that they call beside the optics.  calls: other files of
+    kernels whose functions they call.  The machine code is made anew when any of these changes.
+    """
+    for module in modules:
+        register(module)
+    folder, passing = cache_folder(file, *(module.__file__ for module in (*modules, *calls)))
+
+    def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+        return _kept(function, folder, passing)
+
+    return compiled
+
+
+def _kept(function: Callable[..., Any], folder: Path, passing: object) -> Callable[..., Any]:
+    """The compiled `function`; says so on the standard error when it has to be compiled first."""
+    config: Any = numba.config
+    kept, config.CACHE_DIR = config.CACHE_DIR, str(folder)
+    try:
+        dispatcher = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    finally:
+        config.CACHE_DIR = kept
+    called = False
+
+    def call(*arguments: Any) -> Any:
+        nonlocal called
+        if not called:
+            called = True
+            if not any(folder.rglob(f"*.{function.__name__}-*.nbi")):
+                print(f"facets: compiling {function.__name__}, once ...", file=sys.stderr)
+        return dispatcher(*arguments)
+
+    call.keeps = passing  # type: ignore[attr-defined]  # a passing folder lives as long as this
+    return call

@@ -1,0 +1,138 @@
+"""Plots: one style for the whole project, and the picture of a simulated motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError
+from ..core.names import ANGLES, POSE
+from ..files.tables import Whole
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ..simulation.run import Segment
+
+#: Okabe and Ito's colours, told apart also by the colour-blind.
+INK, BLUE, ORANGE, GREEN, GREY = "#222222", "#0072B2", "#D55E00", "#009E73", "#999999"
+#: For many series, in this order.
+SERIES = (BLUE, ORANGE, GREEN, "#CC79A7", "#E69F00", "#56B4E9", GREY)
+STYLE: dict[Any, Any] = {
+    "axes.edgecolor": INK,
+    "axes.grid": True,
+    "axes.labelsize": 9,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlesize": 10,
+    "figure.facecolor": "white",
+    "font.size": 9,
+    "grid.alpha": 0.3,
+    "grid.linewidth": 0.6,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    "savefig.dpi": 150,
+    "svg.hashsalt": "facets",
+}
+ENDINGS = (".png", ".svg", ".pdf")
+
+
+def figure(width: float, height: float, **options: Any) -> Figure:
+    """An empty figure in the project's style, inches."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context(STYLE):
+        return Figure(figsize=(width, height), layout="constrained", **options)
+
+
+def save(picture: Figure, path: Path) -> None:
+    """Writes the picture whole or not at all; PNG, SVG or PDF by its ending."""
+    import matplotlib as mpl
+
+    if path.suffix.lower() not in ENDINGS:
+        raise InputError(f"{path}: a picture's name ends in {', '.join(ENDINGS)}")
+    with mpl.rc_context(STYLE), Whole(path) as temporary:
+        picture.savefig(temporary, format=path.suffix[1:].lower())
+
+
+def unit_of(name: str) -> tuple[str, float, str, float]:
+    """How an axis of the pose is shown: unit and factor of places, then of errors."""
+    if name in ANGLES:
+        return "mrad", 1e3, "µrad", 1e6
+    return "mm", 1.0, "µm", 1e3
+
+
+def motion_picture(segments: Sequence[Segment]) -> Figure:
+    """Truth and estimate (left) and error (right) of six axes, one motion after the other."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(STYLE):
+        picture = figure(10, 11)
+        panels = picture.subplots(6, 2, sharex=True)
+        clock = Clock(segments)
+        for i, name in enumerate(POSE):
+            place_panel(panels[i, 0], clock, segments, i, name)
+            error_panel(panels[i, 1], clock, segments, i, name)
+        for column, title in enumerate(("true motion and estimate", "error of the estimate")):
+            panels[0, column].set_title(title, pad=22)
+            panels[5, column].set_xlabel("time, one motion after the other, s")
+            clock.mark(panels[:, column])
+        parts = [panels[0, column].get_legend_handles_labels() for column in (0, 1)]
+        handles, texts = (a + b for a, b in zip(*parts, strict=True))
+        picture.legend(handles, texts, loc="outside lower center", ncols=4, markerscale=4)
+    return picture
+
+
+class Clock:
+    """Puts the motions one after the other on a common time axis."""
+
+    def __init__(self, segments: Sequence[Segment]) -> None:
+        self.names = [segment.name for segment in segments]
+        lengths = [float(np.ptp(s.time)) + step_of(s.time) for s in segments]
+        self.starts = np.concatenate([[0.0], np.cumsum(lengths)])
+        self.times = [
+            segment.time - segment.time[0] + start
+            for segment, start in zip(segments, self.starts, strict=False)
+        ]
+
+    def mark(self, panels: NDArray[Any]) -> None:
+        for panel in panels:
+            for start in self.starts[1:-1]:
+                panel.axvline(start, color=GREY, lw=0.8, ls=":")
+        for name, start, end in zip(self.names, self.starts[:-1], self.starts[1:], strict=True):
+            panels[0].annotate(
+                name, ((start + end) / 2, 1.04), xycoords=("data", "axes fraction"),
+                ha="center", fontsize=8, color=GREY, annotation_clip=False,
+            )  # fmt: skip
+
+
+def step_of(time: NDArray[np.float64]) -> float:
+    return float(time[1] - time[0]) if len(time) > 1 else 1.0
+
+
+def place_panel(panel: Axes, clock: Clock, segments: Sequence[Segment], i: int, name: str) -> None:
+    unit, factor, _, _ = unit_of(name)
+    for n, segment in enumerate(segments):
+        labels = ("truth", "estimate") if n == 0 else (None, None)
+        time = clock.times[n]
+        panel.plot(time, factor * segment.truth[:, i], color=INK, lw=0.8, zorder=3, label=labels[0])
+        estimate = factor * segment.solution.state[:, i]
+        panel.plot(time, estimate, ".", ms=1.5, color=BLUE, label=labels[1], rasterized=True)
+    panel.set_ylabel(f"{name}, {unit}")
+
+
+def error_panel(panel: Axes, clock: Clock, segments: Sequence[Segment], i: int, name: str) -> None:
+    _, _, unit, factor = unit_of(name)
+    for n, segment in enumerate(segments):
+        labels = ("error", "± 2 standard uncertainties") if n == 0 else (None, None)
+        time, band = clock.times[n], 2 * factor * segment.solution.uncertainty[:, i]
+        panel.fill_between(time, -band, band, color=ORANGE, alpha=0.25, lw=0, label=labels[1])
+        error = factor * segment.error[:, i]
+        panel.plot(time, error, ".", ms=1.5, color=BLUE, label=labels[0], rasterized=True)
+    panel.set_ylabel(f"error of {name}, {unit}")

@@ -1,0 +1,84 @@
+"""Elementary functions for every number type that the optics is run with.
+
+The formulas in `facets.optics` are written once, over scalars, with `+ - * /` and these functions.
+They then run as plain floats, inside compiled loops (`model.jit` gives each function here a
+compiled twin), and in high precision (mpmath); what is only geometry runs as complex numbers too,
+whose imaginary parts carry a derivative along, as rigorous intervals (`intervals`), and with
+casadi's symbols (`casadi_symbols`). A formula holds no decimal literal, because a rounded constant
+would spoil a 40-digit run.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable
+from typing import Any
+
+Number = Any
+
+
+def is_float(x: Number) -> bool:
+    return isinstance(x, float | int)
+
+
+def library(x: Number) -> Any:
+    """The module that has the elementary functions for a number of this type."""
+    if is_float(x):
+        return math
+    if isinstance(x, complex):
+        return cmath
+    if hasattr(x, "context"):
+        return x.context
+    if type(x).__module__.startswith("casadi"):
+        from . import casadi_symbols
+
+        return casadi_symbols
+    from . import intervals
+
+    return intervals
+
+
+def exp(x: Number) -> Number:
+    return library(x).exp(x)
+
+
+def sqrt(x: Number) -> Number:
+    return library(x).sqrt(x)
+
+
+def sin(x: Number) -> Number:
+    return library(x).sin(x)
+
+
+def cos(x: Number) -> Number:
+    return library(x).cos(x)
+
+
+def erf(x: Number) -> Number:
+    return library(x).erf(x)
+
+
+def erfc(x: Number) -> Number:
+    return library(x).erfc(x)
+
+
+def atan2(y: Number, x: Number) -> Number:
+    return library(x).atan2(y, x)
+
+
+def pi(like: Number) -> Number:
+    """The number pi in the type and precision of `like`."""
+    return math.pi if is_float(like) else +library(like).pi
+
+
+def integral(integrand: Callable[[Number], Number], like: Number) -> Number:
+    """The integral over 0..1 in the precision of `like`; for floats the optics has faster ways."""
+    return library(like).quad(integrand, [0, 1])
+
+
+def defined(value: Number, a: Number, b: Number, c: Number) -> Number:
+    """`value` where a, b and c are above zero, else NaN; a symbol as it is."""
+    if type(value).__module__.startswith("casadi"):
+        return value
+    return value if a > 0 and b > 0 and c > 0 else value * math.nan

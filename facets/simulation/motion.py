@@ -1,0 +1,66 @@
+"""The states that a configured motion goes through."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError
+from ..core.names import STATE_COLUMNS, STATE_UNITS
+from ..core.settings import Config, Motion, Sine, Steps, Sweep, Table
+from ..files.tables import read_chunks
+
+Floats = NDArray[np.float64]
+
+
+def named(config: Config, name: str) -> Motion:
+    """The config's motion of that name."""
+    if name not in config.motions:
+        has = ", ".join(config.motions) or "none"
+        raise InputError(f"{config.path}: no motion {name}; it has: {has}")
+    return config.motions[name]
+
+
+def states(motion: Motion, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """Times (n,) in s and true states (n, 8) in mm and rad. rng: only for random motions."""
+    if isinstance(motion, Table):
+        return from_table(motion.file, motion.rate)
+    time = np.arange(motion.samples) / motion.rate
+    if isinstance(motion, Steps):
+        places = np.linspace(motion.start, motion.stop, motion.steps)
+        return time, np.repeat(places, motion.samples_per_step, axis=0)
+    if isinstance(motion, Sweep):
+        return time, np.linspace(motion.start, motion.stop, motion.samples)
+    centre = np.array(motion.centre)
+    if isinstance(motion, Sine):
+        share = np.arange(motion.samples)[:, None] / motion.samples
+        angle = 2 * np.pi * np.array(motion.cycles) * share + np.array(motion.phase)
+        return time, centre + np.array(motion.amplitude) * np.sin(angle)
+    box = np.array(motion.box)
+    return time, rng.uniform(centre - box, centre + box, (motion.samples, 8))
+
+
+def from_table(file: Path, rate: float) -> tuple[Floats, Floats]:
+    """States from a table with any of the columns tx_mm ... by_mm; those left out are zero."""
+    times, parts, rows = [], [], 0
+    for chunk in read_chunks(file, optional=(*STATE_COLUMNS, "time_s")):
+        if not any(name in chunk.columns for name in STATE_COLUMNS):
+            raise InputError(
+                f"{file}: no column of a state; give some of {', '.join(STATE_COLUMNS)}"
+            )
+        if chunk.unparsable.any():
+            line = chunk.lines[chunk.unparsable][0]
+            raise InputError(f"{file}:{line}: this row can not be read as numbers")
+        zero = np.zeros(len(chunk.lines))
+        state = np.column_stack([chunk.columns.get(name, zero) for name in STATE_COLUMNS])
+        if not np.isfinite(state).all():
+            line = chunk.lines[~np.isfinite(state).all(axis=1)][0]
+            raise InputError(f"{file}:{line}: a state needs finite numbers")
+        parts.append(state * STATE_UNITS)
+        times.append(chunk.columns.get("time_s", (rows + np.arange(len(state))) / rate))
+        rows += len(state)
+    if not rows:
+        raise InputError(f"{file}: no rows")
+    return np.concatenate(times), np.concatenate(parts)

@@ -1,0 +1,212 @@
+"""A configured sensor put through its motions: true states, readings, poses and their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError
+from ..core.names import POSE, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..detectors.correction import uncorrected
+from ..detectors.noise import add_noise
+from ..estimation.solver import Solution, Status
+from ..estimation.table import labels, pose_columns, solve_readings
+from ..model.arrays import on_detectors
+from ..tracking.closed_loop import followed
+from .imperfect_optics import seen as seen_by
+from .motion import states
+
+if TYPE_CHECKING:
+    from ..core.sensor import Sensor
+    from ..core.settings import Config, Solve
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One motion, simulated.
+
+    time: (n,) s.  truth: (n, 8) mm, rad.  readings: (n, 9) as the solver saw them: a detector
+    beside which its spot fell is NaN.  place: (n, 2) where the beam was said to be, mm.
+    reached: (n, 3) which spots lay on their detector.
+    """
+
+    name: str
+    time: Floats
+    truth: Floats
+    readings: Floats
+    place: Floats
+    reached: NDArray[np.bool_]
+    solution: Solution
+
+    @property
+    def error(self) -> Floats:
+        """Estimate less truth, (n, 8), NaN where not solved."""
+        error: Floats = self.solution.state - self.truth
+        return error
+
+
+@dataclass(frozen=True)
+class Axis:
+    """How well one axis of the pose was measured in a segment; mm or rad.
+
+    low, high: of the true motion.  largest: error.  rms: error.  uncertainty: the solver's own
+    standard uncertainty, root mean square.
+    """
+
+    name: str
+    low: float
+    high: float
+    largest: float
+    rms: float
+    uncertainty: float
+
+    @property
+    def moved(self) -> bool:
+        return self.high > self.low
+
+
+def read(sensor: Sensor, truth: Floats, noise: bool, rng: np.random.Generator) -> tuple[Any, Any]:
+    """Readings (n, 9) as a bench would give them, and which spots reached their detector (n, 3)."""
+    exact = seen_by(sensor, disturbed(sensor, truth, rng) if noise else truth)
+    reached = on_detectors(sensor, exact)
+    if noise and sensor.electronics and sensor.electronics.power_noise > 0:
+        share = sensor.electronics.power_noise * rng.standard_normal((len(exact), 1))
+        exact[:, 2::3] *= 1 + share
+    seen = add_noise(sensor, exact, rng) if noise else exact.copy()
+    seen = uncorrected(sensor, seen)
+    seen[~np.repeat(reached, 3, axis=1)] = np.nan
+    return seen, reached
+
+
+def disturbed(sensor: Sensor, truth: Floats, rng: np.random.Generator) -> Floats:
+    """The true states with the beam's pointing jitter."""
+    if sensor.electronics is None or sensor.electronics.pointing == 0:
+        return truth
+    state = truth.copy()
+    state[:, 6:] += sensor.electronics.pointing * rng.standard_normal((len(truth), 2))
+    return state
+
+
+def beam_seen(options: Solve, truth: Floats, noise: bool, rng: np.random.Generator) -> Floats:
+    """Where the beam is said to be (n, 2), mm: as by a stage with the prior's uncertainty."""
+    place = truth[:, 6:].copy()
+    if noise and options.beam == "prior":
+        place += options.beam_sigma * rng.standard_normal(place.shape)
+    return place
+
+
+def run(
+    config: Config, name: str, noise: bool, rng: np.random.Generator, track: bool = False
+) -> Segment:
+    time, truth = states(config.motions[name], rng)
+    if track:
+        truth = followed(config.sensor, config.stage, time, truth)
+    seen, reached = read(config.sensor, truth, noise, rng)
+    place = beam_seen(config.solve, truth, noise, rng)
+    solution = solve_readings(config.sensor, config.solve, seen, place)
+    return Segment(name, time, truth, seen, place, reached, solution)
+
+
+def simulate(
+    config: Config,
+    motions: Sequence[str] = (),
+    noise: bool | None = None,
+    seed: int | None = None,
+    track: bool = False,
+) -> list[Segment]:
+    """Runs the named motions (default: all) one after the other.
+
+    track: whether the beam follows the mirror, carried by the config's stage.
+
+    noise, seed: of the readings; default: the config's. Each motion draws from a stream of its own,
+    so that leaving one out does not change the others.
+    """
+    names = list(motions) or list(config.motions)
+    unknown = [name for name in names if name not in config.motions]
+    if unknown or not names:
+        has = ", ".join(config.motions) or "none"
+        raise InputError(f"{config.path}: no motion {', '.join(unknown)}; it has: {has}")
+    noisy = config.noise if noise is None else noise
+    streams = np.random.SeedSequence(config.seed if seed is None else seed)
+    children = dict(zip(config.motions, streams.spawn(len(config.motions)), strict=True))
+    return [
+        run(config, name, noisy, np.random.default_rng(children[name]), track) for name in names
+    ]
+
+
+def axes(segment: Segment) -> list[Axis]:
+    """The six axes' errors over the samples that were solved; NaN where none was."""
+    ok = segment.solution.ok
+    rows = []
+    for i, name in enumerate(POSE):
+        error, sigma = segment.error[ok, i], segment.solution.uncertainty[ok, i]
+        true = segment.truth[:, i]
+        known = len(error) > 0
+        rows.append(
+            Axis(
+                name=name,
+                low=float(true.min()),
+                high=float(true.max()),
+                largest=float(np.abs(error).max()) if known else np.nan,
+                rms=float(np.sqrt(np.mean(error**2))) if known else np.nan,
+                uncertainty=float(np.sqrt(np.mean(sigma**2))) if known else np.nan,
+            )
+        )
+    return rows
+
+
+def statuses(segment: Segment) -> dict[str, int]:
+    """How many samples ended how, those that occur."""
+    counts = np.bincount(segment.solution.status, minlength=len(Status))
+    return {status.label: int(counts[status]) for status in Status if counts[status]}
+
+
+def reading_table(segments: Sequence[Segment]) -> dict[str, Any]:
+    """The readings of all segments as columns; `facets solve` takes such a table."""
+    columns: dict[str, Any] = timing(segments)
+    rows = np.concatenate([segment.readings for segment in segments])
+    place = np.concatenate([segment.place for segment in segments])
+    columns |= {name: rows[:, i] for i, name in enumerate(READING_COLUMNS)}
+    return columns | {name: place[:, i] for i, name in enumerate(STATE_COLUMNS[6:])}
+
+
+def reference_columns(
+    segments: Sequence[Segment], sigma: Sequence[float], seed: int
+) -> dict[str, Any]:
+    """What a reference beside the sensor says of the poses, for `facets calibrate`.
+
+    sigma: (6,) its standard uncertainty, mm and rad; an axis that it does not measure is infinite.
+    """
+    rng = np.random.default_rng([seed, 6])
+    truth = np.concatenate([segment.truth[:, :6] for segment in segments])
+    noise = rng.standard_normal(truth.shape)
+    return {
+        f"ref_{STATE_COLUMNS[n]}": (truth[:, n] + sigma[n] * noise[:, n]) / STATE_UNITS[n]
+        for n in range(6)
+        if np.isfinite(sigma[n])
+    }
+
+
+def pose_table(segments: Sequence[Segment]) -> dict[str, Any]:
+    """True states, estimates and their uncertainties of all segments as columns."""
+    truth = np.concatenate([segment.truth for segment in segments]) / STATE_UNITS
+    columns = timing(segments)
+    columns |= {f"true_{name}": truth[:, i] for i, name in enumerate(STATE_COLUMNS)}
+    parts = [
+        pose_columns(s.solution, labels(s.solution, np.zeros(len(s.time), dtype=bool)))
+        for s in segments
+    ]
+    return columns | {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def timing(segments: Sequence[Segment]) -> dict[str, Any]:
+    return {
+        "motion": np.concatenate([np.repeat(s.name, len(s.time)) for s in segments]),
+        "time_s": np.concatenate([segment.time for segment in segments]),
+    }

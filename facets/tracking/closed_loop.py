@@ -1,0 +1,42 @@
+"""A stage that follows a simulated mirror, by the controller of a real one."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.sensor import Sensor
+from ..core.settings import Stage as Settings
+from ..model.arrays import readings
+from .control import Law, Seen
+from .stage import StageModel
+
+Floats = NDArray[np.float64]
+
+
+def followed(sensor: Sensor, settings: Settings, time: Floats, truth: Floats) -> Floats:
+    """True states (n, 8) at times (n,), s, with the beam where the stage carries it.
+
+    The beam begins on the mirror. Where a facet has no light the stage stands still.
+    """
+    states = truth.copy()
+    law, model = Law.of(sensor, settings), StageModel(settings)
+    model.place = truth[0, :2].copy()
+    model.target = model.place.copy()
+    due = 0.0
+    for n, now in enumerate((time - time[0]).tolist()):
+        model.advance(now)
+        states[n, 6:] = model.place
+        if now >= due:
+            due += 1 / settings.rate
+            command(sensor, law, model, states[n], now)
+    return states
+
+
+def command(sensor: Sensor, law: Law, model: StageModel, state: Floats, now: float) -> None:
+    powers = readings(sensor, state)[2::3]
+    if np.isfinite(powers).all() and (powers > 0).all():
+        model.command(law.command(Seen(now, now, powers, state[:2], model.place)))
+    else:
+        model.halt()
+        law.forget()

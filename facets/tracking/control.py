@@ -1,0 +1,185 @@
+"""How the beam follows the mirror: laws, their limits and their stability. One for all commands.
+
+Eq. (14) of the paper makes an index of the three powers that is zero where the beam meets the apex
+of an untilted mirror; proportional control takes it away bit by bit. `pi` adds an integral, so that
+a mirror in steady motion is met without a lag. `feedforward` aims where the solved apex will be
+when the stage gets there: exact where Eq. (14) is not, and without a loop to become unstable.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import pi, sin, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.sensor import Sensor
+from ..core.settings import Stage as Settings
+from ..model.arrays import readings
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a command is made from.
+
+    time: of the sample, now: of the command, s.  powers: (3,) mW.  apex: (2,) solved, mm, or None.
+    beam: (2,) where the stage says that the beam is, mm.
+    """
+
+    time: float
+    now: float
+    powers: Floats
+    apex: Floats | None
+    beam: Floats
+
+
+def tracking_error(powers: Floats) -> Floats:
+    """chi_x, chi_y of Eq. (14): (..., 3) powers -> (..., 2), where the beam is off."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = powers / powers.sum(axis=-1, keepdims=True)
+    x = share[..., 0] - (share[..., 1] + share[..., 2]) / 2
+    y = (share[..., 1] - share[..., 2]) * sqrt(3) / 2
+    return np.stack([x, y], axis=-1)
+
+
+def slope_of_error(sensor: Sensor) -> Floats:
+    """How Eq. (14) answers to the beam's place at rest: (2, 2), 1/mm."""
+    step = 1e-5
+    columns = []
+    for axis in range(2):
+        ends = np.zeros((2, 8))
+        ends[:, 6 + axis] = step, -step
+        ahead, behind = tracking_error(readings(sensor, ends)[:, 2::3])
+        columns.append((ahead - behind) / (2 * step))
+    return np.stack(columns, axis=-1)
+
+
+@dataclass
+class Law:
+    """Where the beam is to go next. Kept within speed, step and soft limits.
+
+    goal: the last command.  summed: of the errors.  limited: how often a limit held one back.
+    """
+
+    settings: Settings
+    inverse: Floats
+    goal: Floats | None = None
+    summed: Floats = field(default_factory=lambda: np.zeros(2))
+    limited: int = 0
+    last: tuple[float, Floats] | None = None
+    speed: Floats = field(default_factory=lambda: np.zeros(2))
+
+    @classmethod
+    def of(cls, sensor: Sensor, settings: Settings) -> Law:
+        return cls(settings, np.asarray(np.linalg.inv(slope_of_error(sensor))))
+
+    def command(self, seen: Seen) -> Floats:
+        """The next place of the beam (2,), mm."""
+        s = self.settings
+        if s.law == "feedforward":
+            wanted = self.ahead(seen)
+        else:
+            off = self.inverse @ tracking_error(seen.powers)
+            integral = s.integral if s.law == "pi" else 0.0
+            goal = seen.beam if self.goal is None else self.goal
+            wanted = goal - s.gain * off - integral * (self.summed + off)
+            self.goal = self.held(wanted, seen.beam)
+            if np.allclose(self.goal, wanted, atol=1e-9):  # else the sum would only grow
+                self.summed = self.summed + off
+            return self.goal
+        return self.held(wanted, seen.beam)
+
+    def ahead(self, seen: Seen) -> Floats:
+        """Where the apex will be when the stage has answered."""
+        assert seen.apex is not None
+        if self.last is not None and seen.time > self.last[0]:
+            passed = seen.time - self.last[0]
+            share = min(1.0, passed / SMOOTH)
+            self.speed += share * ((seen.apex - self.last[1]) / passed - self.speed)
+        self.last = seen.time, seen.apex.copy()
+        s = self.settings  # the command holds for a period, so on average half of one longer
+        horizon = seen.now - seen.time + s.latency + s.lag + 0.5 / s.rate
+        return seen.apex + horizon * self.speed
+
+    def held(self, wanted: Floats, beam: Floats) -> Floats:
+        """A command within step, speed and soft limits."""
+        s = self.settings
+        far = min(s.max_step, s.max_speed * (s.lag + s.latency + 1 / s.rate))
+        step = wanted - beam
+        length = float(np.hypot(*step))
+        kept = beam + step * min(1.0, far / length) if length > 0 else wanted
+        kept = np.clip(kept, s.low, s.high)
+        self.limited += not np.allclose(kept, wanted, atol=1e-12)
+        return kept
+
+    def forget(self) -> None:
+        """After a loss: what was summed up no longer holds."""
+        self.goal, self.summed = None, np.zeros(2)
+        self.last, self.speed = None, np.zeros(2)
+
+
+#: Over what time the mirror's speed is taken, s.
+SMOOTH = 0.02
+
+
+@dataclass(frozen=True)
+class Margin:
+    """What is known of a loop before it starts.
+
+    delay: from light to half the stage's answer, s.  most: largest gain that is stable.
+    times: by how much the gain can grow.  speed: of the mirror, mm/s, at which the beam is lost.
+    """
+
+    delay: float
+    most: float
+    times: float
+    speed: float
+
+    @property
+    def words(self) -> str:
+        loop = (
+            "no loop to become unstable"
+            if self.times == float("inf")
+            else (f"stable with a margin of {self.times:.2g} in gain")
+        )
+        return (
+            f"{loop}; {1e3 * self.delay:.3g} ms of delay; the beam is lost above "
+            f"{self.speed:.3g} mm/s"
+        )
+
+
+def pull_of(sensor: Sensor, room: float) -> float:
+    """The largest offset that Eq. (14) shows, mm, while the true one stays within `room` along x.
+
+    It shows less and less of a larger one, since no share can be more than all.
+    """
+    states = np.zeros((200, 8))
+    states[:, 6] = np.linspace(-room, room, 200)
+    shown = tracking_error(readings(sensor, states)[:, 2::3]) @ np.linalg.inv(
+        slope_of_error(sensor)
+    )
+    lengths: Floats = np.hypot(*shown.T)
+    return float(min(lengths[:100].max(), lengths[100:].max()))
+
+
+def margin_of(settings: Settings, pull: float) -> Margin:
+    """pull: see `pull_of`, mm.
+
+    The loop is an integrator with a delay of d commands: error(n+1) = error(n) - g error(n-d). It
+    is stable for g < 2 sin(pi / (4 d + 2)). A mirror at speed v is met late by v / (g rate) under
+    proportional control; under the others by little, until the stage's greatest speed.
+    """
+    delay = settings.latency + settings.lag
+    commands = delay * settings.rate
+    most = 2 * sin(pi / (4 * commands + 2))
+    gain = settings.gain + (settings.integral if settings.law == "pi" else 0.0)
+    if settings.law == "feedforward":
+        return Margin(delay, float("inf"), float("inf"), settings.max_speed)
+    behind = 1 / (settings.gain * settings.rate)
+    speed = min(settings.max_speed, pull / behind)
+    if settings.law == "pi" and settings.integral > 0:
+        speed = settings.max_speed
+    return Margin(delay, most, most / gain, speed)
