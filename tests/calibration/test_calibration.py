@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from commands import command
 from facets.experiments import rigs
 from scipy.spatial.transform import Rotation
+from sensors import SENSORS
 
 import facets
 from facets.calibration import fit as study
@@ -30,9 +32,6 @@ from facets.files.provenance import run_record
 from facets.live.recording import Recording
 from facets.live.replay import recorded_config
 from facets.model.arrays import parameters, sensor_with
-
-from .sensors import SENSORS
-from .test_cli_jacobian import facets as command
 
 NOMINAL = facets.Sensor()
 EVERY = Choice(ALL, np.ones(len(ALL)))

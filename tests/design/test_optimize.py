@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from commands import command
 from scipy.optimize import minimize
+from sensors import SENSORS, states
 
 import facets
 from facets.characterization.resolution import Estimator, uncertainties
@@ -17,9 +19,6 @@ from facets.design.optimization import optimize, shares_of_volume, states_of, wo
 from facets.design.variables import Outcome, outcome, present, sensor_of, varied
 from facets.design.verification import compare
 from facets.model.arrays import parameters
-
-from .sensors import SENSORS, states
-from .test_cli_jacobian import facets as command
 
 CONFIG = facets.load("layout")
 SCALE = np.array([1e3, 1e3, 1e3, 1e6, 1e6, 1e6])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sensors import SENSORS, states
 
 import facets
 from facets.characterization.ambiguity import twins
@@ -18,8 +19,6 @@ from facets.characterization.singularity import (
 )
 from facets.characterization.state_box import AXES, apex_offset, domain_of, range_domain
 from facets.core.errors import InputError
-
-from .sensors import SENSORS, states
 
 PAPER = SENSORS["paper"]
 

@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 
-
-def facets(*arguments, cwd):
-    return subprocess.run(
-        [sys.executable, "-c", "from facets.cli import main; main()", *arguments],
-        cwd=cwd, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+from commands import command
 
 
 def test_samples_searches_and_proves(tmp_path):
     box = "tx_mm=1,ty_mm=1,tz_mm=1,roll_mrad=3,pitch_mrad=3,yaw_mrad=3,offset_x_mm=0.05"
-    result = facets(
+    result = command(
         "jacobian", "fig4", "--box", box, "--states", "3000", "--certify", "--table", "parquet",
         "-o", "out", cwd=tmp_path,
     )  # fmt: skip
@@ -32,13 +25,13 @@ def test_samples_searches_and_proves(tmp_path):
         "states.parquet",
     }
     assert json.loads((tmp_path / "out" / "certificate.json").read_text())["unique"]
-    again = facets("jacobian", "fig4", "-o", "out", cwd=tmp_path)
+    again = command("jacobian", "fig4", "-o", "out", cwd=tmp_path)
     assert again.returncode == 2
     assert "--force" in again.stderr
 
 
 def test_what_is_not_proved_shows_in_the_exit_status(tmp_path):
-    result = facets(
+    result = command(
         "jacobian", "singular", "--states", "2000", "--certify", "-o", "out", cwd=tmp_path
     )
     assert result.returncode == 1, result.stderr
@@ -48,7 +41,7 @@ def test_what_is_not_proved_shows_in_the_exit_status(tmp_path):
 
 
 def test_a_bad_box_is_an_error(tmp_path):
-    result = facets("jacobian", "paper", "--box", "x=1", cwd=tmp_path)
+    result = command("jacobian", "paper", "--box", "x=1", cwd=tmp_path)
     assert result.returncode == 2
     assert result.stderr.startswith("error: --box has 'x=1'")
     assert list(tmp_path.iterdir()) == []

@@ -5,15 +5,9 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
-
-RUN = [sys.executable, "-c", "from facets.cli import main; main()"]
-
-
-def facets(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*RUN, *arguments], cwd=cwd, capture_output=True, text=True, check=False)
+from commands import command
 
 
 @pytest.fixture
@@ -24,14 +18,14 @@ def bad(tmp_path):
 
 
 def test_check_says_ok_and_what_the_sensor_is(tmp_path):
-    result = facets("config", "check", "paper", cwd=tmp_path)
+    result = command("config", "check", "paper", cwd=tmp_path)
     assert result.returncode == 0
     assert result.stdout.startswith("ok  paper: 0.3 mW, beam 0.85 mm, PSDs at 250 mm; motions: x-")
     assert result.stderr == ""
 
 
 def test_check_reports_every_file_and_exits_2_without_traceback(tmp_path, bad):
-    result = facets("config", "check", "paper", bad.name, "nowhere.yaml", "skewed", cwd=tmp_path)
+    result = command("config", "check", "paper", bad.name, "nowhere.yaml", "skewed", cwd=tmp_path)
     assert result.returncode == 2
     assert [line.split(":")[0] for line in result.stdout.splitlines()] == [
         "ok  paper",
@@ -45,18 +39,18 @@ def test_check_reports_every_file_and_exits_2_without_traceback(tmp_path, bad):
 
 
 def test_show_prints_a_configuration_that_checks_with_the_same_sum(tmp_path):
-    shown = facets("config", "show", "skewed", cwd=tmp_path)
+    shown = command("config", "show", "skewed", cwd=tmp_path)
     assert shown.returncode == 0
     (tmp_path / "again.yaml").write_text(shown.stdout, encoding="utf-8")
     sums = [
-        facets("config", "check", name, cwd=tmp_path).stdout.rpartition("sha256 ")[2]
+        command("config", "check", name, cwd=tmp_path).stdout.rpartition("sha256 ")[2]
         for name in ("skewed", "again.yaml")
     ]
     assert sums[0] == sums[1] != ""
 
 
 def test_show_of_a_wrong_file_is_a_message_and_status_2(tmp_path, bad):
-    result = facets("config", "show", bad.name, cwd=tmp_path)
+    result = command("config", "show", bad.name, cwd=tmp_path)
     assert result.returncode == 2
     assert result.stdout == ""
     assert result.stderr.startswith("error: bad.yaml:2: sensor.beam.power: ")
@@ -64,7 +58,7 @@ def test_show_of_a_wrong_file_is_a_message_and_status_2(tmp_path, bad):
 
 
 def test_schema_is_json(tmp_path):
-    printed = json.loads(facets("config", "schema", cwd=tmp_path).stdout)
+    printed = json.loads(command("config", "schema", cwd=tmp_path).stdout)
     assert set(printed["properties"]) == {
         "extends",
         "sensor",
@@ -80,7 +74,7 @@ def test_schema_is_json(tmp_path):
 
 
 def test_list_names_what_is_shipped(tmp_path):
-    lines = facets("config", "list", cwd=tmp_path).stdout.splitlines()
+    lines = command("config", "list", cwd=tmp_path).stdout.splitlines()
     assert [line.split(":")[0] for line in lines] == [
         "bench", "catalogue", "fig4", "layout", "paper", "parts",
         "rig", "singular", "skewed", "tilt-stage",

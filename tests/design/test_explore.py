@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from commands import command
 
 import facets
 from facets.characterization.ranges import axis_ranges
@@ -23,8 +24,6 @@ from facets.design.exploration import (
     looked_at,
     part_of,
 )
-
-from .test_cli_jacobian import facets as command
 
 CONFIG = facets.load("layout")
 SPACE = Space(CONFIG.sensor, CONFIG.range, CONFIG.layout, "sobol", 60, 1)

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from test_cli_simulate import run
+from commands import command
 
 import facets
 from facets.bench import rivals
@@ -15,7 +15,7 @@ from facets.bench.clock import Contender, alternate
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bench")
-    done = run("bench", "--quick", "-o", "out", folder=folder)
+    done = command("bench", "--quick", "-o", "out", cwd=folder)
     assert done.returncode == 0, done.stderr
     return folder / "out"
 

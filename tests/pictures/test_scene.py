@@ -9,14 +9,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from commands import command
+from gltf_page import page_of
+from sensors import SENSORS, states
 
 import facets
 from facets.pictures import scene
 from facets.pictures.scene import Stand
-
-from .gltf_page import page_of
-from .sensors import SENSORS, states
-from .test_cli_jacobian import facets as command
 
 TILTED = "tx_mm=0.08,ty_mm=0.05,roll_mrad=8,pitch_mrad=6,yaw_mrad=10"
 

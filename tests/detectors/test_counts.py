@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sensors import SENSORS, states
 
 import facets
 from facets.detectors.counts import (
@@ -14,8 +15,6 @@ from facets.detectors.counts import (
     readings_of,
     xy_sum_of,
 )
-
-from .sensors import SENSORS, states
 
 PAPER = SENSORS["paper"]
 NO_DARK = np.zeros(12)

@@ -2,12 +2,12 @@
 
 import pandas as pd
 import pytest
-from test_cli_simulate import run
+from commands import command
 
 
 def test_a_range_map(tmp_path):
-    done = run(
-        "range-map", "paper", "--axes", "tx,ty", "--grid", "50", "-o", "out", folder=tmp_path
+    done = command(
+        "range-map", "paper", "--axes", "tx,ty", "--grid", "50", "-o", "out", cwd=tmp_path
     )
     assert done.returncode == 0, done.stderr
     assert "too little light" in done.stdout
@@ -20,7 +20,7 @@ def test_a_range_map(tmp_path):
 
 def test_a_map_of_what_is_inside_with_the_beam_following(tmp_path):
     way = ["--tracking", "--axes", "tx,ty", "--inside", "tz", "--table", "parquet", "--plot", "svg"]
-    done = run("range-map", "paper", *way, "-o", "out", folder=tmp_path)
+    done = command("range-map", "paper", *way, "-o", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert len(pd.read_parquet(tmp_path / "out/outlines.parquet")) > 50
     assert (tmp_path / "out/range.svg").stat().st_size > 10_000
@@ -35,7 +35,7 @@ def test_a_map_of_what_is_inside_with_the_beam_following(tmp_path):
     ],
 )
 def test_wrong_arguments_are_explained(tmp_path, wrong, says):
-    done = run("range-map", "paper", *wrong, "-o", "out", folder=tmp_path)
+    done = command("range-map", "paper", *wrong, "-o", "out", cwd=tmp_path)
     assert done.returncode == 2
     assert says in done.stderr
     assert "Traceback" not in done.stderr
@@ -43,12 +43,12 @@ def test_wrong_arguments_are_explained(tmp_path, wrong, says):
 
 
 def test_a_resolution(tmp_path):
-    done = run("resolution", "paper", "-o", "out", folder=tmp_path)
+    done = command("resolution", "paper", "-o", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     table = pd.read_csv(tmp_path / "out/resolution.csv", comment="#")
     assert len(table) == 4 * 6
     shares = [name for name in table if name.startswith("share_of_")]
     assert table[shares].sum(axis=1).to_numpy() == pytest.approx(1)
-    again = run("resolution", "paper", "-o", "out", folder=tmp_path)
+    again = command("resolution", "paper", "-o", "out", cwd=tmp_path)
     assert again.returncode == 2
     assert "--force" in again.stderr

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from facets.experiments.neglected import closed, diffracted
+from sensors import SENSORS, states
 
 import facets
 from facets.core.errors import InputError
@@ -14,8 +15,6 @@ from facets.core.sensor import Apertures, Imperfections
 from facets.model.arrays import geometry_of, half_sizes
 from facets.simulation import imperfect_optics
 from facets.simulation.imperfect_optics import reflectances, seen, traced
-
-from .sensors import SENSORS, states
 
 PAPER = facets.Sensor()
 AWAY = np.array([0.06, -0.04, 0.3, 3e-3, -2e-3, 5e-3, 0, 0])

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sensors import SENSORS
 
 import facets
 from facets.live.pi import Pi, PiController
@@ -14,8 +15,6 @@ from facets.live.tracker import Spiral, Target, Tracker
 from facets.live.zaber import Zaber, ZaberDevice
 from facets.tracking.control import Law
 from facets.tracking.stage import StageError, StageModel
-
-from .sensors import SENSORS
 
 STAGE = replace(facets.load("bench").stage, zero=(0.5, 0.0))
 

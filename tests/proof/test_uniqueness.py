@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from facets.experiments.check_certificate import check
 from flint import arb
+from sensors import SENSORS
 
 import facets
 from facets.characterization.state_box import Domain, domain_of, range_domain
@@ -24,8 +25,6 @@ from facets.proof.uniqueness import (
     slope_of_powers,
 )
 from facets.scalars.intervals import between, ends, monotone, positive, square
-
-from .sensors import SENSORS
 
 SMALL = domain_of("tx_mm=2,ty_mm=2,tz_mm=2,roll_mrad=4,pitch_mrad=4,yaw_mrad=6")
 SHARE = 0.2

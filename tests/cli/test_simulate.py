@@ -1,22 +1,13 @@
 """`facets simulate` and `facets solve`, as a user runs them."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from commands import command
 
 import facets
-
-COMMAND = [sys.executable, "-c", "from facets.cli import main; main()"]
-
-
-def run(*words: str, folder: Path) -> subprocess.CompletedProcess:
-    return subprocess.run(
-        [*COMMAND, *words], cwd=folder, capture_output=True, text=True, timeout=300, check=False
-    )
 
 
 def poses(path: Path) -> pd.DataFrame:
@@ -27,7 +18,7 @@ def poses(path: Path) -> pd.DataFrame:
 def folder(tmp_path_factory) -> Path:
     """Where the paper's sensor was simulated."""
     folder = tmp_path_factory.mktemp("bench")
-    done = run("simulate", "paper", "--motion", "yaw-sweep", folder=folder)
+    done = command("simulate", "paper", "--motion", "yaw-sweep", cwd=folder)
     assert done.returncode == 0, done.stderr
     assert "401 converged" in done.stdout
     return folder
@@ -48,7 +39,7 @@ def test_simulate_writes_readings_poses_picture_and_record(folder):
 
 def test_its_readings_solve_to_its_poses(folder):
     readings = folder / "results" / "paper" / "readings.csv"
-    done = run("solve", "paper", str(readings), "-o", "again.csv", folder=folder)
+    done = command("solve", "paper", str(readings), "-o", "again.csv", cwd=folder)
     assert done.returncode == 0, done.stderr
     assert "401 of 401 rows solved" in done.stdout
     first, again = poses(readings.with_name("poses.csv")), poses(folder / "again.csv")
@@ -59,7 +50,7 @@ def test_its_readings_solve_to_its_poses(folder):
 
 def test_old_results_are_kept(folder):
     before = (folder / "results" / "paper" / "poses.csv").read_text()
-    done = run("simulate", "paper", folder=folder)
+    done = command("simulate", "paper", cwd=folder)
     assert done.returncode == 2
     assert "exists already; --force replaces it" in done.stderr
     assert "Traceback" not in done.stderr
@@ -68,13 +59,13 @@ def test_old_results_are_kept(folder):
 
 def test_parquet_and_svg_and_no_noise(tmp_path):
     words = ("simulate", "paper", "--motion", "x-steps", "-o", "r", "--no-noise", "--seed", "7")
-    done = run(*words, "--table", "parquet", "--plot", "svg", folder=tmp_path)
+    done = command(*words, "--table", "parquet", "--plot", "svg", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     table = pd.read_parquet(tmp_path / "r" / "poses.parquet")
     assert np.abs(table.tx_mm - table.true_tx_mm).max() < 1e-10
     assert "<svg" in (tmp_path / "r" / "motion.svg").read_text()[:1000]
     again = ("solve", "paper", "r/readings.parquet", "-o", "p.parquet", "--beam", "known")
-    assert run(*again, folder=tmp_path).returncode == 0
+    assert command(*again, cwd=tmp_path).returncode == 0
     known = pd.read_parquet(tmp_path / "p.parquet")
     assert (known.u_bx_mm == 0).all()
     assert (known.u_tx_mm < table.u_tx_mm / 5).all()
@@ -92,7 +83,7 @@ def write_readings(path: Path) -> None:
 
 def test_bad_rows_are_counted_and_keep_their_place(tmp_path):
     write_readings(tmp_path / "readings.csv")
-    done = run("solve", "paper", "readings.csv", "-o", "poses.csv", folder=tmp_path)
+    done = command("solve", "paper", "readings.csv", "-o", "poses.csv", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "2 of 5 rows solved" in done.stdout
     assert "not numbers in line 3, 6" in done.stdout
@@ -106,7 +97,7 @@ def test_bad_rows_are_counted_and_keep_their_place(tmp_path):
 def test_a_known_beam_saves_a_row_without_a_detector(tmp_path):
     write_readings(tmp_path / "readings.csv")
     words = ("solve", "paper", "readings.csv", "-o", "poses.csv", "--beam", "known")
-    assert "3 of 5 rows solved" in run(*words, folder=tmp_path).stdout
+    assert "3 of 5 rows solved" in command(*words, cwd=tmp_path).stdout
 
 
 @pytest.mark.parametrize(
@@ -142,7 +133,7 @@ def test_bad_input_gets_a_message_and_leaves_nothing(tmp_path, words, message):
     (tmp_path / "names.csv").write_text("psi,zeta\n1,2\n")
     (tmp_path / "empty.csv").write_text(",".join(facets.core.names.READING_COLUMNS) + "\n")
     before = sorted(file.name for file in tmp_path.iterdir())
-    done = run(*words, folder=tmp_path)
+    done = command(*words, cwd=tmp_path)
     assert done.returncode == 2
     assert message in done.stderr
     assert "Traceback" not in done.stderr

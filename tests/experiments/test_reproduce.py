@@ -7,10 +7,9 @@ import shutil
 
 import numpy as np
 import pytest
+from commands import command
 from facets.experiments import reproduce as study
 from facets.experiments.paper.experiment import EXPERIMENTS, experiment
-
-from .test_cli_jacobian import facets as command
 
 
 @pytest.fixture(scope="module")
