@@ -140,6 +140,8 @@ def acquire(keys: dict[str, Any]) -> Acquire:
         content=keys["content"],
         dark=keys["dark_counts"],
         delay=keys["delay_ms"] / 1000,
+        wait=keys["wait_seconds"],
+        sync=keys["sync_seconds"],
     )
 
 

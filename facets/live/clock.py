@@ -87,14 +87,16 @@ class Sequence:
     ) -> tuple[Samples, NDArray[np.int64], NDArray[np.int64]]:
         """One by one, where a counter does not simply go on. gap: since the last samples, us."""
         keep = np.zeros(len(samples), dtype=bool)
-        seqs, times = [], []
+        seqs: list[int] = []
+        times: list[int] = []
+        pairs = zip(samples.seq.tolist(), samples.time.tolist(), strict=True)
         raw_seq, raw_time, seq, time = self.raw_seq, self.raw_time, self.seq, self.time
         known = {
             int(number): (int(at), counts.tobytes())
             for part in self.recent
             for number, at, counts in zip(part.seq, part.time, part.counts, strict=True)
         }
-        for n, (number, at) in enumerate(zip(samples.seq.tolist(), samples.time.tolist(), strict=True)):
+        for n, (number, at) in enumerate(pairs):
             step, passed = (number - raw_seq) % WRAP, (at - raw_time) % WRAP
             frame = (at, samples.counts[n].tobytes())
             if self.is_again(step, passed, known.get(number), frame):

@@ -64,6 +64,16 @@ class Tracker(threading.Thread):
         self.error: StageError | None = None
         self.moves = 0
 
+    def __enter__(self) -> Tracker:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        try:
+            self.finish()
+        finally:
+            self.stage.close()
+
     def run(self) -> None:
         period = 1 / self.settings.rate
         due = time.monotonic()
