@@ -20,7 +20,7 @@ import facets
 from facets.detectors.counts import counts_of
 from facets.files.provenance import run_record
 from facets.live.acquire import Ending, Live, Reader, acquire
-from facets.live.frames import SIZE, Samples, packed
+from facets.live.frames import SIZE, Samples, pack
 from facets.live.pipeline import Pipeline
 from facets.live.recording import Recording, recorded_poses
 from facets.live.replay import recorded_config, replayed
@@ -36,7 +36,7 @@ def stream(count: int) -> bytes:
     counts = counts_of(config.sensor, config.electronics, facets.readings(config.sensor, state))
     number = np.arange(count, dtype=np.uint32)
     kind = np.ones(count, np.uint8)
-    return packed(Samples(kind, 0 * kind, number, 100 * number, counts))
+    return pack(Samples(kind, 0 * kind, number, 100 * number, counts))
 
 
 class Source:

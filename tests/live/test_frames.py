@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from facets.live.clock import Drift, Sequence
-from facets.live.frames import ELECTRODES, SIZE, XY_SUM, Samples, encoded, packed, parser
+from facets.live.frames import ELECTRODES, SIZE, XY_SUM, Samples, encode, pack, parser
 
 FORMS = ("frames", "cobs", "text")
 
@@ -43,7 +43,7 @@ def same(one: Samples, other: Samples) -> bool:
 @given(cuts=st.lists(st.integers(0, 3000), max_size=12), count=st.integers(0, 30))
 def test_any_pieces_give_the_same(form, cuts, count):
     sent = samples(count)
-    data = encoded(form, sent)
+    data = encode(form, sent)
     ends = sorted({0, len(data), *(cut for cut in cuts if cut < len(data))})
     found, reader = parsed(form, [data[a:b] for a, b in pairwise(ends)] or [b""])
     assert same(found, sent)
@@ -54,7 +54,7 @@ def test_any_pieces_give_the_same(form, cuts, count):
 @given(data=st.data())
 def test_noise_costs_the_frames_it_hits_and_no_other(form, data):
     sent = samples(20)
-    raw = bytearray(encoded(form, sent))
+    raw = bytearray(encode(form, sent))
     size = len(raw) // 20
     hit = data.draw(st.integers(1, 18))
     place = hit * size + data.draw(st.integers(0, size - 2))
@@ -76,14 +76,14 @@ def test_noise_costs_the_frames_it_hits_and_no_other(form, data):
 def test_a_stream_is_found_in_rubbish(form):
     rng = np.random.default_rng(4)
     rubbish = rng.integers(0, 256, 5000).astype(np.uint8).tobytes() + b"\0"
-    found, reader = parsed(form, [rubbish + encoded(form, samples(10)) + b"\xa5\x5a" + rubbish])
+    found, reader = parsed(form, [rubbish + encode(form, samples(10)) + b"\xa5\x5a" + rubbish])
     assert set(range(10)) <= set(found.seq.tolist())
     assert len(found) == 10
     assert reader.skipped > 4000
 
 
 def test_a_frame_is_64_bytes_as_documented():
-    raw = packed(samples(1, first=7))
+    raw = pack(samples(1, first=7))
     assert len(raw) == SIZE == 64
     assert raw[:3] == b"\xa5\x5a\x01"
     assert raw[4:8] == (7).to_bytes(4, "little")
