@@ -46,7 +46,9 @@ def emulate(
     settings = load(config)
     bench = Bench(settings, motion, rate, Faults.of(faults), seed, folder)
     warm_up(bench)
-    typer.echo(f"board: {bench.board.link}   stage: {bench.stage.link} ({settings.stage.driver})")
+    typer.echo(
+        f"board: {bench.board.port.link}   stage: {bench.stage.link} ({settings.stage.driver})"
+    )
     typer.echo("running; ^C ends it")
     bench.run(seconds or float("inf"))
     typer.echo(json.dumps(bench.count.__dict__))

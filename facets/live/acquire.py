@@ -15,12 +15,13 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..estimation.solver import Status
+from ..tracking.tracker import Tracker
 from .pipeline import Pipeline, Poses
 from .ports import Port, PortError, SerialPort, open_port
 from .recording import Block, DiskError, Recording
-from .tracker import Target, Tracker
 
 if TYPE_CHECKING:
     from ..core.errors import FacetsError
@@ -161,7 +162,7 @@ def acquire(
     live.begin = time.monotonic()
     reader.start()
     if tracker:
-        tracker.start()
+        tracker.__enter__()
     try:
         while not finished(live, ending):
             try:
@@ -176,20 +177,16 @@ def acquire(
             live.backlog = reader.queue.qsize()
             told_backlog(live, recording)
             show(live)
-            if tracker and tracker.error:
-                raise tracker.error
     except KeyboardInterrupt:
         live.note = "interrupted"
     finally:
         if tracker:
-            tracker.finish()
+            tracker.close()
         reader.ending.set()
         reader.join(timeout=2.0)
         with suppress(Empty):  # what came, but was not solved yet
             while recording is not None:
                 step(live, reader.queue.get_nowait(), recording)
-        if tracker:
-            tracker.stage.close()
         if recording:
             recording.close()
     if reader.error:
@@ -213,17 +210,15 @@ def step(live: Live, block: Block, recording: Recording | None) -> None:
     if recording:
         recording.poses(poses)
     if live.tracker:
-        live.tracker.target = target_of(poses)
+        live.tracker.feed(poses.host, poses.readings[:, 2::3], apexes(poses))
     if live.note.startswith("bytes come"):
         live.note = ""
 
 
-def target_of(poses: Poses) -> Target:
-    """The newest sample, for the stage."""
-    last = len(poses) - 1
-    good = poses.solution.status[last] == Status.CONVERGED
-    apex = poses.solution.state[last, :2].copy() if good else None
-    return Target(float(poses.host[last]), poses.readings[last, 2::3].copy(), apex)
+def apexes(poses: Poses) -> NDArray[np.float64]:
+    """Where the apex was found (n, 2), mm; NaN where it was not."""
+    good = poses.solution.status == Status.CONVERGED
+    return np.where(good[:, None], poses.solution.state[:, :2], np.nan)
 
 
 def check_silence(live: Live) -> None:

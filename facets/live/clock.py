@@ -94,7 +94,9 @@ class Sequence:
             for part in self.recent
             for number, at, counts in zip(part.seq, part.time, part.counts, strict=True)
         }
-        for n, (number, at) in enumerate(zip(samples.seq.tolist(), samples.time.tolist(), strict=True)):
+        for n, (number, at) in enumerate(
+            zip(samples.seq.tolist(), samples.time.tolist(), strict=True)
+        ):
             step, passed = (number - raw_seq) % WRAP, (at - raw_time) % WRAP
             frame = (at, samples.counts[n].tobytes())
             if self.is_again(step, passed, known.get(number), frame):

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from ..config.loading import measured
 from ..core.errors import FacetsError, InputError
 from ..core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..tracking.encoder import Encoder
 from .pipeline import Poses
-from .tracker import Encoder
 
 if TYPE_CHECKING:
     pass
