@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from facets.config import Config
     from facets.live.acquire import Live
     from facets.live.recording import Recording
-    from facets.live.tracker import Tracker
+    from facets.tracking.tracker import Tracker
 
 
 def acquire(
@@ -140,7 +140,7 @@ def abandon(live: Live, recording: Recording | None) -> None:
         if recording is not None:
             closing.callback(recording.discard)
         if live.tracker is not None:
-            closing.callback(live.tracker.stage.close)
+            closing.callback(live.tracker.close)
 
 
 def required(value: str | None, option: str, key: str) -> str:
@@ -172,11 +172,9 @@ def tracker_of(
     import numpy as np
 
     from facets.characterization.ranges import axis_ranges
-    from facets.live.pi import Pi
-    from facets.live.ports import opened
-    from facets.live.tracker import Tracker
-    from facets.live.zaber import Zaber
+    from facets.live.ports import open_line
     from facets.tracking.control import Law, margin_of, pull_of
+    from facets.tracking.tracker import Tracker
 
     stage = settings.stage
     name = required(port or stage.port, "--stage-port", "stage.port")
@@ -191,10 +189,9 @@ def tracker_of(
             f"stage.gain is {stage.gain}: with a delay of {1e3 * margin.delay:.3g} ms at "
             f"{stage.rate:g} Hz the loop is unstable; allowed: below {margin.most:.3g}"
         )
-    line = opened(name, stage.baud, 0.5)
-    driver = Zaber(line, stage) if stage.driver == "zaber" else Pi(line, stage)
+    port_ = open_line(name, stage.baud, 0.02)
     say = recording.event if recording else lambda *_, **__: None
-    return Tracker(driver, stage, Law.of(settings.sensor, stage), say, search)
+    return Tracker(port_, stage, Law.of(settings.sensor, stage), say, search)
 
 
 def display(

@@ -13,8 +13,9 @@ from ..characterization.resolution import Estimator, uncertainties
 from ..config import load
 from ..core.names import FINE_UNITS
 from ..design.exploration import MEASURES, NO_RIVALS, Space, designs, front, looked_at, part_of
-from ..design.optimization import optimize, states_of
+from ..design.search import optimize
 from ..design.variables import sensor_of
+from ..design.volume import states_of
 from ..model.arrays import half_sizes, margins, readings
 
 Row = dict[str, Any]

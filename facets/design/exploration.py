@@ -34,8 +34,8 @@ from ..core.sensor import Sensor
 from ..files.tables import write_table
 from ..model.arrays import margins, readings
 from ..model.threads import cores
-from .optimization import states_of
 from .variables import sensor_of
+from .volume import states_of
 
 if TYPE_CHECKING:
     from ..core.settings import Layout

@@ -19,13 +19,14 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.errors import FacetsError
 from ..estimation.solver import Status
+from ..tracking.tracker import Tracker
 from .pipeline import BATCH, Batch, Pipeline, Poses
 from .ports import Port, PortError, SerialPort, await_port, open_port
 from .recording import Block, Recording
-from .tracker import Target, Tracker
 
 if TYPE_CHECKING:
     from ..core.settings import Config
@@ -82,8 +83,7 @@ class Live:
     @property
     def stage_error(self) -> str:
         """What went wrong with the stage, which then stands still; or nothing."""
-        error = self.tracker.error if self.tracker else None
-        return "" if error is None else str(error)
+        return self.tracker.error if self.tracker else ""
 
     def ninety_nine(self) -> float:
         """The 99th percentile of the latency, s."""
@@ -103,6 +103,8 @@ class Live:
             )
         if self.stage_error:
             found.append(f"the stage is stopped, the recording goes on: {self.stage_error}")
+        elif self.tracker and self.tracker.note:
+            found.append(self.tracker.note)
         return found
 
 
@@ -305,7 +307,7 @@ class Loop:
             if len(live.latency) > 20_000:
                 del live.latency[:10_000]
             if live.tracker:
-                live.tracker.target = target_of(poses)
+                live.tracker.feed(poses.host, poses.readings[:, 2::3], apexes_of(poses))
         else:
             live.late += len(poses)
         self.record(poses)
@@ -385,12 +387,10 @@ def acquire(
         raise reader.error
 
 
-def target_of(poses: Poses) -> Target:
-    """The newest sample, for the stage."""
-    last = len(poses) - 1
-    good = poses.solution.status[last] == Status.CONVERGED
-    apex = poses.solution.state[last, :2].copy() if good else None
-    return Target(float(poses.host[last]), poses.readings[last, 2::3].copy(), apex)
+def apexes_of(poses: Poses) -> NDArray[np.float64]:
+    """Where the apex was found (n, 2), mm; NaN where it was not."""
+    good = poses.solution.status == Status.CONVERGED
+    return np.where(good[:, None], poses.solution.state[:, :2], np.nan)
 
 
 def check_silence(live: Live) -> None:

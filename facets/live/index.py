@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .tracker import Encoder
+from ..tracking.encoder import Encoder
 
 OLD = np.dtype(
     [

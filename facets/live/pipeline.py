@@ -21,9 +21,9 @@ from ..detectors.correction import corrected
 from ..detectors.counts import SATURATED, UNEQUAL, readings_of
 from ..estimation.solver import Prior, Solution, Status, solve
 from ..estimation.table import power_known
+from ..tracking.encoder import REACH, Encoder
 from .clock import Drift, Sequence
 from .frames import OVERRUN, XY_SUM, Samples, parser
-from .tracker import REACH, Encoder
 
 if TYPE_CHECKING:
     from ..core.settings import Config

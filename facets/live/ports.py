@@ -114,10 +114,6 @@ def open_line(name: str, baud: int, timeout: float) -> Any:
         raise kind(f"{name}: can not be opened: {reason}") from None
 
 
-#: The name by which the stage's side knows it.
-opened = open_line
-
-
 def advice(reason: str) -> str:
     """What to do about an error of the system."""
     text = reason.lower()

@@ -25,12 +25,12 @@ import numpy as np
 
 from ..config.loading import measured
 from ..core.errors import FacetsError, InputError
+from ..tracking.encoder import Encoder
 from . import pose_table
 from .disk import Disk
 from .index import Block, Damage, make_row, read_rows, unpack_encoder
 from .pipeline import Poses
 from .pose_table import join_columns, pose_columns, recorded_poses
-from .tracker import Encoder
 
 __all__ = [
     "Block",

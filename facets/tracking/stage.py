@@ -1,9 +1,8 @@
-"""The stage that carries the beam: what every one can do, and a model of how one moves."""
+"""The stage that carries the beam: its errors, and a model of how one moves."""
 
 from __future__ import annotations
 
 from collections import deque
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,25 +17,11 @@ class StageError(FacetsError):
     """The stage refused a command, does not answer, or says what can not be understood."""
 
 
-class Stage(Protocol):
-    """A two-axis stage; places are of the beam in the world frame, mm."""
-
-    def place(self) -> Floats:
-        """Where the encoders say the beam is: (2,)."""
-
-    def move(self, place: Floats) -> None:
-        """Starts towards a place (2,); does not wait."""
-
-    def stop(self) -> None:
-        """Stands still as soon as it can."""
-
-    def close(self) -> None: ...
-
-
 class StageModel:
     """Two axes that follow commands: latency, then a first-order lag within speed and acceleration.
 
-    place, speed: (2,) mm, mm/s, at the time of the last `advance`.
+    place, speed: (2,) mm, mm/s, at the time of the last `advance`.  max_speed, acceleration: of
+    each axis; they begin as the settings say, and its controller may change them.
     """
 
     #: No longer step of the model, s.
@@ -49,7 +34,8 @@ class StageModel:
         self.target = self.place.copy()
         self.now = 0.0
         self.waiting: deque[tuple[float, Floats]] = deque()
-        self.jammed = False
+        self.max_speed, self.acceleration = settings.max_speed, settings.acceleration
+        self.jammed = self.braking = False
 
     def command(self, place: Floats) -> None:
         """A move that begins after the latency."""
@@ -58,12 +44,14 @@ class StageModel:
     @property
     def settled(self) -> bool:
         """Whether it stands where it was last told to go, to 0.1 um."""
-        return not self.waiting and bool(np.abs(self.target - self.place).max() < 1e-4)
+        there = bool(np.abs(self.target - self.place).max() < 1e-4)
+        return not self.waiting and not self.braking and there
 
     def halt(self) -> None:
+        """Forgets where it was to go, and brakes."""
         self.waiting.clear()
         self.target = self.place.copy()
-        self.speed[:] = 0.0
+        self.braking = True
 
     def advance(self, now: float) -> None:
         """To the time `now`, s."""
@@ -72,13 +60,21 @@ class StageModel:
             self.now += step
             while self.waiting and self.waiting[0][0] <= self.now:
                 self.target = self.waiting.popleft()[1]
+                self.braking = False
             if not self.jammed:
                 self.follow(step)
 
     def follow(self, step: float) -> None:
-        s = self.settings
-        wanted = (self.target - self.place) / max(s.lag, step)
-        wanted = np.clip(wanted, -s.max_speed, s.max_speed)
-        change = np.clip(wanted - self.speed, -s.acceleration * step, s.acceleration * step)
-        self.speed += change
+        """One step, s, towards the target, or to a stand."""
+        if self.braking:
+            wanted = np.zeros(2)
+        else:
+            off = self.target - self.place
+            # no faster than it can brake from: else it would pass its target
+            most = np.minimum(self.max_speed, np.sqrt(2 * self.acceleration * np.abs(off)))
+            wanted = np.clip(off / max(self.settings.lag, step), -most, most)
+        most = self.acceleration * step
+        self.speed += np.clip(wanted - self.speed, -most, most)
         self.place += self.speed * step
+        if self.braking and not self.speed.any():
+            self.target, self.braking = self.place.copy(), False

@@ -20,7 +20,7 @@ from facets.live.pipeline import Pipeline
 from facets.live.pose_table import join_columns, pose_columns, recorded_poses
 from facets.live.recording import Recording, meta_of
 from facets.live.replay import replay
-from facets.live.tracker import Encoder
+from facets.tracking.encoder import Encoder
 
 BLOCKS, EACH, CUTS = 40, 12, 60
 CONFIG = facets.load("bench")

@@ -21,8 +21,6 @@ from facets.live.pipeline import Pipeline
 from facets.live.pose_table import recorded_poses
 from facets.live.recording import DiskError, Recording, blocks
 from facets.live.replay import replay
-from facets.live.tracker import Target
-from facets.tracking.stage import StageError
 
 CONFIG = facets.load("bench")
 META = "config: bench\nresolved: {}\n"
@@ -192,9 +190,14 @@ class Stage:
 
     encoder = None
 
-    def __init__(self, error=None, at_exit=None):
-        self.error, self.at_exit, self.target, self.ended = error, at_exit, Target(), False
-        self.stopped, self.moves = "error", 0
+    note = ""
+
+    def __init__(self, error="", at_exit=None):
+        self.error, self.at_exit, self.ended = error, at_exit, False
+
+    def feed(self, times, powers, apexes):
+        assert powers.shape == (len(times), 3)
+        assert apexes.shape == (len(times), 2)
 
     def __enter__(self):
         return self
@@ -255,7 +258,7 @@ def acquire_quietly(live, reader, recording, show):
 
 
 def test_a_stage_error_stops_the_stage_and_not_the_record(tmp_path):
-    tracker = Stage(error=StageError("the stage does not answer"))
+    tracker = Stage(error="the stage does not answer")
     live, recording, reader = begin(tmp_path / "r", tmp_path, tracker)
     said = []
     acquire(live, reader, recording, Ending(), lambda now: said.append(now.messages()))

@@ -33,7 +33,8 @@ BUFFER = 1 << 16
 @dataclass
 class Count:
     """What the bench did. made: samples; sent: whole or spoilt; dropped: never sent.
-    spoilt: sent with a flipped, lost or doubled byte.  restarts: of the board."""
+    spoilt: sent with a flipped, lost or doubled byte.  restarts: of the board.
+    slipped: s, for which the bench's time stood still, since its machine was busy."""
 
     made: int = 0
     sent: int = 0
@@ -41,6 +42,7 @@ class Count:
     spoilt: int = 0
     moves: int = 0
     restarts: int = 0
+    slipped: float = 0.0
 
 
 class Board:
