@@ -128,8 +128,8 @@ def simulate(
     """Moves the mirror as a configuration says, reads it, and solves the readings.
 
     config: from `facets.load`.  motions: names of its motions, one after the other; all by default.
-    noise: whether readings are noisy, and seed: of their noise; the configuration's by default. Each
-    motion draws from a stream of its own, so that leaving one out does not change the others.
+    noise: whether readings are noisy, and seed: of their noise; the configuration's by default.
+    Each motion draws from a stream of its own, so that leaving one out changes no other.
     track: whether the beam follows the mirror, carried by the configuration's stage.
 
     Returns a `Segment` a motion: times, true states, readings, and the solution. A sample that
