@@ -12,6 +12,7 @@ import io
 import shutil
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 import typer
@@ -37,8 +38,6 @@ def message(error: FacetsError) -> str:
 
 def load_config(name: str) -> Config:
     """A configuration; says which one it is where a shipped name could also mean a file here."""
-    from pathlib import Path
-
     from facets import load
     from facets.config import shipped
 
@@ -49,6 +48,17 @@ def load_config(name: str) -> Config:
             err=True,
         )
     return load(name)
+
+
+def name_files(folder: Path, files: Sequence[Path]) -> None:
+    """The last line of a command: what it wrote, and where."""
+    typer.echo(f"{folder}/: {', '.join(file.name for file in files if file.exists())}")
+
+
+def leave_out_picture(path: Path, why: str) -> None:
+    """Says that there is nothing to draw; an older picture of something else does not stay."""
+    path.unlink(missing_ok=True)
+    typer.echo(f"no picture: {why}")
 
 
 def show_table(
@@ -77,8 +87,8 @@ def stacked(headings: Sequence[str], row: Sequence[str]) -> list[str]:
     """A row below its first cell; a heading without text belongs to the cell before it."""
     lines = [f" {row[0]}"]
     for heading, cell in zip(headings[1:], row[1:], strict=True):
-        if heading:
-            lines.append(f"   {heading}: {cell}".rstrip())
+        if heading and cell:
+            lines.append(f"   {heading}: {cell}")
         elif cell:
             lines[-1] += f" {cell}"
     return lines

@@ -8,6 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .console import load_config
+from .options import ConfigName
+from .places import state_of
+
 if TYPE_CHECKING:
     from facets.config import Config
 
@@ -19,7 +23,7 @@ class View(StrEnum):
 
 
 def render(
-    config: Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")],
+    config: ConfigName,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -50,11 +54,10 @@ def render(
 
     All bodies are made of the model's own rays. Without a display it renders off-screen.
     """
-    from facets import load
     from facets.core.errors import InputError
     from facets.files import tables
 
-    settings = load(config)
+    settings = load_config(config)
     flat = spots or plan
     film = motion is not None or recording is not None
     if (spots and plan) or (flat and film) or (motion and recording):
@@ -89,17 +92,6 @@ def check_ending(path: Path, flat: bool, film: bool) -> None:
     if path.suffix.lower() not in allowed:
         kind = "2D" if flat else "a film" if film else "3D"
         raise InputError(f"{path}: its name must end in {', '.join(allowed)} for {kind}")
-
-
-def state_of(text: str | None) -> Any:
-    """'tz_mm=1,yaw_mrad=2' as a state (8,), mm and rad."""
-    import numpy as np
-
-    from facets.core.names import STATE_COLUMNS
-
-    from .range_map import numbers_at
-
-    return np.array(numbers_at(text, STATE_COLUMNS))
 
 
 def draw(settings: Config, state: Any, view: Any, size: tuple[int, int], path: Path | None) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
@@ -60,6 +61,11 @@ def nearest_folder(path: Path) -> Path:
                     raise OSError(errno.ENAMETOOLONG, os.strerror(errno.ENAMETOOLONG))
             return above
     return Path()
+
+
+def free_space(path: Path) -> int:
+    """Bytes that are free on the disk that a file of that name would stand on."""
+    return shutil.disk_usage(nearest_folder(path)).free
 
 
 def cannot_write(path: Path, error: OSError) -> OutputError:
