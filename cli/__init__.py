@@ -39,6 +39,9 @@ from .resolution import resolution
 from .simulate import simulate
 from .solve import solve
 
+#: Options as older versions spelt them, and as they are spelt.
+OLDER_NAMES = {"tracking": "track"}
+
 app = typer.Typer(
     name="facets",
     help="Three-facet-mirror 6-DOF sensor: a YAML configuration to readings, poses and errors.",
@@ -51,8 +54,6 @@ app = typer.Typer(
         "token_normalize_func": lambda name: OLDER_NAMES.get(name, name),
     },
 )
-#: Options as older versions spelt them, and as they are spelt.
-OLDER_NAMES = {"tracking": "track"}
 
 
 def _version(wanted: bool) -> None:

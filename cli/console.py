@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 DONE, FINDING, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 #: What stands for a character that an output's encoding lacks.
-PLAIN = {"µ": "u", "±": "+-", "²": "^2", "·": "*", "×": "x", "−": "-", "…": "...", "’": "'"}
+PLAIN = {"µ": "u", "±": "+-", "²": "^2", "·": "*", "\u00d7": "x", "\u2212": "-", "…": "..."}
 #: The name of ASCII with those; another name, since typer takes "ascii" for a mistake.
 PLAIN_ASCII = "facets-ascii"
 
@@ -124,7 +124,7 @@ def guard(stream: Any) -> tuple[Any, Stream | None]:
     """The stream with `Stream` below it; as it is where it is no file of the system's."""
     try:
         stream.flush()
-        low = Stream(open(stream.fileno(), "wb", buffering=0, closefd=False))  # noqa: PTH123, SIM115
+        low = Stream(open(stream.fileno(), "wb", buffering=0, closefd=False))  # noqa: SIM115
     except (OSError, ValueError, AttributeError):
         return stream, None
     known = is_ascii(stream.encoding)

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from facets.characterization.state_box import Domain
     from facets.config import Config
     from facets.core.units import Floats
-    from facets.proof.light_sharing import Piece
-    from facets.proof.uniqueness import Certificate
+    from facets.proof.uniqueness import Certificate, Piece
 
 
 BOX = (
@@ -67,7 +66,9 @@ class Asked:
 
     def files(self, certify: bool) -> list[Path]:
         files = [self.picture, self.density, self.record]
-        return files + [self.table] * bool(self.table) + [self.certificate] * certify  # type: ignore[list-item]
+        if self.table is not None:
+            files.append(self.table)
+        return [*files, self.certificate] if certify else files
 
 
 def jacobian(
@@ -148,9 +149,8 @@ def refuse_too_many(asked: Asked) -> None:
     about = f"about {duration(seconds)} on one core and {memory / 1e6:.0f} MB of memory"
     about += f", and {size / 1e9:.3g} GB as a table" * (asked.table is not None)
     if asked.states > MOST_STATES:
-        raise InputError(
-            f"--states is {asked.states:,}; allowed: up to {MOST_STATES:,}; these would take {about}"
-        )
+        asks = f"--states is {asked.states:,}; allowed: up to {MOST_STATES:,}"
+        raise InputError(f"{asks}; these would take {about}")
     if asked.table and size > free_space(asked.table):
         raise InputError(f"{asked.table}: the disk has no place for it: {about}")
     if seconds > LONG:

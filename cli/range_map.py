@@ -76,7 +76,11 @@ def range_map(
     pairs = [pair_of(text) for text in axes] if axes else list(combinations(POSE_NAMES, 2))
     pose = pose_of(at)
     folder = output_folder(output, settings.name, "range")
-    files = [folder / f"outlines.{table.value}", folder / f"range.{plot.value}", folder / "run.yaml"]
+    files = [
+        folder / f"outlines.{table.value}",
+        folder / f"range.{plot.value}",
+        folder / "run.yaml",
+    ]
     tables.refuse_to_overwrite(files, force)
     report_axes(settings, rules, pose)
     boundaries = trace_all(settings, rules, pairs, pose)

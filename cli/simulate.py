@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .console import FINDING, load_config, name_files, show_table
-from .options import ConfigName, Force, Plot, PlotKind, Table, TableKind, folder_option, output_folder
+from .options import (
+    ConfigName,
+    Force,
+    Plot,
+    PlotKind,
+    Table,
+    TableKind,
+    folder_option,
+    output_folder,
+)
 
 if TYPE_CHECKING:
     from facets.config import Config
@@ -83,7 +92,12 @@ def files_of(folder: Path, table: TableKind, plot: PlotKind) -> Files:
 
 
 def write(
-    settings: Config, segments: list[Segment], files: Files, seed: int, reference: bool, start: float
+    settings: Config,
+    segments: list[Segment],
+    files: Files,
+    seed: int,
+    reference: bool,
+    start: float,
 ) -> None:
     """The results as files; the record last, since it tells how long it took."""
     from facets.files import provenance, tables

@@ -204,10 +204,11 @@ def remedy(sensor: Sensor, rules: Rules, start: Floats, cause: int) -> str:
     if cause == LIGHT:
         powers = np.nan_to_num(readings(sensor, states_of(start[None], rules))[0, 2::3])
         weakest = int(powers.argmin())
+        least = 1e3 * rules.snr * power_floor(sensor)
         return (
             f"detector {'ABC'[weakest]} gets {1e3 * powers[weakest]:.3g} µW, and range.snr "
-            f"{rules.snr:g} asks for {1e3 * rules.snr * power_floor(sensor):.3g} µW; choose a place "
-            "nearer to the beam's centre, more laser power, or a lower range.snr"
+            f"{rules.snr:g} asks for {least:.3g} µW; choose a place nearer "
+            "to the beam's centre, more laser power, or a lower range.snr"
         )
     if cause == PSD:
         return "choose a place nearer to rest, or larger detectors (sensor.psd.size_mm)"

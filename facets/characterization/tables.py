@@ -42,7 +42,9 @@ def resolution_columns(found: Sequence[Resolution]) -> dict[str, Any]:
 def resolution_row(row: Resolution, i: int) -> dict[str, Any]:
     unit = unit_of(POSE[i])
     worst_at = row.worst_state[i] / STATE_UNITS
-    shares = {f"share_of_{s.replace(' ', '_')}": row.shares[i, n] for n, s in enumerate(row.sources)}
+    shares = {
+        f"share_of_{s.replace(' ', '_')}": row.shares[i, n] for n, s in enumerate(row.sources)
+    }
     return {
         "estimator": ascii_unit(row.how.name),
         "axis": POSE[i],

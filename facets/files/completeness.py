@@ -1,4 +1,4 @@
-"""Whether a file is whole, by its own format: some libraries write on a full disk without a word."""
+"""Whether a file is whole, by its own format: some libraries do not notice a full disk."""
 
 from __future__ import annotations
 

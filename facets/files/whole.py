@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, and places for them that are asked before the work."""
+"""Files written whole or not at all, and places for them that are asked for before the work."""
 
 from __future__ import annotations
 
