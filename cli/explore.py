@@ -27,25 +27,32 @@ class Draw(StrEnum):
     grid = "grid"
 
 
+Objectives = Annotated[
+    list[str] | None, typer.Option(help=f"May be given again.  [default: {', '.join(GOALS)}]")
+]
+Every = Annotated[
+    bool, typer.Option("--every", help="Look also at designs that cannot be on the front.")
+]
+Required = Annotated[
+    bool, typer.Option("--required", help="Only what keeps all that `optimize` asks for.")
+]
+Scheduler = Annotated[
+    str | None, typer.Option(help="Address of a Dask cluster, else all cores here.")
+]
+Anew = Annotated[bool, typer.Option("--force", help="Begin anew in an old folder.")]
+
+
 def explore(
     config: ConfigName,
     output: Annotated[Path | None, folder_option("results/CONFIG-explore")] = None,
     designs: Annotated[int, typer.Option(min=2, max=10**9, help="How many, at least.")] = 1000,
     sampling: Annotated[Draw, typer.Option(help="How they are drawn.")] = Draw.sobol,
     seed: Annotated[int, typer.Option(min=0, help="Of the draw.")] = 1,
-    objective: Annotated[
-        list[str] | None, typer.Option(help=f"May be given again.  [default: {', '.join(GOALS)}]")
-    ] = None,
-    every: Annotated[
-        bool, typer.Option("--every", help="Look also at designs that cannot be on the front.")
-    ] = False,
-    required: Annotated[
-        bool, typer.Option("--required", help="Only what keeps all that `optimize` asks for.")
-    ] = False,
-    scheduler: Annotated[
-        str | None, typer.Option(help="Address of a Dask cluster, else all cores here.")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Begin anew in an old folder.")] = False,
+    objective: Objectives = None,
+    every: Every = False,
+    required: Required = False,
+    scheduler: Scheduler = None,
+    force: Anew = False,
     table: Annotated[TableKind, typer.Option(help="Kind of the designs.")] = TableKind.parquet,
     plot: Plot = PlotKind.png,
 ) -> None:
@@ -56,31 +63,36 @@ def explore(
     asked for its ranges, which take most of the time. Exit status 1 where no design has them all.
     """
     from facets.design import exploration
-    from facets.files import provenance, tables
+    from facets.files import provenance
 
     settings = load_config(config)
-    goals = objective or list(GOALS)
-    exploration.require_measures(goals)
+    exploration.require_measures(goals := objective or list(GOALS))
     space = exploration.Space(
         settings.sensor, settings.range, settings.layout, sampling.value, designs, seed,
         tuple(goals), every, required,
     )  # fmt: skip
     folder = output_folder(output, settings.name, "explore")
-    files = [
-        folder / f"designs.{table.value}",
-        folder / "front.csv",
-        folder / f"front.{plot.value}",
-    ]
-    tables.refuse_to_overwrite(files, force=True)  # what a run that goes on has written
+    files = [folder / n for n in (f"designs.{table.value}", "front.csv", f"front.{plot.value}")]
     about = provenance.about(settings, seed)
-    exploration.require_variables(space)
-    exploration.prepare(folder, space, about, force)
+    begin(space, folder, files, about, force)
     start = time.perf_counter()
     with_progress(lambda tell: exploration.explore(space, folder, about, scheduler, tell))
     best = write(space, folder, files, about, time.perf_counter() - start)
     name_files(folder, files)
     if not best.any():
         raise typer.Exit(FINDING)
+
+
+def begin(
+    space: Space, folder: Path, files: list[Path], about: dict[str, str], force: bool
+) -> None:
+    """Refuses what can not be searched or written, before the folder is made."""
+    from facets.design.exploration import prepare, require_variables
+    from facets.files import tables
+
+    tables.refuse_to_overwrite(files, force=True)  # a run that goes on has written them before
+    require_variables(space)
+    prepare(folder, space, about, force)
 
 
 def write(

@@ -30,6 +30,11 @@ BOX = (
 )
 
 
+Search = Annotated[
+    bool, typer.Option("--search/--no-search", help="Look for the worst state, besides.")
+]
+
+
 class Sampling(StrEnum):
     sobol = "sobol"
     uniform = "uniform"
@@ -80,9 +85,7 @@ def jacobian(
     seed: Annotated[int, typer.Option(min=0, help="Of the draw and of the search.")] = 1,
     box: Annotated[str | None, typer.Option(help=BOX)] = None,
     left_out: Annotated[str, typer.Option(help="The reading the determinant lacks.")] = "power_c",
-    search: Annotated[
-        bool, typer.Option("--search/--no-search", help="Look for the worst state, besides.")
-    ] = True,
+    search: Search = True,
     certify: Annotated[bool, typer.Option("--certify", help="Prove it for the whole box.")] = False,
     reach: Annotated[bool, typer.Option("--reach", help="And for how much larger a box.")] = False,
     limit: Annotated[float, typer.Option(min=1, help="Seconds for a proof.")] = 300.0,

@@ -51,8 +51,7 @@ def optimize(
         raise typer.Exit(FINDING)
     better = write_config(settings, found, path)
     table = write_comparison(settings, better, csv, picture)
-    show_result(settings, better, found)
-    show_comparison(table)
+    show_result(settings, better, found, table)
     show_reasons(settings, found)
     typer.echo(f"{path}, {csv.name}, {picture.name}")
 
@@ -116,7 +115,7 @@ def refuse(found: Optimum) -> None:
         typer.echo(f"  {group}: would have to give way by {100 * gap:.3g} % of its limit")
 
 
-def show_result(settings: Config, better: Config, found: Optimum) -> None:
+def show_result(settings: Config, better: Config, found: Optimum, table: dict[str, Any]) -> None:
     from facets.design.report import in_words
     from facets.design.variables import present_values
 
@@ -129,6 +128,7 @@ def show_result(settings: Config, better: Config, found: Optimum) -> None:
     now, then = present_values(settings.sensor), present_values(better.sensor)
     for name in found.names:
         typer.echo(f"  {name:<16} {now[name]:10.4g} -> {then[name]:.6g}")
+    show_comparison(table)
 
 
 def show_comparison(table: dict[str, Any]) -> None:

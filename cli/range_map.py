@@ -43,20 +43,25 @@ class Inside(StrEnum):
     yaw = "yaw"
 
 
+Axes = Annotated[
+    list[str] | None,
+    typer.Option(help="Pair of axes, as tx,ty; may be given again.  [default: all 15]"),
+]
+Within = Annotated[
+    Inside | None, typer.Option(help="Map this inside: an axis's uncertainty, or condition.")
+]
+Grid = Annotated[
+    int, typer.Option(min=0, max=3000, help="Check against a grid of so many points a side.")
+]
+
+
 def range_map(
     config: ConfigName,
-    axes: Annotated[
-        list[str] | None,
-        typer.Option(help="Pair of axes, as tx,ty; may be given again.  [default: all 15]"),
-    ] = None,
+    axes: Axes = None,
     track: Track = False,
     at: At = None,
-    inside: Annotated[
-        Inside | None, typer.Option(help="Map this inside: an axis's uncertainty, or condition.")
-    ] = None,
-    grid: Annotated[
-        int, typer.Option(min=0, max=3000, help="Check against a grid of so many points a side.")
-    ] = 0,
+    inside: Within = None,
+    grid: Grid = 0,
     output: Annotated[Path | None, folder_option("results/CONFIG-range")] = None,
     force: Force = False,
     table: Table = TableKind.csv,
@@ -76,11 +81,7 @@ def range_map(
     pairs = [pair_of(text) for text in axes] if axes else list(combinations(POSE_NAMES, 2))
     pose = pose_of(at)
     folder = output_folder(output, settings.name, "range")
-    files = [
-        folder / f"outlines.{table.value}",
-        folder / f"range.{plot.value}",
-        folder / "run.yaml",
-    ]
+    files = [folder / n for n in (f"outlines.{table.value}", f"range.{plot.value}", "run.yaml")]
     tables.refuse_to_overwrite(files, force)
     report_axes(settings, rules, pose)
     boundaries = trace_all(settings, rules, pairs, pose)

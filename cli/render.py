@@ -22,25 +22,28 @@ class View(StrEnum):
     mirror = "mirror"
 
 
+Output = Annotated[
+    Path | None,
+    typer.Option(
+        "-o",
+        "--output",
+        help="png; gltf or html, to be turned; mp4 or gif with --motion or --recording; "
+        "svg or pdf with --spots or --plan.  [default: results/CONFIG-WHAT.png]",
+    ),
+]
+State = Annotated[
+    str | None, typer.Option(help="The state: tx_mm=0.1,yaw_mrad=5; the rest is zero.")
+]
+Spots = Annotated[bool, typer.Option("--spots", help="The detectors' faces, as Fig. 2.")]
+
+
 def render(
     config: ConfigName,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            help="png; gltf or html, to be turned; mp4 or gif with --motion or --recording; "
-            "svg or pdf with --spots or --plan.  [default: results/CONFIG-WHAT.png]",
-        ),
-    ] = None,
+    output: Output = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an older file.")] = False,
-    at: Annotated[
-        str | None, typer.Option(help="The state: tx_mm=0.1,yaw_mrad=5; the rest is zero.")
-    ] = None,
+    at: State = None,
     view: Annotated[View, typer.Option(help="The rig, the mirror large, or both.")] = View.both,
-    spots: Annotated[
-        bool, typer.Option("--spots", help="The detectors' faces, as Fig. 2.")
-    ] = False,
+    spots: Spots = False,
     plan: Annotated[bool, typer.Option("--plan", help="From above, as Fig. 3.")] = False,
     motion: Annotated[str | None, typer.Option(help="A film of this motion.")] = None,
     recording: Annotated[Path | None, typer.Option(help="A film of a recording's poses.")] = None,
@@ -58,8 +61,7 @@ def render(
     from facets.files import tables
 
     settings = load_config(config)
-    flat = spots or plan
-    film = motion is not None or recording is not None
+    flat, film = spots or plan, motion is not None or recording is not None
     if (spots and plan) or (flat and film) or (motion and recording):
         raise InputError("give one of --spots, --plan, --motion, --recording")
     path = output or Path("results") / f"{settings.name}-{name_of(spots, plan, film)}"

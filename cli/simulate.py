@@ -14,16 +14,29 @@ from .options import (
     ConfigName,
     Force,
     Plot,
-    PlotKind,
     Table,
     TableKind,
     folder_option,
     output_folder,
 )
+from .options import PlotKind as PlotKind
 
 if TYPE_CHECKING:
     from facets.config import Config
     from facets.simulation.run import Segment
+
+
+Motions = Annotated[
+    list[str] | None, typer.Option(help="Run this motion only; may be given again.")
+]
+Seed = Annotated[int | None, typer.Option(min=0, help="Of the noise.  [default: the config's]")]
+Noise = Annotated[bool | None, typer.Option("--noise/--no-noise", help="[default: the config's]")]
+Follow = Annotated[
+    bool, typer.Option("--track", help="The config's stage carries the beam after the mirror.")
+]
+Reference = Annotated[
+    bool, typer.Option("--reference", help="Beside the readings, what a reference says.")
+]
 
 
 @dataclass(frozen=True)
@@ -45,21 +58,11 @@ def simulate(
     config: ConfigName,
     output: Annotated[Path | None, folder_option("results/CONFIG")] = None,
     force: Force = False,
-    motion: Annotated[
-        list[str] | None, typer.Option(help="Run this motion only; may be given again.")
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option(min=0, help="Of the noise.  [default: the config's]")
-    ] = None,
-    noise: Annotated[
-        bool | None, typer.Option("--noise/--no-noise", help="[default: the config's]")
-    ] = None,
-    track: Annotated[
-        bool, typer.Option("--track", help="The config's stage carries the beam after the mirror.")
-    ] = False,
-    reference: Annotated[
-        bool, typer.Option("--reference", help="Beside the readings, what a reference says.")
-    ] = False,
+    motion: Motions = None,
+    seed: Seed = None,
+    noise: Noise = None,
+    track: Follow = False,
+    reference: Reference = False,
     table: Table = TableKind.csv,
     plot: Plot = PlotKind.png,
 ) -> None:
