@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.settings import Stage as Settings
-from .encoder import REACH, Encoder
+from .encoder import Encoder
 from .limits import Limits
 from .line import Line
 from .pi import Pi
@@ -30,6 +30,8 @@ Floats = NDArray[np.float64]
 
 #: A loop that has not come round for so long is stalled, s, or for so many of its periods.
 STALL, PERIODS = 0.1, 5
+#: A place of the stage that is older than this is none to set out from, s.
+PLACE = 0.03
 #: A sample's time may lie so far ahead of the clock, s.
 AHEAD = 2e-3
 #: A stage may stand so far outside its soft limits, and jump so far more than its speed, mm.
@@ -44,12 +46,13 @@ def stopping_time(settings: Settings) -> float:
     """How long after the last good sample a stage can move at most, s, whatever happens.
 
     A command comes no later than `stale` after its sample. Its move begins after the latency, has
-    `reach` to go at the largest speed, and ends by the stage's lag and acceleration.
+    `reach` to go at the largest speed, from where the stage was up to PLACE ago, and ends by the
+    stage's lag and acceleration.
     """
     s = settings
     reach = Limits.of(s).reach
     settling = s.lag * math.log(max(reach / REST, 1.0)) + 2 * s.max_speed / s.acceleration
-    return s.stale + s.latency + reach / s.max_speed + settling
+    return s.stale + s.latency + PLACE + reach / s.max_speed + settling
 
 
 class Envelope:
@@ -116,7 +119,7 @@ class Envelope:
         at = self.encoder
         if self.failed or self.stalled or at is None or not np.isfinite(wanted).all():
             return None
-        if not -AHEAD <= now - sampled <= self.settings.stale or now - at.time > REACH:
+        if not -AHEAD <= now - sampled <= self.settings.stale or now - at.time > PLACE:
             return None
         narrow = limits or self.limits
         held = self.limits.hold(narrow.hold(wanted, at.place), at.place)
