@@ -10,7 +10,7 @@ import typer
 from facets import __version__
 from facets.core.errors import FacetsError
 
-from . import config
+from . import config, signals
 from .acquire import acquire
 from .bench import bench
 from .calibrate import calibrate
@@ -54,15 +54,21 @@ def _root(
 
 
 def main() -> None:
-    """Entry point: an expected error becomes a message on stderr and exit status 2."""
-    try:
-        app()
-    except FacetsError as error:
-        print(message(error), file=sys.stderr)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        sys.exit(130)
+    """Entry point: an expected error becomes a message on stderr and exit status 2.
+
+    A signal ends every command as ^C does, with 128 and its number as exit status.
+    """
+    with signals.interrupting():
+        try:
+            app()
+        except FacetsError as error:
+            print(message(error), file=sys.stderr)
+            sys.exit(2)
+        except KeyboardInterrupt:
+            print("interrupted", file=sys.stderr)
+            sys.exit(signals.status())
+        except SystemExit as ending:
+            sys.exit(signals.status_of(ending.code))
 
 
 app.command()(simulate)

@@ -42,7 +42,7 @@ def stream(count: int) -> bytes:
 class Source:
     """Gives the stream block by block, and says how far it got."""
 
-    ended = False
+    ended = waits = False
 
     def __init__(self, data: bytes, given: Any) -> None:
         self.data, self.given = data, given

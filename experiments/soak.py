@@ -38,8 +38,7 @@ def soak(folder: Path, seconds: float, rate: float, faults: str = FAULTS) -> dic
     config = facets.load("bench")
     facets.readings(config.sensor, np.zeros(8))  # compiled before both need it
     live = Live(Pipeline(config))
-    live.pipeline.solved(np.full((2, 9), 0.1), np.zeros(2), None)
-    live.pipeline.state = np.zeros(8)
+    live.pipeline.warm_up()
     context = multiprocessing.get_context("fork")
     other = context.Process(target=bench, args=(folder, rate, faults, seconds + 3))
     other.start()

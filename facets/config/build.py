@@ -7,9 +7,9 @@ from math import inf, radians
 from pathlib import Path
 from typing import Any
 
-from ..core.names import FINE_UNITS
+from ..core.names import DETECTORS, FINE_UNITS
 from ..core.rules import Rules
-from ..core.sensor import DETECTORS, Apertures, Electronics, Imperfections, Noise, Sensor
+from ..core.sensor import Apertures, Electronics, Imperfections, Noise, Sensor
 from ..core.settings import (
     Acquire,
     Calibrate,
@@ -74,6 +74,7 @@ def sensor(keys: dict[str, Any]) -> Sensor:
         apertures=_apertures(keys["apertures"]),
         electronics=electronics(keys["electronics"]) if noise["model"] == "electronics" else None,
         imperfections=imperfections(keys["imperfections"]),
+        light=geometry.light(keys["light"]),
         calibration=None
         if keys["calibration"]["file"] is None
         else covariance.read(Path(keys["calibration"]["file"])),
@@ -140,6 +141,8 @@ def acquire(keys: dict[str, Any]) -> Acquire:
         content=keys["content"],
         dark=keys["dark_counts"],
         delay=keys["delay_ms"] / 1000,
+        wait=keys["wait_seconds"],
+        sync=keys["sync_seconds"],
     )
 
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.names import FINE_UNITS
-from ..core.sensor import DETECTORS, Sensor
+from ..core.names import DETECTORS, FINE_UNITS
+from ..core.sensor import Sensor
 from ..model.arrays import parameters, sensor_with
 from ..optics.forward import geometry, placed
 from ..optics.gradient import linearised

@@ -87,25 +87,28 @@ class Sequence:
     ) -> tuple[Samples, NDArray[np.int64], NDArray[np.int64]]:
         """One by one, where a counter does not simply go on. gap: since the last samples, us."""
         keep = np.zeros(len(samples), dtype=bool)
-        seqs, times = [], []
+        seqs: list[int] = []
+        times: list[int] = []
+        oldest = int(self.recent[0].seq[0]) if self.recent else self.raw_seq
+        pairs = zip(samples.seq.tolist(), samples.time.tolist(), strict=True)
         raw_seq, raw_time, seq, time = self.raw_seq, self.raw_time, self.seq, self.time
         known = {
             int(number): (int(at), counts.tobytes())
             for part in self.recent
             for number, at, counts in zip(part.seq, part.time, part.counts, strict=True)
         }
-        for n, (number, at) in enumerate(
-            zip(samples.seq.tolist(), samples.time.tolist(), strict=True)
-        ):
+        for n, (number, at) in enumerate(pairs):
             step, passed = (number - raw_seq) % WRAP, (at - raw_time) % WRAP
             frame = (at, samples.counts[n].tobytes())
-            if self.is_again(step, passed, known.get(number), frame):
+            reach = (raw_seq - oldest) % WRAP
+            if self.is_again(step, passed, reach, known.get(number), frame):
                 self.doubled += 1
                 continue
             whole = self.time_passed(step, passed, gap, first=not seqs)
             if whole is None:
                 self.restarts += 1
                 known.clear()
+                oldest = number
                 waited = gap if isfinite(gap) and not seqs else 0.0
                 step, whole = 1, int(max(waited, self.period, 1.0))
             self.lost += step - 1
@@ -118,15 +121,24 @@ class Sequence:
         return kept, np.array(seqs, dtype=np.int64), np.array(times, dtype=np.int64)
 
     def is_again(
-        self, step: int, passed: int, known: tuple[int, bytes] | None, frame: tuple[int, bytes]
+        self,
+        step: int,
+        passed: int,
+        reach: int,
+        known: tuple[int, bytes] | None,
+        frame: tuple[int, bytes],
     ) -> bool:
-        """Whether a sample has come before, or comes after its turn."""
+        """Whether a sample has come before, or comes after its turn.
+
+        step, passed: of the raw counters, modulo 2^32.  reach: how far back samples are remembered.
+        known: time and light of the one with the same number.  frame: of this one.
+        """
         if 0 < step < WRAP - self.LATE:
             return False
         if known is not None:
             return known == frame  # a board that counts anew has the number, not the light
         back, earlier = (-step) % WRAP, (-passed) % WRAP
-        return self.period > 0 and back > 0 and self.agrees(earlier, back)
+        return self.period > 0 and 0 < back <= reach and self.agrees(earlier, back)
 
     def agrees(self, passed: float, steps: int) -> bool:
         """Whether so much time, us, is about so many samples."""
