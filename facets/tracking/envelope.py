@@ -166,32 +166,35 @@ class Envelope:
                 self._tell("stage error", reason=reason)
                 self._stop_by_every_means()
 
-    def close(self, reason: str = "end") -> None:
-        """Stops the stage for good, and closes its port. Never raises."""
+    def close(self, reason: str = "end") -> bool:
+        """Stops the stage for good, and closes its port. Never raises. False: nobody knows whether
+        it stopped, since it did not answer."""
         with self.ending:
-            if not self.failed:
-                self.failed = True
-                self._tell("stop", reason=reason)
-                self._stop_by_every_means()
+            if self.failed:
+                return True
+            self.failed = True
+            self._tell("stop", reason=reason)
+            return self._stop_by_every_means()
 
     def cry(self) -> None:
         """Stops at once, without a word from the stage; from any thread. Never raises."""
         with suppress(Exception):
             self._driver.cry()
 
-    def _stop_by_every_means(self) -> None:
-        """The command, answered; else again, unanswered; the port closed. Never raises."""
-        self.failed = True
+    def _stop_by_every_means(self) -> bool:
+        """The command, until it is answered; then closes the port. Never raises. False: no answer."""
+        self.failed, answered = True, False
         for _ in range(STOPS):
             try:
                 self._driver.cry()
                 self._driver.stop(patience=WAIT)
-                self.moving = False
+                self.moving, answered = False, True
                 break
             except Exception as error:
                 self._tell("stop not answered", reason=str(error) or type(error).__name__)
         with suppress(Exception):
             self._line.close()
+        return answered
 
     def _tell(self, name: str, **more: Any) -> None:
         """An event, for whoever keeps it; one that can not be kept must not keep a stop back."""

@@ -101,7 +101,8 @@ class Tracker:
         if loop.is_alive() and loop is not threading.current_thread():
             self.envelope.cry()  # the loop may be waiting for the stage's word
             loop.join(timeout=PATIENCE + 1)
-        self.envelope.close()
+        if not self.envelope.close() and not self.error:
+            self.error = "the stage did not answer when it was to stop at the end"
 
     def feed(self, times: Floats, powers: Floats, apexes: Floats) -> None:
         """Takes samples: host times (n,) s, powers (n, 3) mW, apexes (n, 2) mm or NaN."""
