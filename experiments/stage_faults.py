@@ -279,7 +279,7 @@ class World:
         if self.is_on("dark"):
             powers, apex = np.zeros(3), np.full(2, np.nan)
         if self.is_on("one dark"):
-            powers = powers * [1, 1, 0]
+            powers = np.where([True, True, False], powers, 0.0)
         searching = self.tracker.search is not None
         needs = searching or (
             (powers > 0).all()

@@ -30,6 +30,8 @@ Floats = NDArray[np.float64]
 
 #: A loop that has not come round for so long is stalled, s, or for so many of its periods.
 STALL, PERIODS = 0.1, 5
+#: How often a stalled loop's stage is told to stop, s.
+AGAIN = 0.1
 #: A place of the stage that is older than this is none to set out from, s.
 PLACE = 0.03
 #: A sample's time may lie so far ahead of the clock, s.
@@ -72,6 +74,7 @@ class Envelope:
         self._driver: Zaber | Pi = made(self._line, settings)
         self.failed = self.moving = self.stalled = False
         self.beat = clock()
+        self.cried = -math.inf
         self.sent: tuple[float, Floats] | None = None
         self.encoder: Encoder | None = None
         self.ending = threading.Lock()
@@ -113,11 +116,13 @@ class Envelope:
         """Sends the stage towards a place (2,), as far as is allowed; returns where to, or None.
 
         sampled: when the sample was taken from which that place was found, on the clock, s.
-        limits: narrower ones.  None: nothing was sent, since something is not fresh or no number.
+        limits: narrower ones.  None: nothing was sent, since something is not fresh.
         """
         self.beat = now = self.clock()
         at = self.encoder
-        if self.failed or self.stalled or at is None or not np.isfinite(wanted).all():
+        if not np.isfinite(wanted).all():
+            raise StageError("the stage was to be sent to a place that is no number")
+        if self.failed or self.stalled or at is None:
             return None
         if not -AHEAD <= now - sampled <= self.settings.stale or now - at.time > PLACE:
             return None
@@ -141,7 +146,7 @@ class Envelope:
 
     def halt(self, reason: str) -> None:
         """Stops the stage, and waits for its word."""
-        self._tell("stop", reason=reason)
+        self.tell("stop", reason=reason)
         self.sent = None
         self._driver.stop()
         self.moving = self.stalled = False
@@ -152,9 +157,12 @@ class Envelope:
         patience = max(STALL, PERIODS / self.settings.rate)
         if self.failed or not self.moving or self.clock() - self.beat < patience:
             return
+        if self.clock() - self.cried < AGAIN:
+            return
+        self.cried = self.clock()
         if not self.stalled:
             self.stalled = True
-            self._tell("stop", reason="the loop has stalled")
+            self.tell("stop", reason="the loop has stalled")
         with suppress(Exception):  # what is wrong with the line, the loop will meet, too
             self._driver.cry()
 
@@ -163,7 +171,7 @@ class Envelope:
         with self.ending:
             if not self.failed:
                 self.failed = True
-                self._tell("stage error", reason=reason)
+                self.tell("stage error", reason=reason)
                 self._stop_by_every_means()
 
     def close(self, reason: str = "end") -> bool:
@@ -173,7 +181,7 @@ class Envelope:
             if self.failed:
                 return True
             self.failed = True
-            self._tell("stop", reason=reason)
+            self.tell("stop", reason=reason)
             return self._stop_by_every_means()
 
     def cry(self) -> None:
@@ -191,12 +199,12 @@ class Envelope:
                 self.moving, answered = False, True
                 break
             except Exception as error:
-                self._tell("stop not answered", reason=str(error) or type(error).__name__)
+                self.tell("stop not answered", reason=str(error) or type(error).__name__)
         with suppress(Exception):
             self._line.close()
         return answered
 
-    def _tell(self, name: str, **more: Any) -> None:
+    def tell(self, name: str, **more: Any) -> None:
         """An event, for whoever keeps it; one that can not be kept must not keep a stop back."""
         with suppress(Exception):
             self.say(name, **more)
