@@ -198,8 +198,9 @@ class Tracker:
     def pause(self, reason: str, newest: Sample, place: Floats, now: float) -> None:
         """Stands still, or looks for the mirror where that was asked for."""
         fresh = now - newest.time <= self.settings.stale and newest.doubt != "no fresh sample"
+        fresh = fresh and bool(np.isfinite(newest.powers).all())
         looks = self.search is not None and self.moves > 0 and fresh and not self.search.outcome
-        if not self.stopped or (self.searching and not looks) or self.envelope.stalled:
+        if not self.stopped or (self.envelope.moving and not looks) or self.envelope.stalled:
             self.envelope.halt(reason)
             self.law.forget()
         self.stopped = reason
