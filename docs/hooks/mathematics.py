@@ -16,6 +16,18 @@ DISPLAY = re.compile(r"\$\$(.+?)\$\$", re.DOTALL)
 INLINE = re.compile(r"(?<![\\$\w])\$(?=\S)([^$\n]+?)(?<=\S)\$(?![\w$])")
 TAG = re.compile(r"\\tag\{([^}]*)\}")
 VARIANT = re.compile(r'<mi mathvariant="(bold|bold-italic)">(\w)</mi>')
+#: What browsers set too wide or too high, and how it is set well: a prime, an operator's name, a
+#: slash, a bar, and a minus sign that is a sign and no difference.
+BETTER = [
+    (re.compile(r"<msup>(<m[io][^>]*>[^<]*</m[io]>)<mi>&#x02032;</mi></msup>"),
+     r'<mrow>\1<mo lspace="0" rspace="0">&#x02032;</mo></mrow>'),
+    (re.compile(r"<mo>([a-z]{2,})</mo>"), r'<mo lspace="0.167em" rspace="0">\1</mo>'),
+    (re.compile(r"<mo>&#x0002F;</mo>"), '<mo lspace="0" rspace="0">&#x0002F;</mo>'),
+    (re.compile(r'<mo stretchy="false">&#x0007C;</mo>'),
+     '<mo stretchy="false" lspace="0" rspace="0">&#x0007C;</mo>'),
+    (re.compile(r'((?:&#x00028;|&#x0003D;|&#x0002C;)</mo>)<mo>&#x02212;</mo>'),
+     r'\1<mo form="prefix" rspace="0">&#x02212;</mo>'),
+]  # fmt: skip
 WORD = "FORMULA{}ENDS"
 
 _formulas: list[str] = []
@@ -62,6 +74,8 @@ def mathml(latex: str, kind: str) -> str:
     found: str = convert(latex, display=kind)
     if "\\" in found or re.search(r"<mi>&(amp;)?</mi>", found):
         raise ValueError(f"a command in this formula is not known: {latex}")
+    for pattern, better in BETTER:
+        found = pattern.sub(better, found)
     return VARIANT.sub(upright_bold, found)
 
 

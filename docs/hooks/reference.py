@@ -64,7 +64,7 @@ def command_names() -> list[str]:
     from facets.cli import app
 
     names = []
-    for name, command in typer.main.get_command(app).commands.items():  # type: ignore[attr-defined]
+    for name, command in typer.main.get_command(app).commands.items():
         names += [f"{name} {inner}" for inner in getattr(command, "commands", {})] or [name]
     return names
 
@@ -78,13 +78,10 @@ def configurations() -> str:
 def opening(name: str) -> str:
     """The first sentence of a shipped configuration's comment."""
     path = load(name).path
-    lines = []
-    for line in path.read_text("utf-8").splitlines():
-        if not line.startswith("#"):
-            break
-        lines.append(line.removeprefix("#").strip())
-    words = " ".join(lines)
-    return re.split(r"(?<=[a-z0-9])[.:] ", words + " ")[0].rstrip(". ") + "."
+    head = re.match(r"(?:# .*\n)*", path.read_text("utf-8"))
+    lines = head[0].splitlines() if head else []
+    words = " ".join(line[2:] for line in lines if not line.startswith("#   "))
+    return re.split(r"(?<=[^A-Z.][.?]) (?=[A-Z])", words)[0]
 
 
 def all_keys() -> str:
@@ -114,6 +111,8 @@ def sections(path: tuple[str, ...], block: dict[str, Any]) -> Iterator[str]:
             yield from motions()
         elif inner.get("properties"):
             yield from sections((*path, key), inner)
+        elif is_block(inner):  # blocks with names of one's own
+            yield from sections((*path, key, "NAME"), entry((*path, key, "NAME")) or {})
 
 
 def is_single(path: tuple[str, ...], key: str) -> bool:
@@ -142,11 +141,21 @@ def row(path: tuple[str, ...], kind: str = "") -> str:
     found = entry(path, plain) or {}
     key, meaning = path[-1], escaped(found.get("description", ""))
     if is_block(found):
-        return f"| `{key}` | {meaning} | a block | |"
+        return f"| `{key}` | {meaning} | {block_link(path, found, kind)} | |"
     default = f"`{scalar(found['default'])}`" if "default" in found else ""
     if found.get("default", 0) is None:
         default = "none"
     return f"| `{key}` | {meaning} | {escaped(allowed(path, plain))} | {default} |"
+
+
+def block_link(path: tuple[str, ...], found: dict[str, Any], kind: str) -> str:
+    """Where the keys of a block are told."""
+    if kind:
+        return "a place"
+    if is_single(path[:-1], path[-1]):
+        return "the keys above, and `azimuth_deg`"
+    named = not found.get("properties") and path != ("motions",)
+    return f"[{'named blocks' if named else 'a block'}](#{''.join(path)}{'name' * named})"
 
 
 def is_block(found: dict[str, Any]) -> bool:
