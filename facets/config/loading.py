@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from ..core.errors import ConfigError
-from ..core.sensor import DETECTORS
+from ..core.names import DETECTORS
 from ..core.settings import Config
 from . import alignment_check, build
 from .files import find, gather

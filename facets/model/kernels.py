@@ -44,7 +44,8 @@ def triple(a: Array, i: int) -> Any:
 @compilable
 def unpack(a: Array) -> Geometry:
     halves = ((a[66], a[67]), (a[68], a[69]), (a[70], a[71]))
-    return unpack_with(a, Openings(a[61] > 0, a[62], a[63], a[64], a[65], halves))
+    found: Geometry = unpack_with(a, Openings(a[61] > 0, a[62], a[63], a[64], a[65], halves))
+    return found
 
 
 @compilable
