@@ -2,7 +2,8 @@
 
 `<!-- help: range-map -->` is replaced by what `facets range-map --help` prints,
 `<!-- keys: sensor.beam -->` by a table of the keys of that block of a configuration,
-`<!-- keys -->` by a section for every block, and `<!-- configurations -->` by the shipped ones.
+`<!-- keys -->` by a section for every block, `<!-- configurations -->` by the shipped ones, and
+`<!-- face -->` by the signatures and docstrings of all that `import facets` gives.
 """
 
 from __future__ import annotations
@@ -18,6 +19,14 @@ from facets.config.show import scalar
 HELP = re.compile(r"<!-- help: ([a-z -]+) -->")
 KEYS = re.compile(r"<!-- keys(?:: ([a-z_.]+))? -->")
 CONFIGURATIONS = "<!-- configurations -->"
+FACE = "<!-- face -->"
+#: What the names of `facets` are about, by the folder that they come from.
+SUBJECTS = {
+    "core": "The sensor and its data",
+    "config": "Configurations",
+    "model": "The model",
+    "estimation": "Solving",
+}
 COLUMNS = 88
 
 
@@ -25,7 +34,9 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
     """The page with its markers replaced."""
     text = HELP.sub(lambda found: f"```text\n{help_of(found[1])}\n```", markdown)
     text = KEYS.sub(lambda found: keys_of(found[1]) if found[1] else all_keys(), text)
-    return text.replace(CONFIGURATIONS, configurations()) if CONFIGURATIONS in text else text
+    for marker, made in ((CONFIGURATIONS, configurations), (FACE, face)):
+        text = text.replace(marker, made()) if marker in text else text
+    return text
 
 
 def command_of(name: str) -> tuple[Any, Any]:
@@ -82,6 +93,22 @@ def opening(name: str) -> str:
     lines = head[0].splitlines() if head else []
     words = " ".join(line[2:] for line in lines if not line.startswith("#   "))
     return re.split(r"(?<=[^A-Z.][.?]) (?=[A-Z])", words)[0]
+
+
+def face() -> str:
+    """The names of the package by subject; the builder fills in what the code says of each."""
+    import facets
+
+    by_folder: dict[str, list[str]] = {}
+    for name in facets.__all__:
+        home: str = facets._HOMES[name]
+        by_folder.setdefault(home.split(".")[0], []).append(f"::: facets.{home}.{name}")
+    order = [*SUBJECTS, *sorted(set(by_folder) - set(SUBJECTS))]
+    return "\n".join(
+        f"## {SUBJECTS.get(folder, folder.capitalize())}\n\n" + "\n".join(by_folder[folder]) + "\n"
+        for folder in order
+        if folder in by_folder
+    )
 
 
 def all_keys() -> str:
