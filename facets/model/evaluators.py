@@ -45,7 +45,7 @@ def put_readings(found: Any, detectors: Any) -> None:
 
 @compilable
 def put_linearised(found: Any, detectors: Any) -> None:
-    """Values in the first row of found (10, 9), then each one's derivatives but that by power."""
+    """Values in the first row of found (10, 10), then each one's derivatives but that by power."""
     for k in range(3):
         values, derivatives = detectors[k]
         for i in range(3):
@@ -80,16 +80,16 @@ def readings_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer)
 
 
 def linearised_plain(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
-    """found (10, 9): the readings at x (9,), a state and the beam's power; then their derivatives
-    by each of these."""
-    out = numba.carray(found, (10, 9))
+    """found (10, 10): the readings at x (9,), a state and the beam's power; then their derivatives
+    by each of these, a reading a row; the last column is not used."""
+    out = numba.carray(found, (10, 10))
     vectors = unpack_plain(numba.carray(packed, (PACKED,)))
     put_linearised(out, linearised_uncut(with_power(vectors, x[8]), state_at(x)))
     put_by_power(out, x[8])
 
 
 def linearised_cut(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
-    out = numba.carray(found, (10, 9))
+    out = numba.carray(found, (10, 10))
     vectors = unpack_cut(numba.carray(packed, (PACKED,)))
     outlines = numba.carray(memory, (3, MOST, COLUMNS))
     put_linearised(out, linearised_where_cut(with_power(vectors, x[8]), state_at(x), outlines))
@@ -97,7 +97,7 @@ def linearised_cut(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer)
 
 
 def linearised_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
-    out = numba.carray(found, (10, 9))
+    out = numba.carray(found, (10, 10))
     vectors = with_power(unpack(numba.carray(packed, (PACKED,))), x[8])
     detectors = bench_light.linearised(vectors, state_at(x))
     put_linearised(out, detectors)
@@ -120,24 +120,30 @@ MODELS = {
 
 
 @cache
-def compiled_model(name: str) -> Any:
-    return callback(__file__, MODELS[name], kernels)
+def address(name: str) -> int:
+    """Where the compiled function is in this process, compiled now if need be."""
+    _COMPILED[name] = callback(__file__, MODELS[name], kernels)
+    found: int = _COMPILED[name].address
+    return found
+
+
+_COMPILED: dict[str, Any] = {}
 
 
 def kind_of(sensor: Sensor) -> str:
-    """Which formulas hold for a sensor."""
-    if sensor.light.on:
-        return "light"
-    return "cut" if sensor.apertures.cut else "plain"
+    """Which formulas hold for a sensor; found once a sensor."""
+    known: str | None = sensor.__dict__.get("_kind")
+    if known is None:
+        known = "light" if sensor.light.on else "cut" if sensor.apertures.cut else "plain"
+        sensor.__dict__["_kind"] = known
+    return known
 
 
 def readings(sensor: Sensor) -> int:
     """The address of the function that computes a sensor's readings, compiled if need be."""
-    address: int = compiled_model(f"readings_{kind_of(sensor)}").address
-    return address
+    return address(f"readings_{kind_of(sensor)}")
 
 
 def linearised(sensor: Sensor) -> int:
     """The address of the function that computes readings and derivatives."""
-    address: int = compiled_model(f"linearised_{kind_of(sensor)}").address
-    return address
+    return address(f"linearised_{kind_of(sensor)}")

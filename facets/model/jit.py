@@ -114,14 +114,17 @@ BARE = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 LONG = (tail_quadrature, bench_light)
 
 
-def register(module: ModuleType) -> None:
-    """Lets Numba compile the functions of a module of text where a compiled function calls them."""
+def register(module: ModuleType, inline: bool = True) -> None:
+    """Lets Numba compile the functions of a module of text where a compiled function calls them.
+
+    inline: into their callers, as formulas need; loops do without, and compile sooner.
+    """
     for function in vars(module).values():
         if not isinstance(function, FunctionType) or function.__module__ != module.__name__:
             continue
         if function not in TWINS and function not in _REGISTERED:
             _REGISTERED.add(function)
-            register_jitable(forceinline=module not in LONG, **BARE)(function)
+            register_jitable(forceinline=inline, **BARE)(function)
 
 
 def compilable(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -155,7 +158,7 @@ _REGISTERED: set[Callable[..., Any]] = set()
 for _function, _twin in TWINS.items():
     overload(_function, jit_options=BARE)(_twin)
 for _module in TEXT:
-    register(_module)
+    register(_module, inline=_module not in LONG)
 
 
 def compiler(
@@ -167,7 +170,7 @@ def compiler(
     kernels whose functions they call.  The machine code is made anew when any of these changes.
     """
     for module in modules:
-        register(module)
+        register(module, inline=False)
     folder, passing = cache_folder(file, *(module.__file__ for module in (*modules, *calls)))
 
     def compiled(function: Callable[..., Any]) -> Callable[..., Any]:

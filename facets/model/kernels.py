@@ -109,7 +109,7 @@ def outline(packed: Array, states: Array, out: Array) -> None:
 
 @compilable
 def linearise(model: int, packed: Array, x: Array, state: Array, found: Array, memory: Array) -> bool:
-    """Fills found (10, 9) at a state (8,), as `evaluators.linearised`; whether all have light.
+    """Fills found (10, 10) at a state (8,), as `evaluators.linearised`; whether all have light.
 
     x: memory, (9,), with the beam's power last.
     """
@@ -122,7 +122,7 @@ def linearise(model: int, packed: Array, x: Array, state: Array, found: Array, m
 @compiled
 def differentiate(model: int, packed: Array, states: Array, power: float, out: Array) -> None:
     """out (n, 9, 8): the Jacobian at states (n, 8).  model: address of `evaluators.linearised`."""
-    memory, found, x = outlines(), np.empty((10, 9)), np.full(9, power)
+    memory, found, x = outlines(), np.empty((10, 10)), np.full(9, power)
     for n in range(len(states)):
         linearise(model, packed, x, states[n], found, memory)
         for row in range(9):
@@ -148,7 +148,7 @@ def determine(
     are wanted.  sigmas (n, 9): where the readings' standard deviations are not those; else empty.
     The Jacobian's rows are then in standard deviations, its columns in um and urad.
     """
-    memory, found, x = outlines(), np.empty((10, 9)), np.full(9, power)
+    memory, found, x = outlines(), np.empty((10, 10)), np.full(9, power)
     square, scaled, normal = np.empty((8, 8)), np.empty((9, 8)), np.empty((8, 8))
     for n in range(len(states)):
         lit = linearise(model, packed, x, states[n], found, memory)
@@ -162,7 +162,8 @@ def determine(
                     square[row - (row > left_out), c] = derivative
                 scaled[row, c] = derivative * (1e-6 if 3 <= c < 6 else 1e-3) / sigma
         if not lit:
-            out[n] = np.nan
+            for column in range(3):
+                out[n, column] = np.nan
             continue
         out[n, 0] = np.linalg.det(square)
         if noise[2] > 0:
