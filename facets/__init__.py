@@ -31,6 +31,7 @@ _HOMES = {
     "STATE": "core.names",
     "Sensor": "core.sensor",
     "Solution": "estimation.solver",
+    "Solver": "estimation.prepared",
     "Status": "estimation.solver",
     "footprints": "model.arrays",
     "jacobian": "model.arrays",
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
     from .core.sensor import Noise as Noise
     from .core.sensor import Psd as Psd
     from .core.sensor import Sensor as Sensor
+    from .estimation.prepared import Solver as Solver
     from .estimation.solver import Prior as Prior
     from .estimation.solver import Solution as Solution
     from .estimation.solver import Status as Status

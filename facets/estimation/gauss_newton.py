@@ -29,8 +29,10 @@ from .problem import (
     NO_LIGHT,
     NON_FINITE,
     OUT_OF_RANGE,
+    PATIENCE,
     ROWS,
     SINGULAR,
+    SLOWEST,
     SMALL,
     STALLED,
     STEPS_IN_THE_DARK,
@@ -232,7 +234,7 @@ def estimate(
     if not cost < 1e300:
         return OUT_OF_RANGE, 0, cost
     dark = is_dark(layers, limits)
-    damping = 0.0
+    damping, earlier = 0.0, cost
     for steps in range(1, problem.max_steps + 1):
         if factorise(layers, here, FACTOR, columns, damping):
             gain = solve_factored(layers, here, FACTOR, columns)
@@ -273,4 +275,8 @@ def estimate(
             damping = 10 * damping if damping > 0 else 1e-3
         if dark and problem.damped and steps >= STEPS_IN_THE_DARK:
             return STALLED, steps, cost
+        if steps % PATIENCE == 0 and problem.damped:
+            if cost > SLOWEST * earlier:
+                return STALLED, steps, cost
+            earlier = cost
     return MAX_STEPS, problem.max_steps, cost

@@ -218,6 +218,16 @@ def workspace() -> problem.Workspace:
     )
 
 
+def add_calibration(sensor: Sensor, todo: Plan, found: problem.Results) -> None:
+    """Adds to the covariances what the parameters' own, `Sensor.calibration`, is worth."""
+    if sensor.calibration is not None:
+        from .calibration_uncertainty import covariances as inherited
+
+        found.covariances[:] += inherited(
+            sensor, sensor.calibration, found.states[:, :8], found.used, todo.free, todo.weights
+        )
+
+
 def solution(found: problem.Results, shape: tuple[int, ...]) -> Solution:
     """What was found, in the leading shape of the readings."""
     return Solution(
@@ -280,23 +290,19 @@ def solve(
             problem.Readings(values[part], part_of(sigmas, part, n)),
             todo.limits,
             problem.Problem(
-                part_of(todo.means, part, n),
-                todo.weights,
-                todo.free,
-                part_of(starts, part, n),
-                warm,
-                max_steps,
-                method != "paper",
+                means=part_of(todo.means, part, n),
+                weight=todo.weights,
+                free=todo.free,
+                starts=part_of(starts, part, n),
+                previous=warm,
+                max_steps=max_steps,
+                damped=method != "paper",
             ),
             problem.Results(*(part_of(array, part, n) for array in found)),
             workspace(),
         )
 
     share(run, n, threads)
-    if covariance and sensor.calibration is not None:
-        from .calibration_uncertainty import covariances as inherited
-
-        found.covariances[:] += inherited(
-            sensor, sensor.calibration, found.states[:, :8], found.used, todo.free, todo.weights
-        )
+    if covariance:
+        add_calibration(sensor, todo, found)
     return solution(found, shape)
