@@ -1,8 +1,8 @@
 """One reading, one estimate: the damped Gauss-Newton iteration behind `facets.solve`.
 
-Text for `kernels`, which compiles it; importing it imports Numba. The unknowns are the eight components of the state and the
-beam's power; `free` lists those that are asked for. Every row is in units of its standard
-deviation, so that the sum of squares is a chi-square.
+Text for `kernels`, which compiles it; importing it imports Numba. The unknowns are the eight
+components of the state and the beam's power; `free` lists those that are asked for. Every row is in
+units of its standard deviation, so that the sum of squares is a chi-square.
 
 A step solves the normal equations J'J step = J'r by Cholesky's method, which takes a third of the
 time of orthogonal reflections and squares the condition number. Where a pivot tells that this costs

@@ -13,8 +13,8 @@ from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..detectors.noise import power_floor, standard_deviations
 from ..model.arrays import Floats, as_rows, half_sizes, packed
-from ..optics.limits import COLUMNS, MOST
 from ..model.threads import part_of, share
+from ..optics.limits import COLUMNS, MOST
 from . import problem
 
 
@@ -75,7 +75,7 @@ class Solution:
     @property
     def ok(self) -> NDArray[np.bool_]:
         """Where the estimate converged: (...)."""
-        return self.status == Status.CONVERGED
+        return np.equal(self.status, Status.CONVERGED)
 
     @property
     def uncertainty(self) -> Floats:
@@ -214,7 +214,9 @@ def empty_results(count: int, covariance: bool) -> problem.Results:
 def workspace() -> problem.Workspace:
     """Memory for the estimates of one thread."""
     return problem.Workspace(
-        np.empty((problem.LAYERS, 10, 10)), np.empty((problem.ROWS, 10)), np.empty((3, MOST, COLUMNS))
+        np.empty((problem.LAYERS, 10, 10)),
+        np.empty((problem.ROWS, 10)),
+        np.empty((3, MOST, COLUMNS)),
     )
 
 

@@ -21,7 +21,7 @@ from typing import Any
 import numba  # noqa: TID253  this module is itself imported only where compiled code is needed
 import platformdirs
 from llvmlite import ir
-from numba import types
+from numba import types  # noqa: TID253
 from numba.extending import intrinsic, overload, register_jitable  # noqa: TID253
 
 from ..optics import (

@@ -108,7 +108,9 @@ def outline(packed: Array, states: Array, out: Array) -> None:
 
 
 @compilable
-def linearise(model: int, packed: Array, x: Array, state: Array, found: Array, memory: Array) -> bool:
+def linearise(
+    model: int, packed: Array, x: Array, state: Array, found: Array, memory: Array
+) -> bool:
     """Fills found (10, 10) at a state (8,), as `evaluators.linearised`; whether all have light.
 
     x: memory, (9,), with the beam's power last.

@@ -304,8 +304,8 @@ def test_a_prepared_solver_refuses_what_it_can_not_take(arguments, reading):
         facets.Solver(SENSOR, **arguments).solve(reading)
 
 
-def test_normal_equations_and_reflections_agree():
-    """The same least squares, two ways; where the columns nearly depend, only one of them goes on."""
+def test_normal_equations_agree_with_lapack_or_refuse():
+    """The same least squares as LAPACK's; where the columns nearly depend, a refusal."""
     rng = np.random.default_rng(3)
     for count in (6, 8, 9):
         matrix, residuals = rng.normal(size=(9, count)), rng.normal(size=9)

@@ -12,7 +12,7 @@ PIECES, TERMS = 16, 11
 
 
 def second(a: mp.mpf) -> mp.mpf:
-    """I2 from the complementary error function, or from its continued fraction where that cancels."""
+    """I2 from the complementary error function, or its continued fraction where that cancels."""
     if a < 40:
         with mp.workdps(120):
             zeroth = mp.exp(a * a / 2) * mp.sqrt(mp.pi / 2) * mp.erfc(a / mp.sqrt(2))
