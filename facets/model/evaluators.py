@@ -1,7 +1,8 @@
 """The model at one state as functions that compiled loops call by their address.
 
 Each is compiled when it is first asked for, once for all loops: what cuts the light, and the light
-of a bench, cost nothing where there is none. Importing this imports Numba.
+of a bench, cost nothing where there is none. Importing this imports Numba; so it is imported only
+where compiled code is needed.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-import numba  # noqa: TID253  this module is itself imported only where compiled code is needed
+from numba import carray  # type: ignore[attr-defined]  # noqa: TID253
 
 from ..core.sensor import Sensor
 from ..optics import bench_light
@@ -64,41 +65,41 @@ def put_by_power(found: Any, power: float) -> None:
 
 def readings_plain(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
     """found (9,): the readings at the state x (8,)."""
-    vectors = unpack_plain(numba.carray(packed, (PACKED,)))
+    vectors = unpack_plain(carray(packed, (PACKED,)))
     put_readings(found, readings_uncut(vectors, state_at(x)))
 
 
 def readings_cut(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
-    vectors = unpack_cut(numba.carray(packed, (PACKED,)))
-    outlines = numba.carray(memory, (3, MOST, COLUMNS))
+    vectors = unpack_cut(carray(packed, (PACKED,)))
+    outlines = carray(memory, (3, MOST, COLUMNS))
     put_readings(found, readings_of(vectors, cut_scene(vectors, state_at(x), outlines)[0]))
 
 
 def readings_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
-    vectors = unpack(numba.carray(packed, (PACKED,)))
+    vectors = unpack(carray(packed, (PACKED,)))
     put_readings(found, bench_light.readings(vectors, state_at(x)))
 
 
 def linearised_plain(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
     """found (10, 10): the readings at x (9,), a state and the beam's power; then their derivatives
     by each of these, a reading a row; the last column is not used."""
-    out = numba.carray(found, (10, 10))
-    vectors = unpack_plain(numba.carray(packed, (PACKED,)))
+    out = carray(found, (10, 10))
+    vectors = unpack_plain(carray(packed, (PACKED,)))
     put_linearised(out, linearised_uncut(with_power(vectors, x[8]), state_at(x)))
     put_by_power(out, x[8])
 
 
 def linearised_cut(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
-    out = numba.carray(found, (10, 10))
-    vectors = unpack_cut(numba.carray(packed, (PACKED,)))
-    outlines = numba.carray(memory, (3, MOST, COLUMNS))
+    out = carray(found, (10, 10))
+    vectors = unpack_cut(carray(packed, (PACKED,)))
+    outlines = carray(memory, (3, MOST, COLUMNS))
     put_linearised(out, linearised_where_cut(with_power(vectors, x[8]), state_at(x), outlines))
     put_by_power(out, x[8])
 
 
 def linearised_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
-    out = numba.carray(found, (10, 10))
-    vectors = with_power(unpack(numba.carray(packed, (PACKED,))), x[8])
+    out = carray(found, (10, 10))
+    vectors = with_power(unpack(carray(packed, (PACKED,))), x[8])
     detectors = bench_light.linearised(vectors, state_at(x))
     put_linearised(out, detectors)
     for k in range(3):

@@ -109,7 +109,7 @@ TEXT = (
 )
 #: Text is called by compiled code alone: without the wrappers that Python or C would need, which
 #: take a quarter of the time of compiling.
-BARE = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+BARE: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 #: What is left to be called, because it is long and most poses do without.
 LONG = (tail_quadrature, bench_light)
 
@@ -212,7 +212,7 @@ def _kept(function: Callable[..., Any], folder: Path, passing: object) -> Callab
     return call
 
 
-_NUMBERS = types.CPointer(types.float64)
+_NUMBERS = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
 _FOUR_POINTERS = types.void(_NUMBERS, _NUMBERS, _NUMBERS, _NUMBERS)
 
 
@@ -230,8 +230,7 @@ def callback(file: str, function: Callable[..., Any], *modules: ModuleType) -> A
     return compiled
 
 
-@intrinsic
-def call_address(
+def _call_address(
     typing: Any, address: Any, first: Any, second: Any, third: Any, fourth: Any
 ) -> tuple[Any, Any]:
     """Calls what `callback` compiled, with the numbers of four contiguous arrays."""
@@ -247,3 +246,6 @@ def call_address(
         return context.get_dummy_value()
 
     return types.void(types.intp, *arrays), code
+
+
+call_address: Any = intrinsic(_call_address)
