@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.settings import Stage as Settings
-from .encoder import REACH, Encoder
+from .encoder import Encoder
 from .limits import Limits
 from .line import Line
 from .pi import Pi
@@ -30,6 +30,10 @@ Floats = NDArray[np.float64]
 
 #: A loop that has not come round for so long is stalled, s, or for so many of its periods.
 STALL, PERIODS = 0.1, 5
+#: How often a stalled loop's stage is told to stop, s.
+AGAIN = 0.1
+#: A place of the stage that is older than this is none to set out from, s.
+PLACE = 0.03
 #: A sample's time may lie so far ahead of the clock, s.
 AHEAD = 2e-3
 #: A stage may stand so far outside its soft limits, and jump so far more than its speed, mm.
@@ -44,12 +48,13 @@ def stopping_time(settings: Settings) -> float:
     """How long after the last good sample a stage can move at most, s, whatever happens.
 
     A command comes no later than `stale` after its sample. Its move begins after the latency, has
-    `reach` to go at the largest speed, and ends by the stage's lag and acceleration.
+    `reach` to go at the largest speed, from where the stage was up to PLACE ago, and ends by the
+    stage's lag and acceleration.
     """
     s = settings
     reach = Limits.of(s).reach
     settling = s.lag * math.log(max(reach / REST, 1.0)) + 2 * s.max_speed / s.acceleration
-    return s.stale + s.latency + reach / s.max_speed + settling
+    return s.stale + s.latency + PLACE + reach / s.max_speed + settling
 
 
 class Envelope:
@@ -69,6 +74,7 @@ class Envelope:
         self._driver: Zaber | Pi = made(self._line, settings)
         self.failed = self.moving = self.stalled = False
         self.beat = clock()
+        self.cried = -math.inf
         self.sent: tuple[float, Floats] | None = None
         self.encoder: Encoder | None = None
         self.ending = threading.Lock()
@@ -110,13 +116,15 @@ class Envelope:
         """Sends the stage towards a place (2,), as far as is allowed; returns where to, or None.
 
         sampled: when the sample was taken from which that place was found, on the clock, s.
-        limits: narrower ones.  None: nothing was sent, since something is not fresh or no number.
+        limits: narrower ones.  None: nothing was sent, since something is not fresh.
         """
         self.beat = now = self.clock()
         at = self.encoder
-        if self.failed or self.stalled or at is None or not np.isfinite(wanted).all():
+        if not np.isfinite(wanted).all():
+            raise StageError("the stage was to be sent to a place that is no number")
+        if self.failed or self.stalled or at is None:
             return None
-        if not -AHEAD <= now - sampled <= self.settings.stale or now - at.time > REACH:
+        if not -AHEAD <= now - sampled <= self.settings.stale or now - at.time > PLACE:
             return None
         narrow = limits or self.limits
         held = self.limits.hold(narrow.hold(wanted, at.place), at.place)
@@ -138,7 +146,7 @@ class Envelope:
 
     def halt(self, reason: str) -> None:
         """Stops the stage, and waits for its word."""
-        self._tell("stop", reason=reason)
+        self.tell("stop", reason=reason)
         self.sent = None
         self._driver.stop()
         self.moving = self.stalled = False
@@ -149,9 +157,12 @@ class Envelope:
         patience = max(STALL, PERIODS / self.settings.rate)
         if self.failed or not self.moving or self.clock() - self.beat < patience:
             return
+        if self.clock() - self.cried < AGAIN:
+            return
+        self.cried = self.clock()
         if not self.stalled:
             self.stalled = True
-            self._tell("stop", reason="the loop has stalled")
+            self.tell("stop", reason="the loop has stalled")
         with suppress(Exception):  # what is wrong with the line, the loop will meet, too
             self._driver.cry()
 
@@ -160,37 +171,40 @@ class Envelope:
         with self.ending:
             if not self.failed:
                 self.failed = True
-                self._tell("stage error", reason=reason)
+                self.tell("stage error", reason=reason)
                 self._stop_by_every_means()
 
-    def close(self, reason: str = "end") -> None:
-        """Stops the stage for good, and closes its port. Never raises."""
+    def close(self, reason: str = "end") -> bool:
+        """Stops the stage for good, and closes its port. Never raises. False: nobody knows whether
+        it stopped, since it did not answer."""
         with self.ending:
-            if not self.failed:
-                self.failed = True
-                self._tell("stop", reason=reason)
-                self._stop_by_every_means()
+            if self.failed:
+                return True
+            self.failed = True
+            self.tell("stop", reason=reason)
+            return self._stop_by_every_means()
 
     def cry(self) -> None:
         """Stops at once, without a word from the stage; from any thread. Never raises."""
         with suppress(Exception):
             self._driver.cry()
 
-    def _stop_by_every_means(self) -> None:
-        """The command, answered; else again, unanswered; the port closed. Never raises."""
-        self.failed = True
+    def _stop_by_every_means(self) -> bool:
+        """The command until it is answered, then the port closed. Never raises. False: no answer."""
+        self.failed, answered = True, False
         for _ in range(STOPS):
             try:
                 self._driver.cry()
                 self._driver.stop(patience=WAIT)
-                self.moving = False
+                self.moving, answered = False, True
                 break
             except Exception as error:
-                self._tell("stop not answered", reason=str(error) or type(error).__name__)
+                self.tell("stop not answered", reason=str(error) or type(error).__name__)
         with suppress(Exception):
             self._line.close()
+        return answered
 
-    def _tell(self, name: str, **more: Any) -> None:
+    def tell(self, name: str, **more: Any) -> None:
         """An event, for whoever keeps it; one that can not be kept must not keep a stop back."""
         with suppress(Exception):
             self.say(name, **more)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,20 +62,23 @@ class StageModel:
             while self.waiting and self.waiting[0][0] <= self.now:
                 self.target = self.waiting.popleft()[1]
                 self.braking = False
-            if not self.jammed:
+            if self.jammed:
+                self.speed[:] = 0.0
+            else:
                 self.follow(step)
 
     def follow(self, step: float) -> None:
         """One step, s, towards the target, or to a stand."""
-        if self.braking:
-            wanted = np.zeros(2)
-        else:
-            off = self.target - self.place
-            # no faster than it can brake from: else it would pass its target
-            most = np.minimum(self.max_speed, np.sqrt(2 * self.acceleration * np.abs(off)))
-            wanted = np.clip(off / max(self.settings.lag, step), -most, most)
-        most = self.acceleration * step
-        self.speed += np.clip(wanted - self.speed, -most, most)
-        self.place += self.speed * step
+        for axis in range(2):  # plain numbers: arrays of two are slow, and there are many steps
+            speed, off = float(self.speed[axis]), float(self.target[axis] - self.place[axis])
+            # no faster than it can brake from after this step: else it would pass its target
+            most = self.acceleration * (sqrt(step**2 + 2 * abs(off) / self.acceleration) - step)
+            most = min(self.max_speed, most)
+            wanted = 0.0 if self.braking else off / max(self.settings.lag, step)
+            change = min(max(wanted, -most), most) - speed
+            most = self.acceleration * step
+            speed += min(max(change, -most), most)
+            self.speed[axis] = speed
+            self.place[axis] += speed * step
         if self.braking and not self.speed.any():
             self.target, self.braking = self.place.copy(), False

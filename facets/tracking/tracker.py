@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -23,8 +24,11 @@ Floats = NDArray[np.float64]
 
 #: How often the loop is watched, s.
 WATCH = 0.02
-#: What is called light in a search: a share of the beam's power.
-LIT = 0.02
+#: Between these shares of the beam's power light is taken for the beam's.
+LIT, BRIGHT = 0.02, 3.0
+#: A thread that waits for the interpreter gets it after so long, s: the solver, busy with many
+#: small steps, else keeps the loop waiting for several milliseconds at each answer of the stage.
+SWITCH = 5e-4
 
 
 class Sample(NamedTuple):
@@ -63,7 +67,7 @@ class Tracker:
         """port: open, of the stage. Raises StageError where the stage can not be used."""
         self.settings, self.law, self.clock = settings, law, clock
         self.envelope = Envelope(port, settings, say, clock)
-        self.tell = self.envelope._tell
+        self.tell = self.envelope.tell
         self.search = Search(settings) if search else None
         self.searching = False
         self.newest = self.good = NOTHING
@@ -82,6 +86,7 @@ class Tracker:
         return self.envelope.encoder
 
     def __enter__(self) -> Tracker:
+        sys.setswitchinterval(min(SWITCH, sys.getswitchinterval()))
         for thread in self.threads:
             thread.start()
         return self
@@ -101,7 +106,8 @@ class Tracker:
         if loop.is_alive() and loop is not threading.current_thread():
             self.envelope.cry()  # the loop may be waiting for the stage's word
             loop.join(timeout=PATIENCE + 1)
-        self.envelope.close()
+        if not self.envelope.close() and not self.error:
+            self.error = "the stage did not answer when it was to stop at the end"
 
     def feed(self, times: Floats, powers: Floats, apexes: Floats) -> None:
         """Takes samples: host times (n,) s, powers (n, 3) mW, apexes (n, 2) mm or NaN."""
@@ -124,6 +130,8 @@ class Tracker:
             doubt = "no fresh sample"
         elif not (np.isfinite(powers).all() and (powers > 0).all()):
             doubt = "no light on all detectors"
+        elif not LIT * self.law.power <= powers.max() <= BRIGHT * self.law.power:
+            doubt = "light that is not the beam's"
         elif needs_pose and not np.isfinite(apex).all():
             doubt = "no pose"
         place = apex.copy() if np.isfinite(apex).all() else None
@@ -182,8 +190,7 @@ class Tracker:
 
     def go(self, place: Floats, sampled: float, search: Search | None = None) -> None:
         sent = self.envelope.go(place, sampled, search.limits if search else None)
-        if sent is None:
-            self.pause("no fresh sample", self.newest, self.encoder.place, np.inf)
+        if sent is None:  # it took too long; the next round asks again, and stops if need be
             return
         self.moves += 1
         self.tell("move", x=round(float(sent[0]), 6), y=round(float(sent[1]), 6))
@@ -191,8 +198,9 @@ class Tracker:
     def pause(self, reason: str, newest: Sample, place: Floats, now: float) -> None:
         """Stands still, or looks for the mirror where that was asked for."""
         fresh = now - newest.time <= self.settings.stale and newest.doubt != "no fresh sample"
+        fresh = fresh and bool(np.isfinite(newest.powers).all())
         looks = self.search is not None and self.moves > 0 and fresh and not self.search.outcome
-        if not self.stopped or (self.searching and not looks) or self.envelope.stalled:
+        if not self.stopped or (self.envelope.moving and not looks) or self.envelope.stalled:
             self.envelope.halt(reason)
             self.law.forget()
         self.stopped = reason

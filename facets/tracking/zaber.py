@@ -23,6 +23,8 @@ SPEED, ACCELERATION = 1 / 1.6384, 1e4 / 1.6384
 FIRMWARE = 7.25
 #: A message's numbers go round below this.
 NUMBERS = 90
+#: So many lines are passed over before the one that is waited for, and no more.
+MANY = 500
 
 
 def checksum(message: str) -> str:
@@ -48,7 +50,7 @@ class Zaber:
 
     def receive(self, number: str, command: str, patience: float = PATIENCE) -> list[str]:
         """The data of the answer to a command; alerts and late answers are passed over."""
-        while True:
+        for _ in range(MANY):
             reply = self.line.read_line(patience)
             if reply[:1] in ("!", "#"):
                 continue
@@ -58,7 +60,11 @@ class Zaber:
             if not (sound and reply[:1] == "@" and len(words) >= 7 and words[2].isdigit()):
                 raise StageError(f"the stage's answer can not be understood: {reply!r}")
             if words[2] == number:
-                break
+                return self.data(words, command)
+        raise StageError(f"the stage talks, but does not answer {command!r}")
+
+    def data(self, words: list[str], command: str) -> list[str]:
+        """What an answer says, or what is wrong."""
         if words[3] != "OK":
             raise StageError(f"the stage refused {command!r}: {' '.join(words[6:])}")
         if words[5].startswith("F"):

@@ -97,7 +97,7 @@ def test_a_file_that_can_not_be_finished_is_not_there(tmp_path, words, name):
     assert "can not be written" in done.stderr
     assert "Traceback" not in done.stderr
     path = tmp_path / name
-    left = [file for file in (path.iterdir() if path.is_dir() else tmp_path.iterdir())]
+    left = list(path.iterdir() if path.is_dir() else tmp_path.iterdir())
     assert all(file.stat().st_size < 8192 for file in left)
     assert not any(file.name.startswith(".") for file in left)
     assert path.is_dir() or not path.exists()

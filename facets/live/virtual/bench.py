@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import OutputError
 from ...tracking.stage import StageModel
-from .board import DROPPED, TRUTH, Board, Count
+from .board import TRUTH, Board, Count
 from .faults import Faults, Schedule
 from .mirror import Mirror
 from .pty import Pty
@@ -30,14 +30,13 @@ ROUND = 1e-3
 #: A mirror that goes further than this leaves a fixed beam: it waits for the stage, mm.
 BEAM = 0.3
 #: Making samples may keep the stage waiting no longer than about this, s.
-PATIENCE = 0.02
-#: The most samples made at once, and the fewest that are made however long they take.
-MOST, FEWEST = 20_000, 10
-#: The bench's time stands still where its program does not run for longer than this, s: a busy
-#: machine makes the mirror slower, and never lets it run away from a stage that is not answered.
+PATIENCE = 0.01
+#: The fewest samples that are made at once, however long they take.
+FEWEST = 10
+#: The bench's time goes on by no more than this at once, s, and by no more than its samples can be
+#: made in. A busy machine so makes bench and mirror slower, where it would else let the mirror run
+#: away from samples that come late and from a stage that is not answered.
 SLIP = 0.02
-#: A bench that is so far behind the clock drops samples, as a board does that overruns, s.
-BEHIND = 0.5
 
 
 class Bench:
@@ -99,12 +98,13 @@ class Bench:
         (self.folder / "counts.json").write_text(json.dumps(asdict(self.count)), "utf-8")
 
     def now(self) -> float:
-        """The bench's time, s, which slips where the program was not run."""
+        """The bench's time, s, which slips where the machine is too busy for it."""
         passed = time.monotonic() - self.begin - self.last
-        if passed > SLIP:
-            self.begin += passed - SLIP
-            self.count.slipped += passed - SLIP
-        self.last += min(passed, SLIP)
+        most = min(SLIP, max(FEWEST, PATIENCE / self.cost) / self.rate)
+        if passed > most:
+            self.begin += passed - most
+            self.count.slipped += passed - most
+        self.last += min(passed, most)
         return self.last
 
     def round(self) -> None:
@@ -115,11 +115,6 @@ class Bench:
         self.model.jammed = self.schedule.is_on("jam", now)
         self.device.refuse = self.schedule.is_on("refuse", now)
         due = int(now * self.rate) - self.count.made
-        late = due - int(BEHIND * self.rate)
-        if late > 0:  # never so late that the rest of the bench waits for it
-            self.pass_over(late)
-            due -= late
-        due = min(due, MOST, max(FEWEST, int(PATIENCE / self.cost)))
         if due > 0:
             self.make(due, now)
         self.board.flush()
@@ -139,13 +134,6 @@ class Bench:
         self.count.made += due
         self.write_truth(seq, states, self.board.take(states, seq, now))
         self.cost += 0.2 * ((time.perf_counter() - start) / due - self.cost)
-
-    def pass_over(self, count: int) -> None:
-        """Samples that there is no time for: numbered, and lost."""
-        seq = (self.count.made + np.arange(count)).astype(np.uint32)
-        self.count.made += count
-        self.board.lose(count)
-        self.write_truth(seq, np.full((count, 8), np.nan), np.full(count, DROPPED, np.uint8))
 
     def write_truth(
         self, seq: NDArray[np.uint32], states: NDArray[np.float64], fate: NDArray[np.uint8]

@@ -130,7 +130,6 @@ class PiController:
         self.model.halt()
         self.held, self.error, self.referenced = b"", 0, False
         self.zero = np.array(self.model.place)
-        self.model.max_speed, self.model.acceleration = self.most
 
     def stop(self) -> None:
         self.model.halt()
