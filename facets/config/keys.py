@@ -268,6 +268,9 @@ class LightKeys(Section):
         description="depth by which a facet falls off at an edge: of a at ca and ab, of b at ab "
         "and bc, of c at bc and ca",
     )
+    rolloff_width_um: float = Field(
+        0.0, ge=0, le=1000, description="width of the strip over which a facet falls off"
+    )
     strips_um: Widths = Field(
         (0.0, 0.0, 0.0), description="width of the strips lost along the edges ca, ab, bc"
     )

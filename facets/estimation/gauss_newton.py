@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any, NamedTuple
 
-from ..optics.detected import linearised
+from ..optics.detected import nearly_linearised
 from ..optics.forward import Geometry, by_power, with_power
 from .least_squares import back_substitute, covariance_of, triangularise
 
@@ -124,7 +124,7 @@ def evaluate(
     columns = len(problem.free)
     sensor = with_power(sensor, x[8])
     state = (x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7])
-    detectors = linearised(sensor, state, outlines)
+    detectors = nearly_linearised(sensor, state, outlines)
     total = 0.0
     row = 0
     for k in range(3):

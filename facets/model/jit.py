@@ -28,6 +28,7 @@ from ..optics import (
     cut,
     cut_parameters,
     detected,
+    effects,
     footprint,
     forward,
     gradient,
@@ -88,6 +89,7 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
 }
 TEXT = (
     bench_light,
+    effects,
     vectors,
     rays,
     compensated,
@@ -104,7 +106,14 @@ TEXT = (
     parameters,
 )
 #: What is left to be called, because it is long and most poses do without.
-LONG = (tail_quadrature, bench_light)
+CALLED = {
+    *(each for each in vars(tail_quadrature).values() if isinstance(each, FunctionType)),
+    bench_light.readings,
+    bench_light.linearised,
+    bench_light.nearly_linearised,
+    bench_light.by_component,
+    bench_light.varied,
+}
 
 
 def register(module: ModuleType) -> None:
@@ -114,7 +123,7 @@ def register(module: ModuleType) -> None:
             continue
         if function not in TWINS and function not in _REGISTERED:
             _REGISTERED.add(function)
-            register_jitable(forceinline=module not in LONG)(function)
+            register_jitable(forceinline=function not in CALLED)(function)
 
 
 def compilable(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..optics import bench_light
 from ..optics.cut_parameters import cut_by_parameter
-from ..optics.detected import cut_scene, linearised, readings
+from ..optics.detected import cut_scene, linearised, nearly_linearised, readings
 from ..optics.effects import Light, Options
 from ..optics.footprint import footprint
 from ..optics.forward import Geometry, Openings, geometry, placed
@@ -85,9 +85,9 @@ def state_of(states: Array, n: int) -> Any:
 @compiled
 def read(packed: Array, states: Array, out: Array) -> None:
     """out (n, 9): the readings at states (n, 8)."""
-    sensor, room = unpack(packed), outlines()
+    geometry, workspace = unpack(packed), outlines()
     for n in range(len(states)):
-        on_detectors = readings(sensor, state_of(states, n), room)
+        on_detectors = readings(geometry, state_of(states, n), workspace)
         for k in range(3):
             for i in range(3):
                 out[n, 3 * k + i] = on_detectors[k][i]
@@ -96,11 +96,13 @@ def read(packed: Array, states: Array, out: Array) -> None:
 @compiled
 def outline(packed: Array, states: Array, out: Array) -> None:
     """out (n, 3, 5): the footprints of the spots at states (n, 8)."""
-    sensor = unpack(packed)
+    geometry = unpack(packed)
     for n in range(len(states)):
-        at = placed(sensor, state_of(states, n))
+        at = placed(geometry, state_of(states, n))
+        if geometry.light.options.on:
+            at = bench_light.curved(geometry, at)
         for k in range(3):
-            ends = footprint(sensor, at, k)
+            ends = footprint(geometry, at, k)
             for i in range(5):
                 out[n, k, i] = ends[i]
 
@@ -108,9 +110,9 @@ def outline(packed: Array, states: Array, out: Array) -> None:
 @compiled
 def differentiate(packed: Array, states: Array, out: Array) -> None:
     """out (n, 9, 8): the Jacobian at states (n, 8)."""
-    sensor, room = unpack(packed), outlines()
+    geometry, workspace = unpack(packed), outlines()
     for n in range(len(states)):
-        detectors = linearised(sensor, state_of(states, n), room)
+        detectors = linearised(geometry, state_of(states, n), workspace)
         for k in range(3):
             values, derivatives = detectors[k]
             for i in range(3):
@@ -129,10 +131,10 @@ def determine(
     are wanted.  sigmas (n, 9): where the readings' standard deviations are not those; else empty.
     The Jacobian's rows are then in standard deviations, its columns in um and urad.
     """
-    sensor, room = unpack(packed), outlines()
+    geometry, workspace = unpack(packed), outlines()
     square, scaled, normal = np.empty((8, 8)), np.empty((9, 8)), np.empty((8, 8))
     for n in range(len(states)):
-        detectors = linearised(sensor, state_of(states, n), room)
+        detectors = nearly_linearised(geometry, state_of(states, n), workspace)
         lit = True
         for k in range(3):
             values, derivatives = detectors[k]
@@ -178,12 +180,12 @@ def extremes(matrix: Array, normal: Array) -> tuple[float, float]:
 @compiled
 def differentiate_by_parameters(packed: Array, parameters: Any, states: Array, out: Array) -> None:
     """out (n, 9, 30), zeroed: derivatives by the sensor's parameters at states (n, 8)."""
-    sensor = unpack(packed)
+    geometry = unpack(packed)
     for n in range(len(states)):
         state = state_of(states, n)
-        at = uncut_scene(sensor, state)
+        at = uncut_scene(geometry, state)
         for k in range(3):
-            values, derivatives = detector_by_parameters(sensor, parameters, state, at, k)
+            values, derivatives = detector_by_parameters(geometry, parameters, state, at, k)
             for i in range(3):
                 row = out[n, 3 * k + i]
                 beam, facet_a, facet_b, facet_c, psd = derivatives[i]
@@ -202,17 +204,17 @@ def differentiate_cut(packed: Array, varied: Array, states: Array, out: Array) -
 
     varied: (30, ...) the sensor with each parameter varied, see `optics.cut_parameters`.
     """
-    sensor, room = unpack(packed), outlines()
+    geometry, workspace = unpack(packed), outlines()
     for n in range(len(states)):
         state = state_of(states, n)
-        at, counts = cut_scene(sensor, state, room)
+        at, counts = cut_scene(geometry, state, workspace)
         for p in range(len(varied)):
             copy = unpack(varied[p])
             moved = placed(copy, state)
             for k in range(3):
                 if counts[k] > 0:
                     lit = at.moments[k][1][0] == at.moments[k][1][0]
-                    rows = cut_by_parameter(sensor, at, copy, moved, k, room[k], counts[k])
+                    rows = cut_by_parameter(geometry, at, copy, moved, k, workspace[k], counts[k])
                     for i in range(3):
                         out[n, 3 * k + i, p] = rows[i] if lit else np.nan
 
