@@ -11,7 +11,7 @@ from .simulate import PlotKind
 
 if TYPE_CHECKING:
     from facets.config import Config
-    from facets.design.optimization import Optimum
+    from facets.design.search import Optimum
 
 
 def optimize(
@@ -34,7 +34,7 @@ def optimize(
     """
     from facets import load
     from facets.core.errors import ConfigError, InputError
-    from facets.design.optimization import optimize as run
+    from facets.design.search import optimize as run
     from facets.design.verification import compare
     from facets.files import provenance, tables
     from facets.pictures import style
@@ -95,7 +95,7 @@ def show_starts(found: Optimum) -> None:
     table = Table(title="starts, the best first", title_justify="left", box=None)
     for name in (*found.names, "objective", "seconds", "end"):
         table.add_column(name, justify="left" if name == "end" else "right", no_wrap=True)
-    for end in found.ends:
+    for end in found.results:
         values = [f"{value:.5g}" for value in end.x]
         table.add_row(*values, f"{end.objective:.6g}", f"{end.seconds:.1f}", end.status)
     show(table)
@@ -109,13 +109,13 @@ def show(table: Any) -> None:
 
 def refuse(found: Optimum) -> None:
     typer.echo("no layout meets all that is asked for; these stand against each other:")
-    for group, gap in found.best.missing.items():
+    for group, gap in found.best.shortfalls.items():
         typer.echo(f"  {group}: would have to give way by {100 * gap:.3g} % of its limit")
 
 
 def show_result(settings: Config, better: Config, found: Optimum) -> None:
-    from facets.design.optimization import in_words
-    from facets.design.variables import present
+    from facets.design.report import in_words
+    from facets.design.variables import present_values
 
     aim = settings.layout.aim
     if found.before == found.before:
@@ -123,7 +123,7 @@ def show_result(settings: Config, better: Config, found: Optimum) -> None:
     else:
         typer.echo("before: not all that is asked for is kept")
     typer.echo(f"after:  {in_words(aim, found.best.objective)}\n")
-    now, then = present(settings.sensor), present(better.sensor)
+    now, then = present_values(settings.sensor), present_values(better.sensor)
     for name in found.names:
         typer.echo(f"  {name:<16} {now[name]:10.4g} -> {then[name]:.6g}")
 
@@ -143,10 +143,10 @@ def show_comparison(table: dict[str, Any]) -> None:
 
 
 def show_reasons(settings: Config, found: Optimum) -> None:
-    from facets.design.optimization import gains, in_words
+    from facets.design.report import gains, in_words
 
     typer.echo("what holds it back, over the strongest:")
-    for group, size in list(found.best.pressing.items())[:8]:
+    for group, size in list(found.best.active_constraints.items())[:8]:
         typer.echo(f"  {size:5.2f}  {group}")
     more = gains(found.sensor, settings.layout, found.best.x)
     if more:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
-from ..core.names import ANGLES, POSE, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
-from ..core.sensor import DETECTORS, MONOMIALS, Sensor
+from ..core.names import ANGLES, DETECTORS, POSE, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..core.sensor import MONOMIALS, Sensor
 from ..detectors.correction import corrected
 from ..estimation.solver import Prior, solve
 from ..files import tables

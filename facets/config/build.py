@@ -7,9 +7,9 @@ from math import inf, radians
 from pathlib import Path
 from typing import Any
 
-from ..core.names import FINE_UNITS
+from ..core.names import DETECTORS, FINE_UNITS
 from ..core.rules import Rules
-from ..core.sensor import DETECTORS, Apertures, Electronics, Imperfections, Noise, Sensor
+from ..core.sensor import Apertures, Electronics, Imperfections, Noise, Sensor
 from ..core.settings import (
     Acquire,
     Calibrate,

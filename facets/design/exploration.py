@@ -34,8 +34,8 @@ from ..core.sensor import Sensor
 from ..files.tables import write_table
 from ..model.arrays import margins, readings
 from ..model.threads import cores
-from .optimization import states_of
 from .variables import sensor_of
+from .volume import states_of
 
 if TYPE_CHECKING:
     from ..core.settings import Layout
@@ -301,14 +301,14 @@ def clustered(
     except ImportError:
         raise InputError("--scheduler needs the extra `cluster`: facets-6dof[cluster]") from None
     try:
-        client = Client(address, timeout="10s")
+        client = Client(address, timeout="10s")  # type: ignore[no-untyped-call]
     except OSError as error:
         raise InputError(f"--scheduler {address}: no cluster answers: {error}") from None
     with client:
         part = partial(part_of, space, rivals=rivals)
         jobs = client.map(part, firsts, pure=False, retries=5)
         numbers = {job.key: first for job, first in zip(jobs, firsts, strict=True)}
-        for job in completed(jobs):
+        for job in completed(jobs):  # type: ignore[no-untyped-call]
             yield numbers[job.key], job.result()
             job.release()
 

@@ -73,7 +73,7 @@ class Solution:
     @property
     def ok(self) -> NDArray[np.bool_]:
         """Where the estimate converged: (...)."""
-        return self.status == Status.CONVERGED
+        return np.equal(self.status, Status.CONVERGED)
 
     @property
     def uncertainty(self) -> Floats:

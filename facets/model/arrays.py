@@ -303,4 +303,5 @@ def margins(sensor: Sensor, state: ArrayLike, whole: bool = True, threads: int =
         ends[..., :4] = np.repeat(places, 2, axis=-1)
     limits = np.repeat(half_sizes(sensor), 2, axis=1)
     rims = np.full((3, 1), sensor.apertures.rim)
-    return np.hstack([limits, rims]) + ends * np.array([1, -1, 1, -1, -1])
+    clear: Floats = np.hstack([limits, rims]) + ends * np.array([1, -1, 1, -1, -1])
+    return clear

@@ -126,7 +126,8 @@ def swept_series(
             power *= minus_t2
             total += power * tail * INVERSE[2 * j + 1]
     total /= 2 * pi(a)
-    return beyond * within / 4 + total if wide else within / 4 - total
+    light: float = beyond * within / 4 + total if wide else within / 4 - total
+    return light
 
 
 def wedge(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
