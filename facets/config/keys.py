@@ -211,6 +211,26 @@ Index = Annotated[float, Field(ge=0, le=100)]
 Sag = Annotated[float, Field(ge=-10_000, le=10_000)]
 
 
+Curvature = Annotated[float, Field(ge=-1e3, le=1e3)]
+Nanometres = Annotated[float, Field(ge=-1e5, le=1e5)]
+Micrometres = Annotated[float, Field(ge=-1e3, le=1e3)]
+Microwatts = Annotated[float, Field(ge=-1e6, le=1e6)]
+Millimetres = Annotated[float, Field(ge=-1e3, le=1e3)]
+Microseconds = Annotated[float, Field(ge=-1e6, le=1e6)]
+
+
+Curvatures = Annotated[tuple[Curvature, Curvature, Curvature], BeforeValidator(as_tuple)]
+Depths = Annotated[
+    tuple[Nanometres, Nanometres, Nanometres, Nanometres, Nanometres, Nanometres],
+    BeforeValidator(as_tuple),
+]
+Widths = Annotated[tuple[Micrometres, Micrometres, Micrometres], BeforeValidator(as_tuple)]
+Powers = Annotated[tuple[Microwatts, Microwatts, Microwatts], BeforeValidator(as_tuple)]
+Place = Annotated[tuple[Millimetres, Millimetres], BeforeValidator(as_tuple)]
+Places = Annotated[tuple[Place, Place, Place], BeforeValidator(as_tuple)]
+Delays = Annotated[tuple[Microseconds, Microseconds, Microseconds], BeforeValidator(as_tuple)]
+
+
 class Imperfections(Section):
     """What real optics do besides: simulated, and solved as if it were not there."""
 
@@ -230,26 +250,14 @@ class Imperfections(Section):
         (0.0, 0.0, 0.0), description="by which facets A, B, C bulge, over `sag_over_mm`"
     )
     sag_over_mm: float = Field(5.0, gt=0, le=1000, description="diameter of a facet")
-
-
-Curvature = Annotated[float, Field(ge=-1e3, le=1e3)]
-Nanometres = Annotated[float, Field(ge=-1e5, le=1e5)]
-Micrometres = Annotated[float, Field(ge=-1e3, le=1e3)]
-Microwatts = Annotated[float, Field(ge=-1e6, le=1e6)]
-Millimetres = Annotated[float, Field(ge=-1e3, le=1e3)]
-Microseconds = Annotated[float, Field(ge=-1e6, le=1e6)]
-
-
-Curvatures = Annotated[tuple[Curvature, Curvature, Curvature], BeforeValidator(as_tuple)]
-Depths = Annotated[
-    tuple[Nanometres, Nanometres, Nanometres, Nanometres, Nanometres, Nanometres],
-    BeforeValidator(as_tuple),
-]
-Widths = Annotated[tuple[Micrometres, Micrometres, Micrometres], BeforeValidator(as_tuple)]
-Powers = Annotated[tuple[Microwatts, Microwatts, Microwatts], BeforeValidator(as_tuple)]
-Place = Annotated[tuple[Millimetres, Millimetres], BeforeValidator(as_tuple)]
-Places = Annotated[tuple[Place, Place, Place], BeforeValidator(as_tuple)]
-Delays = Annotated[tuple[Microseconds, Microseconds, Microseconds], BeforeValidator(as_tuple)]
+    rolloff_nm: Depths = Field(
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), description="as in `light`, on top of what that says"
+    )
+    rolloff_width_um: float = Field(0.0, ge=0, le=1000, description="likewise")
+    strips_um: Widths = Field((0.0, 0.0, 0.0), description="likewise")
+    tip_um2: float = Field(0.0, ge=0, le=1e6, description="likewise")
+    background_uw: Powers = Field((0.0, 0.0, 0.0), description="likewise")
+    background_mm: Places = Field(((0.0, 0.0), (0.0, 0.0), (0.0, 0.0)), description="likewise")
 
 
 class LightKeys(Section):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..detectors.correction import corrected
 from ..detectors.counts import SATURATED, UNEQUAL, readings_of
+from ..detectors.skew import align
 from ..estimation.solver import Prior, Solution, Status, solve
 from ..estimation.table import power_known
 from .clock import Drift, Sequence
@@ -76,7 +77,9 @@ class Pipeline:
         self.drift.add(1e-6 * time[-1], arrival)
         host = arrival - self.config.acquire.delay - 1e-6 * (time[-1] - time)
         readings, flags = self.readings(samples)
-        solution = self.solved(corrected(self.config.sensor, readings), host, encoder)
+        exact = corrected(self.config.sensor, readings)
+        exact = align(self.config.sensor, 1e-6 * time, exact)
+        solution = self.solved(exact, host, encoder)
         flags |= np.where(samples.flags & OVERRUN, 4, 0).astype(np.uint8)
         self.count(solution, flags)
         return Poses(seq, time, host, readings, solution, flags)

@@ -114,7 +114,7 @@ def simulate_motion(
         truth = followed(config.sensor, config.stage, time, truth)
     seen, reached = read_detectors(config.sensor, truth, noise, rng)
     place = reported_beam_place(config.solve, truth, noise, rng)
-    solution = solve_readings(config.sensor, config.solve, seen, place)
+    solution = solve_readings(config.sensor, config.solve, seen, place, time)
     return Segment(name, time, truth, seen, place, reached, solution)
 
 
