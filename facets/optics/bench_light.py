@@ -92,11 +92,20 @@ def seen_edge(
 
 
 class Image(NamedTuple):
-    """A detector as seen in its facet: its centre and axes, and half its sensitive area."""
+    """A detector as seen in its facet, and the beam in the image's own frame: along its normal, y
+    and z, from its centre; mm.
 
-    centre: Vector
+    axes: of the image, in the world.  halves: of its sensitive area.  start: the beam's place.
+    direction: of the beam.  spread, fan: as in geometry and light.  path: from the apex on.
+    """
+
     axes: Matrix
     halves: Plane
+    start: Vector
+    direction: Vector
+    spread: tuple[Vector, Vector]
+    fan: tuple[Vector, Vector]
+    path: Number
 
 
 def reflected(v: Vector, normal: Vector) -> Vector:
@@ -105,66 +114,59 @@ def reflected(v: Vector, normal: Vector) -> Vector:
 
 def mirrored(geometry: Geometry, at: Scene, k: int) -> Image:
     normal, (x, y, z) = at.normals[k], geometry.axes[k]
-    centre = reflected(subtract(geometry.centres[k], at.apex), normal)
     axes = reflected(x, normal), reflected(y, normal), reflected(z, normal)
-    return Image(add(at.apex, centre), axes, geometry.light.options.halves[k])
+    apex = reflected(subtract(at.apex, geometry.centres[k]), normal)  # from the image's centre
+    direction = rotate(axes, geometry.direction)
+    spread, fan = geometry.spread, geometry.light.fan
+    return Image(
+        axes=axes,
+        halves=geometry.light.options.halves[k],
+        start=rotate(axes, add(apex, subtract(at.place, at.apex))),
+        direction=direction,
+        spread=(rotate(axes, spread[0]), rotate(axes, spread[1])),
+        fan=(rotate(axes, fan[0]), rotate(axes, fan[1])),
+        path=-dot(apex, axes[0]) / direction[0],
+    )
 
 
 class Ray(NamedTuple):
     """One ray, straight on to a detector's image: how far it starts in front of the image's plane,
-    its direction, that direction along the plane's normal, the slopes with which it meets the
-    plane, and where: (psi, zeta), mm."""
+    its direction along the plane's normal, the slopes with which it meets the plane, and where:
+    (psi, zeta), mm."""
 
     height: Number
-    direction: Vector
     facing: Number
     slopes: Plane
     spot: Plane
 
 
-def ray_at(geometry: Geometry, at: Scene, image: Image, x: Plane) -> Ray:
+def ray_at(image: Image, x: Plane) -> Ray:
     """The ray through the place x of the beam, in sigmas."""
-    offset = combine(x[0], geometry.spread[0], x[1], geometry.spread[1])
-    bend = combine(x[0], geometry.light.fan[0], x[1], geometry.light.fan[1])
-    direction = add(geometry.direction, bend)
-    start = add(subtract(at.place, image.centre), offset)
-    normal, across, up = image.axes
-    facing, height = dot(direction, normal), dot(start, normal)
-    slopes = dot(direction, across) / facing, dot(direction, up) / facing
-    spot = dot(start, across) - height * slopes[0], dot(start, up) - height * slopes[1]
-    return Ray(height, direction, facing, slopes, spot)
+    start = add(image.start, combine(x[0], image.spread[0], x[1], image.spread[1]))
+    direction = add(image.direction, combine(x[0], image.fan[0], x[1], image.fan[1]))
+    facing = direction[0]
+    slopes = direction[1] / facing, direction[2] / facing
+    spot = start[1] - start[0] * slopes[0], start[2] - start[0] * slopes[1]
+    return Ray(start[0], facing, slopes, spot)
 
 
-def flight_of(at: Scene, k: int, ray: Ray, geometry: Geometry, x: Plane) -> Number:
-    """From the facet to the detector, mm."""
-    offset = combine(x[0], geometry.spread[0], x[1], geometry.spread[1])
-    start = add(at.place, offset)
-    normal = at.normals[k]
-    reach = dot(subtract(at.apex, start), normal) / dot(ray.direction, normal)
-    return -ray.height / ray.facing - reach
-
-
-def bowed(geometry: Geometry, image: Image, ray: Ray, shift: tuple[Any, Any, Any]) -> Plane:
+def bowed(image: Image, ray: Ray, shift: tuple[Any, Any, Any]) -> Plane:
     """How far the light's mean landing point lies from the landing point of its mean, mm.
 
     shift: one less the light's covariance, in sigmas, as xx, xy, yy.
     """
-    normal, across, up = image.axes
-    (first, second), (x, y) = geometry.light.fan, geometry.spread
-    turn = dot(first, normal) / ray.facing, dot(second, normal) / ray.facing
-    lever = (
-        ray.height * turn[0] - dot(x, normal),
-        ray.height * turn[1] - dot(y, normal),
-    )
+    (first, second), (x, y) = image.fan, image.spread
+    turn = first[0] / ray.facing, second[0] / ray.facing
+    lever = ray.height * turn[0] - x[0], ray.height * turn[1] - y[0]
     a, b, c = 1 - shift[0], -shift[1], 1 - shift[2]
     weights = a * lever[0] + b * lever[1], b * lever[0] + c * lever[1]
     of_psi = (
-        dot(first, across) / ray.facing - ray.slopes[0] * turn[0],
-        dot(second, across) / ray.facing - ray.slopes[0] * turn[1],
+        first[1] / ray.facing - ray.slopes[0] * turn[0],
+        second[1] / ray.facing - ray.slopes[0] * turn[1],
     )
     of_zeta = (
-        dot(first, up) / ray.facing - ray.slopes[1] * turn[0],
-        dot(second, up) / ray.facing - ray.slopes[1] * turn[1],
+        first[2] / ray.facing - ray.slopes[1] * turn[0],
+        second[2] / ray.facing - ray.slopes[1] * turn[1],
     )
     return dot2(of_psi, weights), dot2(of_zeta, weights)
 
@@ -272,22 +274,16 @@ def at_edge(
     depth: of the roll-off, mm, positive for the facet that begins at the edge where it falls off;
     its negative for the one that ends there.  centre: the spot's, mm.
     """
-    x = step.middle
-    ray = ray_at(geometry, at, image, x)
-    far = flight_of(at, k, ray, geometry, x)
-    normal, across, up = image.axes
-    level = dot(step.world, normal)
-    v = (
-        dot(step.world, across) - level * ray.slopes[0],
-        dot(step.world, up) - level * ray.slopes[1],
-    )
+    ray = ray_at(image, step.middle)
+    level, across, up = rotate(image.axes, step.world)
+    v = across - level * ray.slopes[0], up - level * ray.slopes[1]
     ahead, behind = rates(ray.spot, v, image.halves, geometry.light.options.nearest)
-    circle = 2 * pi(far)
-    share = geometry.light.wavelength * far * step.light / (circle * circle)
+    circle = 2 * pi(image.path)
+    share = geometry.light.wavelength * image.path * step.light / (circle * circle)
     missing, lean = share * (ahead + behind), share * log(ahead / behind)
     facing = -dot(geometry.direction, at.normals[k])
     width = geometry.light.rolloff_width * facing / step.sine
-    push = -2 * depth * facing * far * step.light * strip_mean(at, k, edge, step, width)
+    push = -2 * depth * facing * image.path * step.light * strip_mean(at, k, edge, step, width)
     return Sum(
         total.lost + missing,
         (
@@ -365,8 +361,8 @@ def reading(
     light = geometry.light
     image = mirrored(geometry, at, k)
     mass, centroid = worn(geometry, at, back, steps, k)
-    ray = ray_at(geometry, at, image, centroid)
-    bow = bowed(geometry, image, ray, at.moments[k][2])
+    ray = ray_at(image, centroid)
+    bow = bowed(image, ray, at.moments[k][2])
     centre = ray.spot[0] + bow[0], ray.spot[1] + bow[1]
     zero = mass * 0
     total = Sum(zero, (zero, zero))
@@ -375,14 +371,15 @@ def reading(
     total = at_edge(geometry, at, image, k, following, steps[following], -second, centre, total)
     rest = mass - total.lost
     spot = centre[0] + total.moment[0] / rest, centre[1] + total.moment[1] / rest
-    power = geometry.power * rest * reflectance(geometry, at.normals[k], ray.direction)
+    bend = combine(centroid[0], light.fan[0], centroid[1], light.fan[1])
+    direction = add(geometry.direction, bend)
+    power = geometry.power * rest * reflectance(geometry, at.normals[k], direction)
     psi, zeta, whole = with_background(spot, power, light.background[k])
-    incidence = -dot(ray.direction, at.normals[k])
-    far = flight_of(at, k, ray, geometry, centroid)
+    incidence = -dot(direction, at.normals[k])
     return (
-        defined(psi, incidence, ray.facing, far),
-        defined(zeta, incidence, ray.facing, far),
-        defined(whole, incidence, ray.facing, far),
+        defined(psi, incidence, ray.facing, image.path),
+        defined(zeta, incidence, ray.facing, image.path),
+        defined(whole, incidence, ray.facing, image.path),
     )
 
 

@@ -73,10 +73,10 @@ def extent(
 def spreading(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, Plane]:
     """How psi and zeta change a sigma across a beam whose wavefront is curved, mm."""
     image = mirrored(geometry, at, k)
-    middle = ray_at(geometry, at, image, (0.0, 0.0)).spot
+    middle = ray_at(image, (0.0, 0.0)).spot
     right, up = (
-        ray_at(geometry, at, image, (1.0, 0.0)).spot,
-        ray_at(geometry, at, image, (0.0, 1.0)).spot,
+        ray_at(image, (1.0, 0.0)).spot,
+        ray_at(image, (0.0, 1.0)).spot,
     )
     return (
         (right[0] - middle[0], up[0] - middle[0]),
