@@ -6,18 +6,21 @@ times the noise in x and y where the beam is known.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
 
 Floats = NDArray[np.float64]
+Times = NDArray[np.floating[Any]]
 
 #: A pause of this many usual steps parts a recording: no slope is taken over it.
 PAUSE = 10.0
 
 
-def slopes(time: Floats, values: Floats) -> Floats:
+def slopes(time: Times, values: Floats) -> Floats:
     """Derivatives by time (s) of rows of values (n, m): (n, m), per s.
 
     The mean of those to the row before and to the row after; one of them where the other is
@@ -40,7 +43,7 @@ def slopes(time: Floats, values: Floats) -> Floats:
     return np.divide(total, count, out=out, where=count > 0)
 
 
-def align(sensor: Sensor, time: Floats, readings: Floats) -> Floats:
+def align(sensor: Sensor, time: Times, readings: Floats) -> Floats:
     """Readings (n, 9) of which each detector's came later than `time` (n,), s, by its delay
     (`sensor.light.delays`), as they would have been at `time`.
 
@@ -53,7 +56,7 @@ def align(sensor: Sensor, time: Floats, readings: Floats) -> Floats:
     return fixed
 
 
-def later(time: Floats, states: Floats, delay: float) -> Floats:
+def later(time: Times, states: Floats, delay: float) -> Floats:
     """States (n, 8) of a motion so much later, s."""
     moved: Floats = states + delay * slopes(time, states)
     return moved

@@ -27,7 +27,7 @@ from ..core.errors import InputError
 from ..detectors.correction import uncorrected
 from ..detectors.counts import counts_of, xy_sum_of
 from ..model.arrays import on_detectors
-from ..simulation.imperfect_optics import seen
+from ..simulation.imperfect_optics import seen_late
 from ..simulation.motion import named, states
 from ..tracking.stage import StageModel
 from .frames import ELECTRODES, OVERRUN, XY_SUM, Samples, encoded
@@ -282,7 +282,7 @@ class Bench:
         self, states: Floats, seq: NDArray[np.uint32], times: Floats, now: float
     ) -> Samples:
         sensor = self.config.sensor
-        exact = uncorrected(sensor, seen(sensor, states))
+        exact = uncorrected(sensor, seen_late(sensor, times, states, states))
         dark = ~np.repeat(on_detectors(sensor, exact), 3, axis=1)
         exact[:, 2::3] = np.where(dark[:, 2::3], 0.0, exact[:, 2::3])
         if self.happens("block", now):

@@ -208,6 +208,10 @@ def readings(
     if irradiance == "paper":
         from ..optics.paper import paper_readings
 
+        if sensor.light.on:
+            raise InputError(
+                "the paper's irradiance is that of ideal light; leave sensor.light out to compare"
+            )
         return paper_readings(geometry_of(sensor), rows).reshape(*shape, 9)
     if irradiance != "exact":
         raise InputError(f'irradiance is {irradiance!r}; allowed: "exact", "paper"')

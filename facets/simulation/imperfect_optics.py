@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.sensor import Imperfections, Sensor
+from ..detectors.skew import later
 from ..model.arrays import geometry_of, half_sizes, readings
 from ..optics.forward import Geometry, Scene, beam_axes, placed
 
@@ -93,6 +94,19 @@ def seen(sensor: Sensor, states: Floats) -> Floats:
     if sensor.imperfections == Imperfections():
         return readings(sensor, states)
     return traced(sensor, states)
+
+
+def seen_late(sensor: Sensor, time: Floats, motion: Floats, states: Floats) -> Floats:
+    """Readings (n, 9), as `seen` gives them at states (n, 8), each detector's late by its delay.
+
+    time: (n,) s.  motion: (n, 8) the states without what jumps from sample to sample.
+    """
+    readings = seen(sensor, states)
+    for k, delay in enumerate(sensor.light.delays):
+        if delay:
+            late = seen(sensor, states + later(time, motion, delay) - motion)
+            readings[:, 3 * k : 3 * k + 3] = late[:, 3 * k : 3 * k + 3]
+    return readings
 
 
 def traced(sensor: Sensor, states: Floats) -> Floats:

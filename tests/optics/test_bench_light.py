@@ -108,7 +108,7 @@ def test_strips_lost_along_edges():
 
 
 def test_edges_that_roll_off():
-    """A tenth of a wave over 0.1 mm moves spots by some 60 um; told to 0.6 um, to less the narrower."""
+    """A tenth of a wave over 0.1 mm moves spots by some 60 um; told to 0.6 um."""
     bench = Bench(depths=(DEPTHS[:2], DEPTHS[2:4], DEPTHS[4:]), width=0.1)
     some = box(4, 4)
     sensor = lit(rolloff=DEPTHS, rolloff_width=0.1)
