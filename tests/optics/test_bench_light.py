@@ -147,15 +147,16 @@ def test_diffraction_is_that_of_a_propagated_field(case):
 
 @pytest.mark.parametrize("case", REFERENCES["poses"], ids=str)
 def test_poses_from_a_propagated_fields_readings(case):
-    """Within a tenth of a reading's own uncertainty; without diffraction in the model, far more."""
+    """Within 0.15 of a reading's own uncertainty, to 1.8 mm from the detectors' edge; 4 to 20 times
+    it without diffraction in the model."""
     reading = np.array(case["reading"])
     reading[2::3] *= 0.3
     truth = np.array([*case["pose"], 0, 0, 0])
     sensor = lit(wavelength=REFERENCES["wavelength"])
-    for known, worst in ((sensor, 0.1), (PAPER, None)):
+    for known, worst in ((sensor, 0.15), (PAPER, None)):
         solution = facets.solve(known, reading, beam="known")
         over = np.abs(solution.state[:6] - truth) / solution.uncertainty[:6]
-        assert (over.max() < worst) if worst else (over.max() > 1)
+        assert (over.max() < worst) if worst else (over.max() > 4)
 
 
 def test_light_that_is_off_changes_no_bit():
@@ -211,7 +212,7 @@ def test_derivatives_against_differences_at_50_digits(name):
         (facets.parameter_jacobian(sensor, state), by_parameters),
         (effect_jacobian(sensor, state), by_effects),
     ):
-        scale = np.maximum(np.abs(exact), 1e-4 * np.abs(exact).max(axis=0)) + 1e-12
+        scale = np.maximum(np.abs(exact), 1e-4 * np.abs(exact).max(axis=0)) + 1e-6
         assert (np.abs(closed - exact) <= 1e-9 * scale).all()
 
 
