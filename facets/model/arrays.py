@@ -220,10 +220,11 @@ def readings(
         return paper_readings(geometry_of(sensor), rows).reshape(*shape, 9)
     if irradiance != "exact":
         raise InputError(f'irradiance is {irradiance!r}; allowed: "exact", "paper"')
+    from . import evaluators
     from .kernels import read
 
-    vectors, out = packed(sensor), np.empty((len(rows), 9))
-    share(lambda part: read(vectors, rows[part], out[part]), len(rows), threads)
+    model, vectors, out = evaluators.readings(sensor), packed(sensor), np.empty((len(rows), 9))
+    share(lambda part: read(model, vectors, rows[part], out[part]), len(rows), threads)
     return out.reshape(*shape, 9)
 
 
@@ -238,11 +239,17 @@ def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     >>> f"psi_a moves {slopes[0, 5]:.0f} mm per rad of yaw"
     'psi_a moves 250 mm per rad of yaw'
     """
+    from . import evaluators
     from .kernels import differentiate
 
     rows, shape = as_rows(state, 8, "state")
+    model, power = evaluators.linearised(sensor), float(sensor.beam.power)
     vectors, out = packed(sensor), np.empty((len(rows), 9, 8))
-    share(lambda part: differentiate(vectors, rows[part], out[part]), len(rows), threads)
+
+    def run(part: slice) -> None:
+        differentiate(model, vectors, rows[part], power, out[part])
+
+    share(run, len(rows), threads)
     return out.reshape(*shape, 9, 8)
 
 

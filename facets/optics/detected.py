@@ -57,6 +57,13 @@ def linearised(
         return bench_light.linearised(geometry, state)
     if not geometry.openings.cut:
         return linearised_uncut(geometry, state)
+    return linearised_where_cut(geometry, state, workspace)
+
+
+def linearised_where_cut(
+    geometry: Geometry, state: tuple[Any, ...], workspace: Array
+) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
+    """`linearised` of a sensor whose light is cut."""
     at, counts = cut_scene(geometry, state, workspace)
     turns, axes = turns_of_edges(geometry, at), rotation_axes(state[4], state[5])
     return (
@@ -64,15 +71,6 @@ def linearised(
         linearised_one(geometry, at, 1, workspace, counts, turns, axes),
         linearised_one(geometry, at, 2, workspace, counts, turns, axes),
     )
-
-
-def nearly_linearised(
-    geometry: Geometry, state: tuple[Any, ...], workspace: Array
-) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
-    """`linearised`, by `bench_light.nearly_linearised` under the light of a bench."""
-    if geometry.light.options.on:
-        return bench_light.nearly_linearised(geometry, state)
-    return linearised(geometry, state, workspace)
 
 
 def linearised_one(
