@@ -64,7 +64,8 @@ def measures(
         row = READING.index(left_out)
         determine(model, vectors, states[part], power, simple, sigmas, row, out[part])
 
-    model, vectors, power = evaluators.linearised(sensor), packed(sensor), float(sensor.beam.power)
+    model, vectors = evaluators.nearly_linearised(sensor), packed(sensor)
+    power = float(sensor.beam.power)
     share(run, len(states), threads)
     return out
 

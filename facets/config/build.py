@@ -90,6 +90,7 @@ def imperfections(keys: dict[str, Any]) -> Imperfections:
         wavelength=1e-6 * (keys["wavelength_nm"] or 0.0),
         sag=tuple(1e-6 * nm for nm in keys["sag_nm"]),
         sag_over=keys["sag_over_mm"],
+        **geometry.edge_fields(keys),
     )
 
 

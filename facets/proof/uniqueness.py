@@ -234,6 +234,9 @@ def certify(
     if sensor.apertures.cut:
         found.reason = "sensor.apertures cuts the light, of which the theorem knows nothing"
         return found
+    if sensor.light.on:
+        found.reason = "sensor.light is not ideal, and the theorem knows ideal light alone"
+        return found
     ball = exact(sensor)
     try:
         fans = fans_of(ball, domain)
