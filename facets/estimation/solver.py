@@ -271,6 +271,15 @@ def solve(
     threads: that share the readings; 0 for all cores. With start="previous" each begins at zero.
 
     Bad arguments raise `InputError`; a reading that cannot be solved gets a status and NaN.
+
+    >>> import numpy as np, facets
+    >>> sensor = facets.Sensor()
+    >>> reading = facets.readings(sensor, [0.01, 0, 0.5, 0, 0, 0.001, 0, 0])
+    >>> solution = facets.solve(sensor, reading, beam="known")
+    >>> bool(solution.ok), f"yaw {1e3 * solution.state[5]:.3f} mrad"
+    (True, 'yaw 1.000 mrad')
+    >>> facets.Status(int(facets.solve(sensor, np.zeros(9)).status)).label
+    'no light'
     """
     values, shape = as_rows(readings, 9, "readings")
     if max_steps < 1:
