@@ -25,7 +25,7 @@ UNITS = np.array([1e-3, 1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3, 1e-3])
 
 
 @dataclass(frozen=True)
-class Twins:
+class AmbiguousPair:
     """States (8,) one and other, whose readings are equal.
 
     share: (n,) from one to the other along a straight line.  apart: (n,) of the readings there from
@@ -39,7 +39,7 @@ class Twins:
     determinant: Floats
 
 
-def twins(sensor: Sensor, near: Floats) -> Twins | None:
+def find_ambiguous_pair(sensor: Sensor, near: Floats) -> AmbiguousPair | None:
     """The pair furthest apart that is found about a nearly singular state (8,), if any is."""
     direction = weakest_direction(sensor, near) * UNITS
     direction *= FARTHEST / np.abs(direction / UNITS).max()
@@ -54,10 +54,10 @@ def twins(sensor: Sensor, near: Floats) -> Twins | None:
     return None
 
 
-def between(sensor: Sensor, one: Floats, other: Floats) -> Twins:
+def between(sensor: Sensor, one: Floats, other: Floats) -> AmbiguousPair:
     share = np.linspace(-0.15, 1.15, 131)
     states = one + share[:, None] * (other - one)
     seen = readings(sensor, states)
     sigma = standard_deviations(sensor, readings(sensor, one))
     apart = np.sqrt((((seen - readings(sensor, one)) / sigma) ** 2).sum(axis=1))
-    return Twins(one, other, share, apart, measures(sensor, states, spectra=False)[:, 0])
+    return AmbiguousPair(one, other, share, apart, measures(sensor, states, spectra=False)[:, 0])

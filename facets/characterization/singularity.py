@@ -22,7 +22,7 @@ from ..detectors.noise import standard_deviations
 from ..model.arrays import packed
 from ..model.threads import share
 from .ranges import scaled_jacobian
-from .state_box import AXES, Domain, apex_offset
+from .state_box import AXES, StateBox, apex_offset
 
 Floats = NDArray[np.float64]
 
@@ -103,7 +103,7 @@ OFFSETS, LEVELS = 120, 160
 
 
 def samples(
-    domain: Domain, count: int, sampling: Literal["sobol", "uniform"], seed: int
+    domain: StateBox, count: int, sampling: Literal["sobol", "uniform"], seed: int
 ) -> Iterator[Floats]:
     """States of the box (n, 8), chunk by chunk."""
     from scipy.stats import qmc
@@ -210,7 +210,7 @@ def worse(known: Worst, states: Floats, values: Floats, size: Floats, column: in
 
 
 def search(
-    sensor: Sensor, domain: Domain, column: int, left_out: str = "power_c", seed: int = 1
+    sensor: Sensor, domain: StateBox, column: int, left_out: str = "power_c", seed: int = 1
 ) -> Worst:
     """The state of the box where a measure is least, by differential evolution and descent.
 
