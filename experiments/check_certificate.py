@@ -539,12 +539,22 @@ def intervals_of(light: dict[str, Any]) -> list[list[float]]:
 
 def told(found: Finding) -> str:
     """Bounds rounded down."""
-    digits = len(str(floor(found.determinant))) - 3
-    bound = floor(found.determinant / Fraction(10) ** digits)
     return (
         f"holds, with a margin of at least {floor(1000 * found.margin) / 1000:.3f}; |Eq. (11)| is at"
-        f" least {bound / 100:.2f}e{digits + 2}\n  not verified: {'; '.join(found.not_verified)}"
+        f" least {rounded_down(found.determinant)}\n  not verified: {'; '.join(found.not_verified)}"
     )
+
+
+def rounded_down(value: Fraction) -> str:
+    """Three digits of a number that is not below zero: 4.57e6."""
+    if value < Fraction(1, 10**30):
+        return "0"
+    power = 0
+    while value >= 10:
+        value, power = value / 10, power + 1
+    while value < 1:
+        value, power = value * 10, power - 1
+    return f"{floor(100 * value) / 100:.2f}e{power}"
 
 
 def main(arguments: list[str]) -> int:

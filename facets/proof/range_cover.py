@@ -28,7 +28,7 @@ from ..core.sensor import Sensor
 from ..optics.forward import Geometry
 from ..optics.rays import reflect
 from ..optics.vectors import cross, dot, rotation_axes, subtract
-from ..scalars.intervals import Ball, between, ends
+from ..scalars.intervals import Ball, between, ends, hull
 from .interval_matrix import middles
 from .light_sharing import (
     LightNotShared,
@@ -52,9 +52,9 @@ FARTHEST = (30.0, 30.0, 30.0, 0.3, 0.3, 0.5)
 #: The box aimed at is larger than what a straight sensor would need by this.
 SLACK = 1.06
 #: A box within so many times that one is not cut any further.
-NEAR = 1.2
+NEAR = 1.25
 #: So many boxes are looked at, and a box that keeps more than this of its width is cut.
-WORK, KEPT = 6000, 0.8
+WORK, KEPT = 20_000, 0.8
 #: The beam's 1/e^2 ellipse, in sigmas.
 ELLIPSE = 2.0
 #: Levers that let a box be cut in its angles alone.
@@ -187,7 +187,18 @@ def points_near_apex(problem: Problem, pose: Sequence[Ball]) -> list[list[Ball]]
     if problem.whole and offset <= ELLIPSE:
         return [[zero, zero]] * 3
     reach = offset + max(farthest_centroid(problem.share), ELLIPSE if problem.whole else 0.0)
-    return [[between(-reach, reach)] * 2] * 3
+    return [within_facet(edges.angles[k], edges.openings[k], reach) for k in range(3)]
+
+
+#: A facet's angle is cut into so many parts to bound its points.
+PARTS = 4
+
+
+def within_facet(start: Ball, opening: Ball, reach: float) -> list[Ball]:
+    """The points of a facet within `reach` of the apex, seen along the beam: (2,) sigmas."""
+    parts = [start + opening * (between(0, 1) + n) / PARTS for n in range(PARTS)]
+    far = between(0, reach)
+    return [hull(far * part.cos() for part in parts), hull(far * part.sin() for part in parts)]
 
 
 def farthest_centroid(share: float) -> float:
