@@ -201,9 +201,20 @@ def require_inside(sensor: Sensor, rules: Rules, start: Floats) -> None:
 def axis_ranges(
     sensor: Sensor, rules: Rules, start: Floats, tolerance: float = 1e-9
 ) -> list[AxisRange]:
-    """The range of each of the six axes about a pose (6,), relative to it.
+    """How far each axis of the pose may go with the others where they are, and what ends it.
 
-    tolerance: in units of FARTHEST.
+    rules: what counts as inside the range (`facets.Rules`); `Config.range` has a configuration's.
+    start: (6,) the pose to go out from, mm and rad.  tolerance: in units of `FARTHEST`.
+
+    Returns six `AxisRange`, with ends relative to `start`. Its `total` is the whole range, from one
+    end to the other; its `symmetric` is twice the nearer end, which is what the paper's Table 2
+    calls range. Raises `InputError` where `start` is itself outside.
+
+    >>> import numpy as np, facets
+    >>> config = facets.load("paper")
+    >>> z = facets.axis_ranges(config.sensor, config.range, np.zeros(6))[2]
+    >>> f"{z.symmetric:.2f} mm, then {facets.CAUSES[z.high_cause]}"
+    '12.15 mm, then spot leaves the PSD'
     """
     require_inside(sensor, rules, start)
     rays = np.concatenate([-np.diag(FARTHEST), np.diag(FARTHEST)])
@@ -264,10 +275,20 @@ def tolerances(axes: Sequence[str]) -> Floats:
 def trace(
     sensor: Sensor, rules: Rules, axes: tuple[str, str], start: Floats | None = None
 ) -> Boundary:
-    """The outline of the range over two axes of the pose, seen from a pose inside it.
+    """The outline of the range over two axes of the pose, as in Figs. 6 and 10 of the paper.
 
-    Every ray from `start` is followed to where it first leaves the range; pieces that lie behind
-    that are not found (`grid` shows them).
+    axes: two names out of `facets.POSE`.  start: (6,) a pose inside, mm and rad; zero by default.
+    Every ray from `start` is followed to where it first leaves the range, to 0.1 um and 0.1 urad;
+    pieces that lie behind that are not found (`grid` shows them).
+
+    Returns a `Boundary`: points (n, 2) in mm or rad, and why the range ends at each. Raises
+    `InputError` where `start` is outside.
+
+    >>> import facets
+    >>> config = facets.load("paper")
+    >>> outline = facets.trace(config.sensor, config.range, ("tz", "yaw"))
+    >>> f"{outline.extent[0]:.1f} mm by {1e3 * outline.extent[1]:.0f} mrad"
+    '12.6 mm by 49 mrad'
     """
     pose = np.zeros(6) if start is None else start
     require_inside(sensor, rules, pose)

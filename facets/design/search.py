@@ -73,6 +73,14 @@ def optimize(sensor: Sensor, layout: Layout) -> Optimum:
     tried from the sensor as it is, and the best of them from all starts. Where no start keeps all
     limits, `best.found` is false and `best.shortfalls` says which stand against each other.
     Raises `InputError` where nothing may vary, or the sensor has what the problem can not hold.
+
+    >>> from dataclasses import replace
+    >>> import facets
+    >>> config = facets.load("layout")
+    >>> wanted = replace(config.layout, variables={"radius_mm": (150.0, 250.0)}, starts=1)
+    >>> found = facets.optimize(config.sensor, wanted)
+    >>> found.best.found, f"{found.best.x[0]:.0f} mm"
+    (True, '250 mm')
     """
     tried: list[tuple[Choice, StartResult]] = []
     problem = problem_of(sensor, layout)

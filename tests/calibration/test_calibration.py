@@ -60,7 +60,7 @@ def test_corrections_go_both_ways():
 
 
 def test_a_scale_and_a_gain_mean_what_they_say():
-    psd = replace(NOMINAL.psds[0], correction=facets.core.sensor.Correction(
+    psd = replace(NOMINAL.psds[0], correction=facets.Correction(
         power=0.02, dark=1e-3, y=(0.065, *[0.0] * 8)))  # fmt: skip
     sensor = replace(NOMINAL, psds=(psd, *NOMINAL.psds[1:]))
     raw = facets.readings(NOMINAL, np.array([[0.02, 0.01, 0.1, 1e-3, 2e-3, 5e-3, 0, 0]]))
@@ -125,9 +125,7 @@ def test_derivatives_are_those_of_differences():
     rig, data, _ = some_rig(count=4)
     opening = np.full((4, 6), 1e-4)
     found = linear(rig.sensor, data, opening, rig.values, EVERY)
-    weights = facets.detectors.noise.standard_deviations(
-        rig.sensor, corrected(rig.sensor, data.raw)
-    )
+    weights = facets.standard_deviations(rig.sensor, corrected(rig.sensor, data.raw))
 
     def left(values, wider):
         """Weighed alike: the weights are not what is differentiated."""

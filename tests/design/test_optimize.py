@@ -229,7 +229,7 @@ def test_nothing_to_vary_is_an_error():
     [
         ({"electronics": facets.Electronics()}, "knows neither"),
         ({"apertures": facets.Apertures(beam=1.0)}, "knows neither"),
-        ({"calibration": facets.core.sensor.Calibration((), ())}, "belongs to a rig"),
+        ({"calibration": facets.Calibration((), ())}, "belongs to a rig"),
     ],
 )
 def test_what_the_symbols_do_not_know_is_an_error(more, words):
