@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .console import FINDING
+from .options import Force
+
 if TYPE_CHECKING:
     from facets.experiments.reproduce import Result
 
@@ -19,7 +22,7 @@ def reproduce(
         Path, typer.Option("-o", "--output", help="Folder of the report, tables and figures.")
     ] = Path("results/reproduce"),
     quick: Annotated[bool, typer.Option("--quick", help="Fewer samples.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace an older report.")] = False,
+    force: Force = False,
 ) -> None:
     """Reproduce the paper: each figure, table and claim, beside the paper's own numbers.
 
@@ -36,7 +39,7 @@ def reproduce(
     wanted = chosen(names or [])
     report = output / "report.html"
     tables.refuse_to_overwrite([report], force)
-    output.mkdir(parents=True, exist_ok=True)
+    tables.refuse_to_overwrite([output / f"{name}.csv" for name in wanted], force=True)
     typer.echo(f"{'':11}  {'':4}  {'paper':>9}  {'ours':>9}  {'ratio':>7}")
     results = []
     for result in run(wanted, quick, output):
@@ -48,7 +51,7 @@ def reproduce(
     told = f"changed: {', '.join(missed)}" if missed else "all repeat the stored references"
     typer.echo(f"\n{len(results)} experiments in {seconds:.1f} s; {told}\n{report}")
     if missed:
-        raise typer.Exit(1)
+        raise typer.Exit(FINDING)
 
 
 def show(result: Result) -> None:

@@ -13,6 +13,7 @@ from ..core.names import ANGLES, DETECTORS, POSE, READING_COLUMNS, STATE_COLUMNS
 from ..core.sensor import MONOMIALS, Sensor
 from ..detectors.correction import corrected
 from ..estimation.solver import Prior, solve
+from ..estimation.table import BEAM_UNCERTAINTIES, require_known_beam
 from ..files import tables
 from .bundle_adjustment import MOUNTING, Choice, Data, states_of, values_of
 from .fit import Fit
@@ -30,15 +31,18 @@ BEAM = STATE_COLUMNS[6:]
 def read(path: Path, settings: Calibrate) -> Data:
     """A table with readings and `REFERENCE`, and `bx_mm`, `by_mm` where the beam moves.
 
-    Raises `InputError` where a column is missing for an axis whose uncertainty is given.
+    Raises `InputError` where a column is missing for an axis whose uncertainty is given, and where
+    the beam's place is an estimate.
     """
+    beside = () if settings.beam == "still" else (*BEAM, *BEAM_UNCERTAINTIES)
     measured = [n for n in range(6) if np.isfinite(settings.reference[n])]
     needed = (*READING_COLUMNS, *(REFERENCE[n] for n in measured))
-    parts = [
-        np.column_stack([chunk.columns.get(name, np.zeros(len(chunk.lines)))
-                         for name in (*READING_COLUMNS, *REFERENCE, *BEAM)])
-        for chunk in tables.read_chunks(path, needed, BEAM, tables.CHUNK)
-    ]  # fmt: skip
+    parts = []
+    for chunk in tables.read_chunks(path, needed, beside, tables.CHUNK):
+        require_known_beam(path, chunk, "say `calibrate: {beam: still}` if the laser stood still")
+        nothing = np.zeros(len(chunk.lines))
+        names = (*READING_COLUMNS, *REFERENCE, *BEAM)
+        parts.append(np.column_stack([chunk.columns.get(name, nothing) for name in names]))
     rows = np.concatenate(parts) if parts else np.empty((0, 17))
     good = np.isfinite(rows).all(axis=1)
     if good.sum() < 10:

@@ -189,13 +189,31 @@ class AxisRange:
 
 
 def require_inside(sensor: Sensor, rules: Rules, start: Floats) -> None:
+    """Raises `InputError` where a pose (6,) is outside the range, by how much and by which key."""
     clear = clearances(sensor, start[None], rules)[0]
     if not clear.min() > 0:
         place = ", ".join(f"{name} {value:.4g}" for name, value in zip(POSE, start, strict=True))
         raise InputError(
             f"the range is measured from {place} (mm, rad), which is outside it: "
-            f"{CAUSES[clear.argmin()]}; choose another place or easier limits"
+            f"{CAUSES[clear.argmin()]}; {remedy(sensor, rules, start, int(clear.argmin()))}"
         )
+
+
+def remedy(sensor: Sensor, rules: Rules, start: Floats, cause: int) -> str:
+    """What a limit asks for, what there is at a pose, and the key that sets it."""
+    if cause == LIGHT:
+        powers = np.nan_to_num(readings(sensor, states_of(start[None], rules))[0, 2::3])
+        weakest = int(powers.argmin())
+        least = 1e3 * rules.snr * power_floor(sensor)
+        return (
+            f"detector {'ABC'[weakest]} gets {1e3 * powers[weakest]:.3g} µW, and range.snr "
+            f"{rules.snr:g} asks for {least:.3g} µW; choose a place nearer "
+            "to the beam's centre, more laser power, or a lower range.snr"
+        )
+    if cause == PSD:
+        return "choose a place nearer to rest, or larger detectors (sensor.psd.size_mm)"
+    key = "range.condition" if cause == SINGULAR else "range.coarsest"
+    return f"choose another place, or an easier {key}"
 
 
 def axis_ranges(

@@ -205,6 +205,7 @@ def calibrate(keys: dict[str, Any]) -> Calibrate:
     return Calibrate(
         reference=tuple(value * unit for value, unit in sigmas),
         before={name: value for name, value in keys["before"].items() if value is not None},
+        beam=keys["beam"],
         held_back=keys["held_back_percent"] / 100,
         outliers=keys["outliers"],
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from .section import MAX_LENGTH, Section
@@ -58,6 +60,10 @@ class Calibrate(Section):
 
     reference: Reference = Field(Reference(), description="how well it knows the motion")
     before: Before = Field(Before(), description="how well the sensor is known")
+    beam: Literal["given", "still"] = Field(
+        "given",
+        description="its place: bx_mm, by_mm of the table where it has them; still: the origin",
+    )
     held_back_percent: float = Field(
         20.0, ge=0, le=90, description="of the samples, on which the result is tried"
     )

@@ -194,11 +194,13 @@ class Calibrate:
     """What a calibration takes; see the keys of `calibrate`.
 
     reference: (6,) mm and rad, infinite where an axis is not measured.  before: by key, in its
-    unit; what stays is not there.  held_back: share of the samples.
+    unit; what stays is not there.  beam: "given", where the table says that it is, or "still", at
+    the origin whatever the table says.  held_back: share of the samples.
     """
 
     reference: tuple[float, ...]
     before: dict[str, float]
+    beam: str
     held_back: float
     outliers: float | None
 
