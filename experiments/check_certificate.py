@@ -13,8 +13,9 @@ What it trusts, all of it:
 It trusts no number of the file: it traces rays itself, takes derivatives by dual numbers instead of
 closed formulas, bounds the light on its own grid, compares the pieces' edges as they are, and asks:
 does the configuration have this checksum and these parameters, do the pieces fill the box, do the
-bounds of the light hold, and is the hull of all Jacobians regular with the file's inverse and weights?
-What of the file it did not find again, it says. Every test is one that NaN fails; none is an assert.
+bounds of the light hold, and is the hull of all Jacobians regular with the file's inverse and
+weights? What of the file it did not find again, it says. Every test is one that NaN fails; none is
+an assert.
 """
 
 from __future__ import annotations
@@ -402,8 +403,12 @@ def check_pieces(rig: Rig, content: dict[str, Any], found: Finding) -> Rows:
         rows = [spot.slope for spot in spots(rig, box, light)]
         size = determinant_of(rows, content["inverse"]) * slope
         claim = arb(piece["at_least"])
-        refuse_unless(not size.abs_upper() < claim, "a piece claims a larger determinant than it has")
-        least.append(max(exactly(size.abs_lower()), Fraction(0)) if size.is_finite() else Fraction(0))
+        refuse_unless(
+            not size.abs_upper() < claim, "a piece claims a larger determinant than it has"
+        )
+        least.append(
+            max(exactly(size.abs_lower()), Fraction(0)) if size.is_finite() else Fraction(0)
+        )
         unverified += least[-1] < Fraction(piece["at_least"])
         hull = rows if hull is None else [
             [x.union(y) for x, y in zip(a, b, strict=True)] for a, b in zip(hull, rows, strict=True)
@@ -433,7 +438,7 @@ def check_hull(hull: Rows, content: dict[str, Any], found: Finding) -> None:
             entry = sum(arb(inverse[i][k]) * hull[k][j] for k in range(6)) - (i == j)
             row += entry.abs_upper() * weights[j]
         refuse_unless(row < weights[i], f"the hull of the Jacobians may be singular: row {i + 1} of"
-                      f" |1 - C M| times the weights is {row}, its weight {weights[i]}")  # fmt: skip
+                      f" |1 - C M| times the weights is {row}, not below its own")  # fmt: skip
         margins.append(exactly((1 - row / weights[i]).lower()))
     found.margin = min(margins)
     if found.margin < Fraction(content["margin"]):
@@ -444,7 +449,9 @@ def check_configuration(content: dict[str, Any], found: Finding) -> None:
     """The checksum of the resolved configuration, and that the parameters are its sensor's."""
     resolved, checksum = content["resolved"], content.get("config_sha256")
     if resolved is None:
-        refuse_unless(checksum is None, "config_sha256 is given without its configuration, resolved")
+        refuse_unless(
+            checksum is None, "config_sha256 is given without its configuration, resolved"
+        )
         found.not_verified.append("that the parameters are those of any configuration")
         return
     text = json.dumps(resolved, separators=(",", ":"), allow_nan=False)
@@ -518,7 +525,9 @@ def check(path: Path) -> Finding:
     check_configuration(content, found)
     check_cover(content)
     for claims in intervals_of(content["light"]):
-        refuse_unless(claims[0] <= claims[1], f"a bound of the light has its ends crossed: {claims}")
+        refuse_unless(
+            claims[0] <= claims[1], f"a bound of the light has its ends crossed: {claims}"
+        )
     refuse_unless(content["light"]["slope"][0] > 0, "the bound of the powers' slope is not above 0")
     rig = Rig(content["parameters"], content["tolerances"])
     refuse_unless(rig.power > 0 and all(s > 0 for s in rig.sigma), "the beam has no power or width")
@@ -539,9 +548,11 @@ def intervals_of(light: dict[str, Any]) -> list[list[float]]:
 
 def told(found: Finding) -> str:
     """Bounds rounded down."""
+    margin, bound = floor(1000 * found.margin) / 1000, rounded_down(found.determinant)
+    unverified = "; ".join(found.not_verified)
     return (
-        f"holds, with a margin of at least {floor(1000 * found.margin) / 1000:.3f}; |Eq. (11)| is at"
-        f" least {rounded_down(found.determinant)}\n  not verified: {'; '.join(found.not_verified)}"
+        f"holds, with a margin of at least {margin:.3f}; |Eq. (11)| is at least {bound}\n"
+        f"  not verified: {unverified}"
     )
 
 

@@ -117,7 +117,7 @@ class Cost(NamedTuple):
 NUMBERS, COLUMNS = 200, 12
 
 
-def cost(sensor: Sensor, domain: Domain, count: int, left_out: str = "power_c") -> Cost:
+def cost(sensor: Sensor, domain: StateBox, count: int, left_out: str = "power_c") -> Cost:
     """An estimate for `count` states, from a pilot of some; compiles what is needed first."""
     states = next(samples(domain, PILOT, "uniform", 0))
     measures(sensor, states[:1], left_out)

@@ -1,4 +1,4 @@
-"""Matrices of intervals: bounds of their determinant, and whether all that they hold are regular."""
+"""Matrices of intervals: bounds of the determinant, and whether all that they hold are regular."""
 
 from __future__ import annotations
 

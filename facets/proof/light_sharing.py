@@ -1,9 +1,9 @@
 """How the three facets share the beam, in intervals: what moves when the shares are held.
 
-Seen along the beam, the mirror's edges are three half-lines from the apex q, along unit vectors u_e with angles theta_e; units of the beam's sigma. A small change sweeps over edge e the
-light s_e = L_e (u_e x dq) + K_e dtheta_e, and facet k gains s_(k+1) - s_k. So the shares are held
-exactly when s_0 = s_1 = s_2 = s. With rho = K / L, and weights alpha_e > 0 such that
-sum alpha_e u_e = 0,
+Seen along the beam, the mirror's edges are three half-lines from the apex q, along unit vectors u_e
+with angles theta_e; units of the beam's sigma. A small change sweeps over edge e the light s_e =
+L_e (u_e x dq) + K_e dtheta_e, and facet k gains s_(k+1) - s_k. So the shares are held exactly when
+s_0 = s_1 = s_2 = s. With rho = K / L, and weights alpha_e > 0 such that sum alpha_e u_e = 0,
 
     s = sum alpha_e rho_e dtheta_e / sum (alpha_e / L_e),    u_e x dq = s / L_e - rho_e dtheta_e.
 
@@ -31,7 +31,7 @@ Plane = tuple[Ball, Ball]
 SLICES, MORE = 6, 5
 #: A box of offsets is quartered until the lower bounds of its shares are this part of the upper
 #: ones, at most so many times.
-SHARP, DEPTH = 0.25, 8
+SHARP, DEPTH = 0.25, 6
 #: How far off the apex is looked for, sigmas: beyond, one facet has next to no light.
 FARTHEST = 8.0
 

@@ -1,16 +1,17 @@
-"""A box of poses that holds every pose which keeps the rules of the measurement range, by intervals.
+"""A box of poses that holds every pose which keeps the rules of the range, by intervals.
 
-A pose keeps the rules, whatever the beam's place, only if each of the three spots has a point on its
-detector and each facet its least share of the light. Seen from the apex that point is not far: the
-apex itself where the whole footprint has to be on the detector and the apex lies within the beam's
-1/e^2 ellipse, else the centroid or a point of the footprint, whose distances the least share bounds.
-So six coordinates of rays near the apex lie in known intervals H, and with G for them, over a box
-T x R of poses about x = (t, r),
+A pose keeps the rules, whatever the beam's place, only if each of the three spots has a point on
+its detector and each facet its least share of the light. Seen from the apex that point is not far:
+the apex itself where the whole footprint has to be on the detector and the apex lies within the
+beam's 1/e^2 ellipse, else the centroid or a point of the footprint, whose distances the least share
+bounds. So six coordinates of rays near the apex lie in known intervals H, and with G for them, over
+a box T x R of poses about x = (t, r),
 
     pose in T x R,  G(pose) in H   =>   pose in  x + C (H - G(x)) + (1 - C G'(t, R)) (T x R - x)
 
-for any matrix C, since G is linear in the apex: from (t, r) to (t, r'), then to (t', r'). Boxes are cut until that leaves nothing of them, or only what lies in the box aimed
-at; what is left of the others when the work is done is added to it.
+for any matrix C, since G is linear in the apex: from (t, r) to (t, r'), then to (t', r'). Boxes are
+cut until that leaves nothing of them, or only what lies in the box aimed at or a little beyond; the
+hull of what is left is the box. Where that takes too many boxes there is none.
 """
 
 from __future__ import annotations
@@ -101,7 +102,7 @@ def cover_range(
     tolerances: Sequence[float] | None = None,
     work: int = WORK,
 ) -> RangeCover | None:
-    """The box of the poses that keep the rules, for any place of the beam; None where none is found.
+    """The box of poses that keep the rules, for any place of the beam; None where none is found.
 
     share: the least of the light, by the rules.  tolerances: as for `certify`.
     """
@@ -280,5 +281,3 @@ def refuse_wrong_way(
         across = cross(way, leaving)
         if any(not x.contains(arb(0)) for x in across) or dot(way, leaving) < 0:
             raise Nothing
-
-

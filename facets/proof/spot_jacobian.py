@@ -1,7 +1,7 @@
 """Where the spots lie and how they move with the pose, in intervals: one enclosure for a box.
 
-The poses, the sensor's parameters and what is known of the light are all intervals. A facet that may
-be turned past the beam, or a sub-beam that may miss its detector, raises `NotFacing`.
+The poses, the sensor's parameters and what is known of the light are all intervals. A facet that
+may be turned past the beam, or a sub-beam that may miss its detector, raises `NotFacing`.
 """
 
 from __future__ import annotations

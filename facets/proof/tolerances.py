@@ -1,4 +1,4 @@
-"""By how much the sensor on the bench may be off its configuration: what a certificate allows for."""
+"""By how much the sensor on the bench may be off its configuration, for a certificate."""
 
 from __future__ import annotations
 

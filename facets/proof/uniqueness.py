@@ -1,8 +1,8 @@
 """Proof that a sensor's readings tell its states apart over a whole box, in intervals.
 
 The powers fix the apex's offset from the beam at each rotation (`light_sharing`). With the powers
-held, the six coordinates of the spots are a map of apex and rotation alone, and the light's shape in
-it is fractions of a millimetre on levers of a quarter of a metre. So its 6 x 6 Jacobian
+held, the six coordinates of the spots are a map of apex and rotation alone, and the light's shape
+in it is fractions of a millimetre on levers of a quarter of a metre. So its 6 x 6 Jacobian
 
     coordinate = along . (t - C) + shift . v,   d/dt = along,   d/dR = closed + shift . dv/dR
 
@@ -140,7 +140,9 @@ def certify(
     found.reason = beyond_the_theorem(sensor)
     if not found.reason:
         try:
-            prove(interval_geometry(sensor, found.tolerances), found, share, begin + limit, tell, work)
+            prove(
+                interval_geometry(sensor, found.tolerances), found, share, begin + limit, tell, work
+            )
         except LightNotShared:
             found.reason = "the facets may not share the beam as three lit wedges everywhere in it"
     found.seconds = time.perf_counter() - begin
@@ -270,5 +272,3 @@ def as_numbers(shares: SharingBounds) -> dict[str, Any]:
         "turns": [[[ends(x) for x in row] for row in rows] for rows in shares.turns],
         "slope": ends(shares.slope),
     }
-
-

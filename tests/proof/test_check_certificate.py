@@ -101,7 +101,7 @@ def with_apertures(content):
 
 
 def as_the_review_forged(content):
-    """The certificate that the first checker took, with a margin of 1: nothing in it is a number."""
+    """The certificate that the first checker took, with a margin of 1."""
     content["inverse"] = [[math.nan] * 6 for _ in range(6)]
     content["weights"] = [math.inf] * 6
 
@@ -162,7 +162,10 @@ SPOILS = {
     "a reason against it": (put("out of time", "reason"), "reason"),
     "parameters of another sensor": (put(600.0, "parameters", 12), "not those"),
     "parameters left out": (change(lambda p: p[:29], "parameters"), "29 entries"),
-    "tolerances beyond the proof": (put(0.5, "tolerances", 6), "light|hull|face|half a turn|singular"),
+    "tolerances beyond the proof": (
+        put(0.5, "tolerances", 6),
+        "light|hull|face|half a turn|singular",
+    ),
     "tolerance below zero": (put(-0.1, "tolerances", 0), "tolerances"),
     "checksum": (put("0" * 64, "config_sha256"), "checksum"),
     "checksum left out": (forget_hash, "checksum"),
@@ -241,7 +244,16 @@ def test_the_schema_is_one_and_the_certificate_fits_it(content):
 
 def test_a_proof_for_all_sensors_within_tolerances_is_checked(tmp_path):
     sensor = SENSORS["paper"]
-    off = [0.003, 0.0085, 0.0085, 0.0, 1e-3, 1e-3, *[5e-4] * 6, *[0.1, 4e-4, 0.1, 2e-3, 2e-3, 2e-3] * 3]
+    off = [
+        0.003,
+        0.0085,
+        0.0085,
+        0.0,
+        1e-3,
+        1e-3,
+        *[5e-4] * 6,
+        *[0.1, 4e-4, 0.1, 2e-3, 2e-3, 2e-3] * 3,
+    ]
     found = certify(sensor, BOX, SHARE, tolerances=off)
     assert found.unique
     assert 0 < found.margin < certify(sensor, BOX, SHARE).margin
