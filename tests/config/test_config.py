@@ -378,7 +378,7 @@ def test_yaml_1_2_numbers_and_words(write):
             "nothere.yaml",
             [
                 "no such file",
-                "shipped: bench, catalogue, fig4, layout, paper, parts, rig, singular",
+                "shipped: bench, bench-light, catalogue, fig4, layout, paper, parts, rig, singular",
             ],
         ),
         (".", ["folder"]),
@@ -523,6 +523,8 @@ def test_every_number_has_a_unit_in_its_name_or_is_a_count():
         "_v",
         "_a_w",
         "_per_m",
+        "_um2",
+        "_us",
         "_s",
         "_ms",
         "_mm_s",
