@@ -7,9 +7,9 @@ import sys
 import numpy as np
 import pandas as pd
 import pytest
+from facets.cli import main
 
 import facets
-from facets.cli import main
 from facets.core.names import READING_COLUMNS, STATE_COLUMNS
 
 
