@@ -40,7 +40,8 @@ VALUES = (
 )  # fmt: skip
 #: Pieces of text that can go anywhere.
 PIECES = (
-    "\t", ":", "- ", "{", "}", "[", "]", "&x ", "*x", "!", "#", "'", '"', "\n", "  ", "\x00", "\x85",
+    "\t", ":", "- ", "{", "}", "[", "]", "&x ", "*x", "!", "#", "'", '"', "\n", "  ", "\x00",
+    "\x85",
     "é", "<<: *x", "? ", "|", ">", "%YAML 1.1\n", "---\n", "...\n", "extends: paper\n",
     "extends: [paper, rig]\n", "extends: nowhere\n", "sensor: ~\n", "motions: 3\n",
 )  # fmt: skip
