@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import facets
-from facets.calibration.bundle_adjustment import ALL, MOUNTING, Choice, Data, states_of, values_of
-from facets.calibration.fit import Fit, assigned, fit
+from facets.calibration.bundle_adjustment import Data, states_of
+from facets.calibration.fit import Fit, fit
+from facets.calibration.unknowns import ALL, MOUNTING, Choice, assigned, values_of
 from facets.core.sensor import Sensor
 from facets.detectors.correction import corrected, uncorrected
 from facets.detectors.noise import add_noise
@@ -43,7 +44,7 @@ def hidden() -> dict[str, float]:
         found |= {f"psd_{letter}.{name}": 5e-3 for name in ("roll", "pitch", "yaw")}
         found[f"correction_{letter}.power"] = 0.03
         found |= {f"correction_{letter}.{name}": 0.03 * 6.5 for name in ("y10", "z01")}
-    return found | dict(zip(MOUNTING, (20.0, 20.0, 40.0, 0.05, 0.05), strict=True))
+    return found | dict(zip(MOUNTING, (20.0, 20.0, 40.0, 0.05, 0.05), strict=False))
 
 
 def choice() -> Choice:
@@ -70,7 +71,7 @@ def moved(rig: Rig, count: int, rng: np.random.Generator) -> tuple[Data, Floats]
     """What reference and detectors say of random motions, and the true states (n, 8)."""
     pose = rng.uniform(-1, 1, (count, 6)) * BOX
     empty = Data(np.empty((count, 9)), pose, REFERENCE, np.zeros((count, 2)))
-    state = states_of(empty, np.zeros((count, 6)), rig.values[-len(MOUNTING) :])
+    state = states_of(empty, np.zeros((count, 9)), rig.values)
     raw = uncorrected(rig.sensor, add_noise(rig.sensor, facets.readings(rig.sensor, state), rng))
     said = pose + REFERENCE * rng.standard_normal(pose.shape)
     return empty._replace(raw=raw, pose=said), state

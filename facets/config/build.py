@@ -204,6 +204,8 @@ def calibrate(keys: dict[str, Any]) -> Calibrate:
     return Calibrate(
         reference=tuple(value * unit for value, unit in sigmas),
         before={name: value for name, value in keys["before"].items() if value is not None},
+        power_per_sample=keys["laser"] == "drifts",
+        effects=dict(keys["effects"]),
         held_back=keys["held_back_percent"] / 100,
         outliers=keys["outliers"],
     )

@@ -194,11 +194,14 @@ class Calibrate:
     """What a calibration takes; see the keys of `calibrate`.
 
     reference: (6,) mm and rad, infinite where an axis is not measured.  before: by key, in its
-    unit; what stays is not there.  held_back: share of the samples.
+    unit; what stays is not there.  power_per_sample: whether the laser's power is an unknown of
+    each.  effects: by key "auto", "on" or "off".  held_back: share of the samples.
     """
 
     reference: tuple[float, ...]
     before: dict[str, float]
+    power_per_sample: bool
+    effects: dict[str, str]
     held_back: float
     outliers: float | None
 
