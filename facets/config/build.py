@@ -74,6 +74,7 @@ def sensor(keys: dict[str, Any]) -> Sensor:
         apertures=_apertures(keys["apertures"]),
         electronics=electronics(keys["electronics"]) if noise["model"] == "electronics" else None,
         imperfections=imperfections(keys["imperfections"]),
+        light=geometry.light(keys["light"]),
         calibration=None
         if keys["calibration"]["file"] is None
         else covariance.read(Path(keys["calibration"]["file"])),

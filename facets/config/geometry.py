@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from copy import deepcopy
-from math import pi
+from math import degrees, pi, radians
 from pathlib import Path
 from typing import Any
 
-from ..core.sensor import DETECTORS, Beam, Correction, Facet, Psd, Sensor
+from ..core.sensor import DETECTORS, Beam, BenchLight, Correction, Facet, Psd, Sensor
 from . import grid
 
 #: How many of a key's unit make one of the code's.
@@ -57,6 +57,42 @@ def _correction(keys: dict[str, Any]) -> Correction:
     return Correction(keys["power_percent"] / PERCENT, keys["dark_uw"] / UW, y, z, measured)
 
 
+def light(keys: dict[str, Any]) -> BenchLight:
+    """The light of the bench from its keys."""
+    xx, xy, yy = (value / 1000 for value in keys["curvature_per_m"])
+    places = zip(keys["background_uw"], keys["background_mm"], strict=True)
+    turn = keys["polarization_deg"]
+    return BenchLight(
+        curvature_xx=xx,
+        curvature_xy=xy,
+        curvature_yy=yy,
+        wavelength=1e-6 * (keys["wavelength_nm"] or 0.0),
+        rolloff=tuple(1e-6 * depth for depth in keys["rolloff_nm"]),
+        strips=tuple(width / UM for width in keys["strips_um"]),
+        tip=1e-6 * keys["tip_um2"],
+        background=tuple((power / UW, *place) for power, place in places),
+        index=None if keys["index"] is None else tuple(keys["index"]),
+        polarization=None if turn is None else radians(turn),
+        delays=tuple(1e-6 * delay for delay in keys["delays_us"]),
+    )
+
+
+def light_keys(of: BenchLight) -> dict[str, Any]:
+    """The keys of a bench's light, for `light`."""
+    return {
+        "curvature_per_m": [1000 * v for v in (of.curvature_xx, of.curvature_xy, of.curvature_yy)],
+        "wavelength_nm": 1e6 * of.wavelength or None,
+        "rolloff_nm": [1e6 * depth for depth in of.rolloff],
+        "strips_um": [UM * width for width in of.strips],
+        "tip_um2": 1e6 * of.tip,
+        "background_uw": [UW * row[0] for row in of.background],
+        "background_mm": [list(row[1:]) for row in of.background],
+        "index": None if of.index is None else list(of.index),
+        "polarization_deg": None if of.polarization is None else degrees(of.polarization),
+        "delays_us": [1e6 * delay for delay in of.delays],
+    }
+
+
 def _fields(keys: dict[str, Any], table: Keys) -> dict[str, float]:
     fields: dict[str, float] = {}
     for key, (names, unit) in table.items():
@@ -83,6 +119,8 @@ def written(keys: dict[str, Any], sensor: Sensor) -> dict[str, Any]:
                 "y_um": [UM * value for value in then.correction.y],
                 "z_um": [UM * value for value in then.correction.z],
             }
+    if light(keys["light"]) != sensor.light:
+        new["light"] = light_keys(sensor.light)
     return new
 
 

@@ -232,6 +232,65 @@ class Imperfections(Section):
     sag_over_mm: float = Field(5.0, gt=0, le=1000, description="diameter of a facet")
 
 
+Curvature = Annotated[float, Field(ge=-1e3, le=1e3)]
+Nanometres = Annotated[float, Field(ge=-1e5, le=1e5)]
+Micrometres = Annotated[float, Field(ge=-1e3, le=1e3)]
+Microwatts = Annotated[float, Field(ge=-1e6, le=1e6)]
+Millimetres = Annotated[float, Field(ge=-1e3, le=1e3)]
+Microseconds = Annotated[float, Field(ge=-1e6, le=1e6)]
+
+
+Curvatures = Annotated[tuple[Curvature, Curvature, Curvature], BeforeValidator(as_tuple)]
+Depths = Annotated[
+    tuple[Nanometres, Nanometres, Nanometres, Nanometres, Nanometres, Nanometres],
+    BeforeValidator(as_tuple),
+]
+Widths = Annotated[tuple[Micrometres, Micrometres, Micrometres], BeforeValidator(as_tuple)]
+Powers = Annotated[tuple[Microwatts, Microwatts, Microwatts], BeforeValidator(as_tuple)]
+Place = Annotated[tuple[Millimetres, Millimetres], BeforeValidator(as_tuple)]
+Places = Annotated[tuple[Place, Place, Place], BeforeValidator(as_tuple)]
+Delays = Annotated[tuple[Microseconds, Microseconds, Microseconds], BeforeValidator(as_tuple)]
+
+
+class LightKeys(Section):
+    """What the light of a bench does, in the model of every reading; off unless given."""
+
+    curvature_per_m: Curvatures = Field(
+        (0.0, 0.0, 0.0),
+        description="of the wavefront, one over its radius: xx, xy, yy along x_w and y_w; "
+        "positive where it spreads",
+    )
+    wavelength_nm: float | None = Field(
+        None, gt=0, le=20_000, description="of the light, for diffraction at edges; null for none"
+    )
+    rolloff_nm: Depths = Field(
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        description="depth by which a facet falls off at an edge: of a at ca and ab, of b at ab "
+        "and bc, of c at bc and ca",
+    )
+    strips_um: Widths = Field(
+        (0.0, 0.0, 0.0), description="width of the strips lost along the edges ca, ab, bc"
+    )
+    tip_um2: float = Field(0.0, ge=-1e6, le=1e6, description="area lost at a worn tip")
+    background_uw: Powers = Field(
+        (0.0, 0.0, 0.0), description="other light on detectors A, B and C"
+    )
+    background_mm: Places = Field(
+        ((0.0, 0.0), (0.0, 0.0), (0.0, 0.0)),
+        description="psi and zeta of its centroid on each detector",
+    )
+    index: Annotated[tuple[Index, Index], BeforeValidator(as_tuple)] | None = Field(
+        None, description="complex refractive index n, k of the coating; null reflects all"
+    )
+    polarization_deg: float | None = Field(
+        None, ge=-360, le=360, description="of the light, from the beam's x axis; null is none"
+    )
+    delays_us: Delays = Field(
+        (0.0, 0.0, 0.0),
+        description="by how much detectors A, B and C are read after the stated time",
+    )
+
+
 class CalibrationKeys(Section):
     """The covariance of parameters that were calibrated."""
 
@@ -252,6 +311,9 @@ class SensorKeys(Section):
     apertures: Apertures = Field(Apertures(), description="what cuts the light; off unless given")
     imperfections: Imperfections = Field(
         Imperfections(), description="of the optics, in simulations alone; off unless given"
+    )
+    light: LightKeys = Field(
+        LightKeys(), description="of the bench, known to the model; off unless given"
     )
     calibration: CalibrationKeys = Field(
         CalibrationKeys(), description="how well the parameters are known; from `facets calibrate`"

@@ -7,7 +7,7 @@ Every object is frozen and checks itself; a `Sensor` is plain data and knows no 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from math import pi
 
@@ -235,6 +235,65 @@ class Apertures:
         return self != Apertures()
 
 
+#: Where a facet meets an edge, in the order of `BenchLight.rolloff`: facet by facet, first edge and
+#: second edge, counter-clockwise seen from above.
+FACET_EDGES = ("edge_ca_a", "edge_ab_a", "edge_ab_b", "edge_bc_b", "edge_bc_c", "edge_ca_c")
+#: The mirror's edges in the order of `BenchLight.strips`: edge number k is where facet k begins.
+EDGES = ("ca", "ab", "bc")
+
+
+@dataclass(frozen=True)
+class BenchLight:
+    """What the light of a real bench does, in the model of every reading; by default nothing.
+
+    curvature_xx, curvature_xy, curvature_yy: of the wavefront where the beam passes (bx, by, 0),
+    one over its radius, positive where it spreads, 1/mm; along the world's x and y as the beam's
+    tilt carries them, whatever the rotation of its ellipse.
+    wavelength: for the diffraction at the facets' edges, mm; 0 for none.
+    rolloff: how much lower the surface lies at an edge than its facet's plane, for `FACET_EDGES`,
+    in narrow strips; mm.
+    strips: width of the strip that is lost along each of `EDGES`, half of it on either facet, mm.
+    tip: area, square to the mirror's axis, that is lost at a worn apex, mm^2.
+    background: other light on detectors A, B and C: power (mW) and its centroid's y and z (mm).
+    index: complex refractive index (n, k) of the facets' coating, None for one that reflects all.
+    polarization: angle of the light's field from that x axis, rad; None for unpolarised.
+    delays: by how much detectors A, B and C are read later than the stated time, s. They belong to
+    recordings, not to single readings (`facets.detectors.skew`).
+    """
+
+    curvature_xx: float = 0.0
+    curvature_xy: float = 0.0
+    curvature_yy: float = 0.0
+    wavelength: float = 0.0
+    rolloff: tuple[float, ...] = (0.0,) * 6
+    strips: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    tip: float = 0.0
+    background: tuple[tuple[float, float, float], ...] = ((0.0, 0.0, 0.0),) * 3
+    index: tuple[float, float] | None = None
+    polarization: float | None = None
+    delays: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        _require_finite(self)
+        _require(self.wavelength >= 0, "wavelength", self.wavelength, "0 or more, mm")
+        for name, count in (("rolloff", 6), ("strips", 3), ("delays", 3)):
+            values = getattr(self, name)
+            sound = len(values) == count and all(math.isfinite(value) for value in values)
+            _require(sound, name, values, f"{count} finite numbers")
+        rows = [value for row in self.background for value in row]
+        sound = [len(row) for row in self.background] == [3, 3, 3] and all(map(math.isfinite, rows))
+        _require(sound, "background", self.background, "power, y and z of three detectors")
+        if self.index is not None:
+            n, k = self.index
+            sound = math.isfinite(n) and math.isfinite(k) and n > 0
+            _require(sound, "index", self.index, "n above 0, and k")
+
+    @property
+    def on(self) -> bool:
+        """Whether readings differ from those of ideal light."""
+        return replace(self, delays=(0.0, 0.0, 0.0), polarization=None) != BenchLight()
+
+
 @dataclass(frozen=True)
 class Imperfections:
     """What real optics do besides; for simulations, while poses are solved as if they did not.
@@ -287,6 +346,7 @@ class Sensor:
     electronics: if given, noise follows from it instead of from `noise`.
     calibration: if given, its uncertainty is part of every pose's.
     imperfections: of the optics, in simulations alone.
+    light: what the light of the bench does, in every reading.
 
     Seen from above the facets follow each other counter-clockwise, each within half a turn of the
     one before: else they are not the sides of a pyramid with its point up.
@@ -300,10 +360,18 @@ class Sensor:
     electronics: Electronics | None = None
     calibration: Calibration | None = None
     imperfections: Imperfections = Imperfections()
+    light: BenchLight = BenchLight()
 
     def __post_init__(self) -> None:
         both = self.apertures.cut and self.imperfections != Imperfections()
         _require(not both, "imperfections", "given with apertures", "one of the two")
+        both = self.apertures.cut and self.light.on
+        _require(
+            not both,
+            "light",
+            "given with apertures that cut it",
+            "one of the two; for strips that are lost along edges use light.strips, not a gap",
+        )
         for k, letter in enumerate(DETECTORS):
             following = (k + 1) % 3
             gap = (self.facets[following].azimuth - self.facets[k].azimuth) % (2 * pi)

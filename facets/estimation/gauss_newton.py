@@ -11,7 +11,7 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from ..optics.detected import linearised
-from ..optics.forward import Geometry
+from ..optics.forward import Geometry, by_power, with_power
 from .least_squares import back_substitute, covariance_of, triangularise
 
 Array = Any
@@ -122,7 +122,7 @@ def evaluate(
     outlines: memory, see `optics.detected`.
     """
     columns = len(problem.free)
-    scale = x[8] / sensor.power
+    sensor = with_power(sensor, x[8])
     state = (x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7])
     detectors = linearised(sensor, state, outlines)
     total = 0.0
@@ -133,16 +133,14 @@ def evaluate(
             weight = weights[3 * k + i]
             if not weight > 0:
                 continue
-            factor = weight * scale if i == 2 else weight
-            value = computed[i] * scale if i == 2 else computed[i]
             derivative = derivatives[i]
             for j in range(columns):
                 c = problem.free[j]
                 if c < 8:
-                    matrix[row, j] = factor * derivative[c]
+                    matrix[row, j] = weight * derivative[c]
                 else:
-                    matrix[row, j] = weight * computed[i] / sensor.power if i == 2 else 0.0
-            rest = weight * (values[3 * k + i] - value)
+                    matrix[row, j] = weight * by_power(sensor, computed, k, i)
+            rest = weight * (values[3 * k + i] - computed[i])
             matrix[row, columns] = rest
             total += rest * rest
             row += 1

@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError
 from ..core.sensor import Sensor
+from ..optics.effects import EFFECTS as EFFECTS
+from ..optics.effects import Effects, Options
 from ..optics.forward import Geometry, Openings, geometry
 from ..optics.parameters import BEAM, FACET, PSD
 from .threads import share
@@ -40,7 +42,108 @@ def sensor_with(sensor: Sensor, p: Sequence[float]) -> Sensor:
 
 def geometry_of(sensor: Sensor) -> Geometry:
     """The sensor's vectors, in plain floats."""
-    return geometry(parameters(sensor), openings(sensor))
+    light = of_light(sensor) if sensor.light.on else None
+    return geometry(parameters(sensor), openings(sensor), light)
+
+
+#: Nearer to the edge of a detector, mm, what diffraction loses there is told as at this distance.
+NEAREST = 0.1
+
+
+def options(sensor: Sensor) -> Options:
+    """What of the light is not varied; on, whether or not there is any."""
+    y, z = half_sizes(sensor).T.tolist()
+    halves: Any = tuple(zip(y, z, strict=True))
+    light = sensor.light
+    return Options(True, light.index is not None, light.polarization is not None, halves, NEAREST)
+
+
+def of_light(sensor: Sensor) -> Effects:
+    """The light of the bench as the optics takes it."""
+    return Effects(tuple(effects(sensor).tolist()), options(sensor))
+
+
+def effects(sensor: Sensor) -> Floats:
+    """The numbers of the bench's light in the order of `EFFECTS`: (26,) 1/mm, mm, mm^2, mW, rad.
+
+    The index of a coating that reflects all is 1 + 0i; the polarisation of unpolarised light is 0.
+    """
+    light = sensor.light
+    n, k = (1.0, 0.0) if light.index is None else light.index
+    return np.array(
+        [
+            light.curvature_xx,
+            light.curvature_xy,
+            light.curvature_yy,
+            light.wavelength,
+            *light.rolloff,
+            *light.strips,
+            light.tip,
+            *(value for row in light.background for value in row),
+            n,
+            k,
+            light.polarization or 0.0,
+        ]
+    )
+
+
+def with_effects(sensor: Sensor, values: Sequence[float] | Floats) -> Sensor:
+    """The sensor with other numbers of its light, in the order of `EFFECTS`.
+
+    What reflects all, or is unpolarised, stays so. Raises `InputError` where one is impossible.
+    """
+    v = [float(value) for value in values]
+    if len(v) != len(EFFECTS):
+        raise InputError(f"{len(v)} numbers of the light; needed: {len(EFFECTS)}")
+    light = replace(
+        sensor.light,
+        curvature_xx=v[0],
+        curvature_xy=v[1],
+        curvature_yy=v[2],
+        wavelength=v[3],
+        rolloff=tuple(v[4:10]),
+        strips=(v[10], v[11], v[12]),
+        tip=v[13],
+        background=tuple((v[i], v[i + 1], v[i + 2]) for i in (14, 17, 20)),
+        index=None if sensor.light.index is None else (v[23], v[24]),
+        polarization=None if sensor.light.polarization is None else v[25],
+    )
+    return replace(sensor, light=light)
+
+
+def stepped(values: Sequence[float] | Floats) -> list[tuple[complex, ...]]:
+    """Copies of some numbers, in each of which another carries `bench_light.STEP`."""
+    from ..optics.cut_parameters import STEP
+
+    plain = [complex(value) for value in values]
+    return [
+        tuple(value + complex(0, STEP if i == number else 0) for i, value in enumerate(plain))
+        for number in range(len(plain))
+    ]
+
+
+def effect_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
+    """The derivatives of the readings by the numbers of the bench's light, closed.
+
+    state: (..., 8). Returns (..., 9, 26), columns in the order of `EFFECTS`; mm and mW per each
+    number's unit, right also where the light is ideal. Zero by what an index of a coating that
+    reflects all, or a polarisation of light that is not polarised, would be. NaN as in `jacobian`.
+    Raises `InputError` for a sensor with apertures.
+    """
+    from .kernels import differentiate_light, pack
+
+    rows, shape = as_rows(state, 8, "state")
+    if sensor.apertures.cut:
+        raise InputError("sensor.apertures cut the light; the bench's light is not known with them")
+    given = parameters(sensor)
+    copies = [
+        pack(geometry(given, openings(sensor), Effects(values, options(sensor))))
+        for values in stepped(effects(sensor))
+    ]
+    plain = pack(geometry(given, openings(sensor), of_light(sensor)))
+    out = np.empty((len(rows), 9, len(EFFECTS)))
+    differentiate_light(plain, np.array(copies, dtype=complex), rows, out)
+    return out.reshape(*shape, 9, len(EFFECTS))
 
 
 def openings(sensor: Sensor) -> Openings:
@@ -63,15 +166,12 @@ def packed(sensor: Sensor) -> Floats:
 
 def varied(sensor: Sensor) -> NDArray[np.complex128]:
     """The sensor packed once for each parameter, which carries `cut_parameters.STEP`: (30, ...)."""
-    from ..optics.cut_parameters import STEP
     from .kernels import pack
 
-    values = parameters(sensor)
-    copies = []
-    for number in range(len(values)):
-        steps = [complex(0, STEP if i == number else 0) for i in range(len(values))]
-        moved = tuple(value + step for value, step in zip(values, steps, strict=True))
-        copies.append(pack(geometry(moved, openings(sensor))))
+    light = of_light(sensor) if sensor.light.on else None
+    copies = [
+        pack(geometry(moved, openings(sensor), light)) for moved in stepped(parameters(sensor))
+    ]
     return np.array(copies, dtype=complex)
 
 
@@ -136,10 +236,13 @@ def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
     state: (..., 8). Returns (..., 9, 30), columns in the order of `facets.PARAMETERS`; mm and mW
     per mm, rad and mW. NaN as in `jacobian`.
     """
-    from .kernels import differentiate_by_parameters, differentiate_cut
+    from .kernels import differentiate_by_parameters, differentiate_cut, differentiate_light
 
     rows, shape = as_rows(state, 8, "state")
     out = np.zeros((len(rows), 9, 30))
+    if sensor.light.on:
+        differentiate_light(packed(sensor), varied(sensor), rows, out)
+        return out.reshape(*shape, 9, 30)
     differentiate_by_parameters(packed(sensor), parameters(sensor), rows, out)
     if sensor.apertures.cut:
         differentiate_cut(packed(sensor), varied(sensor), rows, out)

@@ -8,7 +8,6 @@ file that it calls into does.
 
 from __future__ import annotations
 
-import cmath
 import hashlib
 import math
 import os
@@ -24,6 +23,7 @@ import platformdirs
 from numba.extending import overload, register_jitable  # noqa: TID253
 
 from ..optics import (
+    bench_light,
     compensated,
     cut,
     cut_parameters,
@@ -48,15 +48,36 @@ def is_complex(kind: Any) -> bool:
 
 TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
     dispatch.exp: lambda x: lambda x: math.exp(x),
-    dispatch.sqrt: lambda x: (lambda x: cmath.sqrt(x)) if is_complex(x) else lambda x: math.sqrt(x),
-    dispatch.sin: lambda x: (lambda x: cmath.sin(x)) if is_complex(x) else lambda x: math.sin(x),
-    dispatch.cos: lambda x: (lambda x: cmath.cos(x)) if is_complex(x) else lambda x: math.cos(x),
+    # what carries a derivative in its imaginary part needs no more than the first order
+    dispatch.sqrt: lambda x: (
+        (lambda x: complex(math.sqrt(x.real), x.imag / (2 * math.sqrt(x.real))))
+        if is_complex(x)
+        else lambda x: math.sqrt(x)
+    ),
+    dispatch.log: lambda x: (
+        (lambda x: complex(math.log(x.real), x.imag / x.real))
+        if is_complex(x)
+        else lambda x: math.log(x)
+    ),
+    dispatch.sin: lambda x: (
+        (lambda x: complex(math.sin(x.real), math.cos(x.real) * x.imag))
+        if is_complex(x)
+        else lambda x: math.sin(x)
+    ),
+    dispatch.cos: lambda x: (
+        (lambda x: complex(math.cos(x.real), -math.sin(x.real) * x.imag))
+        if is_complex(x)
+        else lambda x: math.cos(x)
+    ),
+    dispatch.larger: lambda a, b: lambda a, b: a if a.real > b.real else b,
     dispatch.erf: lambda x: lambda x: math.erf(x),
     dispatch.erfc: lambda x: lambda x: math.erfc(x),
     dispatch.atan2: lambda y, x: lambda y, x: math.atan2(y, x),
     dispatch.pi: lambda like: lambda like: math.pi,
     dispatch.defined: lambda value, a, b, c: (
-        lambda value, a, b, c: value if a > 0 and b > 0 and c > 0 else math.nan
+        lambda value, a, b, c: (
+            value if a.real > 0 and b.real > 0 and c.real > 0 else value * math.nan
+        )
     ),
     wedge.side: lambda q, u: (
         lambda q, u: wedge.side_float(q, u, q[0] * u[0] + q[1] * u[1], q[0] * u[1] - q[1] * u[0])
@@ -66,6 +87,7 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
     ),
 }
 TEXT = (
+    bench_light,
     vectors,
     rays,
     compensated,
@@ -81,6 +103,8 @@ TEXT = (
     detected,
     parameters,
 )
+#: What is left to be called, because it is long and most poses do without.
+LONG = (tail_quadrature, bench_light)
 
 
 def register(module: ModuleType) -> None:
@@ -90,7 +114,7 @@ def register(module: ModuleType) -> None:
             continue
         if function not in TWINS and function not in _REGISTERED:
             _REGISTERED.add(function)
-            register_jitable(forceinline=module is not tail_quadrature)(function)
+            register_jitable(forceinline=module not in LONG)(function)
 
 
 def compilable(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -6,14 +6,18 @@ Arrays in, arrays out: a sensor is its geometry's numbers (`pack`), states are (
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from itertools import count
 from typing import Any
 
 import numpy as np
 
+from ..optics import bench_light
 from ..optics.cut_parameters import cut_by_parameter
 from ..optics.detected import cut_scene, linearised, readings
+from ..optics.effects import Light, Options
 from ..optics.footprint import footprint
-from ..optics.forward import Geometry, Openings, placed
+from ..optics.forward import Geometry, Openings, geometry, placed
 from ..optics.forward import scene as uncut_scene
 from ..optics.limits import COLUMNS, MOST
 from ..optics.parameters import detector_by_parameters
@@ -24,45 +28,46 @@ Array = Any
 compiled = compiler(__file__)
 
 
-def pack(sensor: Geometry) -> np.ndarray:
-    """A sensor's geometry as one array, for `unpack`."""
-    parts: list[Any] = [sensor.direction, (sensor.power,), *sensor.spread, *sensor.whitening]
-    parts += [*sensor.normals, *sensor.centres]
-    for axes in sensor.axes:
-        parts += [*axes]
-    openings = sensor.openings
-    parts += [(openings.cut, openings.radius, openings.tip, openings.rim, openings.gap)]
-    parts += [*openings.halves]
-    return np.array([number for part in parts for number in part])
+#: A sensor's vectors, for their arrangement alone.
+EXAMPLE = geometry((1.0,) * 30)
+#: Whose numbers are plain, whatever carries a derivative beside them.
+PLAIN = (Openings, Options)
 
 
-@compilable
-def triple(a: Array, i: int) -> Any:
-    return a[i], a[i + 1], a[i + 2]
+def leaves(part: Any) -> Iterator[Any]:
+    """The numbers of nested tuples, one after the other."""
+    if isinstance(part, tuple):
+        for inner in part:
+            yield from leaves(inner)
+    else:
+        yield part
 
 
-@compilable
-def unpack(a: Array) -> Geometry:
-    halves = ((a[66], a[67]), (a[68], a[69]), (a[70], a[71]))
-    return unpack_with(a, Openings(a[61] > 0, a[62], a[63], a[64], a[65], halves))
+def pack(vectors: Geometry) -> np.ndarray:
+    """A sensor's vectors as one array, for `unpack`: real, or complex where one of them is."""
+    return np.array([number + 0.0 for number in leaves(vectors)])
 
 
-@compilable
-def unpack_with(a: Array, openings: Openings) -> Geometry:
-    return Geometry(
-        triple(a, 0),
-        a[3],
-        (triple(a, 4), triple(a, 7)),
-        (triple(a, 10), triple(a, 13)),
-        (triple(a, 16), triple(a, 19), triple(a, 22)),
-        (triple(a, 25), triple(a, 28), triple(a, 31)),
-        (
-            (triple(a, 34), triple(a, 37), triple(a, 40)),
-            (triple(a, 43), triple(a, 46), triple(a, 49)),
-            (triple(a, 52), triple(a, 55), triple(a, 58)),
-        ),
-        openings,
-    )
+def expression(part: Any, numbers: Iterator[int], plain: bool = False) -> str:
+    """The text that makes tuples like `part` of the numbers a[0], a[1], ..."""
+    if isinstance(part, tuple):
+        plain = plain or isinstance(part, PLAIN)
+        inner = "".join(f"{expression(each, numbers, plain)}, " for each in part)
+        return f"{type(part).__name__ if hasattr(part, '_fields') else ''}({inner})"
+    number = f"a[{next(numbers)}]"
+    if isinstance(part, bool):
+        return f"{number}.real > 0"
+    return f"{number}.real" if plain else number
+
+
+def unpacking() -> Callable[[Array], Geometry]:
+    """The function that takes what `pack` makes apart, in straight text that Numba compiles."""
+    names = {kind.__name__: kind for kind in (Geometry, Light, Openings, Options)}
+    exec(f"def unpack(a):\n    return {expression(EXAMPLE, count())}", names)
+    return compilable(names["unpack"])
+
+
+unpack = unpacking()
 
 
 @compilable
@@ -202,7 +207,7 @@ def differentiate_cut(packed: Array, varied: Array, states: Array, out: Array) -
         state = state_of(states, n)
         at, counts = cut_scene(sensor, state, room)
         for p in range(len(varied)):
-            copy = unpack_with(varied[p], sensor.openings)
+            copy = unpack(varied[p])
             moved = placed(copy, state)
             for k in range(3):
                 if counts[k] > 0:
@@ -210,3 +215,20 @@ def differentiate_cut(packed: Array, varied: Array, states: Array, out: Array) -
                     rows = cut_by_parameter(sensor, at, copy, moved, k, room[k], counts[k])
                     for i in range(3):
                         out[n, 3 * k + i, p] = rows[i] if lit else np.nan
+
+
+@compiled
+def differentiate_light(packed: Array, varied: Array, states: Array, out: Array) -> None:
+    """out (n, 9, m): derivatives under the light of a bench, by what is varied in m copies.
+
+    varied: (m, ...) the sensor with each number varied by `bench_light.STEP`.
+    """
+    vectors = unpack(packed)
+    for n in range(len(states)):
+        state = state_of(states, n)
+        at = bench_light.scene(vectors, state)
+        for p in range(len(varied)):
+            detectors = bench_light.varied(unpack(varied[p]), state, at)
+            for k in range(3):
+                for i in range(3):
+                    out[n, 3 * k + i, p] = detectors[k][i]

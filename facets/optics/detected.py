@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from . import bench_light
 from .cut import always_cut, linearised_cut, outline
 from .forward import Geometry, Scene, Three, placed, readings_of, shone_on, with_light
 from .forward import scene as uncut_scene
@@ -38,6 +39,8 @@ def scene(sensor: Geometry, state: tuple[Any, ...], room: Array) -> Scene:
 
 def readings(sensor: Geometry, state: tuple[Any, ...], room: Array) -> tuple[Three, Three, Three]:
     """Eq. (1): (psi, zeta, power) of detectors A, B and C at a state of Eq. (3)."""
+    if sensor.light.options.on:
+        return bench_light.readings(sensor, state)
     return readings_of(sensor, scene(sensor, state, room))
 
 
@@ -48,6 +51,8 @@ def linearised(
 
     Each is ((psi, zeta, power), (eight derivatives of each)); mm, mW, rad. NaN as in `reading`.
     """
+    if sensor.light.options.on:
+        return bench_light.linearised(sensor, state)
     if not sensor.openings.cut:
         return linearised_uncut(sensor, state)
     at, counts = cut_scene(sensor, state, room)

@@ -14,6 +14,7 @@ from math import inf
 from typing import Any, NamedTuple
 
 from ..scalars.dispatch import Number, cos, defined, sin, sqrt
+from .effects import IDEAL, Effects, Light, light
 from .rays import flight, hit, land, reflect
 from .vectors import (
     Matrix,
@@ -59,7 +60,7 @@ class Geometry(NamedTuple):
     whitening: the same axes divided by sigma, so that whitening . r is in sigmas, 1/mm.
     normals: of the facets, in the mirror's frame.
     centres: of the detectors, mm.  axes: of each detector, its x, y and z in the world.
-    openings: what cuts the light.
+    openings: what cuts the light.  light: what it does beside the ideal.
     """
 
     direction: Vector
@@ -70,6 +71,7 @@ class Geometry(NamedTuple):
     centres: Three
     axes: Three
     openings: Openings = OPEN
+    light: Light = IDEAL
 
 
 def beam_axes(rotation_about_beam: Number, tilt_x: Number, tilt_y: Number) -> Matrix:
@@ -93,8 +95,13 @@ def psd_axes(azimuth: Number, roll: Number, pitch: Number, yaw: Number) -> Matri
     return columns(rotation(roll, pitch, azimuth + yaw))
 
 
-def geometry(parameters: tuple[Any, ...], openings: Openings = OPEN) -> Geometry:
-    """The vectors of a sensor from its 30 parameters, in the order of `facets.PARAMETERS`."""
+def geometry(
+    parameters: tuple[Any, ...], openings: Openings = OPEN, effects: Effects | None = None
+) -> Geometry:
+    """The vectors of a sensor from its 30 parameters, in the order of `facets.PARAMETERS`.
+
+    effects: what the light does beside the ideal; None for nothing.
+    """
     power, diameter_x, diameter_y, turn, tilt_x, tilt_y = parameters[:6]
     facets = [parameters[k : k + 2] for k in (6, 8, 10)]
     psds = [parameters[k : k + 6] for k in (12, 18, 24)]
@@ -103,16 +110,52 @@ def geometry(parameters: tuple[Any, ...], openings: Openings = OPEN) -> Geometry
     a, b, c = (facet_normal(*facet) for facet in facets)
     centre_a, centre_b, centre_c = (psd_centre(*psd[:3]) for psd in psds)
     axes_a, axes_b, axes_c = (psd_axes(psd[1], *psd[3:]) for psd in psds)
+    spread = scale(sigma_x, x), scale(sigma_y, y)
+    whitening = scale(1 / sigma_x, x), scale(1 / sigma_y, y)
+    own = IDEAL
+    if effects is not None:
+        level = beam_axes(turn * 0, tilt_x, tilt_y)
+        own = light(effects, edges((a, b, c)), level[:2], spread, whitening)
     return Geometry(
         direction=scale(-1, back),
         power=power,
-        spread=(scale(sigma_x, x), scale(sigma_y, y)),
-        whitening=(scale(1 / sigma_x, x), scale(1 / sigma_y, y)),
+        spread=spread,
+        whitening=whitening,
         normals=(a, b, c),
         centres=(centre_a, centre_b, centre_c),
         axes=(axes_a, axes_b, axes_c),
         openings=openings,
+        light=own,
     )
+
+
+def with_power(geometry: Geometry, power: Number) -> Geometry:
+    """The same sensor with another power of its beam, mW."""
+    return Geometry(
+        geometry.direction,
+        power,
+        geometry.spread,
+        geometry.whitening,
+        geometry.normals,
+        geometry.centres,
+        geometry.axes,
+        geometry.openings,
+        geometry.light,
+    )
+
+
+def by_power(geometry: Geometry, values: Three, k: int, i: int) -> Number:
+    """The derivative of number i of detector k's (psi, zeta, power), `values`, by the beam's power.
+
+    A place answers to it where other light falls on the detector: of power B at c_B it weighs the
+    less, d psi / dP = (psi - c_B) B / (power P).
+    """
+    other = geometry.light.background[k]
+    if i == 2:
+        return (values[2] - other[0]) / geometry.power
+    if other[0] == 0:
+        return values[i] * 0
+    return (values[i] - other[1 + i]) * other[0] / (values[2] * geometry.power)
 
 
 def edges(normals: Three) -> Three:

@@ -47,6 +47,10 @@ def sqrt(x: Number) -> Number:
     return library(x).sqrt(x)
 
 
+def log(x: Number) -> Number:
+    return library(x).log(x)
+
+
 def sin(x: Number) -> Number:
     return library(x).sin(x)
 
@@ -64,7 +68,26 @@ def erfc(x: Number) -> Number:
 
 
 def atan2(y: Number, x: Number) -> Number:
+    if isinstance(x, complex) or isinstance(y, complex):
+        return atan2_carried(complex(y), complex(x))
     return library(x).atan2(y, x)
+
+
+def atan2_carried(y: complex, x: complex) -> complex:
+    """Of complex numbers whose imaginary parts carry a derivative along."""
+    square = x.real * x.real + y.real * y.real
+    slope = (x.real * y.imag - y.real * x.imag) / square
+    return complex(math.atan2(y.real, x.real), slope)
+
+
+def real(x: Number) -> Number:
+    """The value of a number, without the derivative that a complex one carries along."""
+    return x.real if isinstance(x, complex) else x
+
+
+def larger(a: Number, b: Number) -> Number:
+    """The larger of two numbers, with the derivative that it carries."""
+    return a if real(a) > real(b) else b
 
 
 def pi(like: Number) -> Number:
@@ -81,4 +104,4 @@ def defined(value: Number, a: Number, b: Number, c: Number) -> Number:
     """`value` where a, b and c are above zero, else NaN; a symbol as it is."""
     if type(value).__module__.startswith("casadi"):
         return value
-    return value if a > 0 and b > 0 and c > 0 else value * math.nan
+    return value if real(a) > 0 and real(b) > 0 and real(c) > 0 else value * math.nan

@@ -1,0 +1,514 @@
+"""Readings under the light of a bench: a curved wavefront, edges that diffract, roll off or are
+lost, a worn tip, a coating that reflects by incidence, and other light.
+
+Seen from where the light comes from, the mirror's edges are straight for a curved wavefront too, so
+mass and centroid of the light on a facet stay those of a wedge (`curved`). The ray through the
+centroid is followed to the detector's image in the facet (`mirrored`), where its landing point is a
+ratio of two linear functions of the place in the beam; half its second derivative, contracted with
+the light's covariance, moves the centroid from there (`bowed`).
+
+What happens at an edge is told by the light along it (`Edge`). Diffraction spreads, at the distance
+s across the edge from where the edge's own light lands, the share a / s^2 a mm with
+a = wavelength x path x light / 4 pi^2 (Fresnel's far field of an edge). What falls beyond the
+detector's sensitive area is lost, and what lies on it unequally far to both sides moves the
+centroid:
+
+    dP = -sum a (1/S+ + 1/S-)
+    c' = c - sum a [(x_e - c)(1/S+ + 1/S-) + v ln(S-/S+)] / (P + dP)
+
+A surface that rolls off by a depth d sends the strip's light outward: the spot moves by
+2 d cos(incidence) path x light / P across the edge. A lost strip moves the wedge's point inward.
+
+All functions take any number type whose `moments` a scene holds; `carried` gives those of complex
+numbers, whose imaginary parts carry a derivative. Masses are shares of the beam's power.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from ..scalars.dispatch import Number, defined, larger, log, pi, sqrt
+from .forward import Geometry, Scene, Three, in_sigmas, placed, shone_on, unit, with_light
+from .vectors import Matrix, Vector, add, combine, cross, dot, scale, subtract
+from .wedge import Moments, Plane, Side, moments_closed, turned
+
+
+def cross2(a: Plane, b: Plane) -> Number:
+    return a[0] * b[1] - a[1] * b[0]
+
+
+def dot2(a: Plane, b: Plane) -> Number:
+    return a[0] * b[0] + a[1] * b[1]
+
+
+def unbent(geometry: Geometry, at: Scene) -> tuple[Any, Any, Any, Any]:
+    """What carries vectors across the beam at the apex's height back to the height of its place."""
+    xx, xy, yx, yy = geometry.light.bend
+    height = dot(subtract(at.apex, at.place), geometry.direction)
+    a, b, c, d = height * xx + 1, height * xy, height * yx, height * yy + 1
+    size = a * d - b * c
+    return d / size, -b / size, -c / size, a / size
+
+
+def applied(matrix: tuple[Any, Any, Any, Any], x: Plane) -> Plane:
+    return matrix[0] * x[0] + matrix[1] * x[1], matrix[2] * x[0] + matrix[3] * x[1]
+
+
+def curved(geometry: Geometry, at: Scene) -> Scene:
+    """The scene with apex and edges as seen from where a curved wavefront's light comes from."""
+    back = unbent(geometry, at)
+    q = applied(back, at.q)
+    bent = applied(geometry.light.bend, q)
+    sides = (
+        seen_edge(geometry, back, bent, at.edges[0]),
+        seen_edge(geometry, back, bent, at.edges[1]),
+        seen_edge(geometry, back, bent, at.edges[2]),
+    )
+    return Scene(
+        at.apex, at.place, at.turn, at.normals, at.edges, q, sides, at.integrals, at.moments
+    )
+
+
+def seen_edge(
+    geometry: Geometry, back: tuple[Any, Any, Any, Any], bent: Plane, edge: Vector
+) -> Plane:
+    """The direction, in sigmas, of an edge as the light sees it."""
+    along = dot(edge, geometry.direction)
+    x, y = in_sigmas(geometry, edge)
+    return unit(applied(back, (x - along * bent[0], y - along * bent[1])))
+
+
+class Image(NamedTuple):
+    """A detector as seen in its facet: its centre and axes, and half its sensitive area."""
+
+    centre: Vector
+    axes: Matrix
+    halves: Plane
+
+
+def reflected(v: Vector, normal: Vector) -> Vector:
+    return combine(1, v, -2 * dot(v, normal), normal)
+
+
+def mirrored(geometry: Geometry, at: Scene, k: int) -> Image:
+    normal, (x, y, z) = at.normals[k], geometry.axes[k]
+    centre = reflected(subtract(geometry.centres[k], at.apex), normal)
+    axes = reflected(x, normal), reflected(y, normal), reflected(z, normal)
+    return Image(add(at.apex, centre), axes, geometry.light.options.halves[k])
+
+
+class Ray(NamedTuple):
+    """One ray, straight on to a detector's image: how far it starts in front of the image's plane,
+    its direction, that direction along the plane's normal, the slopes with which it meets the
+    plane, and where: (psi, zeta), mm."""
+
+    height: Number
+    direction: Vector
+    facing: Number
+    slopes: Plane
+    spot: Plane
+
+
+def ray_at(geometry: Geometry, at: Scene, image: Image, x: Plane) -> Ray:
+    """The ray through the place x of the beam, in sigmas."""
+    offset = combine(x[0], geometry.spread[0], x[1], geometry.spread[1])
+    bend = combine(x[0], geometry.light.fan[0], x[1], geometry.light.fan[1])
+    direction = add(geometry.direction, bend)
+    start = add(subtract(at.place, image.centre), offset)
+    normal, across, up = image.axes
+    facing, height = dot(direction, normal), dot(start, normal)
+    slopes = dot(direction, across) / facing, dot(direction, up) / facing
+    spot = dot(start, across) - height * slopes[0], dot(start, up) - height * slopes[1]
+    return Ray(height, direction, facing, slopes, spot)
+
+
+def flight_of(at: Scene, k: int, ray: Ray, geometry: Geometry, x: Plane) -> Number:
+    """From the facet to the detector, mm."""
+    offset = combine(x[0], geometry.spread[0], x[1], geometry.spread[1])
+    start = add(at.place, offset)
+    normal = at.normals[k]
+    reach = dot(subtract(at.apex, start), normal) / dot(ray.direction, normal)
+    return -ray.height / ray.facing - reach
+
+
+def bowed(geometry: Geometry, image: Image, ray: Ray, shift: tuple[Any, Any, Any]) -> Plane:
+    """How far the light's mean landing point lies from the landing point of its mean, mm.
+
+    shift: one less the light's covariance, in sigmas, as xx, xy, yy.
+    """
+    normal, across, up = image.axes
+    (first, second), (x, y) = geometry.light.fan, geometry.spread
+    turn = dot(first, normal) / ray.facing, dot(second, normal) / ray.facing
+    lever = (
+        ray.height * turn[0] - dot(x, normal),
+        ray.height * turn[1] - dot(y, normal),
+    )
+    a, b, c = 1 - shift[0], -shift[1], 1 - shift[2]
+    weights = a * lever[0] + b * lever[1], b * lever[0] + c * lever[1]
+    of_psi = (
+        dot(first, across) / ray.facing - ray.slopes[0] * turn[0],
+        dot(second, across) / ray.facing - ray.slopes[0] * turn[1],
+    )
+    of_zeta = (
+        dot(first, up) / ray.facing - ray.slopes[1] * turn[0],
+        dot(second, up) / ray.facing - ray.slopes[1] * turn[1],
+    )
+    return dot2(of_psi, weights), dot2(of_zeta, weights)
+
+
+class Step(NamedTuple):
+    """A step of one mm across an edge, into the facet that begins there: in the world, and as the
+    light sees it in sigmas; the sine between beam and edge; and how much light it sweeps over, as a
+    share of the beam's, 1/mm."""
+
+    world: Vector
+    sigmas: Plane
+    sine: Number
+    light: Number
+
+
+def step_across(geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], edge: int) -> Step:
+    along = at.edges[edge]
+    across = cross(along, geometry.direction)
+    square = dot(across, across)
+    size = sqrt(square)
+    step = scale(1 / size, across)
+    sigmas = applied(back, in_sigmas(geometry, step))
+    sine = sqrt(square / dot(along, along))
+    return Step(step, sigmas, sine, at.integrals[edge][0] * cross2(at.sides[edge], sigmas))
+
+
+def worn(
+    geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], steps: Three, k: int
+) -> tuple[Number, Plane]:
+    """Mass and centroid of the light on facet k less what strips along its edges and the tip lose.
+
+    A strip moves an edge inward by w, and both move the facet's point by d:
+    mass (1 - C.d - (d.P d - (C.d)^2) / 2) and C + P d, with centroid C and P one less the
+    covariance.
+    """
+    mass, centroid, (pxx, pxy, pyy), _ = at.moments[k]
+    following = (k + 1) % 3
+    first, second = at.sides[k], at.sides[following]
+    facing = -dot(geometry.direction, at.normals[k])
+    inward1 = geometry.light.strips[k] * facing / (2 * steps[k].sine)
+    inward2 = geometry.light.strips[following] * facing / (2 * steps[following].sine)
+    across1 = inward1 * cross2(first, steps[k].sigmas)
+    across2 = inward2 * cross2(second, steps[following].sigmas)
+    spread = cross2(first, second)
+    d = (
+        (across2 * first[0] + across1 * second[0]) / spread,
+        (across2 * first[1] + across1 * second[1]) / spread,
+    )
+    pd = pxx * d[0] + pxy * d[1], pxy * d[0] + pyy * d[1]
+    step = dot2(centroid, d)
+    left = mass * (1 - step - (dot2(d, pd) - step * step) / 2)
+    lost = tip_loss(geometry, at, back, k)
+    rest = left - lost
+    moved = centroid[0] + pd[0], centroid[1] + pd[1]
+    return rest, (
+        (left * moved[0] - lost * at.q[0]) / rest,
+        (left * moved[1] - lost * at.q[1]) / rest,
+    )
+
+
+def tip_loss(geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], k: int) -> Number:
+    """The share of the beam that facet k loses at the worn tip.
+
+    It gets of the tip's area what lies between its edges, seen along the mirror's axis.
+    """
+    length, first, _, _ = at.integrals[k]
+    density = first + dot2(at.q, at.sides[k]) * length
+    axis = at.turn[0][2], at.turn[1][2], at.turn[2][2]
+    size = back[0] * back[3] - back[1] * back[2]
+    area = -dot(axis, geometry.direction) * geometry.light.tip * geometry.light.tip_shares[k]
+    return density * area * size * geometry.light.density
+
+
+class Sum(NamedTuple):
+    """What the edges add up to: light lost beyond the detector (a share of the beam), what that and
+    the light's unequal spread do to the first moment of place, and roll-off's part of it."""
+
+    lost: Number
+    moment: Plane
+
+
+def at_edge(
+    geometry: Geometry,
+    at: Scene,
+    image: Image,
+    k: int,
+    edge: int,
+    step: Step,
+    depth: Number,
+    centre: Plane,
+    total: Sum,
+) -> Sum:
+    """`total` and what happens at one edge of facet k.
+
+    depth: of the roll-off, mm, positive for the facet that begins at the edge where it falls off;
+    its negative for the one that ends there.  centre: the spot's, mm.
+    """
+    length, first, _, _ = at.integrals[edge]
+    far = first / length
+    u = at.sides[edge]
+    x = at.q[0] + far * u[0], at.q[1] + far * u[1]
+    ray = ray_at(geometry, at, image, x)
+    path = flight_of(at, k, ray, geometry, x)
+    normal, across, up = image.axes
+    level = dot(step.world, normal)
+    v = (
+        dot(step.world, across) - level * ray.slopes[0],
+        dot(step.world, up) - level * ray.slopes[1],
+    )
+    ahead, behind = rates(ray.spot, v, image.halves, geometry.light.options.nearest)
+    circle = 2 * pi(path)
+    share = geometry.light.wavelength * path * step.light / (circle * circle)
+    missing, lean = share * (ahead + behind), share * log(ahead / behind)
+    facing = -dot(geometry.direction, at.normals[k])
+    push = -2 * depth * facing * path * step.light
+    return Sum(
+        total.lost + missing,
+        (
+            total.moment[0] - (ray.spot[0] - centre[0]) * missing + v[0] * (push - lean),
+            total.moment[1] - (ray.spot[1] - centre[1]) * missing + v[1] * (push - lean),
+        ),
+    )
+
+
+def rates(spot: Plane, v: Plane, halves: Plane, nearest: Number) -> tuple[Number, Number]:
+    """One over how many steps v lead from a spot to the window's edge, ahead and behind."""
+    right = v[0] / larger(halves[0] - spot[0], nearest + spot[0] * 0)
+    left = v[0] / larger(halves[0] + spot[0], nearest + spot[0] * 0)
+    above = v[1] / larger(halves[1] - spot[1], nearest + spot[1] * 0)
+    below = v[1] / larger(halves[1] + spot[1], nearest + spot[1] * 0)
+    return (
+        larger(larger(right, -left), larger(above, -below)),
+        larger(larger(-right, left), larger(-above, below)),
+    )
+
+
+def reflectance(geometry: Geometry, normal: Vector, direction: Vector) -> Number:
+    """What a facet reflects, over what it does of unpolarised light at 45 degrees; by Fresnel."""
+    options, index = geometry.light.options, geometry.light.coating
+    if not options.coated:
+        return direction[0] * 0 + 1
+    cosine = -dot(direction, normal) / sqrt(dot(direction, direction))
+    s, p = reflectances(index, cosine)
+    half = cosine * 0 + 1
+    s45, p45 = reflectances(index, sqrt(half / 2))
+    if not options.polarised:
+        return (s + p) / (s45 + p45)
+    across = cross(direction, normal)
+    amplitude = dot(across, geometry.light.field)
+    share = amplitude * amplitude / dot(across, across)
+    return 2 * (share * s + (1 - share) * p) / (s45 + p45)
+
+
+def reflectances(index: Plane, cosine: Number) -> tuple[Number, Number]:
+    """Of light across and along the plane of incidence (s, p), of a metal of index n + i k."""
+    n, k = index
+    square = 1 - cosine * cosine
+    level = n * n - k * k - square
+    whole = sqrt(level * level + 4 * n * n * k * k)
+    a = sqrt((whole + level) / 2)
+    b2 = (whole - level) / 2
+    s = ((a - cosine) * (a - cosine) + b2) / ((a + cosine) * (a + cosine) + b2)
+    tangent = square / cosine
+    p = s * ((a - tangent) * (a - tangent) + b2) / ((a + tangent) * (a + tangent) + b2)
+    return s, p
+
+
+def with_background(spot: Plane, power: Number, other: Three) -> Three:
+    """(psi, zeta, power) of a spot and other light, of given power and place."""
+    whole = power + other[0]
+    return (
+        (spot[0] * power + other[0] * other[1]) / whole,
+        (spot[1] * power + other[0] * other[2]) / whole,
+        whole,
+    )
+
+
+def reading(
+    geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], steps: Three, k: int
+) -> Three:
+    """Of detector k: (psi, zeta, power), mm and mW. NaN as in `forward.reading`."""
+    following = (k + 1) % 3
+    light = geometry.light
+    image = mirrored(geometry, at, k)
+    mass, centroid = worn(geometry, at, back, steps, k)
+    ray = ray_at(geometry, at, image, centroid)
+    bow = bowed(geometry, image, ray, at.moments[k][2])
+    centre = ray.spot[0] + bow[0], ray.spot[1] + bow[1]
+    zero = mass * 0
+    total = Sum(zero, (zero, zero))
+    first, second = light.rolloff[k]
+    total = at_edge(geometry, at, image, k, k, steps[k], first, centre, total)
+    total = at_edge(geometry, at, image, k, following, steps[following], -second, centre, total)
+    rest = mass - total.lost
+    spot = centre[0] + total.moment[0] / rest, centre[1] + total.moment[1] / rest
+    power = geometry.power * rest * reflectance(geometry, at.normals[k], ray.direction)
+    psi, zeta, whole = with_background(spot, power, light.background[k])
+    incidence = -dot(ray.direction, at.normals[k])
+    path = flight_of(at, k, ray, geometry, centroid)
+    return (
+        defined(psi, incidence, ray.facing, path),
+        defined(zeta, incidence, ray.facing, path),
+        defined(whole, incidence, ray.facing, path),
+    )
+
+
+def readings_in(geometry: Geometry, at: Scene) -> tuple[Three, Three, Three]:
+    """(psi, zeta, power) of detectors A, B and C in a scene from `curved` with the light in it."""
+    back = unbent(geometry, at)
+    steps = (
+        step_across(geometry, at, back, 0),
+        step_across(geometry, at, back, 1),
+        step_across(geometry, at, back, 2),
+    )
+    return (
+        reading(geometry, at, back, steps, 0),
+        reading(geometry, at, back, steps, 1),
+        reading(geometry, at, back, steps, 2),
+    )
+
+
+def scene(geometry: Geometry, state: tuple[Any, ...]) -> Scene:
+    return shone_on(curved(geometry, placed(geometry, state)))
+
+
+def readings(geometry: Geometry, state: tuple[Any, ...]) -> tuple[Three, Three, Three]:
+    """Eq. (1) under the light of a bench: (psi, zeta, power) of detectors A, B and C."""
+    return readings_in(geometry, scene(geometry, state))
+
+
+#: With less light than this on a facet, how its covariance changes is lost to rounding, and counts
+#: for nothing.
+DIM = 0.01
+
+
+def carried_side(q: Plane, u: Plane, side: Side) -> Side:
+    """What `wedge.side` gives, with the derivative that q and u carry in their imaginary parts.
+
+    With a = q.u and h = q x u: dL = -f da - h L dh, dK = -L da - h K dh, dJ = -2 K da - h J dh.
+    """
+    a, h = dot2(q, u), cross2(q, u)
+    length, first, second, swept = side
+    density = first + a.real * length
+    da, dh = a.imag, h.real * h.imag
+    return (
+        complex(length, -density * da - length * dh),
+        complex(first, -length * da - first * dh),
+        complex(second, -2 * first * da - second * dh),
+        complex(swept, 0),
+    )
+
+
+def turn_of(u: Plane) -> float:
+    """By how much a complex unit vector turns."""
+    turn: float = u[0].real * u[1].imag - u[1].real * u[0].imag
+    return turn
+
+
+def carried_moments(
+    q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side, real1: Side, real2: Side,
+    moments: Moments,
+) -> Moments:  # fmt: skip
+    """What `wedge.wedge` gives, likewise. side1, side2: carried; real1, real2, moments: plain."""
+    mass, (cx, cy), (pxx, pxy, pyy), from_point = moments
+    qx, qy, turn1, turn2 = q[0].imag, q[1].imag, turn_of(u1), turn_of(u2)
+    mass1, (x1, y1) = turned((u1[0].real, u1[1].real), real1, mass, from_point)
+    mass2, (x2, y2) = turned((u2[0].real, u2[1].real), real2, mass, from_point)
+    of_mass = -mass * (cx * qx + cy * qy) - mass1 * turn1 + mass2 * turn2
+    of_x = pxx * qx + pxy * qy - x1 * turn1 + x2 * turn2
+    of_y = pxy * qx + pyy * qy - y1 * turn1 + y2 * turn2
+    whole, x, y = complex(mass, of_mass), complex(cx, of_x), complex(cy, of_y)
+    shift = complex(pxx, 0), complex(pxy, 0), complex(pyy, 0)
+    if mass > DIM:
+        again = moments_closed(q, u1, u2, side1, side2, whole)[2]
+        shift = (
+            complex(pxx, again[0].imag),
+            complex(pxy, again[1].imag),
+            complex(pyy, again[2].imag),
+        )
+    return whole, (x, y), shift, (x - q[0], y - q[1])
+
+
+def carried(to: Scene, at: Scene) -> Scene:
+    """The scene `to`, of complex numbers that carry a derivative, with its light.
+
+    at: the same with plain numbers, in which the light has been found.
+    """
+    q, (u0, u1, u2), (r0, r1, r2) = to.q, to.sides, at.integrals
+    s0, s1, s2 = carried_side(q, u0, r0), carried_side(q, u1, r1), carried_side(q, u2, r2)
+    on_a = carried_moments(q, u0, u1, s0, s1, r0, r1, at.moments[0])
+    on_b = carried_moments(q, u1, u2, s1, s2, r1, r2, at.moments[1])
+    on_c = carried_moments(q, u2, u0, s2, s0, r2, r0, at.moments[2])
+    return with_light(to, (s0, s1, s2), (on_a, on_b, on_c))
+
+
+#: The imaginary part of what is varied: so small that its square is nothing.
+STEP = 1e-30
+
+
+def varied(geometry: Geometry, state: tuple[Any, ...], at: Scene) -> tuple[Three, Three, Three]:
+    """The readings' derivatives by what carries STEP in geometry or state.
+
+    at: the plain scene with its light, from `scene`.
+    """
+    a, b, c = readings_in(geometry, carried(curved(geometry, placed(geometry, state)), at))
+    return carries(a), carries(b), carries(c)
+
+
+def carries(values: Three) -> Three:
+    return values[0].imag / STEP, values[1].imag / STEP, values[2].imag / STEP
+
+
+def by_component(
+    geometry: Geometry, state: tuple[Any, ...], at: Scene, component: int
+) -> tuple[Three, Three, Three]:
+    """The readings' derivatives by one component of the state."""
+    tx, ty, tz, roll, pitch, yaw, bx, by = state
+    moved = (
+        complex(tx, STEP if component == 0 else 0.0),
+        complex(ty, STEP if component == 1 else 0.0),
+        complex(tz, STEP if component == 2 else 0.0),
+        complex(roll, STEP if component == 3 else 0.0),
+        complex(pitch, STEP if component == 4 else 0.0),
+        complex(yaw, STEP if component == 5 else 0.0),
+        complex(bx, STEP if component == 6 else 0.0),
+        complex(by, STEP if component == 7 else 0.0),
+    )
+    return varied(geometry, moved, at)
+
+
+def linearised(
+    geometry: Geometry, state: tuple[Any, ...]
+) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
+    """Readings and Jacobian at a state, for detectors A, B and C, as `gradient.linearised`."""
+    at = scene(geometry, state)
+    values = readings_in(geometry, at)
+    columns = (
+        by_component(geometry, state, at, 0),
+        by_component(geometry, state, at, 1),
+        by_component(geometry, state, at, 2),
+        by_component(geometry, state, at, 3),
+        by_component(geometry, state, at, 4),
+        by_component(geometry, state, at, 5),
+        by_component(geometry, state, at, 6),
+        by_component(geometry, state, at, 7),
+    )
+    return (
+        (values[0], rows(columns, 0)),
+        (values[1], rows(columns, 1)),
+        (values[2], rows(columns, 2)),
+    )
+
+
+def rows(columns: tuple[Any, ...], k: int) -> Three:
+    return row(columns, k, 0), row(columns, k, 1), row(columns, k, 2)
+
+
+def row(columns: tuple[Any, ...], k: int, i: int) -> tuple[Any, ...]:
+    a, b, c, d, e, f, g, h = columns
+    return a[k][i], b[k][i], c[k][i], d[k][i], e[k][i], f[k][i], g[k][i], h[k][i]

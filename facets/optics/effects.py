@@ -1,0 +1,150 @@
+"""What the light of a bench does beside the ideal: its numbers, and the vectors made of them.
+
+`Effects` are the numbers by which it is described, `EFFECTS` their names and order; `Light` is what
+the optics takes, made once a sensor by `light`. Lengths in mm, powers in mW.
+"""
+
+from __future__ import annotations
+
+from math import inf
+from typing import Any, NamedTuple
+
+from ..scalars.dispatch import Number, atan2, cos, pi, sin, sqrt
+from .vectors import Vector, combine, cross, dot
+
+Three = tuple[Any, Any, Any]
+
+#: The order of the numbers in `Effects.values`.
+EFFECTS = (
+    *(f"light.curvature_{axes}" for axes in ("xx", "xy", "yy")),
+    "light.wavelength",
+    *(f"edge_{edge}.rolloff" for edge in ("ca_a", "ab_a", "ab_b", "bc_b", "bc_c", "ca_c")),
+    *(f"strip_{edge}.width" for edge in ("ca", "ab", "bc")),
+    "tip.area",
+    *(f"background_{letter}.{what}" for letter in "abc" for what in ("power", "y", "z")),
+    "coating.n",
+    "coating.k",
+    "light.polarization",
+)
+
+
+class Options(NamedTuple):
+    """What is not varied: plain floats and truth values, whatever the type of the numbers.
+
+    on: whether any of it counts; else the ideal light's own formulas hold.
+    coated: whether the facets reflect by incidence.  polarised: whether the light is.
+    halves: of each detector's sensitive area along y and z, mm: the window in which light counts.
+    nearest: the least distance from a spot to the window's edge for which diffraction is told, mm:
+    its formula has a pole at the edge, where the spot's own size matters.
+    """
+
+    on: bool
+    coated: bool
+    polarised: bool
+    halves: Three
+    nearest: Any
+
+
+class Effects(NamedTuple):
+    """values: in the order of `EFFECTS`."""
+
+    values: tuple[Any, ...]
+    options: Options
+
+
+class Light(NamedTuple):
+    """The same as the optics takes it.
+
+    bend: the wavefront's curvature as it acts on vectors in sigmas: xx, xy, yx, yy; 1/mm.
+    fan: by how much a ray's direction changes a sigma along the beam's two axes, in the world.
+    rolloff: of the first and the second edge of each facet.  tip_shares: how the facets share what
+    is lost at the tip.  density: of a place's share of the
+    beam, one over the area of a square of one sigma, 1/mm^2.
+    background: power and place on each detector.  coating: its refractive index, n and k.
+    field: of polarised light, in the world.
+    """
+
+    options: Options
+    bend: tuple[Any, Any, Any, Any]
+    fan: tuple[Vector, Vector]
+    density: Number
+    wavelength: Number
+    rolloff: Three
+    strips: Three
+    tip: Number
+    tip_shares: Three
+    background: Three
+    coating: tuple[Any, Any]
+    field: Vector
+
+
+ENDLESS = (inf, inf)
+OFF = Options(False, False, False, (ENDLESS, ENDLESS, ENDLESS), 0.0)
+NOTHING = (0.0, 0.0, 0.0)
+IDEAL = Light(
+    options=OFF,
+    bend=(0.0, 0.0, 0.0, 0.0),
+    fan=(NOTHING, NOTHING),
+    density=0.0,
+    wavelength=0.0,
+    rolloff=((0.0, 0.0), (0.0, 0.0), (0.0, 0.0)),
+    strips=NOTHING,
+    tip=0.0,
+    tip_shares=NOTHING,
+    background=(NOTHING, NOTHING, NOTHING),
+    coating=(1.0, 0.0),
+    field=NOTHING,
+)
+
+
+def opening(first: Vector, second: Vector) -> Number:
+    """The angle from one edge of the mirror to the next, seen along its axis."""
+    return atan2(
+        first[0] * second[1] - first[1] * second[0], first[0] * second[0] + first[1] * second[1]
+    )
+
+
+def turned(effects: tuple[Any, ...], x: Vector, y: Vector, v: Vector) -> Vector:
+    """By how much a ray's direction changes over a step v across the beam."""
+    xx, xy, yy = effects[:3]
+    right, up = dot(v, x), dot(v, y)
+    return combine(xx * right + xy * up, x, xy * right + yy * up, y)
+
+
+def light(
+    effects: Effects,
+    edges: Three,
+    axes: tuple[Vector, Vector],
+    spread: tuple[Vector, Vector],
+    whitening: tuple[Vector, Vector],
+) -> Light:
+    """What the optics takes of `effects`.
+
+    edges: of the mirror, in its frame.  axes: the world's x and y as the beam's tilt carries them,
+    in which curvature and polarisation are given.  spread, whitening: as in `Geometry`.
+    """
+    x, y = axes
+    shares = tuple(opening(edges[k], edges[(k + 1) % 3]) for k in range(3))
+    whole = 2 * pi(shares[0])
+    v = effects.values
+    first, second = turned(v, x, y, spread[0]), turned(v, x, y, spread[1])
+    normal = cross(whitening[0], whitening[1])
+    return Light(
+        options=effects.options,
+        bend=(
+            dot(whitening[0], first),
+            dot(whitening[0], second),
+            dot(whitening[1], first),
+            dot(whitening[1], second),
+        ),
+        fan=(first, second),
+        density=sqrt(dot(normal, normal)),
+        wavelength=v[3],
+        rolloff=((v[4], v[5]), (v[6], v[7]), (v[8], v[9])),
+        strips=(v[10], v[11], v[12]),
+        tip=v[13],
+        tip_shares=(shares[0] / whole, shares[1] / whole, shares[2] / whole),
+        background=((v[14], v[15], v[16]), (v[17], v[18], v[19]), (v[20], v[21], v[22])),
+        coating=(v[23], v[24]),
+        field=combine(cos(v[25]), x, sin(v[25]), y),
+    )
