@@ -98,7 +98,7 @@ def optics() -> list[tuple[Any, ...]]:
         fresh, state = moved(real, 200, rng)
         before = over_noise(facets.Sensor(), fresh, state, np.zeros(2))
         fitted = fit(facets.Sensor(), data, choice(), None)
-        after = over_noise(fitted.sensor, fresh, state, fitted.mounting[3:])
+        after = over_noise(fitted.sensor, fresh, state, fitted.apex[:2])
         found.append((name, *before.tolist(), *after.tolist()))
     return found
 

@@ -9,6 +9,7 @@ samples costs one small system. All derivatives are closed.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -190,10 +191,12 @@ def predicted(sensor: Sensor, data: Data, opening: Floats, values: Floats, state
     return seen
 
 
-def by_thirds(sensor: Sensor, data: Data, state: Floats, what) -> Floats:  # type: ignore[no-untyped-def]
-    """A function of sensor and states, where the mirror may have been put on by thirds of a turn."""
+def by_thirds(
+    sensor: Sensor, data: Data, state: Floats, what: Callable[[Sensor, Floats], Floats]
+) -> Floats:
+    """A function of sensor and states, the mirror put on by thirds of a turn."""
     if data.thirds is None or not data.thirds.any():
-        return what(sensor, state)  # type: ignore[no-any-return]
+        return what(sensor, state)
     parts = {
         third: what(put_on(sensor, third), state[data.thirds == third])
         for third in np.unique(data.thirds).tolist()
@@ -205,7 +208,7 @@ def by_thirds(sensor: Sensor, data: Data, state: Floats, what) -> Floats:  # typ
 
 
 def put_on(sensor: Sensor, thirds: int) -> Sensor:
-    """The sensor whose mirror was put on by thirds of a turn: facet A faces detector B after one."""
+    """The sensor whose mirror was put on by thirds of a turn: A faces detector B after one."""
     from dataclasses import replace
 
     if not thirds % 3:
@@ -269,6 +272,7 @@ def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: 
     every[:, :, block(NAMES)] = -slopes(sensor, data.raw)
     if any(name in EFFECTS for name in choice.names):
         every[:, :, block(EFFECTS)] = by_thirds(sensor, data, state, by_effects)
+        every[:, 2::3, block(EFFECTS)] *= (1 + opening[:, 6])[:, None, None]
     add_mounting(every, data, by_state, turning)
     add_run(every, data, own, by_state)
     common, own = every[:, :, choice.places] / sigma[:, :, None], own * OWN_UNITS

@@ -206,7 +206,7 @@ def values_for(sensor: Sensor, found: Fit) -> Floats:
 
 def worths(sensor: Sensor, data: Data, found: Fit, rest: list[Candidate]) -> dict[str, Row]:
     """What each candidate would bring beside a fit, and whether that speaks for it."""
-    rows = {}
+    rows: dict[str, Row] = {}
     for coated in (False, True):
         group = [one for one in rest if one.coated == coated]
         if not group:

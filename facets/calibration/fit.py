@@ -97,6 +97,12 @@ class Fit:
         return np.sqrt(np.diag(self.covariance))
 
     @property
+    def apex(self) -> Floats:
+        """Of the first seating: the apex from the beam while the reference is at zero (3,), mm."""
+        start = block(MOUNTING).start + 3
+        return self.every[start : start + 3]
+
+    @property
     def reduced(self) -> float:
         """Chi-square for each degree of freedom: 1 where model and noise are what they are said
         to be."""
@@ -197,7 +203,8 @@ class Task:
                 return at, steps - 1, ""
             level, better = self.cost(at, limit), None
             while damping < STUCK:
-                step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), side)
+                heavy = matrix + damping * np.diag(np.diag(matrix))
+                step: Floats = np.linalg.solve(heavy, side).astype(float)
                 tried = self.moved(at, normal, step)
                 if tried is not None and (now := self.cost(tried, limit)) < level:
                     better = tried

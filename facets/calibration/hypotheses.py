@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
-from ..core.names import DETECTORS, POSE
+from ..core.names import POSE
 from ..core.sensor import Sensor
 from .bundle_adjustment import Data, angles_of, turned
 from .fit import NORMAL_MEDIAN, Guess, Task, opened
@@ -69,10 +69,10 @@ def signs() -> Iterator[Hypothesis]:
     for n, kind in enumerate(("psi", "zeta")):
         for k in (0, 1, 2, slice(None)):
             of = "all detectors" if isinstance(k, slice) else f"detector {'ABC'[k]}"
-            columns = np.arange(n, 9, 3)[k]
+            columns = np.atleast_1d(np.arange(n, 9, 3)[k])
 
-            def flip(raw: Floats, columns: object = columns) -> None:
-                raw[:, columns] *= -1  # type: ignore[call-overload]
+            def flip(raw: Floats, columns: NDArray[np.int64] = columns) -> None:
+                raw[:, columns] *= -1
 
             yield Hypothesis(
                 f"the sign of {kind} of {of} is swapped", "swap it back", readings_as(flip)

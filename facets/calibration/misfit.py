@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..core.names import POSE
 from ..core.sensor import DETECTORS, Sensor
-from ..estimation.calibration_uncertainty import MISFIT
+from ..detectors.calibrated import MISFIT
 from .bundle_adjustment import Data, deviations
 from .candidates import beyond_chance
 from .fit import Fit
@@ -107,7 +107,7 @@ NONE = Pattern(0.0, "", "", "", 0.0)
 
 def grounds(data: Data, k: int) -> dict[str, Floats]:
     """What the residuals of detector k may follow."""
-    found = {
+    found: dict[str, Floats] = {
         "the spot's place along psi": data.raw[:, 3 * k],
         "the spot's place along zeta": data.raw[:, 3 * k + 1],
         "the power": data.raw[:, 3 * k + 2],
@@ -178,7 +178,7 @@ def chi_square(found: Fit, data: Data) -> Finding | None:
         return Finding(True, (
             f"The residuals are {root:.3g} times the noise, most in {where} ({sizes[worst]:.3g} "
             "times): the model does not describe these readings. See which of the faults below "
-            "would explain it; check signs, units, the order of the detectors and the configuration."
+            "would explain it; check signs, units, the detectors' order and the configuration."
         ))  # fmt: skip
     return Finding(False, (
         f"The residuals are {root:.3g} times the noise, most in {where} ({sizes[worst]:.3g} "

@@ -41,7 +41,9 @@ def read(path: Path, settings: Calibrate) -> Data:
     return gathered(path, whole_table(path, needed, optional), settings)
 
 
-def whole_table(path: Path, needed: tuple[str, ...], optional: tuple[str, ...]) -> dict[str, Floats]:
+def whole_table(
+    path: Path, needed: tuple[str, ...], optional: tuple[str, ...]
+) -> dict[str, Floats]:
     """Columns of a table in memory."""
     chunks = [chunk.columns for chunk in tables.read_chunks(path, needed, optional, tables.CHUNK)]
     if not chunks:
@@ -50,19 +52,22 @@ def whole_table(path: Path, needed: tuple[str, ...], optional: tuple[str, ...]) 
 
 
 def gathered(path: Path, columns: dict[str, Floats], settings: Calibrate) -> Data:
-    """Samples out of columns, rows without a pose or without any reading left out."""
+    """Samples out of columns, rows without a pose or without any reading left out.
+
+    Raises `InputError` where fewer than 10 are left, or a seating is none.
+    """
     count = len(next(iter(columns.values())))
 
     def stack(names: tuple[str, ...]) -> Floats:
         return np.column_stack([columns.get(name, np.zeros(count)) for name in names])
 
     raw, pose, beam = stack(READING_COLUMNS), stack(REFERENCE) * STATE_UNITS[:6], stack(BEAM)
-    good = np.isfinite(pose).all(axis=1) & np.isfinite(beam).all(axis=1)
+    good: NDArray[np.bool_] = np.isfinite(np.hstack([pose, beam])).all(axis=1)
     good &= np.isfinite(raw).any(axis=1)
     if good.sum() < 10:
         raise InputError(f"{path}: {int(good.sum())} whole rows; a calibration needs 10 at least")
     seat, thirds = seats(path, columns.get("seat_deg"), good)
-    data = Data(
+    return Data(
         raw[good],
         pose[good],
         np.array(settings.reference),
@@ -72,7 +77,6 @@ def gathered(path: Path, columns: dict[str, Floats], settings: Calibrate) -> Dat
         seat=seat,
         thirds=thirds,
     )
-    return data
 
 
 def clock(columns: dict[str, Floats], good: NDArray[np.bool_]) -> Floats | None:
@@ -114,7 +118,7 @@ def velocities(time: Floats, pose: Floats) -> Floats | None:
 def seats(
     path: Path, column: Floats | None, good: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64] | None, NDArray[np.int64] | None]:
-    """Which seating of the mirror each sample is of, and by how many thirds of a turn it was put."""
+    """Which seating of the mirror each sample is of, and by how many thirds of a turn."""
     if column is None:
         return None, None
     degrees, place = np.unique(column[good], return_inverse=True)

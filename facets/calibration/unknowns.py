@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import InputError
 from ..core.sensor import DETECTORS, MONOMIALS, Sensor
 from ..detectors.correction import NAMES, OF_ONE, coefficients
 from ..model import arrays

@@ -44,8 +44,7 @@ def trial(sensor: Sensor, held: Data, values: Floats, found: Fit) -> Trial:
 
     values: of `ALL`, for where the mirror is on the reference.
     """
-    first = slice(None) if held.seat is None else held.seat == 0
-    data = held.part(first)  # type: ignore[arg-type]
+    data = held if held.seat is None else held.part(held.seat == 0)
     truth = states_of(data, np.zeros((len(data.raw), OWN)), folded(values))
     solution: Solution = solve(
         sensor,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..core.errors import InputError
 from ..core.sensor import Calibration
-from ..estimation.calibration_uncertainty import KNOWN
+from ..detectors.calibrated import KNOWN
 
 
 def read(path: Path) -> Calibration:

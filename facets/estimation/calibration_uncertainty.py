@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.names import DETECTORS, FINE_UNITS
+from ..core.names import FINE_UNITS
+from ..detectors.calibrated import MISFIT
 from ..detectors.correction import NAMES, slopes
 from ..detectors.noise import standard_deviations
 from ..model.arrays import jacobian, parameter_jacobian, readings
@@ -23,10 +24,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-#: What the model is found to miss in each reading, mm and mW, other in every place.
-MISFIT = tuple(f"misfit_{k}.{kind}" for k in DETECTORS for kind in ("psi", "zeta", "power"))
-#: All that a calibration can be about.
-KNOWN = (*PARAMETERS, *SHAPE, *NAMES, *EFFECTS, *MISFIT)
 #: How many samples at once: 5 kB each.
 PART = 2000
 

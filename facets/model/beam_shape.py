@@ -56,7 +56,7 @@ def upright_effects(sensor: Sensor) -> Floats:
 
 
 def with_upright_effects(sensor: Sensor, values: Floats) -> Sensor:
-    """The sensor with other numbers of its light.  Raises `InputError` where they are impossible."""
+    """The sensor with other numbers of its light.  Raises `InputError` where these make none."""
     if not EFFECTS or not values.any():
         return sensor
     own = np.array(values, dtype=float)
@@ -128,8 +128,8 @@ def by_shape(sensor: Sensor, states: Floats, whole: Floats) -> Floats:
         slanted = replace(sensor, beam=replace(beam, rotation=beam.rotation + np.pi / 4))
         slanted = with_upright_effects(slanted, upright_effects(sensor))
         other = parameter_jacobian(slanted, states)
-        across = (
-            other[:, :, x] * beam.diameter_x / (2 * u) - other[:, :, y] * beam.diameter_y / (2 * v)
+        across = other[:, :, x] * beam.diameter_x / (2 * u) - other[:, :, y] * beam.diameter_y / (
+            2 * v
         )
     c, s = np.cos(beam.rotation), np.sin(beam.rotation)
     return np.stack(
