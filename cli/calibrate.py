@@ -292,7 +292,19 @@ def as_yaml(settings: Config, found: Fit, covariance: Path, about: dict[str, str
         "file": covariance.name,
         "sha256": sha256(covariance.read_bytes()).hexdigest(),
     }
-    return configuration(settings, keys, about)
+    return configuration(with_power(settings), keys, about)
+
+
+def with_power(settings: Config) -> Config:
+    """A calibration tells the laser's power on its day; a pose solved later holds it to a prior."""
+    from dataclasses import replace
+
+    solve = settings.resolved["solve"]
+    if solve["power"] != "known" or solve["method"] == "paper":
+        return settings
+    if settings.calibrate.power_per_sample:
+        solve = solve | {"power": "prior"}
+    return replace(settings, resolved=settings.resolved | {"solve": solve})
 
 
 def propose_poses(settings: Config, path: Path, count: int, force: bool) -> None:

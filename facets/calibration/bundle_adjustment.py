@@ -10,6 +10,7 @@ samples costs one small system. All derivatives are closed.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from ..core.sensor import Sensor
 from ..detectors.correction import NAMES, corrected, slopes
 from ..detectors.noise import standard_deviations
 from ..model.arrays import jacobian, readings
-from ..model.beam_shape import by_effects
+from ..model.beam_shape import by_effects, upright_effects, with_upright_effects
 from .unknowns import (
     ALL,
     DELAY,
@@ -31,6 +32,7 @@ from .unknowns import (
     OF_DRIFT,
     OF_SEAT,
     PLACE,
+    POWER_DRIFT,
     SHAPE,
     Choice,
     block,
@@ -57,6 +59,7 @@ class Data(NamedTuple):
     clock: (n, 2) time in half runs from -1 to 1, and temperature less its mean, K.
     seat: (n,) which seating of the mirror; thirds: (n,) of a turn, by which it was put.
     noise: (n, 9) standard deviations of the readings, which then follow no unknown.
+    slow: (n, 5) what the laser's power may follow over the run.
     """
 
     raw: Floats
@@ -68,6 +71,7 @@ class Data(NamedTuple):
     seat: NDArray[np.int64] | None = None
     thirds: NDArray[np.int64] | None = None
     noise: Floats | None = None
+    slow: Floats | None = None
 
     def part(self, rows: NDArray[np.bool_] | NDArray[np.int64] | slice) -> Data:
         kept = {
@@ -183,10 +187,24 @@ def drift(data: Data, values: Floats) -> Floats:
 PLACES = np.array([0, 1, 3, 4, 6, 7])
 
 
+def light_of(data: Data, opening: Floats, values: Floats) -> Floats:
+    """The laser's power (n,) over `beam.power`."""
+    own: Floats = 1 + opening[:, 6]
+    return own if data.slow is None else own + data.slow @ values[block(POWER_DRIFT)]
+
+
+def over_the_run(data: Data) -> Data:
+    """With Legendre polynomials of time, or of the rows' order, for the laser's power."""
+    there = data.clock is not None and data.clock[:, 0].any()
+    time = data.clock[:, 0] if there else np.linspace(-1, 1, len(data.raw))  # type: ignore[index]
+    count = len(POWER_DRIFT)
+    return data._replace(slow=np.polynomial.legendre.legvander(time, count)[:, 1:])
+
+
 def predicted(sensor: Sensor, data: Data, opening: Floats, values: Floats, state: Floats) -> Floats:
     """The readings (n, 9) of perfect detectors at states (n, 8), with each sample's own power."""
     seen = by_thirds(sensor, data, state, readings)
-    seen[:, 2::3] *= 1 + opening[:, 6:7]
+    seen[:, 2::3] *= light_of(data, opening, values)[:, None]
     seen[:, PLACES] += drift(data, values)[:, 2:]
     return seen
 
@@ -209,8 +227,6 @@ def by_thirds(
 
 def put_on(sensor: Sensor, thirds: int) -> Sensor:
     """The sensor whose mirror was put on by thirds of a turn: A faces detector B after one."""
-    from dataclasses import replace
-
     if not thirds % 3:
         return sensor
     facets = [
@@ -218,20 +234,33 @@ def put_on(sensor: Sensor, thirds: int) -> Sensor:
                 azimuth=old.azimuth + 2 * np.pi * thirds / 3)
         for k in range(3)
     ]  # fmt: skip
-    return replace(sensor, facets=(facets[0], facets[1], facets[2]))
+    turned_on = replace(sensor, facets=(facets[0], facets[1], facets[2]))
+    effects = upright_effects(sensor)
+    order = [EFFECTS.index(on_the_mirror(name, thirds)) for name in EFFECTS]
+    return with_upright_effects(turned_on, effects[order])
 
 
-def in_the_mirror(columns: Floats, data: Data) -> Floats:
-    """Derivatives by `GEOMETRY` (n, 9, ...) where the mirror was turned: whose facet it is."""
+def on_the_mirror(name: str, thirds: int) -> str:
+    """Whose parameter it is that acts where `name` acts while the mirror is not turned."""
+    head, dot, tail = name.partition(".")
+    kind, _, letters = head.partition("_")
+    if kind not in ("facet", "edge", "strip"):
+        return name
+    moved = "".join("abc"[("abc".index(c) - thirds) % 3] if c in "abc" else c for c in letters)
+    return f"{kind}_{moved}{dot}{tail}"
+
+
+def in_the_mirror(columns: Floats, names: tuple[str, ...], data: Data) -> Floats:
+    """Derivatives by names (n, 9, p) where the mirror was turned: whose facet or edge it is."""
     if data.thirds is None or not data.thirds.any():
         return columns
     out = columns.copy()
     for third in np.unique(data.thirds[data.thirds % 3 > 0]).tolist():
         rows = data.thirds == third
-        for k in range(3):
-            for name in ("inclination", "azimuth"):
-                into = PLACE[f"facet_{'abc'[(k - third) % 3]}.{name}"]
-                out[rows, :, into] = columns[rows][:, :, PLACE[f"facet_{'abc'[k]}.{name}"]]
+        into = [names.index(on_the_mirror(name, third)) for name in names]
+        part = np.empty_like(columns[rows])
+        part[:, :, into] = columns[rows]
+        out[rows] = part
     return out
 
 
@@ -260,19 +289,21 @@ def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: 
     sigma = deviations(sensor, data)
     left = (corrected(sensor, data.raw) - seen) / sigma
     by_state = by_thirds(sensor, data, state, jacobian)
-    by_state[:, 2::3] *= (1 + opening[:, 6])[:, None, None]
+    light = light_of(data, opening, values)[:, None, None]
+    by_state[:, 2::3] *= light
     pose = pose_of(data, opening, values)
     turning = Turning.at(pose, seating(data, values[block(MOUNTING)]), state)
-    own = own_columns(by_state, turning, seen, opening)
+    own = own_columns(by_state, turning, seen, light[:, 0])
     every = np.zeros((len(state), 9, len(ALL)))
     every[:, :, : len(GEOMETRY) + len(SHAPE)] = in_the_mirror(
-        by_thirds(sensor, data, state, by_sensor), data
+        by_thirds(sensor, data, state, by_sensor), (*GEOMETRY, *SHAPE), data
     )
-    every[:, 2::3, : len(GEOMETRY) + len(SHAPE)] *= (1 + opening[:, 6])[:, None, None]
+    every[:, 2::3, : len(GEOMETRY) + len(SHAPE)] *= light
     every[:, :, block(NAMES)] = -slopes(sensor, data.raw)
     if any(name in EFFECTS for name in choice.names):
-        every[:, :, block(EFFECTS)] = by_thirds(sensor, data, state, by_effects)
-        every[:, 2::3, block(EFFECTS)] *= (1 + opening[:, 6])[:, None, None]
+        columns = by_thirds(sensor, data, state, by_effects)
+        every[:, :, block(EFFECTS)] = in_the_mirror(columns, EFFECTS, data)
+        every[:, 2::3, block(EFFECTS)] *= light
     add_mounting(every, data, by_state, turning)
     add_run(every, data, own, by_state)
     common, own = every[:, :, choice.places] / sigma[:, :, None], own * OWN_UNITS
@@ -308,12 +339,12 @@ class Turning(NamedTuple):
         )
 
 
-def own_columns(by_state: Floats, turning: Turning, seen: Floats, opening: Floats) -> Floats:
+def own_columns(by_state: Floats, turning: Turning, seen: Floats, light: Floats) -> Floats:
     """The readings by each sample's own unknowns (n, 9, 9), per mm, rad and share."""
     own = np.zeros((len(by_state), 9, OWN))
     own[:, :, :3] = by_state[:, :, :3]
     own[:, :, 3:6] = by_state[:, :, :3] @ turning.lever + by_state[:, :, 3:6] @ turning.angles
-    own[:, 2::3, 6] = seen[:, 2::3] / (1 + opening[:, 6:7])
+    own[:, 2::3, 6] = seen[:, 2::3] / light
     own[:, :, 7:] = by_state[:, :, 6:]
     return own
 
@@ -338,7 +369,9 @@ def add_mounting(every: Floats, data: Data, by_state: Floats, turning: Turning) 
 
 
 def add_run(every: Floats, data: Data, own: Floats, by_state: Floats) -> None:
-    """The columns of what changes over the run: the delay and the drifts."""
+    """The columns of what changes over the run: the laser, the delay and the drifts."""
+    if data.slow is not None:
+        every[:, :, block(POWER_DRIFT)] = own[:, :, 6:7] * data.slow[:, None, :]
     if data.velocity is not None:
         every[:, :, PLACE[DELAY]] = np.einsum("nij,nj->ni", own[:, :, :6], data.velocity)
     if data.clock is None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..core.sensor import DETECTORS, Sensor
 from .bundle_adjustment import Data, Normal, deviations, eliminated, linear, own_sigma
-from .fit import Fit, fit, huber, prior_information
+from .fit import Fit, fit, prior_information
 from .table import bends
 from .unknowns import DELAY, EFFECTS, OF_DRIFT, PLACE, Choice, assigned, values_of
 
@@ -152,7 +152,7 @@ def sums(sensor: Sensor, data: Data, found: Fit, chosen: Choice) -> Sums:
         rows = np.arange(n, len(data.raw), FOLDS)
         part = data.part(rows)
         there = linear(at, part, found.open[rows], values, chosen)
-        weights = huber(there.residual, found.limit)
+        weights = np.sqrt(found.weights[rows])
         parts.append(eliminated(there, weights, found.open[rows], own_sigma(part, chosen)))
     prior = prior_information(chosen)
     before = (values - values_of(sensor))[chosen.places]
@@ -224,6 +224,14 @@ def worths(sensor: Sensor, data: Data, found: Fit, rest: list[Candidate]) -> dic
     return rows
 
 
+def error_of(left: float, found: Fit) -> float:
+    """The error of a reading that a fit has not seen, over its noise, of all of chi-square."""
+    count = float((found.weights == 1).sum())
+    if np.isinf(found.choice.power):
+        count -= len(found.left)
+    return float(np.sqrt(max(left, 0.0) / max(count, 1.0)))
+
+
 def judged(
     one: Candidate,
     found: Fit,
@@ -234,7 +242,7 @@ def judged(
     """before, after: chi-square and cross-validated chi-square without and with it."""
     count, fall = names - len(found.choice.names), before[0] - after[0]
     chance, better = chance_of(fall, count), before[1] - after[1]
-    error = float(np.sqrt(max(after[1], 0.0) / max(found.freedom, 1.0)))
+    error = error_of(after[1], found)
     if chance < CHANCE and better > BETTER:
         return Row(one.key, one.words, count, fall, error, True, "the data call for it")
     why = "within chance" if chance >= CHANCE else "does not predict what was left out"
@@ -251,6 +259,9 @@ class Search:
     found: Fit
     error: float
     rows: list[Row]
+
+
+ASKED = "asked for"
 
 
 class Searcher:
@@ -276,7 +287,13 @@ class Searcher:
             self.refused.add(one.key)
             self.rows[one.key] = row._replace(taken=False, why="the fit with it does not settle")
             return False
-        self.sensor, self.found, self.rows[one.key] = sensor, better, row._replace(taken=True)
+        fall = self.found.loss - better.loss
+        if row.why != ASKED and chance_of(fall, max(row.unknowns, 1)) > CHANCE:
+            self.refused.add(one.key)
+            self.rows[one.key] = row._replace(fall=fall, taken=False, why="gains nothing in a fit")
+            return False
+        self.rows[one.key] = row._replace(fall=fall, taken=True)
+        self.sensor, self.found = sensor, better
         return True
 
     def ask(self) -> None:
@@ -284,7 +301,7 @@ class Searcher:
         for one in self.every:
             if self.settings.effects.get(one.key) == "on":
                 row = worths(self.sensor, self.data, self.found, [one])[one.key]
-                self.take(one, row._replace(why="asked for"))
+                self.take(one, row._replace(why=ASKED))
 
     def step(self) -> bool:
         """Takes the best of what is left, if any is good."""
@@ -312,7 +329,7 @@ class Searcher:
             sensor = self.sensor
             if not self.take(one, row):
                 return
-            fall = before.chi_square - self.found.chi_square
+            fall = before.loss - self.found.loss
             if self.found.reduced - 1 > (before.reduced - 1) / 2:
                 self.sensor, self.found = sensor, before
                 row = row._replace(taken=False, why="explains too little")
@@ -340,5 +357,5 @@ def search(sensor: Sensor, data: Data, settings: Calibrate, plain: Fit) -> Searc
     searcher.move_beam()
     order = [one.key for one in searcher.every]
     rows = sorted(searcher.rows.values(), key=lambda row: order.index(row.key))
-    error = float(np.sqrt(max(left, 0.0) / max(plain.freedom, 1.0)))
+    error = error_of(left, plain)
     return Search(searcher.sensor, plain, searcher.found, error, rows)

@@ -44,6 +44,7 @@ from .unknowns import (
     MOUNTING,
     OF_SENSOR,
     PLACE,
+    POWER_DRIFT,
     Choice,
     assigned,
     block,
@@ -71,9 +72,9 @@ class Fit:
     every: of all of `ALL`, as fitted.  open: (n, 9) each sample's own: the pose beside the
     reference's, its power's share, the beam.  left: (n, 9) residuals in standard deviations of the
     readings.  weights: (n, 9) below 1 for outliers.  redundancy: (n, 9) the share of a reading that
-    others check: its residual's variance.  chi_square, freedom: of all readings, outliers weighed
-    down.  limit: of a residual, beyond which it is an outlier.  steps: that it took.
-    ended: in time.  cause: why not.
+    others check: its residual's variance.  loss: what the fit made small.  chi_square, freedom: of
+    all readings but the outliers.  limit: of a residual, beyond which it is an outlier.  steps:
+    that it took.  ended: in time.  cause: why not.
     """
 
     sensor: Sensor
@@ -85,6 +86,7 @@ class Fit:
     left: Floats
     weights: Floats
     redundancy: Floats
+    loss: float
     chi_square: float
     freedom: float
     limit: float
@@ -252,6 +254,7 @@ class Task:
             left=found.residual,
             weights=weights**2,
             redundancy=redundancy,
+            loss=self.cost(at, np.inf if self.robust is None else self.robust),
             chi_square=chi_square,
             freedom=freedom,
             limit=limit,
@@ -305,6 +308,38 @@ def prior_information(choice: Choice) -> Floats:
     if len(gains) == len(GAINS) and (np.isinf(choice.power) or "beam.power" in choice.names):
         matrix[np.ix_(gains, gains)] += 1 / (len(gains) * CONVENTION) ** 2
     return matrix
+
+
+#: A laser steadier than this from sample to sample is held to it; one that jumps more stays free.
+STEADY, UNSTEADY = 1e-4, 0.02
+
+
+def steadied(sensor: Sensor, data: Data, found: Fit, robust: float | None) -> Fit:
+    """The fit again, with a laser that drifts slowly and jitters as little as it was seen to.
+
+    With a power for each sample the detectors' gains and the apex's place hardly part: three powers
+    then tell two shares. What the laser did in the first fit says how steady it is.
+    """
+    if data.slow is None or not np.isinf(found.choice.power):
+        return found
+    rows = np.column_stack([np.ones(len(data.slow)), data.slow])
+    power, weight = found.open[:, 6], np.ones(len(rows))
+    for _ in range(5):
+        ways, *_ = np.linalg.lstsq(rows * weight[:, None], power * weight, rcond=None)
+        left = power - rows @ ways
+        jitter = max(STEADY, NORMAL_MEDIAN * float(np.median(np.abs(left))))
+        weight = huber(left / jitter, 3.0)
+    if jitter > UNSTEADY:
+        return found
+    level = found.every[PLACE["beam.power"]]
+    wide = found.choice.and_also({"beam.power": 0.3 * level} | dict.fromkeys(POWER_DRIFT, 0.3))
+    every, opening = found.every.copy(), found.open.copy()
+    every[PLACE["beam.power"]] *= 1 + ways[0]
+    every[block(POWER_DRIFT)] = ways[1:] / (1 + ways[0])
+    opening[:, 6] = left / (1 + ways[0])
+    start = replace(found, every=every, open=opening)
+    again = fit(sensor, data, replace(wide, power=jitter), robust, start)
+    return again if again.ended else found
 
 
 def huber(residual: Floats, limit: float) -> Floats:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..core.names import POSE
 from ..core.sensor import DETECTORS, Sensor
 from ..detectors.calibrated import MISFIT
-from .bundle_adjustment import Data, deviations
+from .bundle_adjustment import Data, deviations, light_of
 from .candidates import beyond_chance
 from .fit import Fit
 from .unknowns import MOUNTING, values_of
@@ -162,7 +162,7 @@ def findings(sensor: Sensor, found: Fit, data: Data) -> list[Finding]:
     """All that is to be said of a fit that has settled, what forbids its use first."""
     every = [chi_square(found, data), spikes(found), *pulls(sensor, found)]
     every += [sentence(one) for one in patterns(found, data)[:3]]
-    every += [moving_power(found), moving_beam(found)]
+    every += [moving_power(found, data), moving_beam(found)]
     return sorted((one for one in every if one), key=lambda one: not one.bad)
 
 
@@ -226,8 +226,8 @@ def sentence(one: Pattern) -> Finding:
     ))  # fmt: skip
 
 
-def moving_power(found: Fit) -> Finding | None:
-    spread = float(np.std(found.open[:, 6]))
+def moving_power(found: Fit, data: Data) -> Finding | None:
+    spread = float(np.std(light_of(data, found.open, found.every)))
     if spread < 2e-3:
         return None
     return Finding(False, (

@@ -14,7 +14,7 @@ from ..core.sensor import DETECTORS, MONOMIALS, Sensor
 from ..files import tables
 from .bundle_adjustment import Data
 from .fit import Fit
-from .unknowns import DRIFTS, EFFECTS, MOUNTING, OF_SEAT, SHAPE, Choice, values_of
+from .unknowns import DRIFTS, EFFECTS, MOUNTING, OF_SEAT, POWER_DRIFT, SHAPE, Choice, values_of
 
 if TYPE_CHECKING:
     from ..core.sensor import Psd
@@ -216,6 +216,8 @@ def unit_of(name: str, sensor: Sensor) -> tuple[str, float]:
         return ("mrad", 1e3) if "mount" in name else ("mm", 1.0)
     if name in DRIFTS:
         return "um", 1e3
+    if name in POWER_DRIFT:
+        return "%", 100.0
     if name in EFFECTS:
         return "", 1.0
     if part in ("radius", "height"):

@@ -44,9 +44,12 @@ DELAY = "reference.delay"
 OF_DRIFT = ("bx", "by", *(f"{kind}_{k}" for k in DETECTORS for kind in ("psi", "zeta")))
 DRIFTS = tuple(f"{cause}.{what}" for cause in ("time", "temperature") for what in OF_DRIFT)
 
+#: The laser's slow drift, shares: polynomials over the run.
+POWER_DRIFT = tuple(f"time.power_{n}" for n in range(1, 6))
+
 GEOMETRY = tuple(name for name in PARAMETERS if name not in OF_SHAPE)
 OF_SENSOR = (*GEOMETRY, *SHAPE, *NAMES, *EFFECTS)
-ALL = (*OF_SENSOR, *MOUNTING, DELAY, *DRIFTS)
+ALL = (*OF_SENSOR, *MOUNTING, DELAY, *DRIFTS, *POWER_DRIFT)
 PLACE = {name: n for n, name in enumerate(ALL)}
 
 

@@ -50,7 +50,7 @@ def trial(sensor: Sensor, held: Data, values: Floats, found: Fit) -> Trial:
         sensor,
         corrected(sensor, data.raw),
         beam=Prior(truth[:, 6:], found.choice.beam),
-        power="unknown" if np.isinf(found.choice.power) else "known",
+        power="unknown" if found.choice.power else "known",
         threads=0,
     )
     return Trial(

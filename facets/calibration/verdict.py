@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
-from .bundle_adjustment import Data
+from .bundle_adjustment import Data, over_the_run
 from .candidates import Search, beyond_chance, search
-from .fit import Fit, fit
+from .fit import Fit, fit, steadied
 from .hypotheses import explanation
 from .misfit import Finding, findings, model_error, pulls, widened
 from .samples import averaged, distinct, faults
@@ -54,12 +54,13 @@ class Verdict:
 def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> Verdict:
     """Fits, tries, judges.  Raises `InputError` where there is too little to fit."""
     early = faults(sensor, data)
-    fitted, held = split(averaged(sensor, distinct(data)), settings.held_back)
+    fitted, held = split(averaged(sensor, over_the_run(distinct(data))), settings.held_back)
     if any(one.bad for one in early):
         return Verdict(fitted, held, None, None, None, None, early)
     plain = fit(sensor, fitted, chosen, settings.outliers)
     if suspicious(sensor, plain) and (told := explanation(sensor, fitted, chosen)):
         return Verdict(fitted, held, plain, None, None, None, [told.finding, *early])
+    plain = steadied(sensor, fitted, plain, settings.outliers)
     done = search(sensor, fitted, settings, plain)
     found = done.found
     if not found.ended:

@@ -127,6 +127,7 @@ def solve(keys: dict[str, Any]) -> Solve:
         beam=keys["beam"],
         beam_sigma=keys["beam_sigma_um"] / 1000,
         power=keys["power"],
+        power_sigma=keys["power_sigma_percent"] / 100,
         method=keys["method"],
         start=keys["start"],
         max_steps=keys["max_steps"],

@@ -90,6 +90,8 @@ class Solve:
     """How readings are solved; the words are those of `facets.solve`.
 
     beam: "free", "known" or "prior", which holds it to the given position within `beam_sigma`, mm.
+    power: "unknown", "known" or "prior", which holds it to the sensor's within `power_sigma`, a
+    share.
     """
 
     beam: str
@@ -98,6 +100,7 @@ class Solve:
     method: str
     start: str
     max_steps: int
+    power_sigma: float = 0.01
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from sensors import SENSORS
 
 import facets
+from facets.calibration import table
 from facets.calibration import unknowns as study
 from facets.calibration.bundle_adjustment import (
     OWN,
@@ -24,7 +25,7 @@ from facets.calibration.bundle_adjustment import (
 )
 from facets.calibration.fit import fit
 from facets.calibration.identifiability import information, mean_left, proposed, told_by, weak
-from facets.calibration.unknowns import ALL, Choice, block, values_of
+from facets.calibration.unknowns import ALL, PLACE, Choice, block, values_of
 from facets.characterization.resolution import Estimator, uncertainties
 from facets.core.errors import ConfigError, InputError
 from facets.detectors.calibrated import KNOWN
@@ -159,7 +160,9 @@ def test_derivatives_are_those_of_differences(sensor):
     data = Data(
         np.zeros((4, 9)), rng.uniform(-1, 1, (4, 6)) * rigs.BOX, rigs.REFERENCE, np.zeros((4, 2)),
         velocity=rng.normal(size=(4, 6)) * 0.1, clock=rng.uniform(-1, 1, (4, 2)),
+        slow=rng.uniform(-1, 1, (4, 5)),
     )  # fmt: skip
+    values[block(study.POWER_DRIFT)] = rng.uniform(-0.02, 0.02, 5)
     made = study.assigned(sensor, values)
     raw = predicted(made, data, opening, values, states_of(data, opening, values))
     data = data._replace(raw=raw, noise=np.ones((4, 9)))
@@ -480,3 +483,30 @@ def test_a_covariance_that_was_changed_is_refused(run):
             facets.load(folder / "mine.yaml")
     finally:
         path.write_text(text)
+
+
+# ---- the mirror put on anew
+
+
+def test_seatings_by_thirds_part_mirror_from_detectors():
+    """Each facet before each detector: what all facets share with all detectors is told apart."""
+    rng = np.random.default_rng(4)
+    rig = rigs.drawn(NOMINAL, rng)
+    values = rig.values.copy()
+    for seat in (2, 3):
+        values[PLACE[f"seat_{seat}.apex.z"]] = 0.05 * seat
+        values[PLACE[f"seat_{seat}.mount.yaw"]] = 2e-3 * seat
+    pose = rng.uniform(-1, 1, (240, 6)) * rigs.BOX * [1, 1, 1, 0.8, 0.8, 0.8]
+    seat = np.repeat(np.arange(3), 80)
+    data = Data(np.zeros((240, 9)), pose, rigs.REFERENCE, np.zeros((240, 2)), seat=seat,
+                thirds=seat)  # fmt: skip
+    data = rigs.read(rig._replace(values=values), data, rng)
+    asked = facets.load("paper").calibrate
+    wide = table.and_seats(table.choice(NOMINAL, asked), data, asked)
+    found = fit(NOMINAL, data, wide)
+    once = fit(NOMINAL, data.part(seat == 0), table.choice(NOMINAL, asked))
+    assert found.ended
+    assert abs(found.reduced - 1) < 5 * np.sqrt(2 / found.freedom)
+    place = found.choice.names.index("psd_a.azimuth")
+    other = once.choice.names.index("psd_a.azimuth")
+    assert found.uncertainty[place] < 0.8 * once.uncertainty[other]
