@@ -3,7 +3,10 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run test lint types layers unit bench reproduce docs clean
+SHELL := bash
+.SHELLFLAGS := -euo pipefail -c
+
+.PHONY: run test lint tree types layers unit bench reproduce docs clean
 
 run: .venv/installed
 	$(BIN)/facets simulate paper -o results/paper --force
@@ -14,11 +17,17 @@ lint: .venv/developed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 
-types: .venv/developed
-	$(BIN)/mypy
+# The package as it is installed, with cli/ and experiments/ inside, for tools that read sources.
+tree:
+	rm -rf build/tree && mkdir -p build/tree && cp -R facets build/tree/facets
+	cp -R cli experiments configs build/tree/facets/
 
-layers: .venv/developed
-	$(BIN)/lint-imports
+types: .venv/developed tree
+	MYPYPATH=build/tree $(BIN)/mypy -p facets | sed -E \
+	  -e 's#^build/tree/facets/(cli|experiments)/#\1/#' -e 's#^build/tree/##'
+
+layers: .venv/developed tree
+	cd build/tree && ../../$(BIN)/lint-imports --config ../../.importlinter --no-cache
 
 unit: .venv/developed
 	$(BIN)/pytest

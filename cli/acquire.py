@@ -168,7 +168,8 @@ def display(
                 typer.echo(view.json_line(now) if json else view.plain_line(now))
 
         return nullcontext(line)
-    return terminal(live, rate or 8)
+    shown: AbstractContextManager[Callable[[Live], None]] = terminal(live, rate or 8)
+    return shown
 
 
 def terminal(live: Live, rate: float) -> Any:

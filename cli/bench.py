@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-import sys
+import json
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+from .console import show_table
+from .options import Force, folder_option
 
 #: Where each study is, and its title.
 STUDIES = {
@@ -27,10 +30,8 @@ DRAWINGS = ("work_precision.svg", "stability.png", "histograms.svg")
 
 
 def bench(
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")] = Path(
-        "results/bench"
-    ),
-    force: Annotated[bool, typer.Option("--force", help="Replace older results.")] = False,
+    output: Annotated[Path, folder_option("results/bench")] = Path("results/bench"),
+    force: Force = False,
     quick: Annotated[bool, typer.Option("--quick", help="Reduced, under a minute.")] = False,
     seed: Annotated[int, typer.Option(min=0, help="Of the random states.")] = 1,
 ) -> None:
@@ -39,34 +40,48 @@ def bench(
     All contenders run in turn in one run on the paper's sensor; ratios are to this package. Writes
     a table a study, the machine's facts, and three pictures.
     """
-    from importlib import import_module
-
-    from facets.bench import peers, pictures
+    from facets.bench import peers
     from facets.files import tables
-    from facets.pictures import style
 
     names = [*(f"{name}.csv" for name in STUDIES), "machine.json", *DRAWINGS]
     tables.refuse_to_overwrite([output / name for name in names], force)
     about = facts(seed)
     if gone := peers.missing(*peers.PACKAGES):
         typer.echo(f'left out, not installed: {", ".join(gone)}  (extra "bench-peers")\n')
-    results: dict[str, list[dict[str, Any]]] = {}
-    for name, (module, title) in STUDIES.items():
-        study = getattr(import_module(f"facets.bench.{module}"), name)
-        rows = results[name] = study(quick, seed)
-        columns = {key: [row[key] for row in rows] for key in rows[0]}
-        tables.write_table(output / f"{name}.csv", columns, about)
-        show(title, worst_of_tilts(rows) if name == "stability" else rows)
+    results = {name: run_study(name, quick, seed, output, about) for name in STUDIES}
     with tables.Whole(output / "machine.json") as temporary:
-        import json
-
         temporary.write_text(json.dumps({"about": about, **results}, indent=1), "utf-8")
-    picture = pictures.work_precision(results["forward"], results["inverse"])
-    style.save(picture, output / "work_precision.svg")
-    style.save(pictures.heat_map(results["stability"]), output / "stability.png")
-    histograms = pictures.histograms(results["digits"], results["steps"])
-    style.save(histograms, output / "histograms.svg")
+    draw(results, output)
     typer.echo(f"{output}/: {', '.join(names)}")
+
+
+def run_study(
+    name: str, quick: bool, seed: int, output: Path, about: dict[str, str]
+) -> list[dict[str, Any]]:
+    """The rows of a study, written as a table and shown."""
+    from importlib import import_module
+
+    from facets.files import tables
+
+    module, title = STUDIES[name]
+    study = getattr(import_module(f"facets.bench.{module}"), name)
+    rows: list[dict[str, Any]] = study(quick, seed)
+    columns = {key: [row[key] for row in rows] for key in rows[0]}
+    tables.write_table(output / f"{name}.csv", columns, about)
+    show(title, worst_of_tilts(rows) if name == "stability" else rows)
+    return rows
+
+
+def draw(results: dict[str, list[dict[str, Any]]], output: Path) -> None:
+    from facets.bench import pictures
+    from facets.pictures import style
+
+    work = pictures.work_precision(results["forward"], results["inverse"])
+    errors, steps = pictures.heat_map(results["stability"]), results["steps"]
+    for name, picture in zip(
+        DRAWINGS, (work, errors, pictures.histograms(results["digits"], steps)), strict=True
+    ):
+        style.save(picture, output / name)
 
 
 def worst_of_tilts(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -113,17 +128,9 @@ def processor() -> str:
 
 
 def show(title: str, rows: list[dict[str, Any]]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left", title_style="bold", box=None)
     keys = [key for key in rows[0] if key not in ("low_us", "high_us", "ns_up_to_here")]
-    for key in keys:
-        table.add_column(key, justify="left" if isinstance(rows[0][key], str) else "right")
-    for row in rows:
-        table.add_row(*(cell(row[key]) for key in keys))
-    wide = None if sys.stdout.isatty() else 120
-    Console(highlight=False, width=wide).print(table, "")
+    words = [n for n, key in enumerate(keys) if isinstance(rows[0][key], str)]
+    show_table(title, keys, [[cell(row[key]) for key in keys] for row in rows], left=words)
 
 
 def cell(value: Any) -> str:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .console import FINDING, load_config
+from .options import ConfigName
 from .simulate import PlotKind
 
 if TYPE_CHECKING:
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def calibrate(
-    config: Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")],
+    config: ConfigName,
     data: Annotated[
         Path | None, typer.Argument(help="CSV or Parquet: readings, and ref_tx_mm ... beside them.")
     ] = None,
@@ -53,10 +55,9 @@ def calibrate(
     goes into every pose that is solved with it. Where the result is not to be trusted it says why,
     writes nothing and exits with 1.
     """
-    from facets import load
     from facets.core.errors import InputError
 
-    settings = load(config)
+    settings = load_config(config)
     path = output or Path(f"{settings.name}-{'poses.csv' if propose else 'calibrated.yaml'}")
     if propose and (data or reference):
         raise InputError("--propose takes no DATA: it lists poses for a motion that is still to be")
@@ -116,7 +117,7 @@ def fit_rig(
         typer.echo("The calibration is not to be trusted; nothing is written.", err=True)
         if found.sensor is not None:
             typer.echo("--accept-misfit writes it all the same.", err=True)
-        raise typer.Exit(1)
+        raise typer.Exit(FINDING)
     write_results(settings, found, files)
 
 
@@ -178,7 +179,7 @@ def write_results(settings: Config, found: Verdict, files: list[Path]) -> None:
                 "written. Look for a swapped sign or unit in the columns.",
                 err=True,
             )
-            raise typer.Exit(1) from None
+            raise typer.Exit(FINDING) from None
         for source, target in ((matrix, covariance), (trial, path)):
             with tables.Whole(target) as temporary:
                 copyfile(source, temporary)

@@ -30,7 +30,7 @@ def check(
     """Check configurations: one line for each that is right, all problems of each that is not."""
     from facets.config import load
 
-    from .console import message
+    from .console import BAD_INPUT, message
 
     failed = False
     for file in files:
@@ -40,15 +40,17 @@ def check(
             failed = True
             typer.echo(message(error), err=True)
     if failed:
-        raise typer.Exit(2)
+        raise typer.Exit(BAD_INPUT)
 
 
 @app.command()
 def show(name: Annotated[str, NAME]) -> None:
     """Print a configuration in full, defaults filled in; the output is a configuration again."""
-    from facets.config import load, to_yaml
+    from facets.config import to_yaml
 
-    sys.stdout.write(to_yaml(load(name)))
+    from .console import load_config
+
+    sys.stdout.write(to_yaml(load_config(name)))
 
 
 @app.command()

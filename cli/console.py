@@ -1,10 +1,189 @@
-"""What the commands say to a person."""
+"""What the commands print, and how: messages, tables that fit the terminal, and streams that fail.
+
+A command's results are its files. So a standard output that ends before the command does, as under
+`| head -1`, loses nothing: what is printed after that is dropped, and the files are written. A
+standard output that can not be written, as on a full disk, is told on standard error at the end.
+"""
 
 from __future__ import annotations
 
+import codecs
+import io
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+import typer
+
 from facets.core.errors import FacetsError
+
+if TYPE_CHECKING:
+    from facets.config import Config
+
+#: Exit statuses, the same for every command; 130 and 143 are ends by ^C and by SIGTERM.
+DONE, FINDING, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+#: What stands for a character that an output's encoding lacks.
+PLAIN = {"µ": "u", "±": "+-", "²": "^2", "·": "*", "\u00d7": "x", "\u2212": "-", "…": "..."}
+#: The name of ASCII with those; another name, since typer takes "ascii" for a mistake.
+PLAIN_ASCII = "facets-ascii"
 
 
 def message(error: FacetsError) -> str:
     """`error: ...`, further lines set below the first."""
     return "error: " + str(error).replace("\n", "\n       ")
+
+
+def load_config(name: str) -> Config:
+    """A configuration; says which one it is where a shipped name could also mean a file here."""
+    from facets import load
+    from facets.config import shipped
+
+    here = next((f for f in (Path(f"{name}.yaml"), Path(f"{name}.yml")) if f.is_file()), None)
+    if name in shipped() and here is not None and not here.samefile(shipped()[name]):
+        typer.echo(
+            f"{name}: the shipped configuration is used, not ./{here}; for that one say {here}",
+            err=True,
+        )
+    return load(name)
+
+
+def name_files(folder: Path, files: Sequence[Path]) -> None:
+    """The last line of a command: what it wrote, and where."""
+    typer.echo(f"{folder}/: {', '.join(file.name for file in files if file.exists())}")
+
+
+def leave_out_picture(path: Path, why: str) -> None:
+    """Says that there is nothing to draw; an older picture of something else does not stay."""
+    path.unlink(missing_ok=True)
+    typer.echo(f"no picture: {why}")
+
+
+def show_table(
+    title: str, headings: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = (0,)
+) -> None:
+    """Prints a table; on a terminal that is too narrow for it, a block of lines for each row.
+
+    left: numbers of the columns that are set to the left; the others are numbers.
+    """
+    widths = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
+    lines = [title] * bool(title)
+    if sum(widths) + 2 * len(widths) <= shutil.get_terminal_size((10_000, 24)).columns:
+        for row in (headings, *rows):
+            cells = [
+                cell.ljust(width) if n in left else cell.rjust(width)
+                for n, (cell, width) in enumerate(zip(row, widths, strict=True))
+            ]
+            lines.append(f" {'  '.join(cells)}".rstrip())
+    else:
+        for row in rows:
+            lines += stacked(headings, row)
+    typer.echo("\n".join(lines) + "\n")
+
+
+def stacked(headings: Sequence[str], row: Sequence[str]) -> list[str]:
+    """A row below its first cell; a heading without text belongs to the cell before it."""
+    lines = [f" {row[0]}"]
+    for heading, cell in zip(headings[1:], row[1:], strict=True):
+        if heading and cell:
+            lines.append(f"   {heading}: {cell}")
+        elif cell:
+            lines[-1] += f" {cell}"
+    return lines
+
+
+class Stream(io.RawIOBase):
+    """A stream that never fails: what can not be written is dropped, and `error` says why."""
+
+    def __init__(self, raw: IO[bytes]) -> None:
+        self.raw = raw
+        self.error: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        if self.error is None:
+            try:
+                self.raw.write(data)
+                self.raw.flush()
+            except OSError as error:
+                self.error = error
+        return len(data)
+
+    def writable(self) -> bool:
+        return True
+
+    def fileno(self) -> int:
+        return self.raw.fileno()
+
+    def isatty(self) -> bool:
+        return self.raw.isatty()
+
+
+def guard(stream: Any) -> tuple[Any, Stream | None]:
+    """The stream with `Stream` below it; as it is where it is no file of the system's."""
+    try:
+        stream.flush()
+        low = Stream(open(stream.fileno(), "wb", buffering=0, closefd=False))  # noqa: SIM115
+    except (OSError, ValueError, AttributeError):
+        return stream, None
+    known = is_ascii(stream.encoding)
+    text = io.TextIOWrapper(
+        io.BufferedWriter(low),
+        encoding=PLAIN_ASCII if known else stream.encoding,
+        errors="facets-plain",
+        line_buffering=True,
+    )
+    return text, low
+
+
+def is_ascii(encoding: str | None) -> bool:
+    try:
+        return codecs.lookup(encoding or "ascii").name == "ascii"
+    except LookupError:
+        return True
+
+
+def without_accents(error: UnicodeError) -> tuple[str, int]:
+    """For `codecs`: what is written for characters that an encoding lacks."""
+    assert isinstance(error, UnicodeEncodeError)
+    lost = error.object[error.start : error.end]
+    return "".join(PLAIN.get(letter, "?") for letter in lost), error.end
+
+
+def plain_ascii(name: str) -> codecs.CodecInfo | None:
+    """For `codecs`: ASCII by another name."""
+    if name.replace("-", "_") != PLAIN_ASCII.replace("-", "_"):
+        return None
+    known = codecs.lookup("ascii")
+    return codecs.CodecInfo(
+        known.encode, known.decode, known.streamreader, known.streamwriter,
+        known.incrementalencoder, known.incrementaldecoder, name=PLAIN_ASCII,
+    )  # fmt: skip
+
+
+codecs.register_error("facets-plain", without_accents)
+codecs.register(plain_ascii)
+
+
+class Guarded:
+    """Standard output and error for the time of a command, guarded; see `guard`."""
+
+    def __enter__(self) -> Guarded:
+        self.before = sys.stdout, sys.stderr
+        sys.stdout, self.out = guard(sys.stdout)
+        sys.stderr, _ = guard(sys.stderr)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for stream in (sys.stdout, sys.stderr):
+            stream.flush()
+        sys.stdout, sys.stderr = self.before
+
+    def failure(self) -> str:
+        """Why the standard output could not be written; "" where it could or nobody wanted it."""
+        sys.stdout.flush()
+        error = None if self.out is None else self.out.error
+        if error is None or isinstance(error, BrokenPipeError):
+            return ""
+        return f"error: the standard output can not be written: {error.strerror}"

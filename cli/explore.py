@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .simulate import PlotKind
+from .console import FINDING, leave_out_picture, load_config, name_files
+from .options import ConfigName, Plot, PlotKind, TableKind, folder_option, output_folder
 
 if TYPE_CHECKING:
+    from facets.characterization.sensitivity import Index
+    from facets.core.units import Booleans
     from facets.design.exploration import Space
+
+GOALS = ("head_mm", "u_roll_urad", "range_roll_mrad")
 
 
 class Draw(StrEnum):
@@ -20,95 +27,102 @@ class Draw(StrEnum):
     grid = "grid"
 
 
+Objectives = Annotated[
+    list[str] | None, typer.Option(help=f"May be given again.  [default: {', '.join(GOALS)}]")
+]
+Every = Annotated[
+    bool, typer.Option("--every", help="Look also at designs that cannot be on the front.")
+]
+Required = Annotated[
+    bool, typer.Option("--required", help="Only what keeps all that `optimize` asks for.")
+]
+Scheduler = Annotated[
+    str | None, typer.Option(help="Address of a Dask cluster, else all cores here.")
+]
+Anew = Annotated[bool, typer.Option("--force", help="Begin anew in an old folder.")]
+
+
 def explore(
-    config: Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")],
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="Folder.  [default: results/CONFIG-explore]"),
-    ] = None,
-    designs: Annotated[int, typer.Option(min=1, help="How many, at least.")] = 1000,
+    config: ConfigName,
+    output: Annotated[Path | None, folder_option("results/CONFIG-explore")] = None,
+    designs: Annotated[int, typer.Option(min=2, max=10**9, help="How many, at least.")] = 1000,
     sampling: Annotated[Draw, typer.Option(help="How they are drawn.")] = Draw.sobol,
     seed: Annotated[int, typer.Option(min=0, help="Of the draw.")] = 1,
-    objective: Annotated[
-        list[str] | None,
-        typer.Option(help="May be given again.  [default: head_mm, u_roll_urad, range_roll_mrad]"),
-    ] = None,
-    every: Annotated[
-        bool, typer.Option("--every", help="Look also at designs that cannot be on the front.")
-    ] = False,
-    required: Annotated[
-        bool, typer.Option("--required", help="Only what keeps all that `optimize` asks for.")
-    ] = False,
-    scheduler: Annotated[
-        str | None, typer.Option(help="Address of a Dask cluster, else all cores here.")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Begin anew in an old folder.")] = False,
-    plot: Annotated[PlotKind, typer.Option(help="Kind of the picture.")] = PlotKind.png,
+    objective: Objectives = None,
+    every: Every = False,
+    required: Required = False,
+    scheduler: Scheduler = None,
+    force: Anew = False,
+    table: Annotated[TableKind, typer.Option(help="Kind of the designs.")] = TableKind.parquet,
+    plot: Plot = PlotKind.png,
 ) -> None:
     """Explore a design space: ranges and resolutions of many layouts, and the best of them.
 
     Varies what the config's `optimize.variables` names. Results are written part by part: the same
     command goes on where a run was cut off. A design that cannot be on the front any more is not
-    asked for its ranges, which take most of the time.
+    asked for its ranges, which take most of the time. Exit status 1 where no design has them all.
     """
-    import time
+    from facets.design import exploration
+    from facets.files import provenance
 
-    from facets import load
-    from facets.design.exploration import Space, collected, front, require_measures, sensitivity
-    from facets.design.exploration import explore as run
-    from facets.files import provenance, tables
-    from facets.pictures import style
-    from facets.pictures.exploration import front_picture
-
-    settings = load(config)
-    goals = objective or ["head_mm", "u_roll_urad", "range_roll_mrad"]
-    require_measures(goals)
-    space = Space(
+    settings = load_config(config)
+    exploration.require_measures(goals := objective or list(GOALS))
+    space = exploration.Space(
         settings.sensor, settings.range, settings.layout, sampling.value, designs, seed,
         tuple(goals), every, required,
     )  # fmt: skip
-    folder = output or Path("results") / f"{settings.name}-explore"
+    folder = output_folder(output, settings.name, "explore")
+    files = [folder / n for n in (f"designs.{table.value}", "front.csv", f"front.{plot.value}")]
     about = provenance.about(settings, seed)
-    prepare(folder, identity(about, space), force)
+    begin(space, folder, files, about, force)
     start = time.perf_counter()
-    with_progress(lambda tell: run(space, folder, about, scheduler, tell))
-    seconds = time.perf_counter() - start
+    with_progress(lambda tell: exploration.explore(space, folder, about, scheduler, tell))
+    best = write(space, folder, files, about, time.perf_counter() - start)
+    name_files(folder, files)
+    if not best.any():
+        raise typer.Exit(FINDING)
+
+
+def begin(
+    space: Space, folder: Path, files: list[Path], about: dict[str, str], force: bool
+) -> None:
+    """Refuses what can not be searched or written, before the folder is made."""
+    from facets.design.exploration import prepare, require_variables
+    from facets.files import tables
+
+    tables.refuse_to_overwrite(files, force=True)  # a run that goes on has written them before
+    require_variables(space)
+    prepare(folder, space, about, force)
+
+
+def write(
+    space: Space, folder: Path, files: list[Path], about: dict[str, str], seconds: float
+) -> Booleans:
+    """Designs, their front and its picture; returns which designs are on the front."""
+    from facets.characterization.sensitivity import sensitivity
+    from facets.design.exploration import collected, front
+    from facets.files import tables
+    from facets.pictures import style
+    from facets.pictures.exploration import front_picture
+
+    designs, front_table, picture = files
+    goals = list(space.objectives)
     table = collected(folder)
     best = front(table, goals)
     pilot = {name: column[: space.pilot] for name, column in table.items()}
     indices = sensitivity(pilot, space.names, goals)
-    tables.write_table(folder / "designs.parquet", table, about)
-    tables.write_table(folder / "front.csv", {n: c[best] for n, c in table.items()}, about)
-    style.save(front_picture(table, best, goals, indices), folder / f"front.{plot.value}")
+    tables.write_table(designs, table, about)
+    tables.write_table(front_table, {n: c[best] for n, c in table.items()}, about)
     report(table, best, goals, indices, seconds)
-    typer.echo(f"{folder}/: designs.parquet, front.csv, front.{plot.value}")
+    drawing = front_picture(table, best, goals, indices)
+    if drawing is None:
+        leave_out_picture(picture, "it takes two designs that have all objectives")
+    else:
+        style.save(drawing, picture)
+    return best
 
 
-def identity(about: dict[str, str], space: Space) -> str:
-    """What must be the same for a run to go on in a folder."""
-    asked = f"{space.sampling} {space.count} {space.seed} {space.every} {space.required}"
-    return f"{about['config_sha256']} {asked} {' '.join(space.objectives)}\n"
-
-
-def prepare(folder: Path, mine: str, force: bool) -> None:
-    """A new folder, or an old one of the same search."""
-    import shutil
-
-    from facets.core.errors import OutputError
-
-    mark = folder / "search.txt"
-    if force and mark.exists():
-        shutil.rmtree(folder / "parts", ignore_errors=True)
-        mark.unlink()
-    if mark.exists() and mark.read_text() != mine:
-        raise OutputError(
-            f"{folder}: holds another search; --force begins anew, -o names another folder"
-        )
-    folder.mkdir(parents=True, exist_ok=True)
-    mark.write_text(mine)
-
-
-def with_progress(run: Any) -> None:
+def with_progress(run: Callable[[Callable[[int, int], None]], None]) -> None:
     from rich.console import Console
     from rich.progress import Progress
 
@@ -119,7 +133,11 @@ def with_progress(run: Any) -> None:
 
 
 def report(
-    table: dict[str, Any], best: Any, goals: list[str], indices: dict[str, Any], seconds: float
+    table: dict[str, Any],
+    best: Booleans,
+    goals: list[str],
+    indices: dict[str, dict[str, Index]],
+    seconds: float,
 ) -> None:
     import numpy as np
 
@@ -133,5 +151,5 @@ def report(
         typer.echo(f"  {len(each):7} {reason or 'looked at'} ({told})")
     typer.echo(f"{int(best.sum())} are beaten by none in {', '.join(goals)}")
     for name, found in indices.items():
-        shown = ", ".join(f"{key} {value:.2f}" for key, value in found.items())
+        shown = ", ".join(f"{key} {s.value:.2f} +- {s.half:.2f}" for key, s in found.items())
         typer.echo(f"  {name} follows: {shown}")

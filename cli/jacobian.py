@@ -2,19 +2,37 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .simulate import PlotKind, TableKind
+from .console import FINDING, leave_out_picture, load_config, name_files
+from .options import ConfigName, Force, Plot, PlotKind, TableKind, folder_option, output_folder
 
 if TYPE_CHECKING:
+    from facets.characterization.ambiguity import Twins
     from facets.characterization.singularity import Survey, Worst
     from facets.characterization.state_box import Domain
     from facets.config import Config
-    from facets.proof.uniqueness import Certificate
+    from facets.core.units import Floats
+    from facets.proof.uniqueness import Certificate, Piece
+
+
+BOX = (
+    "Where, as tx_mm=5,yaw_mrad=-10:20,offset_x_mm=0.1; axes left out stay at zero.  "
+    "[default: the ranges of the axes by the config's `range`]"
+)
+
+
+Search = Annotated[
+    bool, typer.Option("--search/--no-search", help="Look for the worst state, besides.")
+]
 
 
 class Sampling(StrEnum):
@@ -22,89 +40,190 @@ class Sampling(StrEnum):
     uniform = "uniform"
 
 
+@dataclass(frozen=True)
+class Asked:
+    """What is asked for: the draw, the box of states, and where the results go."""
+
+    settings: Config
+    domain: Domain
+    least_share: float | None
+    states: int
+    sampling: str
+    seed: int
+    left_out: str
+    threads: int
+    folder: Path
+    picture: Path
+    table: Path | None
+    start: float
+
+    @property
+    def density(self) -> Path:
+        return self.folder / "density.csv"
+
+    @property
+    def record(self) -> Path:
+        return self.folder / "run.yaml"
+
+    @property
+    def certificate(self) -> Path:
+        return self.folder / "certificate.json"
+
+    def files(self, certify: bool) -> list[Path]:
+        files = [self.picture, self.density, self.record]
+        if self.table is not None:
+            files.append(self.table)
+        return [*files, self.certificate] if certify else files
+
+
 def jacobian(
-    config: Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--output", help="Folder for the results.  [default: results/CONFIG-jacobian]"
-        ),
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace older results.")] = False,
+    config: ConfigName,
+    output: Annotated[Path | None, folder_option("results/CONFIG-jacobian")] = None,
+    force: Force = False,
     states: Annotated[int, typer.Option(min=1, help="How many to draw.")] = 200_000,
     sampling: Annotated[Sampling, typer.Option(help="How they are drawn.")] = Sampling.sobol,
     seed: Annotated[int, typer.Option(min=0, help="Of the draw and of the search.")] = 1,
-    box: Annotated[
-        str | None,
-        typer.Option(
-            help="Where, as tx_mm=5,yaw_mrad=-10:20,offset_x_mm=0.1; axes left out stay at zero.  "
-            "[default: the ranges of the axes by the config's `range`]"
-        ),
-    ] = None,
-    left_out: Annotated[
-        str, typer.Option(help="The reading that the determinant lacks.")
-    ] = "power_c",
-    search: Annotated[
-        bool, typer.Option("--search/--no-search", help="Look for the worst state, besides.")
-    ] = True,
-    certify: Annotated[
-        bool, typer.Option("--certify", help="Prove it, by intervals, over the whole box.")
-    ] = False,
-    reach: Annotated[
-        bool, typer.Option("--reach", help="And how much larger a box can be for the proof.")
-    ] = False,
+    box: Annotated[str | None, typer.Option(help=BOX)] = None,
+    left_out: Annotated[str, typer.Option(help="The reading the determinant lacks.")] = "power_c",
+    search: Search = True,
+    certify: Annotated[bool, typer.Option("--certify", help="Prove it for the whole box.")] = False,
+    reach: Annotated[bool, typer.Option("--reach", help="And for how much larger a box.")] = False,
     limit: Annotated[float, typer.Option(min=1, help="Seconds for a proof.")] = 300.0,
     threads: Annotated[int, typer.Option(min=0, help="0: all cores.")] = 1,
-    table: Annotated[
-        TableKind | None, typer.Option(help="Also write all states, as this kind of table.")
-    ] = None,
-    plot: Annotated[PlotKind, typer.Option(help="Kind of the picture.")] = PlotKind.png,
+    table: Annotated[TableKind | None, typer.Option(help="Also write all states so.")] = None,
+    plot: Plot = PlotKind.png,
 ) -> None:
     """Tell whether readings determine states, over a box of states.
 
     Draws states and looks at the sign of the determinant of Eq. (11), as Fig. 4 of the paper, and
     at the smallest singular value, which has a meaning. With --certify, proves by intervals that no
-    state of the box is singular and that no two have the same readings, and writes a certificate.
+    state of the box is singular and that no two have the same readings, and writes a certificate;
+    exit status 1 where that is not proved.
     """
-    import time
+    settings = load_config(config)
+    folder = output_folder(output, settings.name, "jacobian")
+    asked = Asked(
+        settings, *where(settings, box), states, sampling.value, seed, left_out, threads, folder,
+        folder / f"jacobian.{plot.value}", folder / f"states.{table.value}" if table else None,
+        time.perf_counter(),
+    )  # fmt: skip
+    found, pair = survey_box(asked, asked.files(certify), force, search)
+    results = write(asked, found, pair)
+    if certify:
+        results |= prove(asked, limit, reach)
+    write_record(asked, results)
+    name_files(folder, asked.files(certify))
+    if certify and not results["unique"]:
+        raise typer.Exit(FINDING)
 
-    from facets import load
+
+def survey_box(
+    asked: Asked, files: list[Path], force: bool, search: bool
+) -> tuple[Survey, Twins | None]:
+    """Draws, measures and reports; then the worst by a search, and two states of like readings."""
     from facets.characterization.ambiguity import twins
+    from facets.files import tables
+
+    tables.refuse_to_overwrite(files, force)
+    refuse_too_many(asked)
+    found = measure(asked)
+    report(asked, found)
+    if not search:
+        return found, None
+    worst = search_worst(asked, found)
+    pair = None if found.one_sign else twins(asked.settings.sensor, worst.state)
+    show_pair(pair)
+    return found, pair
+
+
+#: A draw that takes longer than this, s, is announced.
+LONG = 10.0
+
+
+def refuse_too_many(asked: Asked) -> None:
+    """Says how long many states take; raises `InputError` where they can not be done."""
+    from facets.characterization.singularity import CHUNK, MOST_STATES, cost
+    from facets.core.errors import InputError
+    from facets.files.whole import free_space
+
+    if asked.states <= CHUNK:
+        return
+    seconds, memory, size = cost(asked.settings.sensor, asked.domain, asked.states, asked.left_out)
+    about = f"about {duration(seconds)} on one core and {memory / 1e6:.0f} MB of memory"
+    about += f", and {size / 1e9:.3g} GB as a table" * (asked.table is not None)
+    if asked.states > MOST_STATES:
+        asks = f"--states is {asked.states:,}; allowed: up to {MOST_STATES:,}"
+        raise InputError(f"{asks}; these would take {about}")
+    if asked.table and size > free_space(asked.table):
+        raise InputError(f"{asked.table}: the disk has no place for it: {about}")
+    if seconds > LONG:
+        typer.echo(f"{asked.states:,} states take {about}", err=True)
+
+
+def duration(seconds: float) -> str:
+    """In the unit that suits: "2.5 h"."""
+    for unit, size in (("days", 86_400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.2g} s"
+
+
+def measure(asked: Asked) -> Survey:
+    """Draws and measures, chunk by chunk, with a progress bar; writes all states if asked for."""
+    from rich.console import Console
+    from rich.progress import track
+
+    from facets.characterization.singularity import CHUNK, samples, survey
+
+    drawn = samples(asked.domain, asked.states, asked.sampling, asked.seed)  # type: ignore[arg-type]
+    chunks = track(
+        drawn,
+        "measuring",
+        total=-(-asked.states // CHUNK),
+        console=Console(stderr=True),
+        transient=True,
+        disable=asked.states <= 10 * CHUNK,
+    )
+    sensor = asked.settings.sensor
+    with ExitStack() as stack:
+        keep = keeper(asked, stack)
+        return survey(sensor, iter(chunks), asked.left_out, True, asked.threads, keep)
+
+
+def keeper(asked: Asked, stack: ExitStack) -> Callable[[Floats, Floats], None] | None:
+    """What writes each chunk of states into the table, where one is asked for."""
+    from facets.characterization.tables import state_columns
+    from facets.files import provenance, tables
+
+    if asked.table is None:
+        return None
+    temporary = stack.enter_context(tables.Whole(asked.table))
+    writer = tables.Writer(temporary, provenance.about(asked.settings, asked.seed))
+    stack.callback(writer.close)
+    return lambda states, values: writer.write(state_columns(states, values))
+
+
+def write(asked: Asked, found: Survey, pair: Twins | None) -> dict[str, Any]:
+    """Table and picture; what the record says of them."""
+    from facets.characterization.tables import density_columns
     from facets.files import provenance, tables
     from facets.pictures import style
     from facets.pictures.singularity import survey_picture
 
-    settings = load(config)
-    folder = output or Path("results") / f"{settings.name}-jacobian"
-    picture, density, story = (
-        folder / f"jacobian.{plot.value}",
-        folder / "density.csv",
-        folder / "run.yaml",
-    )
-    proof = folder / "certificate.json"
-    everything = folder / f"states.{table.value}" if table else None
-    files = [picture, density, story, *([everything] if everything else [])]
-    tables.refuse_to_overwrite([*files, *([proof] if certify else [])], force)
-    domain, share = where(settings, box)
-    start = time.perf_counter()
-    about = provenance.about(settings, seed)
-    found = surveyed(settings, domain, states, sampling, seed, left_out, threads, everything, about)
-    report(settings, domain, found, time.perf_counter() - start, left_out)
-    pair = None
-    if search:
-        worst = searched(settings, domain, found, left_out, seed)
-        pair = None if found.one_sign else twins(settings.sensor, worst.state)
-        show_pair(pair)
-    tables.write_table(density, density_columns(found), about)
-    style.save(survey_picture(found, left_out, pair), picture)
-    results: dict[str, Any] = {"states": found.states, "one_sign": found.one_sign}
-    if certify:
-        results |= proved(settings, domain, share, limit, reach, proof, about)
-        files.append(proof)
-    provenance.write_record(story, settings, seed, time.perf_counter() - start, results)
-    typer.echo(f"{folder}/: {', '.join(file.name for file in files)}")
-    if certify and not results["unique"]:
-        raise typer.Exit(1)
+    about = provenance.about(asked.settings, asked.seed)
+    tables.write_table(asked.density, density_columns(found), about)
+    if found.states - found.dark > 1:
+        style.save(survey_picture(found, asked.left_out, pair), asked.picture)
+    else:
+        leave_out_picture(asked.picture, "it takes two states with light or more")
+    return {"states": found.states, "one_sign": found.one_sign}
+
+
+def write_record(asked: Asked, results: dict[str, Any]) -> None:
+    from facets.files import provenance
+
+    seconds = time.perf_counter() - asked.start
+    provenance.write_record(asked.record, asked.settings, asked.seed, seconds, results)
 
 
 def where(settings: Config, box: str | None) -> tuple[Domain, float | None]:
@@ -117,75 +236,11 @@ def where(settings: Config, box: str | None) -> tuple[Domain, float | None]:
     return range_domain(sensor, rules), least_share(sensor, rules)
 
 
-def surveyed(
-    settings: Config,
-    domain: Domain,
-    states: int,
-    sampling: Sampling,
-    seed: int,
-    left_out: str,
-    threads: int,
-    everything: Path | None,
-    about: dict[str, str],
-) -> Survey:
-    """Draws and measures, chunk by chunk, with a progress bar; writes all states if asked for."""
-    from contextlib import ExitStack
-
-    from rich.console import Console
-    from rich.progress import track
-
-    from facets.characterization.singularity import CHUNK, samples, survey
-    from facets.files import tables
-
-    chunks = track(
-        samples(domain, states, sampling.value, seed),
-        "measuring",
-        total=-(-states // CHUNK),
-        console=Console(stderr=True),
-        transient=True,
-        disable=states <= 10 * CHUNK,
-    )
-    with ExitStack() as stack:
-        writer = None
-        if everything:
-            writer = tables.Writer(stack.enter_context(tables.Whole(everything)), about)
-            stack.callback(writer.close)
-
-        def keep(drawn: Any, values: Any) -> None:
-            if writer is not None:
-                writer.write(state_columns(drawn, values))
-
-        return survey(settings.sensor, iter(chunks), left_out, True, threads, keep)
-
-
-def state_columns(states: Any, values: Any) -> dict[str, Any]:
-    from facets.characterization.state_box import apex_offset
-    from facets.core.names import STATE_COLUMNS, STATE_UNITS
-
-    columns = {name: states[:, i] / STATE_UNITS[i] for i, name in enumerate(STATE_COLUMNS)}
-    names = ("determinant", "smallest_singular_value", "condition_number")
-    columns["apex_offset_mm"] = apex_offset(states)
-    return columns | {name: values[:, i] for i, name in enumerate(names)}
-
-
-def density_columns(found: Survey) -> dict[str, Any]:
-    """Classes of apex offset and determinant that hold states."""
-    import numpy as np
-
-    offsets, levels = found.edges[0], found.edges[1]
-    i, j = np.nonzero(found.counts)
-    return {
-        "apex_offset_from_mm": offsets[i],
-        "apex_offset_to_mm": offsets[i + 1],
-        "determinant_from": levels[j],
-        "determinant_to": levels[j + 1],
-        "states": found.counts[i, j].astype(int),
-    }
-
-
-def report(settings: Config, domain: Domain, found: Survey, seconds: float, left_out: str) -> None:
+def report(asked: Asked, found: Survey) -> None:
     from facets.characterization.state_box import COLUMNS, UNITS
 
+    settings, domain, left_out = asked.settings, asked.domain, asked.left_out
+    seconds = time.perf_counter() - asked.start
     typer.echo(f"{settings.name}: {found.states} states, {seconds:.2f} s, of the box")
     for name, unit, low, high in zip(COLUMNS, UNITS, domain.low, domain.high, strict=True):
         typer.echo(f"  {name:<12} {low / unit:10.4g} to {high / unit:.4g}")
@@ -202,7 +257,7 @@ def report(settings: Config, domain: Domain, found: Survey, seconds: float, left
     )
     typer.echo(
         f"smallest singular value: {found.low[1]:.4g} to {found.high[1]:.4g} standard deviations\n"
-        f"  per um or urad; condition number {found.low[2]:.4g} to {found.high[2]:.4g}"
+        f"  per µm or µrad; condition number {found.low[2]:.4g} to {found.high[2]:.4g}"
     )
     tell("weakest drawn", settings, found.weakest)
 
@@ -219,12 +274,13 @@ def tell(title: str, settings: Config, worst: Worst) -> None:
     typer.echo(f"{title}: {worst.values[1]:.4g}, for {direction}\n  at {place}")
 
 
-def searched(settings: Config, domain: Domain, found: Survey, left_out: str, seed: int) -> Worst:
+def search_worst(asked: Asked, found: Survey) -> Worst:
     """The worst that a search finds, and how near the draw came to it."""
     from facets.characterization.singularity import search
 
-    lowest = search(settings.sensor, domain, 0, left_out, seed)
-    weakest = search(settings.sensor, domain, 1, left_out, seed)
+    settings, domain = asked.settings, asked.domain
+    lowest = search(settings.sensor, domain, 0, asked.left_out, asked.seed)
+    weakest = search(settings.sensor, domain, 1, asked.left_out, asked.seed)
     tell("weakest by search", settings, weakest)
     if found.one_sign:
         typer.echo(
@@ -237,7 +293,7 @@ def searched(settings: Config, domain: Domain, found: Survey, left_out: str, see
     return weakest
 
 
-def show_pair(pair: Any) -> None:
+def show_pair(pair: Twins | None) -> None:
     from facets.core.names import STATE_COLUMNS, STATE_UNITS
 
     if pair is None:
@@ -249,42 +305,46 @@ def show_pair(pair: Any) -> None:
         typer.echo(f"  {name:<10} {one / unit:12.6g} {other / unit:12.6g}")
 
 
-def proved(
-    settings: Config,
-    domain: Domain,
-    share: float | None,
-    limit: float,
-    reach: bool,
-    file: Path,
-    about: dict[str, str],
-) -> dict[str, Any]:
-    from rich.console import Console
-    from rich.progress import Progress
-
+def prove(asked: Asked, limit: float, reach: bool) -> dict[str, Any]:
+    """Proves and writes the certificate; what the record says of it."""
+    from facets.files import provenance
     from facets.proof.certificate import write_certificate
-    from facets.proof.uniqueness import certify, reach_of
+    from facets.proof.uniqueness import reach_of
 
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("proving", total=1.0)
-        found = certify(
-            settings.sensor, domain, share, limit, lambda d: progress.update(task, completed=d)
-        )
-    write_certificate(file, settings.sensor, found, about)
-    for line in verdict(settings, found):
+    sensor = asked.settings.sensor
+    found = certify_box(asked, limit)
+    about = provenance.about(asked.settings, asked.seed)
+    write_certificate(asked.certificate, sensor, found, about)
+    for line in verdict(asked.settings, found):
         typer.echo(line)
     results = {"regular": found.regular, "unique": found.unique, "margin": found.margin}
     if reach and found.unique:
-        factor = reach_of(settings.sensor, domain, found.share, limit)
+        factor = reach_of(sensor, asked.domain, found.share, limit)
         typer.echo(f"the proof holds for a box of poses up to {factor:.3g} times as large")
         results["reach"] = factor
     return results
 
 
+def certify_box(asked: Asked, limit: float) -> Certificate:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from facets.proof.uniqueness import certify
+
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("proving", total=1.0)
+
+        def tell(done: float) -> None:
+            progress.update(task, completed=done)
+
+        return certify(asked.settings.sensor, asked.domain, asked.least_share, limit, tell)
+
+
 def verdict(settings: Config, found: Certificate) -> list[str]:
     power = 1000 * found.share * settings.sensor.beam.power
     lines = [
-        f"taken: every state with its pose in the box and at least {power:.4g} uW on each detector"
+        f"taken: every state with its pose in the box and at least {power:.4g} µW on each detector"
         f" ({len(found.pieces)} pieces proved, {found.seconds:.1f} s)"
     ]
     if found.regular:
@@ -299,7 +359,7 @@ def verdict(settings: Config, found: Certificate) -> list[str]:
     return lines
 
 
-def piece_text(piece: Any) -> str:
+def piece_text(piece: Piece) -> str:
     from facets.characterization.state_box import COLUMNS, UNITS
 
     return ", ".join(

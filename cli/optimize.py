@@ -7,40 +7,37 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .simulate import PlotKind
+from .console import FINDING, load_config, show_table
+from .options import ConfigName, Force, Plot, PlotKind
 
 if TYPE_CHECKING:
     from facets.config import Config
-    from facets.design.optimization import Optimum
+    from facets.design.search import Optimum
 
 
 def optimize(
-    config: Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")],
+    config: ConfigName,
     output: Annotated[
         Path | None,
         typer.Option(
             "-o", "--output", help="The layout found, a YAML file.  [default: CONFIG-optimum.yaml]"
         ),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace older files.")] = False,
-    plot: Annotated[PlotKind, typer.Option(help="Kind of the picture.")] = PlotKind.png,
+    force: Force = False,
+    plot: Plot = PlotKind.png,
 ) -> None:
     """Find the best layout by the config's block `optimize`.
 
     Varies what may vary, within bounds, from several starts, with each choice of parts from a
-    catalogue; tells what holds the best one back, or which requirements can not be met together.
-    The result is a configuration for every command. Beside it a table and a picture compare it with
-    what was, by the range, by the float model and by simulated readings.
+    catalogue; tells what holds the best one back, or which requirements can not be met together,
+    with exit status 1. The result is a configuration for every command. Beside it a table and a
+    picture compare it with what was, by the range, by the float model and by simulated readings.
     """
-    from facets import load
-    from facets.core.errors import ConfigError, InputError
-    from facets.design.optimization import optimize as run
-    from facets.design.verification import compare
-    from facets.files import provenance, tables
-    from facets.pictures import style
-    from facets.pictures.layout import layout_picture
+    from facets.core.errors import InputError
+    from facets.design.search import optimize as run
+    from facets.files import tables
 
-    settings = load(config)
+    settings = load_config(config)
     path = output or Path(f"{settings.name}-optimum.yaml")
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{path}: a configuration's name ends in .yaml")
@@ -51,71 +48,76 @@ def optimize(
     show_starts(found)
     if not found.best.found:
         refuse(found)
-        raise typer.Exit(1)
+        raise typer.Exit(FINDING)
+    better = write_config(settings, found, path)
+    table = write_comparison(settings, better, csv, picture)
+    show_result(settings, better, found, table)
+    show_reasons(settings, found)
+    typer.echo(f"{path}, {csv.name}, {picture.name}")
+
+
+def write_config(settings: Config, found: Optimum, path: Path) -> Config:
+    """The layout found, written and loaded again. Exits where it does not load."""
+    from facets import load
+    from facets.core.errors import ConfigError
+    from facets.files import provenance, tables
+
     about = provenance.about(settings, settings.layout.seed)
     with tables.Whole(path) as temporary:
         temporary.write_text(as_yaml(settings, found, about), "utf-8")
     try:
-        better = load(path)
+        return load(path)
     except ConfigError as error:  # a sub-beam may miss a detector elsewhere than in the volume
         typer.echo(f"{path} is written, but does not load:\n{error}", err=True)
-        raise typer.Exit(1) from None
-    table = compare(
-        settings.sensor, better.sensor, settings.layout, settings.range, settings.layout.seed
-    )
-    tables.write_table(csv, table, about)
+        raise typer.Exit(FINDING) from None
+
+
+def write_comparison(settings: Config, better: Config, csv: Path, picture: Path) -> dict[str, Any]:
+    """Before and after, as a table that is returned, and a picture."""
+    from facets.design.verification import compare
+    from facets.files import provenance, tables
+    from facets.pictures import style
+    from facets.pictures.layout import layout_picture
+
+    layout = settings.layout
+    table = compare(settings.sensor, better.sensor, layout, settings.range, layout.seed)
+    tables.write_table(csv, table, provenance.about(settings, layout.seed))
     style.save(layout_picture(table), picture)
-    show_result(settings, better, found)
-    show_comparison(table)
-    show_reasons(settings, found)
-    typer.echo(f"{path}, {csv.name}, {picture.name}")
+    return table
 
 
 def show_parts(found: Optimum) -> None:
     """Each choice from the catalogue, the best first."""
     if not found.tried:
         return
-    from rich.table import Table
-
-    table = Table(title="parts, the best first", title_justify="left", box=None)
-    for name in ("detectors", "laser", "price", *found.names, "objective", "end"):
-        left = name in ("detectors", "laser", "end")
-        table.add_column(name, justify="left" if left else "right", no_wrap=True)
+    headings = ("detectors", "laser", "price", *found.names, "objective", "end")
+    rows = []
     for choice, end in found.tried:
         price = "" if choice.price is None else f"{choice.price:.0f}"
         values = [f"{value:.4g}" for value in end.x]
-        told = f"{end.objective:.4g}" if end.found else "-"
-        table.add_row(choice.psd, choice.laser, price, *values, told, end.status)
-    show(table)
+        objective = f"{end.objective:.4g}" if end.found else "-"
+        rows.append([choice.psd, choice.laser, price, *values, objective, end.status])
+    show_table("parts, the best first", headings, rows, left=(0, 1, len(headings) - 1))
 
 
 def show_starts(found: Optimum) -> None:
-    from rich.table import Table
-
-    table = Table(title="starts, the best first", title_justify="left", box=None)
-    for name in (*found.names, "objective", "seconds", "end"):
-        table.add_column(name, justify="left" if name == "end" else "right", no_wrap=True)
-    for end in found.ends:
+    headings = (*found.names, "objective", "seconds", "end")
+    rows = []
+    for end in found.results:
         values = [f"{value:.5g}" for value in end.x]
-        table.add_row(*values, f"{end.objective:.6g}", f"{end.seconds:.1f}", end.status)
-    show(table)
-
-
-def show(table: Any) -> None:
-    from rich.console import Console
-
-    Console(highlight=False, width=140).print(table, "")
+        rows.append([*values, f"{end.objective:.6g}", f"{end.seconds:.1f}", end.status])
+    show_table("starts, the best first", headings, rows, left=(len(headings) - 1,))
 
 
 def refuse(found: Optimum) -> None:
     typer.echo("no layout meets all that is asked for; these stand against each other:")
-    for group, gap in found.best.missing.items():
+    for group, gap in found.best.shortfalls.items():
         typer.echo(f"  {group}: would have to give way by {100 * gap:.3g} % of its limit")
 
 
-def show_result(settings: Config, better: Config, found: Optimum) -> None:
-    from facets.design.optimization import in_words
-    from facets.design.variables import present
+def show_result(settings: Config, better: Config, found: Optimum, table: dict[str, Any]) -> None:
+    from facets.design.report import in_words
+    from facets.design.variables import present_values
 
     aim = settings.layout.aim
     if found.before == found.before:
@@ -123,30 +125,29 @@ def show_result(settings: Config, better: Config, found: Optimum) -> None:
     else:
         typer.echo("before: not all that is asked for is kept")
     typer.echo(f"after:  {in_words(aim, found.best.objective)}\n")
-    now, then = present(settings.sensor), present(better.sensor)
+    now, then = present_values(settings.sensor), present_values(better.sensor)
     for name in found.names:
         typer.echo(f"  {name:<16} {now[name]:10.4g} -> {then[name]:.6g}")
+    show_comparison(table)
 
 
 def show_comparison(table: dict[str, Any]) -> None:
-    from rich.table import Table
-
-    typer.echo("\nbefore and after: the worst over the volume (1 sigma), and ranges in all")
-    shown = Table(box=None)
-    for name in ("quantity", "before", "after", "after / before", "simulated"):
-        shown.add_column(name, justify="left" if name == "quantity" else "right")
+    headings = ("quantity", "before", "after", "after / before", "simulated")
+    rows = []
     for quantity, before, after, drawn in zip(*table.values(), strict=True):
         simulated = "" if drawn != drawn else f"{drawn:.3g}"
         ratio = f"{after / before:.2f}" if before > 0 < after else ""
-        shown.add_row(quantity, f"{before:.3g}", f"{after:.3g}", ratio, simulated)
-    show(shown)
+        rows.append([quantity, f"{before:.3g}", f"{after:.3g}", ratio, simulated])
+    title = "before and after: the worst over the volume (1 sigma), and ranges in all"
+    typer.echo("")
+    show_table(title, headings, rows)
 
 
 def show_reasons(settings: Config, found: Optimum) -> None:
-    from facets.design.optimization import gains, in_words
+    from facets.design.report import gains, in_words
 
     typer.echo("what holds it back, over the strongest:")
-    for group, size in list(found.best.pressing.items())[:8]:
+    for group, size in list(found.best.active_constraints.items())[:8]:
         typer.echo(f"  {size:5.2f}  {group}")
     more = gains(found.sensor, settings.layout, found.best.x)
     if more:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
 from dataclasses import replace
 from enum import StrEnum
 from itertools import combinations
@@ -11,12 +11,26 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .simulate import PlotKind, TableKind
+from .console import INTERRUPTED, load_config, name_files, show_table
+from .options import (
+    At,
+    ConfigName,
+    Force,
+    Plot,
+    PlotKind,
+    Table,
+    TableKind,
+    Track,
+    folder_option,
+    output_folder,
+)
+from .places import pair_of, pose_of
 
 if TYPE_CHECKING:
     from facets.characterization.ranges import Boundary
     from facets.config import Config
     from facets.core.rules import Rules
+    from facets.core.units import Floats
 
 
 class Inside(StrEnum):
@@ -29,121 +43,93 @@ class Inside(StrEnum):
     yaw = "yaw"
 
 
+Axes = Annotated[
+    list[str] | None,
+    typer.Option(help="Pair of axes, as tx,ty; may be given again.  [default: all 15]"),
+]
+Within = Annotated[
+    Inside | None, typer.Option(help="Map this inside: an axis's uncertainty, or condition.")
+]
+Grid = Annotated[
+    int, typer.Option(min=0, max=3000, help="Check against a grid of so many points a side.")
+]
+
+
 def range_map(
-    config: Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")],
-    axes: Annotated[
-        list[str] | None,
-        typer.Option(help="Pair of axes, as tx,ty; may be given again.  [default: all 15]"),
-    ] = None,
-    tracking: Annotated[
-        bool, typer.Option("--tracking/--fixed", help="Whether the beam follows in x and y.")
-    ] = False,
-    at: Annotated[
-        str | None, typer.Option(help="Where the other axes stand: tz_mm=1,yaw_mrad=2.")
-    ] = None,
-    inside: Annotated[
-        Inside | None, typer.Option(help="Map this inside: an axis's uncertainty, or condition.")
-    ] = None,
-    grid: Annotated[
-        int, typer.Option(min=0, max=3000, help="Check against a grid of so many points a side.")
-    ] = 0,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--output", help="Folder for the results.  [default: results/CONFIG-range]"
-        ),
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace older results.")] = False,
-    table: Annotated[TableKind, typer.Option(help="Kind of the table.")] = TableKind.csv,
-    plot: Annotated[PlotKind, typer.Option(help="Kind of the picture.")] = PlotKind.png,
+    config: ConfigName,
+    axes: Axes = None,
+    track: Track = False,
+    at: At = None,
+    inside: Within = None,
+    grid: Grid = 0,
+    output: Annotated[Path | None, folder_option("results/CONFIG-range")] = None,
+    force: Force = False,
+    table: Table = TableKind.csv,
+    plot: Plot = PlotKind.png,
 ) -> None:
     """Map measurement ranges and name their limits.
 
     Prints the range of each axis and the largest box in their proportion, and traces the range over
-    pairs of axes to 0.1 um and 0.1 urad. Writes the outlines as a table, and a picture. Ctrl-C
-    leaves the outlines that are done.
+    pairs of axes to 0.1 µm and 0.1 µrad. Writes the outlines as a table, and a picture. Ctrl-C
+    leaves the outlines that are done, with exit status 130.
     """
-    import time
+    from facets.files import tables
 
-    import numpy as np
+    start = time.perf_counter()
+    settings = load_config(config)
+    rules = replace(settings.range, tracking=track)
+    pairs = [pair_of(text) for text in axes] if axes else list(combinations(POSE_NAMES, 2))
+    pose = pose_of(at)
+    folder = output_folder(output, settings.name, "range")
+    files = [folder / n for n in (f"outlines.{table.value}", f"range.{plot.value}", "run.yaml")]
+    tables.refuse_to_overwrite(files, force)
+    report_axes(settings, rules, pose)
+    boundaries = trace_all(settings, rules, pairs, pose)
+    for boundary in boundaries:
+        report(settings, rules, boundary, grid)
+    write(settings, rules, boundaries, inside, files, start)
+    report_calls(boundaries, time.perf_counter() - start)
+    name_files(folder, files)
+    if len(boundaries) < len(pairs):
+        raise typer.Exit(INTERRUPTED)
 
-    from facets import load
+
+POSE_NAMES = tuple(name.value for name in Inside if name is not Inside.condition)
+
+
+def write(
+    settings: Config,
+    rules: Rules,
+    boundaries: list[Boundary],
+    inside: Inside | None,
+    files: list[Path],
+    start: float,
+) -> None:
+    """Outlines, picture and record, in that order."""
     from facets.characterization.ranges import inside_map
-    from facets.core.names import POSE
+    from facets.characterization.tables import outline_columns
     from facets.files import provenance, tables
     from facets.pictures import ranges, style
 
-    start = time.perf_counter()
-    settings = load(config)
-    rules = replace(settings.range, tracking=tracking)
-    pairs = [pair_of(text) for text in axes] if axes else list(combinations(POSE, 2))
-    pose = pose_of(at)
-    folder = output or Path("results") / f"{settings.name}-range"
-    outlines, picture = folder / f"outlines.{table.value}", folder / f"range.{plot.value}"
-    story = folder / "run.yaml"
-    tables.refuse_to_overwrite([outlines, picture, story], force)
-    report_axes(settings, rules, pose)
-    boundaries = trace_all(settings, rules, pairs, pose)
-    what = inside.value if inside else None
-    drawn = [inside_map(settings.sensor, rules, b, what) for b in boundaries] if what else []
-    for boundary in boundaries:
-        report(settings, rules, boundary, grid)
+    outlines, picture, record = files
     tables.write_table(outlines, outline_columns(boundaries), provenance.about(settings))
-    style.save(ranges.ranges_picture(boundaries, drawn), picture)
-    calls = sum(boundary.calls for boundary in boundaries)
-    saved = np.sum([boundary.grid_calls for boundary in boundaries]) / calls
-    seconds = time.perf_counter() - start
+    maps = [inside_map(settings.sensor, rules, b, inside) for b in boundaries] if inside else []
+    style.save(ranges.ranges_picture(boundaries, maps), picture)
     traced = {" ".join(boundary.axes): len(boundary.points) for boundary in boundaries}
-    provenance.write_record(
-        story, settings, None, seconds, {"tracking": tracking, "points": traced}
-    )
+    results = {"tracking": rules.tracking, "points": traced}
+    provenance.write_record(record, settings, None, time.perf_counter() - start, results)
+
+
+def report_calls(boundaries: list[Boundary], seconds: float) -> None:
+    calls = sum(boundary.calls for boundary in boundaries)
+    saved = sum(boundary.grid_calls for boundary in boundaries) / calls
     typer.echo(
-        f"{calls} calls of the model, {saved:.1g} times fewer than grids of 0.1 um and 0.1 urad; "
-        f"{seconds:.1f} s\n{folder}/: {outlines.name}, {picture.name}, {story.name}"
+        f"{calls} calls of the model, {saved:.1g} times fewer than grids of 0.1 µm and 0.1 µrad; "
+        f"{seconds:.1f} s"
     )
 
 
-def pair_of(text: str) -> tuple[str, str]:
-    from facets.core.errors import InputError
-    from facets.core.names import POSE
-
-    names = [name.strip() for name in text.split(",")]
-    if len(names) != 2 or len(set(names)) != 2 or not set(names) <= set(POSE):
-        raise InputError(f"--axes is {text!r}; allowed: two of {', '.join(POSE)}, as tx,ty")
-    return names[0], names[1]
-
-
-def pose_of(text: str | None) -> Any:
-    """'tz_mm=1,yaw_mrad=2' as a pose (6,), mm and rad."""
-    import numpy as np
-
-    from facets.core.names import STATE_COLUMNS
-
-    return np.array(numbers_at(text, STATE_COLUMNS[:6]))
-
-
-def numbers_at(text: str | None, names: Sequence[str]) -> list[float]:
-    """NAME=NUMBER,... in the order of the names, mm and rad; zero where a name is left out."""
-    from math import isfinite
-
-    from facets.core.errors import InputError
-    from facets.core.names import STATE_UNITS
-
-    found = [0.0] * len(names)
-    for part in text.split(",") if text else []:
-        name, _, value = part.partition("=")
-        try:
-            number = names.index(name.strip())
-            found[number] = float(value) * STATE_UNITS[number]
-        except ValueError:
-            may = ", ".join(names)
-            raise InputError(f"--at has {part.strip()!r}; allowed: NAME=NUMBER, of {may}") from None
-        if not isfinite(found[number]):
-            raise InputError(f"--at has {part.strip()!r}; allowed: finite numbers")
-    return found
-
-
-def trace_all(settings: Config, rules: Rules, pairs: Any, pose: Any) -> list[Boundary]:
+def trace_all(settings: Config, rules: Rules, pairs: Any, pose: Floats) -> list[Boundary]:
     from rich.console import Console
     from rich.progress import track
 
@@ -161,33 +147,28 @@ def trace_all(settings: Config, rules: Rules, pairs: Any, pose: Any) -> list[Bou
     return found
 
 
-def report_axes(settings: Config, rules: Rules, pose: Any) -> None:
+def report_axes(settings: Config, rules: Rules, pose: Floats) -> None:
     """The range of each axis, and the largest box in proportion to them."""
     import numpy as np
-    from rich.console import Console
-    from rich.table import Table
 
-    from facets.characterization.ranges import CAUSES, axis_ranges, box
-    from facets.pictures.style import unit_of
+    from facets.characterization.ranges import axis_ranges, box
+    from facets.characterization.tables import cause_of
+    from facets.core.units import unit_of
 
-    mode = "beam follows in x and y" if rules.tracking else "beam fixed"
-    table = Table(title=f"{settings.name}: range of each axis, {mode}", box=None)
-    table.title_justify, table.title_style = "left", "bold"
-    for heading in ("axis", "from", "to", "total", "+-", "", "ends where", "box +-"):
-        left = heading in ("axis", "", "ends where")
-        table.add_column(heading, justify="left" if left else "right", no_wrap=True)
     found = axis_ranges(settings.sensor, rules, pose)
     sizes = np.array([max(axis.symmetric / 2, 1e-12) for axis in found])
     sides, why = box(settings.sensor, rules, pose, sizes)
+    rows = []
     for axis, side in zip(found, sides, strict=True):
-        unit, factor, _, _ = unit_of(axis.name)
-        causes = {CAUSES[c] if c >= 0 else "nowhere" for c in (axis.low_cause, axis.high_cause)}
+        unit = unit_of(axis.name)
+        causes = sorted({cause_of(axis.low_cause), cause_of(axis.high_cause)})
         numbers = (axis.low, axis.high, axis.total, axis.symmetric / 2)
-        shown = [f"{factor * number:.4g}" for number in numbers]
-        table.add_row(axis.name, *shown, unit, ", ".join(sorted(causes)), f"{factor * side:.4g}")
-    console = Console(highlight=False)
-    console.print(table)
-    console.print(f"  the box, all six axes at once, ends where: {CAUSES[why]}\n")
+        cells = [f"{unit.factor * number:.4g}" for number in numbers]
+        rows.append([axis.name, *cells, unit.unit, ", ".join(causes), f"{unit.factor * side:.4g}"])
+    mode = "beam follows in x and y" if rules.tracking else "beam fixed"
+    headings = ("axis", "from", "to", "total", "+-", "", "ends where", "box +-")
+    show_table(f"{settings.name}: range of each axis, {mode}", headings, rows, left=(0, 5, 6))
+    typer.echo(f"  the box, all six axes at once, ends where: {cause_of(why)}\n")
 
 
 def report(settings: Config, rules: Rules, boundary: Boundary, grid: int) -> None:
@@ -195,10 +176,10 @@ def report(settings: Config, rules: Rules, boundary: Boundary, grid: int) -> Non
     import numpy as np
 
     from facets.characterization import ranges
-    from facets.pictures.style import unit_of
+    from facets.core.units import unit_of
 
     sizes = [
-        f"{name} {unit_of(name)[1] * size:.4g} {unit_of(name)[0]}"
+        f"{name} {unit_of(name).factor * size:.4g} {unit_of(name).unit}"
         for name, size in zip(boundary.axes, boundary.extent, strict=True)
     ]
     tried, right = ranges.solved(settings.sensor, rules, boundary)
@@ -210,22 +191,3 @@ def report(settings: Config, rules: Rules, boundary: Boundary, grid: int) -> Non
         differ = int((ranges.inside(boundary, points) != (cause.ravel() < 0)).sum())
         text += f"; {differ} of {grid * grid} grid points differ"
     typer.echo(text)
-
-
-def outline_columns(boundaries: list[Boundary]) -> dict[str, Any]:
-    """The outlines as columns; places in the units of their names' axes."""
-    import numpy as np
-
-    from facets.characterization.ranges import CAUSES
-    from facets.pictures.style import unit_of
-
-    keys = ("axis_1", "axis_2", "value_1", "value_2", "ends_where")
-    rows: dict[str, list[Any]] = {key: [] for key in keys}
-    for boundary in boundaries:
-        factors = [unit_of(name)[1] for name in boundary.axes]
-        names = [f"{name}_{unit_of(name)[0]}" for name in boundary.axes]
-        for point, cause in zip(boundary.points * factors, boundary.causes, strict=True):
-            values = (*names, *point, CAUSES[cause] if cause >= 0 else "nowhere")
-            for key, value in zip(rows, values, strict=True):
-                rows[key].append(value)
-    return {key: np.array(column) for key, column in rows.items()}

@@ -8,6 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .console import load_config
+from .options import ConfigName
+from .places import state_of
+
 if TYPE_CHECKING:
     from facets.config import Config
 
@@ -18,25 +22,28 @@ class View(StrEnum):
     mirror = "mirror"
 
 
+Output = Annotated[
+    Path | None,
+    typer.Option(
+        "-o",
+        "--output",
+        help="png; gltf or html, to be turned; mp4 or gif with --motion or --recording; "
+        "svg or pdf with --spots or --plan.  [default: results/CONFIG-WHAT.png]",
+    ),
+]
+State = Annotated[
+    str | None, typer.Option(help="The state: tx_mm=0.1,yaw_mrad=5; the rest is zero.")
+]
+Spots = Annotated[bool, typer.Option("--spots", help="The detectors' faces, as Fig. 2.")]
+
+
 def render(
-    config: Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            help="png; gltf or html, to be turned; mp4 or gif with --motion or --recording; "
-            "svg or pdf with --spots or --plan.  [default: results/CONFIG-WHAT.png]",
-        ),
-    ] = None,
+    config: ConfigName,
+    output: Output = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an older file.")] = False,
-    at: Annotated[
-        str | None, typer.Option(help="The state: tx_mm=0.1,yaw_mrad=5; the rest is zero.")
-    ] = None,
+    at: State = None,
     view: Annotated[View, typer.Option(help="The rig, the mirror large, or both.")] = View.both,
-    spots: Annotated[
-        bool, typer.Option("--spots", help="The detectors' faces, as Fig. 2.")
-    ] = False,
+    spots: Spots = False,
     plan: Annotated[bool, typer.Option("--plan", help="From above, as Fig. 3.")] = False,
     motion: Annotated[str | None, typer.Option(help="A film of this motion.")] = None,
     recording: Annotated[Path | None, typer.Option(help="A film of a recording's poses.")] = None,
@@ -50,13 +57,11 @@ def render(
 
     All bodies are made of the model's own rays. Without a display it renders off-screen.
     """
-    from facets import load
     from facets.core.errors import InputError
     from facets.files import tables
 
-    settings = load(config)
-    flat = spots or plan
-    film = motion is not None or recording is not None
+    settings = load_config(config)
+    flat, film = spots or plan, motion is not None or recording is not None
     if (spots and plan) or (flat and film) or (motion and recording):
         raise InputError("give one of --spots, --plan, --motion, --recording")
     path = output or Path("results") / f"{settings.name}-{name_of(spots, plan, film)}"
@@ -89,17 +94,6 @@ def check_ending(path: Path, flat: bool, film: bool) -> None:
     if path.suffix.lower() not in allowed:
         kind = "2D" if flat else "a film" if film else "3D"
         raise InputError(f"{path}: its name must end in {', '.join(allowed)} for {kind}")
-
-
-def state_of(text: str | None) -> Any:
-    """'tz_mm=1,yaw_mrad=2' as a state (8,), mm and rad."""
-    import numpy as np
-
-    from facets.core.names import STATE_COLUMNS
-
-    from .range_map import numbers_at
-
-    return np.array(numbers_at(text, STATE_COLUMNS))
 
 
 def draw(settings: Config, state: Any, view: Any, size: tuple[int, int], path: Path | None) -> None:

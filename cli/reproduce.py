@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .console import FINDING
+from .options import Force
+
 if TYPE_CHECKING:
     from facets.experiments.reproduce import Result
 
@@ -19,12 +22,13 @@ def reproduce(
         Path, typer.Option("-o", "--output", help="Folder of the report, tables and figures.")
     ] = Path("results/reproduce"),
     quick: Annotated[bool, typer.Option("--quick", help="Fewer samples.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace an older report.")] = False,
+    force: Force = False,
 ) -> None:
     """Reproduce the paper: each figure, table and claim, beside the paper's own numbers.
 
-    Compares what comes out with stored references, column by column, and exits with 1 where one is
-    missed. Writes tables, figures and one page that holds them all.
+    Says of each experiment whether its numbers repeat the stored references, column by column, and
+    how many of the paper's numbers they meet within a tenth. Exits with 1 where a reference is not
+    repeated. Writes tables, figures and one page that holds them all.
     """
     from facets.experiments.report import write_report
     from facets.experiments.reproduce import chosen
@@ -35,31 +39,34 @@ def reproduce(
     wanted = chosen(names or [])
     report = output / "report.html"
     tables.refuse_to_overwrite([report], force)
-    output.mkdir(parents=True, exist_ok=True)
+    tables.refuse_to_overwrite([output / f"{name}.csv" for name in wanted], force=True)
     typer.echo(f"{'':11}  {'':4}  {'paper':>9}  {'ours':>9}  {'ratio':>7}")
     results = []
     for result in run(wanted, quick, output):
         show(result)
         results.append(result)
     write_report(report, results, quick)
-    missed = [result.name for result in results if not result.passed]
+    missed = [result.name for result in results if not result.repeats]
     seconds = sum(result.seconds for result in results)
-    told = f"missed: {', '.join(missed)}" if missed else "all as expected"
+    told = f"changed: {', '.join(missed)}" if missed else "all repeat the stored references"
     typer.echo(f"\n{len(results)} experiments in {seconds:.1f} s; {told}\n{report}")
     if missed:
-        raise typer.Exit(1)
+        raise typer.Exit(FINDING)
 
 
 def show(result: Result) -> None:
-    """Pass or miss, the claims, and the checks that were missed."""
+    """Whether it repeats and agrees, the claims, and the columns that have changed."""
     from facets.experiments.report import number
 
-    verdict = "pass" if result.passed else "MISS"
+    verdict = "repeats" if result.repeats else "CHANGED"
     typer.echo(f"\n{result.name:11}  {verdict}  {result.title} ({result.seconds:.1f} s)")
+    met, count = result.agreement
+    if count:
+        typer.echo(f"{'':11}  within a tenth of the paper: {met} of its {count} numbers")
     for claim in result.claims:
         numbers = f"{number(claim.paper):>9}  {number(claim.ours):>9}  {number(claim.ratio):>7}"
         typer.echo(f"{'':11}  {'':4}  {numbers}  {claim.unit:9}  {claim.what}")
     for check in result.checks:
-        if not check.passed:
+        if not check.repeats:
             off = "has other rows" if check.off != check.off else f"{check.off:.3g} times too far"
-            typer.echo(f"{'':11}  MISS  {check.column}: {off} (allowed: {check.allowed})")
+            typer.echo(f"{'':11}  CHANGED  {check.column}: {off} (allowed: {check.allowed})")

@@ -2,119 +2,142 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
+import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-if TYPE_CHECKING:
-    from rich.console import Console
+from .console import FINDING, load_config, name_files, show_table
+from .options import (
+    ConfigName,
+    Force,
+    Plot,
+    Table,
+    TableKind,
+    folder_option,
+    output_folder,
+)
+from .options import PlotKind as PlotKind
 
+if TYPE_CHECKING:
+    from facets.config import Config
     from facets.simulation.run import Segment
 
 
-class TableKind(StrEnum):
-    csv = "csv"
-    parquet = "parquet"
+Motions = Annotated[
+    list[str] | None, typer.Option(help="Run this motion only; may be given again.")
+]
+Seed = Annotated[int | None, typer.Option(min=0, help="Of the noise.  [default: the config's]")]
+Noise = Annotated[bool | None, typer.Option("--noise/--no-noise", help="[default: the config's]")]
+Follow = Annotated[
+    bool, typer.Option("--track", help="The config's stage carries the beam after the mirror.")
+]
+Reference = Annotated[
+    bool, typer.Option("--reference", help="Beside the readings, what a reference says.")
+]
 
 
-class PlotKind(StrEnum):
-    png = "png"
-    svg = "svg"
-    pdf = "pdf"
+@dataclass(frozen=True)
+class Files:
+    """Where the results of a simulation go."""
+
+    folder: Path
+    readings: Path
+    poses: Path
+    picture: Path
+    record: Path
+
+    @property
+    def all(self) -> list[Path]:
+        return [self.readings, self.poses, self.picture, self.record]
 
 
 def simulate(
-    config: Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")],
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="Folder for the results.  [default: results/CONFIG]"),
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace older results.")] = False,
-    motion: Annotated[
-        list[str] | None, typer.Option(help="Run this motion only; may be given again.")
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option(min=0, help="Of the noise.  [default: the config's]")
-    ] = None,
-    noise: Annotated[
-        bool | None, typer.Option("--noise/--no-noise", help="[default: the config's]")
-    ] = None,
-    track: Annotated[
-        bool, typer.Option("--track", help="The config's stage carries the beam after the mirror.")
-    ] = False,
-    reference: Annotated[
-        bool,
-        typer.Option("--reference", help="Beside the readings, what a reference says."),
-    ] = False,
-    table: Annotated[TableKind, typer.Option(help="Kind of the tables.")] = TableKind.csv,
-    plot: Annotated[PlotKind, typer.Option(help="Kind of the picture.")] = PlotKind.png,
+    config: ConfigName,
+    output: Annotated[Path | None, folder_option("results/CONFIG")] = None,
+    force: Force = False,
+    motion: Motions = None,
+    seed: Seed = None,
+    noise: Noise = None,
+    track: Follow = False,
+    reference: Reference = False,
+    table: Table = TableKind.csv,
+    plot: Plot = PlotKind.png,
 ) -> None:
     """Simulate a config's motions and report the errors.
 
     Moves the mirror, reads the detectors with noise, and solves the readings. Writes readings,
-    poses, a picture and a record of the run. The readings are what `facets solve` takes.
+    poses, a picture and a record of the run. The readings are what `facets solve` takes. Exit
+    status 1 where nothing of a motion could be solved.
     """
-    import time
+    from facets.files import tables
+    from facets.simulation import run as study
 
-    from facets import load
+    start = time.perf_counter()
+    settings = load_config(config)
+    files = files_of(output_folder(output, settings.name), table, plot)
+    tables.refuse_to_overwrite(files.all, force)
+    segments = study.simulate(settings, motion or [], noise, seed, track)
+    drawn = settings.seed if seed is None else seed
+    write(settings, segments, files, drawn, reference, start)
+    for segment in segments:
+        print_segment(segment)
+    name_files(files.folder, files.all)
+    if not all(segment.solution.ok.any() for segment in segments):
+        raise typer.Exit(FINDING)
+
+
+def files_of(folder: Path, table: TableKind, plot: PlotKind) -> Files:
+    readings, poses = folder / f"readings.{table.value}", folder / f"poses.{table.value}"
+    return Files(folder, readings, poses, folder / f"motion.{plot.value}", folder / "run.yaml")
+
+
+def write(
+    settings: Config,
+    segments: list[Segment],
+    files: Files,
+    seed: int,
+    reference: bool,
+    start: float,
+) -> None:
+    """The results as files; the record last, since it tells how long it took."""
     from facets.files import provenance, tables
     from facets.pictures import style
     from facets.simulation import run as study
 
-    start = time.perf_counter()
-    settings = load(config)
-    folder = output or Path("results") / settings.name
-    readings, poses = folder / f"readings.{table.value}", folder / f"poses.{table.value}"
-    picture, story = folder / f"motion.{plot.value}", folder / "run.yaml"
-    tables.refuse_to_overwrite([readings, poses, picture, story], force)
-    segments = study.simulate(settings, motion or [], noise, seed, track)
-    drawn = settings.seed if seed is None else seed
-    about = provenance.about(settings, drawn)
+    about = provenance.about(settings, seed)
     columns = study.reading_table(segments)
     if reference:
-        columns |= study.reference_columns(segments, settings.calibrate.reference, drawn)
-    tables.write_table(readings, columns, about)
-    tables.write_table(poses, study.pose_table(segments), about)
-    style.save(style.motion_picture(segments), picture)
-    seconds = time.perf_counter() - start
+        columns |= study.reference_columns(segments, settings.calibrate.reference, seed)
+    tables.write_table(files.readings, columns, about)
+    tables.write_table(files.poses, study.pose_table(segments), about)
+    style.save(style.motion_picture(segments), files.picture)
     results = {segment.name: study.statuses(segment) for segment in segments}
-    provenance.write_record(story, settings, drawn, seconds, results)
-    report(segments)
-    typer.echo(f"{folder}/: {readings.name}, {poses.name}, {picture.name}, {story.name}")
+    seconds = time.perf_counter() - start
+    provenance.write_record(files.record, settings, seed, seconds, results)
 
 
-def report(segments: list[Segment]) -> None:
-    from rich.console import Console
-
-    console = Console(highlight=False)
-    for segment in segments:
-        print_segment(console, segment)
-
-
-def print_segment(console: Console, segment: Segment) -> None:
+def print_segment(segment: Segment) -> None:
     """Errors of one motion by axis, then what became of its samples."""
-    from rich.table import Table
-
-    from facets.pictures.style import unit_of
+    from facets.core.units import unit_of
     from facets.simulation.run import axes
 
-    table = Table(title=segment.name, title_justify="left", title_style="bold", box=None)
-    for heading in ("axis", "moved from", "to", "", "max error", "RMS error", "u (1 sigma)", ""):
-        table.add_column(heading, justify="left" if heading in ("axis", "") else "right")
+    headings = ("axis", "moved from", "to", "", "max error", "RMS error", "u (1 sigma)", "")
+    rows = []
     for axis in axes(segment):
         unit, factor, fine_unit, fine = unit_of(axis.name)
         moved = (f"{factor * axis.low:.4g}", f"{factor * axis.high:.4g}", unit)
         errors = [f"{fine * e:.3g}" for e in (axis.largest, axis.rms, axis.uncertainty)]
-        table.add_row(axis.name, *(moved if axis.moved else ("", "", "")), *errors, fine_unit)
-    console.print(table)
-    console.print(outcome(segment) + "\n")
+        rows.append([axis.name, *(moved if axis.moved else ("", "", "")), *errors, fine_unit])
+    show_table(segment.name, headings, rows, left=(0, 3, 7))
+    typer.echo(outcome(segment) + "\n")
 
 
 def outcome(segment: Segment) -> str:
     """Samples by status, spots that missed their detector, and the largest cross-axis error."""
-    from facets.pictures.style import unit_of
+    from facets.core.units import ANGLE, LENGTH, unit_of
     from facets.simulation.run import axes, statuses
 
     counts = ", ".join(f"{count} {label}" for label, count in statuses(segment).items())
@@ -124,10 +147,10 @@ def outcome(segment: Segment) -> str:
         if count:
             text += f"\n  {count} samples without PSD {letter}: the spot fell beside it"
     still = [axis for axis in axes(segment) if not axis.moved and axis.largest == axis.largest]
-    for kind in ("µm", "µrad"):
-        group = [axis for axis in still if unit_of(axis.name)[2] == kind]
+    for kind in (LENGTH, ANGLE):
+        group = [axis for axis in still if unit_of(axis.name) == kind]
         if group and len(still) < 6:
             worst = max(group, key=lambda axis: axis.largest)
-            error = worst.largest * unit_of(worst.name)[3]
-            text += f"\n  largest cross-axis error: {error:.3g} {kind} in {worst.name}"
+            error = f"{worst.largest * kind.fine_factor:.3g} {kind.fine_unit}"
+            text += f"\n  largest cross-axis error: {error} in {worst.name}"
     return text

@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .console import FINDING, load_config
+from .options import ConfigName
+
 if TYPE_CHECKING:
     from facets.estimation.table import Count
 
@@ -22,6 +25,7 @@ class Beam(StrEnum):
 
 class Power(StrEnum):
     known = "known"
+    prior = "prior"
     unknown = "unknown"
 
 
@@ -36,7 +40,7 @@ class Start(StrEnum):
 
 
 def solve(
-    config: Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")],
+    config: ConfigName,
     readings: Annotated[Path, typer.Argument(help="CSV or Parquet: psi_a_mm, zeta_a_mm, ...")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Poses: a CSV or Parquet file.")],
     force: Annotated[bool, typer.Option("--force", help="Replace an older file.")] = False,
@@ -49,30 +53,31 @@ def solve(
 
     Each pose has its standard uncertainty and status; a row that cannot be solved has a status and
     no pose. Options that are left out are the config's. Columns bx_mm, by_mm, where present, say
-    where the beam is, for --beam known or prior.
+    where the beam is, for --beam known or prior; estimates of it, as in a table of poses, are
+    refused there. Exit status 1 where no row could be solved, or most of them badly.
     """
     from dataclasses import replace
 
-    from facets import load
     from facets.core.errors import InputError
     from facets.estimation.table import solve_table
     from facets.files import provenance, tables
 
-    settings = load(config)
+    settings = load_config(config)
     given = {"beam": beam, "power": power, "method": method, "start": start}
     chosen = {key: word.value for key, word in given.items() if word is not None}
     options = replace(settings.solve, **chosen)  # type: ignore[arg-type]
     tables.ending(output)
     if output.exists() and readings.exists() and output.samefile(readings):
         raise InputError(f"{output}: is the table of readings itself")
+    tables.require_table(readings)
     tables.refuse_to_overwrite([output], force)
     with progress_bar(readings) as advance:
         count = solve_table(
             settings, options, readings, output, provenance.about(settings), advance
         )
     report(count, output)
-    if not count.solved:
-        raise typer.Exit(1)
+    if not count.solved or misfit(count):
+        raise typer.Exit(FINDING)
 
 
 @contextmanager
@@ -89,7 +94,14 @@ def progress_bar(readings: Path) -> Iterator[Callable[[int], None]]:
         yield lambda done: progress.update(task, completed=done)
 
 
+def misfit(count: Count) -> bool:
+    """Whether more than half of the solved rows fit worse than noise lets them."""
+    return 2 * count.misfit.flagged > count.solved
+
+
 def report(count: Count, output: Path) -> None:
+    from textwrap import fill
+
     typer.echo(f"{count.solved} of {count.rows} rows solved: {output}")
     for status, number in count.statuses.items():
         if status != "converged":
@@ -98,3 +110,5 @@ def report(count: Count, output: Path) -> None:
         lines = ", ".join(map(str, count.unparsable_lines))
         more = " ..." if count.statuses["unparsable"] > len(count.unparsable_lines) else ""
         typer.echo(f"  not numbers in line {lines}{more}")
+    if count.misfit.sentence:
+        typer.echo(fill(count.misfit.sentence, 98, initial_indent="  ", subsequent_indent="  "))

@@ -55,7 +55,8 @@ class Dual:
         return self * arb(-1)
 
     def __sub__(self, other: Any) -> Dual:
-        return self + other * arb(-1)
+        difference: Dual = self + other * arb(-1)
+        return difference
 
 
 def sine(x: Dual) -> Dual:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 from base64 import b64encode
 from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import jinja2
 
 import facets
 from facets.config import to_yaml
-from facets.files.provenance import PACKAGES, command_line, version
+from facets.files.provenance import PACKAGES, command_line
 from facets.files.tables import Whole
 
 from .reproduce import Result

@@ -1,11 +1,12 @@
 """Sensors to try things on: the paper's, and ten of which nothing is symmetric."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from facets import Beam, Facet, Psd, Sensor
 
 
-def sub_beam(beam: Beam, facet: Facet) -> np.ndarray:
+def sub_beam(beam: Beam, facet: Facet) -> NDArray[np.float64]:
     """Where a facet sends the beam at the mirror's zero pose."""
     down = np.array([-np.sin(beam.tilt_y) * np.cos(beam.tilt_x), np.sin(beam.tilt_x), 0])
     down[2] = -np.cos(beam.tilt_y) * np.cos(beam.tilt_x)
@@ -13,7 +14,8 @@ def sub_beam(beam: Beam, facet: Facet) -> np.ndarray:
     normal = np.array(
         [np.sin(slope) * np.cos(azimuth), np.sin(slope) * np.sin(azimuth), np.cos(slope)]
     )
-    return down - 2 * (down @ normal) * normal
+    leaving: NDArray[np.float64] = down - 2 * (down @ normal) * normal
+    return leaving
 
 
 def skewed(seed: int) -> Sensor:

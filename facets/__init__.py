@@ -19,41 +19,91 @@ from .core.version import __version__ as __version__
 
 # A name is imported when it is first asked for, so that a command pays only for what it uses.
 _HOMES = {
-    "Apertures": "core.sensor",
-    "Beam": "core.sensor",
-    "Electronics": "core.sensor",
-    "Facet": "core.sensor",
-    "Noise": "core.sensor",
-    "PARAMETERS": "optics.parameters",
-    "Prior": "estimation.solver",
-    "Psd": "core.sensor",
+    "load": "config.loading",
+    "ConfigError": "core.errors",
+    "FacetsError": "core.errors",
+    "InputError": "core.errors",
+    "OutputError": "core.errors",
+    "POSE": "core.names",
     "READING": "core.names",
     "STATE": "core.names",
+    "Rules": "core.rules",
+    "Apertures": "core.sensor",
+    "Beam": "core.sensor",
+    "Calibration": "core.sensor",
+    "Correction": "core.sensor",
+    "Electronics": "core.sensor",
+    "Facet": "core.sensor",
+    "Grid": "core.sensor",
+    "Imperfections": "core.sensor",
+    "Noise": "core.sensor",
+    "Psd": "core.sensor",
     "Sensor": "core.sensor",
-    "Solution": "estimation.solver",
-    "Status": "estimation.solver",
+    "Config": "core.settings",
+    "PARAMETERS": "optics.parameters",
     "footprints": "model.arrays",
     "jacobian": "model.arrays",
-    "load": "config",
     "margins": "model.arrays",
     "parameter_jacobian": "model.arrays",
     "reaches": "model.arrays",
     "readings": "model.arrays",
+    "add_noise": "detectors.noise",
+    "standard_deviations": "detectors.noise",
+    "Solver": "estimation.prepared",
+    "Prior": "estimation.solver",
+    "Solution": "estimation.solver",
+    "Status": "estimation.solver",
     "solve": "estimation.solver",
+    "AxisRange": "characterization.ranges",
+    "Boundary": "characterization.ranges",
+    "CAUSES": "characterization.ranges",
+    "axis_ranges": "characterization.ranges",
+    "trace": "characterization.ranges",
+    "Estimator": "characterization.resolution",
+    "budgets": "characterization.resolution",
+    "uncertainties": "characterization.resolution",
+    "Segment": "simulation.run",
+    "simulate": "simulation.run",
+    "Optimum": "design.search",
+    "optimize": "design.search",
 }
 __all__ = sorted(_HOMES)
 
 if TYPE_CHECKING:
-    from .config import load as load
+    from .characterization.ranges import CAUSES as CAUSES
+    from .characterization.ranges import AxisRange as AxisRange
+    from .characterization.ranges import Boundary as Boundary
+    from .characterization.ranges import axis_ranges as axis_ranges
+    from .characterization.ranges import trace as trace
+    from .characterization.resolution import Estimator as Estimator
+    from .characterization.resolution import budgets as budgets
+    from .characterization.resolution import uncertainties as uncertainties
+    from .config.loading import load as load
+    from .core.errors import ConfigError as ConfigError
+    from .core.errors import FacetsError as FacetsError
+    from .core.errors import InputError as InputError
+    from .core.errors import OutputError as OutputError
+    from .core.names import POSE as POSE
     from .core.names import READING as READING
     from .core.names import STATE as STATE
+    from .core.rules import Rules as Rules
     from .core.sensor import Apertures as Apertures
     from .core.sensor import Beam as Beam
+    from .core.sensor import Calibration as Calibration
+    from .core.sensor import Correction as Correction
     from .core.sensor import Electronics as Electronics
     from .core.sensor import Facet as Facet
+    from .core.sensor import Grid as Grid
+    from .core.sensor import Imperfections as Imperfections
     from .core.sensor import Noise as Noise
     from .core.sensor import Psd as Psd
     from .core.sensor import Sensor as Sensor
+    from .core.settings import Config as Config
+    from .design.search import Optimum as Optimum
+    from .design.search import optimize as optimize
+    from .detectors.noise import add_noise as add_noise
+    from .detectors.noise import standard_deviations as standard_deviations
+    from .estimation.prepared import Solver as Solver
     from .estimation.solver import Prior as Prior
     from .estimation.solver import Solution as Solution
     from .estimation.solver import Status as Status
@@ -65,6 +115,8 @@ if TYPE_CHECKING:
     from .model.arrays import reaches as reaches
     from .model.arrays import readings as readings
     from .optics.parameters import PARAMETERS as PARAMETERS
+    from .simulation.run import Segment as Segment
+    from .simulation.run import simulate as simulate
 
 
 def __getattr__(name: str) -> Any:

@@ -30,6 +30,9 @@ EXPERIMENTS = (
     "section4", "known-beam", "power-drift", "uniqueness",
 )  # fmt: skip
 NONE = float("nan")
+#: A number agrees with the paper's when it is this near, over the paper's: the paper prints two
+#: or three digits of what was measured on a rig whose own errors it does not state.
+NEAR = 0.1
 
 
 class Claim(NamedTuple):
@@ -44,6 +47,13 @@ class Claim(NamedTuple):
     @property
     def ratio(self) -> float:
         return self.ours / self.paper if self.paper else NONE
+
+    @property
+    def agrees(self) -> bool | None:
+        """Whether the paper's number is met within `NEAR`; None where the paper gives none."""
+        if self.paper != self.paper:
+            return None
+        return bool(abs(self.ours - self.paper) <= NEAR * abs(self.paper))
 
 
 class Experiment(Protocol):

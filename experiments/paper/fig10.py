@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 TITLE = "Fig. 10: the measurement range in x and y with the beam following"
 CONFIG = "paper"
-WHY = "the nominal geometry; a rig's own detectors stand a few tenths of a mm off"
+WHY = "the nominal geometry; where the detectors of the paper's rig really stood is not known"
 
 
 def compute(quick: bool) -> Table:

@@ -78,6 +78,7 @@ def solver() -> Callable[[Floats], Floats]:
     def solve(rows: Floats) -> Floats:
         batch = newton.map(len(rows))
         found: Floats = np.array(batch(np.zeros((8, len(rows))), rows[:, :8].T))
-        return found.T * SCALE
+        states: Floats = found.T * SCALE
+        return states
 
     return solve

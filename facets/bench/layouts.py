@@ -13,8 +13,9 @@ from ..characterization.resolution import Estimator, uncertainties
 from ..config import load
 from ..core.names import FINE_UNITS
 from ..design.exploration import MEASURES, NO_RIVALS, Space, designs, front, looked_at, part_of
-from ..design.optimization import optimize, states_of
+from ..design.search import optimize
 from ..design.variables import sensor_of
+from ..design.volume import states_of
 from ..model.arrays import half_sizes, margins, readings
 
 Row = dict[str, Any]
@@ -73,15 +74,16 @@ def by_scipy(sensor: Any, layout: Any, names: list[str]) -> tuple[float, float]:
         return sensor_of(sensor, names, low + shares * (high - low))
 
     def fine(unknown: Floats) -> Floats:
-        sigma = uncertainties(at(unknown[:-1]), states, Estimator("", np.inf)) / np.array(
-            FINE_UNITS[:6]
-        )
-        return np.nan_to_num(unknown[-1] - (sigma / np.array(layout.unit)).max(axis=0), nan=-1e3)
+        units = np.array(FINE_UNITS[:6]) * np.array(layout.unit)
+        sigma = uncertainties(at(unknown[:-1]), states, Estimator("", np.inf)) / units
+        below: Floats = np.nan_to_num(unknown[-1] - sigma.max(axis=0), nan=-1e3)
+        return below
 
-    def room(unknown: Floats) -> Floats:
+    def clearance(unknown: Floats) -> Floats:
         here = at(unknown[:-1])
         edges = margins(here, states)[:, :, :4].reshape(len(states), -1).min(axis=0)
-        return np.nan_to_num(edges / half_sizes(here)[0, 0], nan=-1.0)
+        share: Floats = np.nan_to_num(edges / half_sizes(here)[0, 0], nan=-1.0)
+        return share
 
     begin = np.append(np.full(len(names), 0.5), 5.0)
     start = time.perf_counter()
@@ -90,7 +92,7 @@ def by_scipy(sensor: Any, layout: Any, names: list[str]) -> tuple[float, float]:
         begin,
         method="SLSQP",
         bounds=[(0, 1)] * len(names) + [(0, None)],
-        constraints=[{"type": "ineq", "fun": fine}, {"type": "ineq", "fun": room}],
+        constraints=[{"type": "ineq", "fun": fine}, {"type": "ineq", "fun": clearance}],
     )
     return time.perf_counter() - start, float(found.x[-1])
 

@@ -43,7 +43,9 @@ def turn(roll: Floats, pitch: Floats, yaw: Floats) -> Floats:
 def facet_normals(states: Floats) -> Floats:
     """(..., 3, 3): the normals of A, B, C in the world."""
     resting = SLOPE * (OUTWARD - DOWN)
-    return np.einsum("...ij,kj->...ki", turn(*np.moveaxis(states[..., 3:6], -1, 0)), resting)
+    turned = turn(*np.moveaxis(states[..., 3:6], -1, 0))
+    normals: Floats = np.einsum("...ij,kj->...ki", turned, resting)
+    return normals
 
 
 def edge_directions(normals: Floats) -> Floats:

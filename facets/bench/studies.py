@@ -107,7 +107,8 @@ def solve_by(root: Callable[..., Floats], moments: rivals.Moments) -> Callable[[
             rest: Floats = (rivals.by_moments((x * scale)[None], moments)[0] - xi)[:8]
             return rest
 
-        return root(residual) * scale
+        state: Floats = root(residual) * scale
+        return state
 
     return one_by_one(solved)
 

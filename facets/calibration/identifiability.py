@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.sensor import DETECTORS, Sensor
+from ..core.names import DETECTORS
+from ..core.sensor import Sensor
 from ..model.arrays import readings
 from .bundle_adjustment import OWN, OWN_UNITS, Data, eliminated, linear, own_sigma
 from .fit import opened
@@ -103,7 +104,8 @@ def without(space: Floats, direction: Floats) -> Floats:
     """A basis (p, k - 1) of what is left of a space (p, k) beside a direction in it."""
     inside = space.T @ direction
     _, _, rows = np.linalg.svd(inside[None] / np.linalg.norm(inside))
-    return space @ rows[1:].T
+    rest: Floats = space @ rows[1:].T
+    return rest
 
 
 def by_parts(direction: Floats, choice: Choice) -> str:

@@ -18,6 +18,7 @@ from ..core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ..core.sensor import Sensor
 from ..detectors.correction import corrected
 from ..estimation.solver import solve
+from ..estimation.table import BEAM_UNCERTAINTIES
 from .bundle_adjustment import Data
 from .table import BEAM, REFERENCE, RUN, gathered, whole_table
 
@@ -75,7 +76,8 @@ def read_track(path: Path, settings: Calibrate) -> Track:
 
 def read_joined(readings: Path, reference: Path, sensor: Sensor, settings: Calibrate) -> Joined:
     """Readings and reference of two tables.  Raises `InputError` where they share no time."""
-    columns = whole_table(readings, ("time_s", *READING_COLUMNS), (*BEAM, *RUN))
+    beside = () if settings.beam == "still" else (*BEAM, *BEAM_UNCERTAINTIES)
+    columns = whole_table(readings, ("time_s", *READING_COLUMNS), (*beside, *RUN))
     track = read_track(reference, settings)
     time = columns["time_s"]
     check_overlap(readings, time, reference, track)

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
-from ..core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
-from ..core.sensor import DETECTORS, MONOMIALS, Sensor
+from ..core.names import DETECTORS, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..core.sensor import MONOMIALS, Sensor
+from ..estimation.table import BEAM_UNCERTAINTIES, require_known_beam
 from ..files import tables
 from .bundle_adjustment import Data
 from .fit import Fit
@@ -33,11 +34,13 @@ def read(path: Path, settings: Calibrate) -> Data:
     """A table with readings and `REFERENCE`; `bx_mm`, `by_mm` where the beam moves; `time_s`,
     `temperature_c` and `seat_deg`, by how much the mirror was turned when it was put on, if given.
 
-    Raises `InputError` where a column is missing for an axis whose uncertainty is given.
+    Raises `InputError` where a column is missing for an axis whose uncertainty is given, and where
+    the beam's place is an estimate.
     """
+    beside = () if settings.beam == "still" else (*BEAM, *BEAM_UNCERTAINTIES)
     measured = [n for n in range(6) if np.isfinite(settings.reference[n])]
     needed = (*READING_COLUMNS, *(REFERENCE[n] for n in measured))
-    optional = (*BEAM, *RUN, *(REFERENCE[n] for n in range(6) if n not in measured))
+    optional = (*beside, *RUN, *(REFERENCE[n] for n in range(6) if n not in measured))
     return gathered(path, whole_table(path, needed, optional), settings)
 
 
@@ -45,7 +48,10 @@ def whole_table(
     path: Path, needed: tuple[str, ...], optional: tuple[str, ...]
 ) -> dict[str, Floats]:
     """Columns of a table in memory."""
-    chunks = [chunk.columns for chunk in tables.read_chunks(path, needed, optional, tables.CHUNK)]
+    chunks = []
+    for chunk in tables.read_chunks(path, needed, optional, tables.CHUNK):
+        require_known_beam(path, chunk, "say `calibrate: {beam: still}` if the laser stood still")
+        chunks.append(chunk.columns)
     if not chunks:
         raise InputError(f"{path}: no rows; a calibration needs 10 at least")
     return {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0]}

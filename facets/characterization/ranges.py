@@ -189,21 +189,50 @@ class AxisRange:
 
 
 def require_inside(sensor: Sensor, rules: Rules, start: Floats) -> None:
+    """Raises `InputError` where a pose (6,) is outside the range, by how much and by which key."""
     clear = clearances(sensor, start[None], rules)[0]
     if not clear.min() > 0:
         place = ", ".join(f"{name} {value:.4g}" for name, value in zip(POSE, start, strict=True))
         raise InputError(
             f"the range is measured from {place} (mm, rad), which is outside it: "
-            f"{CAUSES[clear.argmin()]}; choose another place or easier limits"
+            f"{CAUSES[clear.argmin()]}; {remedy(sensor, rules, start, int(clear.argmin()))}"
         )
+
+
+def remedy(sensor: Sensor, rules: Rules, start: Floats, cause: int) -> str:
+    """What a limit asks for, what there is at a pose, and the key that sets it."""
+    if cause == LIGHT:
+        powers = np.nan_to_num(readings(sensor, states_of(start[None], rules))[0, 2::3])
+        weakest = int(powers.argmin())
+        least = 1e3 * rules.snr * power_floor(sensor)
+        return (
+            f"detector {'ABC'[weakest]} gets {1e3 * powers[weakest]:.3g} µW, and range.snr "
+            f"{rules.snr:g} asks for {least:.3g} µW; choose a place nearer "
+            "to the beam's centre, more laser power, or a lower range.snr"
+        )
+    if cause == PSD:
+        return "choose a place nearer to rest, or larger detectors (sensor.psd.size_mm)"
+    key = "range.condition" if cause == SINGULAR else "range.coarsest"
+    return f"choose another place, or an easier {key}"
 
 
 def axis_ranges(
     sensor: Sensor, rules: Rules, start: Floats, tolerance: float = 1e-9
 ) -> list[AxisRange]:
-    """The range of each of the six axes about a pose (6,), relative to it.
+    """How far each axis of the pose may go with the others where they are, and what ends it.
 
-    tolerance: in units of FARTHEST.
+    rules: what counts as inside the range (`facets.Rules`); `Config.range` has a configuration's.
+    start: (6,) the pose to go out from, mm and rad.  tolerance: in units of `FARTHEST`.
+
+    Returns six `AxisRange`, with ends relative to `start`. Its `total` is the whole range, from one
+    end to the other; its `symmetric` is twice the nearer end, which is what the paper's Table 2
+    calls range. Raises `InputError` where `start` is itself outside.
+
+    >>> import numpy as np, facets
+    >>> config = facets.load("paper")
+    >>> z = facets.axis_ranges(config.sensor, config.range, np.zeros(6))[2]
+    >>> f"{z.symmetric:.2f} mm, then {facets.CAUSES[z.high_cause]}"
+    '12.15 mm, then spot leaves the PSD'
     """
     require_inside(sensor, rules, start)
     rays = np.concatenate([-np.diag(FARTHEST), np.diag(FARTHEST)])
@@ -264,10 +293,20 @@ def tolerances(axes: Sequence[str]) -> Floats:
 def trace(
     sensor: Sensor, rules: Rules, axes: tuple[str, str], start: Floats | None = None
 ) -> Boundary:
-    """The outline of the range over two axes of the pose, seen from a pose inside it.
+    """The outline of the range over two axes of the pose, as in Figs. 6 and 10 of the paper.
 
-    Every ray from `start` is followed to where it first leaves the range; pieces that lie behind
-    that are not found (`grid` shows them).
+    axes: two names out of `facets.POSE`.  start: (6,) a pose inside, mm and rad; zero by default.
+    Every ray from `start` is followed to where it first leaves the range, to 0.1 um and 0.1 urad;
+    pieces that lie behind that are not found (`grid` shows them).
+
+    Returns a `Boundary`: points (n, 2) in mm or rad, and why the range ends at each. Raises
+    `InputError` where `start` is outside.
+
+    >>> import facets
+    >>> config = facets.load("paper")
+    >>> outline = facets.trace(config.sensor, config.range, ("tz", "yaw"))
+    >>> f"{outline.extent[0]:.1f} mm by {1e3 * outline.extent[1]:.0f} mrad"
+    '12.6 mm by 49 mrad'
     """
     pose = np.zeros(6) if start is None else start
     require_inside(sensor, rules, pose)

@@ -8,25 +8,28 @@ answer, all together, to one unit in the direction to which they answer least.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.names import READING
 from ..core.sensor import Sensor
+from ..core.units import Floats, Integers
 from ..detectors.noise import standard_deviations
 from ..model.arrays import packed
 from ..model.threads import share
 from .ranges import scaled_jacobian
 from .state_box import AXES, Domain, apex_offset
 
-Floats = NDArray[np.float64]
-
 CHUNK = 100_000
+#: As many different points as a Sobol sequence of 30 bits has.
+MOST_STATES = 2**30
+#: States on which the time of all of them is estimated.
+PILOT = 256
 #: What is told of a state.
 MEASURES = ("determinant", "smallest singular value", "condition number")
 
@@ -43,6 +46,7 @@ def measures(
     left_out: the reading whose row the determinant lacks; mm, mW and rad. The other two take all
     nine, um and urad; NaN without `spectra`.
     """
+    from ..model import evaluators
     from ..model.kernels import determine
 
     if left_out not in READING:
@@ -57,9 +61,10 @@ def measures(
             from ..model.arrays import readings
 
             sigmas = standard_deviations(sensor, readings(sensor, states[part]))
-        determine(vectors, states[part], simple, sigmas, READING.index(left_out), out[part])
+        row = READING.index(left_out)
+        determine(model, vectors, states[part], power, simple, sigmas, row, out[part])
 
-    vectors = packed(sensor)
+    model, vectors, power = evaluators.linearised(sensor), packed(sensor), float(sensor.beam.power)
     share(run, len(states), threads)
     return out
 
@@ -87,7 +92,7 @@ class Survey:
     second: Floats
     low: Floats
     high: Floats
-    signs: NDArray[np.int64]
+    signs: Integers
     weakest: Worst
     lowest: Worst
     states: int = 0
@@ -102,12 +107,36 @@ class Survey:
 OFFSETS, LEVELS = 120, 160
 
 
+class Cost(NamedTuple):
+    """What a survey takes: s of time, and bytes of memory and of a table of all states."""
+
+    seconds: float
+    memory: float
+    table: float
+
+
+#: Numbers a state in memory at a time: states, measures, and the Jacobians that these come from.
+NUMBERS, COLUMNS = 200, 12
+
+
+def cost(sensor: Sensor, domain: Domain, count: int, left_out: str = "power_c") -> Cost:
+    """An estimate for `count` states, from a pilot of some; compiles what is needed first."""
+    states = next(samples(domain, PILOT, "uniform", 0))
+    measures(sensor, states[:1], left_out)
+    begin = time.perf_counter()
+    measures(sensor, states, left_out)
+    each = (time.perf_counter() - begin) / len(states)
+    return Cost(each * count, 8.0 * NUMBERS * min(count, CHUNK), 8.0 * COLUMNS * count)
+
+
 def samples(
     domain: Domain, count: int, sampling: Literal["sobol", "uniform"], seed: int
 ) -> Iterator[Floats]:
     """States of the box (n, 8), chunk by chunk."""
     from scipy.stats import qmc
 
+    if not 1 <= count <= MOST_STATES:
+        raise InputError(f"states are {count}; allowed: 1 to {MOST_STATES:,}")
     if sampling not in ("sobol", "uniform"):
         raise InputError(f'sampling is {sampling!r}; allowed: "sobol", "uniform"')
     rng = np.random.default_rng(seed)
@@ -138,6 +167,8 @@ def survey(
     keep: Callable[[Floats, Floats], None] | None = None,
 ) -> Survey:
     """Measures all states of `chunks` in flat memory. keep: takes each chunk and its measures."""
+    if left_out not in READING:
+        raise InputError(f"left out is {left_out!r}; allowed: {', '.join(READING)}")
     found: Survey | None = None
     for states in chunks:
         values = measures(sensor, states, left_out, spectra, threads)
@@ -148,6 +179,11 @@ def survey(
             keep(states, values)
     if found is None:
         raise InputError("no states are asked for; allowed: 1 or more")
+    if found.dark == found.states:
+        raise InputError(
+            f"none of the {found.states:,} states drawn gives every detector a reading: the box "
+            "lies where the beam misses the mirror or the spots their detectors; give a smaller one"
+        )
     return found
 
 
@@ -244,8 +280,13 @@ def search(
 
 
 def weakest_direction(sensor: Sensor, state: Floats) -> Floats:
-    """The direction (8,) of the state to which the readings answer least, um and urad, length 1."""
+    """The direction (8,) of the state to which the readings answer least, µm and µrad, length 1.
+
+    NaN where the readings have no derivatives.
+    """
     matrix = scaled_jacobian(sensor, state[None])[0]
+    if not np.isfinite(matrix).all():
+        return np.full(8, np.nan)
     vector: Floats = np.linalg.svd(matrix)[2][-1]
     return vector * (np.sign(vector[np.abs(vector).argmax()]) or 1.0)
 
@@ -256,6 +297,8 @@ NAMED = 0.25
 
 def in_words(direction: Floats) -> str:
     """A direction of the state in words: what moves, and what moves with it."""
+    if not np.isfinite(direction).all():
+        return "a state without light, in every direction"
     large = np.abs(direction) > NAMED
     words = []
     for letter, t, b in (("x", 0, 6), ("y", 1, 7)):

@@ -10,7 +10,8 @@ import copy
 import math
 from typing import Any, NamedTuple
 
-from ..core.sensor import DETECTORS, Sensor
+from ..core.names import DETECTORS
+from ..core.sensor import Sensor
 from ..model.arrays import geometry_of, on_detectors
 from ..optics.forward import path, readings, scene
 from . import build

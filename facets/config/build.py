@@ -7,9 +7,9 @@ from math import inf, radians
 from pathlib import Path
 from typing import Any
 
-from ..core.names import FINE_UNITS
+from ..core.names import DETECTORS, FINE_UNITS
 from ..core.rules import Rules
-from ..core.sensor import DETECTORS, Apertures, Electronics, Imperfections, Noise, Sensor
+from ..core.sensor import Apertures, Electronics, Imperfections, Noise, Sensor
 from ..core.settings import (
     Acquire,
     Calibrate,
@@ -208,6 +208,7 @@ def calibrate(keys: dict[str, Any]) -> Calibrate:
         before={name: value for name, value in keys["before"].items() if value is not None},
         power_per_sample=keys["laser"] == "drifts",
         effects=dict(keys["effects"]),
+        beam=keys["beam"],
         held_back=keys["held_back_percent"] / 100,
         outliers=keys["outliers"],
     )

@@ -90,6 +90,10 @@ class Calibrate(Section):
         "drifts", description="its power is an unknown of each sample, or the same in all"
     )
     effects: Effects = Field(Effects(), description="of real light, detectors and drift")
+    beam: Literal["given", "still"] = Field(
+        "given",
+        description="its place: bx_mm, by_mm of the table where it has them; still: the origin",
+    )
     held_back_percent: float = Field(
         20.0, ge=0, le=90, description="of the samples, on which the result is tried"
     )

@@ -51,17 +51,24 @@ def _missing(asked: str, file: Path, names: dict[str, Path]) -> str:
     return f"{asked}: {what}{hint} (shipped: {', '.join(names)})"
 
 
+#: Files that one configuration may be laid together from.
+MOST_FILES = 50
+
+
 def gather(file: Path) -> Marked:
     """A file merged over all that it extends; each value keeps the file and line it came from."""
-    return _gather(file, ())
+    return _gather(file, (), {})
 
 
-def _gather(file: Path, children: tuple[Path, ...]) -> Marked:
+def _gather(file: Path, children: tuple[Path, ...], known: dict[Path, Marked]) -> Marked:
+    """known: what has been gathered already; a file that is extended twice is read once."""
+    if file in known:
+        return known[file]
     tree = read(file)
     extends = tree.value.pop("extends", None)
-    if extends is None or extends.value is None:
-        return tree
-    links = extends.value if isinstance(extends.value, list) else [extends]
+    links: list[Marked] = []
+    if extends is not None and extends.value is not None:
+        links = extends.value if isinstance(extends.value, list) else [extends]
     chain = (*children, file)
     laid: Marked | None = None
     for link in links:
@@ -69,9 +76,14 @@ def _gather(file: Path, children: tuple[Path, ...]) -> Marked:
         if parent in chain:
             circle = " -> ".join(shown(f) for f in (*chain[chain.index(parent) :], parent))
             raise ConfigError(f"{link.place}: extends: goes round in a circle: {circle}")
-        below = _gather(parent, chain)
+        if len(known) + len(chain) > MOST_FILES:
+            raise ConfigError(
+                f"{link.place}: extends: more than {MOST_FILES} files in all; lay some together"
+            )
+        below = _gather(parent, chain, known)
         laid = below if laid is None else merge(laid, below)
-    return tree if laid is None else merge(laid, tree)
+    known[file] = tree if laid is None else merge(laid, tree)
+    return known[file]
 
 
 def _parent(link: Marked) -> Path:

@@ -7,7 +7,8 @@ from math import degrees, pi, radians
 from pathlib import Path
 from typing import Any
 
-from ..core.sensor import DETECTORS, Beam, BenchLight, Correction, Facet, Psd, Sensor
+from ..core.names import DETECTORS
+from ..core.sensor import Beam, BenchLight, Correction, Facet, Psd, Sensor
 from . import grid
 
 #: How many of a key's unit make one of the code's.

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, create_model
 
-from ..core.sensor import DETECTORS
+from ..core.names import DETECTORS
 from .motion_keys import Box, Name
 from .section import HALF_TURN, MAX_LENGTH, PerAxis, Section, as_tuple, empty_if_none
 

@@ -27,7 +27,7 @@ class Acquire(Section):
     )
     baud: int = Field(3_000_000, gt=0, le=100_000_000, description="of a serial line")
     format: Literal["frames", "cobs", "text"] = Field(
-        "frames", description="of the stream; README, Formats"
+        "frames", description="of the stream; see Formats in the documentation"
     )
     content: Literal["electrodes", "xy-sum"] = Field(
         "electrodes", description="of text lines; frames say it themselves"

@@ -84,8 +84,10 @@ def _reason(value: Any, node: dict[str, Any], may: str) -> str:
 def _reason_of_number(value: Any, may: str) -> str:
     if isinstance(value, str):
         return "must be a number, not text" + _advice(value)
+    if isinstance(value, list) and "two" not in may and "list" not in may:
+        return "must be one number, not a list"
     if isinstance(value, list) or (is_number(value) and "list" in may):
-        return "must be two numbers"
+        return f"must be {_how_many(may)} numbers"
     if not is_number(value):
         return "must be a number"
     if not math.isfinite(value):
@@ -93,6 +95,12 @@ def _reason_of_number(value: Any, may: str) -> str:
     if "whole" in may and isinstance(value, float):
         return "must be a whole number"
     return "is out of range"
+
+
+def _how_many(may: str) -> str:
+    """Out of 'a list of 9 numbers from ...'."""
+    found = re.search(r"list of (\w+) numbers", may)
+    return found[1] if found else "two"
 
 
 def is_number(value: Any) -> bool:

@@ -16,6 +16,11 @@ from ..core.errors import ConfigError
 
 Path_ = tuple[str | int, ...]
 
+#: A configuration is some hundred values. What is larger by far is no configuration, and aliases
+#: that stand for one another can multiply a few lines to more than a memory holds.
+MOST_VALUES = 20_000
+MOST_BYTES = 1_000_000
+
 
 @dataclass(frozen=True)
 class Marked:
@@ -72,6 +77,8 @@ def read(file: Path) -> Marked:
         tree = reader.marked(root, root.start_mark.line + 1, ())
     except YAMLError as error:
         raise ConfigError(_syntax(file, error, text)) from None
+    except (ValueError, OverflowError) as error:  # of the library, at a value that is none
+        raise ConfigError(f"{shown(file)}: not valid YAML: {error}") from None
     except RecursionError:
         raise ConfigError(f"{shown(file)}: nested too deeply") from None
     if reader.problems:
@@ -83,6 +90,12 @@ def read(file: Path) -> Marked:
 
 def _text(file: Path) -> str:
     try:
+        size = file.stat().st_size
+        if size > MOST_BYTES:
+            raise ConfigError(
+                f"{shown(file)}: is {size:,} bytes, which no configuration is "
+                f"(allowed: {MOST_BYTES:,})"
+            )
         return file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         line = error.object[: error.start].count(b"\n") + 1
@@ -128,10 +141,12 @@ class _Reader:
         self.constructor = yaml.constructor
         self.problems: list[str] = []
         self.open: list[Node] = []
+        self.count, self.block = 0, ("", 1)
 
     def marked(self, node: Node, line: int, path: Path_) -> Marked:
+        self._count()
         if isinstance(node, ScalarNode):
-            return Marked(self.constructor.construct_object(node), self.file, line)
+            return Marked(self._scalar(node, line, path), self.file, line)
         if any(node is outer for outer in self.open):
             self._problem(line, path, "an alias that contains itself")
             return Marked(None, self.file, line)
@@ -147,6 +162,23 @@ class _Reader:
         self.open.pop()
         return Marked(value, self.file, line)
 
+    def _count(self) -> None:
+        """Raises ConfigError where a file holds more values than any configuration does."""
+        self.count += 1
+        if self.count > MOST_VALUES:
+            key, line = self.block
+            raise ConfigError(
+                f"{shown(self.file)}:{line}: {key}: more than {MOST_VALUES:,} values, counted with "
+                "what aliases (*name) stand for; do not let aliases hold aliases"
+            )
+
+    def _scalar(self, node: ScalarNode, line: int, path: Path_) -> Any:
+        try:
+            return self.constructor.construct_object(node)
+        except (ValueError, OverflowError) as error:  # a date that is none, a number of miles
+            self._problem(line, path, f"not a value: {str(error).partition(';')[0]}")
+            return None
+
     def _entries(self, node: MappingNode, path: Path_) -> Iterator[tuple[str, Marked]]:
         lines: dict[str, int] = {}
         for key_node, value_node in node.value:
@@ -155,6 +187,8 @@ class _Reader:
                 self._problem(line, path, "a key must be a plain name")
                 continue
             key = str(key_node.value)
+            if not path:
+                self.block = key, line
             if key == "<<":
                 self._problem(line, (*path, key), "merge keys are not supported; use `extends`")
             elif key in lines:

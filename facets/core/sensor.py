@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from math import pi
+from typing import Any
 
 from .errors import InputError
 from .names import DETECTORS
@@ -335,7 +336,7 @@ class Calibration:
         _require(square, "size of the covariance", len(self.covariance), f"{size} x {size}")
 
 
-def _at_thirds(kind: type) -> tuple:
+def _at_thirds(kind: type[Any]) -> tuple[Any, ...]:
     return tuple(kind(azimuth=2 * pi * k / 3) for k in range(3))
 
 

@@ -198,13 +198,15 @@ class Calibrate:
 
     reference: (6,) mm and rad, infinite where an axis is not measured.  before: by key, in its
     unit; what stays is not there.  power_per_sample: whether the laser's power is an unknown of
-    each.  effects: by key "auto", "on" or "off".  held_back: share of the samples.
+    each.  effects: by key "auto", "on" or "off".  beam: "given", where the table says that it is,
+    or "still", at the origin whatever the table says.  held_back: share of the samples.
     """
 
     reference: tuple[float, ...]
     before: dict[str, float]
     power_per_sample: bool
     effects: dict[str, str]
+    beam: str
     held_back: float
     outliers: float | None
 

@@ -12,6 +12,7 @@ the same for all other parts wherever those are made, and the indices of sensiti
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -24,23 +25,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..characterization.ranges import axis_ranges, clearances
+from ..characterization.ranges import COARSE, LIGHT, PSD, SINGULAR, axis_ranges, clearances
 from ..characterization.resolution import Estimator, uncertainties
 from ..characterization.singularity import measures
-from ..core.errors import InputError
+from ..core.errors import InputError, OutputError
 from ..core.names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS, STATE_UNITS
 from ..core.rules import Rules
 from ..core.sensor import Sensor
-from ..files.tables import write_table
+from ..core.units import Booleans, Floats
+from ..files.tables import Whole, write_table
 from ..model.arrays import margins, readings
 from ..model.threads import cores
-from .optimization import states_of
 from .variables import sensor_of
+from .volume import states_of
 
 if TYPE_CHECKING:
     from ..core.settings import Layout
-
-Floats = NDArray[np.float64]
 
 #: Designs a task: about a second of work; and tasks of the pilot.
 PART, PILOT = 200, 5
@@ -64,7 +64,11 @@ SKIPPED = (
     "no sensor",
     "not what is required over the volume",
     "beaten before its ranges are known",
+    "Jacobian near singular at rest",
+    "too coarse at rest",
 )
+#: Which of them it is where a design is outside its own range at rest, by the range's limit.
+OUTSIDE = {PSD: 1, LIGHT: 2, SINGULAR: 6, COARSE: 7}
 
 
 @dataclass(frozen=True)
@@ -104,10 +108,15 @@ class Space:
 
 def designs(space: Space) -> Floats:
     """All designs (n, variables), in the units of the variables' names."""
-    if not space.names:
-        raise InputError("optimize.variables is empty: nothing may change")
+    require_variables(space)
     bounds = tuple(space.layout.variables[name] for name in space.names)
     return drawn(space.sampling, bounds, space.count, space.seed)
+
+
+def require_variables(space: Space) -> None:
+    """Raises `InputError` where nothing may vary."""
+    if not space.names:
+        raise InputError("optimize.variables is empty: nothing may change")
 
 
 @lru_cache(1)  # a worker makes its parts from the same
@@ -180,12 +189,12 @@ def looked_at(space: Space, x: Floats, rivals: Floats = NO_RIVALS) -> tuple[int,
     if sensor is None:
         return why, values
     rules = replace(space.rules, condition=np.inf)
+    clear = clearances(sensor, np.zeros((1, 6)), rules)[0]
+    if not clear.min() > 0:
+        return OUTSIDE[int(clear.argmin())], values
     if len(rivals) and beaten(space, sensor, rules, values, rivals):
         return 5, values
-    try:
-        found = axis_ranges(sensor, rules, np.zeros(6), FINE_ENOUGH)
-    except InputError:
-        return 2, values
+    found = axis_ranges(sensor, rules, np.zeros(6), FINE_ENOUGH)
     values[AT_RANGES] = FAR * np.array([axis.symmetric for axis in found])
     return 0, values
 
@@ -234,6 +243,29 @@ def part_of(space: Space, first: int, rivals: Floats) -> dict[str, Any]:
     columns["skipped"] = np.array(reasons)
     columns |= {name: np.array(values)[:, i] for i, name in enumerate(MEASURES)}
     return columns | {"seconds": np.array(seconds)}
+
+
+def identity(space: Space, about: dict[str, str]) -> str:
+    """What must be the same for a run to go on in a folder."""
+    asked = f"{space.sampling} {space.count} {space.seed} {space.every} {space.required}"
+    return f"{about['config_sha256']} {asked} {' '.join(space.objectives)}\n"
+
+
+def prepare(folder: Path, space: Space, about: dict[str, str], force: bool) -> None:
+    """Makes the folder of a search, or goes on in it; `force` takes an older search away.
+
+    Raises `OutputError` where the folder holds another search, or is none.
+    """
+    mark, mine = folder / "search.txt", identity(space, about)
+    if force and mark.exists():
+        shutil.rmtree(folder / "parts", ignore_errors=True)
+        mark.unlink()
+    if mark.exists() and mark.read_text() != mine:
+        raise OutputError(
+            f"{folder}: holds another search; --force begins anew, -o names another folder"
+        )
+    with Whole(mark) as temporary:
+        temporary.write_text(mine)
 
 
 def explore(
@@ -301,14 +333,14 @@ def clustered(
     except ImportError:
         raise InputError("--scheduler needs the extra `cluster`: facets-6dof[cluster]") from None
     try:
-        client = Client(address, timeout="10s")
+        client = Client(address, timeout="10s")  # type: ignore[no-untyped-call]
     except OSError as error:
         raise InputError(f"--scheduler {address}: no cluster answers: {error}") from None
     with client:
         part = partial(part_of, space, rivals=rivals)
         jobs = client.map(part, firsts, pure=False, retries=5)
         numbers = {job.key: first for job, first in zip(jobs, firsts, strict=True)}
-        for job in completed(jobs):
+        for job in completed(jobs):  # type: ignore[no-untyped-call]
             yield numbers[job.key], job.result()
             job.release()
 
@@ -338,7 +370,7 @@ def require_measures(names: list[str]) -> None:
         raise InputError(f"no measure {', '.join(unknown)}; there are: {', '.join(able)}")
 
 
-def front(table: dict[str, NDArray[Any]], objectives: list[str]) -> NDArray[np.bool_]:
+def front(table: dict[str, NDArray[Any]], objectives: list[str]) -> Booleans:
     """Which designs are not beaten in all objectives; ranges are to be large, all else small."""
     signs = [-1.0 if name.startswith("range") else 1.0 for name in objectives]
     costs = np.stack([s * table[n] for s, n in zip(signs, objectives, strict=True)], axis=1)
@@ -351,27 +383,3 @@ def front(table: dict[str, NDArray[Any]], objectives: list[str]) -> NDArray[np.b
         beaten = (costs[left] >= costs[first]).all(axis=1)
         left = left[~beaten]
     return best
-
-
-def sensitivity(
-    table: dict[str, NDArray[Any]], names: list[str], objectives: list[str]
-) -> dict[str, dict[str, float]]:
-    """First-order Sobol indices of each objective by each variable, by SALib's RBD-FAST.
-
-    table: of designs that were all looked at in full, but for those that no sensor can be.
-    """
-    from SALib.analyze import rbd_fast
-
-    good = np.isfinite(table["range_tz_mm"])
-    if good.sum() < 100:
-        return {}
-    x = np.stack([table[name][good] for name in names], axis=1)
-    bounds = [[float(low), float(high)] for low, high in zip(x.min(0), x.max(0), strict=True)]
-    problem = {"num_vars": len(names), "names": names, "bounds": bounds}
-    found = {}
-    for objective in objectives:
-        if np.ptp(table[objective][good]) == 0:
-            continue
-        result = rbd_fast.analyze(problem, x, table[objective][good], seed=1)
-        found[objective] = dict(zip(names, (float(s) for s in result["S1"]), strict=True))
-    return found

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.names import FINE_UNITS
-from ..core.sensor import DETECTORS, Sensor
+from ..core.names import DETECTORS, FINE_UNITS
+from ..core.sensor import Sensor
 from ..model.arrays import parameters, sensor_with
 from ..optics.forward import geometry, placed
 from ..optics.gradient import linearised
@@ -33,15 +33,15 @@ FACETS, PSDS = (6, 8, 10), (12, 18, 24)
 class Outcome:
     """What one state of one layout gives, by its place in the function's only output.
 
-    variances: 6, um^2 and urad^2.  powers: 3, mW.  room: 12, from the light inside the 1/e^2 circle
-    to each detector's edges at -y, +y, -z, +z, mm, by the whole ellipse, which is no less.
+    variances: 6, um^2 and urad^2.  powers: 3, mW.  clearances: 12, from the light inside the 1/e^2
+    circle to each detector's edges at -y, +y, -z, +z, mm, by the whole ellipse, which is no less.
     condition: square of the weighted Jacobian's condition number in the Frobenius norm, which is at
     least that of the spectral norm and at most 8 times it.
     """
 
     VARIANCES = slice(0, 6)
     POWERS = slice(6, 9)
-    ROOM = slice(9, 21)
+    CLEARANCES = slice(9, 21)
     CONDITION = slice(21, 22)
     SIZE = 22
 
@@ -71,17 +71,17 @@ def outcome(sensor: Sensor) -> Any:
     condition = ca.trace(information) * ca.trace(inverse)
     variances = [inverse[i, i] for i in range(6)]
     powers = [values[2] for values, _ in detectors]
-    room = room_of(fixed, state, sizes)
-    found = ca.vertcat(*variances, *powers, *room, condition)
+    clearances = clearances_of(fixed, state, sizes)
+    found = ca.vertcat(*variances, *powers, *clearances, condition)
     return ca.Function("outcome", [p, sizes, s, prior], [found])
 
 
-def room_of(fixed: Any, state: Any, sizes: Any) -> list[Any]:
+def clearances_of(fixed: Any, state: Any, sizes: Any) -> list[Any]:
     """From the image of the beam's 1/e^2 ellipse to the detectors' edges; 12."""
     import casadi as ca
 
     at = placed(fixed, state)
-    room = []
+    clearances = []
     for k in range(3):
         normal, (x, y, z) = at.normals[k], fixed.axes[k]
         leaving = reflect(fixed.direction, normal)
@@ -92,8 +92,8 @@ def room_of(fixed: Any, state: Any, sizes: Any) -> list[Any]:
             shift = gradient_of_shift(along, fixed.direction, normal)
             middle = dot(along, centre) + dot(shift, offset)
             reach = RIM * ca.sqrt(sum(dot(shift, spread) ** 2 for spread in fixed.spread))
-            room += [sizes[k] / 2 + middle - reach, sizes[k] / 2 - middle - reach]
-    return room
+            clearances += [sizes[k] / 2 + middle - reach, sizes[k] / 2 - middle - reach]
+    return clearances
 
 
 UNITS = {"mm": 1.0, "mw": 1.0, "mrad": 1e-3, "deg": np.pi / 180}
@@ -122,7 +122,7 @@ SINGLES = {
 }
 
 
-def present(sensor: Sensor) -> dict[str, float]:
+def present_values(sensor: Sensor) -> dict[str, float]:
     """The variables' values as the sensor is, in the units of their names."""
     psd, p = sensor.psds[0], parameters(sensor)
     values = {
@@ -139,7 +139,7 @@ def present(sensor: Sensor) -> dict[str, float]:
     return {name: value / unit_of(name) for name, value in values.items()}
 
 
-def varied(sensor: Sensor, names: Sequence[str], x: Any) -> tuple[list[Any], list[Any]]:
+def with_values(sensor: Sensor, names: Sequence[str], x: Any) -> tuple[list[Any], list[Any]]:
     """The 30 parameters and the 3 sizes when the named variables take the values x.
 
     x: symbols or floats, in the units of the names. Detectors go up and down with the sub-beams
@@ -170,7 +170,7 @@ def varied(sensor: Sensor, names: Sequence[str], x: Any) -> tuple[list[Any], lis
 
 def sensor_of(sensor: Sensor, names: Sequence[str], x: Floats) -> Sensor:
     """The sensor with the named variables at x. Raises `InputError` where that is none."""
-    p, sizes = varied(sensor, names, x.tolist())
+    p, sizes = with_values(sensor, names, x.tolist())
     made = sensor_with(sensor, p)
     if "size_mm" not in names:
         return made

@@ -21,7 +21,7 @@ from ..core.sensor import Sensor
 from ..detectors.noise import add_noise
 from ..estimation.solver import solve
 from ..model.arrays import margins, readings
-from .optimization import states_of
+from .volume import states_of
 
 if TYPE_CHECKING:
     from ..core.settings import Layout

@@ -25,7 +25,7 @@ MISMATCH = 0.02
 
 def per_ampere(electronics: Electronics) -> float:
     """Counts per ampere of an electrode."""
-    return electronics.transimpedance * 2**electronics.adc_bits / electronics.adc_range
+    return electronics.transimpedance * 2.0**electronics.adc_bits / electronics.adc_range
 
 
 def counts_of(

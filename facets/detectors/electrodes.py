@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 KINDS = ("duo-lateral", "pincushion", "tetra-lateral")
-#: Where the potential's series ends: its terms have fallen to exp(-ENOUGH), or there are enough for
-#: 1e-12 up to 0.97 of the half size.
-ENOUGH, MOST_TERMS = 32.0, 700
+#: Images of the potential are added until they have fallen to exp(-ENOUGH); sinh(MOST) is finite.
+ENOUGH, MOST = 40.0, 700.0
 
 
 def fractions(kind: str, y: Floats, z: Floats, aspect: float = 1.0) -> Floats:
@@ -49,20 +48,20 @@ def fractions(kind: str, y: Floats, z: Floats, aspect: float = 1.0) -> Floats:
 def side(towards: Floats, along: Floats, aspect: float) -> Floats:
     """The potential in a rectangle with the side at towards = 1 at 1 and the others at 0.
 
-    along: the coordinate along that side; aspect: that side's length over the other's.
+    along: the coordinate along that side; aspect: that side's length over the other's. In a strip
+    without an opposite side the series sum (4 / pi n) cos(n pi along / 2) exp(-n x) over odd n with
+    alternating signs is (2 / pi) arctan(cos(pi along / 2) / sinh x), x = pi distance / (2 aspect);
+    the opposite side at 0 adds its mirror images, which fall off as exp(-2 pi / aspect).
     """
-    towards, along = np.asarray(towards), np.asarray(along)
-    potential = np.zeros(np.broadcast(towards, along).shape)
-    nearest = towards.max(initial=-1.0)
-    for n in range(1, MOST_TERMS, 2):
-        rate = n * np.pi / (2 * aspect)
-        if rate * (1 - nearest) > ENOUGH:
-            break
-        # sinh(rate (1 + towards)) / sinh(2 rate), without overflow
-        shape = np.exp(rate * (towards - 1)) * np.expm1(-2 * rate * (1 + towards))
-        sign = 1 if n % 4 == 1 else -1
-        factor = 4 * sign / (np.pi * n * np.expm1(-4 * rate))
-        potential += factor * np.cos(n * np.pi / 2 * along) * shape
+    distance, along = 1 - np.asarray(towards), np.asarray(along)
+    height = np.cos(np.pi / 2 * along)
+    rate = np.pi / (2 * aspect)
+    potential = np.zeros(np.broadcast(distance, along).shape)
+    for image in range(1 + int(np.ceil(ENOUGH / (4 * rate)))):
+        there = distance + 4 * image  # of this image, and of the one of the other sign behind it
+        for sign, away in ((1, there), (-1, there + 2 * (1 - distance) + 2)):
+            depth = np.sinh(np.minimum(rate * away, MOST))
+            potential += sign * 2 / np.pi * np.arctan2(height, depth)
     return potential
 
 

@@ -36,7 +36,14 @@ def sources(sensor: Sensor) -> tuple[str, ...]:
 
 
 def standard_deviations(sensor: Sensor, reading: ArrayLike) -> Floats:
-    """Of each number of readings (..., 9), 1 sigma: mm and mW. NaN where the reading is."""
+    """Of each number of readings (..., 9), 1 sigma: mm and mW. NaN where the reading is.
+
+    >>> import numpy as np, facets
+    >>> sensor = facets.Sensor()
+    >>> sigma = facets.standard_deviations(sensor, facets.readings(sensor, np.zeros(8)))
+    >>> f"{1e3 * sigma[0]:.1f} um, {1e6 * sigma[2]:.0f} nW"
+    '2.6 um, 40 nW'
+    """
     root: Floats = np.sqrt(variances(sensor, reading).sum(axis=-1))
     return root
 
@@ -60,7 +67,7 @@ def variances(sensor: Sensor, reading: ArrayLike) -> Floats:
         out[..., 0::3, 0] = out[..., 1::3, 0] = place
         out[..., 2::3, 1] = sensor.noise.power**2 + 0 * exact[..., 2::3]
         return out
-    parts = [detector(sensor, sensor.electronics, exact, k) for k in range(3)]
+    parts = [detector_variances(sensor, sensor.electronics, exact, k) for k in range(3)]
     return np.concatenate(parts, axis=-2)
 
 
@@ -97,7 +104,7 @@ def currents_of(sensor: Sensor, electronics: Electronics, exact: Floats, k: int)
     return currents
 
 
-def detector(sensor: Sensor, electronics: Electronics, exact: Floats, k: int) -> Floats:
+def detector_variances(sensor: Sensor, electronics: Electronics, exact: Floats, k: int) -> Floats:
     """Variances (..., 3, 5) of psi, zeta and power of detector k."""
     kind, half = electronics.kind, half_sizes(sensor)[k]
     currents = currents_of(sensor, electronics, exact, k)
@@ -126,20 +133,32 @@ def electrode_pairs(kind: str) -> tuple[tuple[list[int], list[int]], ...]:
 
 
 def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> Floats:
-    """Readings (..., 9) with noise: as drawn at the electrodes, where there are electronics.
+    """Readings with noise, as the sensor's detectors would give them.
 
-    NaN for a detector whose amplifiers saturate, and where its currents fit no place on it.
+    sensor: says how large the noise is, by `Sensor.noise`, or by `Sensor.electronics` where it has
+    them: noise is then drawn in the electrodes' currents.  reading: (..., 9), mm and mW, without
+    noise.  rng: a generator of random numbers; the same seed gives the same noise.
+
+    Returns (..., 9). A detector whose amplifiers saturate, or whose currents fit no place on it,
+    reads NaN.
+
+    >>> import numpy as np, facets
+    >>> sensor = facets.Sensor()
+    >>> exact = facets.readings(sensor, np.zeros(8))
+    >>> noisy = facets.add_noise(sensor, np.tile(exact, (10000, 1)), np.random.default_rng(1))
+    >>> f"{1e3 * noisy[:, 0].std():.1f} um at {exact[2]:.1f} mW"
+    '2.6 um at 0.1 mW'
     """
     exact = np.asarray(reading, dtype=float)
     if sensor.electronics is None:
         sigma = standard_deviations(sensor, exact)
         noisy: Floats = exact + sigma * rng.standard_normal(sigma.shape)
         return noisy
-    parts = [sampled(sensor, sensor.electronics, exact, k, rng) for k in range(3)]
+    parts = [sample_detector(sensor, sensor.electronics, exact, k, rng) for k in range(3)]
     return np.concatenate(parts, axis=-1)
 
 
-def sampled(
+def sample_detector(
     sensor: Sensor, electronics: Electronics, exact: Floats, k: int, rng: np.random.Generator
 ) -> Floats:
     """(..., 3): psi, zeta, power of detector k from its electrodes' sampled currents."""

@@ -80,7 +80,7 @@ def widening(sensor: Sensor) -> float:
 
 
 @dataclass
-class Flags:
+class Misfit:
     """How many readings were judged, and flagged.  sizes: of residuals over what noise leaves."""
 
     judged: int = 0

@@ -10,29 +10,36 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.names import DETECTORS, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..core.units import Booleans, Floats
 from ..detectors.correction import corrected
 from ..files import tables
+from .misfit import Misfit, beyond_chance
 from .solver import Prior, Solution, Status, solve
 
 if TYPE_CHECKING:
     from ..core.sensor import Sensor
     from ..core.settings import Config, Solve
 
-Floats = NDArray[np.float64]
 UNPARSABLE = "unparsable"
+#: Where the beam is; and how uncertain that is, which a table of poses has beside it.
 BEAM_COLUMNS = STATE_COLUMNS[6:]
+BEAM_UNCERTAINTIES = tuple(f"u_{name}" for name in BEAM_COLUMNS)
 
 
 @dataclass
 class Count:
-    """What became of the rows. lines: of the first few that could not be parsed."""
+    """What became of the rows.
+
+    unparsable_lines: of the first few that are no numbers.  misfit: rows that were solved, but
+    with a residual beyond chance.
+    """
 
     statuses: Counter[str] = field(default_factory=Counter)
     unparsable_lines: list[int] = field(default_factory=list)
+    misfit: Misfit = field(default_factory=Misfit)
 
     @property
     def rows(self) -> int:
@@ -77,8 +84,11 @@ def solve_readings(
 
 def power_known(sensor: Sensor, options: Solve) -> Any:
     noise = sensor.electronics.power_noise if sensor.electronics else 0.0
-    if options.power == "known" and noise > 0 and options.method != "paper":
-        return Prior(sensor.beam.power, noise * sensor.beam.power)
+    if options.method == "paper":
+        return "known"
+    sigma = options.power_sigma if options.power == "prior" else 0.0
+    if options.power != "unknown" and hypot(sigma, noise) > 0:
+        return Prior(sensor.beam.power, hypot(sigma, noise) * sensor.beam.power)
     return options.power
 
 
@@ -90,14 +100,34 @@ def solve_chunk(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Solution
     return solve_readings(sensor, options, readings, place)
 
 
-def labels(solution: Solution, unparsable: NDArray[np.bool_]) -> NDArray[np.str_]:
+def require_known_beam(path: Path, chunk: tables.Chunk, advice: str) -> None:
+    """Raises `InputError` where the beam's place in a table is an estimate and no knowledge.
+
+    Tables of poses have u_bx_mm, u_by_mm beside bx_mm, by_mm: where these are not 0, the place came
+    out of the readings themselves, and taken for known it would make them seem far better than they
+    are. advice: what to do instead.
+    """
+    for name, uncertainty in zip(BEAM_COLUMNS, BEAM_UNCERTAINTIES, strict=True):
+        if name not in chunk.columns or uncertainty not in chunk.columns:
+            continue
+        estimated = np.flatnonzero(chunk.columns[uncertainty] > 0)
+        if len(estimated):
+            line, u = chunk.lines[estimated[0]], chunk.columns[uncertainty][estimated[0]]
+            raise InputError(
+                f"{path}:{line}: {name} is an estimate ({uncertainty} beside it is {u:.3g}), not "
+                f"where the beam is known to be; {advice}"
+            )
+
+
+def labels(solution: Solution, unparsable: Booleans) -> Any:
+    """The status of each row in words (n,)."""
     names = np.array([status.label for status in Status])
-    texts: NDArray[np.str_] = names[solution.status].astype("U20")
+    texts = names[solution.status].astype("U20")
     texts[unparsable] = UNPARSABLE
     return texts
 
 
-def pose_columns(solution: Solution, status: NDArray[np.str_]) -> dict[str, Any]:
+def pose_columns(solution: Solution, status: Any) -> dict[str, Any]:
     """A solution as the columns of a table of poses."""
     letters = np.array(DETECTORS)
     used = np.array(["".join(letters[[bool(n & 4), bool(n & 2), bool(n & 1)]]) for n in range(8)])
@@ -113,6 +143,12 @@ def pose_columns(solution: Solution, status: NDArray[np.str_]) -> dict[str, Any]
     return columns
 
 
+#: For a table of poses that is solved with a known beam.
+KNOWN_ADVICE = (
+    "give --beam free, or leave the two columns out if the beam stood still at the origin"
+)
+
+
 def solve_table(
     config: Config,
     options: Solve,
@@ -125,20 +161,28 @@ def solve_table(
     """Solves each row of `readings` into a row of `poses`; a row that is not numbers gets NaN.
 
     Needed columns: psi_a_mm, zeta_a_mm, power_a_mw, ...; time_s is carried through, and bx_mm,
-    by_mm say where the beam is. progress: called with the number of bytes read.
+    by_mm say where the beam is, unless it is free; an estimate of that raises `InputError`, see
+    `require_known_beam`. progress: called with the number of bytes read.
     """
     tables.ending(poses)
-    chunks = tables.read_chunks(readings, READING_COLUMNS, ("time_s", *BEAM_COLUMNS), rows)
+    beside = ("time_s", *BEAM_COLUMNS, *BEAM_UNCERTAINTIES)
+    if options.beam == "free":
+        beside = ("time_s",)
+    chunks = tables.read_chunks(readings, READING_COLUMNS, beside, rows)
     count = Count()
     with tables.Whole(poses) as temporary:
         writer = tables.Writer(temporary, about)
         try:
             for chunk in chunks:
+                require_known_beam(readings, chunk, KNOWN_ADVICE)
                 solution = solve_chunk(config.sensor, options, chunk)
                 status = labels(solution, chunk.unparsable)
                 time = {k: v for k, v in chunk.columns.items() if k == "time_s"}
-                writer.write({**time, **pose_columns(solution, status)})
+                beyond = beyond_chance(config.sensor, options, solution)
+                columns = pose_columns(solution, status) | {"misfit": beyond.astype(int)}
+                writer.write({**time, **columns})
                 count.statuses.update(status.tolist())
+                count.misfit.add(beyond, solution, options)
                 bad = chunk.lines[chunk.unparsable][: 5 - len(count.unparsable_lines)]
                 count.unparsable_lines += bad.tolist()
                 progress(chunk.bytes_read)

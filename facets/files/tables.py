@@ -8,19 +8,20 @@ from __future__ import annotations
 import csv
 import difflib
 import os
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from io import TextIOWrapper
 from itertools import islice
 from pathlib import Path
-from types import TracebackType
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import InputError, OutputError
+from ..core.errors import InputError
+from .whole import Whole as Whole
+from .whole import refuse_to_overwrite as refuse_to_overwrite
 
 Columns = Mapping[str, Any]
 ENDINGS = (".csv", ".parquet")
@@ -53,12 +54,44 @@ def read_chunks(
 ) -> Iterator[Chunk]:
     """The named columns of a table, `rows` at a time; the others are passed over.
 
-    A column that is needed and missing, or a file that cannot be read, raises `InputError`.
+    A column that is needed and missing, one that holds words, or a file that can not be read,
+    raises `InputError`.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
+    require_table(path)
     read = read_csv if ending(path) == ".csv" else read_parquet
     return read(path, needed, optional, rows)
+
+
+#: How files begin that are no tables of text, and what they are.
+BEGINNINGS = {
+    b"\xff\xfe": "UTF-16 text; save it as UTF-8",
+    b"\xfe\xff": "UTF-16 text; save it as UTF-8",
+    b"PK\x03\x04": "a spreadsheet or an archive; save it as CSV",
+    b"\x1f\x8b": "compressed; unpack it first",
+}
+PARQUET = b"PAR1"
+
+
+def require_table(path: Path) -> None:
+    """Raises `InputError` where a file is not there, is none, or is not what its name says."""
+    try:
+        if path.is_dir():
+            raise InputError(f"{path}: is a folder, not a table")
+        if not path.is_file():
+            raise InputError(f"{path}: no such file")
+        with path.open("rb") as file:
+            begin = file.read(4)
+    except OSError as error:
+        raise InputError(f"{path}: can not be read: {error.strerror}") from None
+    if ending(path) == ".parquet":
+        if begin != PARQUET:
+            raise InputError(f"{path}: not a Parquet table; name a table of text .csv")
+        return
+    if begin == PARQUET:
+        raise InputError(f"{path}: is a Parquet table; name it .parquet")
+    for sign, what in BEGINNINGS.items():
+        if begin.startswith(sign):
+            raise InputError(f"{path}: is {what}")
 
 
 def wanted(
@@ -76,37 +109,117 @@ def wanted(
     return [*needed, *(name for name in optional if name in names and name not in needed)]
 
 
+class Sheet:
+    """An open CSV table behind its header: rows with their line numbers."""
+
+    def __init__(self, path: Path, raw: BinaryIO) -> None:
+        self.path = path
+        file = TextIOWrapper(raw, encoding="utf-8-sig", errors="replace", newline="")
+        self.text = file
+        header, self.first = "", 0
+        for self.first, header in enumerate(file, start=1):
+            if header.strip() and not header.startswith("#"):
+                break
+        delimiter = delimiter_of(header)
+        try:
+            names = next(csv.reader([header], delimiter=delimiter), [])
+        except csv.Error as error:
+            raise InputError(f"{path}:{self.first}: not a header: {error}") from None
+        self.names = [name.strip() for name in names]
+        # numbers need no quotes, and a stray one must not swallow the lines that follow it
+        self.reader = csv.reader(file, delimiter=delimiter, quoting=csv.QUOTE_NONE)
+
+    def rows(self) -> Iterator[tuple[int, list[str]]]:
+        """Line number, from 1, and cells; comments and empty lines are passed over."""
+        while True:
+            try:
+                row = next(self.reader)
+            except StopIteration:
+                return
+            except csv.Error as error:
+                line = self.first + self.reader.line_num
+                raise InputError(f"{self.path}:{line}: not a line of a table: {error}") from None
+            if row and not row[0].startswith("#"):
+                yield self.first + self.reader.line_num, row
+
+
+def delimiter_of(header: str) -> str:
+    """A comma; where there is none, a semicolon or a tab."""
+    return next((mark for mark in ",;\t" if mark in header), ",")
+
+
+@contextmanager
+def open_sheet(path: Path) -> Iterator[Sheet]:
+    with path.open("rb") as raw:
+        sheet = Sheet(path, raw)
+        try:
+            yield sheet
+        finally:
+            sheet.text.detach()
+
+
 def read_csv(
     path: Path, needed: Sequence[str], optional: Sequence[str], rows: int
 ) -> Iterator[Chunk]:
-    with (
-        path.open("rb") as raw,
-        open(
-            raw.fileno(), encoding="utf-8-sig", errors="replace", newline="", closefd=False
-        ) as file,
-    ):
-        header = ""
-        first = 0
-        for first, header in enumerate(file, start=1):  # noqa: B007
-            if header.strip() and not header.startswith("#"):
-                break
-        delimiter = ";" if ";" in header and "," not in header else ","
-        names = [name.strip() for name in next(csv.reader([header], delimiter=delimiter), [])]
-        use = wanted(path, names, needed, optional)
-        # numbers need no quotes, and a stray one must not swallow the lines that follow it
-        lines = csv.reader(file, delimiter=delimiter, quoting=csv.QUOTE_NONE)
-        places = [names.index(name) for name in use]
-        numbered = (
-            (first + lines.line_num, row) for row in lines if row and not row[0].startswith("#")
-        )
+    with open_sheet(path) as sheet:
+        use = wanted(path, sheet.names, needed, optional)
+    refuse_words(path, use)
+    with path.open("rb") as raw:
+        sheet = Sheet(path, raw)
+        places, width = [sheet.names.index(name) for name in use], len(sheet.names)
+        numbered = sheet.rows()
         while block := list(islice(numbered, rows)):
-            values, bad = numbers([row for _, row in block], places, len(names))
+            values, bad = numbers([row for _, row in block], places, width)
             yield Chunk(
                 columns=dict(zip(use, values.T, strict=True)),
                 lines=np.array([line for line, _ in block]),
                 unparsable=bad,
                 bytes_read=os.lseek(raw.fileno(), 0, os.SEEK_CUR),
             )
+
+
+#: In how many rows a column may hold nothing but words before it is taken for a column of words.
+LOOKED_AT = 1000
+
+
+def refuse_words(path: Path, use: Sequence[str]) -> None:
+    """Raises `InputError` for a column that holds no number in the rows looked at, but words."""
+    with open_sheet(path) as sheet:
+        rows = [
+            (line, row)
+            for line, row in islice(sheet.rows(), LOOKED_AT)
+            if len(row) == len(sheet.names)
+        ]
+        places = {name: sheet.names.index(name) for name in use}
+    for name, place in places.items():
+        cells = [(line, row[place].strip()) for line, row in rows]
+        words = [(line, cell) for line, cell in cells if not is_number(cell)]
+        if words and len(words) == len(cells) and len(cells) > 1:
+            line, word = words[0]
+            hint = "; write decimals after a point" if is_number(word.replace(",", ".")) else ""
+            raise InputError(
+                f"{path}:{line}: column {name} holds {word[:40]!r}, not a number{hint}"
+                f"{TIME_HINT if name == 'time_s' else ''}"
+            )
+
+
+TIME_HINT = "; give seconds, or leave the column out"
+
+
+def number(cell: str) -> float:
+    """A cell as a number; NaN where it is empty. Quotes round it mean nothing."""
+    text = cell.strip()
+    if len(text) > 1 and text[0] == text[-1] == '"':
+        text = text[1:-1]
+    return float(text or "nan")
+
+
+def is_number(cell: str) -> bool:
+    try:
+        number(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def numbers(
@@ -123,7 +236,7 @@ def numbers(
         if bad[n]:
             continue
         try:
-            values[n] = [float(row[i] or "nan") for i in places]
+            values[n] = [number(row[i]) for i in places]
         except ValueError:
             values[n], bad[n] = np.nan, True
     return values, bad
@@ -138,6 +251,7 @@ def read_parquet(
     try:
         file = pq.ParquetFile(path)
         use = wanted(path, file.schema_arrow.names, needed, optional)
+        require_numbers(path, file.schema_arrow, use)
         done = 0
         for batch in file.iter_batches(rows, columns=use):
             columns = {
@@ -148,50 +262,23 @@ def read_parquet(
             lines = np.arange(done, done + len(batch)) + 1
             done += len(batch)
             yield Chunk(columns, lines, np.zeros(len(batch), dtype=bool), size)
-    except pa.ArrowInvalid as error:
-        raise InputError(f"{path}: not a Parquet table of numbers: {error}") from None
+    except (pa.ArrowException, OSError) as error:
+        what = str(error).partition("\n")[0]
+        raise InputError(f"{path}: not a Parquet table of numbers: {what}") from None
 
 
-def refuse_to_overwrite(paths: Sequence[Path], force: bool) -> None:
-    """Raises `OutputError` where one of the paths exists and is not to be replaced."""
-    existing = [str(path) for path in paths if path.exists()]
-    if existing and not force:
-        raise OutputError(f"{', '.join(existing)}: exists already; --force replaces it")
+def require_numbers(path: Path, schema: Any, names: Sequence[str]) -> None:
+    """Raises `InputError` for columns of a Parquet table whose type is not one of numbers."""
+    from pyarrow import types
 
-
-class Whole:
-    """A file that appears under its name when all is written, and not at all if that fails.
-
-    `with Whole(path) as temporary:` write to `temporary`, a path in the same folder.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def __enter__(self) -> Path:
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(
-                dir=self.path.parent, prefix=f".{self.path.stem}-", suffix=self.path.suffix
+    kinds = (types.is_integer, types.is_floating, types.is_decimal, types.is_null)
+    for name in names:
+        kind = schema.field(name).type
+        if not any(is_kind(kind) for is_kind in kinds):
+            raise InputError(
+                f"{path}: column {name} holds {kind}, not numbers"
+                f"{TIME_HINT if name == 'time_s' else ''}"
             )
-        except OSError as error:
-            raise OutputError(f"{self.path}: can not be written: {error.strerror}") from None
-        os.close(handle)
-        umask = os.umask(0)
-        os.umask(umask)
-        self.temporary = Path(name)
-        self.temporary.chmod(0o666 & ~umask)
-        return self.temporary
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
-    ) -> None:
-        if kind is None:
-            self.temporary.replace(self.path)
-            return
-        self.temporary.unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            raise OutputError(f"{self.path}: can not be written: {error.strerror}") from None
 
 
 class Writer:

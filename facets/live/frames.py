@@ -1,7 +1,7 @@
 """What a detector board sends: three formats, parsed in blocks, made again after noise.
 
 Every format carries the same sample: seq (u32), t_us (u32), and 12 counts (i32), four a detector.
-README.md, "Formats", describes the bytes for those who write firmware.
+docs/formats.md describes the bytes for those who write firmware.
 """
 
 from __future__ import annotations

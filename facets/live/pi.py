@@ -50,9 +50,10 @@ class Pi:
         lines = self.answers()
         try:
             found = dict(line.strip().split("=") for line in lines)
-            return self.zero + np.array([float(found["1"]), float(found["2"])])
+            place: Floats = self.zero + np.array([float(found["1"]), float(found["2"])])
         except (ValueError, KeyError):
             raise StageError(f"the stage's place can not be understood: {lines}") from None
+        return place
 
     def move(self, place: Floats) -> None:
         x, y = place - self.zero

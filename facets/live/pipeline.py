@@ -104,7 +104,7 @@ class Pipeline:
         }
         sensor = self.config.sensor
         found = solve(sensor, readings, beam=beam, start=self.state, **options)
-        lost = (found.status == Status.MAX_STEPS) | (found.status == Status.SINGULAR)
+        lost = np.isin(found.status, (Status.MAX_STEPS, Status.SINGULAR, Status.STALLED))
         lost |= (found.status == Status.OUT_OF_RANGE) & found.used.all(axis=1)
         if lost.any():
             part = Prior(beam.mean[lost], beam.sigma) if isinstance(beam, Prior) else beam  # type: ignore[index]

@@ -40,7 +40,8 @@ class Zaber:
             raise StageError(f"the stage refused {command!r}: {' '.join(words[5:])}")
         if words[4].startswith("F"):
             raise StageError(f"the stage has a fault, {words[4]}; see its manual")
-        return words[5:]
+        answer: list[str] = words[5:]
+        return answer
 
     def place(self) -> Floats:
         data = self.ask("get pos")

@@ -201,6 +201,11 @@ def readings(
     leaves out a cross term, and is exact only for a level sub-beam. Slow.
 
     threads: that share the states; 0 for all cores.
+
+    >>> import facets
+    >>> psi, zeta, power = facets.readings(facets.Sensor(), [0, 0, 0.5, 0, 0, 0.002, 0, 0])[:3]
+    >>> f"psi {psi:.3f} mm, zeta {zeta:.3f} mm, {power:.3f} mW"
+    'psi 0.500 mm, zeta 0.280 mm, 0.100 mW'
     """
     rows, shape = as_rows(state, 8, "state")
     if irradiance == "paper":
@@ -209,10 +214,11 @@ def readings(
         return paper_readings(geometry_of(sensor), rows).reshape(*shape, 9)
     if irradiance != "exact":
         raise InputError(f'irradiance is {irradiance!r}; allowed: "exact", "paper"')
+    from . import evaluators
     from .kernels import read
 
-    vectors, out = packed(sensor), np.empty((len(rows), 9))
-    share(lambda part: read(vectors, rows[part], out[part]), len(rows), threads)
+    model, vectors, out = evaluators.readings(sensor), packed(sensor), np.empty((len(rows), 9))
+    share(lambda part: read(model, vectors, rows[part], out[part]), len(rows), threads)
     return out.reshape(*shape, 9)
 
 
@@ -221,12 +227,23 @@ def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
 
     state: (..., 8) as for `readings`. Returns (..., 9, 8): mm and mW per mm and rad; NaN in the
     rows of a detector that `readings` gives NaN for. threads: as for `readings`.
+
+    >>> import numpy as np, facets
+    >>> slopes = facets.jacobian(facets.Sensor(), np.zeros(8))
+    >>> f"psi_a moves {slopes[0, 5]:.0f} mm per rad of yaw"
+    'psi_a moves 250 mm per rad of yaw'
     """
+    from . import evaluators
     from .kernels import differentiate
 
     rows, shape = as_rows(state, 8, "state")
+    model, power = evaluators.linearised(sensor), float(sensor.beam.power)
     vectors, out = packed(sensor), np.empty((len(rows), 9, 8))
-    share(lambda part: differentiate(vectors, rows[part], out[part]), len(rows), threads)
+
+    def run(part: slice) -> None:
+        differentiate(model, vectors, rows[part], power, out[part])
+
+    share(run, len(rows), threads)
     return out.reshape(*shape, 9, 8)
 
 
@@ -235,6 +252,11 @@ def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
 
     state: (..., 8). Returns (..., 9, 30), columns in the order of `facets.PARAMETERS`; mm and mW
     per mm, rad and mW. NaN as in `jacobian`.
+
+    >>> import numpy as np, facets
+    >>> slopes = facets.parameter_jacobian(facets.Sensor(), np.zeros(8))
+    >>> f"{slopes[2, facets.PARAMETERS.index('beam.power')]:.3f}"  # of the power on A
+    '0.333'
     """
     from .kernels import differentiate_by_parameters, differentiate_cut, differentiate_light
 
@@ -266,6 +288,10 @@ def reaches(sensor: Sensor, state: ArrayLike) -> NDArray[np.bool_]:
     """Which spots' centroids lie on their detector's sensitive area: (..., 8) -> (..., 3).
 
     False also where the sub-beam never meets its detector's plane.
+
+    >>> import facets
+    >>> facets.reaches(facets.Sensor(), [0, 0, 8, 0, 0, 0, 0, 0]).tolist()  # 8 mm up: past the edge
+    [False, False, False]
     """
     return on_detectors(sensor, readings(sensor, state))
 
@@ -277,6 +303,11 @@ def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     zeta on the detectors' planes (mm, detector frame), and how far from the mirror's axis the light
     meets the facet at most (mm). NaN where a facet meets no light inside the circle, where it is
     turned past the beam, and where its sub-beam never meets the detector's plane.
+
+    >>> import numpy as np, facets
+    >>> least, largest = facets.footprints(facets.Sensor(), np.zeros(8))[0, :2]
+    >>> f"spot A spans {largest - least:.2f} mm along y"
+    'spot A spans 0.74 mm along y'
     """
     from .kernels import outline
 
@@ -293,6 +324,11 @@ def margins(sensor: Sensor, state: ArrayLike, whole: bool = True, threads: int =
     Returns (..., 3, 5): from the edges at -y, +y, -z and +z of detectors A, B, C, and from the
     mirror's rim, counted square to its axis; infinite where `sensor.apertures` gives no rim. NaN as
     `footprints` and `readings`; for a centroid, the rim is that of the whole footprint.
+
+    >>> import numpy as np, facets
+    >>> edges = facets.margins(facets.Sensor(), np.zeros(8))[0, :4]
+    >>> f"spot A is {edges.min():.2f} mm from an edge"
+    'spot A is 6.08 mm from an edge'
     """
     ends = footprints(sensor, state, threads)
     if not whole:
@@ -301,4 +337,5 @@ def margins(sensor: Sensor, state: ArrayLike, whole: bool = True, threads: int =
         ends[..., :4] = np.repeat(places, 2, axis=-1)
     limits = np.repeat(half_sizes(sensor), 2, axis=1)
     rims = np.full((3, 1), sensor.apertures.rim)
-    return np.hstack([limits, rims]) + ends * np.array([1, -1, 1, -1, -1])
+    clear: Floats = np.hstack([limits, rims]) + ends * np.array([1, -1, 1, -1, -1])
+    return clear

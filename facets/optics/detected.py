@@ -55,6 +55,13 @@ def linearised(
         return bench_light.linearised(sensor, state)
     if not sensor.openings.cut:
         return linearised_uncut(sensor, state)
+    return linearised_where_cut(sensor, state, room)
+
+
+def linearised_where_cut(
+    sensor: Geometry, state: tuple[Any, ...], room: Array
+) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
+    """`linearised` of a sensor whose light is cut."""
     at, counts = cut_scene(sensor, state, room)
     turns, axes = turns_of_edges(sensor, at), rotation_axes(state[4], state[5])
     return (

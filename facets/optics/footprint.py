@@ -28,7 +28,7 @@ def rim_of_beam(sensor: Geometry) -> float:
 def inside(point: Plane, q: Plane, u1: Plane, u2: Plane) -> bool:
     """Whether a point lies in the wedge at q between the sides u1 and u2."""
     x, y = point[0] - q[0], point[1] - q[1]
-    return u1[0] * y - u1[1] * x >= 0 and x * u2[1] - y * u2[0] >= 0
+    return bool(u1[0] * y - u1[1] * x >= 0 and x * u2[1] - y * u2[0] >= 0)
 
 
 def reach(slope: Plane, q: Plane, u1: Plane, u2: Plane, radius: float) -> float:

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.names import POSE
-from ..core.sensor import DETECTORS
+from ..core.names import DETECTORS, POSE
 from . import style
 
 if TYPE_CHECKING:

@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..characterization.sensitivity import Index
+from ..core.units import column_label
 from . import style
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -18,41 +21,49 @@ def front_picture(
     table: dict[str, NDArray[Any]],
     best: NDArray[np.bool_],
     objectives: list[str],
-    indices: dict[str, dict[str, float]],
-) -> Figure:
-    """Objectives against one another, the front marked; and first-order Sobol indices."""
+    indices: dict[str, dict[str, Index]],
+) -> Figure | None:
+    """Objectives against one another, the front marked; and first-order Sobol indices.
+
+    None where there is nothing to draw: fewer than two designs with all objectives, or one
+    objective and no indices.
+    """
     import matplotlib as mpl
 
+    known = np.all([np.isfinite(table[name]) for name in objectives], axis=0)
     pairs = list(pairwise(objectives))
+    count = len(pairs) + bool(indices)
+    if known.sum() < 2 or count == 0:
+        return None
     with mpl.rc_context(style.STYLE):
-        picture = style.figure(4.0 * (len(pairs) + 1), 3.6)
-        panels = picture.subplots(1, len(pairs) + 1, squeeze=False)[0]
+        picture = style.figure(4.0 * count, 3.6)
+        panels = picture.subplots(1, count, squeeze=False)[0]
         for panel, (one, other) in zip(panels, pairs, strict=False):
             panel.plot(table[one], table[other], ".", ms=1.5, color=style.GREY, rasterized=True)
-            panel.plot(table[one][best], table[other][best], "o", ms=3, color=style.BLUE)
-            panel.set(xlabel=labelled(one), ylabel=labelled(other))
-        panels[0].plot(
-            [], [], "o", ms=3, color=style.BLUE, label="beaten by none in all objectives"
-        )
-        panels[0].legend(loc="best", fontsize=7)
-        bars(panels[-1], indices)
+            label = "beaten by none in all objectives"
+            panel.plot(
+                table[one][best], table[other][best], "o", ms=3, color=style.BLUE, label=label
+            )
+            panel.set(xlabel=column_label(one), ylabel=column_label(other))
+        if pairs:
+            panels[0].legend(loc="best", fontsize=7)
+        if indices:
+            bars(panels[-1], indices)
     return picture
 
 
-def labelled(name: str) -> str:
-    words, _, unit = name.rpartition("_")
-    return f"{words.replace('_', ' ')}, {unit.replace('u', 'µ', 1) if unit[0] == 'u' else unit}"
-
-
-def bars(panel: Any, indices: dict[str, dict[str, float]]) -> None:
-    variables = list(next(iter(indices.values()))) if indices else []
-    width = 0.8 / max(len(indices), 1)
+def bars(panel: Axes, indices: dict[str, dict[str, Index]]) -> None:
+    """Indices by variable, a colour for each objective, with their intervals."""
+    variables = list(next(iter(indices.values())))
+    width = 0.8 / len(indices)
     for n, (objective, found) in enumerate(indices.items()):
         places = np.arange(len(variables)) + n * width
-        values = [found[name] for name in variables]
-        panel.barh(places, values, width, color=style.SERIES[n % len(style.SERIES)],
-                   label=labelled(objective))  # fmt: skip
-    panel.set(xlabel="first-order Sobol index")
+        values = [found[name].value for name in variables]
+        panel.barh(
+            places, values, width, xerr=[found[name].half for name in variables],
+            color=style.SERIES[n % len(style.SERIES)], label=column_label(objective),
+            error_kw={"lw": 0.8, "ecolor": style.INK},
+        )  # fmt: skip
+    panel.set(xlabel="first-order Sobol index, with its interval of 95 %")
     panel.set_yticks(np.arange(len(variables)) + 0.4 - width / 2, variables)
-    if indices:
-        panel.legend(fontsize=7)
+    panel.legend(fontsize=7)

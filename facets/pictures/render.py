@@ -116,21 +116,40 @@ class Picture:
         self.plotter.subplot(*self.places[name])
 
     def fill(self, view: str, state: Floats) -> None:
+        """Draws the bodies of a view at a state; those that were drawn already only move.
+
+        A body that has vanished is taken out, and one with other points or faces drawn anew.
+        """
         self.turn_to(view)
-        for body in BODIES[view](self.sensor, state):
-            mesh = self.meshes[view, body.name] = mesh_of(self.pyvista, body)
-            if body.light is not None:
-                self.plotter.add_mesh(
-                    mesh, scalars="light", cmap="inferno", clim=(0, 1), show_scalar_bar=False,
-                    lighting=False, render=False,
-                )  # fmt: skip
+        bodies = {body.name: body for body in BODIES[view](self.sensor, state)}
+        for name in [name for of, name in self.meshes if of == view and name not in bodies]:
+            for actor in (name, f"to {name}"):  # the body, and the line along it
+                self.plotter.remove_actor(actor, render=False)
+            del self.meshes[view, name]
+        for body in bodies.values():
+            fresh, mesh = mesh_of(self.pyvista, body), self.meshes.get((view, body.name))
+            if mesh is None or not np.array_equal(mesh.faces, fresh.faces):
+                self.meshes[view, body.name] = fresh
+                self.add(fresh, body)
                 continue
-            colour, opacity = LOOKS[body.kind]
+            mesh.points = body.points
+            if body.light is not None:
+                mesh["light"] = body.light
+
+    def add(self, mesh: Any, body: Body) -> None:
+        """Adds a body's mesh to the present view, in place of an older one of its name."""
+        if body.light is not None:
             self.plotter.add_mesh(
-                mesh, color=colour, opacity=opacity, line_width=1.5, edge_color=style.INK,
-                show_edges=body.kind in ("mirror", "detector"),
-                lighting=body.kind == "mirror", render=False,
+                mesh, scalars="light", cmap="inferno", clim=(0, 1), show_scalar_bar=False,
+                lighting=False, name=body.name, reset_camera=False, render=False,
             )  # fmt: skip
+            return
+        colour, opacity = LOOKS[body.kind]
+        self.plotter.add_mesh(
+            mesh, color=colour, opacity=opacity, line_width=1.5, edge_color=style.INK,
+            show_edges=body.kind in ("mirror", "detector"),
+            lighting=body.kind == "mirror", name=body.name, reset_camera=False, render=False,
+        )  # fmt: skip
 
     def dress(self, view: str, state: Floats) -> None:
         """Labels and camera of a view."""
@@ -235,14 +254,9 @@ class Picture:
         )
 
     def move(self, state: Floats) -> None:
-        """To another state; bodies keep their faces, so only points change."""
+        """To another state."""
         for view in self.places:
-            for body in BODIES[view](self.sensor, state):
-                mesh = self.meshes.get((view, body.name))
-                if mesh is not None and len(mesh.points) == len(body.points):
-                    mesh.points = body.points
-                    if body.light is not None:
-                        mesh["light"] = body.light
+            self.fill(view, state)
         if "rig" in self.places:
             self.turn_to("rig")
             self.guides()

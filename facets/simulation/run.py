@@ -71,9 +71,11 @@ class Axis:
         return self.high > self.low
 
 
-def read(sensor: Sensor, truth: Floats, noise: bool, rng: np.random.Generator) -> tuple[Any, Any]:
+def read_detectors(
+    sensor: Sensor, truth: Floats, noise: bool, rng: np.random.Generator
+) -> tuple[Any, Any]:
     """Readings (n, 9) as a bench would give them, and which spots reached their detector (n, 3)."""
-    exact = seen_by(sensor, disturbed(sensor, truth, rng) if noise else truth)
+    exact = seen_by(sensor, add_pointing_jitter(sensor, truth, rng) if noise else truth)
     reached = on_detectors(sensor, exact)
     if noise and sensor.electronics and sensor.electronics.power_noise > 0:
         share = sensor.electronics.power_noise * rng.standard_normal((len(exact), 1))
@@ -84,7 +86,7 @@ def read(sensor: Sensor, truth: Floats, noise: bool, rng: np.random.Generator) -
     return seen, reached
 
 
-def disturbed(sensor: Sensor, truth: Floats, rng: np.random.Generator) -> Floats:
+def add_pointing_jitter(sensor: Sensor, truth: Floats, rng: np.random.Generator) -> Floats:
     """The true states with the beam's pointing jitter."""
     if sensor.electronics is None or sensor.electronics.pointing == 0:
         return truth
@@ -93,7 +95,9 @@ def disturbed(sensor: Sensor, truth: Floats, rng: np.random.Generator) -> Floats
     return state
 
 
-def beam_seen(options: Solve, truth: Floats, noise: bool, rng: np.random.Generator) -> Floats:
+def reported_beam_place(
+    options: Solve, truth: Floats, noise: bool, rng: np.random.Generator
+) -> Floats:
     """Where the beam is said to be (n, 2), mm: as by a stage with the prior's uncertainty."""
     place = truth[:, 6:].copy()
     if noise and options.beam == "prior":
@@ -101,14 +105,15 @@ def beam_seen(options: Solve, truth: Floats, noise: bool, rng: np.random.Generat
     return place
 
 
-def run(
+def simulate_motion(
     config: Config, name: str, noise: bool, rng: np.random.Generator, track: bool = False
 ) -> Segment:
+    """One motion, read and solved."""
     time, truth = states(config.motions[name], rng)
     if track:
         truth = followed(config.sensor, config.stage, time, truth)
-    seen, reached = read(config.sensor, truth, noise, rng)
-    place = beam_seen(config.solve, truth, noise, rng)
+    seen, reached = read_detectors(config.sensor, truth, noise, rng)
+    place = reported_beam_place(config.solve, truth, noise, rng)
     solution = solve_readings(config.sensor, config.solve, seen, place)
     return Segment(name, time, truth, seen, place, reached, solution)
 
@@ -120,12 +125,21 @@ def simulate(
     seed: int | None = None,
     track: bool = False,
 ) -> list[Segment]:
-    """Runs the named motions (default: all) one after the other.
+    """Moves the mirror as a configuration says, reads it, and solves the readings.
 
-    track: whether the beam follows the mirror, carried by the config's stage.
+    config: from `facets.load`.  motions: names of its motions, one after the other; all by default.
+    noise: whether readings are noisy, and seed: of their noise; the configuration's by default.
+    Each motion draws from a stream of its own, so that leaving one out changes no other.
+    track: whether the beam follows the mirror, carried by the configuration's stage.
 
-    noise, seed: of the readings; default: the config's. Each motion draws from a stream of its own,
-    so that leaving one out does not change the others.
+    Returns a `Segment` a motion: times, true states, readings, and the solution. A sample that
+    can not be solved has a status and NaN in it. Raises `InputError` for a motion that the
+    configuration does not have.
+
+    >>> import facets
+    >>> (segment,) = facets.simulate(facets.load("paper"), ["yaw-sweep"], seed=1)
+    >>> segment.truth.shape, bool(segment.solution.ok.all())
+    ((401, 8), True)
     """
     names = list(motions) or list(config.motions)
     unknown = [name for name in names if name not in config.motions]
@@ -136,7 +150,8 @@ def simulate(
     streams = np.random.SeedSequence(config.seed if seed is None else seed)
     children = dict(zip(config.motions, streams.spawn(len(config.motions)), strict=True))
     return [
-        run(config, name, noisy, np.random.default_rng(children[name]), track) for name in names
+        simulate_motion(config, name, noisy, np.random.default_rng(children[name]), track)
+        for name in names
     ]
 
 
@@ -169,7 +184,7 @@ def statuses(segment: Segment) -> dict[str, int]:
 
 def reading_table(segments: Sequence[Segment]) -> dict[str, Any]:
     """The readings of all segments as columns; `facets solve` takes such a table."""
-    columns: dict[str, Any] = timing(segments)
+    columns: dict[str, Any] = time_columns(segments)
     rows = np.concatenate([segment.readings for segment in segments])
     place = np.concatenate([segment.place for segment in segments])
     columns |= {name: rows[:, i] for i, name in enumerate(READING_COLUMNS)}
@@ -196,7 +211,7 @@ def reference_columns(
 def pose_table(segments: Sequence[Segment]) -> dict[str, Any]:
     """True states, estimates and their uncertainties of all segments as columns."""
     truth = np.concatenate([segment.truth for segment in segments]) / STATE_UNITS
-    columns = timing(segments)
+    columns = time_columns(segments)
     columns |= {f"true_{name}": truth[:, i] for i, name in enumerate(STATE_COLUMNS)}
     parts = [
         pose_columns(s.solution, labels(s.solution, np.zeros(len(s.time), dtype=bool)))
@@ -205,7 +220,7 @@ def pose_table(segments: Sequence[Segment]) -> dict[str, Any]:
     return columns | {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def timing(segments: Sequence[Segment]) -> dict[str, Any]:
+def time_columns(segments: Sequence[Segment]) -> dict[str, Any]:
     return {
         "motion": np.concatenate([np.repeat(s.name, len(s.time)) for s in segments]),
         "time_s": np.concatenate([segment.time for segment in segments]),

@@ -62,7 +62,7 @@ def test_corrections_go_both_ways():
 
 
 def test_a_scale_and_a_gain_mean_what_they_say():
-    psd = replace(NOMINAL.psds[0], correction=facets.core.sensor.Correction(
+    psd = replace(NOMINAL.psds[0], correction=facets.Correction(
         power=0.02, dark=1e-3, y=(0.065, *[0.0] * 8)))  # fmt: skip
     sensor = replace(NOMINAL, psds=(psd, *NOMINAL.psds[1:]))
     raw = facets.readings(NOMINAL, np.array([[0.02, 0.01, 0.1, 1e-3, 2e-3, 5e-3, 0, 0]]))

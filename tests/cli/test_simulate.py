@@ -8,6 +8,8 @@ import pytest
 from commands import command
 
 import facets
+from facets.core.names import READING_COLUMNS
+from facets.files.tables import write_table
 
 
 def poses(path: Path) -> pd.DataFrame:
@@ -76,7 +78,7 @@ def write_readings(path: Path) -> None:
     row = ",".join(repr(float(x)) for x in facets.readings(facets.Sensor(), np.zeros(8)))
     cells = row.split(",")
     without_b = ",".join([*cells[:3], "", "nan", "", *cells[6:]])
-    names = ",".join(facets.core.names.READING_COLUMNS)
+    names = ",".join(READING_COLUMNS)
     rows = [row, "here" + row, without_b, row, ",".join(cells[:4])]
     path.write_text(f"{names}\n" + "\n".join(rows))
 
@@ -131,7 +133,7 @@ def test_a_known_beam_saves_a_row_without_a_detector(tmp_path):
 def test_bad_input_gets_a_message_and_leaves_nothing(tmp_path, words, message):
     write_readings(tmp_path / "readings.csv")
     (tmp_path / "names.csv").write_text("psi,zeta\n1,2\n")
-    (tmp_path / "empty.csv").write_text(",".join(facets.core.names.READING_COLUMNS) + "\n")
+    (tmp_path / "empty.csv").write_text(",".join(READING_COLUMNS) + "\n")
     before = sorted(file.name for file in tmp_path.iterdir())
     done = command(*words, cwd=tmp_path)
     assert done.returncode == 2
@@ -149,8 +151,8 @@ def test_chunks_do_not_show(tmp_path):
         [1, 1, 1, 0.1, 0.1, 0.1, 1, 1]
     )
     rows = facets.readings(paper.sensor, states)
-    columns = dict(zip(facets.core.names.READING_COLUMNS, rows.T, strict=True))
-    facets.files.tables.write_table(tmp_path / "r.csv", columns, {})
+    columns = dict(zip(READING_COLUMNS, rows.T, strict=True))
+    write_table(tmp_path / "r.csv", columns, {})
     results = []
     for size in (1000, 10, 1):
         out = tmp_path / f"p{size}.csv"

@@ -15,9 +15,11 @@ from facets.characterization.resolution import Estimator, uncertainties
 from facets.characterization.singularity import measures
 from facets.core.errors import ConfigError, InputError
 from facets.core.settings import LaserPart, PsdPart
-from facets.design.optimization import optimize, shares_of_volume, states_of, worst_over
-from facets.design.variables import Outcome, outcome, present, sensor_of, varied
+from facets.design.report import worst_over
+from facets.design.search import optimize
+from facets.design.variables import Outcome, outcome, present_values, sensor_of, with_values
 from facets.design.verification import compare
+from facets.design.volume import shares_of_volume, states_of
 from facets.model.arrays import parameters
 
 CONFIG = facets.load("layout")
@@ -39,8 +41,8 @@ def test_the_symbols_are_the_model(name):
         np.testing.assert_allclose(found[Outcome.POWERS], reading[2::3], rtol=1e-10)
         square = [replace(p, size_y=d, size_z=d) for p, d in zip(sensor.psds, sizes, strict=True)]
         room = facets.margins(replace(sensor, psds=tuple(square)), state)[:, :4].ravel()
-        assert (found[Outcome.ROOM] <= room + 1e-9).all()  # the whole ellipse is no smaller
-        assert (found[Outcome.ROOM] > room - 1.0).all()
+        assert (found[Outcome.CLEARANCES] <= room + 1e-9).all()  # the whole ellipse is no smaller
+        assert (found[Outcome.CLEARANCES] > room - 1.0).all()
 
 
 def worst(x, names, layout=CONFIG.layout):
@@ -61,12 +63,12 @@ def optimum():
 
 
 def test_all_starts_end_at_the_same_optimum_and_it_is_better(optimum):
-    assert all(end.found for end in optimum.ends)
-    assert np.ptp([end.objective for end in optimum.ends]) < 1e-6
+    assert all(end.found for end in optimum.results)
+    assert np.ptp([end.objective for end in optimum.results]) < 1e-6
     value, room = worst(optimum.best.x, optimum.names)
     assert value == pytest.approx(np.sqrt(optimum.best.objective), rel=1e-6)
     assert room > -1e-6
-    before, _ = worst([present(CONFIG.sensor)[n] for n in optimum.names], optimum.names)
+    before, _ = worst([present_values(CONFIG.sensor)[n] for n in optimum.names], optimum.names)
     assert before == pytest.approx(np.sqrt(optimum.before), rel=1e-6)
     assert value < 0.75 * before
 
@@ -80,9 +82,11 @@ def test_no_neighbour_is_better(optimum):
     tried = 0
     for _ in range(150):
         x = best * (1 + rng.uniform(-0.02, 0.02, len(best)))
-        p, sizes = varied(CONFIG.sensor, names, list(x))
+        p, sizes = with_values(CONFIG.sensor, names, list(x))
         places = np.array(states_of(CONFIG.layout, 1.0), dtype=float)
-        room = np.array(function.map(len(places))(p, sizes, places.T, 0.0))[Outcome.ROOM].min()
+        room = np.array(function.map(len(places))(p, sizes, places.T, 0.0))[
+            Outcome.CLEARANCES
+        ].min()
         if room < 0 or x[0] > 250:
             continue
         tried += 1
@@ -100,9 +104,11 @@ def test_an_independent_optimiser_finds_no_better():
     many = function.map(len(places))
 
     def objective(x):
-        p, sizes = varied(CONFIG.sensor, names, list(x))
+        p, sizes = with_values(CONFIG.sensor, names, list(x))
         found = np.array(many(p, sizes, places.T, 0.0))
-        short = min(found[Outcome.ROOM].min(), found[Outcome.POWERS].min() / layout.least_power - 1)
+        short = min(
+            found[Outcome.CLEARANCES].min(), found[Outcome.POWERS].min() / layout.least_power - 1
+        )
         short = min(short, (250 - x[0]) / 250)
         return worst(x, names, layout)[0] + 100 * max(-short, 0)
 
@@ -210,7 +216,7 @@ def test_what_can_not_be_met_is_named():
     layout = replace(CONFIG.layout, limit=(np.inf, np.inf, 0.1, np.inf, np.inf, np.inf), starts=1)
     found = optimize(CONFIG.sensor, layout)
     assert not found.best.found
-    assert "uncertainty of tz" in found.best.missing
+    assert "uncertainty of tz" in found.best.shortfalls
 
 
 def test_nothing_to_vary_is_an_error():
@@ -223,7 +229,7 @@ def test_nothing_to_vary_is_an_error():
     [
         ({"electronics": facets.Electronics()}, "knows neither"),
         ({"apertures": facets.Apertures(beam=1.0)}, "knows neither"),
-        ({"calibration": facets.core.sensor.Calibration((), ())}, "belongs to a rig"),
+        ({"calibration": facets.Calibration((), ())}, "belongs to a rig"),
     ],
 )
 def test_what_the_symbols_do_not_know_is_an_error(more, words):

@@ -9,7 +9,7 @@ import pytest
 
 import facets
 from facets.detectors.noise import add_noise
-from facets.estimation.misfit import LEVEL, Flags, beyond_chance, redundancy
+from facets.estimation.misfit import LEVEL, Misfit, beyond_chance, redundancy
 from facets.estimation.table import solve_readings
 
 CONFIG = facets.load("paper")
@@ -40,7 +40,7 @@ def test_chance_flags_as_many_as_it_should():
 
 
 def flags(sensor, raw):
-    found = Flags()
+    found = Misfit()
     solution = solve_readings(sensor, OPTIONS, raw, None)
     marks = beyond_chance(sensor, OPTIONS, solution, LEVEL)
     found.add(marks, solution, OPTIONS)

@@ -149,6 +149,29 @@ def test_gltf_opens_in_a_browser(tmp_path):
     assert (np.ptp(image, axis=-1) > 0.05).mean() > 0.05
 
 
+def test_bodies_follow_a_state_at_which_some_of_them_vanish():
+    """Moved off the beam and back, a picture holds what one drawn there at once holds."""
+    from facets.pictures.render import Picture
+
+    sensor = facets.Sensor()
+    away, back = np.array([40.0, 0, 0, 0, 0, 0, 0, 0]), np.array([0.05, 0, 0.5, 0, 0, 0.01, 0, 0])
+    moved = Picture(sensor, np.zeros(8), "rig", (200, 150))
+    for state in (away, back):
+        moved.move(state)
+        fresh = Picture(sensor, state, "rig", (200, 150))
+        assert moved.meshes.keys() == fresh.meshes.keys()
+        shown, wanted = (
+            {name for name in picture.plotter.actors if "Addr" not in name}
+            for picture in (moved, fresh)
+        )
+        assert shown == wanted
+        for key, mesh in fresh.meshes.items():
+            assert np.array_equal(moved.meshes[key].points, mesh.points), key
+            assert np.array_equal(moved.meshes[key].faces, mesh.faces), key
+        fresh.close()
+    moved.close()
+
+
 def test_films_and_flat_pictures(tmp_path):
     arguments = ("--frames", "3", "--width", "320", "--height", "240")
     for name in ("film.gif", "film.mp4"):

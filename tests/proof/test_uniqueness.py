@@ -192,5 +192,5 @@ def test_intervals_hold_what_they_should():
 
 
 def test_a_box_has_two_ends():
-    with pytest.raises(facets.core.errors.InputError, match="the box runs"):
+    with pytest.raises(facets.InputError, match="the box runs"):
         Domain(np.ones(8), -np.ones(8))

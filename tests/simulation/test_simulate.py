@@ -9,7 +9,7 @@ from facets.detectors.noise import add_noise
 from facets.simulation.run import axes, pose_table, reading_table, simulate, statuses
 
 
-def config(tmp_path, text: str) -> facets.config.Config:
+def config(tmp_path, text: str) -> facets.Config:
     path = tmp_path / "c.yaml"
     path.write_text("extends: paper\n" + text)
     return facets.load(path)

@@ -1,0 +1,45 @@
+"""Arguments and options that several commands have, each declared once."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+class TableKind(StrEnum):
+    csv = "csv"
+    parquet = "parquet"
+
+
+class PlotKind(StrEnum):
+    png = "png"
+    svg = "svg"
+    pdf = "pdf"
+
+
+ConfigName = Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace older results.")]
+Plot = Annotated[PlotKind, typer.Option(help="Kind of the picture.")]
+Table = Annotated[TableKind, typer.Option(help="Kind of the table.")]
+At = Annotated[str | None, typer.Option(help="Where the other axes stand: tz_mm=1,yaw_mrad=2.")]
+
+
+def folder_option(default: str) -> typer.models.OptionInfo:
+    """`-o FOLDER`, with its default in words."""
+    option: typer.models.OptionInfo = typer.Option(
+        "-o", "--output", help=f"Folder for the results.  [default: {default}]"
+    )
+    return option
+
+
+Track = Annotated[
+    bool, typer.Option("--track/--fixed", help="Whether the beam follows in x and y.")
+]
+
+
+def output_folder(given: Path | None, name: str, ending: str = "") -> Path:
+    """The folder asked for, else results/NAME-ENDING."""
+    return given or Path("results") / (f"{name}-{ending}" if ending else name)

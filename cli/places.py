@@ -1,0 +1,59 @@
+"""Places given on the command line: `tz_mm=1,yaw_mrad=2`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from facets.core.units import Floats
+
+
+def pose_of(text: str | None) -> Floats:
+    """'tz_mm=1,yaw_mrad=2' as a pose (6,), mm and rad."""
+    import numpy as np
+
+    from facets.core.names import STATE_COLUMNS
+
+    return np.array(numbers_at(text, STATE_COLUMNS[:6]))
+
+
+def state_of(text: str | None) -> Floats:
+    """'tz_mm=1,bx_mm=2' as a state (8,), mm and rad."""
+    import numpy as np
+
+    from facets.core.names import STATE_COLUMNS
+
+    return np.array(numbers_at(text, STATE_COLUMNS))
+
+
+def numbers_at(text: str | None, names: Sequence[str]) -> list[float]:
+    """NAME=NUMBER,... in the order of the names, mm and rad; zero where a name is left out."""
+    from math import isfinite
+
+    from facets.core.errors import InputError
+    from facets.core.names import STATE_UNITS
+
+    found = [0.0] * len(names)
+    for part in text.split(",") if text else []:
+        name, _, value = part.partition("=")
+        try:
+            number = names.index(name.strip())
+            found[number] = float(value) * STATE_UNITS[number]
+        except ValueError:
+            may = ", ".join(names)
+            raise InputError(f"--at has {part.strip()!r}; allowed: NAME=NUMBER, of {may}") from None
+        if not isfinite(found[number]):
+            raise InputError(f"--at has {part.strip()!r}; allowed: finite numbers")
+    return found
+
+
+def pair_of(text: str) -> tuple[str, str]:
+    """'tx,ty' as the names of two axes."""
+    from facets.core.errors import InputError
+    from facets.core.names import POSE
+
+    names = [name.strip() for name in text.split(",")]
+    if len(names) != 2 or len(set(names)) != 2 or not set(names) <= set(POSE):
+        raise InputError(f"--axes is {text!r}; allowed: two of {', '.join(POSE)}, as tx,ty")
+    return names[0], names[1]

@@ -1,0 +1,80 @@
+"""What was found about ranges, Jacobians and resolutions, as the columns of tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..core.names import POSE, STATE_COLUMNS, STATE_UNITS
+from ..core.units import Floats, ascii_unit, unit_of
+from .ranges import CAUSES, Boundary
+from .resolution import Resolution
+from .singularity import Survey
+from .state_box import apex_offset
+
+
+def cause_of(number: int) -> str:
+    """Why a range ends, in words; "nowhere" for -1, where nothing ends it as far as one looks."""
+    return CAUSES[number] if number >= 0 else "nowhere"
+
+
+def outline_columns(boundaries: Sequence[Boundary]) -> dict[str, Any]:
+    """Outlines of ranges, a row a point; places in the units of their axes' names."""
+    keys = ("axis_1", "axis_2", "value_1", "value_2", "ends_where")
+    rows: dict[str, list[Any]] = {key: [] for key in keys}
+    for boundary in boundaries:
+        factors = [unit_of(name).factor for name in boundary.axes]
+        names = [f"{name}_{unit_of(name).unit}" for name in boundary.axes]
+        for point, cause in zip(boundary.points * factors, boundary.causes, strict=True):
+            for key, value in zip(rows, (*names, *point, cause_of(cause)), strict=True):
+                rows[key].append(value)
+    return {key: np.array(column) for key, column in rows.items()}
+
+
+def resolution_columns(found: Sequence[Resolution]) -> dict[str, Any]:
+    """A row an estimator and axis; um and urad."""
+    rows = [resolution_row(row, i) for row in found for i in range(len(POSE))]
+    return {key: np.array([row[key] for row in rows]) for key in rows[0]}
+
+
+def resolution_row(row: Resolution, i: int) -> dict[str, Any]:
+    unit = unit_of(POSE[i])
+    worst_at = row.worst_state[i] / STATE_UNITS
+    shares = {
+        f"share_of_{s.replace(' ', '_')}": row.shares[i, n] for n, s in enumerate(row.sources)
+    }
+    return {
+        "estimator": ascii_unit(row.how.name),
+        "axis": POSE[i],
+        "unit": ascii_unit(unit.fine_unit),
+        "u_at_rest": unit.fine_factor * row.nominal[i],
+        "u_worst": unit.fine_factor * row.worst[i],
+        "u_expanded_worst": 2 * unit.fine_factor * row.worst[i],
+        **shares,
+        **{f"worst_at_{c}": worst_at[k] for k, c in enumerate(STATE_COLUMNS)},
+    }
+
+
+def state_columns(states: Floats, values: Floats) -> dict[str, Any]:
+    """States (n, 8) with their measures (n, 3), see `singularity.MEASURES`."""
+    columns: dict[str, Any] = {
+        name: states[:, i] / STATE_UNITS[i] for i, name in enumerate(STATE_COLUMNS)
+    }
+    columns["apex_offset_mm"] = apex_offset(states)
+    names = ("determinant", "smallest_singular_value", "condition_number")
+    return columns | {name: values[:, i] for i, name in enumerate(names)}
+
+
+def density_columns(found: Survey) -> dict[str, Any]:
+    """Classes of apex offset and determinant that hold states."""
+    offsets, levels = found.edges[0], found.edges[1]
+    i, j = np.nonzero(found.counts)
+    return {
+        "apex_offset_from_mm": offsets[i],
+        "apex_offset_to_mm": offsets[i + 1],
+        "determinant_from": levels[j],
+        "determinant_to": levels[j + 1],
+        "states": found.counts[i, j].astype(int),
+    }

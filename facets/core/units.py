@@ -1,0 +1,70 @@
+"""Units in one place: types of arrays, factors to the code's units, and how a unit is written.
+
+The code works in mm, rad, mW and s. People see places in mm and mrad, errors in µm and µrad. The
+micro sign is written µ to a person, and u where a name must be ASCII: in columns of tables and in
+the keys of a configuration.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .names import ANGLES, FINE_UNITS, STATE_UNITS
+
+__all__ = ["FINE_UNITS", "STATE_UNITS"]
+
+#: Types of arrays. A docstring gives the shape; components stand last.
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
+
+MICRO = "µ"
+#: How many of a unit make one of the code's: of a length mm, of an angle rad, of a power mW.
+UM, MRAD, URAD, UW = 1e3, 1e3, 1e6, 1e3
+
+
+class AxisUnit(NamedTuple):
+    """How an axis is shown: unit and factor of its places, then unit and factor of its errors."""
+
+    unit: str
+    factor: float
+    fine_unit: str
+    fine_factor: float
+
+
+LENGTH = AxisUnit("mm", 1.0, f"{MICRO}m", UM)
+ANGLE = AxisUnit("mrad", MRAD, f"{MICRO}rad", URAD)
+
+
+def unit_of(name: str) -> AxisUnit:
+    """How a component of the state, Eq. (3), is shown: `unit_of("yaw").unit` is "mrad"."""
+    return ANGLE if name in ANGLES else LENGTH
+
+
+def axis_label(name: str) -> str:
+    """For places along an axis: "yaw, mrad"."""
+    return f"{name}, {unit_of(name).unit}"
+
+
+def error_label(name: str) -> str:
+    """For errors and uncertainties of an axis: "error of yaw, µrad"."""
+    return f"error of {name}, {unit_of(name).fine_unit}"
+
+
+def column_label(column: str) -> str:
+    """A column of a table as an axis of a picture: "range_roll_mrad" is "range roll, mrad"."""
+    words, _, unit = column.rpartition("_")
+    return f"{words.replace('_', ' ')}, {with_micro(unit)}"
+
+
+def with_micro(unit: str) -> str:
+    """A unit of a column or a key as a person writes it: "um" is "µm"."""
+    return MICRO + unit[1:] if unit in ("um", "urad", "uw", "uW") else unit
+
+
+def ascii_unit(text: str) -> str:
+    """A text for a table's column or cell: "µm" is "um"."""
+    return text.replace(MICRO, "u")

@@ -1,0 +1,65 @@
+"""What a layout that was found means, and what more of what is fixed would give."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.names import FINE_UNITS
+from ..core.sensor import Sensor
+from .problem import problem_of
+from .search import solve_from
+from .volume import states_of
+
+if TYPE_CHECKING:
+    from ..core.settings import Layout
+
+Floats = NDArray[np.float64]
+
+
+def in_words(aim: str, objective: float) -> str:
+    """What an objective means."""
+    if aim in ("resolution", "mean-resolution"):
+        kind = "worst" if aim == "resolution" else "root mean square"
+        return f"{kind} uncertainty {np.sqrt(max(objective, 0.0)):.4g} of the units asked for"
+    if aim == "range":
+        return f"a volume {-objective:.4g} times as large in each axis"
+    if aim == "condition":
+        return f"worst condition number {10**objective:.4g}"
+    if aim == "weighted":
+        return f"weighted sum {objective:.4g}"
+    return f"a head of {100 * objective:.4g} mm"
+
+
+def gains(sensor: Sensor, layout: Layout, best: Floats) -> dict[str, float]:
+    """The objective if what may not vary were a little more, solved again from the optimum."""
+    tried: dict[str, tuple[Sensor, Layout]] = {}
+    if "size_mm" not in layout.variables and not layout.psds:
+        wider = [replace(p, size_y=p.size_y + 1, size_z=p.size_z + 1) for p in sensor.psds]
+        larger = replace(sensor, psds=(wider[0], wider[1], wider[2]))
+        tried["1 mm more detector"] = (larger, layout)
+    if "power_mw" not in layout.variables and not layout.lasers:
+        brighter = replace(sensor, beam=replace(sensor.beam, power=1.1 * sensor.beam.power))
+        tried["10 % more laser power"] = (brighter, layout)
+    if np.isfinite(layout.head):
+        tried["10 mm more head"] = (sensor, replace(layout, head=layout.head + 10))
+    found = {}
+    for what, (other, asked) in tried.items():
+        problem = problem_of(other, asked)
+        result = solve_from(problem, problem.solver(), best)
+        if result.found:
+            found[what] = result.objective
+    return found
+
+
+def worst_over(sensor: Sensor, layout: Layout) -> Floats:
+    """The largest standard uncertainties (6,) over the volume, um and urad, by the float model."""
+    from ..characterization.resolution import Estimator, uncertainties
+
+    states = np.array(states_of(layout, 1.0), dtype=float)
+    found = uncertainties(sensor, states, Estimator("", np.inf))
+    worst: Floats = found.max(axis=0) / np.array(FINE_UNITS[:6])
+    return worst

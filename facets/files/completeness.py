@@ -1,0 +1,63 @@
+"""Whether a file is whole, by its own format: some libraries do not notice a full disk."""
+
+from __future__ import annotations
+
+import errno
+import json
+from pathlib import Path
+
+#: How files of a kind end; blanks after that do not count.
+ENDS = {
+    ".png": b"IEND\xaeB`\x82",
+    ".svg": b"</svg>",
+    ".pdf": b"%%EOF",
+    ".html": b"</html>",
+    ".gif": b";",
+    ".parquet": b"PAR1",
+}
+
+
+def require_complete(path: Path) -> None:
+    """Raises `OSError` where a picture, a film, a page or a table is cut off; by its ending."""
+    kind = path.suffix.lower()
+    if kind in ENDS:
+        whole = tail_of(path).rstrip().endswith(ENDS[kind])
+    elif kind == ".gltf":
+        whole = is_json(path)
+    elif kind == ".mp4":
+        whole = has_whole_boxes(path)
+    else:
+        return
+    if not whole:
+        raise OSError(errno.ENOSPC, "it was cut off; is the disk full?")
+
+
+def tail_of(path: Path, size: int = 64) -> bytes:
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - size))
+        return file.read()
+
+
+def is_json(path: Path) -> bool:
+    try:
+        json.loads(path.read_bytes())
+    except ValueError:
+        return False
+    return True
+
+
+def has_whole_boxes(path: Path) -> bool:
+    """Whether the boxes of an MP4 (ISO/IEC 14496-12) fill the file, and `moov` is one of them."""
+    size, place, names = path.stat().st_size, 0, set()
+    with path.open("rb") as file:
+        while place + 8 <= size:
+            file.seek(place)
+            head = file.read(16)
+            length = int.from_bytes(head[:4], "big")
+            if length == 1:
+                length = int.from_bytes(head[8:16], "big")
+            if length < 8:
+                return False
+            names.add(head[4:8])
+            place += length
+    return place == size and b"moov" in names

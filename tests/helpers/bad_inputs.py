@@ -1,0 +1,319 @@
+"""Bad inputs by number: configurations, tables, arguments and streams, spoilt in seeded ways.
+
+A case writes what it needs into a folder and gives the words of a command. `certain`: whether it is
+bad without doubt, so that the command must not end with 0; what a random change leaves can be good.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from facets.experiments.kills import stream
+
+import facets
+from facets.config import to_yaml
+from facets.core.names import READING_COLUMNS
+from facets.files.provenance import run_record
+from facets.live.recording import Block, Recording
+
+Rng = np.random.Generator
+
+
+@dataclass(frozen=True)
+class Case:
+    words: list[str]
+    certain: bool
+    what: str
+
+
+# --- configurations -----------------------------------------------------------------------------
+
+#: What no number of a configuration can be.
+VALUES = (
+    ".nan", ".inf", "-.inf", "1e999", "abc", "'5'", "[1, 2, 3, 4, 5]", "{a: 1}", "true", "~~",
+    "2001-13-45", "9" * 5000, "0x", "!!python/object:os.system 1", "*nowhere", "&a [*a]", "1,5",
+    "5 mm", "''", "99999999999999999999", "-1e300", "[[[[1]]]]",
+)  # fmt: skip
+#: Pieces of text that can go anywhere.
+PIECES = (
+    "\t", ":", "- ", "{", "}", "[", "]", "&x ", "*x", "!", "#", "'", '"', "\n", "  ", "\x00", "\x85",
+    "é", "<<: *x", "? ", "|", ">", "%YAML 1.1\n", "---\n", "...\n", "extends: paper\n",
+    "extends: [paper, rig]\n", "extends: nowhere\n", "sensor: ~\n", "motions: 3\n",
+)  # fmt: skip
+KEYS = ("power", "diameter_mm", "size_m", "extends", "motions", "kind", "ofset", "", "1", "null")
+
+
+def spoilt_config(rng: Rng, folder: Path) -> Case:
+    text = to_yaml(facets.load(str(rng.choice(["paper", "rig", "layout", "bench"]))))
+    lines = text.splitlines()
+    kind = rng.integers(8)
+    numbered = [n for n, line in enumerate(lines) if ": " in line and any(map(str.isdigit, line))]
+    n = int(rng.choice(numbered))
+    certain = False
+    if kind == 0:
+        key = lines[n].partition(":")[0]
+        lines[n] = f"{key}: {rng.choice(VALUES)}"
+    elif kind == 1:
+        place = int(rng.integers(len(text)))
+        lines = (text[:place] + str(rng.choice(PIECES)) + text[place:]).splitlines()
+    elif kind == 2:
+        lines.insert(n, lines[n])
+    elif kind == 3:
+        del lines[n : n + int(rng.integers(1, 40))]
+    elif kind == 4:
+        blank = lines[n][: len(lines[n]) - len(lines[n].lstrip())]
+        lines[n] = f"{blank}{rng.choice(KEYS)}:{lines[n].partition(':')[2]}"
+    elif kind == 5:
+        raw = bytearray(text.encode())
+        for place in rng.integers(len(raw), size=5):
+            raw[place] = int(rng.integers(256))
+        (folder / "c.yaml").write_bytes(bytes(raw))
+    elif kind == 6:
+        multiply(folder / "c.yaml", int(rng.integers(5, 30)))
+        certain = True
+    else:
+        chain(folder, int(rng.integers(5, 120)))
+    if kind < 5:
+        (folder / "c.yaml").write_text("\n".join(lines), "utf-8")
+    word = ["config", str(rng.choice(["check", "show"])), "c.yaml"]
+    if rng.random() < 0.2:
+        word = ["simulate", "c.yaml", "--motion", "nowhere", "-o", "out"]
+        certain = True
+    return Case(word, certain, f"configuration, way {kind}")
+
+
+def multiply(path: Path, depth: int) -> None:
+    """Aliases of aliases: 10^depth values in `depth` lines."""
+    lines = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
+    lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, depth)]
+    path.write_text("\n".join(lines))
+
+
+def chain(folder: Path, depth: int) -> None:
+    """Each file extends the one before twice: 2^depth readings of the first."""
+    (folder / "0.yaml").write_text("extends: paper\n")
+    for n in range(1, depth):
+        (folder / f"{n}.yaml").write_text(f"extends: [{n - 1}.yaml, {n - 1}.yaml]\n")
+    (folder / "c.yaml").write_text(f"extends: {depth - 1}.yaml\n")
+
+
+# --- tables -------------------------------------------------------------------------------------
+
+
+def readings(rows: int, seed: int) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    states = rng.uniform(-0.02, 0.02, (rows, 8)) * [1, 1, 1, 0.1, 0.1, 0.1, 1, 1]
+    values = facets.readings(facets.Sensor(), states)
+    table = dict(zip(READING_COLUMNS, values.T, strict=True))
+    return {"time_s": 1e-3 * np.arange(rows), **table}
+
+
+def csv_text(table: dict[str, np.ndarray], mark: str = ",") -> str:
+    rows = zip(*table.values(), strict=True)
+    cells = [mark.join(repr(float(value)) for value in row) for row in rows]
+    return "\n".join([mark.join(table), *cells]) + "\n"
+
+
+CELLS = ("", "nan", "inf", "-inf", "1e400", "abc", "--", "1,5", '"', "0x10", "1e", "\x00", " ", "٣")
+
+
+def spoilt_table(rng: Rng, folder: Path) -> Case:
+    table = readings(int(rng.integers(1, 30)), int(rng.integers(1000)))
+    path, kind, certain = folder / "t.csv", int(rng.integers(14)), True
+    name = str(rng.choice(list(READING_COLUMNS)))
+    text = csv_text(table)
+    if kind == 0:
+        table.pop(name)
+        path.write_text(csv_text(table))
+    elif kind == 1:
+        path.write_text(text.replace(name, name[:-2]))
+    elif kind == 2:
+        path.write_bytes(text.encode("utf-16"))
+    elif kind == 3:
+        path.write_text(text.partition("\n")[0] + "\n" * int(rng.integers(3)))
+    elif kind == 4:
+        path.mkdir()
+    elif kind == 5:
+        path.write_bytes(rng.bytes(int(rng.integers(5000))))
+    elif kind == 6:
+        as_parquet(rng, path, table, name)
+    elif kind == 7:
+        path = folder / "t.parquet"
+        certain = as_parquet(rng, path, table, name)
+    elif kind == 8:
+        lines = text.splitlines()
+        place = list(table).index("time_s")
+        for n in range(1, len(lines)):
+            cells = lines[n].split(",")
+            cells[place] = f"12:00:{n:02}"
+            lines[n] = ",".join(cells)
+        path.write_text("\n".join(lines))
+    elif kind == 9:
+        path.write_text(f"{text.partition(chr(10))[0]},{name}\n")
+    else:
+        certain = False
+        path.write_text(spoilt_cells(rng, table, kind))
+    words = ["solve", "paper", path.name, "-o", "out.csv"]
+    if rng.random() < 0.3:
+        words += ["--beam", str(rng.choice(["known", "prior", "free"]))]
+    if rng.random() < 0.25:
+        words = ["calibrate", "paper", path.name, "-o", "out.yaml"]
+        certain = True  # without a reference
+    return Case(words, certain, f"table, way {kind}")
+
+
+def spoilt_cells(rng: Rng, table: dict[str, np.ndarray], kind: int) -> str:
+    text = csv_text(table, "\t" if kind == 12 else ",")
+    if kind in (10, 12):
+        lines = text.splitlines()
+        for _ in range(int(rng.integers(1, 10))):
+            n = int(rng.integers(len(lines)))
+            cells = lines[n].split(",")
+            cells[int(rng.integers(len(cells)))] = str(rng.choice(CELLS))
+            lines[n] = ",".join(cells)
+        return "\n".join(lines)
+    if kind == 11:
+        return text[: int(rng.integers(len(text)))]
+    place = int(rng.integers(len(text)))
+    return text[:place] + str(rng.choice(PIECES)) * int(rng.integers(1, 200)) + text[place:]
+
+
+def as_parquet(rng: Rng, path: Path, table: dict[str, np.ndarray], name: str) -> bool:
+    """Parquet with a column of lists, times or words, or cut off; whether it is bad for certain."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    columns = {key: pa.array(values) for key, values in table.items()}
+    kind = int(rng.integers(5))
+    count = len(columns[name])
+    if kind == 0:
+        columns[name] = pa.array([[1.0, 2.0]] * count)
+    elif kind == 1:
+        columns["time_s"] = pa.array(np.arange(count).astype("datetime64[s]"))
+    elif kind == 2:
+        columns[name] = pa.array(["1.0"] * count)
+    elif kind == 3:
+        columns[name] = pa.array([None] * count, pa.float64())
+    pq.write_table(pa.table(columns), path)
+    if kind == 4:
+        raw = path.read_bytes()
+        path.write_bytes(raw[: int(rng.integers(len(raw)))])
+    return kind < 3 or kind == 4
+
+
+# --- arguments ----------------------------------------------------------------------------------
+
+#: Each is refused, or finds nothing, in every case. FILE is a file, DIR a folder with something in.
+ARGUMENTS = (
+    "simulate", "simulate nowhere", "simulate paper --motion jump", "simulate paper --seed -1",
+    "simulate paper -o FILE", "simulate paper -o FILE/x", "simulate paper -o LONG",
+    "simulate paper --table xls", "simulate paper --plot bmp", "simulate paper extra",
+    "simulate DIR", "simulate FILE", "simulate ''",
+    "solve", "solve paper", "solve paper none.csv", "solve paper none.csv -o out.csv",
+    "solve paper DIR -o out.csv", "solve paper FILE -o out.csv", "solve paper t.csv -o DIR",
+    "solve paper t.csv -o out.txt", "solve paper t.csv -o FILE/out.csv",
+    "solve paper t.csv -o t.csv --force", "solve paper t.csv -o LONG.csv",
+    "solve paper t.csv -o out.csv --beam fixed", "solve paper t.csv -o out.csv --method newton",
+    "solve paper t.csv -o out.csv --method paper --beam known",
+    "range-map paper --axes tx", "range-map paper --axes tx,tx", "range-map paper --axes tx,up",
+    "range-map paper --at tz_mm=high", "range-map paper --at tz_mm=nan", "range-map paper --at =",
+    "range-map paper --at tx_mm=3", "range-map paper --at tz_mm=1e300", "range-map paper --grid -1",
+    "range-map paper -o FILE", "range-map paper -o LONG", "range-map paper --inside up",
+    "resolution nowhere", "resolution paper -o FILE", "resolution paper --plot x",
+    "jacobian paper --box tx_mm=1e6", "jacobian paper --box tx_mm=nan", "jacobian paper --box x=1",
+    "jacobian paper --box tx_mm=-1", "jacobian paper --box tx_mm=5:1", "jacobian paper --box ''",
+    "jacobian paper --box tx_mm=1:2:3", "jacobian paper --left-out phi", "jacobian paper --states 0",
+    "jacobian paper --states 100000000000", "jacobian paper --states 1e3", "jacobian paper -o FILE",
+    "jacobian paper --limit 0", "jacobian paper --threads -1",
+    "explore paper", "explore layout --designs 1", "explore layout --designs 0",
+    "explore layout --objective cost", "explore layout -o FILE", "explore layout -o LONG",
+    "explore layout --sampling random", "explore layout --scheduler tcp://127.0.0.1:1 -o out",
+    "optimize layout -o out.txt", "optimize layout -o FILE/out.yaml", "optimize layout -o LONG.yaml",
+    "optimize nowhere", "optimize layout --plot x",
+    "render paper -o out.bmp", "render paper -o out.mp4", "render paper --at tx_mm=x",
+    "render paper --motion jump -o out.mp4", "render paper --width 5", "render paper --frames 1",
+    "render paper --spots --plan", "render paper --spots -o out.gltf", "render paper -o FILE/x.png",
+    "render paper --recording none -o out.mp4", "render paper --view top", "render paper -o LONG.png",
+    "calibrate paper", "calibrate paper none.csv", "calibrate paper t.csv -o out.txt",
+    "calibrate paper DIR -o out.yaml", "calibrate paper t.csv -o out.yaml", "calibrate nowhere t.csv",
+    "replay none", "replay FILE", "replay DIR", "recover none", "recover FILE", "recover DIR",
+    "reproduce nothing", "reproduce table1 -o FILE", "reproduce table1 -o LONG",
+    "bench -o FILE", "bench --seed -1", "config check nowhere", "config check DIR", "config check",
+    "config check FILE paper", "config show", "config show nowhere", "config show FILE", "config x",
+    "nothing", "--nothing", "simulate --tracking paper -x", "config schema x", "emulate nowhere",
+    "emulate bench --motion jump", "acquire nowhere",
+)  # fmt: skip
+
+
+def bad_arguments(rng: Rng, folder: Path, number: int) -> Case:
+    (folder / "FILE").write_text("nothing\n")
+    (folder / "DIR").mkdir()
+    (folder / "DIR" / "thing").write_text("")
+    (folder / "t.csv").write_text(csv_text(readings(5, 1)))
+    words = ARGUMENTS[number % len(ARGUMENTS)].split()
+    words = ["" if word == "''" else word.replace("LONG", "n" * 300) for word in words]
+    if rng.random() < 0.3 and len(words) > 1:  # and something that is wrong anywhere
+        words.append(str(rng.choice(["--no-such-option", "--help=1", "-Q", "--force=maybe"])))
+    return Case(words, True, "arguments")
+
+
+# --- streams ------------------------------------------------------------------------------------
+
+_RECORDED: dict[str, Path] = {}
+
+
+def recorded(folder: Path) -> Path:
+    """A recording of some samples, made once and copied."""
+    if "folder" not in _RECORDED:
+        import tempfile
+
+        place = Path(tempfile.mkdtemp()) / "recording"
+        config = facets.load("bench")
+        data = stream(60)
+        recording = Recording(place, run_record(config, None, 0.0, {}), config.resolved)
+        for n in range(0, len(data), 640):
+            recording.block(Block(data[n : n + 640], n * 1e-6, None))
+        recording.close()
+        _RECORDED["folder"] = place
+    shutil.copytree(_RECORDED["folder"], folder / "recording")
+    return folder / "recording"
+
+
+def spoilt_stream(rng: Rng, folder: Path) -> Case:
+    recording = recorded(folder)
+    files = sorted(file for file in recording.iterdir() if file.is_file())
+    weights = np.array([6.0 if file.name == "bytes.bin" else 1.0 for file in files])
+    file = files[int(rng.choice(len(files), p=weights / weights.sum()))]
+    raw = bytearray(file.read_bytes())
+    kind = int(rng.integers(6))
+    if kind == 0:
+        file.unlink()
+    elif kind == 1:
+        file.write_bytes(bytes(raw[: int(rng.integers(len(raw) + 1))]))
+    elif kind == 2:
+        file.write_bytes(rng.bytes(int(rng.integers(3000))))
+    elif kind == 3 and raw:
+        for place in rng.integers(len(raw), size=int(rng.integers(1, 40))):
+            raw[place] ^= 1 << int(rng.integers(8))
+        file.write_bytes(bytes(raw))
+    elif kind == 4:
+        place = int(rng.integers(len(raw) + 1))
+        file.write_bytes(bytes(raw[:place]) + rng.bytes(int(rng.integers(100))) + bytes(raw[place:]))
+    else:
+        place, length = int(rng.integers(len(raw) + 1)), int(rng.integers(200))
+        file.write_bytes(bytes(raw[:place] + raw[place + length :]))
+    words = [str(rng.choice(["replay", "recover"])), "recording", "-o", "out.csv"]
+    return Case(words, False, f"stream, {file.name}, way {kind}")
+
+
+def case(number: int, folder: Path) -> Case:
+    """The case of a number, the same in every run; its files are written into the folder."""
+    rng = np.random.default_rng([number, 14])
+    makers: list[Callable[[Rng, Path], Case]] = [spoilt_config, spoilt_table, spoilt_stream]
+    if number % 4 == 3:
+        return bad_arguments(rng, folder, number // 4)
+    return makers[number % 4](rng, folder)
