@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from warnings import catch_warnings, simplefilter
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +22,8 @@ Floats = NDArray[np.float64]
 STUCK, MOVED = 0.02, 20.0
 #: An axis counts as moved where its range is so many times the reference's own uncertainty.
 RANGE = 30.0
+#: So few different poses tell nothing that could be trusted.
+FEW = 20
 
 
 def faults(sensor: Sensor, data: Data) -> list[Finding]:
@@ -31,18 +35,22 @@ def faults(sensor: Sensor, data: Data) -> list[Finding]:
 def stuck(sensor: Sensor, data: Data) -> list[Finding]:
     """Channels that do not follow the motion."""
     state = states_of(data, np.zeros((len(data.raw), OWN)), values_of(sensor))
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore"), catch_warnings():
+        simplefilter("ignore")  # a motion in wrong units may leave no reading at all
         asked = np.nanstd(readings(sensor, state), axis=0)
         moved = np.nanstd(corrected(sensor, data.raw), axis=0)
         noise = np.nanmedian(deviations(sensor, data), axis=0)
-    found = []
-    for n in np.flatnonzero((moved < STUCK * asked) & (asked > MOVED * noise)).tolist():
-        found.append(Finding(True, (
+    still = np.flatnonzero((moved < STUCK * asked) & (asked > MOVED * noise)).tolist()
+    if len({n // 3 for n in still}) > 1:  # not all at once: then the motion is in wrong units
+        return []
+    return [
+        Finding(True, (
             f"{KINDS[n % 3]} of detector {DETECTORS[n // 3].upper()} is stuck: it moves by "
             f"{moved[n]:.2g}, where the motion asks for {asked[n]:.2g}. Look at the detector, its "
             "amplifier and its column."
-        )))  # fmt: skip
-    return found
+        ))
+        for n in still
+    ]  # fmt: skip
 
 
 def repeats(data: Data) -> list[Finding]:
@@ -55,7 +63,7 @@ def repeats(data: Data) -> list[Finding]:
             f"{len(data.raw) - rows} of {len(data.raw)} rows repeat another one in every number; "
             "each counts once."
         )))  # fmt: skip
-    if poses < 20 and poses < rows:
+    if poses < FEW and poses < len(data.raw):
         found.append(Finding(True, (
             f"The {len(data.raw)} samples hold {poses} different poses only: too few to part the "
             "sensor's parameters from each other. Take 50 or more, all over the range "

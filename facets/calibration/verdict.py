@@ -60,12 +60,12 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
     plain = fit(sensor, fitted, chosen, settings.outliers)
     if suspicious(sensor, plain) and (told := explanation(sensor, fitted, chosen)):
         return Verdict(fitted, held, plain, None, None, None, [told.finding, *early])
+    if not plain.ended:
+        said = [unsettled(plain), *pulls(sensor, plain), *early]
+        return Verdict(fitted, held, plain, None, None, None, said)
     plain = steadied(sensor, fitted, plain, settings.outliers)
     done = search(sensor, fitted, settings, plain)
     found = done.found
-    if not found.ended:
-        unsettled = Finding(True, f"The fit did not settle in {found.steps} steps: {found.cause}.")
-        return Verdict(fitted, held, found, done, None, None, [unsettled, *early])
     said = [*findings(done.sensor, found, fitted), *early]
     made = widened(found.sensor, found, model_error(found, fitted, done.sensor))
     known = replace(found, sensor=made)
@@ -74,6 +74,10 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
     return Verdict(
         fitted, held, known, done, made, errors, sorted(said, key=lambda one: not one.bad)
     )
+
+
+def unsettled(found: Fit) -> Finding:
+    return Finding(True, f"The fit did not settle in {found.steps} steps: {found.cause}.")
 
 
 def suspicious(sensor: Sensor, plain: Fit) -> bool:

@@ -470,6 +470,34 @@ def test_what_is_wrong_is_told(run, arguments, words):
     assert "Traceback" not in result.stderr
 
 
+def test_a_swapped_sign_is_told_and_nothing_is_written(run):
+    """It used to be absorbed as a scale of -2, in a file that could not be loaded."""
+    folder, _ = run
+    lines = (folder / "rig" / "readings.csv").read_text().splitlines()
+    head = next(n for n, line in enumerate(lines) if not line.startswith("#"))
+    place = lines[head].split(",").index("psi_b_mm")
+    for n in range(head + 1, len(lines)):
+        cells = lines[n].split(",")
+        cells[place] = str(-float(cells[place]))
+        lines[n] = ",".join(cells)
+    (folder / "swapped.csv").write_text("\n".join(lines) + "\n")
+    result = command("calibrate", "paper", "swapped.csv", "-o", "swapped.yaml", cwd=folder)
+    assert result.returncode == 1, result.stderr
+    assert "sign of psi of detector B is swapped" in " ".join(result.stdout.split())
+    assert "nothing is written" in result.stderr
+    assert not list(folder.glob("swapped*.yaml"))
+    assert not list(folder.glob("swapped-*.csv"))
+
+
+@pytest.mark.parametrize("text", ["bend", "bend=perhaps", "nothing=on"])
+def test_an_effect_that_is_none_is_refused(run, text):
+    folder, _ = run
+    arguments = ("paper", "rig/readings.csv", "-o", "e.yaml", "--effect", text)
+    result = command("calibrate", *arguments, cwd=folder)
+    assert result.returncode == 2
+    assert "the names are curvature" in result.stderr
+
+
 def test_a_covariance_that_was_changed_is_refused(run):
     folder, _ = run
     path = folder / "mine-covariance.csv"
