@@ -44,6 +44,8 @@ if TYPE_CHECKING:
 
 #: Designs a task: about a second of work; and tasks of the pilot.
 PART, PILOT = 200, 5
+#: The file that says which search a folder is of.
+MARK = "search.txt"
 #: Rivals that a design is held against, at most.
 RIVALS = 32
 #: To what share of its length a range is followed.
@@ -248,15 +250,15 @@ def part_of(space: Space, first: int, rivals: Floats) -> dict[str, Any]:
 def identity(space: Space, about: dict[str, str]) -> str:
     """What must be the same for a run to go on in a folder."""
     asked = f"{space.sampling} {space.count} {space.seed} {space.every} {space.required}"
-    return f"{about['config_sha256']} {asked} {' '.join(space.objectives)}\n"
+    return f"{about.get('config_sha256', '')} {asked} {' '.join(space.objectives)}\n"
 
 
 def prepare(folder: Path, space: Space, about: dict[str, str], force: bool) -> None:
-    """Makes the folder of a search, or goes on in it; `force` takes an older search away.
+    """Looks whether a search can go on in a folder; `force` takes an older search away.
 
-    Raises `OutputError` where the folder holds another search, or is none.
+    Raises `OutputError` where the folder holds another search.
     """
-    mark, mine = folder / "search.txt", identity(space, about)
+    mark, mine = folder / MARK, identity(space, about)
     if force and mark.exists():
         shutil.rmtree(folder / "parts", ignore_errors=True)
         mark.unlink()
@@ -264,8 +266,16 @@ def prepare(folder: Path, space: Space, about: dict[str, str], force: bool) -> N
         raise OutputError(
             f"{folder}: holds another search; --force begins anew, -o names another folder"
         )
-    with Whole(mark) as temporary:
-        temporary.write_text(mine)
+
+
+def write_part(
+    space: Space, folder: Path, first: int, table: dict[str, Any], about: dict[str, str]
+) -> None:
+    """A part, and before the first of them which search the folder is of."""
+    if not (folder / MARK).exists():
+        with Whole(folder / MARK) as temporary:
+            temporary.write_text(identity(space, about))
+    write_table(part_path(folder, first), table, about)
 
 
 def explore(
@@ -289,7 +299,7 @@ def explore(
         wanted = [first for first in missing if (first < space.pilot) == pilot]
         rivals = NO_RIVALS if pilot or not wanted else rivals_in(space, folder)
         for first, table in made(space, wanted, rivals, scheduler or ""):
-            write_table(part_path(folder, first), table, about)
+            write_part(space, folder, first, table, about)
             done += 1
             tell(done, len(firsts))
 
