@@ -131,7 +131,7 @@ def optics() -> list[tuple[Any, ...]]:
         fresh, state = moved(real, 200, rng)
         before = over_noise(facets.Sensor(), fresh, state, still)
         fitted = fit(facets.Sensor(), data, choice(), None)
-        after = over_noise(fitted.sensor, fresh, state, fitted.mounting[3:])
+        after = over_noise(fitted.sensor, fresh, state, fitted.apex[:2])
         best = over_noise(known, fresh, state, still)
         found.append((name, *before.tolist(), *after.tolist(), *best.tolist()))
     return found

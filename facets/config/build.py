@@ -128,6 +128,7 @@ def solve(keys: dict[str, Any]) -> Solve:
         beam=keys["beam"],
         beam_sigma=keys["beam_sigma_um"] / 1000,
         power=keys["power"],
+        power_sigma=keys["power_sigma_percent"] / 100,
         method=keys["method"],
         start=keys["start"],
         max_steps=keys["max_steps"],
@@ -142,6 +143,8 @@ def acquire(keys: dict[str, Any]) -> Acquire:
         content=keys["content"],
         dark=keys["dark_counts"],
         delay=keys["delay_ms"] / 1000,
+        wait=keys["wait_seconds"],
+        sync=keys["sync_seconds"],
     )
 
 
@@ -206,6 +209,8 @@ def calibrate(keys: dict[str, Any]) -> Calibrate:
     return Calibrate(
         reference=tuple(value * unit for value, unit in sigmas),
         before={name: value for name, value in keys["before"].items() if value is not None},
+        power_per_sample=keys["laser"] == "drifts",
+        effects=dict(keys["effects"]),
         beam=keys["beam"],
         held_back=keys["held_back_percent"] / 100,
         outliers=keys["outliers"],

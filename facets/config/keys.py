@@ -365,8 +365,13 @@ class SolveKeys(Section):
     beam_sigma_um: float = Field(
         5.0, gt=0, le=10_000, description="1 sigma of the beam position, for `beam: prior`"
     )
-    power: Literal["known", "unknown"] = Field(
-        "known", description="laser power: as in `sensor.beam`, or solved for"
+    power: Literal["known", "prior", "unknown"] = Field(
+        "prior",
+        description="laser power: as in `sensor.beam`, known within `power_sigma_percent`, or "
+        "solved for; method: paper takes it as known",
+    )
+    power_sigma_percent: float = Field(
+        1.0, gt=0, le=100, description="1 sigma of the laser power, for `power: prior`"
     )
     method: Literal["least-squares", "paper"] = Field(
         "least-squares", description="all nine readings, or Newton on eight as in the paper"

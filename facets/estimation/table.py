@@ -17,6 +17,7 @@ from ..core.units import Booleans, Floats
 from ..detectors.correction import corrected
 from ..detectors.skew import align
 from ..files import tables
+from .misfit import Misfit, beyond_chance
 from .solver import Prior, Solution, Status, solve
 
 if TYPE_CHECKING:
@@ -27,22 +28,19 @@ UNPARSABLE = "unparsable"
 #: Where the beam is; and how uncertain that is, which a table of poses has beside it.
 BEAM_COLUMNS = STATE_COLUMNS[6:]
 BEAM_UNCERTAINTIES = tuple(f"u_{name}" for name in BEAM_COLUMNS)
-#: A residual, in standard deviations, that noise does not make: nine readings leave one to three
-#: degrees of freedom.
-LARGE_RESIDUAL = 10.0
 
 
 @dataclass
 class Count:
     """What became of the rows.
 
-    unparsable_lines: of the first few that are no numbers.  misfits: rows that were solved, but
-    with a residual above LARGE_RESIDUAL.
+    unparsable_lines: of the first few that are no numbers.  misfit: rows that were solved, but
+    with a residual beyond chance.
     """
 
     statuses: Counter[str] = field(default_factory=Counter)
     unparsable_lines: list[int] = field(default_factory=list)
-    misfits: int = 0
+    misfit: Misfit = field(default_factory=Misfit)
 
     @property
     def rows(self) -> int:
@@ -93,8 +91,11 @@ def solve_readings(
 
 def power_known(sensor: Sensor, options: Solve) -> Any:
     noise = sensor.electronics.power_noise if sensor.electronics else 0.0
-    if options.power == "known" and noise > 0 and options.method != "paper":
-        return Prior(sensor.beam.power, noise * sensor.beam.power)
+    if options.method == "paper":
+        return "known"
+    sigma = options.power_sigma if options.power == "prior" else 0.0
+    if options.power != "unknown" and hypot(sigma, noise) > 0:
+        return Prior(sensor.beam.power, hypot(sigma, noise) * sensor.beam.power)
     return options.power
 
 
@@ -190,10 +191,11 @@ def solve_table(
                 solution = solve_chunk(config.sensor, options, chunk)
                 status = labels(solution, chunk.unparsable)
                 time = {k: v for k, v in chunk.columns.items() if k == "time_s"}
-                writer.write({**time, **pose_columns(solution, status)})
+                beyond = beyond_chance(config.sensor, options, solution)
+                columns = pose_columns(solution, status) | {"misfit": beyond.astype(int)}
+                writer.write({**time, **columns})
                 count.statuses.update(status.tolist())
-                misfit = solution.ok & (solution.residual > LARGE_RESIDUAL)
-                count.misfits += int(misfit.sum())
+                count.misfit.add(beyond, solution, options)
                 bad = chunk.lines[chunk.unparsable][: 5 - len(count.unparsable_lines)]
                 count.unparsable_lines += bad.tolist()
                 progress(chunk.bytes_read)
