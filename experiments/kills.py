@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from facets.cli.signals import interrupting
 
 import facets
 from facets.detectors.counts import counts_of
@@ -68,8 +67,9 @@ def acquiring(folder: Path, data: bytes, given: Any) -> None:
     recording = Recording(folder, run_record(config, None, 0, {}), config.resolved)
     reader = Reader(config, f"file:{os.devnull}", recording, False, live)
     reader.port = Source(data, given)
-    with interrupting():
-        acquire(live, reader, recording, Ending())
+    for number in (signal.SIGTERM, signal.SIGHUP):  # as the command has it
+        signal.signal(number, signal.default_int_handler)
+    acquire(live, reader, recording, Ending())
 
 
 def kill(folder: Path, data: bytes, after: float, number: int = signal.SIGKILL) -> dict[str, int]:

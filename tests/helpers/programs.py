@@ -14,7 +14,7 @@ from pathlib import Path
 
 from commands import PROGRAM
 
-GUARD = 300.0
+GUARD = 1200.0
 
 
 def await_true(true: Callable[[], object], what: str) -> None:
