@@ -1,4 +1,4 @@
-"""The drawing of frames and symbols in the README.
+"""The drawing of frames and symbols in the documentation.
 
     python -m facets.experiments.draw_frames docs/frames.svg
 

@@ -1,4 +1,4 @@
-"""The pictures of the README: `python -m facets.experiments.gallery docs/gallery`."""
+"""Pictures of the documentation: `python -m facets.experiments.gallery docs/gallery`."""
 
 from __future__ import annotations
 

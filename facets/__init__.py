@@ -49,6 +49,7 @@ _HOMES = {
     "readings": "model.arrays",
     "add_noise": "detectors.noise",
     "standard_deviations": "detectors.noise",
+    "Solver": "estimation.prepared",
     "Prior": "estimation.solver",
     "Solution": "estimation.solver",
     "Status": "estimation.solver",
@@ -102,6 +103,7 @@ if TYPE_CHECKING:
     from .design.search import optimize as optimize
     from .detectors.noise import add_noise as add_noise
     from .detectors.noise import standard_deviations as standard_deviations
+    from .estimation.prepared import Solver as Solver
     from .estimation.solver import Prior as Prior
     from .estimation.solver import Solution as Solution
     from .estimation.solver import Status as Status

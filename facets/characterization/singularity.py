@@ -46,6 +46,7 @@ def measures(
     left_out: the reading whose row the determinant lacks; mm, mW and rad. The other two take all
     nine, um and urad; NaN without `spectra`.
     """
+    from ..model import evaluators
     from ..model.kernels import determine
 
     if left_out not in READING:
@@ -60,9 +61,11 @@ def measures(
             from ..model.arrays import readings
 
             sigmas = standard_deviations(sensor, readings(sensor, states[part]))
-        determine(vectors, states[part], simple, sigmas, READING.index(left_out), out[part])
+        row = READING.index(left_out)
+        determine(model, vectors, states[part], power, simple, sigmas, row, out[part])
 
-    vectors = packed(sensor)
+    model, vectors = evaluators.nearly_linearised(sensor), packed(sensor)
+    power = float(sensor.beam.power)
     share(run, len(states), threads)
     return out
 

@@ -27,7 +27,7 @@ class Acquire(Section):
     )
     baud: int = Field(3_000_000, gt=0, le=100_000_000, description="of a serial line")
     format: Literal["frames", "cobs", "text"] = Field(
-        "frames", description="of the stream; README, Formats"
+        "frames", description="of the stream; see Formats in the documentation"
     )
     content: Literal["electrodes", "xy-sum"] = Field(
         "electrodes", description="of text lines; frames say it themselves"
@@ -38,6 +38,14 @@ class Acquire(Section):
     delay_ms: float = Field(
         1.5, ge=0, le=1000, description="from a sample to its bytes at the host, on average"
     )
+    wait_seconds: float = Field(
+        5.0, ge=0, le=3600, description="for a port that is not there yet, since a board boots"
+    )
+    sync_seconds: float = Field(
+        1.0, ge=0, le=3600,
+        description="a power failure costs a recording no more than its last so many seconds; "
+        "0: the system writes back when it likes",
+    )  # fmt: skip
 
 
 class Stage(Section):

@@ -36,7 +36,14 @@ def sources(sensor: Sensor) -> tuple[str, ...]:
 
 
 def standard_deviations(sensor: Sensor, reading: ArrayLike) -> Floats:
-    """Of each number of readings (..., 9), 1 sigma: mm and mW. NaN where the reading is."""
+    """Of each number of readings (..., 9), 1 sigma: mm and mW. NaN where the reading is.
+
+    >>> import numpy as np, facets
+    >>> sensor = facets.Sensor()
+    >>> sigma = facets.standard_deviations(sensor, facets.readings(sensor, np.zeros(8)))
+    >>> f"{1e3 * sigma[0]:.1f} um, {1e6 * sigma[2]:.0f} nW"
+    '2.6 um, 40 nW'
+    """
     root: Floats = np.sqrt(variances(sensor, reading).sum(axis=-1))
     return root
 

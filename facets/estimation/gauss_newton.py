@@ -1,74 +1,55 @@
 """One reading, one estimate: the damped Gauss-Newton iteration behind `facets.solve`.
 
-Text for `kernels`, which compiles it; it runs as plain Python too. The unknowns are the eight
+Text for `kernels`, which compiles it; importing it imports Numba. The unknowns are the eight
 components of the state and the beam's power; `free` lists those that are asked for. Every row is in
 units of its standard deviation, so that the sum of squares is a chi-square.
+
+A step solves the normal equations J'J step = J'r by Cholesky's method, which takes a third of the
+time of orthogonal reflections and squares the condition number. Where a pivot tells that this costs
+more than half the digits (`normal_equations.factorise`), the same step is found by reflections.
 """
 
 from __future__ import annotations
 
 from math import isfinite
-from typing import Any, NamedTuple
 
-from ..optics.detected import linearised
-from ..optics.forward import Geometry, by_power, with_power
-from .least_squares import back_substitute, covariance_of, triangularise
-
-Array = Any
-
-CONVERGED, MAX_STEPS, SINGULAR, OUT_OF_RANGE, NO_LIGHT, NON_FINITE = range(6)
-
-#: Converged when the next step would move the fit by less than this, in sigmas, squared.
-SMALL = 1e-12
-#: A detector with less light than this, in standard deviations of its power, is left out: the noise
-#: of its spot's place, which goes as 1 / power, is then no Gaussian that a weight could stand for.
-FAINTEST = 10.0
-#: Rounding of a computed reading, relative to the detector's distance or to the power.
-ROUNDING = 4e-15
-UNKNOWNS = 9
-ROWS = 9 + 3 + UNKNOWNS
-
-
-class Problem(NamedTuple):
-    """What is known beside the readings.
-
-    mean, weight: (3,) prior of bx, by (mm) and power (mW), weight = 1/sigma, 0 where there is none.
-    free: (n,) numbers of the unknowns that are asked for, ascending.
-    damped: whether a step that does not help is shortened (Levenberg-Marquardt), or accepted.
-    """
-
-    mean: Array
-    weight: Array
-    free: Array
-    max_steps: int
-    damped: bool
-
-
-class Limits(NamedTuple):
-    """What a reading is judged by.
-
-    noise: (3,) a centroid's sigma (mm) at a power (mW), and a power's sigma (mW).
-    half_sizes: (3, 2) of the detectors' sensitive areas, mm.  eight: leave out the last power.
-    """
-
-    noise: Array
-    half_sizes: Array
-    eight: bool
+from ..model.jit import call_address
+from .least_squares import back_substitute, triangularise
+from .normal_equations import LAST, factorise, multiply, solve_factored
+from .problem import (
+    COLUMNS,
+    CONVERGED,
+    DARK,
+    FACTOR,
+    FAINTEST,
+    FOUND,
+    HEAVIEST,
+    HERE,
+    MAX_STEPS,
+    NO_LIGHT,
+    NON_FINITE,
+    OUT_OF_RANGE,
+    PATIENCE,
+    ROWS,
+    SINGULAR,
+    SLOWEST,
+    SMALL,
+    STALLED,
+    STEPS_IN_THE_DARK,
+    THERE,
+    TRIAL,
+    UNKNOWNS,
+    VECTORS,
+    WEIGHTS,
+    Array,
+    Limits,
+    Model,
+    Problem,
+    Workspace,
+)
 
 
-class Room(NamedTuple):
-    """Memory that every estimate of a batch uses again."""
-
-    here: Array
-    there: Array
-    work: Array
-    step: Array
-    trial: Array
-    inverse: Array
-    outlines: Array
-
-
-def judge(values: Array, limits: Limits, weights: Array, used: Array) -> int:
+def screen_reading(values: Array, limits: Limits, weights: Array, used: Array) -> int:
     """Fills weights (9,) = 1/sigma and used (3,) for one reading; returns what is wrong, if any.
 
     A detector is left out, with weight 0, where a number of it is not finite, where its power is
@@ -107,144 +88,195 @@ def enough(used: Array, problem: Problem, eight: bool) -> bool:
     return rows >= len(problem.free)
 
 
+def weigh_columns(values: Array, free: Array, layers: Array) -> float:
+    """Fills the layer COLUMNS from FOUND; returns the sum of squares of the residuals.
+
+    A reading with weight 0 is left out: its numbers are zero.
+    """
+    total = 0.0
+    for row in range(9):
+        weight = layers[VECTORS, WEIGHTS, row]
+        residual = 0.0
+        if weight > 0:
+            residual = weight * (values[row] - layers[FOUND, 0, row])
+            for j in range(len(free)):
+                layers[COLUMNS, j, row] = weight * layers[FOUND, 1 + row, free[j]]
+        else:
+            for j in range(len(free)):
+                layers[COLUMNS, j, row] = 0.0
+        layers[COLUMNS, LAST, row] = residual
+        total += residual * residual
+    return total
+
+
+def is_dark(layers: Array, limits: Limits) -> bool:
+    """Whether a detector that reads light would have none."""
+    for k in range(3):
+        lit = layers[FOUND, 0, 3 * k + 2] > DARK * limits.noise[2]
+        if layers[VECTORS, WEIGHTS, 3 * k] > 0 and not lit:
+            return True
+    return False
+
+
 def evaluate(
-    sensor: Geometry,
+    model: Model,
     x: Array,
     values: Array,
-    weights: Array,
     problem: Problem,
-    matrix: Array,
-    outlines: Array,
-) -> tuple[float, int]:
-    """Fills weighted Jacobian and residuals at x; returns their sum of squares and the row count.
+    mean: Array,
+    memory: Workspace,
+    normal: int,
+) -> float:
+    """Fills a layer's normal equations at x (9,), a state and the power.
 
-    x: (9,) state and power.  values, weights: (9,) reading and 1/sigma; 0 leaves a reading out.
-    outlines: memory, see `optics.detected`.
+    Returns the sum of squares.
     """
+    layers = memory.layers
+    call_address(model.address, model.packed, x, layers[FOUND], memory.outlines)
+    total = weigh_columns(values, problem.free, layers)
     columns = len(problem.free)
-    sensor = with_power(sensor, x[8])
-    state = (x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7])
-    detectors = linearised(sensor, state, outlines)
-    total = 0.0
-    row = 0
-    for k in range(3):
-        computed, derivatives = detectors[k]
-        for i in range(3):
-            weight = weights[3 * k + i]
-            if not weight > 0:
-                continue
-            derivative = derivatives[i]
-            for j in range(columns):
-                c = problem.free[j]
-                if c < 8:
-                    matrix[row, j] = weight * derivative[c]
-                else:
-                    matrix[row, j] = weight * by_power(sensor, computed, k, i)
-            rest = weight * (values[3 * k + i] - computed[i])
-            matrix[row, columns] = rest
-            total += rest * rest
-            row += 1
+    multiply(layers, COLUMNS, normal, columns)
     for j in range(columns):
         c = problem.free[j]
-        if c < 6 or not problem.weight[c - 6] > 0:
-            continue
-        for i in range(columns):
-            matrix[row, i] = 0.0
-        matrix[row, j] = problem.weight[c - 6]
-        rest = problem.weight[c - 6] * (problem.mean[c - 6] - x[c])
-        matrix[row, columns] = rest
-        total += rest * rest
-        row += 1
-    return total, row
+        if c >= 6 and problem.weight[c - 6] > 0:
+            weight = problem.weight[c - 6]
+            residual = weight * (mean[c - 6] - x[c])
+            layers[normal, j, j] += weight * weight
+            layers[normal, LAST, j] += weight * residual
+            total += residual * residual
+    return total
 
 
-def damp(matrix: Array, work: Array, rows: int, columns: int, damping: float) -> int:
-    """Copies `matrix` to `work` and adds a row for each unknown that holds it back."""
-    for i in range(rows):
+def fill_rows(
+    x: Array, problem: Problem, mean: Array, memory: Workspace, normal: int, damping: float
+) -> int:
+    """Fills the workspace's rows with the weighted Jacobian and the residuals beside it.
+
+    A row for each reading and prior, and for each unknown one that holds it back. Returns how many.
+    """
+    columns, rows, layers = len(problem.free), memory.rows, memory.layers
+    for row in range(ROWS):
         for j in range(columns + 1):
-            work[i, j] = matrix[i, j]
-    if damping == 0:
-        return rows
+            rows[row, j] = 0.0
+    for row in range(9):
+        for j in range(columns):
+            rows[row, j] = layers[COLUMNS, j, row]
+        rows[row, columns] = layers[COLUMNS, LAST, row]
     for j in range(columns):
-        square = 0.0
-        for i in range(rows):
-            square += matrix[i, j] * matrix[i, j]
-        for i in range(columns + 1):
-            work[rows + j, i] = 0.0
-        work[rows + j, j] = (damping * square) ** 0.5
-    return rows + columns
+        c = problem.free[j]
+        if c >= 6 and problem.weight[c - 6] > 0:
+            rows[3 + c, j] = problem.weight[c - 6]
+            rows[3 + c, columns] = problem.weight[c - 6] * (mean[c - 6] - x[c])
+        rows[12 + j, j] = (damping * layers[normal, j, j]) ** 0.5
+    return 12 + columns
 
 
-def rounding_floor(sensor: Geometry, weights: Array) -> float:
+def reflect(
+    model: Model,
+    x: Array,
+    values: Array,
+    problem: Problem,
+    mean: Array,
+    memory: Workspace,
+    normal: int,
+    damping: float,
+) -> float:
+    """The step by orthogonal reflections, where the normal equations have lost too many digits.
+
+    Fills the layer FACTOR as `solve_factored` does. Returns the gain, or -1 where the readings do
+    not tell the step.
+    """
+    columns, layers, rows = len(problem.free), memory.layers, memory.rows
+    # the last evaluation may have been that of a step that was refused
+    call_address(model.address, model.packed, x, layers[FOUND], memory.outlines)
+    weigh_columns(values, problem.free, layers)
+    high = fill_rows(x, problem, mean, memory, normal, damping)
+    if not triangularise(rows, high, columns):
+        return -1.0
+    back_substitute(rows, columns, layers[FACTOR, LAST])
+    gain = 0.0
+    for j in range(columns):
+        gain += rows[j, columns] ** 2
+        for i in range(j):
+            layers[FACTOR, j, i] = rows[i, j]
+        layers[FACTOR, j, j] = 1 / rows[j, j]
+    return gain
+
+
+def rounding_floor(limits: Limits, weights: Array) -> float:
     """The sum of squares that rounding of the readings alone can make."""
     total = SMALL
     for k in range(3):
-        centre = sensor.centres[k]
-        distance2 = centre[0] * centre[0] + centre[1] * centre[1] + centre[2] * centre[2]
-        square = weights[3 * k] ** 2 + weights[3 * k + 1] ** 2
-        total += ROUNDING * ROUNDING * square * distance2
-        total += (ROUNDING * weights[3 * k + 2] * sensor.power) ** 2
+        total += 2 * (limits.rounding[0] * weights[3 * k]) ** 2
+        total += (limits.rounding[1] * weights[3 * k + 2]) ** 2
     return total
 
 
 def estimate(
-    sensor: Geometry,
+    model: Model,
     x: Array,
     values: Array,
-    weights: Array,
+    limits: Limits,
     problem: Problem,
-    room: Room,
-    covariance: Array,
+    mean: Array,
+    memory: Workspace,
 ) -> tuple[int, int, float]:
     """Improves x (9,) in place until the weighted sum of squares is least.
 
-    Returns (status, steps, sum of squares left). covariance: (9, 9), of the free unknowns, in the
-    order of `free`; may be empty, and is then not computed. On failure x is not to be used.
+    Returns (status, steps, sum of squares left). Where converged, the layer FACTOR gives the
+    covariance of the free unknowns. On failure x is not to be used.
     """
-    columns = len(problem.free)
-    here, there = room.here, room.there
-    small = rounding_floor(sensor, weights)
-    cost, rows = evaluate(sensor, x, values, weights, problem, here, room.outlines)
+    layers, free, columns = memory.layers, problem.free, len(problem.free)
+    trial = layers[VECTORS, TRIAL]
+    here, there = HERE, THERE
+    small = rounding_floor(limits, layers[VECTORS, WEIGHTS])
+    cost = evaluate(model, x, values, problem, mean, memory, here)
     if not cost < 1e300:
         return OUT_OF_RANGE, 0, cost
-    damping = 0.0
+    dark = is_dark(layers, limits)
+    damping, earlier = 0.0, cost
     for steps in range(1, problem.max_steps + 1):
-        high = damp(here, room.work, rows, columns, damping)
-        if not triangularise(room.work, high, columns):
+        if factorise(layers, here, FACTOR, columns, damping):
+            gain = solve_factored(layers, here, FACTOR, columns)
+        else:
+            gain = reflect(model, x, values, problem, mean, memory, here, damping)
+        if gain < 0:
             if not problem.damped or damping > 0:
                 return SINGULAR, steps, cost
             damping = 1e-3
             continue
-        back_substitute(room.work, columns, room.step)
-        gain = 0.0
-        for j in range(columns):
-            gain += room.work[j, columns] ** 2
         if gain < small and damping > 0:  # held back by the damping, not arrived
             damping = 0.0
             continue
         for c in range(UNKNOWNS):
-            room.trial[c] = x[c]
+            trial[c] = x[c]
         for j in range(columns):
-            room.trial[problem.free[j]] += room.step[j]
+            trial[free[j]] += layers[FACTOR, LAST, j]
         if gain < small:
             for c in range(UNKNOWNS):
-                x[c] = room.trial[c]
-            if len(covariance) > 0:
-                covariance_of(room.work, columns, room.inverse, covariance)
+                x[c] = trial[c]
             return CONVERGED, steps, max(cost - gain, 0.0)
-        trial_cost, _ = evaluate(sensor, room.trial, values, weights, problem, there, room.outlines)
+        trial_cost = evaluate(model, trial, values, problem, mean, memory, there)
         # a step that changes no more than rounding can is no worse
         slack = small + 2 * (cost * small) ** 0.5
-        if trial_cost < cost + slack or (not problem.damped and trial_cost < 1e300):
+        into_the_dark = is_dark(layers, limits)
+        better = trial_cost < cost + slack and (dark or not into_the_dark)
+        if better or (not problem.damped and trial_cost < 1e300):
             for c in range(UNKNOWNS):
-                x[c] = room.trial[c]
+                x[c] = trial[c]
             here, there = there, here
-            cost = trial_cost
+            cost, dark = trial_cost, into_the_dark
             damping = damping / 10 if damping > 1e-6 else 0.0
         elif not problem.damped:
             return OUT_OF_RANGE, steps, cost
-        elif damping > 1e12:
-            break
+        elif damping > HEAVIEST:
+            return STALLED, steps, cost
         else:
             damping = 10 * damping if damping > 0 else 1e-3
+        if dark and problem.damped and steps >= STEPS_IN_THE_DARK:
+            return STALLED, steps, cost
+        if steps % PATIENCE == 0 and problem.damped:
+            if cost > SLOWEST * earlier:
+                return STALLED, steps, cost
+            earlier = cost
     return MAX_STEPS, problem.max_steps, cost

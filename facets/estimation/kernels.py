@@ -12,126 +12,108 @@ import numpy as np
 
 from ..model import kernels
 from ..model.jit import compilable, compiler
-from ..model.kernels import outlines, unpack
-from . import gauss_newton, least_squares
-from .gauss_newton import (
+from . import gauss_newton, least_squares, normal_equations
+from . import problem as problems
+from .gauss_newton import enough, estimate, screen_reading
+from .normal_equations import covariance_of
+from .problem import (
     CONVERGED,
-    ROWS,
+    COVARIANCE,
+    FACTOR,
+    INVERSE,
     UNKNOWNS,
+    VECTORS,
+    WEIGHTS,
     Limits,
+    Model,
     Problem,
-    Room,
-    enough,
-    estimate,
-    judge,
+    Readings,
+    Results,
+    Workspace,
 )
 
 Array = Any
 
-compiled = compiler(__file__, gauss_newton, least_squares, calls=(kernels,))
+compiled = compiler(
+    __file__, gauss_newton, least_squares, normal_equations, calls=(kernels, problems)
+)
 
 
 @compilable
-def keep_known(x: Array, free: Array, given: Array) -> None:
-    """Sets the unknowns that are not asked for to what is given."""
+def begin(x: Array, near: Array, free: Array, given: Array) -> None:
+    """Starts x (9,) from `near`, the unknowns that are not asked for from what is given."""
     asked = 0
     for c in range(UNKNOWNS):
         if asked < len(free) and free[asked] == c:
+            x[c] = near[c]
             asked += 1
         else:
             x[c] = given[c]
 
 
 @compilable
-def room() -> Room:
-    return Room(
-        np.empty((ROWS, UNKNOWNS + 1)),
-        np.empty((ROWS, UNKNOWNS + 1)),
-        np.empty((ROWS, UNKNOWNS + 1)),
-        np.empty(UNKNOWNS),
-        np.empty(UNKNOWNS),
-        np.empty((UNKNOWNS, UNKNOWNS)),
-        outlines(),
-    )
+def void(results: Results, n: int) -> None:
+    """No numbers where an estimate has failed."""
+    results.residuals[n] = np.nan
+    for c in range(UNKNOWNS):
+        results.states[n, c] = np.nan
+    if len(results.covariances) > 0:
+        for i in range(8):
+            for j in range(8):
+                results.covariances[n, i, j] = np.nan
 
 
 @compilable
 def weigh(sigmas: Array, weights: Array) -> None:
-    """Weights from standard deviations, for the readings that `judge` took."""
+    """Weights from standard deviations, for the readings that `screen_reading` took."""
     for i in range(9):
         if weights[i] > 0:
             weights[i] = 1 / sigmas[i]
 
 
 @compilable
-def spread(covariance: Array, free: Array, covariances: Array, n: int) -> None:
+def put_covariance(layers: Array, free: Array, covariances: Array, n: int) -> None:
     """The covariance of the free unknowns, put at their places in that of the state."""
-    if len(covariances) == 0:
-        return
+    covariance_of(layers, FACTOR, INVERSE, COVARIANCE, len(free))
     for i in range(len(free)):
         for j in range(len(free)):
             if free[i] < 8 and free[j] < 8:
-                covariances[n, free[i], free[j]] = covariance[i, j]
+                covariances[n, free[i], free[j]] = layers[COVARIANCE, i, j]
 
 
 @compiled
 def invert(
-    packed: Array,
-    values: Array,
-    sigmas: Array,
+    model: Model,
+    readings: Readings,
     limits: Limits,
-    means: Array,
-    prior_weight: Array,
-    free: Array,
-    starts: Array,
-    previous: bool,
-    max_steps: int,
-    damped: bool,
-    states: Array,
-    used: Array,
-    status: Array,
-    steps: Array,
-    left: Array,
-    covariances: Array,
+    problem: Problem,
+    results: Results,
+    memory: Workspace,
 ) -> None:
-    """Estimates states (n, 9: with power) from readings `values` (n, 9).
-
-    sigmas (n, 9): their standard deviations; empty where those of `limits` hold.
-    means (n or 1, 3), prior_weight (3,), free: see `gauss_newton.Problem`. starts (n or 1, 9), with
-    the values of what is known. previous: start where the last converged sample ended.
-    left (n,): root of the sum of squares left. covariances: (n, 8, 8) zeroed, or empty.
-    Where status is not CONVERGED, states, left and covariances are NaN.
-    """
-    sensor = unpack(packed)
-    scratch = room()
-    weights = np.empty(9)
-    covariance = np.empty((UNKNOWNS if len(covariances) > 0 else 0, UNKNOWNS))
+    """Estimates the states of `results` from `readings`; see the types in `problem`."""
+    free, means, starts = problem.free, problem.means, problem.starts
+    weights = memory.layers[VECTORS, WEIGHTS]
     last = -1
-    for n in range(len(values)):
-        problem = Problem(means[n % len(means)], prior_weight, free, max_steps, damped)
-        start, x = starts[n % len(starts)], states[n]
-        status[n], steps[n], left[n] = judge(values[n], limits, weights, used[n]), 0, 0.0
-        if len(sigmas) > 0:
-            weigh(sigmas[n], weights)
-        if status[n] == CONVERGED or enough(used[n], problem, limits.eight):
-            warm = previous and last >= 0
-            x[:] = states[last] if warm else start
-            keep_known(x, free, start)
-            status[n], steps[n], left[n] = estimate(
-                sensor, x, values[n], weights, problem, scratch, covariance
-            )
-            if warm and status[n] != CONVERGED:  # the last sample may be far: from the start
-                x[:] = start
-                status[n], again, left[n] = estimate(
-                    sensor, x, values[n], weights, problem, scratch, covariance
-                )
-                steps[n] += again
-        if status[n] == CONVERGED:
+    for n in range(len(readings.values)):
+        values, x, mean = readings.values[n], results.states[n], means[n % len(means)]
+        start = starts[n % len(starts)]
+        status = screen_reading(values, limits, weights, results.used[n])
+        steps, cost = 0, 0.0
+        if len(readings.sigmas) > 0:
+            weigh(readings.sigmas[n], weights)
+        if status == CONVERGED or enough(results.used[n], problem, limits.eight):
+            warm = problem.previous and last >= 0
+            for again in range(2 if warm else 1):  # the last sample may be far: from the start
+                begin(x, results.states[last] if warm and again == 0 else start, free, start)
+                status, more, cost = estimate(model, x, values, limits, problem, mean, memory)
+                steps += more
+                if status == CONVERGED:
+                    break
+        results.status[n], results.steps[n] = status, steps
+        if status == CONVERGED:
             last = n
-            left[n] = np.sqrt(left[n])
-            spread(covariance, free, covariances, n)
+            results.residuals[n] = np.sqrt(cost)
+            if len(results.covariances) > 0:
+                put_covariance(memory.layers, free, results.covariances, n)
         else:
-            x[:] = np.nan
-            left[n] = np.nan
-            if len(covariances) > 0:
-                covariances[n] = np.nan
+            void(results, n)

@@ -46,21 +46,3 @@ def back_substitute(matrix: Array, columns: int, solution: Array) -> None:
         for j in range(i + 1, columns):
             rest -= matrix[i, j] * solution[j]
         solution[i] = rest / matrix[i, i]
-
-
-def covariance_of(matrix: Array, columns: int, inverse: Array, covariance: Array) -> None:
-    """(R' R)^-1 into covariance[:columns, :columns]; `inverse` is room for R^-1."""
-    for j in range(columns):
-        inverse[j, j] = 1 / matrix[j, j]
-        for i in range(j - 1, -1, -1):
-            rest = 0.0
-            for k in range(i + 1, j + 1):
-                rest += matrix[i, k] * inverse[k, j]
-            inverse[i, j] = -rest / matrix[i, i]
-    for i in range(columns):
-        for j in range(i, columns):
-            total = 0.0
-            for k in range(j, columns):
-                total += inverse[i, k] * inverse[j, k]
-            covariance[i, j] = total
-            covariance[j, i] = total

@@ -14,18 +14,20 @@ from ..core.sensor import Sensor
 from ..detectors.noise import power_floor, standard_deviations
 from ..model.arrays import Floats, as_rows, half_sizes, packed
 from ..model.threads import part_of, share
-from . import gauss_newton
+from ..optics.limits import COLUMNS, MOST
+from . import problem
 
 
 class Status(IntEnum):
     """How the estimate of one reading ended. Only a converged one has a pose."""
 
-    CONVERGED = gauss_newton.CONVERGED
-    MAX_STEPS = gauss_newton.MAX_STEPS
-    SINGULAR = gauss_newton.SINGULAR
-    OUT_OF_RANGE = gauss_newton.OUT_OF_RANGE
-    NO_LIGHT = gauss_newton.NO_LIGHT
-    NON_FINITE = gauss_newton.NON_FINITE
+    CONVERGED = problem.CONVERGED
+    MAX_STEPS = problem.MAX_STEPS
+    SINGULAR = problem.SINGULAR
+    OUT_OF_RANGE = problem.OUT_OF_RANGE
+    NO_LIGHT = problem.NO_LIGHT
+    NON_FINITE = problem.NON_FINITE
+    STALLED = problem.STALLED
 
     @property
     def label(self) -> str:
@@ -85,12 +87,15 @@ class Solution:
 
 
 class Plan(NamedTuple):
-    """What is asked for and what is known: the arrays that `kernels.invert` takes."""
+    """What is asked for and what is known, as `kernels.invert` takes it.
+
+    means: (1 or n, 3) of bx, by and the power.  weights: (3,).  free: numbers of the unknowns.
+    """
 
     means: Floats
     weights: Floats
     free: NDArray[np.int64]
-    limits: gauss_newton.Limits
+    limits: problem.Limits
 
 
 def prior_of_beam(beam: str | Prior) -> Prior:
@@ -123,12 +128,14 @@ def means_of(place: Prior, light: Prior, shape: tuple[int, ...]) -> Floats:
     return means.reshape(-1, 3)
 
 
-def limits_of(sensor: Sensor, eight: bool) -> gauss_newton.Limits:
+def limits_of(sensor: Sensor, eight: bool) -> problem.Limits:
     noise = sensor.noise
-    return gauss_newton.Limits(
+    distance = max(float(np.hypot(psd.radius, psd.height)) for psd in sensor.psds)
+    return problem.Limits(
         noise=np.array([noise.position, noise.at_power, power_floor(sensor)]),
         half_sizes=half_sizes(sensor),
         eight=eight,
+        rounding=problem.ROUNDING * np.array([distance, sensor.beam.power]),
     )
 
 
@@ -193,6 +200,49 @@ def starting(start: str | ArrayLike, todo: Plan, values: Floats, shape: tuple[in
     return starts
 
 
+def empty_results(count: int, covariance: bool) -> problem.Results:
+    return problem.Results(
+        states=np.empty((count, 9)),
+        used=np.empty((count, 3), bool),
+        status=np.empty(count, np.int8),
+        steps=np.empty(count, np.int32),
+        residuals=np.empty(count),
+        covariances=np.zeros((count if covariance else 0, 8, 8)),
+    )
+
+
+def workspace() -> problem.Workspace:
+    """Memory for the estimates of one thread."""
+    return problem.Workspace(
+        np.empty((problem.LAYERS, 10, 10)),
+        np.empty((problem.ROWS, 10)),
+        np.empty((3, MOST, COLUMNS)),
+    )
+
+
+def add_calibration(sensor: Sensor, todo: Plan, found: problem.Results) -> None:
+    """Adds to the covariances what the parameters' own, `Sensor.calibration`, is worth."""
+    if sensor.calibration is not None:
+        from .calibration_uncertainty import covariances as inherited
+
+        found.covariances[:] += inherited(
+            sensor, sensor.calibration, found.states[:, :8], found.used, todo.free, todo.weights
+        )
+
+
+def solution(found: problem.Results, shape: tuple[int, ...]) -> Solution:
+    """What was found, in the leading shape of the readings."""
+    return Solution(
+        state=found.states[:, :8].reshape(*shape, 8),
+        status=found.status.reshape(shape),
+        power=found.states[:, 8].reshape(shape),
+        used=found.used.reshape(*shape, 3),
+        iterations=found.steps.reshape(shape),
+        residual=found.residuals.reshape(shape),
+        covariance=found.covariances.reshape(*shape, 8, 8) if found.covariances.size else None,
+    )
+
+
 def solve(
     sensor: Sensor,
     readings: ArrayLike,
@@ -221,6 +271,15 @@ def solve(
     threads: that share the readings; 0 for all cores. With start="previous" each begins at zero.
 
     Bad arguments raise `InputError`; a reading that cannot be solved gets a status and NaN.
+
+    >>> import numpy as np, facets
+    >>> sensor = facets.Sensor()
+    >>> reading = facets.readings(sensor, [0.01, 0, 0.5, 0, 0, 0.001, 0, 0])
+    >>> solution = facets.solve(sensor, reading, beam="known")
+    >>> bool(solution.ok), f"yaw {1e3 * solution.state[5]:.3f} mrad"
+    (True, 'yaw 1.000 mrad')
+    >>> facets.Status(int(facets.solve(sensor, np.zeros(9)).status)).label
+    'no light'
     """
     values, shape = as_rows(readings, 9, "readings")
     if max_steps < 1:
@@ -228,37 +287,33 @@ def solve(
     todo = plan_kept(sensor, beam, power, method, shape)
     starts = starting(start, todo, values, shape)
     warm = isinstance(start, str) and start == "previous"
-    n = len(values)
-    states, left = np.empty((n, 9)), np.empty(n)
-    used, status, steps = np.empty((n, 3), bool), np.empty(n, np.int8), np.empty(n, np.int32)
-    covariances = np.zeros((n if covariance else 0, 8, 8))
+    found = empty_results(len(values), covariance)
+    from ..model import evaluators
     from .kernels import invert
 
-    vectors = packed(sensor)
+    model = problem.Model(evaluators.nearly_linearised(sensor), packed(sensor))
     sigmas = np.empty((0, 9)) if sensor.electronics is None else standard_deviations(sensor, values)
+    n = len(values)
 
     def run(part: slice) -> None:
         invert(
-            vectors, values[part], part_of(sigmas, part, n), todo.limits,
-            part_of(todo.means, part, n), todo.weights, todo.free, part_of(starts, part, n),
-            warm, max_steps, method != "paper",
-            states[part], used[part], status[part], steps[part], left[part],
-            part_of(covariances, part, n),
-        )  # fmt: skip
+            model,
+            problem.Readings(values[part], part_of(sigmas, part, n)),
+            todo.limits,
+            problem.Problem(
+                means=part_of(todo.means, part, n),
+                weight=todo.weights,
+                free=todo.free,
+                starts=part_of(starts, part, n),
+                previous=warm,
+                max_steps=max_steps,
+                damped=method != "paper",
+            ),
+            problem.Results(*(part_of(array, part, n) for array in found)),
+            workspace(),
+        )
 
     share(run, n, threads)
-    if covariance and sensor.calibration is not None:
-        from .calibration_uncertainty import covariances as inherited
-
-        covariances += inherited(
-            sensor, sensor.calibration, states[:, :8], used, todo.free, todo.weights
-        )
-    return Solution(
-        state=states[:, :8].reshape(*shape, 8),
-        status=status.reshape(shape),
-        power=states[:, 8].reshape(shape),
-        used=used.reshape(*shape, 3),
-        iterations=steps.reshape(shape),
-        residual=left.reshape(shape),
-        covariance=covariances.reshape(*shape, 8, 8) if covariance else None,
-    )
+    if covariance:
+        add_calibration(sensor, todo, found)
+    return solution(found, shape)

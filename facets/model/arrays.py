@@ -64,7 +64,7 @@ def of_light(sensor: Sensor) -> Effects:
 
 
 def effects(sensor: Sensor) -> Floats:
-    """The numbers of the bench's light in the order of `EFFECTS`: (26,) 1/mm, mm, mm^2, mW, rad.
+    """The numbers of the bench's light in the order of `EFFECTS`: (27,) 1/mm, mm, mm^2, mW, rad.
 
     The index of a coating that reflects all is 1 + 0i; the polarisation of unpolarised light is 0.
     """
@@ -83,6 +83,7 @@ def effects(sensor: Sensor) -> Floats:
             n,
             k,
             light.polarization or 0.0,
+            light.rolloff_width,
         ]
     )
 
@@ -102,6 +103,7 @@ def with_effects(sensor: Sensor, values: Sequence[float] | Floats) -> Sensor:
         curvature_yy=v[2],
         wavelength=v[3],
         rolloff=tuple(v[4:10]),
+        rolloff_width=v[26],
         strips=(v[10], v[11], v[12]),
         tip=v[13],
         background=tuple((v[i], v[i + 1], v[i + 2]) for i in (14, 17, 20)),
@@ -125,7 +127,7 @@ def stepped(values: Sequence[float] | Floats) -> list[tuple[complex, ...]]:
 def effect_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
     """The derivatives of the readings by the numbers of the bench's light, closed.
 
-    state: (..., 8). Returns (..., 9, 26), columns in the order of `EFFECTS`; mm and mW per each
+    state: (..., 8). Returns (..., 9, 27), columns in the order of `EFFECTS`; mm and mW per each
     number's unit, right also where the light is ideal. Zero by what an index of a coating that
     reflects all, or a polarisation of light that is not polarised, would be. NaN as in `jacobian`.
     Raises `InputError` for a sensor with apertures.
@@ -201,18 +203,28 @@ def readings(
     leaves out a cross term, and is exact only for a level sub-beam. Slow.
 
     threads: that share the states; 0 for all cores.
+
+    >>> import facets
+    >>> psi, zeta, power = facets.readings(facets.Sensor(), [0, 0, 0.5, 0, 0, 0.002, 0, 0])[:3]
+    >>> f"psi {psi:.3f} mm, zeta {zeta:.3f} mm, {power:.3f} mW"
+    'psi 0.500 mm, zeta 0.280 mm, 0.100 mW'
     """
     rows, shape = as_rows(state, 8, "state")
     if irradiance == "paper":
         from ..optics.paper import paper_readings
 
+        if sensor.light.on:
+            raise InputError(
+                "the paper's irradiance is that of ideal light; leave sensor.light out to compare"
+            )
         return paper_readings(geometry_of(sensor), rows).reshape(*shape, 9)
     if irradiance != "exact":
         raise InputError(f'irradiance is {irradiance!r}; allowed: "exact", "paper"')
+    from . import evaluators
     from .kernels import read
 
-    vectors, out = packed(sensor), np.empty((len(rows), 9))
-    share(lambda part: read(vectors, rows[part], out[part]), len(rows), threads)
+    model, vectors, out = evaluators.readings(sensor), packed(sensor), np.empty((len(rows), 9))
+    share(lambda part: read(model, vectors, rows[part], out[part]), len(rows), threads)
     return out.reshape(*shape, 9)
 
 
@@ -221,12 +233,23 @@ def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
 
     state: (..., 8) as for `readings`. Returns (..., 9, 8): mm and mW per mm and rad; NaN in the
     rows of a detector that `readings` gives NaN for. threads: as for `readings`.
+
+    >>> import numpy as np, facets
+    >>> slopes = facets.jacobian(facets.Sensor(), np.zeros(8))
+    >>> f"psi_a moves {slopes[0, 5]:.0f} mm per rad of yaw"
+    'psi_a moves 250 mm per rad of yaw'
     """
+    from . import evaluators
     from .kernels import differentiate
 
     rows, shape = as_rows(state, 8, "state")
+    model, power = evaluators.linearised(sensor), float(sensor.beam.power)
     vectors, out = packed(sensor), np.empty((len(rows), 9, 8))
-    share(lambda part: differentiate(vectors, rows[part], out[part]), len(rows), threads)
+
+    def run(part: slice) -> None:
+        differentiate(model, vectors, rows[part], power, out[part])
+
+    share(run, len(rows), threads)
     return out.reshape(*shape, 9, 8)
 
 
@@ -235,6 +258,11 @@ def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
 
     state: (..., 8). Returns (..., 9, 30), columns in the order of `facets.PARAMETERS`; mm and mW
     per mm, rad and mW. NaN as in `jacobian`.
+
+    >>> import numpy as np, facets
+    >>> slopes = facets.parameter_jacobian(facets.Sensor(), np.zeros(8))
+    >>> f"{slopes[2, facets.PARAMETERS.index('beam.power')]:.3f}"  # of the power on A
+    '0.333'
     """
     from .kernels import differentiate_by_parameters, differentiate_cut, differentiate_light
 
@@ -266,6 +294,10 @@ def reaches(sensor: Sensor, state: ArrayLike) -> NDArray[np.bool_]:
     """Which spots' centroids lie on their detector's sensitive area: (..., 8) -> (..., 3).
 
     False also where the sub-beam never meets its detector's plane.
+
+    >>> import facets
+    >>> facets.reaches(facets.Sensor(), [0, 0, 8, 0, 0, 0, 0, 0]).tolist()  # 8 mm up: past the edge
+    [False, False, False]
     """
     return on_detectors(sensor, readings(sensor, state))
 
@@ -277,6 +309,11 @@ def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     zeta on the detectors' planes (mm, detector frame), and how far from the mirror's axis the light
     meets the facet at most (mm). NaN where a facet meets no light inside the circle, where it is
     turned past the beam, and where its sub-beam never meets the detector's plane.
+
+    >>> import numpy as np, facets
+    >>> least, largest = facets.footprints(facets.Sensor(), np.zeros(8))[0, :2]
+    >>> f"spot A spans {largest - least:.2f} mm along y"
+    'spot A spans 0.74 mm along y'
     """
     from .kernels import outline
 
@@ -293,6 +330,11 @@ def margins(sensor: Sensor, state: ArrayLike, whole: bool = True, threads: int =
     Returns (..., 3, 5): from the edges at -y, +y, -z and +z of detectors A, B, C, and from the
     mirror's rim, counted square to its axis; infinite where `sensor.apertures` gives no rim. NaN as
     `footprints` and `readings`; for a centroid, the rim is that of the whole footprint.
+
+    >>> import numpy as np, facets
+    >>> edges = facets.margins(facets.Sensor(), np.zeros(8))[0, :4]
+    >>> f"spot A is {edges.min():.2f} mm from an edge"
+    'spot A is 6.08 mm from an edge'
     """
     ends = footprints(sensor, state, threads)
     if not whole:

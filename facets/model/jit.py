@@ -20,7 +20,9 @@ from typing import Any
 
 import numba  # noqa: TID253  this module is itself imported only where compiled code is needed
 import platformdirs
-from numba.extending import overload, register_jitable  # noqa: TID253
+from llvmlite import ir
+from numba import types  # noqa: TID253
+from numba.extending import intrinsic, overload, register_jitable  # noqa: TID253
 
 from ..optics import (
     bench_light,
@@ -28,9 +30,11 @@ from ..optics import (
     cut,
     cut_parameters,
     detected,
+    effects,
     footprint,
     forward,
     gradient,
+    half_normal,
     limits,
     parameters,
     rays,
@@ -88,9 +92,11 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
 }
 TEXT = (
     bench_light,
+    effects,
     vectors,
     rays,
     compensated,
+    half_normal,
     tail_quadrature,
     wedge,
     forward,
@@ -103,23 +109,30 @@ TEXT = (
     detected,
     parameters,
 )
-#: What is left to be called, because it is long and most poses do without.
-LONG = (tail_quadrature, bench_light)
+#: Text is called by compiled code alone: without the wrappers that Python or C would need, which
+#: take a quarter of the time of compiling.
+BARE: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+#: What is left to be called, because it is long and called from many places, or seldom.
+LONG = (tail_quadrature,)
+CALLED = (bench_light.varied,)
 
 
-def register(module: ModuleType) -> None:
-    """Lets Numba compile the functions of a module of text where a compiled function calls them."""
+def register(module: ModuleType, inline: bool = True) -> None:
+    """Lets Numba compile the functions of a module of text where a compiled function calls them.
+
+    inline: into their callers, as formulas need; loops do without, and compile sooner.
+    """
     for function in vars(module).values():
         if not isinstance(function, FunctionType) or function.__module__ != module.__name__:
             continue
         if function not in TWINS and function not in _REGISTERED:
             _REGISTERED.add(function)
-            register_jitable(forceinline=module not in LONG)(function)
+            register_jitable(forceinline=inline and function not in CALLED, **BARE)(function)
 
 
 def compilable(function: Callable[..., Any]) -> Callable[..., Any]:
     """Marks a function as one that compiled functions may call."""
-    return register_jitable(forceinline=True)(function)
+    return register_jitable(forceinline=True, **BARE)(function)
 
 
 def cache_folder(*files: str | None) -> tuple[Path, object]:
@@ -146,9 +159,9 @@ def cache_folder(*files: str | None) -> tuple[Path, object]:
 
 _REGISTERED: set[Callable[..., Any]] = set()
 for _function, _twin in TWINS.items():
-    overload(_function)(_twin)
+    overload(_function, jit_options=BARE)(_twin)
 for _module in TEXT:
-    register(_module)
+    register(_module, inline=_module not in LONG)
 
 
 def compiler(
@@ -160,7 +173,7 @@ def compiler(
     kernels whose functions they call.  The machine code is made anew when any of these changes.
     """
     for module in modules:
-        register(module)
+        register(module, inline=False)
     folder, passing = cache_folder(file, *(module.__file__ for module in (*modules, *calls)))
 
     def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -169,23 +182,73 @@ def compiler(
     return compiled
 
 
-def _kept(function: Callable[..., Any], folder: Path, passing: object) -> Callable[..., Any]:
-    """The compiled `function`; says so on the standard error when it has to be compiled first."""
+def _in_folder(folder: Path, make: Callable[[], Any]) -> Any:
+    """What `make` compiles, with its machine code kept in a folder."""
     config: Any = numba.config
     kept, config.CACHE_DIR = config.CACHE_DIR, str(folder)
     try:
-        dispatcher = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+        return make()
     finally:
         config.CACHE_DIR = kept
+
+
+def _tell(folder: Path, function: Callable[..., Any]) -> None:
+    """Says on the standard error that a function has to be compiled, where that is so."""
+    if not any(folder.rglob(f"*.{function.__name__}-*.nbi")):
+        print(f"facets: compiling {function.__name__}, once ...", file=sys.stderr)
+
+
+def _kept(function: Callable[..., Any], folder: Path, passing: object) -> Callable[..., Any]:
+    """The compiled `function`; says so on the standard error when it has to be compiled first."""
+    make = numba.njit(cache=True, nogil=True, error_model="numpy")
+    dispatcher = _in_folder(folder, lambda: make(function))
     called = False
 
     def call(*arguments: Any) -> Any:
         nonlocal called
         if not called:
             called = True
-            if not any(folder.rglob(f"*.{function.__name__}-*.nbi")):
-                print(f"facets: compiling {function.__name__}, once ...", file=sys.stderr)
+            _tell(folder, function)
         return dispatcher(*arguments)
 
     call.keeps = passing  # type: ignore[attr-defined]  # a passing folder lives as long as this
     return call
+
+
+_NUMBERS = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
+_FOUR_POINTERS = types.void(_NUMBERS, _NUMBERS, _NUMBERS, _NUMBERS)
+
+
+def callback(file: str, function: Callable[..., Any], *modules: ModuleType) -> Any:
+    """`function` of four pointers to numbers, compiled now; `.address` is what kernels call.
+
+    file: where it is written.  modules: other files that it is made of.  Kernels do not contain
+    what they call by its address (`call_address`), so that it is compiled once for all of them.
+    """
+    folder, passing = cache_folder(file, *(module.__file__ for module in modules))
+    _tell(folder, function)
+    make = numba.cfunc(_FOUR_POINTERS, cache=True, error_model="numpy")
+    compiled = _in_folder(folder, lambda: make(function))
+    compiled.keeps = passing
+    return compiled
+
+
+def _call_address(
+    typing: Any, address: Any, first: Any, second: Any, third: Any, fourth: Any
+) -> tuple[Any, Any]:
+    """Calls what `callback` compiled, with the numbers of four contiguous arrays."""
+    arrays = (first, second, third, fourth)
+
+    def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        pointers = [
+            context.make_array(kind)(context, builder, value).data
+            for kind, value in zip(arrays, values[1:], strict=True)
+        ]
+        kind = ir.FunctionType(ir.VoidType(), [pointer.type for pointer in pointers])
+        builder.call(builder.inttoptr(values[0], kind.as_pointer()), pointers)
+        return context.get_dummy_value()
+
+    return types.void(types.intp, *arrays), code
+
+
+call_address: Any = intrinsic(_call_address)

@@ -14,14 +14,14 @@ import numpy as np
 
 from ..optics import bench_light
 from ..optics.cut_parameters import cut_by_parameter
-from ..optics.detected import cut_scene, linearised, readings
+from ..optics.detected import cut_scene
 from ..optics.effects import Light, Options
 from ..optics.footprint import footprint
 from ..optics.forward import Geometry, Openings, geometry, placed
 from ..optics.forward import scene as uncut_scene
 from ..optics.limits import COLUMNS, MOST
 from ..optics.parameters import detector_by_parameters
-from .jit import compilable, compiler
+from .jit import call_address, compilable, compiler
 
 Array = Any
 
@@ -54,20 +54,25 @@ def expression(part: Any, numbers: Iterator[int], plain: bool = False) -> str:
         plain = plain or isinstance(part, PLAIN)
         inner = "".join(f"{expression(each, numbers, plain)}, " for each in part)
         return f"{type(part).__name__ if hasattr(part, '_fields') else ''}({inner})"
+    if part is None:
+        return "None"
     number = f"a[{next(numbers)}]"
     if isinstance(part, bool):
         return f"{number}.real > 0"
     return f"{number}.real" if plain else number
 
 
-def unpacking() -> Callable[[Array], Geometry]:
-    """The function that takes what `pack` makes apart, in straight text that Numba compiles."""
+def unpacking(example: Geometry) -> Callable[[Array], Geometry]:
+    """The function that takes what `pack` makes apart, in straight text that Numba compiles.
+
+    example: a sensor's vectors, with None for the last ones where these are not wanted.
+    """
     names = {kind.__name__: kind for kind in (Geometry, Light, Openings, Options)}
-    exec(f"def unpack(a):\n    return {expression(EXAMPLE, count())}", names)
+    exec(f"def unpack(a):\n    return {expression(example, count())}", names)
     return compilable(names["unpack"])
 
 
-unpack = unpacking()
+unpack = unpacking(EXAMPLE)
 
 
 @compilable
@@ -83,45 +88,63 @@ def state_of(states: Array, n: int) -> Any:
 
 
 @compiled
-def read(packed: Array, states: Array, out: Array) -> None:
-    """out (n, 9): the readings at states (n, 8)."""
-    sensor, room = unpack(packed), outlines()
+def read(model: int, packed: Array, states: Array, out: Array) -> None:
+    """out (n, 9): the readings at states (n, 8).  model: address of `evaluators.readings`."""
+    memory = outlines()
     for n in range(len(states)):
-        on_detectors = readings(sensor, state_of(states, n), room)
-        for k in range(3):
-            for i in range(3):
-                out[n, 3 * k + i] = on_detectors[k][i]
+        call_address(model, packed, states[n], out[n], memory)
 
 
 @compiled
 def outline(packed: Array, states: Array, out: Array) -> None:
     """out (n, 3, 5): the footprints of the spots at states (n, 8)."""
-    sensor = unpack(packed)
+    geometry = unpack(packed)
     for n in range(len(states)):
-        at = placed(sensor, state_of(states, n))
+        at = placed(geometry, state_of(states, n))
+        if geometry.light.options.on:
+            at = bench_light.curved(geometry, at)
         for k in range(3):
-            ends = footprint(sensor, at, k)
+            ends = footprint(geometry, at, k)
             for i in range(5):
                 out[n, k, i] = ends[i]
 
 
+@compilable
+def linearise(
+    model: int, packed: Array, x: Array, state: Array, found: Array, memory: Array
+) -> bool:
+    """Fills found (10, 10) at a state (8,), as `evaluators.linearised`; whether all have light.
+
+    x: memory, (9,), with the beam's power last.
+    """
+    for c in range(8):
+        x[c] = state[c]
+    call_address(model, packed, x, found, memory)
+    return not (np.isnan(found[0, 0]) or np.isnan(found[0, 3]) or np.isnan(found[0, 6]))
+
+
 @compiled
-def differentiate(packed: Array, states: Array, out: Array) -> None:
-    """out (n, 9, 8): the Jacobian at states (n, 8)."""
-    sensor, room = unpack(packed), outlines()
+def differentiate(model: int, packed: Array, states: Array, power: float, out: Array) -> None:
+    """out (n, 9, 8): the Jacobian at states (n, 8).  model: address of `evaluators.linearised`."""
+    memory, found, x = outlines(), np.empty((10, 10)), np.full(9, power)
     for n in range(len(states)):
-        detectors = linearised(sensor, state_of(states, n), room)
-        for k in range(3):
-            values, derivatives = detectors[k]
-            for i in range(3):
-                lit = values[i] == values[i]
-                for c in range(8):
-                    out[n, 3 * k + i, c] = derivatives[i][c] if lit else np.nan
+        linearise(model, packed, x, states[n], found, memory)
+        for row in range(9):
+            lit = found[0, row] == found[0, row]
+            for c in range(8):
+                out[n, row, c] = found[1 + row, c] if lit else np.nan
 
 
 @compiled
 def determine(
-    packed: Array, states: Array, noise: Array, sigmas: Array, left_out: int, out: Array
+    model: int,
+    packed: Array,
+    states: Array,
+    power: float,
+    noise: Array,
+    sigmas: Array,
+    left_out: int,
+    out: Array,
 ) -> None:
     """out (n, 3): determinant without one row, smallest singular value, condition number.
 
@@ -129,25 +152,22 @@ def determine(
     are wanted.  sigmas (n, 9): where the readings' standard deviations are not those; else empty.
     The Jacobian's rows are then in standard deviations, its columns in um and urad.
     """
-    sensor, room = unpack(packed), outlines()
+    memory, found, x = outlines(), np.empty((10, 10)), np.full(9, power)
     square, scaled, normal = np.empty((8, 8)), np.empty((9, 8)), np.empty((8, 8))
     for n in range(len(states)):
-        detectors = linearised(sensor, state_of(states, n), room)
-        lit = True
-        for k in range(3):
-            values, derivatives = detectors[k]
-            lit = lit and values[0] == values[0]
-            for i in range(3):
-                row = 3 * k + i
-                sigma = noise[0] / values[2] if i < 2 else noise[1]
-                if len(sigmas) > 0:
-                    sigma = sigmas[n, row]
-                for c in range(8):
-                    if row != left_out:
-                        square[row - (row > left_out), c] = derivatives[i][c]
-                    scaled[row, c] = derivatives[i][c] * (1e-6 if 3 <= c < 6 else 1e-3) / sigma
+        lit = linearise(model, packed, x, states[n], found, memory)
+        for row in range(9):
+            sigma = noise[1] if row % 3 == 2 else noise[0] / found[0, row - row % 3 + 2]
+            if len(sigmas) > 0:
+                sigma = sigmas[n, row]
+            for c in range(8):
+                derivative = found[1 + row, c]
+                if row != left_out:
+                    square[row - (row > left_out), c] = derivative
+                scaled[row, c] = derivative * (1e-6 if 3 <= c < 6 else 1e-3) / sigma
         if not lit:
-            out[n] = np.nan
+            for column in range(3):
+                out[n, column] = np.nan
             continue
         out[n, 0] = np.linalg.det(square)
         if noise[2] > 0:
@@ -178,12 +198,12 @@ def extremes(matrix: Array, normal: Array) -> tuple[float, float]:
 @compiled
 def differentiate_by_parameters(packed: Array, parameters: Any, states: Array, out: Array) -> None:
     """out (n, 9, 30), zeroed: derivatives by the sensor's parameters at states (n, 8)."""
-    sensor = unpack(packed)
+    geometry = unpack(packed)
     for n in range(len(states)):
         state = state_of(states, n)
-        at = uncut_scene(sensor, state)
+        at = uncut_scene(geometry, state)
         for k in range(3):
-            values, derivatives = detector_by_parameters(sensor, parameters, state, at, k)
+            values, derivatives = detector_by_parameters(geometry, parameters, state, at, k)
             for i in range(3):
                 row = out[n, 3 * k + i]
                 beam, facet_a, facet_b, facet_c, psd = derivatives[i]
@@ -202,17 +222,17 @@ def differentiate_cut(packed: Array, varied: Array, states: Array, out: Array) -
 
     varied: (30, ...) the sensor with each parameter varied, see `optics.cut_parameters`.
     """
-    sensor, room = unpack(packed), outlines()
+    geometry, workspace = unpack(packed), outlines()
     for n in range(len(states)):
         state = state_of(states, n)
-        at, counts = cut_scene(sensor, state, room)
+        at, counts = cut_scene(geometry, state, workspace)
         for p in range(len(varied)):
             copy = unpack(varied[p])
             moved = placed(copy, state)
             for k in range(3):
                 if counts[k] > 0:
                     lit = at.moments[k][1][0] == at.moments[k][1][0]
-                    rows = cut_by_parameter(sensor, at, copy, moved, k, room[k], counts[k])
+                    rows = cut_by_parameter(geometry, at, copy, moved, k, workspace[k], counts[k])
                     for i in range(3):
                         out[n, 3 * k + i, p] = rows[i] if lit else np.nan
 

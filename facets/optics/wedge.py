@@ -28,7 +28,8 @@ import numpy as np
 
 from ..scalars.dispatch import Number, atan2, erf, erfc, exp, integral, is_float, pi, sqrt
 from .compensated import gauss, gauss_of_point, normalised
-from .tail_quadrature import AWAY, faint, no_light, tail
+from .half_normal import half_normal
+from .tail_quadrature import AWAY, faint, no_light
 
 Plane = tuple[Any, Any]
 Side = tuple[Any, Any, Any, Any]
@@ -71,7 +72,7 @@ def side_float(q: Plane, u: Plane, a: float, h: float) -> Side:
 def moments_along_float(a: float, density: float, length: float) -> tuple[float, float]:
     """K and J where the side points away from the light, too: there the differences cancel."""
     if a > AWAY:
-        first, second, _ = tail(a)
+        _, first, second = half_normal(a)
         return density * first, density * second
     first = density - a * length
     return first, length - a * first

@@ -111,7 +111,7 @@ def beyond_the_theorem(sensor: Sensor) -> str:
     """Why nothing can be proved of a sensor whose model has more than ideal light; else empty."""
     if sensor.apertures.cut:
         return "sensor.apertures cuts the light, of which the theorem knows nothing"
-    if getattr(getattr(sensor, "light", None), "on", False):
+    if sensor.light.on:
         return "sensor.light is not that of an ideal beam, of which alone the theorem speaks"
     return ""
 

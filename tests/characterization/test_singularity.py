@@ -35,12 +35,26 @@ def test_measures_are_those_of_numpy(name):
     np.testing.assert_allclose(found[:, 2], values[:, 0] / values[:, -1], rtol=1e-6)
 
 
+def rounding_of_determinants(matrices: np.ndarray) -> np.ndarray:
+    """By how much two ways to the determinants of (n, 8, 8) may differ: (n,).
+
+    Eliminations perturb a matrix by some 8 roundings of its numbers, and each row or column can
+    turn its share of that into no more than itself times the product of the others' lengths
+    (Hadamard): 64 x 2e-16, and eight times that for the growth of what is eliminated. Needed where
+    a determinant is zero by symmetry, and all that is left is rounding.
+    """
+    rows = np.prod(np.linalg.norm(matrices, axis=2), axis=1)
+    columns = np.prod(np.linalg.norm(matrices, axis=1), axis=1)
+    return 512 * np.finfo(float).eps * np.minimum(rows, columns)
+
+
 def test_any_reading_can_be_left_out():
     state = states(20, seed=6)
     matrices = facets.jacobian(PAPER, state)
     for row, name in enumerate(facets.READING):
-        exact = np.linalg.det(np.delete(matrices, row, axis=1))
-        np.testing.assert_allclose(measures(PAPER, state, name)[:, 0], exact, rtol=1e-6)
+        left = np.delete(matrices, row, axis=1)
+        away = np.abs(measures(PAPER, state, name)[:, 0] - np.linalg.det(left))
+        assert (away <= rounding_of_determinants(left)).all()
     with pytest.raises(InputError, match="power_d"):
         measures(PAPER, state, "power_d")
 

@@ -25,7 +25,7 @@ def test_examples_run(name):
         assert doctest.DocTestRunner().run(example).failed == 0
 
 
-def later_every_public_function_has_an_example():
+def test_every_public_function_has_an_example():
     without = [
         name
         for name in callables()

@@ -6,7 +6,15 @@ import pytest
 import facets
 from facets import Prior, Status
 from facets.core.errors import InputError
+from facets.estimation import problem
 from facets.estimation.least_squares import back_substitute, triangularise
+from facets.estimation.normal_equations import (
+    LAST,
+    covariance_of,
+    factorise,
+    multiply,
+    solve_factored,
+)
 
 SENSOR = facets.Sensor()
 HALF_RANGE = np.array([0.1, 0.1, 6.0, 12e-3, 12e-3, 24e-3, 0.05, 0.05])
@@ -258,3 +266,60 @@ def test_bad_priors_are_named():
 def test_bad_shapes_are_named():
     with pytest.raises(InputError, match=r"needed: \(\.\.\., 9\)"):
         facets.solve(SENSOR, np.zeros(8))
+
+
+@pytest.mark.parametrize(
+    "options", [{}, {"beam": "known"}, {"power": "unknown"}, {"method": "paper"}], ids=str
+)
+def test_a_prepared_solver_gives_the_same_bits(states, readings, options):
+    solver = facets.Solver(SENSOR, **options)
+    for reading in (*readings[:5], np.full(9, np.nan), readings[5]):
+        one, other = solver.solve(reading), facets.solve(SENSOR, reading, **options)
+        assert one.status == other.status
+        np.testing.assert_array_equal(one.state, other.state)
+        np.testing.assert_array_equal(one.covariance, other.covariance)
+
+
+def test_a_prepared_solver_goes_on_from_the_last_pose_and_finds_back():
+    """Warm, it takes fewer steps; a reading far from the last one is solved from zero again."""
+    path = np.zeros((40, 8))
+    path[:, 0], path[:, 3], path[:, 5] = 0.08, 8e-3, np.linspace(0, 10e-3, 40)
+    path[-1, :2] = -0.1
+    readings = facets.readings(SENSOR, path)
+    solver = facets.Solver(SENSOR, start="previous")
+    found = [solver.solve(reading) for reading in readings]
+    assert all(one.ok for one in found)
+    assert np.abs(np.array([one.state for one in found]) - path).max() < 1e-10
+    cold = facets.solve(SENSOR, readings).iterations
+    assert sum(int(one.iterations) for one in found) < cold.sum()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reading"),
+    [({"start": "there"}, None), ({"max_steps": 0}, None), ({}, [0] * 8), ({}, [[0] * 9])],
+    ids=str,
+)
+def test_a_prepared_solver_refuses_what_it_can_not_take(arguments, reading):
+    with pytest.raises(InputError):
+        facets.Solver(SENSOR, **arguments).solve(reading)
+
+
+def test_normal_equations_agree_with_lapack_or_refuse():
+    """The same least squares as LAPACK's; where the columns nearly depend, a refusal."""
+    rng = np.random.default_rng(3)
+    for count in (6, 8, 9):
+        matrix, residuals = rng.normal(size=(9, count)), rng.normal(size=9)
+        layers = np.zeros((problem.LAYERS, 10, 10))
+        layers[problem.COLUMNS, :count, :9] = matrix.T
+        layers[problem.COLUMNS, LAST, :9] = residuals
+        multiply(layers, problem.COLUMNS, problem.HERE, count)
+        assert factorise(layers, problem.HERE, problem.FACTOR, count, 0.0)
+        solve_factored(layers, problem.HERE, problem.FACTOR, count)
+        exact = np.linalg.lstsq(matrix, residuals, rcond=None)[0]
+        np.testing.assert_allclose(layers[problem.FACTOR, LAST, :count], exact, rtol=1e-8)
+        covariance_of(layers, problem.FACTOR, problem.INVERSE, problem.COVARIANCE, count)
+        found = layers[problem.COVARIANCE, :count, :count]
+        np.testing.assert_allclose(found, np.linalg.inv(matrix.T @ matrix), rtol=1e-7)
+        layers[problem.COLUMNS, count - 1, :9] = matrix[:, 0] * (1 + 1e-6 * rng.normal(size=9))
+        multiply(layers, problem.COLUMNS, problem.HERE, count)
+        assert not factorise(layers, problem.HERE, problem.FACTOR, count, 0.0)

@@ -1,0 +1,225 @@
+"""Reference made from the code when the pages are built: nothing of it is kept by hand.
+
+`<!-- help: range-map -->` is replaced by what `facets range-map --help` prints,
+`<!-- keys: sensor.beam -->` by a table of the keys of that block of a configuration,
+`<!-- keys -->` by a section for every block, `<!-- configurations -->` by the shipped ones, and
+`<!-- face -->` by the signatures and docstrings of all that `import facets` gives.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from facets.config import load, shipped
+from facets.config.json_schema import allowed, document, entry
+from facets.config.show import scalar
+
+HELP = re.compile(r"<!-- help: ([a-z -]+) -->")
+KEYS = re.compile(r"<!-- keys(?:: ([a-z_.]+))? -->")
+CONFIGURATIONS = "<!-- configurations -->"
+FACE = "<!-- face -->"
+#: What the names of `facets` are about, by the folder that they come from.
+SUBJECTS = {
+    "config": "Configurations",
+    "model": "The model",
+    "estimation": "Solving",
+    "simulation": "Simulating",
+    "characterization": "Ranges and uncertainties",
+    "calibration": "Calibrating",
+    "design": "Layouts",
+    "live": "Recordings",
+    "core": "The sensor and its data",
+    "detectors": "Noise of the detectors",
+    "optics": "Parameters of the sensor",
+}
+COLUMNS = 88
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """The page with its markers replaced."""
+    text = HELP.sub(lambda found: f"```text\n{help_of(found[1])}\n```", markdown)
+    text = KEYS.sub(lambda found: keys_of(found[1]) if found[1] else all_keys(), text)
+    for marker, made in ((CONFIGURATIONS, configurations), (FACE, face)):
+        text = text.replace(marker, made()) if marker in text else text
+    return text
+
+
+def command_of(name: str) -> tuple[Any, Any]:
+    """The command `facets NAME`, and the context that it is called in."""
+    import typer
+    from facets.cli import app
+
+    command: Any = typer.main.get_command(app)
+    context: Any = None
+    whole = "facets"
+    for word in name.split():
+        context = context_of(command, whole, context)
+        command = command.get_command(context, word)
+        if command is None:
+            raise KeyError(f"there is no command `facets {name}`")
+        whole = word
+    return command, context_of(command, whole, context)
+
+
+def context_of(command: Any, name: str, parent: Any) -> Any:
+    return command.context_class(
+        command, info_name=name, parent=parent, terminal_width=COLUMNS, max_content_width=COLUMNS
+    )
+
+
+def help_of(name: str) -> str:
+    """What `facets NAME --help` prints, as wide as a page is."""
+    command, context = command_of(name)
+    text: str = command.get_help(context)
+    return "\n".join(line.rstrip() for line in text.strip().splitlines())
+
+
+def command_names() -> list[str]:
+    """Every command of the program, those of a group as two words."""
+    import typer
+    from facets.cli import app
+
+    names = []
+    for name, command in typer.main.get_command(app).commands.items():
+        names += [f"{name} {inner}" for inner in getattr(command, "commands", {})] or [name]
+    return names
+
+
+def configurations() -> str:
+    """A table of the shipped configurations, each with the first sentence of its comment."""
+    rows = "".join(f"| `{name}` | {opening(name)} |\n" for name in shipped())
+    return f"| name | what it is |\n| --- | --- |\n{rows}"
+
+
+def opening(name: str) -> str:
+    """The first sentence of a shipped configuration's comment."""
+    path = load(name).path
+    head = re.match(r"(?:# .*\n)*", path.read_text("utf-8"))
+    lines = head[0].splitlines() if head else []
+    words = " ".join(line[2:] for line in lines if not line.startswith("#   "))
+    return re.split(r"(?<=[^A-Z.][.?]) (?=[A-Z])", words)[0]
+
+
+def face() -> str:
+    """The names of the package by subject; the builder fills in what the code says of each."""
+    import facets
+
+    by_folder: dict[str, list[str]] = {}
+    for name in facets.__all__:
+        home: str = facets._HOMES[name]
+        by_folder.setdefault(home.split(".")[0], []).append(f"::: facets.{home}.{name}")
+    order = [*SUBJECTS, *sorted(set(by_folder) - set(SUBJECTS))]
+    return "\n".join(
+        f"## {SUBJECTS.get(folder, folder.capitalize())}\n\n" + "\n".join(by_folder[folder]) + "\n"
+        for folder in order
+        if folder in by_folder
+    )
+
+
+def all_keys() -> str:
+    """A section for every block of keys, in the order in which a configuration has them."""
+    return "\n".join(sections((), document()))
+
+
+def keys_of(name: str) -> str:
+    path = tuple(name.split("."))
+    found = entry(path)
+    if found is None:
+        raise KeyError(f"there is no block `{name}` in a configuration")
+    return "\n".join(table(path, found))
+
+
+def sections(path: tuple[str, ...], block: dict[str, Any]) -> Iterator[str]:
+    """The block's heading, its meaning and its keys; then the blocks inside it."""
+    name = ".".join(path) or "At the top"
+    yield f"\n{'#' * min(2 + (len(path) > 1), 4)} {f'`{name}`' if path else name}\n"
+    yield sentence(block) + "\n"
+    yield from table(path, block)
+    for key in block.get("properties", {}):
+        inner = entry((*path, key)) or {}
+        if is_single(path, key):
+            continue
+        if (*path, key) == ("motions",):
+            yield from motions()
+        elif inner.get("properties"):
+            yield from sections((*path, key), inner)
+        elif is_block(inner):  # blocks with names of one's own
+            yield from sections((*path, key, "NAME"), entry((*path, key, "NAME")) or {})
+
+
+def is_single(path: tuple[str, ...], key: str) -> bool:
+    """Whether this is the block of one facet or detector, whose keys are those above it."""
+    return path in (("sensor", "mirror"), ("sensor", "psd")) and key in ("a", "b", "c")
+
+
+def sentence(block: dict[str, Any]) -> str:
+    """What is said of a block, as a sentence."""
+    words: str = block.get("description", "")
+    return escaped(words[:1].upper() + words[1:].rstrip(".") + ".") if words else ""
+
+
+def table(path: tuple[str, ...], block: dict[str, Any]) -> Iterator[str]:
+    keys: dict[str, Any] = block.get("properties", {})
+    if not keys:
+        return
+    yield "\n| key | meaning | allowed | default |\n| --- | --- | --- | --- |"
+    for key in keys:
+        yield row((*path, key))
+    yield ""
+
+
+def row(path: tuple[str, ...], kind: str = "") -> str:
+    plain = example(kind) if kind else None
+    found = entry(path, plain) or {}
+    key, meaning = path[-1], escaped(found.get("description", ""))
+    if is_block(found):
+        return f"| `{key}` | {meaning} | {block_link(path, found, kind)} | |"
+    default = f"`{scalar(found['default'])}`" if "default" in found else ""
+    if found.get("default", 0) is None:
+        default = "none"
+    return f"| `{key}` | {meaning} | {escaped(allowed(path, plain))} | {default} |"
+
+
+def block_link(path: tuple[str, ...], found: dict[str, Any], kind: str) -> str:
+    """Where the keys of a block are told."""
+    if kind:
+        return "a place"
+    if is_single(path[:-1], path[-1]):
+        return "the keys above, and `azimuth_deg`"
+    named = not found.get("properties") and path != ("motions",)
+    return f"[{'named blocks' if named else 'a block'}](#{''.join(path)}{'name' * named})"
+
+
+def is_block(found: dict[str, Any]) -> bool:
+    return any(key in found for key in ("properties", "patternProperties", "additionalProperties"))
+
+
+def example(kind: str) -> dict[str, Any]:
+    """A document with a motion of that kind, which tells `entry` what its keys are."""
+    return {"motions": {"NAME": {"kind": kind}}}
+
+
+def motions() -> Iterator[str]:
+    """The kinds of motion: each is a block `motions.NAME` with its `kind`."""
+    schema = document()
+    (any_motion,) = schema["properties"]["motions"]["patternProperties"].values()
+    yield "\n## `motions`\n"
+    yield "Each block below `motions` has a name of your choice; its `kind` tells the other keys."
+    for kind, reference in any_motion["discriminator"]["mapping"].items():
+        block = schema["$defs"][reference.removeprefix("#/$defs/")]
+        yield f"\n### A motion of the kind `{kind}`\n"
+        yield sentence(block) + "\n"
+        yield "\n| key | meaning | allowed | default |\n| --- | --- | --- | --- |"
+        for key in block["properties"]:
+            if key != "kind":
+                yield row(("motions", "NAME", key), kind)
+        yield ""
+    axes = ", ".join(f"`{axis}`" for axis in schema["$defs"]["Place"]["properties"])
+    yield f"A place holds {axes}, with zero for each one that is left out.\n"
+
+
+def escaped(text: str) -> str:
+    """Text that may stand in a table's cell."""
+    return text.replace("|", "\\|").replace("<", "&lt;").replace("\n", " ")

@@ -1,0 +1,167 @@
+"""The model at one state as functions that compiled loops call by their address.
+
+Each is compiled when it is first asked for, once for all loops: what cuts the light, and the light
+of a bench, cost nothing where there is none. Importing this imports Numba; so it is imported only
+where compiled code is needed.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+from numba import carray  # type: ignore[attr-defined]  # noqa: TID253
+
+from ..core.sensor import Sensor
+from ..optics import bench_light
+from ..optics.detected import cut_scene, linearised_where_cut
+from ..optics.forward import by_power, readings_of, with_power
+from ..optics.forward import readings as readings_uncut
+from ..optics.gradient import linearised as linearised_uncut
+from ..optics.limits import COLUMNS, MOST
+from . import kernels
+from .jit import callback, compilable
+from .kernels import EXAMPLE, unpack, unpacking
+
+Pointer = Any
+
+#: How many numbers `kernels.pack` makes of a sensor.
+PACKED = len(kernels.pack(EXAMPLE))
+
+unpack_plain = unpacking(EXAMPLE._replace(openings=None, light=None))  # type: ignore[arg-type]
+unpack_cut = unpacking(EXAMPLE._replace(light=None))  # type: ignore[arg-type]
+
+
+@compilable
+def state_at(x: Pointer) -> Any:
+    return x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7]
+
+
+@compilable
+def put_readings(found: Any, detectors: Any) -> None:
+    for k in range(3):
+        for i in range(3):
+            found[3 * k + i] = detectors[k][i]
+
+
+@compilable
+def put_linearised(found: Any, detectors: Any) -> None:
+    """Values in the first row of found (10, 10), then each one's derivatives but that by power."""
+    for k in range(3):
+        values, derivatives = detectors[k]
+        for i in range(3):
+            row = 3 * k + i
+            found[0, row] = values[i]
+            for c in range(8):
+                found[1 + row, c] = derivatives[i][c]
+
+
+@compilable
+def put_by_power(found: Any, power: float) -> None:
+    """The derivatives by the beam's power, in the last column: a place does not answer to it."""
+    for row in range(9):
+        found[1 + row, 8] = found[0, row] / power if row % 3 == 2 else 0.0
+
+
+def readings_plain(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
+    """found (9,): the readings at the state x (8,)."""
+    vectors = unpack_plain(carray(packed, (PACKED,)))
+    put_readings(found, readings_uncut(vectors, state_at(x)))
+
+
+def readings_cut(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
+    vectors = unpack_cut(carray(packed, (PACKED,)))
+    outlines = carray(memory, (3, MOST, COLUMNS))
+    put_readings(found, readings_of(vectors, cut_scene(vectors, state_at(x), outlines)[0]))
+
+
+def readings_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
+    vectors = unpack(carray(packed, (PACKED,)))
+    put_readings(found, bench_light.readings(vectors, state_at(x)))
+
+
+def linearised_plain(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
+    """found (10, 10): the readings at x (9,), a state and the beam's power; then their derivatives
+    by each of these, a reading a row; the last column is not used."""
+    out = carray(found, (10, 10))
+    vectors = unpack_plain(carray(packed, (PACKED,)))
+    put_linearised(out, linearised_uncut(with_power(vectors, x[8]), state_at(x)))
+    put_by_power(out, x[8])
+
+
+def linearised_cut(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
+    out = carray(found, (10, 10))
+    vectors = unpack_cut(carray(packed, (PACKED,)))
+    outlines = carray(memory, (3, MOST, COLUMNS))
+    put_linearised(out, linearised_where_cut(with_power(vectors, x[8]), state_at(x), outlines))
+    put_by_power(out, x[8])
+
+
+@compilable
+def put_light(found: Any, vectors: Any, detectors: Any) -> None:
+    """`put_linearised`, and the derivatives by the beam's power, to which places answer too."""
+    put_linearised(found, detectors)
+    for k in range(3):
+        for i in range(3):
+            found[1 + 3 * k + i, 8] = by_power(vectors, detectors[k][0], k, i)
+
+
+def linearised_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
+    vectors = with_power(unpack(carray(packed, (PACKED,))), x[8])
+    put_light(carray(found, (10, 10)), vectors, bench_light.linearised(vectors, state_at(x)))
+
+
+def nearly_linearised_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
+    vectors = with_power(unpack(carray(packed, (PACKED,))), x[8])
+    detectors = bench_light.nearly_linearised(vectors, state_at(x))
+    put_light(carray(found, (10, 10)), vectors, detectors)
+
+
+MODELS = {
+    function.__name__: function
+    for function in (
+        readings_plain,
+        readings_cut,
+        readings_light,
+        linearised_plain,
+        linearised_cut,
+        linearised_light,
+        nearly_linearised_light,
+    )
+}
+
+
+@cache
+def address(name: str) -> int:
+    """Where the compiled function is in this process, compiled now if need be."""
+    _COMPILED[name] = callback(__file__, MODELS[name], kernels)
+    found: int = _COMPILED[name].address
+    return found
+
+
+_COMPILED: dict[str, Any] = {}
+
+
+def kind_of(sensor: Sensor) -> str:
+    """Which formulas hold for a sensor; found once a sensor."""
+    known: str | None = sensor.__dict__.get("_kind")
+    if known is None:
+        known = "light" if sensor.light.on else "cut" if sensor.apertures.cut else "plain"
+        sensor.__dict__["_kind"] = known
+    return known
+
+
+def readings(sensor: Sensor) -> int:
+    """The address of the function that computes a sensor's readings, compiled if need be."""
+    return address(f"readings_{kind_of(sensor)}")
+
+
+def linearised(sensor: Sensor) -> int:
+    """The address of the function that computes readings and derivatives."""
+    return address(f"linearised_{kind_of(sensor)}")
+
+
+def nearly_linearised(sensor: Sensor) -> int:
+    """The same, for steps of an iteration and for uncertainties: under the light of a bench the
+    derivatives leave out what is slow to compute and counts for little."""
+    return linearised(sensor) if kind_of(sensor) != "light" else address("nearly_linearised_light")

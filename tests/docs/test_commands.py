@@ -1,0 +1,96 @@
+"""Every command on every page is one that the program takes; every command has a page."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import shlex
+
+import pytest
+from pages import DOCS, PAGES, ROOT, blocks, hook, name_of, prose
+
+REFERENCE = hook("reference")
+
+
+def lines(page, start):
+    """What is to be typed on a page: the lines that begin so in `bash`, or after `$ ` elsewhere."""
+    typed = [line for text in blocks(page, "bash") for line in text.splitlines()]
+    shown = [line for text in blocks(page, "console", "text", "") for line in text.splitlines()]
+    typed += [line[2:] for line in shown if line.startswith("$ ")]
+    return [line for line in typed if line.startswith(start)]
+
+
+def parse(line):
+    """Parsed as the program would, without running anything; SystemExit or an error if wrong."""
+    words = shlex.split(line.partition(" > ")[0])[1:]
+    depth = 2 if words[0] == "config" else 1
+    command, _ = REFERENCE.command_of(" ".join(words[:depth]))
+    return command.make_context(words[depth - 1], words[depth:])
+
+
+COMMANDS = sorted({(name_of(page), line) for page in PAGES for line in lines(page, "facets ")})
+MENTIONED = sorted(
+    {
+        (name_of(page), span)
+        for page in PAGES
+        for span in re.findall(r"`(facets [a-z][^`]*)`", prose(page))
+    }
+)
+
+
+@pytest.mark.parametrize(("page", "line"), COMMANDS)
+def test_a_command_in_a_block_is_parsed(page, line):
+    assert parse(line).info_name
+
+
+@pytest.mark.parametrize(("page", "span"), MENTIONED)
+def test_a_command_in_a_sentence_exists_with_its_options(page, span):
+    words = span.split()[1:]
+    depth = 2 if words[0] == "config" and len(words) > 1 else 1
+    command, _ = REFERENCE.command_of(" ".join(words[:depth]))
+    options = {option for parameter in command.params for option in parameter.opts}
+    for word in words[depth:]:
+        if word.startswith("-"):
+            assert word in options | {"--help"}, span
+
+
+def test_there_are_commands_to_be_parsed():
+    assert len(COMMANDS) > 30
+    assert len(MENTIONED) > 30
+
+
+def test_a_wrong_option_is_not_parsed():
+    with pytest.raises(Exception, match="nonsense"):
+        parse("facets solve paper readings.csv -o poses.csv --nonsense")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_modules_to_be_run_exist(page):
+    for module in re.findall(r"python -m (facets\.[\w.]+)", page.read_text()):
+        assert importlib.util.find_spec(module), module
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_targets_to_be_made_exist(page):
+    rules = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), flags=re.MULTILINE)
+    said = re.findall(r"`make (\w+)`", prose(page))
+    said += [line.split()[1] for line in "\n".join(blocks(page, "")).splitlines()
+             if line.startswith("make ")]  # fmt: skip
+    for target in said:
+        assert target in rules, target
+
+
+@pytest.mark.parametrize("name", REFERENCE.command_names())
+def test_every_command_has_a_page_with_its_help(name):
+    page = DOCS / "commands" / f"{name.split()[0]}.md"
+    assert f"<!-- help: {name} -->" in page.read_text()
+    built = REFERENCE.on_page_markdown(page.read_text())
+    assert f"Usage: facets {name}" in built
+
+
+def test_the_index_of_commands_names_each():
+    index = (DOCS / "commands" / "index.md").read_text()
+    for name in REFERENCE.command_names():
+        assert f"[`facets {name.split()[0]}`]({name.split()[0]}.md)" in index
+    assert len({name.split()[0] for name in REFERENCE.command_names()}) == 16
+    assert "sixteen commands" in index

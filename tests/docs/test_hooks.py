@@ -1,0 +1,130 @@
+"""The pages as they are built: formulas, the reference of keys, pages from elsewhere."""
+
+from __future__ import annotations
+
+import re
+from types import SimpleNamespace
+from xml.etree import ElementTree
+
+import pytest
+from pages import DOCS, PAGES, ROOT, hook, name_of
+
+import facets
+from facets.config import shipped
+from facets.config.json_schema import document
+
+MATHEMATICS, REFERENCE, INCLUDES = hook("mathematics"), hook("reference"), hook("includes")
+
+
+def page_at(name):
+    return SimpleNamespace(file=SimpleNamespace(src_uri=name))
+
+
+def built(text):
+    """A page's formulas put in, without Markdown in between."""
+    return MATHEMATICS.on_page_content(MATHEMATICS.on_page_markdown(text))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_every_formula_of_every_page_is_mathml(page):
+    html = built(page.read_text())
+    for formula in re.findall(r"<math.*?</math>", html, flags=re.DOTALL):
+        ElementTree.fromstring(formula)
+    alone = re.findall(r"^\$\$", page.read_text(), flags=re.MULTILINE)
+    assert len(alone) == html.count('<div class="equation">')
+
+
+def test_code_and_money_are_no_formulas():
+    text = "```\n$ a $b$\n```\nIt costs 5$ or `$x$`, and $HOME too."
+    assert built(text) == text
+
+
+def test_a_formula_with_its_number():
+    html = built(r"$$a < \frac{b}{2} \tag{7}$$")
+    assert "(7)</span>" in html
+    assert "<mfrac>" in html
+    assert "tag" not in html
+
+
+def test_an_unknown_command_stops_the_build():
+    with pytest.raises(ValueError, match="not known"):
+        built(r"$$\nosuchcommand x$$")
+
+
+def keys(node, seen=frozenset()):
+    """All keys of the schema, block by block."""
+    if "$ref" in node:
+        name = node["$ref"].removeprefix("#/$defs/")
+        if name in seen:
+            return set()
+        return keys(document()["$defs"][name], seen | {name})
+    found = set(node.get("properties", {}))
+    for inner in node.values():
+        for part in inner.values() if isinstance(inner, dict) else ():
+            found |= keys(part, seen) if isinstance(part, dict) else set()
+    return found
+
+
+def test_every_key_of_a_configuration_is_in_the_reference():
+    text = REFERENCE.on_page_markdown((DOCS / "configuration.md").read_text())
+    assert "<!-- keys" not in text
+    for key in keys(document()):
+        assert f"`{key}`" in text, key
+
+
+def test_a_key_has_its_meaning_its_range_and_its_default():
+    text = REFERENCE.keys_of("sensor.beam")
+    assert "| `power_mw` | laser power | a number above 0, up to 1000 mW | `0.3` |" in text
+
+
+def test_every_shipped_configuration_is_described():
+    text = REFERENCE.configurations()
+    for name in shipped():
+        (row,) = [line for line in text.splitlines() if line.startswith(f"| `{name}` |")]
+        assert len(row.split("|")[2].split()) > 3, row
+
+
+def test_a_page_from_elsewhere_has_its_links_made_right():
+    text = INCLUDES.on_page_markdown("<!-- include: README.md -->", page=page_at("index.md"))
+    assert "](gallery/rig.png)" in text
+    assert "](architecture.md#where-is-what)" in text
+    assert "](contributing.md)" in text
+    assert '<a href="../facets/optics">' in text
+    claims = INCLUDES.on_page_markdown(
+        "<!-- include: experiments/README.md -->", page=page_at("claims.md")
+    )
+    assert "](uniqueness.md)" in claims
+
+
+def test_a_link_out_of_a_folder_of_pages_is_right_in_the_site():
+    text = "See [`this`](../../facets/live/frames.py) and [that](../hooks/includes.py)."
+    found = INCLUDES.on_page_markdown(text, page=page_at("decisions/x.md"))
+    for link in re.findall(r'href="([^"]+)"', found):
+        assert (ROOT / "docs" / "decisions" / link).resolve().exists(), link
+    assert found.count("<a href=") == 2
+
+
+def test_nothing_is_loaded_from_elsewhere():
+    settings = (ROOT / "mkdocs.yml").read_text()
+    assert "http" not in settings
+    assert "font: false" in settings
+    for file in (DOCS / "assets").iterdir():
+        assert not re.search(r"https?:", file.read_text()), file
+
+
+def test_a_public_name_is_explained_once():
+    page = (DOCS / "api.md").read_text()
+    beyond = re.findall(r"^::: (\S+)$", page, flags=re.MULTILINE)
+    face = re.findall(r"^::: (\S+)$", REFERENCE.face(), flags=re.MULTILINE)
+    assert {name.split(".")[-1] for name in face} == set(facets.__all__)
+    assert set(beyond).isdisjoint(face)
+
+
+def test_a_docstring_shows_arguments_as_a_list_and_examples_as_code():
+    shown = hook("docstrings").shown(
+        "Solves.\n\nbeam: what is known,\nin mm.  power: in mW. Returns (n,).\n\n"
+        ">>> 1 + 1\n2\n\nReturns: no list."
+    )
+    assert "- `beam`: what is known, in mm.\n- `power`: in mW.\n- Returns (n,)." in shown
+    assert "```pycon\n>>> 1 + 1\n2\n```" in shown
+    assert shown.endswith("Returns: no list.")
