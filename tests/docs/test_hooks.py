@@ -77,6 +77,16 @@ def test_a_key_has_its_meaning_its_range_and_its_default():
     assert "| `power_mw` | laser power | a number above 0, up to 1000 mW | `0.3` |" in text
 
 
+def test_a_quick_command_is_run_when_the_pages_are_built():
+    text = REFERENCE.on_page_markdown("<!-- run: config list (first 2 lines) -->")
+    lines = text.splitlines()
+    assert lines[:2] == ["```console", "$ facets config list"]
+    assert lines[2].split(":")[0] in shipped()
+    assert lines[4:] == ["...", "```"]
+    with pytest.raises(RuntimeError, match="nowhere"):
+        REFERENCE.on_page_markdown("<!-- run: config show nowhere -->")
+
+
 def test_every_shipped_configuration_is_described():
     text = REFERENCE.configurations()
     for name in shipped():
