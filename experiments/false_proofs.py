@@ -3,8 +3,8 @@
 `python -m facets.experiments.false_proofs [SENSORS [SEED]]` writes one line a sensor and the sum.
 
 The search shares no code with the package: it has its own forward model, rays through centroids
-that are integrated by Gauss and Legendre, and its own derivatives, by differences. It breaks a proof
-if it finds a determinant below the bound, or two states of the set that read the same.
+that are integrated by Gauss and Legendre, and its own derivatives, by differences. It breaks a
+proof if it finds a determinant below the bound, or two states of the set that read the same.
 """
 
 from __future__ import annotations
@@ -116,7 +116,8 @@ class Model:
         columns = [
             (self(states + step) - self(states - step)) / (2 * step.max()) for step in np.diag(STEP)
         ]
-        return np.stack(columns, axis=-1)
+        stacked: Floats = np.stack(columns, axis=-1)
+        return stacked
 
 
 @dataclass
