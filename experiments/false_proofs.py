@@ -153,7 +153,8 @@ def states_of(case: Case, model: Model, count: int, rng: np.random.Generator) ->
     offset = rng.uniform(-1.5, 1.5, (count, 2)) * model.sigma
     states = np.column_stack([pose, pose[:, :2] - offset])
     lit = model(states)[:, 2::3].min(axis=1) >= case.share * model.power
-    return states[lit]
+    kept: Floats = states[lit]
+    return kept
 
 
 def inside(case: Case, model: Model, states: Floats) -> NDArray[np.bool_]:
