@@ -39,7 +39,8 @@ def tolerances_of(settings: Config, factor: float) -> Tolerances:
         source = "the sensor's calibration"
     values = tuple(rounded_up(factor * sigmas.get(name, 0.0)) for name in PARAMETERS)
     exact = tuple(name for name, value in zip(PARAMETERS, values, strict=True) if value == 0)
-    left_out = tuple(name for name in sigmas if name not in PARAMETERS)
+    own = [name for name in sigmas if name.startswith(("beam.", "facet_", "psd_", "correction_"))]
+    left_out = tuple(name for name in own if name not in PARAMETERS)
     return Tolerances(values, source, exact, left_out)
 
 
