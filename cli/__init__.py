@@ -7,8 +7,9 @@ Exit status, of every command:
      proved, a table of which nothing could be solved, samples lost beyond what is allowed
 2    not done: an argument, a file or a place for the results that can not be used; nothing is
      left half-written. Also where the standard output could not be written
-130  interrupted by ^C, 143 ended by SIGTERM; what was done until then is kept where a command
-     says so
+130  interrupted by ^C, 143 ended by SIGTERM, 129 by the end of the terminal (SIGHUP); what was
+     done until then is kept where a command says so. The live commands, which run until they are
+     told to end, take ^C as that, and end with 0 or 1
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import typer
 from facets import __version__
 from facets.core.errors import FacetsError
 
-from . import config
+from . import config, signals
 from .acquire import acquire
 from .bench import bench
 from .calibrate import calibrate
@@ -74,8 +75,8 @@ def _root(
 
 def main() -> None:
     """Entry point: an expected error becomes a message on stderr and exit status 2."""
-    with Guarded() as streams:
-        status = run_app()
+    with signals.interrupting(), Guarded() as streams:
+        status = signals.status_of(run_app())
         if failure := streams.failure():
             print(failure, file=sys.stderr)
             status = status or BAD_INPUT

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from facets.config import Config
     from facets.live.acquire import Live
     from facets.live.recording import Recording
-    from facets.live.tracker import Tracker
+    from facets.tracking.tracker import Tracker
 
 
 def acquire(
@@ -52,41 +52,95 @@ def acquire(
     """Acquire a stream of detector counts and solve every sample.
 
     All that comes is recorded before anything else is done with it. With --track the stage moves;
-    without, it never does. Ends on Ctrl-C, and then stops the stage and closes the recording.
+    without, it never does. Ctrl-C ends it, as do SIGTERM and the end of the terminal: the stage is
+    stopped first, and the recording closed last. Exit status: 0; 1 where samples were lost, nothing
+    came, the stage or the disk failed, which is said; 2 where it can not begin, or the port went
+    away; 128 and the signal's number after SIGTERM or SIGHUP.
     """
     from facets import load
+    from facets.core.errors import FacetsError
     from facets.live.acquire import Ending, Live, Reader
     from facets.live.acquire import acquire as run
     from facets.live.pipeline import Pipeline
 
+    check_options(seconds, plain, json)
     settings = load(config)
     name = required(port or settings.acquire.port, "--port", "acquire.port")
     live = Live(Pipeline(settings))
-    warm_up(live)
+    live.pipeline.warm_up()
     recording = started(settings, output) if record else None
     try:
         if track:
             live.tracker = tracker_of(settings, stage_port, search, recording)
-        reader = Reader(settings, name, recording, reconnect, live)
+        reader = Reader(settings, name, recording, reconnect, live, tell)
     except BaseException:
-        abandon(recording)
+        abandon(live, recording)
         raise
     ending = Ending(seconds or float("inf"), samples or float("inf"))
+    failure: FacetsError | None = None
     with display(live, plain, json, rate) as show:
-        run(live, reader, recording, ending, show)
+        try:
+            run(live, reader, recording, ending, show)
+        except FacetsError as error:  # told after the summary of what came until then
+            failure = error
     report(live, recording)
-    if live.loss > max_loss or not live.pipeline.tally.samples:
+    if failure:
+        raise failure
+    reasons = complaints(live, max_loss)
+    for reason in reasons:
+        tell(f"exit status 1: {reason}")
+    if reasons:
         raise typer.Exit(1)
 
 
-def abandon(recording: Recording | None) -> None:
-    """Takes back a recording in which nothing is yet."""
-    if recording is None:
-        return
-    recording.close()
-    for file in recording.folder.iterdir():
-        file.unlink()
-    recording.folder.rmdir()
+def check_options(seconds: float | None, plain: bool, json: bool) -> None:
+    """Refuses what can not be meant."""
+    from facets.core.errors import InputError
+
+    if seconds == 0:
+        raise InputError(
+            "--seconds 0 would end before it begins; give more, or leave it out to run until ^C"
+        )
+    if plain and json:
+        raise InputError("--plain and --json are two ways to show the same; give one of them")
+
+
+def tell(text: str) -> None:
+    """On the standard error, which may be gone with its terminal."""
+    from contextlib import suppress
+
+    with suppress(OSError):
+        typer.echo(text, err=True)
+
+
+def complaints(live: Live, max_loss: float) -> list[str]:
+    """Why a run that came to its end is not a good one, in sentences."""
+    found = []
+    if not live.pipeline.tally.samples:
+        found.append("no sample came.")
+    if live.loss > max_loss:
+        found.append(
+            f"{live.pipeline.sequence.lost} samples were lost, {100 * live.loss:.3g} % of all; "
+            f"--max-loss allows {100 * max_loss:.3g} %."
+        )
+    if live.stage_error:
+        found.append(f"the stage failed and was stopped: {live.stage_error}")
+    if live.recording and live.recording.trouble:
+        found.append(
+            f"{live.recording.trouble}; {live.recording.lost} bytes that came are not recorded."
+        )
+    return found
+
+
+def abandon(live: Live, recording: Recording | None) -> None:
+    """Lets go of a stage that was not started, and takes back a recording that holds nothing."""
+    from contextlib import ExitStack
+
+    with ExitStack() as closing:
+        if recording is not None:
+            closing.callback(recording.discard)
+        if live.tracker is not None:
+            closing.callback(live.tracker.close)
 
 
 def required(value: str | None, option: str, key: str) -> str:
@@ -95,14 +149,6 @@ def required(value: str | None, option: str, key: str) -> str:
     if not value:
         raise InputError(f"no port is given: give {option}, or {key} in the configuration")
     return value
-
-
-def warm_up(live: Live) -> None:
-    """Compiles, or loads, what the stream will need, before it runs."""
-    import numpy as np
-
-    live.pipeline.solved(np.full((2, 9), 0.1), np.zeros(2), None)
-    live.pipeline.state = np.zeros(8)
 
 
 def started(settings: Config, output: Path | None) -> Recording:
@@ -115,7 +161,8 @@ def started(settings: Config, output: Path | None) -> Recording:
     now = datetime.now(UTC)
     folder = output or Path("recordings") / now.strftime("%Y%m%d-%H%M%S")
     begin = {"begin_utc": now.isoformat(), "begin_monotonic": time.monotonic()}
-    return Recording(folder, run_record(settings, None, 0.0, begin), settings.resolved)
+    meta = run_record(settings, None, 0.0, begin)
+    return Recording(folder, meta, settings.resolved, settings.acquire.sync)
 
 
 def tracker_of(
@@ -125,11 +172,9 @@ def tracker_of(
     import numpy as np
 
     from facets.characterization.ranges import axis_ranges
-    from facets.live.pi import Pi
-    from facets.live.ports import opened
-    from facets.live.tracker import Tracker
-    from facets.live.zaber import Zaber
+    from facets.live.ports import open_line
     from facets.tracking.control import Law, margin_of, pull_of
+    from facets.tracking.tracker import Tracker
 
     stage = settings.stage
     name = required(port or stage.port, "--stage-port", "stage.port")
@@ -144,10 +189,9 @@ def tracker_of(
             f"stage.gain is {stage.gain}: with a delay of {1e3 * margin.delay:.3g} ms at "
             f"{stage.rate:g} Hz the loop is unstable; allowed: below {margin.most:.3g}"
         )
-    line = opened(name, stage.baud, 0.5)
-    driver = Zaber(line, stage) if stage.driver == "zaber" else Pi(line, stage)
+    port_ = open_line(name, stage.baud, 0.02)
     say = recording.event if recording else lambda *_, **__: None
-    return Tracker(driver, stage, Law.of(settings.sensor, stage), say, search)
+    return Tracker(port_, stage, Law.of(settings.sensor, stage), say, search)
 
 
 def display(
@@ -160,11 +204,14 @@ def display(
     from facets.live import view
 
     if json or plain or not sys.stdout.isatty():
-        every, last = 1 / (rate or (8 if json else 1)), [time.monotonic()]
+        every, last, known = 1 / (rate or (8 if json else 1)), time.monotonic(), 0
 
         def line(now: Live) -> None:
-            if time.monotonic() - last[0] >= every:
-                last[0] = time.monotonic()
+            """A line every so often, and at once where there is a message more or less."""
+            nonlocal last, known
+            count = len(now.messages())
+            if count != known or time.monotonic() - last >= every:
+                last, known = time.monotonic(), count
                 typer.echo(view.json_line(now) if json else view.plain_line(now))
 
         return nullcontext(line)
@@ -173,30 +220,33 @@ def display(
 
 
 def terminal(live: Live, rate: float) -> Any:
-    from contextlib import contextmanager
+    from contextlib import contextmanager, suppress
 
     from rich.live import Live as Screen
 
-    from facets.live.view import panel
+    from facets.live.view import Screen as View
 
     @contextmanager
     def shown() -> Any:
-        with Screen(get_renderable=lambda: panel(live), refresh_per_second=rate, transient=False):
+        screen = Screen(get_renderable=lambda: View(live), refresh_per_second=rate)
+        screen.start()
+        try:
             yield lambda _: None
+        finally:
+            with suppress(OSError):  # the terminal may be gone
+                screen.stop()
 
     return shown()
 
 
 def report(live: Live, recording: Recording | None) -> None:
-    from facets.live.view import plain_line
+    """What came of the run, also where nobody listens any more."""
+    from contextlib import suppress
 
-    typer.echo(plain_line(live))
-    typer.echo(f"{live.pipeline.tally.samples} samples, {100 * live.loss:.4f} % lost")
-    for label, count in live.pipeline.tally.statuses.items():
-        if label != "converged" and count:
-            typer.echo(f"  {count} {label}")
-    for name, count in live.pipeline.tally.flags.items():
-        if count:
-            typer.echo(f"  {count} {name}")
-    if recording:
-        typer.echo(f"{recording.folder}/")
+    from facets.live.view import summary
+
+    with suppress(OSError):
+        for text in summary(live):
+            typer.echo(text)
+        if recording:
+            typer.echo(f"{recording.folder}/")

@@ -23,7 +23,7 @@ def emulate(
         str,
         typer.Option(
             help="Chances a sample of flip, lose, double, drop, and a second of stall, block, "
-            "saturate, unplug, refuse, jam: flip=1e-4,stall=0.1."
+            "saturate, unplug, restart, refuse, jam: flip=1e-4,stall=0.1."
         ),
     ] = "",
     seed: Annotated[int, typer.Option(min=0, help="Of noise and faults.")] = 1,
@@ -31,25 +31,34 @@ def emulate(
     """Run a virtual bench: moving mirror, detectors, and a stage that carries the beam.
 
     Its ports are named FOLDER/board and FOLDER/stage. It writes where the mirror and the beam
-    truly were to FOLDER/truth.bin, and at its end what it did to FOLDER/counts.json.
+    truly were to FOLDER/truth.bin, and at its end what it did to FOLDER/counts.json. Ctrl-C ends
+    it, as do SIGTERM and the end of the terminal.
     """
     import json
     import sys
+    from contextlib import suppress
 
     from facets import load
     from facets.core.errors import InputError
 
     if sys.platform == "win32":
         raise InputError("facets emulate needs ptys, which this system has not")
+    if seconds == 0:
+        raise InputError(
+            "--seconds 0 would end before it begins; give more, or leave it out to run until ^C"
+        )
     from facets.live.virtual import Bench, Faults
 
     settings = load(config)
     bench = Bench(settings, motion, rate, Faults.of(faults), seed, folder)
     warm_up(bench)
-    typer.echo(f"board: {bench.board.link}   stage: {bench.stage.link} ({settings.stage.driver})")
+    typer.echo(
+        f"board: {bench.board.port.link}   stage: {bench.stage.link} ({settings.stage.driver})"
+    )
     typer.echo("running; ^C ends it")
     bench.run(seconds or float("inf"))
-    typer.echo(json.dumps(bench.count.__dict__))
+    with suppress(OSError):  # the terminal may be gone
+        typer.echo(json.dumps(bench.count.__dict__))
 
 
 def warm_up(bench: Bench) -> None:

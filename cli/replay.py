@@ -29,22 +29,25 @@ def replay(
 ) -> None:
     """Run a recording through the parser and the solver again.
 
-    By the recording's own configuration the poses are those of the run, to the last bit.
+    Solves every sample, also those that the run skipped since it had fallen behind. By the
+    recording's own configuration and the same version of facets, the poses that the run solved come
+    out the same to the last bit; --compare says whether, and exits with 1 where not.
     """
     from facets import load
     from facets.files import provenance, tables
     from facets.live.pipeline import Pipeline
-    from facets.live.recording import meta_of
-    from facets.live.replay import recorded_config, replayed
+    from facets.live.recording import Damage, meta_of
+    from facets.live.replay import recorded_config
+    from facets.live.replay import replay as run
 
     meta_of(recording)
     settings = load(config) if config else recorded_config(recording)
     if output:
         tables.ending(output)
         tables.refuse_to_overwrite([output], force)
-    pipeline = Pipeline(settings)
-    found = list(replayed(recording, pipeline, real_time))
-    tell(pipeline, recording)
+    pipeline, damage = Pipeline(settings), Damage()
+    found = list(run(recording, pipeline, real_time, damage))
+    tell(pipeline, recording, damage)
     if output:
         write(output, found, provenance.about(settings))
     if compare:
@@ -67,27 +70,29 @@ def recover(
     """
     from facets.files import provenance, tables
     from facets.live.pipeline import Pipeline
-    from facets.live.replay import recorded_config, replayed
+    from facets.live.recording import Damage
+    from facets.live.replay import recorded_config
+    from facets.live.replay import replay as run
 
     path = output or recording / "recovered.parquet"
     settings = recorded_config(recording)
     tables.ending(path)
     tables.refuse_to_overwrite([path], force)
-    pipeline = Pipeline(settings)
-    write(path, replayed(recording, pipeline), provenance.about(settings))
-    tell(pipeline, recording)
+    pipeline, damage = Pipeline(settings), Damage()
+    write(path, run(recording, pipeline, damage=damage), provenance.about(settings))
+    tell(pipeline, recording, damage)
     typer.echo(f"{path}")
 
 
 def write(path: Path, found: Iterable[Any], about: dict[str, str]) -> None:
     from facets.files import tables
-    from facets.live.replay import labelled
+    from facets.live.replay import label
 
     with tables.Whole(path) as temporary:
         writer = tables.Writer(temporary, about)
         try:
             for poses in found:
-                writer.write(labelled(poses))
+                writer.write(label(poses))
             if writer.file is None:
                 from facets.core.errors import InputError
 
@@ -96,12 +101,17 @@ def write(path: Path, found: Iterable[Any], about: dict[str, str]) -> None:
             writer.close()
 
 
-def tell(pipeline: Any, recording: Path) -> None:
+def tell(pipeline: Any, recording: Path, damage: Any) -> None:
+    """What the replay found, and what of the recording is not as it was written."""
     sequence, tally = pipeline.sequence, pipeline.tally
     typer.echo(
         f"{recording}: {tally.samples} samples, {sequence.lost} lost, "
         f"{pipeline.parser.corrupt} frames refused, {pipeline.parser.skipped} bytes passed over"
     )
+    if sequence.restarts:
+        typer.echo(f"  the board restarted {sequence.restarts} times; what it lost is not known")
+    if damage.words:
+        typer.echo(f"  damaged: {damage.words}")
     for label, count in tally.statuses.items():
         if count and label != "converged":
             typer.echo(f"  {count} {label}")
@@ -109,14 +119,23 @@ def tell(pipeline: Any, recording: Path) -> None:
 
 def compared(recording: Path, found: list[Any]) -> None:
     """Says whether the poses are those that were recorded, bit by bit."""
-    import numpy as np
+    from facets.core.version import __version__
+    from facets.live.pose_table import join_columns, pose_columns, recorded_poses
+    from facets.live.recording import meta_of
+    from facets.live.replay import compare
 
-    from facets.live.recording import joined, pose_columns, recorded_poses
-
-    old = recorded_poses(recording)
-    new = joined([pose_columns(poses) for poses in found]) if found else {}
-    count = len(old["seq"]) if old else 0
-    same = all(np.array_equal(old[n], new[n][:count], equal_nan=True) for n in old)
-    typer.echo(f"{count} recorded poses: {'identical' if same else 'NOT the same'}")
-    if not same:
-        raise typer.Exit(1)
+    new = join_columns([pose_columns(poses) for poses in found]) if found else {}
+    seen = compare(recorded_poses(recording), new)
+    verdict = "identical" if seen.same else f"NOT the same in {seen.different} samples"
+    typer.echo(f"{seen.recorded - seen.skipped} recorded poses: {verdict}")
+    if seen.skipped:
+        typer.echo(f"  {seen.skipped} samples were skipped in the run, and are solved now")
+    if seen.absent:
+        typer.echo(f"  {seen.absent} were recorded without their bytes, which the disk refused")
+    if seen.same:
+        return
+    typer.echo(f"  the largest difference is {seen.worst:.2g} of the standard uncertainty")
+    version = meta_of(recording).get("facets")
+    if version != __version__:
+        typer.echo(f"  facets {version} recorded them, facets {__version__} solved them again")
+    raise typer.Exit(1)

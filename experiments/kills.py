@@ -1,6 +1,8 @@
 """An acquisition killed at random moments: what of its recording is left?
 
-`python -m facets.experiments.kills [TIMES]`: 200 by default, a minute.
+`python -m facets.experiments.kills [TIMES [SIGNAL ...]]`: 200 by default, by SIGKILL. Other signals
+(SIGTERM, SIGHUP), which are taken in turn, end it as ^C does: then nothing may be missing, not even
+the poses.
 """
 
 from __future__ import annotations
@@ -20,10 +22,11 @@ import facets
 from facets.detectors.counts import counts_of
 from facets.files.provenance import run_record
 from facets.live.acquire import Ending, Live, Reader, acquire
-from facets.live.frames import SIZE, Samples, packed
+from facets.live.frames import SIZE, Samples, pack
 from facets.live.pipeline import Pipeline
-from facets.live.recording import Recording, recorded_poses
-from facets.live.replay import recorded_config, replayed
+from facets.live.pose_table import join_columns, pose_columns, recorded_poses
+from facets.live.recording import Recording
+from facets.live.replay import compare, recorded_config, replay
 
 BLOCK, RATE = 50, 400.0
 
@@ -36,13 +39,13 @@ def stream(count: int) -> bytes:
     counts = counts_of(config.sensor, config.electronics, facets.readings(config.sensor, state))
     number = np.arange(count, dtype=np.uint32)
     kind = np.ones(count, np.uint8)
-    return packed(Samples(kind, 0 * kind, number, 100 * number, counts))
+    return pack(Samples(kind, 0 * kind, number, 100 * number, counts))
 
 
 class Source:
     """Gives the stream block by block, and says how far it got."""
 
-    ended = False
+    ended = waits = False
 
     def __init__(self, data: bytes, given: Any) -> None:
         self.data, self.given = data, given
@@ -64,11 +67,13 @@ def acquiring(folder: Path, data: bytes, given: Any) -> None:
     recording = Recording(folder, run_record(config, None, 0, {}), config.resolved)
     reader = Reader(config, f"file:{os.devnull}", recording, False, live)
     reader.port = Source(data, given)
+    for number in (signal.SIGTERM, signal.SIGHUP):  # as the command has it
+        signal.signal(number, signal.default_int_handler)
     acquire(live, reader, recording, Ending())
 
 
-def killed(folder: Path, data: bytes, after: float) -> dict[str, int]:
-    """What is left of a recording that was killed so many seconds after its first bytes."""
+def kill(folder: Path, data: bytes, after: float, number: int = signal.SIGKILL) -> dict[str, int]:
+    """What is left of a recording that got a signal so many seconds after its first bytes."""
     context = multiprocessing.get_context("fork")
     given = context.Value("q", 0, lock=False)
     process = context.Process(target=acquiring, args=(folder, data, given))
@@ -77,12 +82,14 @@ def killed(folder: Path, data: bytes, after: float) -> dict[str, int]:
         time.sleep(0.001)
     time.sleep(after)
     assert process.pid
-    os.kill(process.pid, signal.SIGKILL)
+    os.kill(process.pid, number)
     process.join()
     kept = (folder / "bytes.bin").read_bytes()
     assert data.startswith(kept)
-    solved = sum(len(poses) for poses in replayed(folder, Pipeline(recorded_config(folder))))
+    parts = [pose_columns(p) for p in replay(folder, Pipeline(recorded_config(folder)))]
+    solved = sum(len(part["seq"]) for part in parts)
     old = recorded_poses(folder)
+    events = (folder / "events.jsonl").read_text()
     return {
         "given": given.value,
         "kept": len(kept),
@@ -90,19 +97,27 @@ def killed(folder: Path, data: bytes, after: float) -> dict[str, int]:
         "recovered": solved,
         "unrecovered": len(kept) // SIZE - solved,
         "poses": len(old["seq"]) if old else 0,
+        "different": compare(old, join_columns(parts)).different if parts else 0,
+        "closed": events.count('"end"'),
+        "status": process.exitcode or 0,
     }
 
 
 if __name__ == "__main__":
     times = int(sys.argv[1]) if len(sys.argv) > 1 else 200
+    numbers = [signal.Signals[name] for name in sys.argv[2:]] or [signal.SIGKILL]
     data = stream(40_000)
     Pipeline(facets.load("bench")).feed(data[: 100 * SIZE], 0.0)  # compiled before the first fork
     rng = np.random.default_rng(1)
     rows = []
-    for _ in range(times):
+    for n in range(times):
         with tempfile.TemporaryDirectory() as place:
-            rows.append(killed(Path(place) / "recording", data, rng.uniform(0, 0.8)))
+            after, number = rng.uniform(0, 0.8), numbers[n % len(numbers)]
+            rows.append(kill(Path(place) / "recording", data, after, number))
     print(f"{times} kills, {sum(row['kept'] for row in rows) // SIZE} samples kept in all")
     print(f"most lost: {max(row['lost'] for row in rows) / SIZE:g} samples; a block has {BLOCK}")
     print(f"kept but not recovered: {max(row['unrecovered'] for row in rows)}")
     print(f"with poses on disk as well: {sum(row['poses'] > 0 for row in rows)}")
+    print(f"poses on disk that a replay does not repeat: {sum(row['different'] for row in rows)}")
+    whole = sum(row["closed"] == 1 and row["poses"] == row["recovered"] for row in rows)
+    print(f"closed, with all poses: {whole}")

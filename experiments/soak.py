@@ -28,25 +28,31 @@ FAULTS = "flip=1e-4,lose=1e-4,double=1e-4,drop=1e-4,stall=0.1,block=0.1,saturate
 WRONG = 6.5
 
 
-def bench(folder: Path, rate: float, faults: str, seconds: float) -> None:
+def bench(folder: Path, rate: float, faults: str, ending: Any) -> None:
+    def go_on(_: Bench) -> None:
+        if ending.is_set():
+            raise KeyboardInterrupt
+
     config = facets.load("bench")
-    Bench(config, "wobble", rate, Faults.of(faults), 3, folder).run(seconds)
+    Bench(config, "wobble", rate, Faults.of(faults), 3, folder).run(float("inf"), go_on)
 
 
-def soak(folder: Path, seconds: float, rate: float, faults: str = FAULTS) -> dict[str, Any]:
-    """Runs both; returns what was found. Raises nothing: the caller judges."""
+def soak(
+    folder: Path, seconds: float, rate: float, faults: str = FAULTS, samples: float = np.inf
+) -> dict[str, Any]:
+    """Runs both, for so many seconds or samples; returns what was found. Raises nothing."""
     config = facets.load("bench")
     facets.readings(config.sensor, np.zeros(8))  # compiled before both need it
     live = Live(Pipeline(config))
-    live.pipeline.solved(np.full((2, 9), 0.1), np.zeros(2), None)
-    live.pipeline.state = np.zeros(8)
+    live.pipeline.warm_up()
     context = multiprocessing.get_context("fork")
-    other = context.Process(target=bench, args=(folder, rate, faults, seconds + 3))
+    ending = context.Event()
+    other = context.Process(target=bench, args=(folder, rate, faults, ending))
     other.start()
     while not (folder / "board").exists():
         time.sleep(0.01)
     story = run_record(config, None, 0, {})
-    recording = Recording(folder / "recording", story, config.resolved)
+    recording = Recording(folder / "recording", story, config.resolved, config.acquire.sync)
     live.begin = time.monotonic()
     reader = Reader(config, str(folder / "board"), recording, True, live)
     memory: list[float] = []
@@ -56,8 +62,9 @@ def soak(folder: Path, seconds: float, rate: float, faults: str = FAULTS) -> dic
         if len(memory) < time.monotonic() - live.begin:  # once a second
             memory.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3)
 
-    acquire(live, reader, recording, Ending(seconds), show)
-    spent = (time.process_time() - spent) / seconds
+    acquire(live, reader, recording, Ending(seconds, samples), show)
+    spent = (time.process_time() - spent) / (time.monotonic() - live.begin)
+    ending.set()
     other.join()
     return {**judged(folder, live), "cores": spent, "p99_ms": 1e3 * live.ninety_nine(),
             "memory_mb": (memory[min(3, len(memory) - 1)], memory[-1])}  # fmt: skip
@@ -78,6 +85,8 @@ def judged(folder: Path, live: Live) -> dict[str, Any]:
     return {
         "samples": len(good),
         "solved": int(good.sum()),
+        "late": live.late,
+        "skipped": live.pipeline.tally.skipped,
         "wrong": int(wrong.sum()),
         "lost": live.pipeline.sequence.lost,
         "bench_lost": int((~sent).sum()),

@@ -22,10 +22,17 @@ CONFIGURATIONS = "<!-- configurations -->"
 FACE = "<!-- face -->"
 #: What the names of `facets` are about, by the folder that they come from.
 SUBJECTS = {
-    "core": "The sensor and its data",
     "config": "Configurations",
     "model": "The model",
     "estimation": "Solving",
+    "simulation": "Simulating",
+    "characterization": "Ranges and uncertainties",
+    "calibration": "Calibrating",
+    "design": "Layouts",
+    "live": "Recordings",
+    "core": "The sensor and its data",
+    "detectors": "Noise of the detectors",
+    "optics": "Parameters of the sensor",
 }
 COLUMNS = 88
 

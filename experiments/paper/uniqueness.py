@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import facets
-from facets.characterization.state_box import least_share, range_domain
+from facets.characterization.state_box import least_share, range_box
 from facets.proof.uniqueness import certify
 
 from .experiment import NONE, Claim, Table, columns_of
@@ -20,7 +20,7 @@ CONFIG = "paper"
 def compute(quick: bool) -> Table:
     """The paper's sensor over all its ranges at once, by interval arithmetic."""
     config = facets.load(CONFIG)
-    domain = range_domain(config.sensor, config.range)
+    domain = range_box(config.sensor, config.range)
     least = least_share(config.sensor, config.range)
     found = certify(config.sensor, domain, share=least)
     rows = [

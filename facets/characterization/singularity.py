@@ -23,7 +23,7 @@ from ..detectors.noise import standard_deviations
 from ..model.arrays import packed
 from ..model.threads import share
 from .ranges import scaled_jacobian
-from .state_box import AXES, Domain, apex_offset
+from .state_box import AXES, StateBox, apex_offset
 
 CHUNK = 100_000
 #: As many different points as a Sobol sequence of 30 bits has.
@@ -64,7 +64,8 @@ def measures(
         row = READING.index(left_out)
         determine(model, vectors, states[part], power, simple, sigmas, row, out[part])
 
-    model, vectors, power = evaluators.linearised(sensor), packed(sensor), float(sensor.beam.power)
+    model, vectors = evaluators.nearly_linearised(sensor), packed(sensor)
+    power = float(sensor.beam.power)
     share(run, len(states), threads)
     return out
 
@@ -119,7 +120,7 @@ class Cost(NamedTuple):
 NUMBERS, COLUMNS = 200, 12
 
 
-def cost(sensor: Sensor, domain: Domain, count: int, left_out: str = "power_c") -> Cost:
+def cost(sensor: Sensor, domain: StateBox, count: int, left_out: str = "power_c") -> Cost:
     """An estimate for `count` states, from a pilot of some; compiles what is needed first."""
     states = next(samples(domain, PILOT, "uniform", 0))
     measures(sensor, states[:1], left_out)
@@ -130,7 +131,7 @@ def cost(sensor: Sensor, domain: Domain, count: int, left_out: str = "power_c") 
 
 
 def samples(
-    domain: Domain, count: int, sampling: Literal["sobol", "uniform"], seed: int
+    domain: StateBox, count: int, sampling: Literal["sobol", "uniform"], seed: int
 ) -> Iterator[Floats]:
     """States of the box (n, 8), chunk by chunk."""
     from scipy.stats import qmc
@@ -246,7 +247,7 @@ def worse(known: Worst, states: Floats, values: Floats, size: Floats, column: in
 
 
 def search(
-    sensor: Sensor, domain: Domain, column: int, left_out: str = "power_c", seed: int = 1
+    sensor: Sensor, domain: StateBox, column: int, left_out: str = "power_c", seed: int = 1
 ) -> Worst:
     """The state of the box where a measure is least, by differential evolution and descent.
 

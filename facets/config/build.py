@@ -90,6 +90,7 @@ def imperfections(keys: dict[str, Any]) -> Imperfections:
         wavelength=1e-6 * (keys["wavelength_nm"] or 0.0),
         sag=tuple(1e-6 * nm for nm in keys["sag_nm"]),
         sag_over=keys["sag_over_mm"],
+        **geometry.edge_fields(keys),
     )
 
 
@@ -142,6 +143,8 @@ def acquire(keys: dict[str, Any]) -> Acquire:
         content=keys["content"],
         dark=keys["dark_counts"],
         delay=keys["delay_ms"] / 1000,
+        wait=keys["wait_seconds"],
+        sync=keys["sync_seconds"],
     )
 
 

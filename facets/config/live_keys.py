@@ -38,6 +38,14 @@ class Acquire(Section):
     delay_ms: float = Field(
         1.5, ge=0, le=1000, description="from a sample to its bytes at the host, on average"
     )
+    wait_seconds: float = Field(
+        5.0, ge=0, le=3600, description="for a port that is not there yet, since a board boots"
+    )
+    sync_seconds: float = Field(
+        1.0, ge=0, le=3600,
+        description="a power failure costs a recording no more than its last so many seconds; "
+        "0: the system writes back when it likes",
+    )  # fmt: skip
 
 
 class Stage(Section):

@@ -105,7 +105,11 @@ class Solve:
 
 @dataclass(frozen=True)
 class Acquire:
-    """The detector board's stream. dark: counts without light.  delay: s."""
+    """The detector board's stream.
+
+    dark: counts without light.  delay: s.  wait: for a port that is not there yet, s.  sync: what a
+    power failure may cost a recording, s; 0 for whatever the system leaves.
+    """
 
     port: str | None
     baud: int
@@ -113,6 +117,8 @@ class Acquire:
     content: str
     dark: float
     delay: float
+    wait: float
+    sync: float
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,16 @@ the same for all other parts wherever those are made, and the indices of sensiti
 
 from __future__ import annotations
 
+import os
 import shutil
+import signal
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,6 +47,8 @@ if TYPE_CHECKING:
 
 #: Designs a task: about a second of work; and tasks of the pilot.
 PART, PILOT = 200, 5
+#: How often a worker looks whether its parent is still there, s.
+ORPHANED = 1.0
 #: Rivals that a design is held against, at most.
 RIVALS = 32
 #: To what share of its length a range is followed.
@@ -313,14 +318,32 @@ def pooled(
         return
     looked_at(space, designs(space)[0], rivals)  # compiled once, before the processes begin
     workers = min(cores(), len(firsts))
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(
+        workers, mp_context=get_context("spawn"), initializer=serve, initargs=(os.getpid(),)
+    ) as pool:
         jobs = {pool.submit(part_of, space, first, rivals): first for first in firsts}
         try:
             for job in as_completed(jobs):
                 yield jobs[job], job.result()
         except BaseException:
+            for worker in active_children():  # what they have begun is made again in the next run
+                worker.terminate()
             pool.shutdown(cancel_futures=True)
             raise
+
+
+def serve(parent: int) -> None:
+    """Makes a worker leave signals to its parent, and end where that has ended."""
+    for name in ("SIGINT", "SIGHUP"):  # a terminal sends them to all; the parent ends its workers
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(ORPHANED)
+        os._exit(1)
+
+    threading.Thread(target=watch, name="watch the parent", daemon=True).start()
 
 
 def clustered(

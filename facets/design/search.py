@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
 from .catalogue import Choice, choices
+from .interruption import run_solver
 from .problem import Problem, problem_of
 from .variables import present_values
 
@@ -118,7 +119,9 @@ def solve_from(problem: Problem, solver: Any, start: Floats) -> StartResult:
     """Where a start (in the units of the variables' names) ends."""
     begin = time.perf_counter()
     low, high = problem.bounds()
-    found = solver(x0=problem.first_guess(start), lbx=low, ubx=high, lbg=0.0, ubg=np.inf)
+    found = run_solver(
+        solver, x0=problem.first_guess(start), lbx=low, ubx=high, lbg=0.0, ubg=np.inf
+    )
     unknowns = np.array(found["x"]).ravel()
     values, multipliers = np.array(found["g"]).ravel(), np.array(found["lam_g"]).ravel()
     return StartResult(
@@ -158,7 +161,8 @@ def shortfalls_of(problem: Problem, start: Floats) -> dict[str, float]:
     solver = problem.elastic_solver()
     low, high = problem.bounds()
     count = len(problem.limits)
-    found = solver(
+    found = run_solver(
+        solver,
         x0=np.append(problem.first_guess(start), np.ones(count)),
         lbx=np.append(low, np.zeros(count)),
         ubx=np.append(high, np.full(count, np.inf)),
@@ -180,6 +184,6 @@ def objective_at(problem: Problem, solver: Any) -> float:
     guess = problem.first_guess(np.array([now[name] for name in problem.names]))
     (low, high), count = problem.bounds(), len(problem.names)
     low[:count] = high[:count] = guess[:count]
-    found = solver(x0=guess, lbx=low, ubx=high, lbg=0.0, ubg=np.inf)
+    found = run_solver(solver, x0=guess, lbx=low, ubx=high, lbg=0.0, ubg=np.inf)
     values = np.array(found["g"]).ravel()
     return float(found["f"]) if values.min() > -SLACK else float("nan")

@@ -75,7 +75,7 @@ class Solver:
             max_steps=max_steps,
             damped=method != "paper",
         )
-        self._model = problem.Model(evaluators.linearised(sensor), packed(sensor))
+        self._model = problem.Model(evaluators.nearly_linearised(sensor), packed(sensor))
         self._memory, self._no_sigmas = workspace(), np.empty((0, 9))
         self._last: Floats | None = None
 

@@ -291,7 +291,7 @@ def solve(
     from ..model import evaluators
     from .kernels import invert
 
-    model = problem.Model(evaluators.linearised(sensor), packed(sensor))
+    model = problem.Model(evaluators.nearly_linearised(sensor), packed(sensor))
     sigmas = np.empty((0, 9)) if sensor.electronics is None else standard_deviations(sensor, values)
     n = len(values)
 

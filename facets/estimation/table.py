@@ -15,6 +15,7 @@ from ..core.errors import InputError
 from ..core.names import DETECTORS, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ..core.units import Booleans, Floats
 from ..detectors.correction import corrected
+from ..detectors.skew import align
 from ..files import tables
 from .misfit import Misfit, beyond_chance
 from .solver import Prior, Solution, Status, solve
@@ -51,7 +52,11 @@ class Count:
 
 
 def solve_readings(
-    sensor: Sensor, options: Solve, readings: Floats, place: Floats | None
+    sensor: Sensor,
+    options: Solve,
+    readings: Floats,
+    place: Floats | None,
+    time: Floats | None = None,
 ) -> Solution:
     """Solves readings (n, 9), as the detectors gave them, as a config's `solve` block says.
 
@@ -59,6 +64,7 @@ def solve_readings(
     `power_noise`).
     place: (n, 2) where the beam is, mm, if that is known; else the origin is taken. Where it is not
     finite, there is no pose.
+    time: (n,) of the readings, s, for detectors that are read one after the other.
     """
     beam: Any = "free"
     if options.beam != "free":
@@ -71,9 +77,10 @@ def solve_readings(
             readings, place = readings.copy(), place.copy()
             readings[lost], place[lost] = np.nan, 0.0
         beam = Prior(place[0] if len(place) == 1 else place, sigma)
+    exact = corrected(sensor, readings)
     return solve(
         sensor,
-        corrected(sensor, readings),
+        exact if time is None else align(sensor, time, exact),
         beam=beam,
         power=power_known(sensor, options),
         method=options.method,  # type: ignore[arg-type]
@@ -97,7 +104,13 @@ def solve_chunk(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Solution
     place = None
     if all(name in chunk.columns for name in BEAM_COLUMNS):
         place = np.column_stack([chunk.columns[name] for name in BEAM_COLUMNS])
-    return solve_readings(sensor, options, readings, place)
+    time = chunk.columns.get("time_s")
+    if time is None and any(sensor.light.delays):
+        raise InputError(
+            "sensor.light.delays_us are given, but the readings have no column time_s to tell how "
+            "fast they change; add the column, or set the delays to 0"
+        )
+    return solve_readings(sensor, options, readings, place, time)
 
 
 def require_known_beam(path: Path, chunk: tables.Chunk, advice: str) -> None:

@@ -1,29 +1,34 @@
 """A stream recorded and solved as it comes.
 
 One thread reads and records, and does nothing else; this one solves; a third moves the stage. What
-the solver has not got to yet waits in a queue whose length is told.
+the solver has not got to yet waits in a backlog. Where that grows old, the newest samples are
+solved first, the others when there is time, and those for which there is none are given up: they
+are recorded, and a replay solves them. The run says when it falls behind, and when it has caught
+up.
 """
 
 from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..core.errors import FacetsError
 from ..estimation.solver import Status
-from .pipeline import Pipeline, Poses
-from .ports import Port, PortError, SerialPort, open_port
-from .recording import Block, DiskError, Recording
-from .tracker import Target, Tracker
+from ..tracking.tracker import Tracker
+from .pipeline import BATCH, Batch, Pipeline, Poses
+from .ports import Port, PortError, SerialPort, await_port, open_port
+from .recording import Block, Recording
 
 if TYPE_CHECKING:
-    from ..core.errors import FacetsError
     from ..core.settings import Config
 
 #: After so long with bytes but without a sample something is set wrongly, s.
@@ -32,14 +37,27 @@ PATIENCE = 2.0
 AGAIN = 0.2
 #: What comes in the first moment was sent before, s.
 DRAIN = 0.1
-#: A queue this long is told of, blocks.
-BACKLOG = 100
+#: Batches whose oldest has waited so long are solved the newest first, s.
+PROMPT = 0.05
+#: A loop whose backlog is so old is behind, and says so, s.
+BEHIND = 0.25
+#: A batch that has waited so long is given up, s.
+TOO_OLD = 10.0
+#: So long what is left is solved after the end, s.
+FINISH = 2.0
+#: A source that waits is asked for no more while so many batches do.
+ENOUGH = 50
 
 
 @dataclass
 class Live:
-    """What is to be shown of a run, at any time. latency: s, of the newest blocks, from their last
-    byte to their poses.  backlog: blocks that wait, and the most that did."""
+    """What is to be shown of a run, at any time.
+
+    newest: poses of the newest samples that are solved.  latency: s, of what was the newest when it
+    was solved, from its last byte to its poses.  backlog: samples that wait, and the most that did.
+    age: how long the oldest of them has waited, s.  behind: whether the loop has fallen behind.
+    late: samples that were solved after newer ones.  recording: what is written, if anything.
+    """
 
     pipeline: Pipeline
     begin: float = field(default_factory=time.monotonic)
@@ -47,9 +65,13 @@ class Live:
     latency: list[float] = field(default_factory=list)
     backlog: int = 0
     most: int = 0
+    age: float = 0.0
+    behind: bool = False
+    late: int = 0
     bytes: int = 0
     reconnects: int = 0
     tracker: Tracker | None = None
+    recording: Recording | None = None
     note: str = ""
 
     @property
@@ -58,17 +80,50 @@ class Live:
         lost = self.pipeline.sequence.lost
         return lost / max(1, lost + self.pipeline.tally.samples)
 
+    @property
+    def stage_error(self) -> str:
+        """What went wrong with the stage, which then stands still; or nothing."""
+        return self.tracker.error if self.tracker else ""
+
     def ninety_nine(self) -> float:
         """The 99th percentile of the latency, s."""
         return float(np.quantile(self.latency[-5000:], 0.99)) if self.latency else float("nan")
+
+    def messages(self) -> list[str]:
+        """What a person should know now, in sentences."""
+        found = [self.note] if self.note else []
+        if self.behind:
+            found.append(
+                f"the loop is {self.age:.1f} s behind: all is recorded, the newest samples are "
+                "solved first"
+            )
+        if self.recording and self.recording.trouble:
+            found.append(
+                f"{self.recording.trouble}; {self.recording.lost} bytes that came are not recorded"
+            )
+        if self.stage_error:
+            found.append(f"the stage is stopped, the recording goes on: {self.stage_error}")
+        elif self.tracker and self.tracker.note:
+            found.append(self.tracker.note)
+        return found
 
 
 class Reader(threading.Thread):
     """Reads and records. Ends by itself at the port's end, or with an error in `error`."""
 
     def __init__(
-        self, config: Config, name: str, recording: Recording | None, reconnect: bool, live: Live
+        self,
+        config: Config,
+        name: str,
+        recording: Recording | None,
+        reconnect: bool,
+        live: Live,
+        tell: Callable[[str], None] = lambda _: None,
     ) -> None:
+        """Waits for the port as long as the configuration has it, and tells so.
+
+        With reconnect it is waited for in the thread, without end.
+        """
         super().__init__(name="reader", daemon=True)
         self.settings, self.port_name = config.acquire, name
         self.recording, self.reconnect, self.live = recording, reconnect, live
@@ -76,7 +131,7 @@ class Reader(threading.Thread):
         if reconnect:
             live.note = f"waiting for {name}"
         else:
-            self.port = open_port(name, config.acquire.baud)
+            self.port = await_port(name, config.acquire.baud, config.acquire.wait, tell)
         self.queue: SimpleQueue[Block] = SimpleQueue()
         self.ending = threading.Event()
         self.error: FacetsError | None = None
@@ -86,11 +141,21 @@ class Reader(threading.Thread):
             self.drain()
             while not self.ending.is_set() and (self.port is None or not self.port.ended):
                 self.step()
-        except (PortError, DiskError) as error:
+        except FacetsError as error:
             self.error = error
+        except Exception as error:
+            self.error = FacetsError(
+                f"{self.port_name}: reading ended: {type(error).__name__}: {error}"
+            )
         finally:
-            if self.port is not None:
-                self.port.close()
+            self.close_port()
+
+    def close_port(self) -> None:
+        """A port that is gone may refuse even that."""
+        port, self.port = self.port, None
+        if port is not None:
+            with suppress(Exception):
+                port.close()
 
     def drain(self) -> None:
         """Passes over what buffers held from before."""
@@ -102,12 +167,14 @@ class Reader(threading.Thread):
         if self.port is None:
             self.open_again()
             return
+        if self.port.waits and self.queue.qsize() + self.live.backlog / BATCH > ENOUGH:
+            self.ending.wait(0.001)
+            return
         try:
             data = self.port.read()
         except PortError as error:
             self.event("unplugged", reason=str(error))
-            self.port.close()
-            self.port = None
+            self.close_port()
             if not self.reconnect:
                 raise
             self.live.note = "unplugged; waiting for it to come back"
@@ -137,13 +204,155 @@ class Reader(threading.Thread):
         if self.recording:
             self.recording.event(name, **more)
 
+    def finish(self) -> None:
+        """Has the thread end, and waits for it."""
+        self.ending.set()
+        if self.is_alive():
+            self.join(timeout=5.0)
+        self.close_port()
 
-@dataclass
+
+class Backlog:
+    """Batches that came and are not solved yet, in the order in which they came."""
+
+    def __init__(self) -> None:
+        self.batches: deque[Batch] = deque()
+        self.samples = 0
+
+    def __len__(self) -> int:
+        return len(self.batches)
+
+    def add(self, batches: list[Batch]) -> None:
+        self.batches.extend(batches)
+        self.samples += sum(map(len, batches))
+
+    def age(self, now: float) -> float:
+        """How long the oldest has waited, s."""
+        return now - self.batches[0].arrival if self.batches else 0.0
+
+    def pop(self, newest: bool) -> Batch:
+        batch = self.batches.pop() if newest else self.batches.popleft()
+        self.samples -= len(batch)
+        return batch
+
+
 class Ending:
     """When a run ends by itself: after so many seconds, or samples."""
 
-    seconds: float = np.inf
-    samples: float = np.inf
+    def __init__(self, seconds: float = np.inf, samples: float = np.inf) -> None:
+        self.seconds, self.samples = seconds, samples
+
+    def reached(self, live: Live) -> bool:
+        passed = time.monotonic() - live.begin
+        return passed >= self.seconds or live.pipeline.tally.samples >= self.samples
+
+
+class Loop:
+    """Solves what the reader brings: the newest first where it can not solve all in time."""
+
+    def __init__(
+        self,
+        live: Live,
+        reader: Reader,
+        recording: Recording | None,
+        show: Callable[[Live], None] = lambda _: None,
+    ) -> None:
+        self.live, self.reader, self.recording, self.show = live, reader, recording, show
+        self.backlog = Backlog()
+        self.patient = reader.port is not None and reader.port.waits
+
+    def run(self, ending: Ending) -> None:
+        """Until the stream, the time or the samples end."""
+        while not ending.reached(self.live):
+            self.gather(wait=0.0 if self.backlog else 0.05)
+            if self.backlog:
+                self.work()
+            elif not self.reader.is_alive() and self.reader.queue.empty():
+                break
+            else:
+                check_silence(self.live)
+            self.tell_backlog()
+            self.display()
+
+    def gather(self, wait: float = 0.0) -> None:
+        """Takes in all that has come; waits for it no longer than so many seconds."""
+        with suppress(Empty):
+            self.take(
+                self.reader.queue.get(timeout=wait) if wait else self.reader.queue.get_nowait()
+            )
+            while True:
+                self.take(self.reader.queue.get_nowait())
+
+    def take(self, block: Block) -> None:
+        self.backlog.add(self.live.pipeline.take(block.data, block.arrival, block.encoder))
+        check_silence(self.live)
+
+    def work(self) -> None:
+        """Solves one batch, and gives up those that are too old."""
+        age = self.backlog.age(time.monotonic())
+        batch = self.backlog.pop(newest=age > PROMPT and not self.patient)
+        self.keep(self.live.pipeline.solve(batch), batch.arrival)
+        while not self.patient and self.backlog.age(time.monotonic()) > TOO_OLD:
+            self.give_up()
+
+    def give_up(self) -> None:
+        self.record(self.live.pipeline.skip(self.backlog.pop(newest=False)))
+
+    def keep(self, poses: Poses, arrival: float) -> None:
+        """Passes poses on: to the view, to the stage, to the recording."""
+        live = self.live
+        if live.newest is None or poses.seq[-1] > live.newest.seq[-1]:
+            live.newest = poses
+            live.latency.append(time.monotonic() - arrival)
+            if len(live.latency) > 20_000:
+                del live.latency[:10_000]
+            if live.tracker:
+                live.tracker.feed(poses.host, poses.readings[:, 2::3], apexes_of(poses))
+        else:
+            live.late += len(poses)
+        self.record(poses)
+
+    def record(self, poses: Poses) -> None:
+        if self.recording:
+            self.recording.poses(poses)
+
+    def tell_backlog(self) -> None:
+        """Says, once each, that the loop has fallen behind and that it has caught up."""
+        live = self.live
+        live.backlog, live.age = self.backlog.samples, self.backlog.age(time.monotonic())
+        live.most = max(live.most, live.backlog)
+        if not live.behind and live.age > BEHIND and not self.patient:
+            live.behind = True
+            self.event("behind", seconds=round(live.age, 3), samples=live.backlog)
+        elif live.behind and not self.backlog:
+            live.behind = False
+            self.event("caught up", late=live.late, skipped=live.pipeline.tally.skipped)
+
+    def event(self, name: str, **more: Any) -> None:
+        if self.recording:
+            self.recording.event(name, **more)
+
+    def display(self) -> None:
+        """Shows; a terminal that was closed ends the view, not the record."""
+        try:
+            self.show(self.live)
+        except OSError:
+            self.show = lambda _: None
+
+    def finish(self) -> None:
+        """Solves what came and was not solved yet, for a while; the rest is given up."""
+        self.gather()
+        last = time.monotonic() + FINISH
+        while self.backlog and time.monotonic() < last:
+            self.work()
+        while self.backlog:
+            self.give_up()
+        self.tell_backlog()
+        tally, sequence = self.live.pipeline.tally, self.live.pipeline.sequence
+        self.event(
+            "end", samples=tally.samples, lost=sequence.lost, restarts=sequence.restarts,
+            late=self.live.late, statuses=dict(tally.statuses), messages=self.live.messages(),
+        )  # fmt: skip
 
 
 def acquire(
@@ -155,91 +364,46 @@ def acquire(
 ) -> None:
     """Solves what the reader brings until the stream, the time or the samples end, or ^C.
 
-    show: called after each block. Whatever happens, the stage stops and the recording is closed.
+    show: called after each batch. Whatever happens, and whatever fails of it: the stage stops, the
+    reading ends, what came is solved as far as there is time, and the recording is closed. An error
+    of the stage stops the stage and nothing else; see `Live.stage_error`.
     """
-    tracker = live.tracker
-    live.begin = time.monotonic()
-    reader.start()
-    if tracker:
-        tracker.start()
-    try:
-        while not finished(live, ending):
-            try:
-                block = reader.queue.get(timeout=0.05)
-            except Empty:
-                if not reader.is_alive():
-                    break
-                show(live)
-                check_silence(live)
-                continue
-            step(live, block, recording)
-            live.backlog = reader.queue.qsize()
-            told_backlog(live, recording)
-            show(live)
-            if tracker and tracker.error:
-                raise tracker.error
-    except KeyboardInterrupt:
-        live.note = "interrupted"
-    finally:
-        if tracker:
-            tracker.finish()
-        reader.ending.set()
-        reader.join(timeout=2.0)
-        with suppress(Empty):  # what came, but was not solved yet
-            while recording is not None:
-                step(live, reader.queue.get_nowait(), recording)
-        if tracker:
-            tracker.stage.close()
+    live.recording = recording
+    loop = Loop(live, reader, recording, show)
+    with ExitStack() as closing:
         if recording:
-            recording.close()
+            closing.callback(recording.close)
+        closing.callback(loop.finish)
+        closing.callback(reader.finish)
+        if live.tracker:
+            closing.enter_context(live.tracker)
+        live.begin = time.monotonic()
+        reader.start()
+        try:
+            loop.run(ending)
+        except KeyboardInterrupt:
+            live.note = "interrupted"
     if reader.error:
         raise reader.error
 
 
-def finished(live: Live, ending: Ending) -> bool:
-    passed = time.monotonic() - live.begin
-    return passed >= ending.seconds or live.pipeline.tally.samples >= ending.samples
-
-
-def step(live: Live, block: Block, recording: Recording | None) -> None:
-    poses = live.pipeline.feed(block.data, block.arrival, block.encoder)
-    if poses is None:
-        check_silence(live)
-        return
-    live.newest = poses
-    live.latency.append(time.monotonic() - block.arrival)
-    if len(live.latency) > 20_000:
-        del live.latency[:10_000]
-    if recording:
-        recording.poses(poses)
-    if live.tracker:
-        live.tracker.target = target_of(poses)
-    if live.note.startswith("bytes come"):
-        live.note = ""
-
-
-def target_of(poses: Poses) -> Target:
-    """The newest sample, for the stage."""
-    last = len(poses) - 1
-    good = poses.solution.status[last] == Status.CONVERGED
-    apex = poses.solution.state[last, :2].copy() if good else None
-    return Target(float(poses.host[last]), poses.readings[last, 2::3].copy(), apex)
+def apexes_of(poses: Poses) -> NDArray[np.float64]:
+    """Where the apex was found (n, 2), mm; NaN where it was not."""
+    good = poses.solution.status == Status.CONVERGED
+    return np.where(good[:, None], poses.solution.state[:, :2], np.nan)
 
 
 def check_silence(live: Live) -> None:
     """Bytes, but no sample: the line is set wrongly."""
-    if live.pipeline.tally.samples or time.monotonic() - live.begin < PATIENCE:
+    if live.pipeline.tally.samples:
+        if live.note.startswith(("bytes come", "nothing comes")):
+            live.note = ""
+    elif time.monotonic() - live.begin < PATIENCE:
         return
-    if live.bytes:
+    elif live.bytes:
         live.note = (
             "bytes come, but no sample can be read from them: are acquire.baud and acquire.format "
             "those of the board?"
         )
-    else:
+    elif not live.note:
         live.note = "nothing comes: is the board on, and sending?"
-
-
-def told_backlog(live: Live, recording: Recording | None) -> None:
-    if live.backlog > max(BACKLOG, 2 * live.most) and recording:
-        recording.event("backlog", blocks=live.backlog)
-    live.most = max(live.most, live.backlog)

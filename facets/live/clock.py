@@ -1,6 +1,14 @@
-"""Sequence numbers and a board's clock, which wrap, skip and drift."""
+"""Sequence numbers and a board's clock, which wrap, skip, drift, and begin again.
+
+A board's two counters, of samples and of microseconds, are 32 bits each: the second wraps every
+71.6 minutes. A counter that is suddenly small has wrapped, or the board was switched off and on.
+Only together do the two counters and the host's clock tell which: after a wrap all three agree on
+how much time has passed; after a restart they do not.
+"""
 
 from __future__ import annotations
+
+from math import isfinite, isnan, nan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,65 +16,158 @@ from numpy.typing import NDArray
 from .frames import Samples
 
 WRAP = 2**32
+#: Time goes on by no more than this between samples of which none is missing, us.
+CLOSE = 1_000_000
+#: By how much the board's clock and the arrival of its bytes may disagree, s: a busy host reads
+#: late, and a board sends late what it has kept.
+CREDIBLE = 5.0
+#: By what factor the samples that are missing and the time that has passed may disagree.
+FACTOR = 4.0
 
 
 class Sequence:
     """Unwraps seq and t_us, and counts what is missing or comes twice.
 
     lost: samples that never came.  doubled: that came again, or too late, and were dropped.
-    restarts: of the board, whose counter then begins anew.
+    restarts: of the board, whose counters then begin anew; what was lost meanwhile is not known.
+    period: between samples, us, 0 while it is not known.
     """
 
-    #: A step back by no more than this is a sample that comes again or late.
+    #: A step back by no more than this can be a sample that comes again or late.
     LATE = 1000
-    #: A step ahead by more than this, and any other step back, is a restart.
+    #: A step ahead by more than this must agree with both clocks, or it is a restart.
     AHEAD = 10_000_000
 
     def __init__(self) -> None:
         self.lost = self.doubled = self.restarts = 0
         self.seq = self.time = -1
         self.raw_seq = self.raw_time = 0
+        self.period = 0.0
+        self.host = nan
+        self.recent: list[Samples] = []
 
-    def follow(self, samples: Samples) -> tuple[Samples, NDArray[np.int64], NDArray[np.int64]]:
-        """The samples to be used, with seq and time (us) that only grow."""
+    def follow(
+        self, samples: Samples, arrival: float = nan
+    ) -> tuple[Samples, NDArray[np.int64], NDArray[np.int64]]:
+        """The samples to be used, with seq and time (us) that only grow.
+
+        arrival: of the bytes at the host, s, on a clock that is never set; NaN where not known.
+        After a restart time goes on by what the host's clock says.
+        """
         if not len(samples):
             return samples, np.zeros(0, np.int64), np.zeros(0, np.int64)
         if self.seq < 0:
             self.raw_seq, self.raw_time = int(samples.seq[0]) - 1, int(samples.time[0])
-            self.seq = self.raw_seq
-            self.time = self.raw_time
-        steps = stepped(self.raw_seq, samples.seq)
-        if (steps == 1).all():
-            seq = self.seq + np.arange(1, len(samples) + 1)
+            self.seq, self.time = self.raw_seq, self.raw_time
+        gap = 1e6 * (arrival - self.host)
+        steps, passed = steps_of(self.raw_seq, samples.seq), steps_of(self.raw_time, samples.time)
+        if (steps == 1).all() and (passed < CLOSE).all():
+            seq, time = self.seq + np.cumsum(steps), self.time + np.cumsum(passed)
+            if len(samples) > 1:
+                self.period = float(time[-1] - time[0]) / (len(samples) - 1)
         else:
-            samples, seq = self.sorted_out(samples)
-            if not len(samples):
-                return samples, seq, seq
-        time = self.time + np.cumsum(stepped(self.raw_time, samples.time))
+            samples, seq, time = self.sort_out(samples, gap)
+        if not isnan(arrival):
+            self.host = arrival
+        if not len(samples):
+            return samples, seq, time
         self.raw_seq, self.raw_time = int(samples.seq[-1]), int(samples.time[-1])
         self.seq, self.time = int(seq[-1]), int(time[-1])
+        self.remember(samples)
         return samples, seq, time
 
-    def sorted_out(self, samples: Samples) -> tuple[Samples, NDArray[np.int64]]:
-        """One by one, where the counter does not go up by ones."""
+    def remember(self, samples: Samples) -> None:
+        """Keeps the newest samples, at least LATE of them."""
+        self.recent.append(samples)
+        while sum(map(len, self.recent[1:])) >= self.LATE:
+            del self.recent[0]
+
+    def sort_out(
+        self, samples: Samples, gap: float
+    ) -> tuple[Samples, NDArray[np.int64], NDArray[np.int64]]:
+        """One by one, where a counter does not simply go on. gap: since the last samples, us."""
         keep = np.zeros(len(samples), dtype=bool)
-        seqs, last, now = [], self.raw_seq, self.seq
-        for n, raw in enumerate(samples.seq.tolist()):
-            step = (raw - last) % WRAP
-            if step == 0 or step >= WRAP - self.LATE:
+        seqs: list[int] = []
+        times: list[int] = []
+        oldest = int(self.recent[0].seq[0]) if self.recent else self.raw_seq
+        pairs = zip(samples.seq.tolist(), samples.time.tolist(), strict=True)
+        raw_seq, raw_time, seq, time = self.raw_seq, self.raw_time, self.seq, self.time
+        known = {
+            int(number): (int(at), counts.tobytes())
+            for part in self.recent
+            for number, at, counts in zip(part.seq, part.time, part.counts, strict=True)
+        }
+        for n, (number, at) in enumerate(pairs):
+            step, passed = (number - raw_seq) % WRAP, (at - raw_time) % WRAP
+            frame = (at, samples.counts[n].tobytes())
+            reach = (raw_seq - oldest) % WRAP
+            if self.is_again(step, passed, reach, known.get(number), frame):
                 self.doubled += 1
                 continue
-            if step > self.AHEAD:
+            whole = self.time_passed(step, passed, gap, first=not seqs)
+            if whole is None:
                 self.restarts += 1
-                step = 1
+                known.clear()
+                oldest = number
+                waited = gap if isfinite(gap) and not seqs else 0.0
+                step, whole = 1, int(max(waited, self.period, 1.0))
             self.lost += step - 1
-            last, now = raw, now + step
+            raw_seq, raw_time, seq, time = number, at, seq + step, time + whole
+            known[number] = frame
             keep[n] = True
-            seqs.append(now)
-        return samples.where(keep), np.array(seqs, dtype=np.int64)
+            seqs.append(seq)
+            times.append(time)
+        kept = samples.where(keep)
+        return kept, np.array(seqs, dtype=np.int64), np.array(times, dtype=np.int64)
+
+    def is_again(
+        self,
+        step: int,
+        passed: int,
+        reach: int,
+        known: tuple[int, bytes] | None,
+        frame: tuple[int, bytes],
+    ) -> bool:
+        """Whether a sample has come before, or comes after its turn.
+
+        step, passed: of the raw counters, modulo 2^32.  reach: how far back samples are remembered.
+        known: time and light of the one with the same number.  frame: of this one.
+        """
+        if 0 < step < WRAP - self.LATE:
+            return False
+        if known is not None:
+            return known == frame  # a board that counts anew has the number, not the light
+        back, earlier = (-step) % WRAP, (-passed) % WRAP
+        return self.period > 0 and 0 < back <= reach and self.agrees(earlier, back)
+
+    def agrees(self, passed: float, steps: int) -> bool:
+        """Whether so much time, us, is about so many samples."""
+        expected = steps * self.period
+        return expected <= FACTOR * passed and passed <= FACTOR * expected + CLOSE / 100
+
+    def time_passed(self, step: int, passed: int, gap: float, first: bool) -> int | None:
+        """What the board's clock went on by, us, its wraps counted; None for a restart.
+
+        step, passed: of the raw counters, modulo 2^32.  gap: of the host's clock, us.  first: of
+        the samples that came together, of which only the first can be told to be late.
+        """
+        if step == 1 and passed < CLOSE:
+            return passed
+        goal = gap if isfinite(gap) else step * self.period
+        whole = passed + WRAP * max(0, round((goal - passed) / WRAP))
+        slack = 1e6 * CREDIBLE + 1e-3 * abs(goal)
+        if isfinite(gap) and (whole > gap + slack or (first and whole < gap - slack)):
+            return None
+        if step == 1:
+            return whole if isfinite(gap) else None
+        if self.period > 0 and not self.agrees(whole, step):
+            return None
+        if step > self.AHEAD and not (self.period > 0 and isfinite(gap) and first):
+            return None
+        return whole
 
 
-def stepped(last: int, values: NDArray[np.uint32]) -> NDArray[np.int64]:
+def steps_of(last: int, values: NDArray[np.uint32]) -> NDArray[np.int64]:
     """Steps of a counter that wraps at 2^32, the first from `last`."""
     whole = np.concatenate([[last], values.astype(np.int64)])
     steps: NDArray[np.int64] = np.diff(whole) % WRAP
@@ -74,10 +175,22 @@ def stepped(last: int, values: NDArray[np.uint32]) -> NDArray[np.int64]:
 
 
 class Drift:
-    """How fast the board's clock runs against the host's, by least squares over all blocks."""
+    """How fast the board's clock runs against the host's, by least squares over all blocks.
+
+    After a restart the two clocks are set anew: one slope is then common to all lives of the board,
+    each with an offset of its own.
+    """
 
     def __init__(self) -> None:
-        self.sums = np.zeros(5)  # n, x, y, xx, xy
+        self.count = 0
+        self.before = np.zeros(2)
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """The clocks are apart by another amount from here on."""
+        if self.count:
+            self.before += self.centred()
+        self.sums = np.zeros(5)  # n, x, y, xx, xy of this life
         self.origin: tuple[float, float] | None = None
 
     def add(self, device: float, host: float) -> None:
@@ -86,10 +199,15 @@ class Drift:
             self.origin = device, host
         x, y = device - self.origin[0], host - self.origin[1] - (device - self.origin[0])
         self.sums += (1, x, y, x * x, x * y)
+        self.count += 1
+
+    def centred(self) -> NDArray[np.float64]:
+        """Sums of squares and of products about this life's means."""
+        n, x, y, xx, xy = self.sums
+        return np.array([xx - x * x / n, xy - x * y / n]) if n else np.zeros(2)
 
     @property
     def ppm(self) -> float:
         """By how much the host's clock runs faster, 1e-6; NaN until there is something to say."""
-        n, x, y, xx, xy = self.sums
-        square = n * xx - x * x
-        return float(1e6 * (n * xy - x * y) / square) if n > 10 and square > 0 else float("nan")
+        square, product = self.before + self.centred()
+        return float(1e6 * product / square) if self.count > 10 and square > 0 else nan

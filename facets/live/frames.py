@@ -63,7 +63,7 @@ class Parser(Protocol):
     def feed(self, block: bytes) -> Samples: ...
 
 
-def packed(samples: Samples) -> bytes:
+def pack(samples: Samples) -> bytes:
     """Samples as fixed frames."""
     frames = np.zeros(len(samples), FRAME)
     frames["sync"] = int.from_bytes(SYNC, "little")
@@ -77,18 +77,18 @@ def packed(samples: Samples) -> bytes:
     return bytes(raw)
 
 
-def from_frames(frames: NDArray[np.void]) -> Samples:
+def samples_from(frames: NDArray[np.void]) -> Samples:
     kind, flags, seq, time, counts = (
         np.array(frames[name]) for name in ("kind", "flags", "seq", "time", "counts")
     )
     return Samples(kind, flags, seq, time, counts)
 
 
-def nothing() -> Samples:
-    return from_frames(np.zeros(0, FRAME))
+def no_samples() -> Samples:
+    return samples_from(np.zeros(0, FRAME))
 
 
-def sound(frame: memoryview | bytes) -> bool:
+def is_sound(frame: memoryview | bytes) -> bool:
     """Whether a frame's CRC-32 is that of its bytes."""
     return zlib.crc32(frame[: SIZE - 4]) == int.from_bytes(frame[SIZE - 4 :], "little")
 
@@ -107,20 +107,20 @@ class FixedFrames:
         place = 0
         while True:
             start = place
-            while len(raw) - place >= SIZE and self.accepted(raw, view, place):
+            while len(raw) - place >= SIZE and self.is_whole(raw, view, place):
                 place += SIZE
             if place > start:
                 good.append(view[start:place])
             if len(raw) - place < SIZE:
                 break
-            place = self.resumed(raw, view, place)
+            place = self.resume(raw, view, place)
         self.rest = raw[place:]
-        return from_frames(np.frombuffer(b"".join(good), FRAME)) if good else nothing()
+        return samples_from(np.frombuffer(b"".join(good), FRAME)) if good else no_samples()
 
-    def accepted(self, raw: bytes, view: memoryview, place: int) -> bool:
-        return raw.startswith(SYNC, place) and sound(view[place : place + SIZE])
+    def is_whole(self, raw: bytes, view: memoryview, place: int) -> bool:
+        return raw.startswith(SYNC, place) and is_sound(view[place : place + SIZE])
 
-    def resumed(self, raw: bytes, view: memoryview, place: int) -> int:
+    def resume(self, raw: bytes, view: memoryview, place: int) -> int:
         """Where a sound frame begins again, or may begin in what has not come yet."""
         self.corrupt += raw.startswith(SYNC, place)
         following = place + 1
@@ -129,7 +129,7 @@ class FixedFrames:
             if following < 0:
                 following = len(raw) - (raw[-1:] == SYNC[:1])
                 break
-            if len(raw) - following < SIZE or sound(view[following : following + SIZE]):
+            if len(raw) - following < SIZE or is_sound(view[following : following + SIZE]):
                 break
             following += 1
         self.skipped += following - place
@@ -154,19 +154,19 @@ class CobsFrames:
             self.refuse([self.rest])
             self.rest = b""
         if not whole:
-            return nothing()
-        raw = uncoded(np.frombuffer(b"".join(whole), np.uint8).reshape(-1, self.CODED))
-        fine = [row.startswith(SYNC) and sound(row) for row in map(bytes, raw)]
+            return no_samples()
+        raw = cobs_decode(np.frombuffer(b"".join(whole), np.uint8).reshape(-1, self.CODED))
+        fine = [row.startswith(SYNC) and is_sound(row) for row in map(bytes, raw)]
         self.refuse([part for part, good in zip(whole, fine, strict=True) if not good])
         kept = np.ascontiguousarray(raw[np.array(fine)])
-        return from_frames(kept.view(FRAME).ravel())
+        return samples_from(kept.view(FRAME).ravel())
 
     def refuse(self, parts: list[bytes]) -> None:
         self.corrupt += len(parts)
         self.skipped += sum(len(part) + 1 for part in parts)
 
 
-def uncoded(coded: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def cobs_decode(coded: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """COBS undone, for rows (n, 65) of frames shorter than 254 bytes: (n, 64).
 
     Each code says how far the next one is; in the frame, a zero stands there. A chain that does not
@@ -184,9 +184,9 @@ def uncoded(coded: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return raw[:, 1:]
 
 
-def coded(samples: Samples) -> bytes:
+def cobs_encode(samples: Samples) -> bytes:
     """Samples in format "cobs"."""
-    raw, out = packed(samples), bytearray()
+    raw, out = pack(samples), bytearray()
     for start in range(0, len(raw), SIZE):
         for part in raw[start : start + SIZE].split(b"\0"):
             out.append(len(part) + 1)
@@ -212,7 +212,7 @@ class TextLines:
             lines, self.rest = [*lines, self.rest], b""
         rows = [row for row in map(self.numbers, lines) if row is not None]
         if not rows:
-            return nothing()
+            return no_samples()
         table = np.array(rows, dtype=np.int64)
         none = np.zeros(len(table), np.uint8)
         return Samples(
@@ -239,7 +239,7 @@ class TextLines:
         return None
 
 
-def written(samples: Samples) -> bytes:
+def text_encode(samples: Samples) -> bytes:
     """Samples in format "text"."""
     rows = np.column_stack([samples.seq, samples.time, samples.counts])
     return b"".join(b",".join(b"%d" % x for x in row) + b"\n" for row in rows.tolist())
@@ -252,5 +252,6 @@ def parser(form: str, content: str) -> Parser:
     return CobsFrames() if form == "cobs" else FixedFrames()
 
 
-def encoded(form: str, samples: Samples) -> bytes:
-    return {"frames": packed, "cobs": coded, "text": written}[form](samples)
+def encode(form: str, samples: Samples) -> bytes:
+    """Samples as the bytes of a format: "frames", "cobs" or "text"."""
+    return {"frames": pack, "cobs": cobs_encode, "text": text_encode}[form](samples)

@@ -1,9 +1,17 @@
-"""From blocks of bytes to poses: the same for a live stream, a replay and a salvage."""
+"""From blocks of bytes to poses: the same for a live stream, a replay and a salvage.
+
+A block is taken in once, in order: parsed, its counters followed, its counts turned into light.
+What it held is then solved in batches, each by itself: the poses of a batch depend on nothing but
+its own samples, so that they are the same to the last bit in whatever order, at whatever time, and
+beside whatever else they are solved.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields
+from math import isnan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,11 +19,12 @@ from numpy.typing import NDArray
 
 from ..detectors.correction import corrected
 from ..detectors.counts import SATURATED, UNEQUAL, readings_of
+from ..detectors.skew import align
 from ..estimation.solver import Prior, Solution, Status, solve
 from ..estimation.table import power_known
+from ..tracking.encoder import REACH, Encoder
 from .clock import Drift, Sequence
 from .frames import OVERRUN, XY_SUM, Samples, parser
-from .tracker import REACH, Encoder
 
 if TYPE_CHECKING:
     from ..core.settings import Config
@@ -26,14 +35,53 @@ Floats = NDArray[np.float64]
 TIMING = 1e-3
 #: Why a sample is doubtful, by the bits of `counts`, and of the board.
 FLAGS = {SATURATED: "saturated", UNEQUAL: "unequal sums", 4: "board overrun"}
+#: Samples that are solved together, the first from rest, each other from the one before it. No
+#: newer sample waits longer than for one batch.
+BATCH = 50
+#: Steps of the estimator for a live sample, at most. Where a pose can be found it takes three from
+#: a neighbour, and up to sixteen from rest, 1 mm off the beam.
+STEPS = 20
+#: The status of a sample that was recorded and not solved, since the loop had fallen behind. It is
+#: none of the estimator's: a replay solves the sample.
+SKIPPED = 64
+LABELS = {status.value: status.label for status in Status} | {SKIPPED: "skipped"}
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Samples that wait to be solved.
+
+    seq, time: (n,) unwrapped, the board's us.  host: (n,) the host's monotonic clock, s.
+    readings: (n, 9) as the detectors gave them.  flags: (n,) bits of FLAGS.  arrival: of their
+    bytes, s.  encoder: what the stage said then.
+    """
+
+    seq: NDArray[np.int64]
+    time: NDArray[np.int64]
+    host: Floats
+    readings: Floats
+    flags: NDArray[np.uint8]
+    arrival: float
+    encoder: Encoder | None
+
+    def __len__(self) -> int:
+        return len(self.seq)
+
+    def split(self) -> Iterator[Batch]:
+        """Itself in batches of at most BATCH samples, in their order."""
+        for start in range(0, len(self), BATCH):
+            part = slice(start, start + BATCH)
+            yield Batch(
+                self.seq[part], self.time[part], self.host[part], self.readings[part],
+                self.flags[part], self.arrival, self.encoder,
+            )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Poses:
-    """What became of some samples.
+    """What became of some samples: the columns of `Batch`, and solution (n).
 
-    seq, time: (n,) unwrapped, the board's us.  host: (n,) the host's monotonic clock, s.
-    readings: (n, 9) as the detectors gave them.  solution: (n).  flags: (n,) bits of FLAGS.
+    The solution's status is one of `Status`, or SKIPPED; see LABELS.
     """
 
     seq: NDArray[np.int64]
@@ -49,15 +97,24 @@ class Poses:
 
 @dataclass
 class Tally:
-    """What happened so far. overruns: of the board, by its own word."""
+    """What happened so far. samples: that came; statuses: of those that are solved or given up."""
 
     samples: int = 0
     statuses: Counter[str] = field(default_factory=Counter)
     flags: Counter[str] = field(default_factory=Counter)
 
+    @property
+    def unsolved(self) -> int:
+        """Samples that were looked at and have no pose."""
+        return self.statuses.total() - self.statuses[Status.CONVERGED.label]
+
+    @property
+    def skipped(self) -> int:
+        return self.statuses[LABELS[SKIPPED]]
+
 
 class Pipeline:
-    """Parses, follows the counter, converts and solves."""
+    """Parses, follows the counters, converts; and solves."""
 
     def __init__(self, config: Config) -> None:
         self.config = config
@@ -66,22 +123,47 @@ class Pipeline:
         self.drift = Drift()
         self.tally = Tally()
         self.dark = np.full(12, config.acquire.dark)
-        self.state = np.zeros(8)
+        self.last = (float("nan"), 0)  # arrival, s, and board's time, us, of the last sample
 
     def feed(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> Poses | None:
-        """The poses of the samples that a block completes. arrival: host's monotonic clock, s."""
-        samples, seq, time = self.sequence.follow(self.parser.feed(block))
-        if not len(samples):
-            return None
-        self.drift.add(1e-6 * time[-1], arrival)
-        host = arrival - self.config.acquire.delay - 1e-6 * (time[-1] - time)
-        readings, flags = self.readings(samples)
-        solution = self.solved(corrected(self.config.sensor, readings), host, encoder)
-        flags |= np.where(samples.flags & OVERRUN, 4, 0).astype(np.uint8)
-        self.count(solution, flags)
-        return Poses(seq, time, host, readings, solution, flags)
+        """The poses of all samples that a block completes; None where it completes none.
 
-    def readings(self, samples: Samples) -> tuple[Floats, NDArray[np.uint8]]:
+        arrival: host's monotonic clock, s; NaN where it is not known.
+        """
+        parts = [self.solve(batch) for batch in self.take(block, arrival, encoder)]
+        return join_poses(parts) if parts else None
+
+    def take(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> list[Batch]:
+        """The samples that a block completes, ready to be solved, in batches, in order."""
+        restarts = self.sequence.restarts
+        samples, seq, time = self.sequence.follow(self.parser.feed(block), arrival)
+        if not len(samples):
+            return []
+        if isnan(arrival):  # as late after its sample as the last that is known
+            arrival = self.last[0] + 1e-6 * (int(time[-1]) - self.last[1])
+        else:
+            if self.sequence.restarts > restarts:
+                self.drift.begin_anew()
+            self.drift.add(1e-6 * int(time[-1]), arrival)
+        self.last = arrival, int(time[-1])
+        host = arrival - self.config.acquire.delay - 1e-6 * (time[-1] - time)
+        readings, flags = self.convert(samples)
+        flags |= np.where(samples.flags & OVERRUN, 4, 0).astype(np.uint8)
+        self.count(flags)
+        whole = Batch(seq, time, host, readings, flags, arrival, encoder)
+        return list(whole.split())
+
+    def warm_up(self) -> None:
+        """Compiles, or loads, what the stream will need, before it runs."""
+        nobody = Batch(
+            np.zeros(2, np.int64), np.zeros(2, np.int64), np.zeros(2), np.full((2, 9), 0.1),
+            np.zeros(2, np.uint8), 0.0, None,
+        )  # fmt: skip
+        self.solve(nobody)
+        self.tally = Tally()
+
+    def convert(self, samples: Samples) -> tuple[Floats, NDArray[np.uint8]]:
+        """Readings (n, 9) and flags (n,) of counts."""
         sensor, electronics = self.config.sensor, self.config.electronics
         xy_sum = samples.kind == XY_SUM
         if xy_sum.all() or not xy_sum.any():
@@ -94,25 +176,45 @@ class Pipeline:
             )
         return out, flags
 
-    def solved(self, readings: Floats, host: Floats, encoder: Encoder | None) -> Solution:
-        """Each sample from where the block before ended; what fails so, from rest again."""
-        beam = self.beam(host, encoder)
-        options: dict[str, Any] = {
-            "power": power_known(self.config.sensor, self.config.solve),
-            "method": self.config.solve.method,
-            "max_steps": self.config.solve.max_steps,
-        }
-        sensor = self.config.sensor
-        found = solve(sensor, readings, beam=beam, start=self.state, **options)
-        lost = np.isin(found.status, (Status.MAX_STEPS, Status.SINGULAR, Status.STALLED))
-        lost |= (found.status == Status.OUT_OF_RANGE) & found.used.all(axis=1)
-        if lost.any():
-            part = Prior(beam.mean[lost], beam.sigma) if isinstance(beam, Prior) else beam  # type: ignore[index]
-            merge(found, lost, solve(sensor, readings[lost], beam=part, **options))
-        good = np.flatnonzero(found.ok)
-        if len(good):
-            self.state = found.state[good[-1]].copy()
-        return found
+    def solve(self, batch: Batch) -> Poses:
+        """The poses of a batch.
+
+        The estimator screens each sample first: one with too few detectors that have enough light,
+        within their edges and below saturation, gets its status without a step.
+        """
+        options = self.config.solve
+        exact = corrected(self.config.sensor, batch.readings)
+        solution = solve(
+            self.config.sensor,
+            align(self.config.sensor, 1e-6 * batch.time, exact),
+            beam=self.beam(batch.host, batch.encoder),
+            power=power_known(self.config.sensor, options),
+            method=options.method,  # type: ignore[arg-type]
+            start="previous",
+            max_steps=min(options.max_steps, STEPS),
+        )
+        return self.finish(batch, solution)
+
+    def skip(self, batch: Batch) -> Poses:
+        """The batch without poses, for want of time."""
+        n = len(batch)
+        empty = Solution(
+            state=np.full((n, 8), np.nan),
+            status=np.full(n, SKIPPED, np.int8),
+            power=np.full(n, np.nan),
+            used=np.zeros((n, 3), bool),
+            iterations=np.zeros(n, np.int32),
+            residual=np.full(n, np.nan),
+            covariance=np.full((n, 8, 8), np.nan),
+        )
+        return self.finish(batch, empty)
+
+    def finish(self, batch: Batch, solution: Solution) -> Poses:
+        found, counts = np.unique(solution.status, return_counts=True)
+        self.tally.statuses.update(
+            {LABELS[int(status)]: int(n) for status, n in zip(found, counts, strict=True)}
+        )
+        return Poses(batch.seq, batch.time, batch.host, batch.readings, solution, batch.flags)
 
     def beam(self, host: Floats, encoder: Encoder | None) -> Any:
         """What is known of the beam's place at the samples' times, if anything."""
@@ -124,24 +226,31 @@ class Pipeline:
         if encoder is None:
             sigma = options.beam_sigma if options.beam == "prior" else 0.0
             return Prior(np.zeros((len(host), 2)), float(np.hypot(sigma, jitter)))
-        age = max(0.0, float(host[-1]) - encoder.time)
-        if age > REACH:
+        age = float(host[-1]) - encoder.time
+        if not age <= REACH:
             return "free"
         # a stage may have changed its speed since it was asked: half the way is in doubt
-        moving = float(np.hypot(*encoder.speed)) * (TIMING + age / 2)
+        moving = float(np.hypot(*encoder.speed)) * (TIMING + max(0.0, age) / 2)
         sigma = float(np.sqrt(self.config.stage.accuracy**2 + moving**2 + jitter**2))
         return Prior(encoder.at(host), sigma)
 
-    def count(self, solution: Solution, flags: NDArray[np.uint8]) -> None:
+    def count(self, flags: NDArray[np.uint8]) -> None:
         self.tally.samples += len(flags)
-        counts = np.bincount(solution.status, minlength=len(Status))
-        self.tally.statuses.update({s.label: int(counts[s]) for s in Status if counts[s]})
         if flags.any():
             for bit, name in FLAGS.items():
                 self.tally.flags[name] += int((flags & bit > 0).sum())
 
 
-def merge(found: Solution, part: NDArray[np.bool_], again: Solution) -> None:
-    """Puts the second attempt's results in their places."""
-    for name in ("state", "status", "power", "used", "iterations", "residual", "covariance"):
-        getattr(found, name)[part] = getattr(again, name)
+def join_poses(parts: list[Poses]) -> Poses:
+    """Poses one after the other."""
+    if len(parts) == 1:
+        return parts[0]
+    joined = {
+        f.name: np.concatenate([getattr(part.solution, f.name) for part in parts])
+        for f in fields(Solution)
+    }
+    columns = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("seq", "time", "host", "readings", "flags")
+    }
+    return Poses(solution=Solution(**joined), **columns)

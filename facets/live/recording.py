@@ -1,223 +1,305 @@
-"""A recording: a folder in which nothing that came is lost, whenever the program ends.
+"""A recording: a folder in which nothing that came is lost, whenever the program or the power ends.
 
 meta.yaml       first of all: how it was made, the whole configuration, when it began
 bytes.bin       the received bytes, as they are
-index.bin       a row (INDEX) for each block of them: where, when, and what the stage said then
-poses.arrows    the poses as an Arrow stream, batch by batch
+index.bin       a row (`index.INDEX`) for each block of them: where, when, what the stage said
+                then, and the sums that prove both
+poses.arrows    the poses as an Arrow stream, batch by batch; where the loop fell behind, the newest
+                first
 events.jsonl    a line for each thing that happened
 """
 
 from __future__ import annotations
 
 import json
-import os
-import shutil
+import threading
 import time
+import zlib
 from collections.abc import Iterator
+from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from types import TracebackType
+from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..config.loading import measured
 from ..core.errors import FacetsError, InputError
-from ..core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..tracking.encoder import Encoder
+from . import pose_table
+from .disk import Disk
+from .index import Block, Damage, make_row, read_rows, unpack_encoder
 from .pipeline import Poses
-from .tracker import Encoder
+from .pose_table import join_columns, pose_columns, recorded_poses
 
-if TYPE_CHECKING:
-    pass
+__all__ = [
+    "Block",
+    "Damage",
+    "DiskError",
+    "Recording",
+    "blocks",
+    "join_columns",
+    "kept",
+    "meta_of",
+    "pose_columns",
+    "recorded_poses",
+]
 
-INDEX = np.dtype(
-    [
-        ("offset", "<u8"),
-        ("length", "<u8"),
-        ("monotonic", "<f8"),
-        ("utc", "<f8"),
-        ("stage", "<f8", 5),
-    ]
-)
-NAMES = ("meta.yaml", "bytes.bin", "index.bin", "poses.arrows", "events.jsonl")
+#: In the order in which they are synced: no row reaches the disk long before its bytes.
+NAMES = ("bytes.bin", "index.bin", "poses.arrows", "events.jsonl")
 #: Poses are written so often, s: each batch costs a head of a kilobyte.
-BATCH = 0.25
+FLUSH = 0.25
+#: After a disk refused, it is tried again so often, s.
+AGAIN = 1.0
 
 
 class DiskError(FacetsError):
-    """The recording could not be written on; what was written is intact."""
-
-
-class Block(NamedTuple):
-    """A block as it came. arrival: monotonic, s."""
-
-    data: bytes
-    arrival: float
-    encoder: Encoder | None
+    """A recording that can not be begun."""
 
 
 class Recording:
-    """Writes one. Bytes go to the system at once, so that only a power failure can take them."""
+    """Writes one, and says what it could not write.
 
-    def __init__(self, folder: Path, meta: str, resolved: dict[str, Any]) -> None:
-        """Begins with the whole configuration, and what files it names about the sensor."""
-        self.folder = folder
-        if folder.exists() and any(folder.iterdir()):
-            raise InputError(f"{folder}: is not empty; a recording begins in a new folder")
+    Bytes go to the system at once, so that the end of the program takes none of them; a thread of
+    its own has the system put them on the disk every `sync` seconds, so that a power failure takes
+    no more than that. Where the disk refuses, `trouble` says why and `lost` counts the bytes that
+    came and are not recorded; what was written stays readable, and writing goes on as soon as it
+    can. After the beginning no method raises.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        meta: str,
+        resolved: dict[str, Any],
+        sync: float = 0.0,
+        disk: Disk | None = None,
+    ) -> None:
+        """Begins with the whole configuration, and what files it names about the sensor.
+
+        sync: s, 0 for never. Raises `InputError` for a folder that is not new, `DiskError` where it
+        can not be written.
+        """
+        self.folder, self.disk = folder, disk or Disk()
+        self.lost = 0
+        self.trouble = ""
+        self.refused = False
+        self.locks = {name: threading.Lock() for name in NAMES}
+        self.sizes = dict.fromkeys(NAMES, 0)
+        self.retry = 0.0
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-            (folder / "meta.yaml").write_text(meta, "utf-8")
-            for keys, name, total in measured(resolved):
-                shutil.copyfile(keys[name], folder / kept(total))
-            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND
-            self.files = {
-                name: os.open(folder / name, flags, 0o644) for name in NAMES if name != "meta.yaml"
-            }
+            if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+                what = "is not empty" if folder.is_dir() else "is a file"
+                raise InputError(f"{folder}: {what}; a recording begins in a new folder")
+            self.begin(meta, resolved)
         except OSError as error:
             raise DiskError(f"{folder}: can not be written: {error.strerror}") from None
         import pyarrow as pa
 
         pa.RecordBatch.from_pydict({"": np.zeros(1)})  # loads what it needs before poses come
-
-        self.offset = 0
-        self.stream: Any = None
+        self.has_schema = self.closed = False
         self.waiting: list[Poses] = []
         self.written = time.monotonic()
+        self.syncer = Syncer(self, sync) if sync > 0 else None
+        if self.syncer:
+            self.syncer.start()
 
-    def put(self, name: str, data: bytes) -> None:
+    def begin(self, meta: str, resolved: dict[str, Any]) -> None:
+        """The files that are there before the first byte comes, whatever happens then."""
+        self.disk.make_folder(self.folder)
+        self.save("meta.yaml", meta.encode())
+        for keys, name, total in measured(resolved):
+            self.save(kept(total), Path(keys[name]).read_bytes())
+        self.files = {name: self.disk.create(self.folder / name) for name in NAMES}
+        self.disk.sync_folder(self.folder)
+        self.disk.sync_folder(self.folder.absolute().parent)
+
+    def save(self, name: str, data: bytes) -> None:
+        """A whole file, at once and for good."""
+        handle = self.disk.create(self.folder / name)
         try:
             view = memoryview(data)
             while view:
-                view = view[os.write(self.files[name], view) :]
-        except OSError as error:
-            raise DiskError(
-                f"{self.folder / name}: can not be written on: {error.strerror}; what was written "
-                "is intact, see `facets recover`"
-            ) from None
+                view = view[self.disk.append(handle, view) :]
+            self.disk.sync(handle)
+        finally:
+            self.disk.close(handle)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def put(self, name: str, *parts: bytes) -> bool:
+        """All of the parts at a file's end, or nothing of them; whether that was possible."""
+        with self.locks[name]:
+            before = self.sizes[name]
+            try:
+                for part in parts:
+                    view = memoryview(part)
+                    while view:
+                        view = view[self.disk.append(self.files[name], view) :]
+            except OSError as error:
+                self.complain(name, error)
+                with suppress(OSError):
+                    self.disk.shorten(self.files[name], before)
+                return False
+            self.sizes[name] = before + sum(map(len, parts))
+        return True
+
+    def complain(self, name: str, error: OSError) -> None:
+        """Keeps the first thing that the disk refused, in words, for those who show it."""
+        self.refused = True
+        self.retry = time.monotonic() + AGAIN
+        self.trouble = self.trouble or (
+            f"{self.folder / name}: can not be written on: {error.strerror}"
+        )
 
     def block(self, block: Block) -> None:
         """The bytes, then their row in the index: a row is never without its bytes."""
-        self.put("bytes.bin", block.data)
-        row = np.zeros(1, INDEX)
-        row["offset"], row["length"] = self.offset, len(block.data)
-        row["monotonic"], row["utc"] = block.arrival, time.time()
-        row["stage"] = packed(block.encoder)
-        self.put("index.bin", row.tobytes())
-        self.offset += len(block.data)
+        if self.refused and time.monotonic() < self.retry:
+            self.lost += len(block.data)
+            return
+        offset = self.sizes["bytes.bin"]
+        written = self.put("bytes.bin", block.data)
+        if written and not self.put("index.bin", make_row(block, offset, time.time())):
+            self.take_back(offset)
+            written = False
+        if not written:
+            self.lost += len(block.data)
+        elif self.refused:
+            self.refused = False
+            self.event("recording again", lost_bytes=self.lost)
+
+    def take_back(self, size: int) -> None:
+        with self.locks["bytes.bin"], suppress(OSError):
+            self.disk.shorten(self.files["bytes.bin"], size)
+            self.sizes["bytes.bin"] = size
 
     def event(self, name: str, **more: Any) -> None:
+        """A line about something that happened now."""
         row = {"monotonic": time.monotonic(), "utc": time.time(), "event": name, **more}
-        self.put("events.jsonl", json.dumps(row).encode() + b"\n")
+        self.put("events.jsonl", json.dumps(row, default=str).encode() + b"\n")
 
     def poses(self, batch: Poses) -> None:
+        """Poses, which are written a little later, many at once."""
         self.waiting.append(batch)
-        if time.monotonic() - self.written > BATCH:
+        if time.monotonic() - self.written > FLUSH:
             self.flush()
 
     def flush(self) -> None:
+        """Writes the poses that wait."""
+        self.written = time.monotonic()
         if not self.waiting:
             return
-        import pyarrow as pa
-
-        rows = pa.RecordBatch.from_pydict(joined([pose_columns(batch) for batch in self.waiting]))
+        rows = pose_table.make_batch(join_columns([pose_columns(part) for part in self.waiting]))
         self.waiting = []
-        self.written = time.monotonic()
-        if self.stream is None:
-            self.put("poses.arrows", schema_of(rows))
-            self.stream = rows.schema
-        self.put("poses.arrows", rows.serialize().to_pybytes())
+        head = b"" if self.has_schema else pose_table.schema_of(rows)
+        self.has_schema |= self.put("poses.arrows", head, rows.serialize().to_pybytes())
+
+    def sync(self) -> None:
+        """Has the system put on the disk what it was given."""
+        for name in NAMES:
+            try:
+                self.disk.sync(self.files[name])
+            except OSError as error:
+                self.trouble = self.trouble or (
+                    f"{self.folder / name}: can not be synced: {error.strerror}"
+                )
 
     def close(self) -> None:
+        """Writes what waits, syncs, and closes every file, whatever of this fails."""
+        if self.closed:
+            return
+        self.closed = True
+        with ExitStack() as closing:
+            for handle in self.files.values():
+                closing.callback(self.close_file, handle)
+            closing.callback(self.sync)
+            if self.syncer:
+                closing.callback(self.syncer.finish)
+            closing.callback(self.end_poses)
+
+    def close_file(self, handle: int) -> None:
+        with suppress(OSError):
+            self.disk.close(handle)
+
+    def end_poses(self) -> None:
         self.flush()
-        if self.stream is not None:
-            self.put("poses.arrows", b"\xff\xff\xff\xff\0\0\0\0")  # the stream's end
-        for handle in self.files.values():
-            os.close(handle)
+        if self.has_schema:
+            self.put("poses.arrows", pose_table.END)
+
+    def discard(self) -> None:
+        """Takes back a recording in which nothing is yet."""
+        self.close()
+        for file in self.folder.iterdir():
+            file.unlink()
+        self.folder.rmdir()
 
 
-def schema_of(batch: Any) -> bytes:
-    data: bytes = batch.schema.serialize().to_pybytes()
-    return data
+class Syncer(threading.Thread):
+    """Syncs a recording every so often, beside those who write: a disk may take its time."""
+
+    def __init__(self, recording: Recording, seconds: float) -> None:
+        super().__init__(name="sync", daemon=True)
+        self.recording, self.seconds = recording, seconds
+        self.ending = threading.Event()
+
+    def run(self) -> None:
+        while not self.ending.wait(self.seconds):
+            self.recording.sync()
+
+    def finish(self) -> None:
+        self.ending.set()
+        if self.is_alive():
+            self.join(timeout=10.0)
 
 
-def packed(encoder: Encoder | None) -> list[float]:
-    if encoder is None:
-        return [np.nan] * 5
-    return [encoder.time, *encoder.place, *encoder.speed]
-
-
-def unpacked(row: NDArray[np.float64]) -> Encoder | None:
-    return None if np.isnan(row[0]) else Encoder(float(row[0]), row[1:3].copy(), row[3:5].copy())
-
-
-def pose_columns(poses: Poses) -> dict[str, Any]:
-    """Poses as columns of a table, with the readings that they are from."""
-    solution = poses.solution
-    columns: dict[str, Any] = {
-        "seq": poses.seq,
-        "board_us": poses.time,
-        "host_s": poses.host,
-        "status": solution.status,
-        "flags": poses.flags,
-    }
-    columns |= {name: poses.readings[:, i] for i, name in enumerate(READING_COLUMNS)}
-    for i, name in enumerate(STATE_COLUMNS):
-        columns[name] = solution.state[:, i] / STATE_UNITS[i]
-    for i, name in enumerate(STATE_COLUMNS):
-        columns[f"u_{name}"] = solution.uncertainty[:, i] / STATE_UNITS[i]
-    columns["residual"] = solution.residual
-    return columns
-
-
-def joined(parts: list[dict[str, Any]]) -> dict[str, Any]:
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-
-
-def blocks(folder: Path) -> Iterator[Block]:
+def blocks(folder: Path, damage: Damage | None = None) -> Iterator[Block]:
     """The blocks of a recording, also of one that ended in the middle of a write.
 
-    Bytes past the last row of the index come as a last block of their own.
+    Bytes that no sound row of the index knows of come as blocks of their own, `doubtful`, and the
+    beam's place is then unknown where a stage carried it. damage: is told what is not as it was
+    written.
     """
-    rows = index_of(folder)
+    damage = damage if damage is not None else Damage()
     try:
+        rows, proven, damage.rows = read_rows((folder / "index.bin").read_bytes())
         file = (folder / "bytes.bin").open("rb")
     except OSError as error:
         raise InputError(f"{folder}: is no recording: {error.strerror}") from None
+    carried = bool(len(rows)) and not np.isnan(rows["stage"][:, 0]).all()
+    nowhere = Encoder(-np.inf, np.zeros(2), np.zeros(2)) if carried else None
     with file:
-        last = 0.0
+        place = 0
         for row in rows:
-            data = file.read(int(row["length"]))
+            offset, length, arrival = (
+                int(row["offset"]),
+                int(row["length"]),
+                float(row["monotonic"]),
+            )
+            if proven and offset < place:  # nothing that this program writes
+                damage.rows += 1
+                continue
+            if proven and offset > place:
+                data = file.read(offset - place)
+                damage.unproven += len(data)
+                if data:
+                    yield Block(data, arrival, nowhere, doubtful=True)
+            data = file.read(length)
+            place = offset + length
+            damage.missing += length - len(data)
+            sound = not proven or zlib.crc32(data) == int(row["data_crc"])
+            damage.unproven += 0 if sound else len(data)
             if data:
-                last = float(row["monotonic"])
-                yield Block(data, last, unpacked(row["stage"]))
+                yield Block(data, arrival, unpack_encoder(row["stage"]), doubtful=not sound)
         rest = file.read()
+        damage.unproven += len(rest)
         if rest:
-            yield Block(rest, last, None)
-
-
-def index_of(folder: Path) -> NDArray[np.void]:
-    """The rows that were written whole."""
-    try:
-        raw = (folder / "index.bin").read_bytes()
-    except OSError as error:
-        raise InputError(f"{folder}: is no recording: {error.strerror}") from None
-    whole = len(raw) // INDEX.itemsize
-    return np.frombuffer(raw[: whole * INDEX.itemsize], INDEX)
-
-
-def recorded_poses(folder: Path) -> dict[str, NDArray[Any]]:
-    """The poses as they were written, up to a torn end."""
-    import pyarrow as pa
-
-    parts = []
-    try:
-        with pa.OSFile(str(folder / "poses.arrows")) as file:
-            reader = pa.ipc.open_stream(file)
-            while True:
-                batch = reader.read_next_batch()
-                parts.append({name: batch[name].to_numpy() for name in batch.schema.names})
-    except (StopIteration, pa.ArrowInvalid, OSError):
-        pass
-    return joined(parts) if parts else {}
+            yield Block(rest, float("nan"), nowhere, doubtful=True)
 
 
 def kept(total: str) -> str:
@@ -226,10 +308,20 @@ def kept(total: str) -> str:
 
 
 def meta_of(folder: Path) -> dict[str, Any]:
+    """How a recording was made; raises `InputError` where the folder is none."""
     from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
 
     path = folder / "meta.yaml"
     if not path.is_file():
         raise InputError(f"{folder}: is no recording: it has no meta.yaml")
-    found: dict[str, Any] = YAML(typ="safe").load(path)
+    try:
+        found = YAML(typ="safe").load(path)
+    except (YAMLError, UnicodeDecodeError):
+        found = None
+    if not isinstance(found, dict) or not isinstance(found.get("resolved"), dict):
+        raise InputError(
+            f"{path}: is damaged, it holds no configuration; what came is in bytes.bin, which "
+            "`facets acquire CONFIG --port file:bytes.bin` reads"
+        )
     return found

@@ -9,16 +9,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.names import ANGLES, DETECTORS, STATE
+from ..detectors.counts import SATURATED
+from ..detectors.noise import power_floor
+from ..estimation.gauss_newton import FAINTEST
 from ..estimation.solver import Status
 from ..model.arrays import half_sizes
 from ..tracking.control import tracking_error
 from .acquire import Live
 
 if TYPE_CHECKING:
-    from rich.console import Group
+    from collections.abc import Iterator
 
-#: A PSD's face in characters: across and down.
-WIDE, HIGH = 21, 9
+    from rich.console import Console, ConsoleOptions
+
+#: A PSD's face in characters: across and down, at most and at least; odd, for a middle.
+WIDE, HIGH = (21, 9), (5, 3)
+#: Lines of the view beside the faces: the table of the pose, borders, the stream and messages.
+OTHERS = 16
 
 
 def values(live: Live) -> dict[str, Any]:
@@ -35,13 +42,18 @@ def values(live: Live) -> dict[str, Any]:
         "doubled": sequence.doubled,
         "restarts": sequence.restarts,
         "reconnects": live.reconnects,
-        "unsolved": tally.samples - tally.statuses[Status.CONVERGED.label],
+        "unsolved": tally.unsolved,
+        "late": live.late,
+        "skipped": tally.skipped,
         "flags": {name: count for name, count in tally.flags.items() if count},
         "latency_p99_ms": rounded(1e3 * live.ninety_nine()),
         "backlog": live.backlog,
+        "behind_s": round(live.age, 3) if live.behind else 0.0,
         "clock_ppm": rounded(live.pipeline.drift.ppm),
-        "note": live.note,
+        "note": "; ".join(live.messages()),
     }
+    if live.recording:
+        found["not_recorded_bytes"] = live.recording.lost
     if live.newest is not None:
         found |= sample(live)
     if live.tracker:
@@ -91,6 +103,8 @@ def plain_line(live: Live) -> str:
         pose = now["status"]
     text = f"{now['seconds']:.1f} s  {pose}  {now['rate_hz']:.0f}/s  lost {now['lost']}"
     text += f"  corrupt {now['corrupt']}  unsolved {now['unsolved']}"
+    if now["late"] or now["skipped"]:
+        text += f"  late {now['late']}  skipped {now['skipped']}"
     if now["latency_p99_ms"] is not None:
         text += f"  p99 {now['latency_p99_ms']:.1f} ms"
     if "stage" in now:
@@ -98,13 +112,54 @@ def plain_line(live: Live) -> str:
     return text + (f"  [{now['note']}]" if now["note"] else "")
 
 
-def panel(live: Live) -> Group:
-    """Pose, three PSD faces with their spots and powers, and how the stream does."""
-    from rich.columns import Columns
-    from rich.console import Group
+def summary(live: Live) -> Iterator[str]:
+    """What is said at the end of a run, line by line."""
+    yield plain_line(live)
+    tally = live.pipeline.tally
+    yield f"{tally.samples} samples, {100 * live.loss:.4f} % lost"
+    for words, count in (*tally.statuses.items(), *tally.flags.items()):
+        if words != Status.CONVERGED.label and count:
+            yield f"  {count} {words}"
+    if live.late or tally.skipped:
+        yield (
+            f"  the loop fell behind: {live.late} samples were solved after newer ones, "
+            f"{tally.skipped} were not; `facets replay` solves them"
+        )
+    if live.pipeline.sequence.restarts:
+        yield f"  the board restarted {live.pipeline.sequence.restarts} times"
+
+
+class Screen:
+    """Pose, three PSD faces with their spots and powers, and how the stream does.
+
+    A rich renderable, which fits itself to the terminal: whatever its size, all three detectors are
+    there.
+    """
+
+    def __init__(self, live: Live) -> None:
+        self.live = live
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Any]:
+        from rich.table import Table
+
+        now = values(self.live)
+        yield pose_table(now)
+        wide = odd_within(options.max_width // 3 - 4, WIDE)
+        high = odd_within((options.height or console.height) - OTHERS, HIGH)
+        grid = Table.grid()
+        grid.add_row(*[face(self.live, k, wide, high) for k in range(3)])
+        yield grid
+        yield stream(now)
+
+
+def odd_within(size: int, ends: tuple[int, int]) -> int:
+    """The largest odd number up to `size`, between two ends (most, least)."""
+    return max(ends[1], min(ends[0], size - 1 + size % 2))
+
+
+def pose_table(now: dict[str, Any]) -> Any:
     from rich.table import Table
 
-    now = values(live)
     table = Table(box=None, title_justify="left")
     for heading in ("", "value", "u (1 sigma)"):
         table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
@@ -112,37 +167,50 @@ def panel(live: Live) -> Group:
         unit, fine = ("mrad", "urad") if name in ANGLES else ("mm", "um")
         value, sigma = now.get(f"{name}_{unit}"), now.get(f"u_{name}_{fine}")
         shown = "-" if value is None else f"{value:+.5f} {unit}"
-        table.add_row(name, shown, "-" if sigma is None else f"{sigma:.3g} {fine}")
-    return Group(table, Columns([face(live, k) for k in range(3)]), stream(now))
+        table.add_row(name, shown, "-" if sigma is None else f"{sigma:.3g} µ{fine[1:]}")
+    return table
 
 
-def face(live: Live, k: int) -> Any:
+def face(live: Live, k: int, wide: int, high: int) -> Any:
     """One detector: its area with the spot on it, and a bar of its power."""
     from rich.panel import Panel
 
-    rows = [[" "] * WIDE for _ in range(HIGH)]
-    rows[HIGH // 2] = ["·"] * WIDE
+    rows = [[" "] * wide for _ in range(high)]
+    rows[high // 2] = ["·"] * wide
     for row in rows:
-        row[WIDE // 2] = "·"
+        row[wide // 2] = "·"
     power = float("nan")
     if live.newest is not None:
         y, z, power = live.newest.readings[-1, 3 * k : 3 * k + 3]
         half = half_sizes(live.pipeline.config.sensor)[k]
         if np.isfinite([y, z]).all() and abs(y) <= half[0] and abs(z) <= half[1]:
-            across = round((y / half[0] + 1) / 2 * (WIDE - 1))
-            rows[round((1 - z / half[1]) / 2 * (HIGH - 1))][across] = "●"
+            across = round((y / half[0] + 1) / 2 * (wide - 1))
+            rows[round((1 - z / half[1]) / 2 * (high - 1))][across] = "●"
     share = power / live.pipeline.config.sensor.beam.power
-    bar = "█" * round(WIDE * min(max(share, 0), 1)) if np.isfinite(share) else ""
-    text = "\n".join("".join(row) for row in rows) + f"\n{bar:<{WIDE}}"
-    title = f"PSD {DETECTORS[k].upper()}  {1e3 * power:.1f} uW"
-    return Panel(text, title=title, width=WIDE + 4)
+    bar = "█" * round(wide * min(max(share, 0), 1)) if np.isfinite(share) else ""
+    text = "\n".join("".join(row) for row in rows) + f"\n{bar:<{wide}}"
+    title = f"{DETECTORS[k].upper()} {light(live, k, power)}"
+    if wide >= len(title) + 4:
+        title = f"PSD {title}"
+    return Panel(text, title=title, width=wide + 4)
+
+
+def light(live: Live, k: int, power: float) -> str:
+    """A detector's light in words that fit above its face."""
+    if live.newest is None:
+        return "-"
+    if np.isnan(power):
+        return "full" if live.newest.flags[-1] & SATURATED else "no light"
+    sensor = live.pipeline.config.sensor
+    return f"{1e3 * power:.1f} µW" if power > FAINTEST * power_floor(sensor) else "no light"
 
 
 def stream(now: dict[str, Any]) -> str:
     latency = now["latency_p99_ms"]
     text = (
         f"{now['samples']} samples, {now['rate_hz']:.0f}/s   lost {now['lost']}   "
-        f"corrupt {now['corrupt']}   unsolved {now['unsolved']}   backlog {now['backlog']}   "
+        f"corrupt {now['corrupt']}   unsolved {now['unsolved']}   late {now['late']}   "
+        f"skipped {now['skipped']}   backlog {now['backlog']}   "
         f"p99 {'-' if latency is None else f'{latency:.1f} ms'}"
     )
     if "stage" in now:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..core.sensor import Sensor
 from ..core.settings import Stage as Settings
 from ..model.arrays import readings
+from .limits import Limits
 
 Floats = NDArray[np.float64]
 
@@ -61,11 +62,15 @@ def slope_of_error(sensor: Sensor) -> Floats:
 class Law:
     """Where the beam is to go next. Kept within speed, step and soft limits.
 
-    goal: the last command.  summed: of the errors.  limited: how often a limit held one back.
+    inverse: of `slope_of_error`, mm.  power: of the beam, mW.  room: further off than this, mm, the
+    beam does not light all three facets.  goal: the last command.  summed: of the errors.
+    limited: how often a limit held one back.
     """
 
     settings: Settings
     inverse: Floats
+    power: float
+    room: float
     goal: Floats | None = None
     summed: Floats = field(default_factory=lambda: np.zeros(2))
     limited: int = 0
@@ -74,7 +79,9 @@ class Law:
 
     @classmethod
     def of(cls, sensor: Sensor, settings: Settings) -> Law:
-        return cls(settings, np.asarray(np.linalg.inv(slope_of_error(sensor))))
+        beam = sensor.beam
+        inverse = np.asarray(np.linalg.inv(slope_of_error(sensor)))
+        return cls(settings, inverse, beam.power, max(beam.diameter_x, beam.diameter_y))
 
     def command(self, seen: Seen) -> Floats:
         """The next place of the beam (2,), mm."""
@@ -86,11 +93,20 @@ class Law:
             integral = s.integral if s.law == "pi" else 0.0
             goal = seen.beam if self.goal is None else self.goal
             wanted = goal - s.gain * off - integral * (self.summed + off)
-            self.goal = self.held(wanted, seen.beam)
-            if np.allclose(self.goal, wanted, atol=1e-9):  # else the sum would only grow
+            self.goal = self.hold(wanted, seen.beam)
+            if np.allclose(self.goal, wanted, rtol=0, atol=1e-9):  # else the sum would only grow
                 self.summed = self.summed + off
             return self.goal
-        return self.held(wanted, seen.beam)
+        return self.hold(wanted, seen.beam)
+
+    def towards(self, powers: Floats, beam: Floats, lit: float) -> Floats | None:
+        """Where Eq. (14) says that the apex is (2,), mm, however far: its direction is right also
+        where a facet is dark. None where there is less light than a share `lit` of the beam's."""
+        light = np.maximum(powers, 0.0)
+        if not np.isfinite(light).all() or light.sum() < lit * self.power:
+            return None
+        place: Floats = beam - self.settings.gain * (self.inverse @ tracking_error(light))
+        return place
 
     def ahead(self, seen: Seen) -> Floats:
         """Where the apex will be when the stage has answered."""
@@ -99,21 +115,18 @@ class Law:
             passed = seen.time - self.last[0]
             share = min(1.0, passed / SMOOTH)
             self.speed += share * ((seen.apex - self.last[1]) / passed - self.speed)
+            most = self.settings.max_speed  # of a faster one the sample is in doubt, or it is lost
+            self.speed = np.clip(self.speed, -most, most)
         self.last = seen.time, seen.apex.copy()
         s = self.settings  # the command holds for a period, so on average half of one longer
         horizon = seen.now - seen.time + s.latency + s.lag + 0.5 / s.rate
         return seen.apex + horizon * self.speed
 
-    def held(self, wanted: Floats, beam: Floats) -> Floats:
+    def hold(self, wanted: Floats, beam: Floats) -> Floats:
         """A command within step, speed and soft limits."""
-        s = self.settings
-        far = min(s.max_step, s.max_speed * (s.lag + s.latency + 1 / s.rate))
-        step = wanted - beam
-        length = float(np.hypot(*step))
-        kept = beam + step * min(1.0, far / length) if length > 0 else wanted
-        kept = np.clip(kept, s.low, s.high)
-        self.limited += not np.allclose(kept, wanted, atol=1e-12)
-        return kept
+        held = Limits.of(self.settings).hold(wanted, beam)
+        self.limited += not np.allclose(held, wanted, rtol=0, atol=1e-12)
+        return held
 
     def forget(self) -> None:
         """After a loss: what was summed up no longer holds."""

@@ -1,9 +1,9 @@
-"""The stage that carries the beam: what every one can do, and a model of how one moves."""
+"""The stage that carries the beam: its errors, and a model of how one moves."""
 
 from __future__ import annotations
 
 from collections import deque
-from typing import Protocol
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,25 +18,11 @@ class StageError(FacetsError):
     """The stage refused a command, does not answer, or says what can not be understood."""
 
 
-class Stage(Protocol):
-    """A two-axis stage; places are of the beam in the world frame, mm."""
-
-    def place(self) -> Floats:
-        """Where the encoders say the beam is: (2,)."""
-
-    def move(self, place: Floats) -> None:
-        """Starts towards a place (2,); does not wait."""
-
-    def stop(self) -> None:
-        """Stands still as soon as it can."""
-
-    def close(self) -> None: ...
-
-
 class StageModel:
     """Two axes that follow commands: latency, then a first-order lag within speed and acceleration.
 
-    place, speed: (2,) mm, mm/s, at the time of the last `advance`.
+    place, speed: (2,) mm, mm/s, at the time of the last `advance`.  max_speed, acceleration: of
+    each axis; they begin as the settings say, and its controller may change them.
     """
 
     #: No longer step of the model, s.
@@ -49,7 +35,8 @@ class StageModel:
         self.target = self.place.copy()
         self.now = 0.0
         self.waiting: deque[tuple[float, Floats]] = deque()
-        self.jammed = False
+        self.max_speed, self.acceleration = settings.max_speed, settings.acceleration
+        self.jammed = self.braking = False
 
     def command(self, place: Floats) -> None:
         """A move that begins after the latency."""
@@ -58,12 +45,14 @@ class StageModel:
     @property
     def settled(self) -> bool:
         """Whether it stands where it was last told to go, to 0.1 um."""
-        return not self.waiting and bool(np.abs(self.target - self.place).max() < 1e-4)
+        there = bool(np.abs(self.target - self.place).max() < 1e-4)
+        return not self.waiting and not self.braking and there
 
     def halt(self) -> None:
+        """Forgets where it was to go, and brakes."""
         self.waiting.clear()
         self.target = self.place.copy()
-        self.speed[:] = 0.0
+        self.braking = True
 
     def advance(self, now: float) -> None:
         """To the time `now`, s."""
@@ -72,13 +61,24 @@ class StageModel:
             self.now += step
             while self.waiting and self.waiting[0][0] <= self.now:
                 self.target = self.waiting.popleft()[1]
-            if not self.jammed:
+                self.braking = False
+            if self.jammed:
+                self.speed[:] = 0.0
+            else:
                 self.follow(step)
 
     def follow(self, step: float) -> None:
-        s = self.settings
-        wanted = (self.target - self.place) / max(s.lag, step)
-        wanted = np.clip(wanted, -s.max_speed, s.max_speed)
-        change = np.clip(wanted - self.speed, -s.acceleration * step, s.acceleration * step)
-        self.speed += change
-        self.place += self.speed * step
+        """One step, s, towards the target, or to a stand."""
+        for axis in range(2):  # plain numbers: arrays of two are slow, and there are many steps
+            speed, off = float(self.speed[axis]), float(self.target[axis] - self.place[axis])
+            # no faster than it can brake from after this step: else it would pass its target
+            most = self.acceleration * (sqrt(step**2 + 2 * abs(off) / self.acceleration) - step)
+            most = min(self.max_speed, most)
+            wanted = 0.0 if self.braking else off / max(self.settings.lag, step)
+            change = min(max(wanted, -most), most) - speed
+            most = self.acceleration * step
+            speed += min(max(change, -most), most)
+            self.speed[axis] = speed
+            self.place[axis] += speed * step
+        if self.braking and not self.speed.any():
+            self.target, self.braking = self.place.copy(), False

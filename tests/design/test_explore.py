@@ -58,6 +58,32 @@ def test_what_can_not_work_at_rest_is_skipped():
     assert np.isnan(values[1:]).all()
 
 
+def test_the_limit_that_a_design_breaks_at_rest_is_the_one_told():
+    x = np.array([250.0, 45.0, 0.0, 120.0, 0.85])
+    rules = CONFIG.range
+    coarse = replace(rules, coarsest=(1e-9,) * 6)
+    for broken, says in ((coarse, "too coarse at rest"), (replace(rules, snr=1e9), "too little")):
+        why, values = looked_at(replace(SPACE, rules=broken), x)
+        assert study.SKIPPED[why].startswith(says)
+        assert np.isnan(values[study.AT_RANGES]).all()
+        assert np.isfinite(values[MEASURES.index("condition")])
+
+
+def test_too_few_designs_make_no_picture():
+    from facets.pictures.exploration import front_picture
+
+    names = ["head_mm", "u_tz_um"]
+    table = {name: np.array([1.0, np.nan, 2.0]) for name in names}
+    for known in (0, 1, 2):
+        some = {name: np.where(np.arange(3) < 2 * known - 1, column, np.nan)
+                for name, column in table.items()}  # fmt: skip
+        best = front(some, names)
+        picture = front_picture(some, best, names, {})
+        assert (picture is None) == (known < 2)
+        if picture is not None:
+            assert len(picture.axes) == 1
+
+
 def brute(costs):
     """By the definition: no other is as good in all and better in one."""
     return np.array(

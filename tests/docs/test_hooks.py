@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import pytest
 from pages import DOCS, PAGES, ROOT, hook, name_of
 
+import facets
 from facets.config import shipped
 from facets.config.json_schema import document
 
@@ -109,3 +110,21 @@ def test_nothing_is_loaded_from_elsewhere():
     assert "font: false" in settings
     for file in (DOCS / "assets").iterdir():
         assert not re.search(r"https?:", file.read_text()), file
+
+
+def test_a_public_name_is_explained_once():
+    page = (DOCS / "api.md").read_text()
+    beyond = re.findall(r"^::: (\S+)$", page, flags=re.MULTILINE)
+    face = re.findall(r"^::: (\S+)$", REFERENCE.face(), flags=re.MULTILINE)
+    assert {name.split(".")[-1] for name in face} == set(facets.__all__)
+    assert set(beyond).isdisjoint(face)
+
+
+def test_a_docstring_shows_arguments_as_a_list_and_examples_as_code():
+    shown = hook("docstrings").shown(
+        "Solves.\n\nbeam: what is known,\nin mm.  power: in mW. Returns (n,).\n\n"
+        ">>> 1 + 1\n2\n\nReturns: no list."
+    )
+    assert "- `beam`: what is known, in mm.\n- `power`: in mW.\n- Returns (n,)." in shown
+    assert "```pycon\n>>> 1 + 1\n2\n```" in shown
+    assert shown.endswith("Returns: no list.")

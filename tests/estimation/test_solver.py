@@ -283,7 +283,7 @@ def test_a_prepared_solver_gives_the_same_bits(states, readings, options):
 def test_a_prepared_solver_goes_on_from_the_last_pose_and_finds_back():
     """Warm, it takes fewer steps; a reading far from the last one is solved from zero again."""
     path = np.zeros((40, 8))
-    path[:, 5] = np.linspace(0, 10e-3, 40)
+    path[:, 0], path[:, 3], path[:, 5] = 0.08, 8e-3, np.linspace(0, 10e-3, 40)
     path[-1, :2] = -0.1
     readings = facets.readings(SENSOR, path)
     solver = facets.Solver(SENSOR, start="previous")

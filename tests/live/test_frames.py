@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import fields
 from itertools import pairwise
 
 import numpy as np
@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from facets.live.clock import Drift, Sequence
-from facets.live.frames import ELECTRODES, SIZE, XY_SUM, Samples, encoded, packed, parser
+from facets.live.frames import ELECTRODES, SIZE, XY_SUM, Samples, encode, pack, parser
 
 FORMS = ("frames", "cobs", "text")
 
@@ -43,7 +42,7 @@ def same(one: Samples, other: Samples) -> bool:
 @given(cuts=st.lists(st.integers(0, 3000), max_size=12), count=st.integers(0, 30))
 def test_any_pieces_give_the_same(form, cuts, count):
     sent = samples(count)
-    data = encoded(form, sent)
+    data = encode(form, sent)
     ends = sorted({0, len(data), *(cut for cut in cuts if cut < len(data))})
     found, reader = parsed(form, [data[a:b] for a, b in pairwise(ends)] or [b""])
     assert same(found, sent)
@@ -54,7 +53,7 @@ def test_any_pieces_give_the_same(form, cuts, count):
 @given(data=st.data())
 def test_noise_costs_the_frames_it_hits_and_no_other(form, data):
     sent = samples(20)
-    raw = bytearray(encoded(form, sent))
+    raw = bytearray(encode(form, sent))
     size = len(raw) // 20
     hit = data.draw(st.integers(1, 18))
     place = hit * size + data.draw(st.integers(0, size - 2))
@@ -76,14 +75,14 @@ def test_noise_costs_the_frames_it_hits_and_no_other(form, data):
 def test_a_stream_is_found_in_rubbish(form):
     rng = np.random.default_rng(4)
     rubbish = rng.integers(0, 256, 5000).astype(np.uint8).tobytes() + b"\0"
-    found, reader = parsed(form, [rubbish + encoded(form, samples(10)) + b"\xa5\x5a" + rubbish])
+    found, reader = parsed(form, [rubbish + encode(form, samples(10)) + b"\xa5\x5a" + rubbish])
     assert set(range(10)) <= set(found.seq.tolist())
     assert len(found) == 10
     assert reader.skipped > 4000
 
 
 def test_a_frame_is_64_bytes_as_documented():
-    raw = packed(samples(1, first=7))
+    raw = pack(samples(1, first=7))
     assert len(raw) == SIZE == 64
     assert raw[:3] == b"\xa5\x5a\x01"
     assert raw[4:8] == (7).to_bytes(4, "little")
@@ -96,51 +95,3 @@ def test_lines_that_are_not_samples_are_counted():
     assert reader.corrupt == 2
     reader = parser("text", "xy-sum")
     assert reader.feed(lines).kind.tolist() == [XY_SUM]
-
-
-def followed(seqs: list[int]) -> tuple[Sequence, list[int]]:
-    raw = np.array(seqs, dtype=np.uint64).astype(np.uint32)
-    sent = replace(
-        samples(len(seqs)), seq=raw, time=(raw.astype(np.int64) * 100 % 2**32).astype(np.uint32)
-    )
-    sequence = Sequence()
-    _, seq, _ = sequence.follow(sent)
-    return sequence, seq.tolist()
-
-
-def test_counters_wrap_and_gaps_are_counted():
-    sequence, seq = followed([2**32 - 2, 2**32 - 1, 0, 1, 5])
-    assert np.diff(seq).tolist() == [1, 1, 1, 4]
-    assert sequence.lost == 3
-    assert sequence.time - sequence.raw_time == 0 or sequence.time > 2**32
-
-
-def test_samples_that_come_again_are_dropped():
-    sequence, seq = followed([10, 11, 11, 10, 12])
-    assert seq == [10, 11, 12]
-    assert sequence.doubled == 2
-    assert sequence.lost == 0
-
-
-def test_a_restarted_board_goes_on():
-    sequence, seq = followed([1_000_000, 1_000_001, 0, 1])
-    assert np.diff(seq).tolist() == [1, 1, 1]
-    assert sequence.restarts == 1
-
-
-def test_time_goes_on_past_its_wrap():
-    sequence = Sequence()
-    first = replace(samples(3), time=np.array([2**32 - 200, 2**32 - 100, 0], dtype=np.uint32))
-    _, _, time = sequence.follow(first)
-    assert np.diff(time).tolist() == [100, 100]
-    second = replace(samples(2, first=3), time=np.array([100, 200], dtype=np.uint32))
-    _, _, again = sequence.follow(second)
-    assert again[0] - time[-1] == 100
-
-
-def test_drift_is_found():
-    drift = Drift()
-    rng = np.random.default_rng(1)
-    for device in np.arange(0, 60, 0.01):
-        drift.add(device, 100 + device * (1 + 40e-6) + rng.exponential(1e-4))
-    assert drift.ppm == pytest.approx(40, abs=1)

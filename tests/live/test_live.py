@@ -4,30 +4,54 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
 
 import numpy as np
 import pytest
-from facets.experiments.kills import killed, stream
+from commands import PROGRAM, command
+from facets.experiments.kills import kill, stream
 from facets.experiments.soak import soak
+from programs import Program, count_lines, size_of
 
 import facets
 from facets.core.errors import InputError
 from facets.live.frames import SIZE
 from facets.live.pipeline import Pipeline
-from facets.live.recording import Recording, blocks, joined, pose_columns, recorded_poses
+from facets.live.pose_table import join_columns, pose_columns, recorded_poses
+from facets.live.recording import blocks
 from facets.live.virtual import Faults, truth_of
 
 CONFIG = facets.load("bench")
+PORTS = ("--port", "bench/board", "--stage-port", "bench/stage")
+
+
+def events_of(folder):
+    return [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
+
+
+@pytest.fixture
+def emulator(tmp_path):
+    """Starts `facets emulate` in the test's folder, once it runs; ends it after the test."""
+    made = []
+
+    def start(*words):
+        made.append(Program("emulate", *words, cwd=tmp_path))
+        made[-1].await_output("running")
+        return made[-1]
+
+    yield start
+    for program in made:
+        program.__exit__()
 
 
 def test_an_unread_stream_is_solved_to_the_truth():
     data = stream(500)
     pipeline = Pipeline(CONFIG)
     parts = [pipeline.feed(data[n : n + 1000], n * 1e-6) for n in range(0, len(data), 1000)]
-    poses = joined([pose_columns(part) for part in parts if part is not None])
+    poses = join_columns([pose_columns(part) for part in parts if part is not None])
     assert len(poses["seq"]) == 500
     assert (poses["status"] == 0).all()
     truth = np.sin(np.arange(500) / 100)
@@ -37,56 +61,53 @@ def test_an_unread_stream_is_solved_to_the_truth():
 
 @pytest.mark.parametrize("faults", ["", "flip=1e-3,lose=1e-3,double=1e-3,drop=1e-3,block=0.5"])
 def test_a_soak_counts_every_loss_and_accepts_nothing_wrong(tmp_path, faults):
-    found = soak(tmp_path, 4.0, 5000.0, faults)
-    assert found["samples"] > 15_000
+    found = soak(tmp_path, np.inf, 2000.0, faults, samples=8_000)
+    assert found["samples"] >= 8_000
     assert found["wrong"] == 0
     assert found["lost"] == found["bench_lost"]
     assert found["accepted_though_spoilt"] == 0
     assert found["refused_though_sound"] == 0
     if not faults:
-        assert found["solved"] == found["samples"]
+        assert found["solved"] + found["skipped"] == found["samples"]
 
 
 def test_a_replay_is_the_run_again(tmp_path):
-    soak(tmp_path, 2.0, 5000.0, "drop=1e-3,flip=1e-3")
-    recording = tmp_path / "recording"
-    result = run("replay", str(recording), "--compare", "-o", "poses.csv", cwd=tmp_path)
+    soak(tmp_path, np.inf, 2000.0, "drop=1e-3,flip=1e-3", samples=4_000)
+    result = command("replay", "recording", "--compare", "-o", "poses.csv", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "recorded poses: identical" in result.stdout
     assert (tmp_path / "poses.csv").stat().st_size > 100_000
 
 
-def test_a_killed_recording_loses_no_more_than_its_last_block(tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
+def test_a_killed_recording_loses_no_more_than_its_last_block(tmp_path, number):
     data = stream(20_000)
-    for n, after in enumerate((0.05, 0.2, 0.45)):
-        row = killed(tmp_path / str(n), data, after)
+    for n, after in enumerate((0.05, 0.45)):
+        row = kill(tmp_path / str(n), data, after, number)
         assert row["lost"] <= 50 * SIZE
-        assert row["unrecovered"] == 0
-    before = sorted((tmp_path / "2").iterdir())
-    result = run("recover", str(tmp_path / "2"), "-o", "poses.parquet", cwd=tmp_path)
+        assert row["unrecovered"] == row["different"] == 0
+        if number != signal.SIGKILL:
+            assert row["closed"] == 1
+            assert row["poses"] == row["recovered"]
+
+
+def test_what_is_recovered_leaves_the_recording_as_it_was(tmp_path):
+    kill(tmp_path / "r", stream(20_000), 0.45)
+    before = {file.name: file.read_bytes() for file in (tmp_path / "r").iterdir()}
+    result = command("recover", "r", "-o", "poses.parquet", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
-    assert sorted((tmp_path / "2").iterdir()) == before
-    assert recorded_poses(tmp_path / "2")["seq"].size > 0
+    assert {file.name: file.read_bytes() for file in (tmp_path / "r").iterdir()} == before
+    assert (tmp_path / "poses.parquet").exists()
 
 
 def test_a_torn_index_and_a_torn_stream_are_read_up_to_there(tmp_path):
-    data = stream(1000)
-    killed(tmp_path / "r", data, 0.3)
+    kill(tmp_path / "r", stream(1000), 0.3)
     for name in ("index.bin", "poses.arrows"):
         path = tmp_path / "r" / name
         path.write_bytes(path.read_bytes()[:-7])
     joined_bytes = b"".join(block.data for block in blocks(tmp_path / "r"))
     assert joined_bytes == (tmp_path / "r" / "bytes.bin").read_bytes()
     recorded_poses(tmp_path / "r")
-
-
-def test_a_recording_needs_a_new_folder(tmp_path):
-    (tmp_path / "old").mkdir()
-    (tmp_path / "old" / "thing").touch()
-    with pytest.raises(InputError, match="not empty"):
-        Recording(tmp_path / "old", "", facets.load("bench").resolved)
-    with pytest.raises(InputError, match="no recording"):
-        list(blocks(tmp_path / "old"))
 
 
 def test_faults_are_checked():
@@ -96,123 +117,192 @@ def test_faults_are_checked():
             Faults.of(text)
 
 
-def run(*arguments, cwd):
-    return subprocess.run(
-        [sys.executable, "-c", "from facets.cli import main; main()", *arguments],
-        cwd=cwd, capture_output=True, text=True, check=False, timeout=120,
-    )  # fmt: skip
-
-
-class Emulator:
-    """`facets emulate` in a process of its own."""
-
-    def __init__(self, folder, *arguments):
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", "from facets.cli import main; main()", "emulate", *arguments],
-            cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
-        while "running" not in self.process.stdout.readline():
-            assert self.process.poll() is None, self.process.stderr.read()
-
-    def end(self):
-        if self.process.poll() is None:
-            os.kill(self.process.pid, signal.SIGINT)
-        return self.process.communicate(timeout=20)[0]
-
-
-@pytest.fixture
-def emulator(tmp_path):
-    made = []
-
-    def start(*arguments):
-        made.append(Emulator(tmp_path, *arguments))
-        return made[-1]
-
-    yield start
-    for one in made:
-        one.process.kill()
-        one.process.communicate()
-
-
-def events_of(folder):
-    return [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
-
-
-PORTS = ("--port", "bench/board", "--stage-port", "bench/stage")
-
-
 def test_tracking_follows_a_circle_within_the_noise(tmp_path, emulator):
-    bench = emulator("bench", "--motion", "circle", "--rate", "2000")
-    result = run("acquire", "bench", "--track", *PORTS, "--seconds", "6", "--plain", "-o", "rec",
-                 "--max-loss", "1", cwd=tmp_path)  # fmt: skip
-    assert result.returncode == 0, result.stderr
-    assert "beam is lost above" in result.stderr
-    bench.end()
+    """Until the stage has moved 300 times, however long a busy machine takes for that."""
+    emulator("bench", "--motion", "circle", "--rate", "1000")
+    with Program("acquire", "bench", "--track", *PORTS, "--plain", "-o", "rec", "--max-loss", "1",
+                 cwd=tmp_path) as run:  # fmt: skip
+        events = tmp_path / "rec" / "events.jsonl"
+        run.await_true(lambda: count_lines(events, '"move"') > 300, "300 moves")
+        assert run.end() == 0, run.stderr
+    assert "beam is lost above" in run.stderr
     poses, truth = recorded_poses(tmp_path / "rec"), truth_of(tmp_path / "bench")
     good = poses["status"] == 0
-    assert good.mean() > 0.5  # a machine that stalls may lose the mirror; what is solved is right
+    assert good.sum() > 1000
     assert np.hypot(poses["tx_mm"][good], poses["ty_mm"][good]).min() > 3.9
     true = truth["state"][poses["seq"][good]]
     for i, name in ((0, "tx_mm"), (1, "ty_mm"), (2, "tz_mm")):
         error = (poses[name][good] - true[:, i]) / poses[f"u_{name}"][good]
         assert np.abs(error).max() < 6.5
-        assert 0.9 < error.std() < 1.1
-    events = events_of(tmp_path / "rec")
-    assert sum(event["event"] == "move" for event in events) > 100
-    assert events[-1]["event"] == "stop"
+        assert 0.85 < error.std() < 1.15
+    names = [event["event"] for event in events_of(tmp_path / "rec")]
+    last_move = len(names) - names[::-1].index("move")
+    assert "stop" in names[last_move:]
+    assert names[-1] == "end"
 
 
 def test_the_stage_never_moves_without_track(tmp_path, emulator):
     bench = emulator("bench", "--motion", "wobble", "--rate", "1000")
-    result = run("acquire", "bench", "--port", "bench/board", "--samples", "500", "--json",
-                 "--no-record", cwd=tmp_path)  # fmt: skip
+    result = command("acquire", "bench", "--port", "bench/board", "--samples", "500", "--json",
+                     "--no-record", cwd=tmp_path)  # fmt: skip
     assert result.returncode == 0, result.stderr
-    assert json.loads(bench.end().splitlines()[-1])["moves"] == 0
+    assert bench.end() == 0
+    assert json.loads(bench.stdout.splitlines()[-1])["moves"] == 0
     assert not (tmp_path / "recordings").exists()
 
 
 def test_an_unplugged_cable_ends_with_a_message_and_an_intact_recording(tmp_path, emulator):
-    bench = emulator("bench", "--motion", "wobble", "--rate", "1000", "--seconds", "4")
-    result = run("acquire", "bench", "--port", "bench/board", "--plain", "-o", "rec", cwd=tmp_path)
-    assert result.returncode == 2
-    assert "went away" in result.stderr
-    assert "Traceback" not in result.stderr
-    bench.end()
-    assert run("recover", "rec", cwd=tmp_path).returncode == 0
+    bench = emulator("bench", "--motion", "wobble", "--rate", "1000")
+    with Program("acquire", "bench", "--port", "bench/board", "--plain", "-o", "rec",
+                 cwd=tmp_path) as run:  # fmt: skip
+        run.await_true(lambda: size_of(tmp_path / "rec" / "bytes.bin") > 20_000, "bytes")
+        bench.end()
+        assert run.end(None) == 2
+    assert "went away" in run.stderr
+    assert "samples, " in run.stdout
+    assert "Traceback" not in run.stderr
+    result = command("replay", "rec", "--compare", cwd=tmp_path)
+    assert result.returncode == 0, result.stdout
+    assert command("recover", "rec", cwd=tmp_path).returncode == 0
     assert (tmp_path / "rec" / "recovered.parquet").exists()
 
 
 def test_reconnect_goes_on(tmp_path, emulator):
-    emulator("bench", "--motion", "wobble", "--rate", "1000", "--faults", "unplug=1")
-    result = run("acquire", "bench", "--port", "bench/board", "--plain", "-o", "rec", "--reconnect",
-                 "--seconds", "6", "--max-loss", "1", cwd=tmp_path)  # fmt: skip
-    assert result.returncode == 0, result.stderr
+    emulator("bench", "--motion", "wobble", "--rate", "500", "--faults", "unplug=1,restart=0.5")
+    with Program("acquire", "bench", "--port", "bench/board", "--plain", "-o", "rec", "--reconnect",
+                 "--max-loss", "1", cwd=tmp_path) as run:  # fmt: skip
+        events = tmp_path / "rec" / "events.jsonl"
+        run.await_true(lambda: count_lines(events, "connected again") > 1, "connected again")
+        assert run.end() == 0, run.stderr
     names = [event["event"] for event in events_of(tmp_path / "rec")]
-    assert "unplugged" in names
-    assert "connected again" in names
+    assert names[0] == "connected"
+    assert names.count("unplugged") >= 2
+    poses = recorded_poses(tmp_path / "rec")
+    assert (np.diff(poses["seq"]) > 0).all()
+    assert (np.diff(poses["board_us"]) > 0).all()
+    apart = np.diff(poses["board_us"]) - 1e6 * np.diff(poses["host_s"])
+    assert np.abs(apart).max() < 60e6  # no jump by an hour; a busy machine may read late
+
+
+def test_a_board_that_is_not_there_yet_is_waited_for(tmp_path, emulator):
+    with Program("acquire", "waits.yaml", "--port", "bench/board", "--samples", "100",
+                 "-o", "rec", cwd=write(tmp_path, "waits.yaml", wait=3600)) as run:  # fmt: skip
+        run.await_output("Waiting up to 3600 s")
+        emulator("bench", "--motion", "wobble", "--rate", "1000")
+        assert run.end(None) == 0, run.stderr
+
+
+def write(folder, name, **acquire):
+    """A configuration of a bench with other keys of `acquire`; the folder again."""
+    keys = {"wait": "wait_seconds", "format": "format"}
+    text = ", ".join(f"{keys[key]}: {value}" for key, value in acquire.items())
+    (folder / name).write_text(f"extends: bench\nacquire: {{{text}}}\n")
+    return folder
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_stops_the_stage_and_closes_the_recording(tmp_path, emulator, number):
+    bench = emulator("bench", "--motion", "circle", "--rate", "1000")
+    with Program("acquire", "bench", "--track", *PORTS, "--plain", "-o", "rec", "--max-loss", "1",
+                 cwd=tmp_path) as run:  # fmt: skip
+        events = tmp_path / "rec" / "events.jsonl"
+        run.await_true(lambda: count_lines(events, '"move"') > 20, "20 moves")
+        status = run.end(number)
+    assert status == (0 if number == signal.SIGINT else 128 + number)
+    assert "rec/" in run.stdout
+    names = [event["event"] for event in events_of(tmp_path / "rec")]
+    assert "stop" in names[len(names) - names[::-1].index("move") :]
+    assert names[-1] == "end"
+    assert command("replay", "rec", "--compare", cwd=tmp_path).returncode == 0
+    assert bench.end(number) == (0 if number == signal.SIGINT else 128 + number)
+    assert json.loads(bench.stdout.splitlines()[-1])["moves"] > 0
+    assert json.loads((tmp_path / "bench" / "counts.json").read_text())["moves"] > 0
+    assert not (tmp_path / "bench" / "board").is_symlink()
 
 
 def test_messages_say_what_to_do(tmp_path):
+    write(tmp_path, "hasty.yaml", wait=0)
+    (tmp_path / "file").write_text("x")
+    (tmp_path / "board.bin").write_bytes(stream(200))
+    here = ("--port", "file:board.bin")
     cases = [
         (("acquire", "bench"), "give --port, or acquire.port"),
-        (("acquire", "bench", "--port", "/dev/nothing"), "is it plugged in?"),
+        (("acquire", "hasty.yaml", "--port", "/dev/nothing"), "is it plugged in?"),
         (("acquire", "bench", "--port", "file:none.bin"), "can not be read"),
+        (("acquire", "bench", *here, "--seconds", "0"), "end before it begins"),
+        (("acquire", "bench", *here, "--plain", "--json"), "give one of them"),
+        (("acquire", "bench", *here, "-o", "file"), "is a file"),
+        (("acquire", "bench", *here, "-o", "file/deeper"), "can not be written"),
         (("replay", "nothing"), "no meta.yaml"),
         (("recover", "nothing"), "no meta.yaml"),
         (("emulate", "bench", "--motion", "cirkel"), "no motion cirkel; it has: "),
+        (("emulate", "bench", "--motion", "circle", "--seconds", "0"), "end before it begins"),
+        (("emulate", "bench", "--motion", "circle", "--folder", "file"), "no folder to write in"),
     ]
-    for arguments, words in cases:
-        result = run(*arguments, cwd=tmp_path)
-        assert result.returncode == 2, arguments
-        assert words in result.stderr
+    for words, text in cases:
+        result = command(*words, cwd=tmp_path)
+        assert result.returncode == 2, words
+        assert text in result.stderr
         assert "Traceback" not in result.stderr
     assert list(tmp_path.glob("recordings/*")) == []
 
 
+def test_a_replay_into_something_that_is_there_is_refused(tmp_path):
+    (tmp_path / "board.bin").write_bytes(stream(200))
+    words = ("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--plain")
+    assert command(*words, cwd=tmp_path).returncode == 0
+    (tmp_path / "there.csv").write_text("x")
+    (tmp_path / "folder.csv").mkdir()
+    for words in (("-o", "there.csv"), ("-o", "folder.csv"), ("-o", "folder.csv", "--force")):
+        result = command("replay", "rec", *words, cwd=tmp_path)
+        assert result.returncode == 2, words
+        assert "Traceback" not in result.stderr
+    assert (tmp_path / "there.csv").read_text() == "x"
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_losses_are_named_as_the_reason_for_the_exit_status(tmp_path):
+    data = stream(200)
+    (tmp_path / "board.bin").write_bytes(data[: 100 * SIZE] + data[110 * SIZE :])
+    result = command("acquire", "bench", "--port", "file:board.bin", "--plain", "-o", "rec",
+                     cwd=tmp_path)  # fmt: skip
+    assert result.returncode == 1
+    assert "exit status 1: 10 samples were lost, 5 % of all" in result.stderr
+
+
 def test_a_stream_of_the_wrong_kind_says_so(tmp_path):
     (tmp_path / "noise.bin").write_bytes(os.urandom(100_000))
-    result = run(
-        "acquire", "bench", "--port", "file:noise.bin", "--plain", "-o", "rec", cwd=tmp_path
-    )
+    result = command("acquire", "bench", "--port", "file:noise.bin", "--plain", "-o", "rec",
+                     cwd=tmp_path)  # fmt: skip
     assert result.returncode == 1
     assert "0 samples" in result.stdout
+    assert "no sample came" in result.stderr
+
+
+def test_a_full_disk_is_told_and_the_stream_is_read_to_its_end(tmp_path):
+    """By the system's own limit on the size of a file, in a process of its own."""
+    (tmp_path / "board.bin").write_bytes(stream(5_000))
+    result = subprocess.run(
+        [*PROGRAM, "acquire", "bench", "--port", "file:board.bin", "--plain", "-o", "rec"],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000)),
+    )  # fmt: skip
+    assert result.returncode == 1, result.stderr
+    assert "5000 samples, 0.0000 % lost" in result.stdout
+    assert "can not be written on: File too large" in result.stderr
+    assert "bytes that came are not recorded" in result.stderr
+    assert "Traceback" not in result.stderr
+    replay = command("replay", "rec", "--compare", cwd=tmp_path)
+    assert replay.returncode == 0, replay.stdout + replay.stderr
+    assert size_of(tmp_path / "rec" / "bytes.bin") > 60_000
+
+
+def test_a_working_folder_that_is_gone_is_an_error_and_no_traceback(tmp_path):
+    text = f"cd {tmp_path} && mkdir gone && cd gone && rmdir ../gone && exec {sys.executable} " \
+        "-c 'from facets.cli import main; main()' "  # fmt: skip
+    for words in ("acquire bench --port file:x", "emulate bench --motion circle", "replay rec"):
+        result = subprocess.run(
+            text + words, shell=True, capture_output=True, text=True, check=False
+        )
+        assert result.returncode == 2, words
+        assert "Traceback" not in result.stderr

@@ -124,3 +124,12 @@ def test_the_stage_model_keeps_its_limits():
     assert max(speeds) <= 5.0 + 1e-9
     assert np.abs(np.diff(speeds)).max() <= 100.0 * 1e-3 + 1e-9
     assert model.place[0] == pytest.approx(3.0, abs=0.01)
+
+
+def test_a_command_that_is_held_back_a_little_at_a_far_place_is_seen():
+    """Relative tolerances would take 50 nm at 5 mm for nothing, and the integral would grow."""
+    settings = replace(STAGE, law="pi", max_step=1e-5)
+    law, beam = Law.of(PAPER, settings), np.array([5.0, 0.0])
+    law.command(Seen(0, 0, powers((5.0 + 5e-5, 0), beam), None, beam))
+    assert law.limited == 1
+    assert not law.summed.any()

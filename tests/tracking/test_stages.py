@@ -1,189 +1,494 @@
-"""Drivers and emulators as exchanged bytes; the tracker's safety."""
+"""Drivers and emulators as exchanged bytes; what the tracker does with samples and errors."""
 
 from __future__ import annotations
 
+import ast
+import threading
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from sensors import SENSORS
 
 import facets
-from facets.live.pi import Pi, PiController
-from facets.live.tracker import Spiral, Target, Tracker
-from facets.live.zaber import Zaber, ZaberDevice
+from facets.live.virtual.stages import PiController, ZaberDevice
 from facets.tracking.control import Law
+from facets.tracking.envelope import Envelope
+from facets.tracking.limits import Limits
+from facets.tracking.line import Line
+from facets.tracking.pi import Pi
+from facets.tracking.search import FARTHEST, Search
 from facets.tracking.stage import StageError, StageModel
+from facets.tracking.tracker import Tracker
+from facets.tracking.zaber import Zaber, checksum
 
 STAGE = replace(facets.load("bench").stage, zero=(0.5, 0.0))
+PI = replace(STAGE, driver="pi")
 
 
-class Line:
-    """A port whose other end is an emulator."""
+class Port:
+    """A port whose other end is an emulator; `clock` goes on by reading."""
 
-    def __init__(self, device, prefix=b""):
-        self.device, self.sent, self.replies = device, [], prefix
+    def __init__(self, device, first=b""):
+        self.device, self.sent, self.replies = device, [], first
+        self.now, self.closed = 10.0, False
+        device.model.now, device.model.STEP = self.now, 2e-3
+        self.answers = True
+
+    def clock(self):
+        return self.now
 
     def write(self, data):
         self.sent.append(data.decode())
-        self.replies += self.device.answer(data.decode()).encode()
+        answer = self.device.receive(data)
+        self.replies += answer if self.answers else b""
 
-    def readline(self):
-        line, newline, self.replies = self.replies.partition(b"\n")
-        return line + newline
+    def read(self, size):
+        if not self.replies:
+            self.now += 0.02
+        data, self.replies = self.replies[:size], self.replies[size:]
+        return data
+
+    def close(self):
+        self.closed = True
+
+
+class Script:
+    """A port that gives prepared replies, whatever it is told."""
+
+    def __init__(self, reply):
+        self.reply, self.now = reply, 0.0
+
+    def clock(self):
+        return self.now
+
+    def write(self, data):
+        pass
+
+    def read(self, size):
+        self.now += 0.0 if self.reply else 0.02
+        data, self.reply = self.reply[:size], self.reply[size:]
+        return data
 
     def close(self):
         pass
 
 
-class Script:
-    """A port that gives prepared replies."""
-
-    def __init__(self, *replies):
-        self.replies = list(replies)
-
-    def write(self, data):
-        pass
-
-    def readline(self):
-        return self.replies.pop(0) if self.replies else b""
+def driver_on(made, port, settings):
+    return made(Line(port, port.clock), settings)
 
 
 def test_zaber_speaks_as_its_manual_says():
     device = ZaberDevice(StageModel(STAGE))
-    line = Line(device, b"!01 0 IDLE --\r\n")  # an alert in between is passed over
-    driver = Zaber(line, STAGE)
+    port = Port(device, b"!01 0 IDLE --\r\n")  # an alert in between is passed over
+    driver = driver_on(Zaber, port, STAGE)
     np.testing.assert_allclose(driver.place(), [0.5, 0.0])
     driver.move(np.array([1.5, -0.25]))
-    assert line.sent == ["/1 get pos\n", "/1 1 move abs 10000\n", "/1 2 move abs -2500\n"]
-    device.model.advance(2.0)
+    assert [line.partition(":")[0] for line in port.sent] == [
+        "/1 0 01 get pos",
+        "/1 1 02 move abs 10000",
+        "/1 2 03 move abs -2500",
+    ]
+    device.model.advance(12.0)
     np.testing.assert_allclose(driver.place(), [1.5, -0.25], atol=1e-3)
     driver.stop()
-    assert line.sent[-1] == "/1 stop\n"
+    assert port.sent[-1].startswith("/1 0 05 stop:")
+
+
+def test_a_spoilt_command_is_not_obeyed_and_a_spoilt_answer_not_believed():
+    device = ZaberDevice(StageModel(STAGE))
+    good = "1 1 07 move abs 1000"
+    assert device.receive(f"/{good}:{checksum(good)}\n".encode()).startswith(b"@01 1 07 OK")
+    assert device.receive(f"/{good.replace('1000', '9000')}:{checksum(good)}\n".encode()) == b""
+    spoilt = b"@01 0 01 OK IDLE -- 0 9:00\r\n"
+    with pytest.raises(StageError, match="can not be understood"):
+        driver_on(Zaber, Script(spoilt), STAGE).place()
+
+
+def test_a_late_answer_is_told_from_the_one_that_is_waited_for():
+    late = b"@01 0 88 OK IDLE -- 7 7\r\n@01 0 01 OK IDLE -- 1000 0\r\n"
+    np.testing.assert_allclose(driver_on(Zaber, Script(late), STAGE).place(), [0.6, 0.0])
 
 
 @pytest.mark.parametrize(
     ("reply", "words"),
     [
-        (b"", "does not answer"),
-        (b"@01 0 RJ IDLE -- BADDATA\r\n", "refused 'get pos': BADDATA"),
-        (b"@01 0 OK IDLE FS 0 0\r\n", "fault, FS"),
+        (b"", "has not answered for"),
+        (b"@01 0 01 OK IDLE -- 10", "has not answered for"),
+        (b"@01 0 01 RJ IDLE -- BADDATA\r\n", "refused 'get pos': BADDATA"),
+        (b"@01 0 01 OK IDLE FS 0 0\r\n", "fault, FS"),
+        (b"@01 0 01 OK IDLE WR 0 0\r\n", "was it restarted"),
         (b"@01 0\r\n", "can not be understood"),
-        (b"@01 0 OK IDLE -- x y\r\n", "can not be understood"),
+        (b"@01 0 01 OK IDLE -- x y\r\n", "can not be understood"),
+        (b"@01 0 01 OK IDLE -- nan 0\r\n", "can not be understood"),
+        (b"@01 0 01 OK IDLE -- 1\r\n", "can not be understood"),
+        (b"\xff" * 2000, "no lines"),
+        (b"!01 0 IDLE --\r\n" * 2000, "talks, but does not answer"),
     ],
 )
 def test_zaber_says_what_is_wrong(reply, words):
     with pytest.raises(StageError, match=words):
-        Zaber(Script(reply), STAGE).place()
+        driver_on(Zaber, Script(reply), STAGE).place()
 
 
 def test_pi_speaks_as_its_manual_says():
-    controller = PiController(StageModel(STAGE))
-    line = Line(controller)
-    driver = Pi(line, STAGE)
+    controller = PiController(StageModel(PI))
+    port = Port(controller)
+    driver = driver_on(Pi, port, PI)
     np.testing.assert_allclose(driver.place(), [0.5, 0.0])
     driver.move(np.array([1.5, -0.25]))
-    assert line.sent == ["POS? 1 2\n", "MOV 1 1.000000 2 -0.250000\n", "ERR?\n"]
-    controller.model.advance(2.0)
+    assert port.sent == ["POS? 1 2\n", "MOV 1 1.000000 2 -0.250000\nERR?\n"]
+    controller.model.advance(12.0)
     np.testing.assert_allclose(driver.place(), [1.5, -0.25], atol=1e-3)
     driver.stop()
-    assert line.sent[-2:] == ["STP\n", "ERR?\n"]
+    assert port.sent[-1] == "STP\nERR?\n"
+    driver.cry()  # leaves an error that is no refusal
+    driver.move(np.zeros(2))
     controller.refuse = True
     with pytest.raises(StageError, match="GCS error 5"):
         driver.move(np.zeros(2))
-    with pytest.raises(StageError, match="does not answer"):
-        Pi(Script(), STAGE).place()
 
 
-class Still:
-    """A stage that only remembers."""
-
-    def __init__(self):
-        self.moves, self.stops = [], 0
-
-    def place(self):
-        return np.zeros(2)
-
-    def move(self, place):
-        self.moves.append(place)
-
-    def stop(self):
-        self.stops += 1
-
-    def close(self):
-        pass
+@pytest.mark.parametrize("reply", [b"1=0.5\n", b"1=0.5 \n2=nan\n", b"what\n", b"1=1 \n" * 20])
+def test_pi_does_not_believe_garbage(reply):
+    with pytest.raises(StageError, match=r"can not be understood|has no end"):
+        driver_on(Pi, Script(reply), PI).place()
 
 
-def tracker(stage, search=False):
+@pytest.mark.parametrize("settings", [STAGE, PI])
+def test_a_stage_that_is_faster_than_allowed_is_held_back(settings):
+    model = StageModel(settings)
+    model.max_speed, model.acceleration = 10 * settings.max_speed, 10 * settings.acceleration
+    port = Port(ZaberDevice(model) if settings is STAGE else PiController(model))
+    envelope = Envelope(port, settings, lambda *_, **__: None, port.clock)
+    envelope.go(np.array([3.0, 0.0]), port.now)
+    assert model.max_speed == pytest.approx(settings.max_speed, rel=1e-3)
+    assert model.acceleration == pytest.approx(settings.acceleration, rel=1e-3)
+
+
+def test_an_old_zaber_that_can_not_be_held_back_is_not_used():
+    model = StageModel(STAGE)
+    model.max_speed *= 10
+    port = Port(ZaberDevice(model))
+    port.device.VERSION = "6.28"
+    with pytest.raises(StageError, match="set them to"):
+        Envelope(port, STAGE, lambda *_, **__: None, port.clock)
+    assert port.closed
+
+
+def tracker(settings=STAGE, search=False):
+    port = Port((ZaberDevice if settings.driver == "zaber" else PiController)(StageModel(settings)))
     events = []
-    law = Law.of(SENSORS["paper"], STAGE)
-    made = Tracker(stage, STAGE, law, lambda name, **more: events.append((name, more)), search)
-    return made, events
+    law = Law.of(SENSORS["paper"], settings)
+
+    def say(name, **more):
+        events.append((name, more))
+
+    return Tracker(port, settings, law, say, search, clock=port.clock), port, events
 
 
-def fresh(apex=(0.1, 0.0), powers=(0.1, 0.1, 0.1)):
-    place = None if apex is None else np.array(apex)
-    return Target(time.monotonic(), np.array(powers), place)
+def feed(follower, port, apex=(0.55, 0.0), powers=(0.1, 0.1, 0.1), age=0.0):
+    place = np.full(2, np.nan) if apex is None else np.array(apex, dtype=float)
+    follower.feed(np.array([port.now - age]), np.array([powers]), place[None])
 
 
-def test_nothing_moves_without_light_a_pose_or_fresh_data():
-    stage = Still()
-    follower, events = tracker(stage)
-    for target in (
-        Target(),
-        fresh(apex=None),
-        fresh(powers=(0.1, 0.0, 0.1)),
-        fresh(powers=(0.1, np.nan, 0.1)),
-        Target(0.0, np.full(3, 0.1), np.zeros(2)),
-    ):
-        follower.target = target
-        follower.cycle()
-    assert stage.moves == []
-    assert stage.stops >= 1
-    follower.target = fresh()
-    follower.cycle()
-    assert len(stage.moves) == 1
+def moves_of(port):
+    return sum("move" in line or "MOV" in line for line in port.sent)
+
+
+@pytest.mark.parametrize("settings", [STAGE, PI])
+def test_nothing_moves_without_light_a_pose_or_fresh_data(settings):
+    follower, port, events = tracker(settings)
+    cases = [
+        {"apex": None},
+        {"powers": (0.1, 0.0, 0.1)},
+        {"powers": (0.1, np.nan, 0.1)},
+        {"age": 0.06},
+        {"age": -10.0},
+        {"apex": (5.0, 0.0)},
+        {"apex": (np.inf, 0.0)},
+    ]
+    assert follower.step()
+    for case in cases:
+        feed(follower, port, **case)
+        assert follower.step()
+        assert follower.stopped, case
+    assert moves_of(port) == 0
+    port.now += 0.1
+    feed(follower, port)
+    assert follower.step()
+    assert moves_of(port) > 0
     assert [name for name, _ in events].count("move") == 1
 
 
-def test_loss_stops_and_only_search_looks():
+def test_a_good_sample_counts_until_it_is_stale():
+    follower, port, events = tracker()
+    feed(follower, port)
+    follower.step()
+    feed(follower, port, apex=None)  # one bad sample among good ones stops nothing
+    follower.step()
+    assert follower.moves == 2
+    port.now += 0.06
+    feed(follower, port, apex=None)
+    follower.step()
+    assert follower.moves == 2
+    assert follower.stopped == "no pose"
+    assert events[-1] == ("stop", {"reason": "no pose"})
+
+
+def test_a_loss_stops_and_only_search_looks():
     for search in (False, True):
-        stage = Still()
-        follower, _ = tracker(stage, search)
-        follower.target = fresh()
-        follower.cycle()
-        follower.target = fresh(powers=(0.3, 0.0, 0.0))
-        for _ in range(5):
-            follower.cycle()
-        assert stage.stops == 1
-        assert len(stage.moves) == (6 if search else 1)
+        follower, port, _ = tracker(search=search)
+        feed(follower, port)
+        follower.step()
+        for _ in range(6):
+            port.now += 0.06
+            port.device.model.advance(port.now)
+            feed(follower, port, apex=None, powers=(0.0, 0.0, 0.0))
+            assert follower.step()
+        assert (follower.moves > 1) == search
 
 
-def test_the_thread_stops_the_stage_at_its_end_and_on_an_error():
-    stage = Still()
-    follower, _ = tracker(stage)
-    follower.start()
-    time.sleep(0.05)
-    follower.finish()
-    assert stage.stops >= 1
-
-    class Broken(Still):
-        def move(self, place):
-            raise StageError("no")
-
-    broken = Broken()
-    follower, _events = tracker(broken)
-    follower.target = fresh()
-    follower.run()
-    assert isinstance(follower.error, StageError)
-    assert broken.stops == 1
+def test_a_search_does_not_move_on_stale_data():
+    follower, port, _ = tracker(search=True)
+    feed(follower, port)
+    follower.step()
+    for _ in range(50):
+        port.now += 10.0
+        assert follower.step()
+        feed(follower, port, apex=None, powers=(0.0, 0.0, 0.0), age=10.0)
+        assert follower.step()
+    assert follower.moves == 1
 
 
-def test_the_search_spirals_outward_and_ends():
-    spiral, places = Spiral(replace(STAGE, zero=(0, 0))), []
-    while (place := spiral.next(np.zeros(2))) is not None:
+def test_a_search_in_the_dark_ends_and_says_so():
+    follower, port, events = tracker(search=True)
+    feed(follower, port)
+    follower.step()
+    port.now += 0.06
+    cycles, places = 0, []
+    while "not found" not in follower.note:
+        cycles += 1
+        assert cycles < 10_000
+        port.now += 0.01
+        port.device.model.advance(port.now)
+        places.append(port.device.model.place.copy())
+        feed(follower, port, apex=None, powers=(0.0, 0.0, 0.0))
+        assert follower.step()
+    names = [name for name, _ in events]
+    assert names.count("search") == 1
+    assert names[-2:] == ["search ended", "stop"]
+    away = np.hypot(*(np.array(places) - places[0]).T)
+    assert FARTHEST * 0.9 < away.max() < FARTHEST * 1.1
+    steps = np.hypot(*np.diff([list(m.values()) for n, m in events if n == "move"], axis=0).T)
+    assert steps[1:].max() <= STAGE.max_step
+    before = follower.moves
+    feed(follower, port, apex=None, powers=(0.0, 0.0, 0.0))
+    follower.step()
+    assert follower.moves == before  # it does not begin again by itself
+
+
+def test_a_search_goes_towards_the_light_and_finds_it():
+    follower, port, events = tracker(search=True)
+    feed(follower, port)
+    follower.step()
+    apex = np.array([2.0, -1.0])
+    for _ in range(2000):
+        port.now += 0.01
+        port.device.model.advance(port.now)
+        place = port.device.model.place
+        state = np.array([*apex, 0, 0, 0, 0, *place])
+        powers = facets.readings(SENSORS["paper"], state)[2::3]
+        powers = np.where(powers > 1e-4, powers, 0.0)
+        near = np.hypot(*(apex - place)) < 0.3
+        feed(follower, port, apex=apex if near else None, powers=powers)
+        assert follower.step()
+        if near and not follower.stopped:
+            break
+    assert ("search ended", {"outcome": "found"}) in events
+
+
+def test_a_search_has_the_limits_of_the_stage():
+    search = Search(replace(STAGE, max_step=0.01, low=(-1, -1), high=(1, 1)))
+    place, places = np.zeros(2), []
+    while (goal := search.next(place, None)) is not None:
+        place = search.limits.hold(goal, place)
         places.append(place)
-    radius = np.hypot(*np.array(places).T)
-    assert radius.max() <= Spiral.FARTHEST + 1e-9
-    assert np.diff(radius).min() >= -1e-12
+    assert "not found" in search.outcome
+    assert np.hypot(*np.diff(places, axis=0).T).max() <= 0.01 + 1e-12
+    assert np.abs(places).max() <= 1.0
+    stuck = Search(STAGE)
+    while stuck.next(np.zeros(2), None) is not None:  # a stage that does not follow ends it, too
+        pass
+    assert "not found" in stuck.outcome
+
+
+class Pulled(Port):
+    """Its cable is pulled when `pulled` is set, with whatever error."""
+
+    pulled: BaseException | None = None
+
+    def write(self, data):
+        if self.pulled is not None:
+            raise self.pulled
+        super().write(data)
+
+    def read(self, size):
+        if self.pulled is not None:
+            raise self.pulled
+        return super().read(size)
+
+
+def errors():
+    import serial
+
+    return [
+        serial.SerialException("device disconnected"),
+        serial.PortNotOpenError(),
+        OSError(5, "Input/output error"),
+        ValueError("garbled"),
+        TypeError("'NoneType' object can not be interpreted as an integer"),
+        StageError("no"),
+        MemoryError(),
+    ]
+
+
+@pytest.mark.parametrize("error", errors(), ids=lambda error: type(error).__name__)
+def test_any_error_stops_the_stage_and_is_told(error):
+    port = Pulled(ZaberDevice(StageModel(STAGE)))
+    events = []
+
+    def say(name, **more):
+        events.append(name)
+        raise OSError(28, "No space left on device")  # telling fails, too
+
+    law = Law.of(SENSORS["paper"], STAGE)
+    follower = Tracker(port, STAGE, law, say, clock=port.clock)
+    feed(follower, port)
+    assert follower.step()
+    port.pulled = error
+    assert not follower.step()
+    assert follower.error
+    assert "stage error" in events
+    assert events.count("stop not answered") == 3
+    assert port.closed
+    follower.close()
+    follower.close()
+
+
+def test_a_bug_in_the_law_stops_the_stage_by_its_stop():
+    follower, port, _ = tracker()
+    feed(follower, port)
+    assert follower.step()
+    follower.law.speed = None
+    port.now += 0.01
+    feed(follower, port)
+    assert not follower.step()
+    assert "an error of its own, TypeError" in follower.error
+    assert "stop" in port.sent[-1]
+    assert port.closed
+
+
+def test_a_stage_that_answers_late_is_not_dead_and_one_that_does_not_is():
+    follower, port, _ = tracker()
+    port.answers = False
+    begin = port.now
+    assert not follower.step()
+    assert "has not answered for 5 s" in follower.error
+    assert port.now - begin >= 5.0
+    follower, port, _ = tracker()
+    read = port.read
+
+    def late(size):
+        port.read, port.now = read, port.now + 4.0
+        return b""
+
+    port.read = late
+    assert follower.step()
+
+
+def test_the_watchdog_stops_a_loop_that_stalls():
+    follower, port, events = tracker()
+    feed(follower, port)
+    follower.step()
+    follower.envelope.watch()
+    assert not follower.envelope.stalled
+    port.now += 0.2
+    follower.envelope.watch()
+    follower.envelope.watch()
+    assert [more["reason"] for name, more in events if name == "stop"] == ["the loop has stalled"]
+    assert "stop" in port.sent[-1]
+    feed(follower, port)
+    assert follower.step()
+    assert follower.stopped == "the loop has stalled"
+    feed(follower, port)
+    assert follower.step()
+    assert not follower.stopped
+
+
+def test_the_threads_follow_and_leave_a_stage_that_stands():
+    """With the clock of the machine: waits for what happens, however long that takes."""
+    port = Port(ZaberDevice(StageModel(STAGE)))
+    moved = threading.Event()
+    law = Law.of(SENSORS["paper"], STAGE)
+
+    def say(name, **more):
+        if name == "move":
+            moved.set()
+
+    def read(size):
+        data, port.replies = port.replies[:size], port.replies[size:]
+        return data
+
+    port.read = read
+    port.now = None
+    follower = Tracker(port, STAGE, law, say)
+    with follower:
+        while not moved.is_set():
+            now = time.monotonic()
+            follower.feed(np.array([now]), np.full((1, 3), 0.1), np.array([[0.55, 0.0]]))
+            moved.wait(0.01)
+    assert port.closed
+    assert "stop" in port.sent[-1]
+    assert not follower.error
+    assert not any(thread.is_alive() for thread in follower.threads)
+
+
+def test_a_stage_outside_its_limits_is_left_alone():
+    model = StageModel(STAGE)
+    model.place[:] = 8.0
+    port = Port(ZaberDevice(model))
+    with pytest.raises(StageError, match="outside its soft limits"):
+        Envelope(port, STAGE, lambda *_, **__: None, port.clock)
+    assert moves_of(port) == 0
+    assert port.closed
+
+
+def test_limits_hold_a_command():
+    limits = Limits((-1.0, -1.0), (1.0, 1.0), 20.0, 0.1)
+    np.testing.assert_allclose(limits.hold(np.array([9.0, 0.0]), np.zeros(2)), [0.1, 0.0])
+    np.testing.assert_allclose(limits.hold(np.array([9.0, 0.0]), np.array([0.95, 0])), [1.0, 0.0])
+
+
+def test_nobody_reaches_a_stage_but_through_its_envelope():
+    """Only envelope.py names the drivers, and nobody else takes its private parts."""
+    root = Path(facets.__file__).parent
+    folders = [root, root.parent / "cli", root.parent / "experiments"]
+    allowed = {"envelope.py", "zaber.py", "pi.py"}
+    looked_at = 0
+    for path in (path for folder in folders for path in folder.rglob("*.py")):
+        looked_at += 1
+        text = path.read_text("utf-8")
+        if not any(word in text for word in ("Zaber", "Pi", "_driver", "_line")):
+            continue
+        for node in ast.walk(ast.parse(text)):
+            names = {alias.name for alias in getattr(node, "names", []) if alias is not None
+                     and isinstance(alias, ast.alias)}  # fmt: skip
+            if path.name not in allowed:
+                assert not names & {"Zaber", "Pi"}, f"{path} takes a driver"
+                assert not (
+                    isinstance(node, ast.Attribute) and node.attr in ("_driver", "_line")
+                ), f"{path} reaches past the envelope"
+    assert looked_at > 100

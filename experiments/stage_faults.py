@@ -1,0 +1,464 @@
+"""Random sequences of faults against the whole of tracking, judged where the stage stands.
+
+Drivers, envelope, search and tracker run as they are, against the virtual controllers, over a wire
+in memory and on a clock that is counted, not waited for. Whatever befalls samples, wire, controller
+and loop: the stage stays within its soft limits, is never faster than it may be, and stands still
+within `stopping_time` of the last sample that it may follow and of every fault that ends tracking.
+
+`python -m facets.experiments.stage_faults 5000 --seed 1` prints what was tried, as JSON; a sequence
+that fails is told with its seed. `--bytes` pulls the cable at each byte instead.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import facets
+from facets.core.settings import Stage as Settings
+from facets.live.virtual.stages import PiController, ZaberDevice
+from facets.tracking.control import Law
+from facets.tracking.envelope import PLACE, stopping_time
+from facets.tracking.limits import Limits
+from facets.tracking.line import POLL
+from facets.tracking.stage import StageError, StageModel
+from facets.tracking.tracker import Tracker
+
+Floats = NDArray[np.float64]
+
+CONFIG = facets.load("bench")
+#: By how much the stage itself is faster than it may be.
+FASTER = 5.0
+#: The world goes on by this, s; a sample comes, and the watchdog looks, every so often, s.
+TICK, SAMPLE, WATCH = 2e-3, 5e-3, 0.02
+#: Past a border, mm, and of a speed, as a share: rounding to the stage's native unit.
+ROUNDING, SHARE = 1e-3, 1e-2
+#: A stage slower than this stands still, mm/s.
+STILL = 0.05
+
+DATA = ("silence", "late", "nan", "garbage", "jump", "dark", "one dark", "clock")
+WIRE = ("slow", "flip", "partial", "repeat", "unplug")
+STAGE = ("refuse", "jam", "restart")
+PROGRAM = ("stall", "bug", "disk full")
+KINDS = DATA + WIRE + STAGE + PROGRAM
+
+
+class Broken(BaseException):  # no error handling of what is judged may swallow it
+    """The stage left its envelope."""
+
+
+@dataclass
+class Fault:
+    """kind, and when it begins and ends, s. amount: what that kind needs of chance, 0 to 1."""
+
+    kind: str
+    begin: float
+    end: float
+    amount: float
+
+
+@dataclass
+class Tried:
+    """What was tried, and how near it came."""
+
+    sequences: int = 0
+    refused_at_start: int = 0
+    moves: int = 0
+    stops: int = 0
+    searches: int = 0
+    steps: int = 0
+    faults: Counter[str] = field(default_factory=Counter)
+    drivers: Counter[str] = field(default_factory=Counter)
+    ended_by: Counter[str] = field(default_factory=Counter)
+    most_speed: float = 0.0
+    most_past_border: float = -np.inf
+    most_stopping: float = 0.0  # of these three 1, 0 mm and 1 is what is allowed
+
+
+class Watched(StageModel):
+    """A stage that is judged at each step: place, speed, acceleration, and where it is sent."""
+
+    STEP = TICK
+
+    def __init__(self, settings: Settings, tried: Tried) -> None:
+        super().__init__(settings)
+        self.max_speed *= FASTER
+        self.acceleration *= FASTER
+        self.limits, self.tried = Limits.of(settings), tried
+        self.moved = 0.0  # when it last did, s
+        self.sent: list[float] = []
+
+    def command(self, place: Floats) -> None:
+        super().command(place)
+        s = self.settings
+        self.sent.append(self.now)
+        far = float(np.hypot(*(place - self.place)))
+        may = self.limits.reach + 2**0.5 * s.max_speed * (PLACE + s.latency) + ROUNDING
+        self.require(far <= may, f"sent {far:.4f} mm at once, {may:.4f} allowed")
+        self.require(self.past(place) <= ROUNDING, f"sent outside, to {place}")
+
+    def past(self, place: Floats) -> float:
+        """How far a place is outside the soft limits, mm."""
+        (x, y), low, high = place.tolist(), self.limits.low, self.limits.high
+        return max(low[0] - x, low[1] - y, x - high[0], y - high[1])
+
+    def follow(self, step: float) -> None:
+        (x, y), (u, v) = self.place.tolist(), self.speed.tolist()
+        super().follow(step)
+        (right, up), (faster, steeper) = self.place.tolist(), self.speed.tolist()
+        s, tried = self.settings, self.tried
+        fastest = max(abs(right - x), abs(up - y)) / step
+        change = max(abs(faster - u), abs(steeper - v)) / step
+        past = self.past(self.place)
+        if past > ROUNDING:
+            self.require(False, f"at ({right}, {up}), outside")
+        if fastest > s.max_speed * (1 + SHARE):
+            self.require(False, f"{fastest:.3f} mm/s fast")
+        if change > s.acceleration * (1 + SHARE) + 1:
+            self.require(False, f"{change:.1f} mm/s2")
+        if fastest > STILL:
+            self.moved = self.now
+        tried.steps += 1
+        tried.most_speed = max(tried.most_speed, fastest / s.max_speed)
+        tried.most_past_border = max(tried.most_past_border, past)
+
+    def require(self, good: bool, words: str) -> None:
+        if not good:
+            raise Broken(f"{words} at {self.now:.3f} s")
+
+
+class World:
+    """Clock, mirror, samples, wire and stage; the port that the tracker is given."""
+
+    def __init__(self, rng: np.random.Generator, tried: Tried, driver: str = "") -> None:
+        self.rng, self.tried = rng, tried
+        self.now = 10.0
+        self.settings = drawn_settings(rng, driver)
+        self.law = Law.of(CONFIG.sensor, self.settings)
+        self.model = Watched(self.settings, tried)
+        self.model.now = self.now
+        zaber = self.settings.driver == "zaber"
+        self.device = ZaberDevice(self.model) if zaber else PiController(self.model)
+        self.faults: list[Fault] = []
+        self.replies: deque[tuple[float, bytes]] = deque()
+        self.ready = b""
+        self.bytes, self.cut = 0, np.inf
+        self.closed = False
+        self.tracker: Tracker | None = None
+        self.fed = self.watched = self.now
+        self.permit = -np.inf  # when a sample last came that may be followed
+        self.failed = np.inf  # when the tracker gave up
+        self.barred = np.inf  # when tracking was made impossible
+        low, high = np.array(self.settings.low), np.array(self.settings.high)
+        self.centre = rng.uniform(low, high) * 0.7
+        self.model.place = self.centre.copy()
+        self.model.target = self.centre.copy()
+        if isinstance(self.device, ZaberDevice):
+            self.device.target = self.centre.copy()
+        self.radius, self.turn = rng.uniform(0, 1.2), rng.uniform(-8, 8)
+
+    def clock(self) -> float:
+        return self.now
+
+    # --- the port ------------------------------------------------------------------------
+
+    def write(self, data: bytes) -> None:
+        for n in range(len(data)):
+            self.count_byte()
+            answer = self.device.receive(data[n : n + 1])
+            if answer:
+                self.reply(answer)
+
+    def read(self, size: int) -> bytes:
+        until = self.now + POLL
+        while not self.ready and self.now < until:
+            self.count_byte(0)
+            self.advance(TICK)
+            while self.replies and self.replies[0][0] <= self.now:
+                self.ready += self.replies.popleft()[1]
+        out, self.ready = self.ready[:size], self.ready[size:]
+        for _ in out:
+            self.count_byte()
+        return out
+
+    @property
+    def in_waiting(self) -> int:
+        return len(self.ready)
+
+    def close(self) -> None:
+        self.closed = True
+
+    def count_byte(self, count: int = 1) -> None:
+        """One goes over the wire, as long as there is one."""
+        self.bytes += count
+        if self.bytes > self.cut or self.is_on("unplug"):
+            self.bar()
+            raise OSError(5, "Input/output error")
+
+    def reply(self, answer: bytes) -> None:
+        rejected = b" RJ " in answer or b" WR " in answer or answer.strip() in (b"5", b"7")
+        if rejected:
+            self.bar(WATCH)
+        due = self.now + self.rng.uniform(0, 2e-3)
+        slow, flip = self.is_on("slow"), self.is_on("flip")
+        if slow is not None:
+            due += 10 ** (3 * slow.amount - 2.2)  # 6 ms to 6 s
+        if flip is not None:
+            spoilt = bytearray(answer)
+            spoilt[self.rng.integers(len(spoilt))] ^= 1 << int(self.rng.integers(8))
+            answer = bytes(spoilt)
+        if (partial := self.is_on("partial")) is not None:
+            answer = answer[: int(partial.amount * len(answer))]
+        if self.is_on("repeat") is not None:
+            answer += answer
+        if self.replies:
+            due = max(due, self.replies[-1][0])
+        self.replies.append((due, answer))
+
+    def bar(self, later: float = 0.0) -> None:
+        """From now on nothing may be followed."""
+        self.barred = min(self.barred, self.now + later)
+
+    # --- time ----------------------------------------------------------------------------
+
+    def is_on(self, kind: str) -> Fault | None:
+        for fault in self.faults:
+            if fault.kind == kind and fault.begin <= self.now < fault.end:
+                return fault
+        return None
+
+    def advance(self, seconds: float) -> None:
+        """Everything but the tracker's loop goes on."""
+        end = self.now + seconds
+        while self.now < end - 1e-9:
+            self.now += TICK
+            self.device.refuse = self.is_on("refuse") is not None
+            self.model.jammed = self.is_on("jam") is not None
+            if (restart := self.is_on("restart")) is not None:
+                restart.end = -1.0
+                self.device.restart()
+            self.model.advance(self.now)
+            if self.now - self.fed >= SAMPLE:
+                self.fed = self.now
+                self.feed()
+            if self.tracker and self.now - self.watched >= WATCH:
+                self.watched = self.now
+                self.tracker.envelope.watch()
+            self.judge()
+
+    def feed(self) -> None:
+        """A sample, as it is or as a fault has it."""
+        if self.tracker is None or self.is_on("silence"):
+            return
+        taken = self.now - 2e-3
+        angle = self.turn * (self.now - 10.0)
+        reach = self.radius * np.array([np.cos(angle) - 1, np.sin(angle)])
+        apex = self.centre + reach
+        off = apex - self.model.place
+        powers = light(off)
+        lit = bool((powers > 0).all())
+        apex = apex if lit else np.full(2, np.nan)
+        if (late := self.is_on("late")) is not None:
+            taken -= 0.5 * late.amount
+        if (clock := self.is_on("clock")) is not None:
+            taken += (clock.amount - 0.5) * 10 ** (8 * abs(clock.amount - 0.5))
+        if self.is_on("nan"):
+            (powers if self.rng.random() < 0.5 else apex)[self.rng.integers(2)] = np.nan
+        if self.is_on("garbage"):
+            powers = self.rng.choice([-1, 1, np.inf, np.nan, 1e300, 1e-300, 0], 3)
+            apex = self.rng.choice([-7, 7, np.inf, np.nan, 1e300, 0.3], 2)
+        if (jump := self.is_on("jump")) is not None:
+            apex = apex + 10 ** (4 * jump.amount - 2) * self.rng.uniform(-1, 1, 2)
+        if self.is_on("dark"):
+            powers, apex = np.zeros(3), np.full(2, np.nan)
+        if self.is_on("one dark"):
+            powers = np.where([True, True, False], powers, 0.0)
+        searching = self.tracker.search is not None
+        needs = searching or (
+            (powers > 0).all()
+            and (self.settings.law != "feedforward" or bool(np.isfinite(apex).all()))
+        )
+        if np.isfinite(powers).all() and needs and abs(self.now - taken) <= self.settings.stale:
+            self.permit = self.now
+        rows = np.array([taken - 1e-3, taken])
+        with np.errstate(all="ignore"):
+            self.tracker.feed(rows, np.array([powers, powers]), np.array([apex, apex]))
+
+    def judge(self) -> None:
+        """Whether the stage stands still that has to."""
+        bound = stopping_time(self.settings)
+        allowed = min(max(self.permit, 10.0), self.barred) + bound
+        if self.tracker is not None and self.tracker.error:
+            allowed = min(allowed, self.failed + bound)
+        for fault in self.faults:  # what is jammed when the cable goes, goes on when it is free
+            if fault.kind == "jam" and fault.begin <= self.barred:
+                allowed = max(allowed, min(fault.end, self.now) + bound)
+        moved = self.model.moved
+        if moved > allowed + TICK:
+            raise Broken(f"moved at {moved:.3f} s, {moved - allowed + bound:.3f} s after the end")
+        if self.permit > 10.0:
+            share = (moved - allowed) / bound + 1
+            self.tried.most_stopping = max(self.tried.most_stopping, share)
+
+    def say(self, name: str, **more: Any) -> None:
+        if name == "stop":
+            self.tried.stops += 1
+        self.tried.searches += name == "search"
+        if self.is_on("disk full"):
+            raise OSError(28, "No space left on device")
+
+
+def light(off: Floats) -> Floats:
+    """Powers (3,), mW, where the apex is `off` (2,) mm from the beam: roughly, and cheaply."""
+    weights = np.array([[1, 0], [-0.5, 3**0.5 / 2], [-0.5, -(3**0.5) / 2]]) @ (-off / 0.2)
+    shares = np.exp(np.clip(weights * 1.6, -700, 700))
+    powers: Floats = 0.6 * shares / shares.sum()
+    return np.where(powers < 1e-6, 0.0, powers) if np.hypot(*off) < 4 else np.zeros(3)
+
+
+def drawn_settings(rng: np.random.Generator, driver: str) -> Settings:
+    size = float(rng.choice([0.5, 1.0, 7.0]))
+    return replace(
+        CONFIG.stage,
+        driver=driver or str(rng.choice(["zaber", "pi"])),
+        zero=tuple(rng.uniform(-0.2, 0.2, 2)),
+        low=(-size, -size),
+        high=(size, size),
+        law=str(rng.choice(["proportional", "pi", "feedforward", "feedforward"])),
+        max_speed=float(rng.choice([2.0, 20.0])),
+        max_step=float(rng.choice([0.01, 0.1, 0.5])),
+        rate=float(rng.choice([50.0, 100.0, 200.0])),
+        stale=float(rng.choice([0.02, 0.05])),
+        lag=float(rng.choice([0.002, 0.008])),
+        acceleration=float(rng.choice([300.0, 2000.0])),
+    )
+
+
+def drawn_faults(rng: np.random.Generator) -> list[Fault]:
+    faults = []
+    for _ in range(int(rng.integers(1, 4))):
+        begin = 10.0 + rng.uniform(0.05, 0.5) if rng.random() < 0.95 else 0.0
+        length = float(rng.choice([0.01, 0.06, 0.3]))
+        faults.append(Fault(str(rng.choice(KINDS)), begin, begin + length, float(rng.random())))
+        if faults[-1].kind in ("unplug",):
+            faults[-1].end = np.inf
+        if begin == 0.0:
+            faults[-1].end = 10.5
+    return faults
+
+
+def begin(world: World, search: bool) -> Tracker | None:
+    """A tracker on that world; None where the stage could not be used, and was left alone."""
+    try:
+        tracker = Tracker(world, world.settings, world.law, world.say, search, clock=world.clock)
+    except (StageError, OSError):
+        if not world.closed or world.model.sent:
+            raise Broken("a stage that can not be used was moved, or its port left open") from None
+        return None
+    world.tracker = tracker
+    return tracker
+
+
+def sequence(seed: int, tried: Tried, driver: str = "", cut: float = np.inf) -> None:
+    """One of them: raises `Broken` where the stage leaves its envelope."""
+    rng = np.random.default_rng(seed)
+    world = World(rng, tried, driver)
+    world.faults = [] if np.isfinite(cut) else drawn_faults(rng)
+    world.cut = cut
+    tried.sequences += 1
+    tried.drivers[world.settings.driver] += 1
+    tried.faults.update(fault.kind for fault in world.faults)
+    tracker = begin(world, bool(rng.random() < 0.5))
+    if tracker is None:
+        tried.refused_at_start += 1
+        return
+    end = 10.9 if not np.isfinite(cut) else world.now + 0.25
+    drive(world, tracker, end)
+    tracker.close()
+    world.failed = min(world.failed, world.now)
+    world.bar()
+    world.advance(stopping_time(world.settings) + 0.05)
+    check_end(world, tracker)
+    tried.moves += tracker.moves
+    tried.ended_by[cause(tracker.error)] += 1
+
+
+def drive(world: World, tracker: Tracker, end: float) -> None:
+    """The tracker's loop, on the world's clock."""
+    due = world.now
+    period = 1 / world.settings.rate
+    while world.now < end:
+        if (stall := world.is_on("stall")) is not None:
+            world.advance(stall.amount)
+        if world.is_on("bug"):
+            world.law.inverse = None  # type: ignore[assignment]
+            world.law.speed = None  # type: ignore[assignment]
+        if not tracker.step() and world.failed == np.inf:
+            world.failed = world.now
+        due = max(due + period, world.now + TICK)
+        world.advance(due - world.now)
+
+
+def check_end(world: World, tracker: Tracker) -> None:
+    """The stage stands, the port is closed, and what ended tracking is told."""
+    if not world.closed:
+        raise Broken("the port was left open")
+    if world.model.moved > world.now - 0.04:
+        raise Broken("the stage still moves")
+    if world.bytes > world.cut and world.cut < np.inf and not tracker.error:
+        raise Broken("the cable was pulled, and nobody was told")
+    if world.is_on("unplug") and not tracker.error:
+        raise Broken("the cable was pulled, and nobody was told")
+
+
+def cause(error: str) -> str:
+    """The first words of an error, without its numbers."""
+    return " ".join(error.split(":")[0].split()[:4]) if error else "the end"
+
+
+def run(seeds: range, driver: str = "") -> Tried:
+    """That many sequences; a failure names its seed."""
+    tried = Tried()
+    for seed in seeds:
+        try:
+            sequence(seed, tried, driver)
+        except (Exception, Broken) as error:
+            raise Broken(f"seed {seed}: {type(error).__name__}: {error}") from error
+    return tried
+
+
+def pull_at_each_byte(driver: str, cuts: range) -> Tried:
+    """The cable pulled after so many bytes, in both directions together."""
+    tried = Tried()
+    for cut in cuts:
+        try:
+            sequence(7, tried, driver, cut=cut)
+        except (Exception, Broken) as error:
+            raise Broken(f"{driver}, byte {cut}: {type(error).__name__}: {error}") from error
+    return tried
+
+
+def shown(tried: Tried) -> str:
+    return json.dumps(vars(tried), indent=1)
+
+
+def main(words: list[str]) -> None:
+    seed = int(words[words.index("--seed") + 1]) if "--seed" in words else 1
+    count = int(words[0]) if words and words[0].isdigit() else 1000
+    report: Callable[[str], object] = print
+    if "--bytes" in words:
+        for driver in ("zaber", "pi"):
+            report(shown(pull_at_each_byte(driver, range(count))))
+    else:
+        report(shown(run(range(seed, seed + count))))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,101 @@
+"""The index of a recording: a row for each block of bytes, which proves itself and its block."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..tracking.encoder import Encoder
+
+OLD = np.dtype(
+    [
+        ("offset", "<u8"),
+        ("length", "<u8"),
+        ("monotonic", "<f8"),
+        ("utc", "<f8"),
+        ("stage", "<f8", 5),
+    ]
+)
+#: data_crc: CRC-32 of the block's bytes.  crc: of the row's bytes before it. Rows of a recording
+#: made before there were any end with `stage`.
+INDEX = np.dtype([*OLD.descr, ("data_crc", "<u4"), ("crc", "<u4")])
+SIZE = INDEX.itemsize
+
+
+class Block(NamedTuple):
+    """A block as it came.
+
+    arrival: monotonic, s, NaN where it is not known.  doubtful: whether it is not proven that these
+    are the bytes that came.
+    """
+
+    data: bytes
+    arrival: float
+    encoder: Encoder | None
+    doubtful: bool = False
+
+
+@dataclass
+class Damage:
+    """What of a recording is not as it was written.
+
+    rows: of the index, spoilt.  missing: bytes that the index knows of and the file has not.
+    unproven: bytes without a row that proves them; those that came last before the end among them.
+    """
+
+    rows: int = 0
+    missing: int = 0
+    unproven: int = 0
+
+    @property
+    def words(self) -> str:
+        """In words, or nothing."""
+        found = (
+            (self.rows, "rows of the index are spoilt"),
+            (self.missing, "bytes are missing"),
+            (self.unproven, "bytes have no row in the index that proves them"),
+        )
+        return ", ".join(f"{count} {what}" for count, what in found if count)
+
+
+def make_row(block: Block, offset: int, utc: float) -> bytes:
+    """The row of a block that begins at `offset`."""
+    row = np.zeros(1, INDEX)
+    row["offset"], row["length"] = offset, len(block.data)
+    row["monotonic"], row["utc"] = block.arrival, utc
+    row["stage"] = pack_encoder(block.encoder)
+    row["data_crc"] = zlib.crc32(block.data)
+    row["crc"] = zlib.crc32(row.tobytes()[:-4])
+    return row.tobytes()
+
+
+def read_rows(raw: bytes) -> tuple[NDArray[np.void], bool, int]:
+    """The sound rows of an index, whether they have a CRC, and how many are spoilt.
+
+    A torn row at the end counts as spoilt only where rows can be proven.
+    """
+    whole = len(raw) // SIZE
+    rows = np.frombuffer(raw[: whole * SIZE], INDEX)
+    sound = np.array([is_sound(raw[n * SIZE : (n + 1) * SIZE]) for n in range(whole)], bool)
+    if sound.any():
+        return rows[sound], True, int((~sound).sum()) + (len(raw) % SIZE > 0)
+    old = len(raw) // OLD.itemsize
+    return np.frombuffer(raw[: old * OLD.itemsize], OLD), False, 0
+
+
+def is_sound(row: bytes) -> bool:
+    return zlib.crc32(row[:-4]) == int.from_bytes(row[-4:], "little")
+
+
+def pack_encoder(encoder: Encoder | None) -> list[float]:
+    if encoder is None:
+        return [np.nan] * 5
+    return [encoder.time, *encoder.place, *encoder.speed]
+
+
+def unpack_encoder(row: NDArray[np.float64]) -> Encoder | None:
+    return None if np.isnan(row[0]) else Encoder(float(row[0]), row[1:3].copy(), row[3:5].copy())

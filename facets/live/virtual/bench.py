@@ -1,0 +1,162 @@
+"""The virtual bench as a whole: time goes on, the mirror moves, board and stage do their part."""
+
+from __future__ import annotations
+
+import json
+import select
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.errors import OutputError
+from ...tracking.stage import StageModel
+from .board import TRUTH, Board, Count
+from .faults import Faults, Schedule
+from .mirror import Mirror
+from .pty import Pty
+from .stages import PiController, ZaberDevice
+
+if TYPE_CHECKING:
+    from ...core.settings import Config
+
+#: How often the bench goes round, s.
+ROUND = 1e-3
+#: A mirror that goes further than this leaves a fixed beam: it waits for the stage, mm.
+BEAM = 0.3
+#: Making samples may keep the stage waiting no longer than about this, s.
+PATIENCE = 0.01
+#: The fewest samples that are made at once, however long they take.
+FEWEST = 10
+#: The bench's time goes on by no more than this at once, s, and by no more than its samples can be
+#: made in. A busy machine so makes bench and mirror slower, where it would else let the mirror run
+#: away from samples that come late and from a stage that is not answered.
+SLIP = 0.02
+
+
+class Bench:
+    """Goes round until told to end. folder: holds the ports `board` and `stage`, and the truth.
+
+    A motion that leaves the beam begins when the stage is first asked to move.
+    """
+
+    def __init__(
+        self, config: Config, motion: str, rate: float, faults: Faults, seed: int, folder: Path
+    ) -> None:
+        self.config, self.rate, self.folder = config, rate, folder
+        self.mirror = Mirror(config, motion, seed)
+        self.model = StageModel(config.stage)
+        self.model.place = self.mirror.states[0, :2].copy()  # the beam was set up on the mirror
+        self.model.target = self.model.place.copy()
+        if self.mirror.reach < BEAM:
+            self.mirror.begin = 0.0
+        zaber = config.stage.driver == "zaber"
+        self.device = ZaberDevice(self.model) if zaber else PiController(self.model)
+        self.schedule = Schedule(faults, np.random.default_rng(seed))
+        self.count = Count()
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self.truth = (folder / "truth.bin").open("wb", buffering=0)
+        except OSError as error:
+            raise OutputError(f"{folder}: is no folder to write in: {error.strerror}") from None
+        self.board = Board(config, rate, self.schedule, self.count, folder / "board")
+        self.stage = Pty(folder / "stage")
+        self.cost = 1e-5
+        self.last = 0.0
+
+    def run(self, seconds: float, tell: Callable[[Bench], None] = lambda _: None) -> None:
+        """For so many seconds; ends quietly on ^C. tell: called each round."""
+        self.begin = time.monotonic()
+        try:
+            while self.last < seconds:
+                self.round()
+                tell(self)
+        except KeyboardInterrupt:
+            pass
+        finally:
+            self.end()
+
+    def end(self) -> None:
+        """Sends what is left, and closes everything, whatever fails on the way."""
+        with ExitStack() as closing:
+            closing.callback(self.stage.close)
+            closing.callback(self.board.close)
+            closing.callback(self.write_counts)
+            closing.callback(self.truth.close)
+            with suppress(KeyboardInterrupt):
+                last = time.monotonic() + 0.5
+                while self.board.pending and time.monotonic() < last:
+                    self.board.flush()
+                    time.sleep(ROUND)
+
+    def write_counts(self) -> None:
+        (self.folder / "counts.json").write_text(json.dumps(asdict(self.count)), "utf-8")
+
+    def now(self) -> float:
+        """The bench's time, s, which slips where the machine is too busy for it."""
+        passed = time.monotonic() - self.begin - self.last
+        most = min(SLIP, max(FEWEST, PATIENCE / self.cost) / self.rate)
+        if passed > most:
+            self.begin += passed - most
+            self.count.slipped += passed - most
+        self.last += min(passed, most)
+        return self.last
+
+    def round(self) -> None:
+        """What is due: faults, samples, bytes, and an answer to the stage's commands."""
+        now = self.now()
+        self.schedule.draw(now)
+        self.board.suffer(now)
+        self.model.jammed = self.schedule.is_on("jam", now)
+        self.device.refuse = self.schedule.is_on("refuse", now)
+        due = int(now * self.rate) - self.count.made
+        if due > 0:
+            self.make(due, now)
+        self.board.flush()
+        self.answer()
+
+    def make(self, due: int, now: float) -> None:
+        """Some samples: the truth, and what the board makes of it."""
+        start = time.perf_counter()
+        first = self.count.made
+        times = (first + np.arange(due)) / self.rate
+        here, before = self.model.place.copy(), self.model.now
+        self.model.advance(now)
+        states = self.mirror.at(times)
+        share = np.clip((times - before) / max(now - before, 1e-9), 0, 1)[:, None]
+        states[:, 6:] = here + share * (self.model.place - here)
+        seq = (first + np.arange(due)).astype(np.uint32)
+        self.count.made += due
+        self.write_truth(seq, states, self.board.take(states, seq, now))
+        self.cost += 0.2 * ((time.perf_counter() - start) / due - self.cost)
+
+    def write_truth(
+        self, seq: NDArray[np.uint32], states: NDArray[np.float64], fate: NDArray[np.uint8]
+    ) -> None:
+        rows = np.zeros(len(seq), TRUTH)
+        rows["seq"], rows["fate"], rows["state"] = seq, fate, states
+        rows["host"] = self.begin + seq / self.rate
+        self.truth.write(rows.tobytes())
+
+    def answer(self) -> None:
+        """Waits a round for the stage's commands, and answers them line by line."""
+        ready, _, _ = select.select([self.stage.end], [], [], ROUND)
+        if not ready:
+            return
+        self.model.advance(self.now())
+        self.stage.write(self.device.receive(self.stage.read()))
+        if self.device.moves > self.count.moves:
+            self.count.moves = self.device.moves
+            self.mirror.begin = min(self.mirror.begin, self.model.now)
+
+
+def truth_of(folder: Path) -> NDArray[np.void]:
+    """What the bench wrote down: `TRUTH` rows."""
+    raw = (folder / "truth.bin").read_bytes()
+    whole = len(raw) // TRUTH.itemsize * TRUTH.itemsize
+    return np.frombuffer(raw[:whole], TRUTH)

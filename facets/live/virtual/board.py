@@ -1,0 +1,173 @@
+"""A virtual detector board: light to counts, counts to bytes, bytes into a port, with faults."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...detectors.correction import uncorrected
+from ...detectors.counts import counts_of, xy_sum_of
+from ...model.arrays import on_detectors
+from ...simulation.imperfect_optics import seen_late
+from ..frames import ELECTRODES, OVERRUN, XY_SUM, Samples, encode
+from ..frames import SATURATED as FULL
+from .faults import Schedule
+from .pty import Pty
+
+if TYPE_CHECKING:
+    from ...core.settings import Config
+
+Floats = NDArray[np.float64]
+
+TRUTH = np.dtype([("seq", "<u4"), ("fate", "u1"), ("host", "<f8"), ("state", "<f8", 8)])
+#: What became of a sample.
+SENT, DROPPED, SPOILT = range(3)
+#: What a board can hold back while the host does not read, bytes: then it loses samples.
+BUFFER = 1 << 16
+
+
+@dataclass
+class Count:
+    """What the bench did. made: samples; sent: whole or spoilt; dropped: never sent.
+    spoilt: sent with a flipped, lost or doubled byte.  restarts: of the board.
+    slipped: s, for which the bench's time stood still, since its machine was busy."""
+
+    made: int = 0
+    sent: int = 0
+    dropped: int = 0
+    spoilt: int = 0
+    moves: int = 0
+    restarts: int = 0
+    slipped: float = 0.0
+
+
+class Board:
+    """Samples the light, numbers the samples, and sends them.
+
+    born: number of the bench's sample at which the board was last switched on: it counts samples
+    and microseconds from there.
+    """
+
+    def __init__(
+        self, config: Config, rate: float, schedule: Schedule, count: Count, link: Path
+    ) -> None:
+        self.config, self.rate, self.schedule, self.count = config, rate, schedule, count
+        self.rng = schedule.rng
+        self.port = Pty(link)
+        self.pending = bytearray()
+        self.overrun = self.unplugged = self.booting = False
+        self.born = 0
+
+    def suffer(self, now: float) -> None:
+        """Pulls the cable, puts it back, restarts, as the schedule has it at the time `now`, s."""
+        gone = self.schedule.is_on("unplug", now)
+        if gone and not self.unplugged:
+            self.port.close()
+            self.pending.clear()
+        if self.unplugged and not gone:
+            self.port.open()
+        self.unplugged = gone
+        booting = self.schedule.is_on("restart", now)
+        if booting and not self.booting:
+            self.pending.clear()
+            self.overrun = False
+        if self.booting and not booting:
+            self.born = self.count.made
+            self.count.restarts += 1
+        self.booting = booting
+
+    def take(self, states: Floats, seq: NDArray[np.uint32], now: float) -> NDArray[np.uint8]:
+        """Samples the light of states (n, 8) with the bench's numbers (n,); returns their fates."""
+        lost = self.rng.random(len(seq)) < self.schedule.faults.drop
+        if self.unplugged or self.booting or self.schedule.is_on("stall", now):
+            lost[:] = True
+        fate = np.where(lost, DROPPED, SENT).astype(np.uint8)
+        self.lose(int(lost.sum()))
+        if not lost.all():
+            fate[~lost] = self.send(self.sample(states[~lost], seq[~lost], now))
+        return fate
+
+    def sample(self, states: Floats, seq: NDArray[np.uint32], now: float) -> Samples:
+        """What the board makes of the light: counts, with its own numbers and times."""
+        sensor, electronics = self.config.sensor, self.config.electronics
+        exact = uncorrected(sensor, seen_late(sensor, seq / self.rate, states, states))
+        dark = ~np.repeat(on_detectors(sensor, exact), 3, axis=1)
+        exact[:, 2::3] = np.where(dark[:, 2::3], 0.0, exact[:, 2::3])
+        if self.schedule.is_on("block", now):
+            exact[:, 2::3] = 0.0
+        counts = counts_of(sensor, electronics, exact, self.rng)
+        counts = counts + np.int32(self.config.acquire.dark)
+        top = 2**electronics.adc_bits - 1
+        if self.schedule.is_on("saturate", now):
+            counts[:, 0] = top
+        flags = np.where((np.abs(counts) >= top).any(axis=1), FULL, 0).astype(np.uint8)
+        kind = ELECTRODES
+        if self.config.acquire.content == "xy-sum":
+            counts, kind = xy_sum_of(electronics, counts), XY_SUM
+        kinds = np.full(len(seq), kind, np.uint8)
+        number = seq.astype(np.int64) - self.born
+        time = (np.round(1e6 * number / self.rate).astype(np.int64) % 2**32).astype(np.uint32)
+        return Samples(kinds, flags, (number % 2**32).astype(np.uint32), time, counts)
+
+    def lose(self, count: int) -> None:
+        """Counts samples that are never sent; the next one says so."""
+        self.count.dropped += count
+        self.overrun |= count > 0
+
+    def send(self, samples: Samples) -> NDArray[np.uint8]:
+        """Into the board's buffer, as far as it takes them, spoilt here and there: their fates."""
+        fate = np.full(len(samples), SENT, np.uint8)
+        if self.overrun:
+            samples.flags[0] |= OVERRUN
+            self.overrun = False
+        data = encode(self.config.acquire.format, samples)
+        size = len(data) // len(samples)
+        space = max(0, (BUFFER - len(self.pending)) // max(size, 1))
+        if space < len(samples):
+            self.lose(len(samples) - space)
+            fate[space:] = DROPPED
+            samples = samples.where(np.arange(len(samples)) < space)
+            data = encode(self.config.acquire.format, samples) if len(samples) else b""
+        self.count.sent += len(samples)
+        broken, bad = self.spoil(data, len(samples))
+        fate[bad] = SPOILT
+        self.pending += broken
+        return fate
+
+    def spoil(self, data: bytes, count: int) -> tuple[bytes | bytearray, NDArray[np.int64]]:
+        """The bytes with their faults, and which samples have one."""
+        f = self.schedule.faults
+        chances = np.array([f.flip, f.lose, f.double])
+        if count == 0 or not chances.any():
+            return data, np.zeros(0, np.int64)
+        drawn = self.rng.random((count, 3)) < chances
+        bad = np.flatnonzero(drawn.any(axis=1))
+        self.count.spoilt += len(bad)
+        out, size = bytearray(data), len(data) / count
+        for n in bad[::-1].tolist():
+            place = int((n + 0.1 + 0.8 * self.rng.random()) * size)
+            if drawn[n, 0]:
+                out[place] ^= 1 << int(self.rng.integers(8))
+            elif drawn[n, 1]:
+                del out[place]
+            else:
+                out.insert(place, out[place])
+        return out, bad
+
+    def flush(self) -> None:
+        """Sends what the port takes."""
+        if self.unplugged:
+            return
+        while self.pending:
+            done = self.port.write(self.pending[:65_536])
+            if done == 0:
+                break
+            del self.pending[:done]
+
+    def close(self) -> None:
+        if not self.unplugged:
+            self.port.close()

@@ -1,0 +1,84 @@
+"""What goes wrong at a virtual bench, how often, and for how long."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import ClassVar
+
+import numpy as np
+
+from ...core.errors import InputError
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Probabilities for each sample, or per second where so said; 0 is never.
+
+    flip: one bit of its bytes is turned.  lose, double: one byte is lost, or comes twice.
+    drop: the board loses it.  stall: per second, the board sends nothing for 50 ms.
+    block: per second, the beam is blocked for 50 ms.  saturate: per second, a converter for 50 ms.
+    unplug: per second, the port goes away for 300 ms.  restart: per second, the board restarts and
+    counts from zero again after 300 ms.  refuse: per second, the stage refuses for 100 ms.  jam:
+    per second, the stage does not move for 100 ms.
+    """
+
+    flip: float = 0.0
+    lose: float = 0.0
+    double: float = 0.0
+    drop: float = 0.0
+    stall: float = 0.0
+    block: float = 0.0
+    saturate: float = 0.0
+    unplug: float = 0.0
+    restart: float = 0.0
+    refuse: float = 0.0
+    jam: float = 0.0
+
+    #: How long each fault lasts that comes per second, s.
+    LASTING: ClassVar[dict[str, float]] = {
+        "stall": 0.05,
+        "block": 0.05,
+        "saturate": 0.05,
+        "unplug": 0.3,
+        "restart": 0.3,
+        "refuse": 0.1,
+        "jam": 0.1,
+    }
+
+    @classmethod
+    def of(cls, text: str) -> Faults:
+        """The faults that a command line names: `flip=1e-4,drop=1e-3`."""
+        names = [field.name for field in fields(cls)]
+        given = {}
+        for part in filter(None, text.split(",")):
+            name, _, value = part.strip().partition("=")
+            try:
+                given[name] = float(value)
+            except ValueError:
+                given[name] = -1.0
+            if name not in names or not given[name] >= 0:
+                raise InputError(
+                    f"--faults has {part.strip()!r}; allowed: NAME=NUMBER of {', '.join(names)}"
+                )
+        return cls(**given)
+
+
+class Schedule:
+    """Draws when the lasting faults begin, and knows which are going on."""
+
+    def __init__(self, faults: Faults, rng: np.random.Generator) -> None:
+        self.faults, self.rng = faults, rng
+        self.until: dict[str, float] = {}
+        self.last = 0.0
+
+    def draw(self, now: float) -> None:
+        """Begins what chance has begin between the last call and the time `now`, s."""
+        passed, self.last = max(0.0, now - self.last), now
+        for name, duration in Faults.LASTING.items():
+            rate = getattr(self.faults, name)
+            if rate > 0 and self.rng.random() < rate * passed and not self.is_on(name, now):
+                self.until[name] = now + duration
+
+    def is_on(self, name: str, now: float) -> bool:
+        """Whether a fault is going on at the time `now`, s."""
+        return now < self.until.get(name, -1.0)

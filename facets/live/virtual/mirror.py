@@ -1,0 +1,47 @@
+"""The mirror of a virtual bench: the truth that is to be measured."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...simulation.motion import named, states
+
+if TYPE_CHECKING:
+    from ...core.settings import Config
+
+Floats = NDArray[np.float64]
+
+#: How long the mirror takes to come to speed, s.
+RAMP = 1.0
+
+
+class Mirror:
+    """The truth: where the mirror is at any time, going through a motion again and again.
+
+    It stands at the motion's beginning until `begin` (s), then takes RAMP seconds to come to speed.
+    """
+
+    def __init__(self, config: Config, name: str, seed: int) -> None:
+        times, self.states = states(named(config, name), np.random.default_rng(seed))
+        self.times = times - times[0]
+        step = self.times[-1] / (len(times) - 1) if len(times) > 1 else 1.0
+        self.period = float(self.times[-1] + step)
+        self.begin = np.inf
+
+    @property
+    def reach(self) -> float:
+        """How far it goes from where it begins, across the beam, mm."""
+        return float(np.hypot(*(self.states[:, :2] - self.states[0, :2]).T).max())
+
+    def at(self, time_: Floats) -> Floats:
+        """States (n, 8) at times (n,), s."""
+        passed = np.maximum(time_ - self.begin, 0.0)
+        ramped = np.where(passed < RAMP, passed**2 / (2 * RAMP), passed - RAMP / 2)
+        phase = np.mod(ramped, self.period)
+        columns = [
+            np.interp(phase, self.times, column, period=self.period) for column in self.states.T
+        ]
+        return np.stack(columns, axis=1)

@@ -1,0 +1,47 @@
+"""A serial line between two programs on one machine."""
+
+from __future__ import annotations
+
+import os
+import termios
+import tty
+from pathlib import Path
+
+from ...core.errors import OutputError
+
+
+class Pty:
+    """One end of a serial line; the other has a name, linked to by a path that stays the same."""
+
+    def __init__(self, link: Path) -> None:
+        self.link = link
+        self.open()
+
+    def open(self) -> None:
+        self.end, self.other = os.openpty()
+        tty.setraw(self.other, termios.TCSANOW)
+        os.set_blocking(self.end, False)
+        self.name = os.ttyname(self.other)
+        try:
+            self.link.unlink(missing_ok=True)
+            self.link.symlink_to(self.name)
+        except OSError as error:
+            raise OutputError(f"{self.link}: can not be made: {error.strerror}") from None
+
+    def close(self) -> None:
+        self.link.unlink(missing_ok=True)
+        os.close(self.end)
+        os.close(self.other)
+
+    def write(self, data: bytes | bytearray) -> int:
+        """Sends what the line takes now; returns how many bytes that was."""
+        try:
+            return os.write(self.end, data)
+        except OSError:  # full, or the other end is just being opened or closed
+            return 0
+
+    def read(self) -> bytes:
+        try:
+            return os.read(self.end, 4096)
+        except OSError:
+            return b""

@@ -1,0 +1,184 @@
+"""The controllers of a virtual stage: what a Zaber device and a PI controller answer."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...tracking.pi import STOP_ALL
+from ...tracking.stage import StageModel
+from ...tracking.zaber import ACCELERATION, SPEED, checksum
+
+Floats = NDArray[np.float64]
+
+PI_UNKNOWN, PI_SERVO_OFF, PI_STOPPED = 2, 5, 10
+
+
+class ZaberDevice:
+    """A device of two axes. refuse: reject every move.  referenced: not restarted since
+    it was homed.  moves: that were obeyed."""
+
+    VERSION = "7.35"
+
+    def __init__(self, model: StageModel) -> None:
+        self.model = model
+        self.refuse, self.referenced, self.moves = False, True, 0
+        self.zero, self.step = np.array(model.settings.zero), model.settings.step
+        self.target = np.array(model.place)
+        self.most = np.array([model.max_speed / self.step / SPEED] * 2)
+        self.change = np.array([model.acceleration / self.step / ACCELERATION] * 2)
+        self.held = b""
+
+    def receive(self, data: bytes) -> bytes:
+        """Takes bytes, gives the answers to the lines that they complete."""
+        *lines, self.held = (self.held + data).split(b"\n")
+        return b"".join(self.answer(line.decode("ascii", "replace")).encode() for line in lines)
+
+    def restart(self) -> None:
+        """Power goes and comes back: it stands, and no longer knows where."""
+        self.model.halt()
+        self.held, self.referenced = b"", False
+        self.zero = np.array(self.model.place)
+        self.target = np.array(self.model.place)
+
+    def answer(self, line: str) -> str:
+        """The answer to one line; none to what is no message, or a spoilt one."""
+        slash, message, told = *line.strip().rpartition("/")[1:], ""
+        if not slash:
+            return ""
+        message, _, told = message.partition(":")
+        if told and told != checksum(message):
+            return ""
+        words = message.split()
+        numbers = [words.pop(0) for _ in range(3) if words and words[0].isdigit()]
+        axis = int(numbers[1]) if len(numbers) > 1 else 0
+        reply = self.obey(axis, words)
+        good = "RJ" if reply.startswith("!") else "OK"
+        head = " ".join([f"@01 {axis}", *numbers[2:]])  # a message's number comes back
+        flag = "--" if self.referenced else "WR"
+        return f"{head} {good} {self.status} {flag} {reply.lstrip('!')}\r\n"
+
+    def obey(self, axis: int, words: list[str]) -> str:
+        """The data of the answer; `!` and a reason where the command is rejected."""
+        if not words:
+            return "0"
+        if words[0] == "get" and len(words) == 2:
+            return self.get(axis, words[1])
+        if words[:2] == ["move", "abs"] and 3 <= len(words) <= 5 and axis in (1, 2):
+            return self.move(axis, words[2:])
+        if words == ["stop"]:
+            self.model.halt()
+            self.target = np.array(self.model.place)
+            return "0"
+        return "!BADCOMMAND"
+
+    def get(self, axis: int, name: str) -> str:
+        if name == "version":
+            return self.VERSION
+        here = (self.model.place - self.zero) / self.step
+        table = {"pos": here, "maxspeed": self.most, "accel": self.change}
+        if name not in table:
+            return "!BADCOMMAND"
+        values = np.round(table[name]).astype(int)
+        return " ".join(map(str, values if axis == 0 else values[axis - 1 : axis]))
+
+    def move(self, axis: int, words: list[str]) -> str:
+        try:
+            unit, *bounds = [int(word) for word in words]
+        except ValueError:
+            return "!BADDATA"
+        if self.refuse or not self.referenced:
+            return "!DRIVERDISABLED"
+        most, change = self.most[axis - 1], self.change[axis - 1]
+        if bounds and bounds[0]:
+            most = min(most, bounds[0])
+        if len(bounds) > 1 and bounds[1]:
+            change = min(change, bounds[1])
+        self.model.max_speed = most * SPEED * self.step
+        self.model.acceleration = change * ACCELERATION * self.step
+        self.target[axis - 1] = self.zero[axis - 1] + self.step * unit
+        self.moves += 1
+        self.model.command(self.target)
+        return "0"
+
+    @property
+    def status(self) -> str:
+        return "IDLE" if self.model.settled else "BUSY"
+
+
+class PiController:
+    """A controller of two axes. refuse: its servos are off.  referenced: not restarted since.
+    moves: that were obeyed."""
+
+    def __init__(self, model: StageModel) -> None:
+        self.model = model
+        self.refuse, self.referenced, self.moves = False, True, 0
+        self.zero = np.array(model.settings.zero)
+        self.most = model.max_speed, model.acceleration
+        self.error = 0
+        self.held = b""
+
+    def receive(self, data: bytes) -> bytes:
+        """Takes bytes, gives the answers to the lines that they complete."""
+        for _ in range(data.count(STOP_ALL)):  # acts at once, in the middle of a line
+            self.stop()
+        *lines, self.held = (self.held + data.replace(STOP_ALL, b"")).split(b"\n")
+        return b"".join(self.answer(line.decode("ascii", "replace")).encode() for line in lines)
+
+    def restart(self) -> None:
+        """Power goes and comes back: it stands, its servos are off, its place is forgotten."""
+        self.model.halt()
+        self.held, self.error, self.referenced = b"", 0, False
+        self.zero = np.array(self.model.place)
+
+    def stop(self) -> None:
+        self.model.halt()
+        self.error = PI_STOPPED
+
+    def answer(self, line: str) -> str:
+        words = line.split()
+        if not words:
+            return ""
+        if words[0] == "ERR?":
+            code, self.error = self.error, 0
+            return f"{code}\n"
+        if words[0] == "*IDN?":
+            return "(c) virtual stage, GCS 2.0\n"
+        if words[0] == "POS?":
+            axes = words[1:] or ["1", "2"]
+            here = self.model.place - self.zero
+            if set(axes) <= {"1", "2"}:
+                return " \n".join(f"{a}={here[int(a) - 1]:.6f}" for a in axes) + "\n"
+        if words[0] in ("MOV", "VEL", "ACC", "DEC"):
+            self.set(words[0], words[1:])
+        elif words[0] in ("STP", "HLT"):
+            self.stop()
+        else:
+            self.error = PI_UNKNOWN
+        return ""
+
+    def set(self, name: str, words: list[str]) -> None:
+        values = {}
+        try:
+            for axis, value in zip(words[::2], words[1::2], strict=True):
+                values[int(axis) - 1] = float(value)
+        except ValueError:
+            values = {-1: 0.0}
+        if not values or not set(values) <= {0, 1} or not np.isfinite(list(values.values())).all():
+            self.error = PI_UNKNOWN
+        elif name == "MOV":
+            self.move(values)
+        elif name == "VEL":
+            self.model.max_speed = min(max(values.values()), self.most[0])
+        else:
+            self.model.acceleration = min(max(values.values()), self.most[1])
+
+    def move(self, values: dict[int, float]) -> None:
+        if self.refuse or not self.referenced:
+            self.error = PI_SERVO_OFF
+            return
+        target = np.array(self.model.waiting[-1][1] if self.model.waiting else self.model.target)
+        for axis, value in values.items():
+            target[axis] = self.zero[axis] + value
+        self.moves += 1
+        self.model.command(target)

@@ -1,0 +1,210 @@
+"""The one place through which anything reaches a stage.
+
+Each command is a short move to a place: no further than `Limits.reach` from where the stage is,
+within the soft limits, made from a sample and a place of the stage that are fresh, on a stage whose
+own speed and acceleration are bounded. A stage that hears nothing more stands still by itself, no
+later than `stopping_time` after the last sample that was good; that holds with the cable pulled and
+the process dead. What is in doubt stops it sooner.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.settings import Stage as Settings
+from .encoder import Encoder
+from .limits import Limits
+from .line import Line
+from .pi import Pi
+from .stage import StageError
+from .zaber import Zaber
+
+Floats = NDArray[np.float64]
+
+#: A loop that has not come round for so long is stalled, s, or for so many of its periods.
+STALL, PERIODS = 0.1, 5
+#: How often a stalled loop's stage is told to stop, s.
+AGAIN = 0.1
+#: A place of the stage that is older than this is none to set out from, s.
+PLACE = 0.03
+#: A sample's time may lie so far ahead of the clock, s.
+AHEAD = 2e-3
+#: A stage may stand so far outside its soft limits, and jump so far more than its speed, mm.
+SLACK = 0.05
+#: How often a stop is repeated that is not answered, and how long each waits, s.
+STOPS, WAIT = 3, 0.5
+#: A stage that is nearer than this to where it goes is at rest, mm.
+REST = 1e-4
+
+
+def stopping_time(settings: Settings) -> float:
+    """How long after the last good sample a stage can move at most, s, whatever happens.
+
+    A command comes no later than `stale` after its sample. Its move begins after the latency, has
+    `reach` to go at the largest speed, from where the stage was up to PLACE ago, and ends by the
+    stage's lag and acceleration.
+    """
+    s = settings
+    reach = Limits.of(s).reach
+    settling = s.lag * math.log(max(reach / REST, 1.0)) + 2 * s.max_speed / s.acceleration
+    return s.stale + s.latency + PLACE + reach / s.max_speed + settling
+
+
+class Envelope:
+    """Holds a stage's driver, and lets nobody else at it.
+
+    port: open.  say: takes an event's name and what belongs to it.  failed: nothing moves any more.
+    """
+
+    def __init__(
+        self, port: Any, settings: Settings, say: Callable[..., None], clock: Callable[[], float]
+    ) -> None:
+        """Stops the stage, bounds its speed, and asks where it is; else closes the port."""
+        self.settings, self.say, self.clock = settings, say, clock
+        self.limits = Limits.of(settings)
+        self._line = Line(port, clock)
+        made = Zaber if settings.driver == "zaber" else Pi
+        self._driver: Zaber | Pi = made(self._line, settings)
+        self.failed = self.moving = self.stalled = False
+        self.beat = clock()
+        self.cried = -math.inf
+        self.sent: tuple[float, Floats] | None = None
+        self.encoder: Encoder | None = None
+        self.ending = threading.Lock()
+        try:
+            self._driver.prepare()
+            self.look()
+        except BaseException:
+            self._stop_by_every_means()
+            raise
+
+    def look(self) -> Encoder:
+        """Asks the stage where it is. Raises where it can not be there."""
+        self.beat = before = self.clock()
+        place = self._driver.place()
+        after = self.clock()
+        now, old = (before + after) / 2, self.encoder
+        self.beat = after
+        s = self.settings
+        if (place < np.array(s.low) - SLACK).any() or (place > np.array(s.high) + SLACK).any():
+            raise StageError(
+                f"the stage stands at {place.round(3).tolist()} mm, outside its soft limits "
+                f"(stage.low_mm, stage.high_mm); bring it back by its maker's program"
+            )
+        speed = np.zeros(2)
+        if old is not None:
+            passed = now - old.time
+            most = 1.5 * s.max_speed * (after - old.time) + SLACK + s.step
+            if np.abs(place - old.place).max() > most:
+                raise StageError(
+                    f"the stage jumped from {old.place.round(3).tolist()} to "
+                    f"{place.round(3).tolist()} mm: was it restarted, or moved by another program?"
+                )
+            speed = (place - old.place) / passed if passed > 1e-4 else old.speed
+            speed = np.clip(speed, -s.max_speed, s.max_speed)
+        self.encoder = Encoder(now, place, speed)
+        return self.encoder
+
+    def go(self, wanted: Floats, sampled: float, limits: Limits | None = None) -> Floats | None:
+        """Sends the stage towards a place (2,), as far as is allowed; returns where to, or None.
+
+        sampled: when the sample was taken from which that place was found, on the clock, s.
+        limits: narrower ones.  None: nothing was sent, since something is not fresh.
+        """
+        self.beat = now = self.clock()
+        at = self.encoder
+        if not np.isfinite(wanted).all():
+            raise StageError("the stage was to be sent to a place that is no number")
+        if self.failed or self.stalled or at is None:
+            return None
+        if not -AHEAD <= now - sampled <= self.settings.stale or now - at.time > PLACE:
+            return None
+        narrow = limits or self.limits
+        held = self.limits.hold(narrow.hold(wanted, at.place), at.place)
+        held = self._slowed(held, now, at, min(narrow.speed, self.limits.speed))
+        self.moving, self.sent = True, (now, held)
+        self._driver.move(held)
+        self.beat = self.clock()
+        return held
+
+    def _slowed(self, held: Floats, now: float, at: Encoder, speed: float) -> Floats:
+        """No further from the last command, or from where the stage is, than its speed allows."""
+        period = 1 / self.settings.rate
+        last, passed = (at.place, period) if self.sent is None else (self.sent[1], period)
+        if self.sent is not None:
+            passed = min(now - self.sent[0], 2 * period)
+        far = speed * max(passed, 0.0)
+        slow = last + np.clip(held - last, -far, far)
+        return self.limits.hold(slow, at.place)
+
+    def halt(self, reason: str) -> None:
+        """Stops the stage, and waits for its word."""
+        self.tell("stop", reason=reason)
+        self.sent = None
+        self._driver.stop()
+        self.moving = self.stalled = False
+        self.beat = self.clock()
+
+    def watch(self) -> None:
+        """Stops a stage whose loop has stalled; to be called by another thread, again and again."""
+        patience = max(STALL, PERIODS / self.settings.rate)
+        if self.failed or not self.moving or self.clock() - self.beat < patience:
+            return
+        if self.clock() - self.cried < AGAIN:
+            return
+        self.cried = self.clock()
+        if not self.stalled:
+            self.stalled = True
+            self.tell("stop", reason="the loop has stalled")
+        with suppress(Exception):  # what is wrong with the line, the loop will meet, too
+            self._driver.cry()
+
+    def fail(self, reason: str) -> None:
+        """Stops the stage by every means that is left, for good. Never raises."""
+        with self.ending:
+            if not self.failed:
+                self.failed = True
+                self.tell("stage error", reason=reason)
+                self._stop_by_every_means()
+
+    def close(self, reason: str = "end") -> bool:
+        """Stops the stage for good, and closes its port. Never raises. False: nobody knows whether
+        it stopped, since it did not answer."""
+        with self.ending:
+            if self.failed:
+                return True
+            self.failed = True
+            self.tell("stop", reason=reason)
+            return self._stop_by_every_means()
+
+    def cry(self) -> None:
+        """Stops at once, without a word from the stage; from any thread. Never raises."""
+        with suppress(Exception):
+            self._driver.cry()
+
+    def _stop_by_every_means(self) -> bool:
+        """The command until it is answered, then the port closed. Never raises. False: no answer."""
+        self.failed, answered = True, False
+        for _ in range(STOPS):
+            try:
+                self._driver.cry()
+                self._driver.stop(patience=WAIT)
+                self.moving, answered = False, True
+                break
+            except Exception as error:
+                self.tell("stop not answered", reason=str(error) or type(error).__name__)
+        with suppress(Exception):
+            self._line.close()
+        return answered
+
+    def tell(self, name: str, **more: Any) -> None:
+        """An event, for whoever keeps it; one that can not be kept must not keep a stop back."""
+        with suppress(Exception):
+            self.say(name, **more)

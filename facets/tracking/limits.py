@@ -1,0 +1,38 @@
+"""How far, how fast and within which borders a stage may be sent: pure arithmetic."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.settings import Stage as Settings
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Limits:
+    """low, high: borders of the beam's place, mm.  speed: of each axis, mm/s.  reach: how far from
+    where the stage is a command may lie, mm."""
+
+    low: tuple[float, float]
+    high: tuple[float, float]
+    speed: float
+    reach: float
+
+    @classmethod
+    def of(cls, settings: Settings) -> Limits:
+        """Of tracking: no further ahead than the stage can come until the next command acts."""
+        s = settings
+        ahead = s.max_speed * (s.lag + s.latency + 1 / s.rate)
+        return cls(s.low, s.high, s.max_speed, min(s.max_step, ahead))
+
+    def hold(self, wanted: Floats, place: Floats) -> Floats:
+        """The place nearest to `wanted` (2,), on the way from `place`, that may be commanded."""
+        step = wanted - place
+        length = float(np.hypot(*step))
+        kept = place + step * min(1.0, self.reach / length) if length > 0 else wanted
+        held: Floats = np.clip(kept, self.low, self.high)
+        return held

@@ -1,0 +1,87 @@
+"""PI's General Command Set, GCS 2.0: a driver for axes 1 and 2.
+
+Places are in mm. `MOV 1 0.5 2 0.25` is not answered; `POS? 1 2` is, with a line an axis, all but
+the last of which end in a space. `ERR?` tells and clears the last error; 0 is none. The single
+character 24 stops all axes. Source: PI, GCS 2.0 commands manual.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.settings import Stage as Settings
+from .line import PATIENCE, Line
+from .stage import StageError
+
+Floats = NDArray[np.float64]
+
+UNKNOWN_COMMAND, STOPPED = "2", "10"
+STOP_ALL = b"\x18"
+
+
+class Pi:
+    """Drives axes 1 (x) and 2 (y); places of the beam in mm, (2,)."""
+
+    def __init__(self, line: Line, settings: Settings) -> None:
+        self.line, self.settings = line, settings
+        self.zero = np.array(settings.zero)
+        self.cries = self.forgiven = 0  # a cry leaves an error that is no refusal
+
+    def answers(self, patience: float = PATIENCE) -> list[str]:
+        lines: list[str] = []
+        while len(lines) < 10:
+            lines.append(self.line.read_line(patience))
+            if not lines[-1].endswith(" "):
+                return lines
+        raise StageError(f"the stage's answer has no end: {lines}")
+
+    def tell(self, command: str, *allowed: str, patience: float = PATIENCE) -> str:
+        """Sends a command, and asks whether it was taken: the error code, 0 or one of `allowed`."""
+        self.line.write(f"{command}\nERR?\n".encode())
+        lines = self.answers(patience)
+        code = lines[-1].strip()
+        if len(lines) != 1 or not code.lstrip("-").isdigit():
+            raise StageError(f"the stage's answer can not be understood: {lines}")
+        if code in (UNKNOWN_COMMAND, STOPPED) and self.cries > self.forgiven:
+            self.forgiven = self.cries
+        elif code not in ("0", *allowed):
+            raise StageError(f"the stage refused {command!r}: GCS error {code}")
+        return code
+
+    def prepare(self) -> None:
+        """Stops what goes on, and sees that no move can be faster than the settings say."""
+        self.cry()
+        self.line.drain()
+        self.stop()
+        speed, change = self.settings.max_speed, self.settings.acceleration
+        self.tell(f"VEL 1 {speed:.6f} 2 {speed:.6f}")
+        for word in ("ACC", "DEC"):  # not every controller has them; then its own hold
+            self.tell(f"{word} 1 {change:.6f} 2 {change:.6f}", UNKNOWN_COMMAND)
+
+    def place(self) -> Floats:
+        """Where the encoders say that the beam is."""
+        self.line.write(b"POS? 1 2\n")
+        lines = self.answers()
+        try:
+            found = dict(line.strip().split("=") for line in lines)
+            place = np.array([float(found["1"]), float(found["2"])])
+        except (ValueError, KeyError):
+            place = np.full(2, np.nan)
+        if not np.isfinite(place).all():
+            raise StageError(f"the stage's place can not be understood: {lines}")
+        return self.zero + place
+
+    def move(self, place: Floats) -> None:
+        """Starts towards a place; does not wait until it is there."""
+        x, y = place - self.zero
+        self.tell(f"MOV 1 {x:.6f} 2 {y:.6f}")
+
+    def stop(self, patience: float = PATIENCE) -> None:
+        """Stops both axes, and waits for the stage's word that it did."""
+        self.tell("STP", STOPPED, patience=patience)
+
+    def cry(self) -> None:
+        """Stops without waiting for a word, whatever was half said before."""
+        self.cries += 1
+        self.line.write(STOP_ALL + b"?\n" + STOP_ALL)

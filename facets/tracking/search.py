@@ -1,0 +1,85 @@
+"""How a mirror that was lost is looked for: towards the light while there is any, else in a spiral.
+
+A motion with limits of its own, slower and shorter than tracking, and with an end: a spiral of
+FARTHEST around where the light went out, and so many commands that a stage which does not follow
+ends it, too.
+"""
+
+from __future__ import annotations
+
+from math import ceil, cos, hypot, pi, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.settings import Stage as Settings
+from .limits import Limits
+
+Floats = NDArray[np.float64]
+
+#: Between turns, between places, and from the middle to the end, mm.
+TURN, STEP, FARTHEST = 0.25, 0.1, 2.0
+#: No faster than this, mm/s.
+SPEED = 10.0
+#: How much longer than the spiral takes a search may go on, and how long it may follow light, s.
+SPARE, CHASE = 3.0, 10.0
+
+
+class Search:
+    """One search after the other. outcome: how the last one ended, '' while one goes on."""
+
+    def __init__(self, settings: Settings) -> None:
+        full = Limits.of(settings)
+        speed = min(settings.max_speed, SPEED)
+        self.step = min(STEP, full.reach, speed / settings.rate)
+        self.limits = Limits(full.low, full.high, speed, self.step)
+        self.most_spiral = ceil(SPARE * pi * FARTHEST**2 / TURN / self.step)
+        self.most_chase = ceil(CHASE * settings.rate)
+        self.forget()
+
+    def forget(self) -> None:
+        """The next call of `next` begins anew."""
+        self.centre: Floats | None = None
+        self.goal: Floats | None = None
+        self.angle = 0.0
+        self.spirals = self.chases = 0
+        self.outcome = ""
+
+    def next(self, place: Floats, towards: Floats | None) -> Floats | None:
+        """Where to look next (2,), mm; None at the end, of which `outcome` tells.
+
+        place: where the stage is.  towards: where the light says that the mirror is, or None in
+        the dark.
+        """
+        if self.outcome:
+            return None
+        if towards is not None:
+            self.chases += 1
+            self.centre = self.goal = None  # the spiral begins where the light goes out
+            self.angle = 0.0
+            if self.chases <= self.most_chase:
+                return towards
+            self.outcome = f"the light was followed for {CHASE:g} s without a pose"
+            return None
+        self.spirals += 1
+        if self.centre is None or self.goal is None:
+            self.centre = self.goal = place.copy()
+        elif hypot(*(place - self.goal)) < 2 * self.step:  # else the stage is still on its way
+            self.goal = self.turned()
+        if self.radius <= FARTHEST and self.spirals <= self.most_spiral:
+            return self.goal
+        at = ", ".join(f"{x:.3f}" for x in self.centre)
+        self.outcome = f"the mirror was not found within {FARTHEST:g} mm of ({at}) mm"
+        return None
+
+    @property
+    def radius(self) -> float:
+        return TURN * self.angle / (2 * pi)
+
+    def turned(self) -> Floats:
+        """The next place of the spiral, within the soft limits."""
+        assert self.centre is not None
+        self.angle += self.step / hypot(self.radius, TURN / (2 * pi))
+        at = self.centre + self.radius * np.array([cos(self.angle), sin(self.angle)])
+        held: Floats = np.clip(at, self.limits.low, self.limits.high)
+        return held

@@ -1,0 +1,238 @@
+"""The loop that makes the beam follow, and the thread that watches over it."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import FacetsError
+from ..core.settings import Stage as Settings
+from .control import Law, Seen
+from .encoder import Encoder
+from .envelope import AHEAD, Envelope
+from .line import PATIENCE
+from .search import Search
+
+Floats = NDArray[np.float64]
+
+#: How often the loop is watched, s.
+WATCH = 0.02
+#: Between these shares of the beam's power light is taken for the beam's.
+LIT, BRIGHT = 0.02, 3.0
+#: A thread that waits for the interpreter gets it after so long, s: the solver, busy with many
+#: small steps, else keeps the loop waiting for several milliseconds at each answer of the stage.
+SWITCH = 5e-4
+
+
+class Sample(NamedTuple):
+    """What the tracker needs of one. time: on the host's clock; came: when it was told, s.
+    powers: (3,) mW.  apex: (2,) mm, or None.  doubt: why nothing may follow it, or nothing."""
+
+    time: float
+    came: float
+    powers: Floats
+    apex: Floats | None
+    doubt: str
+
+
+NOTHING = Sample(-np.inf, -np.inf, np.full(3, np.nan), None, "waiting for light")
+
+
+class Tracker:
+    """Sends the stage after the newest good sample, for as long as that is fresh.
+
+    A context: the threads run within it, and at its end the stage stands and its port is closed.
+    It never raises in between: whatever goes wrong stops the stage, and is told in `error`.
+
+    stopped: why the stage stands still, '' while it follows.  moves: commands sent.  note: what a
+    person should be told.
+    """
+
+    def __init__(
+        self,
+        port: Any,
+        settings: Settings,
+        law: Law,
+        say: Callable[..., None],
+        search: bool = False,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """port: open, of the stage. Raises StageError where the stage can not be used."""
+        self.settings, self.law, self.clock = settings, law, clock
+        self.envelope = Envelope(port, settings, say, clock)
+        self.tell = self.envelope.tell
+        self.search = Search(settings) if search else None
+        self.searching = False
+        self.newest = self.good = NOTHING
+        self.stopped, self.error, self.note = NOTHING.doubt, "", ""
+        self.moves = 0
+        self.ending = threading.Event()
+        self.threads = [
+            threading.Thread(target=self.loop, name="tracker", daemon=True),
+            threading.Thread(target=self.watch, name="watchdog", daemon=True),
+        ]
+
+    @property
+    def encoder(self) -> Encoder:
+        """Where the stage last said that it was."""
+        assert self.envelope.encoder is not None
+        return self.envelope.encoder
+
+    def __enter__(self) -> Tracker:
+        sys.setswitchinterval(min(SWITCH, sys.getswitchinterval()))
+        for thread in self.threads:
+            thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stops the stage, ends the threads and closes the port; again if need be. Never raises."""
+        self.ending.set()
+        loop = self.threads[0]
+        if loop.is_alive() and loop is not threading.current_thread():
+            self.envelope.cry()  # the loop may be waiting for the stage's word
+            loop.join(timeout=PATIENCE + 1)
+        if not self.envelope.close() and not self.error:
+            self.error = "the stage did not answer when it was to stop at the end"
+
+    def feed(self, times: Floats, powers: Floats, apexes: Floats) -> None:
+        """Takes samples: host times (n,) s, powers (n, 3) mW, apexes (n, 2) mm or NaN."""
+        came = self.clock()
+        if not len(times):
+            return
+        for row in range(len(times) - 1, -1, -1):
+            sample = self.judge(float(times[row]), came, powers[row], apexes[row])
+            if row == len(times) - 1:
+                self.newest = sample
+            if not sample.doubt:
+                old = self.good  # times go back only where the board has begun anew
+                if sample.time > old.time or came - old.came > self.settings.stale:
+                    self.good = sample
+                break
+
+    def judge(self, taken: float, came: float, powers: Floats, apex: Floats) -> Sample:
+        doubt, needs_pose = "", self.settings.law == "feedforward"
+        if not came - self.settings.stale <= taken <= came + AHEAD:
+            doubt = "no fresh sample"
+        elif not (np.isfinite(powers).all() and (powers > 0).all()):
+            doubt = "no light on all detectors"
+        elif not LIT * self.law.power <= powers.max() <= BRIGHT * self.law.power:
+            doubt = "light that is not the beam's"
+        elif needs_pose and not np.isfinite(apex).all():
+            doubt = "no pose"
+        place = apex.copy() if np.isfinite(apex).all() else None
+        return Sample(taken, came, powers.copy(), place, doubt)
+
+    def loop(self) -> None:
+        """Goes round at the rate of the settings until told to end, or until the first error."""
+        period = 1 / self.settings.rate
+        due = self.clock()
+        while not self.ending.is_set() and self.step():
+            due = max(due + period, self.clock())
+            self.ending.wait(max(0.0, due - self.clock()))
+
+    def watch(self) -> None:
+        while not self.ending.wait(WATCH):
+            self.envelope.watch()
+
+    def step(self) -> bool:
+        """Once round; False after an error, of any kind, by which time the stage was stopped."""
+        if self.error:
+            return False
+        try:
+            self.cycle()
+        except Exception as error:
+            self.error = self.stopped = words(error)
+            self.envelope.fail(self.error)
+            return False
+        return True
+
+    def cycle(self) -> None:
+        place = self.envelope.look().place
+        now = self.clock()
+        good, newest = self.good, self.newest
+        doubt = self.doubt(good, newest, place, now)
+        if self.envelope.stalled:
+            doubt = "the loop has stalled"
+        if doubt:
+            self.pause(doubt, newest, place, now)
+            return
+        self.end_search("found")
+        self.stopped = self.note = ""
+        seen = Seen(good.time, now, good.powers, good.apex, place)
+        self.go(self.law.command(seen), good.time)
+
+    def doubt(self, good: Sample, newest: Sample, place: Floats, now: float) -> str:
+        """Why nothing may move, or nothing."""
+        stale = self.settings.stale
+        if now - good.time <= stale and now - good.came <= stale:
+            room = self.law.room + self.settings.max_speed * (now - good.time)
+            if good.apex is not None and np.abs(good.apex - place).max() > room:
+                return "the pose is further from the beam than its light allows"
+            return ""
+        if newest is NOTHING or now - newest.came > stale:
+            return "waiting for light" if newest is NOTHING else "no fresh sample"
+        return newest.doubt or "no fresh sample"
+
+    def go(self, place: Floats, sampled: float, search: Search | None = None) -> None:
+        sent = self.envelope.go(place, sampled, search.limits if search else None)
+        if sent is None:  # it took too long; the next round asks again, and stops if need be
+            return
+        self.moves += 1
+        self.tell("move", x=round(float(sent[0]), 6), y=round(float(sent[1]), 6))
+
+    def pause(self, reason: str, newest: Sample, place: Floats, now: float) -> None:
+        """Stands still, or looks for the mirror where that was asked for."""
+        fresh = now - newest.time <= self.settings.stale and newest.doubt != "no fresh sample"
+        fresh = fresh and bool(np.isfinite(newest.powers).all())
+        looks = self.search is not None and self.moves > 0 and fresh and not self.search.outcome
+        if not self.stopped or (self.envelope.moving and not looks) or self.envelope.stalled:
+            self.envelope.halt(reason)
+            self.law.forget()
+        self.stopped = reason
+        if looks and self.search is not None:
+            self.look_for(self.search, newest, place)
+
+    def look_for(self, search: Search, newest: Sample, place: Floats) -> None:
+        if not self.searching:
+            self.searching = True
+            self.tell("search", x=round(float(place[0]), 6), y=round(float(place[1]), 6))
+        goal = search.next(place, self.law.towards(newest.powers, place, LIT))
+        if goal is None:
+            self.end_search(search.outcome)
+            self.envelope.halt(search.outcome)
+        else:
+            self.go(goal, newest.time, search)
+
+    def end_search(self, outcome: str) -> None:
+        """Tells how a search ended, if there was one. One that failed is not begun again."""
+        if self.searching:
+            self.tell("search ended", outcome=outcome)
+        self.searching = False
+        if self.search is not None and outcome == "found":
+            self.search.forget()
+        elif self.search is not None:
+            self.note = outcome
+
+
+def words(error: Exception) -> str:
+    """What a person is told of an error of any kind."""
+    if isinstance(error, FacetsError):
+        return str(error)
+    if isinstance(error, OSError):  # pyserial's errors are of this kind, too
+        return f"the stage's line went away: {error}"
+    return f"tracking failed by an error of its own, {type(error).__name__}: {error}"

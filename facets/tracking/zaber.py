@@ -1,0 +1,133 @@
+"""Zaber's ASCII protocol, version 3: a driver for two axes of one device.
+
+`/1 1 07 move abs 1000:C5` is answered `@01 1 07 OK IDLE -- 0` (or `RJ` and a reason);
+`/1 0 08 get pos` gives both axes at once. 07 is the message's number, by which a late answer is
+told from the one that is waited for; C5 its checksum, without which a spoilt command would be
+obeyed. Source: Zaber ASCII Protocol Manual.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.settings import Stage as Settings
+from .line import PATIENCE, Line
+from .stage import StageError
+
+Floats = NDArray[np.float64]
+
+#: A native unit of speed is so many microsteps a second, one of acceleration a second squared.
+SPEED, ACCELERATION = 1 / 1.6384, 1e4 / 1.6384
+#: The first firmware whose moves take a speed and an acceleration of their own.
+FIRMWARE = 7.25
+#: A message's numbers go round below this.
+NUMBERS = 90
+#: So many lines are passed over before the one that is waited for, and no more.
+MANY = 500
+
+
+def checksum(message: str) -> str:
+    """Of a message without its first character: two hexadecimal digits that make its sum zero."""
+    return f"{-sum(message.encode()) & 0xFF:02X}"
+
+
+class Zaber:
+    """Drives axes 1 (x) and 2 (y) of device 1; places of the beam in mm, (2,)."""
+
+    def __init__(self, line: Line, settings: Settings) -> None:
+        self.line, self.settings = line, settings
+        self.zero = np.array(settings.zero)
+        self.number = 0
+        self.bounds = ""  # what a move says of its speed
+
+    def send(self, command: str, axis: int = 0) -> str:
+        """Writes a command; returns its number."""
+        self.number = (self.number + 1) % NUMBERS
+        text = f"1 {axis} {self.number:02d} {command}"
+        self.line.write(f"/{text}:{checksum(text)}\n".encode())
+        return f"{self.number:02d}"
+
+    def receive(self, number: str, command: str, patience: float = PATIENCE) -> list[str]:
+        """The data of the answer to a command; alerts and late answers are passed over."""
+        for _ in range(MANY):
+            reply = self.line.read_line(patience)
+            if reply[:1] in ("!", "#"):
+                continue
+            body, _, told = reply.partition(":")
+            words = body.split()
+            sound = not told or told == checksum(body[1:])
+            if not (sound and reply[:1] == "@" and len(words) >= 7 and words[2].isdigit()):
+                raise StageError(f"the stage's answer can not be understood: {reply!r}")
+            if words[2] == number:
+                return self.data(words, command)
+        raise StageError(f"the stage talks, but does not answer {command!r}")
+
+    def data(self, words: list[str], command: str) -> list[str]:
+        """What an answer says, or what is wrong."""
+        if words[3] != "OK":
+            raise StageError(f"the stage refused {command!r}: {' '.join(words[6:])}")
+        if words[5].startswith("F"):
+            raise StageError(f"the stage has a fault, {words[5]}; see its manual")
+        if words[5] == "WR":
+            raise StageError("the stage has no reference any more (WR): was it restarted? Home it")
+        return words[6:]
+
+    def ask(self, command: str, patience: float = PATIENCE) -> list[str]:
+        return self.receive(self.send(command), command, patience)
+
+    def numbers(self, command: str) -> Floats:
+        """Two numbers, one an axis."""
+        data = self.ask(command)
+        try:
+            found = np.array([float(word) for word in data])
+        except ValueError:
+            found = np.zeros(0)
+        if found.shape != (2,) or not np.isfinite(found).all():
+            raise StageError(f"the stage's answer to {command!r} can not be understood: {data}")
+        return found
+
+    def prepare(self) -> None:
+        """Stops what goes on, and sees that no move can be faster than the settings say."""
+        self.cry()
+        self.line.drain()
+        self.stop()
+        s = self.settings
+        most = round(s.max_speed / s.step / SPEED), round(s.acceleration / s.step / ACCELERATION)
+        own = self.numbers("get maxspeed").max(), self.numbers("get accel").max()
+        if own[0] <= most[0] and 0 < own[1] <= most[1]:  # an acceleration of 0 is none at all
+            return
+        version = self.ask("get version")
+        try:
+            new = float(version[0]) >= FIRMWARE
+        except (ValueError, IndexError):
+            new = False
+        if not new:
+            raise StageError(
+                f"the stage's own maxspeed {own[0]:g} or accel {own[1]:g} is above what "
+                f"stage.max_speed_mm_s and stage.acceleration_mm_s2 allow; set them to "
+                f"{most[0]} and {max(1, most[1])} by its maker's program"
+            )
+        self.bounds = f" {max(1, most[0])} {max(1, most[1])}"
+
+    def place(self) -> Floats:
+        """Where the encoders say that the beam is."""
+        return self.zero + self.settings.step * self.numbers("get pos")
+
+    def move(self, place: Floats) -> None:
+        """Starts towards a place; does not wait until it is there."""
+        units = np.round((place - self.zero) / self.settings.step).astype(int).tolist()
+        sent = []
+        for axis, unit in enumerate(units, start=1):
+            command = f"move abs {unit}{self.bounds}"
+            sent.append((self.send(command, axis), command))
+        for number, command in sent:
+            self.receive(number, command)
+
+    def stop(self, patience: float = PATIENCE) -> None:
+        """Stops both axes, and waits for the stage's word that it does."""
+        self.ask("stop", patience)
+
+    def cry(self) -> None:
+        """Stops without waiting for a word, whatever was half said before."""
+        self.line.write(b"?\n/1 0 99 stop\n")

@@ -1,0 +1,115 @@
+"""A command that is told to end, by ^C, by the system, by its terminal: nothing stays half-done."""
+
+from __future__ import annotations
+
+import os
+import signal
+import uuid
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import command
+from programs import Program, await_true, size_of
+
+import facets
+from facets.core.names import READING_COLUMNS
+
+STATUS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
+
+
+def running_with(mark):
+    """Processes that have an environment variable of that value."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        try:
+            if mark.encode() in path.read_bytes():
+                found.append(path.parent.name)
+        except OSError:
+            continue
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for processes in /proc")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_explore_leaves_no_workers(tmp_path, number):
+    """Also where it is killed: a worker ends when its parent has."""
+    mark = f"mark-{uuid.uuid4()}"
+    words = ("explore", "layout", "-o", "found", "--designs", "100000")
+    with Program(*words, cwd=tmp_path, env={"MARK": mark}) as program:
+        program.await_true(lambda: len(running_with(mark)) > 1, "workers")
+        status = program.end(number)
+    assert status == STATUS.get(number, -number)
+    await_true(lambda: not running_with(mark), "no workers")
+    assert not [file for file in tmp_path.rglob(".*") if file.is_file()]
+
+
+@pytest.mark.parametrize("number", STATUS)
+def test_solve_leaves_no_hidden_file(tmp_path, number):
+    sensor = facets.load("paper").sensor
+    row = ",".join(f"{x!r}" for x in facets.readings(sensor, np.zeros(8)).tolist())
+    table = tmp_path / "readings.csv"
+    table.write_text(",".join(READING_COLUMNS) + "\n" + (row + "\n") * 400_000)
+    with Program("solve", "paper", "readings.csv", "-o", "poses.csv", cwd=tmp_path) as program:
+        program.await_true(
+            lambda: sum(size_of(f) for f in tmp_path.glob(".poses*")) > 100_000, "some of the table"
+        )
+        assert program.end(number) == STATUS[number]
+    assert [file.name for file in tmp_path.iterdir()] == ["readings.csv"]
+    assert "interrupted" in program.stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_optimize_gives_no_verdict(tmp_path, number):
+    """Wherever it is: casadi swallows what a handler raises while IPOPT computes."""
+    (tmp_path / "long.yaml").write_text("extends: layout\noptimize: {starts: 1000}\n")
+    with Program("optimize", "long.yaml", "-o", "best.yaml", cwd=tmp_path) as program:
+        ticks = os.sysconf("SC_CLK_TCK")
+
+        def spent():
+            try:
+                words = Path(f"/proc/{program.process.pid}/stat").read_text().split()
+            except OSError:
+                return 0.0
+            return (int(words[13]) + int(words[14])) / ticks
+
+        program.await_true(lambda: spent() > 12, "some starts")
+        assert program.end(number) == STATUS[number]
+    assert "no layout" not in program.stdout + program.stderr
+    assert "interrupted" in program.stderr
+    assert not (tmp_path / "best.yaml").exists()
+
+
+def test_a_solver_that_swallows_a_signal_does_not_keep_it(monkeypatch):
+    from facets.design.interruption import run_solver
+
+    def solver(answer):
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+            for _ in range(1_000_000):
+                pass
+        except KeyboardInterrupt:
+            return "swallowed"
+        return answer
+
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        run_solver(solver, answer=1)
+    assert signal.getsignal(signal.SIGINT) is before
+    assert run_solver(lambda answer: answer, answer=1) == 1
+
+
+def test_nohup_is_respected(tmp_path):
+    """A signal that is ignored when a program starts does not end it."""
+    import subprocess
+
+    from commands import PROGRAM
+
+    text = "import signal; from facets.cli import signals\n" \
+        "signal.signal(signal.SIGHUP, signal.SIG_IGN)\n" \
+        "with signals.interrupting():\n" \
+        "    assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN\n" \
+        "    assert signal.getsignal(signal.SIGTERM) is signals.interrupt\n" \
+        "assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL\n"  # fmt: skip
+    subprocess.run([PROGRAM[0], "-c", text], cwd=tmp_path, check=True)
+    assert command("--version", cwd=tmp_path).returncode == 0

@@ -1,0 +1,164 @@
+"""Counters and clocks: wraps, gaps, samples that come again, and boards that begin again."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import facets
+from facets.live.clock import WRAP, Drift, Sequence
+from facets.live.frames import ELECTRODES, Samples, encode
+from facets.live.pipeline import Pipeline
+
+PERIOD = 100
+
+
+def samples(seqs, times=None, seed=1):
+    """Samples with these numbers and times (us, PERIOD a number if left out), and any light."""
+    raw = np.array(seqs, dtype=np.int64)
+    at = PERIOD * raw if times is None else np.array(times, dtype=np.int64)
+    # the same number has the same light, as a sample that comes again has
+    counts = np.array([np.random.default_rng([seed, n]).integers(0, 1000, 12) for n in raw % WRAP])
+    none = np.zeros(len(raw), np.uint8)
+    return Samples(
+        none + np.uint8(ELECTRODES), none, (raw % WRAP).astype(np.uint32),
+        (at % WRAP).astype(np.uint32), counts.astype(np.int32).reshape(len(raw), 12),
+    )  # fmt: skip
+
+
+def test_counters_wrap_and_gaps_are_counted():
+    sequence = Sequence()
+    _, seq, time = sequence.follow(samples([WRAP - 2, WRAP - 1, WRAP, WRAP + 1, WRAP + 5]))
+    assert np.diff(seq).tolist() == [1, 1, 1, 4]
+    assert np.diff(time).tolist() == [100, 100, 100, 400]
+    assert sequence.lost == 3
+    assert sequence.restarts == 0
+
+
+def test_samples_that_come_again_are_dropped():
+    sequence = Sequence()
+    _, seq, time = sequence.follow(samples([10, 11, 11, 10, 12]))
+    assert seq.tolist() == [10, 11, 12]
+    assert np.diff(time).tolist() == [100, 100]
+    assert (sequence.doubled, sequence.lost, sequence.restarts) == (2, 0, 0)
+
+
+def test_a_sample_that_comes_late_is_dropped():
+    sequence = Sequence()
+    sequence.follow(samples(range(10)), 1.0)
+    sequence.follow(samples([10, 12]), 1.001)
+    _, seq, _ = sequence.follow(samples([11, 13]), 1.002)
+    assert seq.tolist() == [13]
+    assert (sequence.doubled, sequence.lost, sequence.restarts) == (1, 1, 0)
+
+
+@pytest.mark.parametrize("first", [3, 500, 5_000, 1_000_000, 40_000_000])
+@pytest.mark.parametrize("gap", [0.05, 1.5, 20.0, 3_000.0])
+def test_time_goes_on_by_the_hosts_clock_when_a_board_restarts(first, gap):
+    """However long it ran, the board's counters begin at 0; its light is another."""
+    sequence = Sequence()
+    _, seq, time = sequence.follow(samples(range(first, first + 40)), 100.0)
+    _, after, since = sequence.follow(samples(range(20), seed=2), 100.0 + gap)
+    assert sequence.restarts == 1
+    assert (sequence.lost, sequence.doubled) == (0, 0)
+    assert after[0] == seq[-1] + 1
+    assert since[0] - time[-1] == pytest.approx(1e6 * gap, abs=PERIOD)
+    assert (np.diff(since) == PERIOD).all()
+    assert (np.diff(after) == 1).all()
+
+
+def test_a_restart_in_the_middle_of_a_block_jumps_by_no_hour():
+    sequence = Sequence()
+    sequence.follow(samples(range(5_000, 5_040)), 7.0)
+    times = [*range(504_000, 504_500, 100), *range(0, 500, 100)]
+    _, seq, time = sequence.follow(samples([*range(5_040, 5_045), *range(5)], times, 3), 7.01)
+    assert (np.diff(seq) == 1).all()
+    assert sequence.restarts == 1
+    assert (np.diff(time) >= 1).all()
+    assert np.diff(time).max() <= 10_000
+
+
+def test_a_board_that_restarts_while_unplugged_is_told_from_a_gap():
+    """Its numbers may be larger again than the last that came: only the host's clock knows."""
+    sequence = Sequence()
+    _, _, time = sequence.follow(samples(range(100_000, 100_040)), 10.0)
+    _, _, since = sequence.follow(samples(range(250_000, 250_040)), 10.0 + 600.0)
+    assert sequence.restarts == 1
+    assert sequence.lost == 0
+    assert since[0] - time[-1] == pytest.approx(600e6)
+
+
+@pytest.mark.parametrize("hours", [0.5, 1.19, 1.2, 2.5, 30.0])
+def test_a_cable_that_was_out_for_hours_costs_samples_and_no_time(hours):
+    """Past 71.6 minutes the board's clock has wrapped; its two counters and the host's agree."""
+    sequence = Sequence()
+    _, seq, time = sequence.follow(samples(range(1_000, 1_040)), 50.0)
+    passed = round(hours * 3600e6 / PERIOD)
+    _, after, since = sequence.follow(
+        samples(range(1_039 + passed, 1_079 + passed)), 50.0 + hours * 3600 * (1 + 30e-6)
+    )
+    assert sequence.restarts == 0
+    assert sequence.lost == passed - 1
+    assert after[0] - seq[-1] == passed
+    assert since[0] - time[-1] == passed * PERIOD
+
+
+def test_time_goes_on_past_its_wrap():
+    sequence = Sequence()
+    first = samples(range(3), [WRAP - 200, WRAP - 100, WRAP])
+    _, _, time = sequence.follow(first, 1.0)
+    assert np.diff(time).tolist() == [100, 100]
+    _, _, again = sequence.follow(samples([3, 4], [WRAP + 100, WRAP + 200]), 1.001)
+    assert again[0] - time[-1] == 100
+    assert sequence.restarts == 0
+
+
+def test_a_host_that_reads_late_sees_no_restart():
+    """A gap in the samples, then a pause of the reader: what came was only kept waiting."""
+    sequence = Sequence()
+    sequence.follow(samples(range(1_000)), 5.0)
+    _, seq, _ = sequence.follow(samples(range(1_010, 1_020)), 8.0)
+    assert sequence.restarts == 0
+    assert sequence.lost == 10
+    assert seq[0] == 1_010
+
+
+def test_drift_is_found():
+    drift = Drift()
+    rng = np.random.default_rng(1)
+    for device in np.arange(0, 60, 0.01):
+        drift.add(device, 100 + device * (1 + 40e-6) + rng.exponential(1e-4))
+    assert drift.ppm == pytest.approx(40, abs=1)
+
+
+def board_life(first, count, begin, ppm=30.0, seed=1):
+    """Blocks (bytes, arrival) of a board that was switched on at `begin` (s), from a sample on.
+
+    Its clock is slow by ppm; what it sends arrives 1.5 ms after its last sample.
+    """
+    for start in range(first, first + count, 50):
+        part = samples(range(start, start + 50), seed=seed)
+        sent = begin + 1e-6 * PERIOD * (start + 49) * (1 + 1e-6 * ppm)
+        yield encode("frames", part), sent + 1.5e-3
+
+
+@pytest.mark.parametrize("first", [0, 2**32 // PERIOD - 20_000])
+def test_host_times_and_drift_are_right_through_restarts_and_the_wrap(first):
+    """Three lives of one board; the first begins before its clock wraps."""
+    pipeline = Pipeline(facets.load("bench"))
+    lives = [(first, 40_000, 0.0), (0, 30_000, 9_000.0), (0, 30_000, 9_010.0)]
+    host = []
+    for n, (start, count, begin) in enumerate(lives):
+        for data, arrival in board_life(start, count, begin, seed=n):
+            for batch in pipeline.take(data, arrival):
+                assert (np.diff(batch.time) > 0).all()
+                host.append((batch.host, batch.seq))
+    times, seq = (np.concatenate(column) for column in zip(*host, strict=True))
+    assert pipeline.sequence.restarts == 2
+    assert pipeline.sequence.lost == 0
+    assert (np.diff(seq) == 1).all()
+    true = np.concatenate(
+        [b + 1e-6 * PERIOD * np.arange(s, s + c) * (1 + 30e-6) for s, c, b in lives]
+    )
+    assert np.abs(times - true).max() < 1e-6
+    assert pipeline.drift.ppm == pytest.approx(30, abs=0.1)

@@ -1,0 +1,198 @@
+"""The loop that solves what comes, on a clock that only the test moves."""
+
+from __future__ import annotations
+
+from queue import Empty
+
+import numpy as np
+import pytest
+from facets.experiments.kills import stream
+
+import facets
+from facets.live import acquire as module
+from facets.live.acquire import Ending, Live, Loop
+from facets.live.frames import SIZE
+from facets.live.index import Block
+from facets.live.pipeline import SKIPPED, Pipeline
+from facets.live.pose_table import join_columns, pose_columns
+from facets.live.replay import compare
+
+CONFIG = facets.load("bench")
+EACH = 20
+
+
+class Clock:
+    now = 1_000.0
+
+    def monotonic(self):
+        return self.now
+
+
+class Board:
+    """A reader whose blocks come when the clock says so; every 2 ms one."""
+
+    port = error = None
+
+    def __init__(self, clock, count, every=2e-3):
+        self.clock, self.queue = clock, self
+        data = stream(count * EACH)
+        size = EACH * SIZE
+        self.blocks = [
+            Block(data[n * size : (n + 1) * size], clock.now + every * (n + 1), None)
+            for n in range(count)
+        ]
+
+    def get(self, timeout):
+        if not self.blocks:
+            raise Empty
+        self.clock.now = max(self.clock.now, self.blocks[0].arrival)
+        return self.get_nowait()
+
+    def get_nowait(self):
+        if not self.blocks or self.blocks[0].arrival > self.clock.now:
+            raise Empty
+        return self.blocks.pop(0)
+
+    def empty(self):
+        return not self.blocks
+
+    def is_alive(self):
+        return bool(self.blocks)
+
+
+class Kept:
+    """A recording in memory."""
+
+    trouble, lost = "", 0
+
+    def __init__(self):
+        self.events, self.parts = [], []
+
+    def event(self, name, **more):
+        self.events.append((name, more))
+
+    def poses(self, poses):
+        self.parts.append(pose_columns(poses))
+
+
+class Slow(Pipeline):
+    """Takes time to solve, as faint light does. seconds: by batch, then the last for ever."""
+
+    def __init__(self, clock, seconds):
+        super().__init__(CONFIG)
+        self.clock, self.seconds = clock, list(seconds)
+
+    def solve(self, batch):
+        self.clock.now += self.seconds.pop(0) if len(self.seconds) > 1 else self.seconds[0]
+        return super().solve(batch)
+
+
+def run(monkeypatch, seconds, count):
+    clock = Clock()
+    monkeypatch.setattr(module, "time", clock)
+    live, kept = Live(Slow(clock, seconds)), Kept()
+    seen = []
+    loop = Loop(live, Board(clock, count), kept, lambda now: seen.append(now.messages()))
+    loop.run(Ending())
+    loop.finish()
+    return live, kept, seen
+
+
+def in_order(columns):
+    order = np.argsort(columns["seq"])
+    return {name: column[order] for name, column in columns.items()}
+
+
+def in_turn(count):
+    """What the poses are where there is all the time in the world."""
+    pipeline = Pipeline(CONFIG)
+    parts = [pipeline.feed(b.data, b.arrival) for b in Board(Clock(), count).blocks]
+    return join_columns([pose_columns(part) for part in parts])
+
+
+def test_a_loop_in_time_solves_in_turn_and_says_nothing(monkeypatch):
+    live, kept, seen = run(monkeypatch, [1e-3], 50)
+    assert not any(seen)
+    assert [name for name, _ in kept.events] == ["end"]
+    columns = join_columns(kept.parts)
+    assert (np.diff(columns["seq"]) == 1).all()
+    assert compare(columns, in_turn(50)).same
+    assert live.late == live.pipeline.tally.skipped == 0
+
+
+def test_a_loop_that_falls_behind_says_so_keeps_up_with_the_newest_and_catches_up(monkeypatch):
+    """30 batches take 20 ms each, ten times what there is; then it goes fast again."""
+    live, kept, seen = run(monkeypatch, [0.02] * 30 + [1e-4], 500)
+    names = [name for name, _ in kept.events]
+    assert names == ["behind", "caught up", "end"]
+    assert any("the newest samples are solved first" in text for part in seen for text in part)
+    assert not seen[-1]
+    assert live.ninety_nine() < module.PROMPT + 2 * 0.02 + 0.002
+    assert live.late > 0
+    assert live.pipeline.tally.skipped == 0
+    found = compare(in_order(join_columns(kept.parts)), in_turn(500))
+    assert found.same  # in whatever order they were solved, to the last bit
+    assert found.recorded == 500 * EACH
+
+
+def test_what_there_is_never_time_for_is_given_up_by_name(monkeypatch):
+    """Twice too slow for ever: all is accounted for, half is skipped, the newest is not old."""
+    monkeypatch.setattr(module, "TOO_OLD", 0.5)
+    monkeypatch.setattr(module, "FINISH", 0.05)
+    live, kept, _ = run(monkeypatch, [4e-3], 1_000)
+    assert [name for name, _ in kept.events] == ["behind", "caught up", "end"]
+    columns = in_order(join_columns(kept.parts))
+    assert (columns["seq"] == np.arange(1_000 * EACH)).all()
+    skipped = columns["status"] == SKIPPED
+    assert 0.35 < skipped.mean() < 0.55
+    assert skipped.sum() == live.pipeline.tally.skipped
+    assert np.isnan(columns["tx_mm"][skipped]).all()
+    assert live.ninety_nine() < module.PROMPT + 0.02
+    assert kept.events[-1][1]["statuses"]["skipped"] == skipped.sum()
+
+
+def test_a_comparison_knows_what_it_can_not_compare():
+    whole = in_turn(10)
+    part = {name: column.copy() for name, column in whole.items()}
+    part["status"][20:40] = SKIPPED
+    part["tx_mm"][20:40] = np.nan
+    found = compare(part, whole)
+    assert (found.same, found.skipped, found.absent) == (True, 20, 0)
+    less = {name: column[60:] for name, column in whole.items()}
+    assert compare(part, less).absent == 40
+    part["tx_mm"][100] += 3 * part["u_tx_mm"][100]
+    found = compare(part, whole)
+    assert (found.same, found.different) == (False, 1)
+    assert found.worst == pytest.approx(3)
+    part["tx_mm"][100] = np.nan
+    assert compare(part, whole).worst == np.inf
+    assert compare({}, whole).same
+
+
+def test_a_terminal_that_is_gone_ends_the_view_and_not_the_loop(monkeypatch):
+    clock = Clock()
+    monkeypatch.setattr(module, "time", clock)
+
+    def show(_):
+        raise OSError(5, "Input/output error")
+
+    live, kept = Live(Pipeline(CONFIG)), Kept()
+    Loop(live, Board(clock, 10), kept, show).run(Ending())
+    assert live.pipeline.tally.samples == 10 * EACH
+
+
+@pytest.mark.parametrize("light", [np.nan, 0.0, 1e-6, -1.0])
+def test_a_sample_without_light_takes_no_step(light):
+    """Screened by the estimator, before it is solved; see `Pipeline.solve`."""
+    from dataclasses import replace
+
+    pipeline = Pipeline(CONFIG)
+    (batch,) = pipeline.take(stream(40), 1.0)
+    dark = batch.readings.copy()
+    dark[:, 2::3] = light
+    poses = pipeline.solve(replace(batch, readings=dark))
+    assert (poses.solution.iterations == 0).all()
+    assert not poses.solution.ok.any()
+    far = batch.readings.copy()
+    far[:, ::3] = 50.0
+    assert (pipeline.solve(replace(batch, readings=far)).solution.iterations == 0).all()

@@ -1,0 +1,200 @@
+"""The power goes at any moment: a recording recovers or says what it lost; nothing is made up."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from power_cut import Log, image
+
+import facets
+from facets.core.errors import InputError
+from facets.detectors.counts import counts_of
+from facets.files.provenance import run_record
+from facets.live.frames import ELECTRODES, Samples, encode
+from facets.live.index import Block, Damage
+from facets.live.pipeline import Pipeline
+from facets.live.pose_table import join_columns, pose_columns, recorded_poses
+from facets.live.recording import Recording, meta_of
+from facets.live.replay import replay
+from facets.tracking.encoder import Encoder
+
+BLOCKS, EACH, CUTS = 40, 12, 60
+CONFIG = facets.load("bench")
+
+
+def config_of(form):
+    return replace(CONFIG, acquire=replace(CONFIG.acquire, format=form))
+
+
+@lru_cache
+def recorded(form):
+    """A run: the log of what its recording did, how much of that came before the first byte, its
+    poses, and after which operation each block was sure to be on the disk."""
+    config, log = config_of(form), Log()
+    pipeline = Pipeline(config)
+    recording = Recording(
+        Path("nowhere"), run_record(config, None, 0.0, {}), config.resolved, disk=log
+    )
+    begun = len(log.done)
+    queue = make_blocks(form)
+    written, sure, poses = 0, [None] * BLOCKS, []
+
+    def write():
+        nonlocal written
+        recording.block(queue[written])
+        part = pipeline.feed(queue[written].data, queue[written].arrival, queue[written].encoder)
+        if part is not None:
+            poses.append(part)
+            recording.poses(part)
+        written += 1
+
+    def on_sync(name):
+        if name == "bytes.bin" and written < BLOCKS:  # the reader goes on while the disk is busy
+            write()
+
+    log.on_sync = on_sync
+    while written < BLOCKS:
+        for _ in range(min(5, BLOCKS - written)):
+            write()
+        recording.flush()
+        before = written
+        recording.event("synced")
+        recording.sync()
+        end = max(n for n, (what, name, _) in enumerate(log.done) if (what, name) == (
+            "sync", "index.bin"))  # fmt: skip
+        for n in range(before):
+            sure[n] = end + 1 if sure[n] is None else sure[n]
+    recording.close()
+    columns = join_columns([pose_columns(part) for part in poses])
+    return log, begun, columns, sure
+
+
+def make_blocks(form):
+    rng = np.random.default_rng(1)
+    count = BLOCKS * EACH
+    state = np.zeros((count, 8))
+    state[:, 5] = 1e-3 * np.sin(np.arange(count) / 40)
+    counts = counts_of(
+        CONFIG.sensor, CONFIG.electronics, facets.readings(CONFIG.sensor, state), rng
+    )
+    number = np.arange(count, dtype=np.uint32)
+    kind = np.full(count, ELECTRODES, np.uint8)
+    sent = Samples(kind, 0 * kind, number, 100 * number, counts)
+    blocks = []
+    for n in range(BLOCKS):
+        data = encode(form, sent.where((number >= n * EACH) & (number < (n + 1) * EACH)))
+        arrival = 50.0 + 1e-4 * EACH * (n + 1)
+        blocks.append(Block(data, arrival, Encoder(arrival, np.array([1e-4, 0.0]), np.zeros(2))))
+    return blocks
+
+
+@pytest.mark.parametrize("form", ["frames", "cobs", "text"])
+def test_a_recording_survives_the_power_going_at_any_moment(form, tmp_path):
+    log, begun, whole, sure = recorded(form)
+    config = config_of(form)
+    rng = np.random.default_rng(7)
+    meta = b"".join(data for _, name, data in log.done if name == "meta.yaml")
+    damaged = 0
+    for cut in range(CUTS):
+        moment = int(rng.integers(1, len(log.done) + 1))
+        folder = tmp_path / f"{form}-{cut}"
+        folder.mkdir()
+        for name, data in image(log, moment, rng).items():
+            (folder / name).write_bytes(data)
+        if moment < begun:  # there was no recording yet; half of one says that it is none
+            check_it_is_none_or_empty(folder, config)
+            continue
+        assert (folder / "meta.yaml").read_bytes() == meta
+        damage, pipeline = Damage(), Pipeline(config)
+        parts = [pose_columns(part) for part in replay(folder, pipeline, damage=damage)]
+        found = join_columns(parts) if parts else {"seq": np.zeros(0, np.int64)}
+        check_nothing_is_made_up(found, whole)
+        check_what_was_synced_is_there(
+            found, whole, [n for n in range(BLOCKS) if sure[n] <= moment]
+        )
+        check_losses_are_told(found, pipeline, damage)
+        check_nothing_is_made_up(recorded_poses(folder), whole, to_the_last_bit=True)
+        damaged += bool(damage.words)
+    assert damaged > CUTS / 4
+
+
+def check_it_is_none_or_empty(folder, config):
+    """Of a recording that had not begun: an error that says so, or no pose."""
+    try:
+        meta_of(folder)
+        found = list(replay(folder, Pipeline(config)))
+    except InputError as error:
+        found, words = [], str(error)
+    else:
+        words = "no recording"
+    assert not found
+    assert "no recording" in words or "damaged" in words
+
+
+def check_nothing_is_made_up(found, whole, to_the_last_bit=False):
+    if not found:
+        return
+    assert (np.diff(found["seq"]) > 0).all()
+    for name in whole if to_the_last_bit else [n for n in whole if n.startswith(("psi", "power"))]:
+        if name in found:
+            assert np.array_equal(found[name], whole[name][found["seq"]], equal_nan=True), name
+
+
+def check_what_was_synced_is_there(found, whole, blocks):
+    seq = np.concatenate([np.zeros(0, int), *[n * EACH + np.arange(EACH) for n in blocks]])
+    assert np.isin(seq, found["seq"]).all()
+    place = np.searchsorted(found["seq"], seq)
+    for name in whole:
+        if len(seq):
+            assert np.array_equal(found[name][place], whole[name][seq], equal_nan=True), name
+
+
+def check_losses_are_told(found, pipeline, damage):
+    """Samples that miss between others are counted, and show as damage."""
+    count = len(found["seq"])
+    if count:
+        missing = int(found["seq"][-1] - found["seq"][0]) + 1 - count
+        assert pipeline.sequence.lost == missing
+        assert pipeline.sequence.restarts == 0
+        if missing:
+            assert damage.words
+
+
+def test_the_whole_recording_comes_back_whole(tmp_path):
+    log, _, whole, _ = recorded("frames")
+    for name, data in image(log, len(log.done), np.random.default_rng(1)).items():
+        (tmp_path / name).write_bytes(data)
+    assert meta_of(tmp_path)["config"] == "bench"
+    damage = Damage()
+    parts = [pose_columns(p) for p in replay(tmp_path, Pipeline(CONFIG), damage=damage)]
+    assert damage == Damage()
+    found = join_columns(parts)
+    assert all(np.array_equal(found[name], whole[name], equal_nan=True) for name in whole)
+    old = recorded_poses(tmp_path)
+    assert old.keys() == whole.keys()
+    assert all(np.array_equal(old[name], whole[name], equal_nan=True) for name in whole)
+
+
+def test_a_recording_from_before_the_sums_is_read_as_it_was(tmp_path):
+    """Rows of 72 bytes, without CRC; poses without the column that proves them."""
+    from facets.live.index import OLD, pack_encoder
+
+    rows, data = [], b""
+    for block in make_blocks("frames")[:5]:
+        row = np.zeros(1, OLD)
+        row["offset"], row["length"], row["monotonic"] = len(data), len(block.data), block.arrival
+        row["stage"] = pack_encoder(block.encoder)
+        rows.append(row.tobytes())
+        data += block.data
+    (tmp_path / "bytes.bin").write_bytes(data)
+    (tmp_path / "index.bin").write_bytes(b"".join(rows) + rows[0][:30])
+    damage = Damage()
+    parts = [pose_columns(p) for p in replay(tmp_path, Pipeline(CONFIG), damage=damage)]
+    found, whole = join_columns(parts), recorded("frames")[2]
+    assert damage == Damage()
+    assert len(found["seq"]) == 5 * EACH
+    assert all(np.array_equal(found[n], whole[n][: 5 * EACH], equal_nan=True) for n in whole)

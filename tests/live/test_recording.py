@@ -1,0 +1,278 @@
+"""A recording meets disks that refuse, folders that are none, and errors while it is closed."""
+
+from __future__ import annotations
+
+import errno
+import json
+import threading
+
+import numpy as np
+import pytest
+from facets.experiments.kills import stream
+
+import facets
+from facets.core.errors import InputError
+from facets.live import acquire as module
+from facets.live.acquire import Ending, Live, Reader, acquire
+from facets.live.disk import Disk
+from facets.live.frames import SIZE
+from facets.live.index import Block, Damage
+from facets.live.pipeline import Pipeline
+from facets.live.pose_table import recorded_poses
+from facets.live.recording import DiskError, Recording, blocks
+from facets.live.replay import replay
+
+CONFIG = facets.load("bench")
+META = "config: bench\nresolved: {}\n"
+
+
+class Full(Disk):
+    """Has so many bytes left; then takes what fits, and refuses. sync_error: of every sync."""
+
+    def __init__(self, left, sync_error=None):
+        self.left, self.sync_error, self.handles = left, sync_error, set()
+
+    def create(self, path):
+        handle = super().create(path)
+        self.handles.add(handle)
+        return handle
+
+    def append(self, handle, data):
+        if self.left <= 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        taken = super().append(handle, memoryview(data)[: self.left])
+        self.left -= taken
+        return taken
+
+    def sync(self, handle):
+        if self.sync_error:
+            raise self.sync_error
+        super().sync(handle)
+
+    def close(self, handle):
+        self.handles.discard(handle)
+        super().close(handle)
+
+
+def pieces(count, each=25):
+    data = stream(count * each)
+    size = each * SIZE
+    return [Block(data[n * size : (n + 1) * size], 1.0 + 0.0025 * n, None) for n in range(count)]
+
+
+def events_of(folder):
+    return [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
+
+
+@pytest.mark.parametrize("room", [100, 1_650, 5_000, 20_011, 31_999])
+def test_what_was_recorded_before_the_disk_was_full_is_readable(tmp_path, room):
+    disk = Full(room + len(META))
+    recording = Recording(tmp_path / "r", META, CONFIG.resolved, disk=disk)
+    pipeline = Pipeline(CONFIG)
+    for block in pieces(40):
+        recording.block(block)
+        recording.poses(pipeline.feed(block.data, block.arrival))
+        recording.flush()
+    recording.close()
+    assert "No space left" in recording.trouble
+    damage = Damage()
+    kept = list(blocks(tmp_path / "r", damage))
+    assert damage == Damage()
+    size = sum(len(block.data) for block in kept)
+    assert size + recording.lost == sum(len(block.data) for block in pieces(40))
+    again = {int(seq) for poses in replay(tmp_path / "r", Pipeline(CONFIG)) for seq in poses.seq}
+    assert len(again) == size // SIZE
+    old = recorded_poses(tmp_path / "r")
+    assert not old or np.isin(old["seq"], range(1_000)).all()
+
+
+def test_recording_goes_on_when_the_disk_has_space_again(tmp_path, monkeypatch):
+    monkeypatch.setattr("facets.live.recording.AGAIN", 0.0)
+    disk = Full(10_000)
+    with Recording(tmp_path / "r", META, CONFIG.resolved, disk=disk) as recording:
+        some = pieces(40)
+        for block in some[:20]:
+            recording.block(block)
+        assert recording.lost
+        lost, disk.left = recording.lost, 10**9
+        for block in some[20:]:
+            recording.block(block)
+        assert recording.lost == lost
+    pipeline = Pipeline(CONFIG)
+    count = sum(len(poses) for poses in replay(tmp_path / "r", pipeline))
+    assert count == 1_000 - lost // SIZE
+    assert pipeline.sequence.lost == lost // SIZE
+    (event,) = (row for row in events_of(tmp_path / "r") if row["event"] == "recording again")
+    assert event["lost_bytes"] == lost
+
+
+def test_a_disk_that_can_not_sync_is_told_and_goes_on(tmp_path):
+    disk = Full(10**9)
+    recording = Recording(tmp_path / "r", META, CONFIG.resolved, disk=disk)
+    disk.sync_error = OSError(errno.EIO, "Input/output error")
+    for block in pieces(4):
+        recording.block(block)
+        recording.sync()
+    recording.close()
+    assert "can not be synced: Input/output error" in recording.trouble
+    assert recording.lost == 0
+    assert not disk.handles
+
+
+def test_what_is_written_is_synced_beside_the_writing(tmp_path):
+    """Waits for the event: a sync of each file and of the folder."""
+    seen, all_seen = set(), threading.Event()
+
+    class Watched(Disk):
+        def sync(self, handle):
+            super().sync(handle)
+            if threading.current_thread().name == "sync":
+                seen.add(handle)
+                if len(seen) == 4:
+                    all_seen.set()
+
+    with Recording(tmp_path / "r", META, CONFIG.resolved, sync=0.01, disk=Watched()) as recording:
+        recording.block(pieces(1)[0])
+        assert all_seen.wait(60)
+        assert seen == set(recording.files.values())
+    assert not recording.syncer.is_alive()
+
+
+def test_the_folder_is_synced_before_the_first_byte(tmp_path):
+    done = []
+
+    class Watched(Disk):
+        def sync_folder(self, folder):
+            super().sync_folder(folder)
+            done.append(folder)
+
+        def append(self, handle, data):
+            done.append(None)
+            return super().append(handle, data)
+
+    recording = Recording(tmp_path / "r", META, CONFIG.resolved, disk=Watched())
+    assert done[-2:] == [tmp_path / "r", tmp_path]
+    recording.close()
+
+
+def test_a_recording_needs_a_new_folder(tmp_path):
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "thing").touch()
+    for name, words in (("old", "not empty"), ("old/thing", "is a file")):
+        with pytest.raises(InputError, match=words):
+            Recording(tmp_path / name, "", CONFIG.resolved)
+    with pytest.raises(DiskError, match="can not be written"):
+        Recording(tmp_path / "old" / "thing" / "deeper", "", CONFIG.resolved)
+    with pytest.raises(InputError, match="no recording"):
+        list(blocks(tmp_path / "old"))
+
+
+class Source:
+    """A port with so many blocks to give."""
+
+    ended = waits = False
+
+    def __init__(self, count=5):
+        self.left, self.closed = [block.data for block in pieces(count)], False
+
+    def read(self):
+        data = self.left.pop(0)
+        self.ended = not self.left
+        return data
+
+    def close(self):
+        self.closed = True
+        raise OSError(5, "the port is gone")
+
+
+class Stage:
+    """A tracker whose stage fails, or whose end does."""
+
+    encoder = None
+
+    note = ""
+
+    def __init__(self, error="", at_exit=None):
+        self.error, self.at_exit, self.ended = error, at_exit, False
+
+    def feed(self, times, powers, apexes):
+        assert powers.shape == (len(times), 3)
+        assert apexes.shape == (len(times), 2)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.ended = True
+        if self.at_exit:
+            raise self.at_exit
+
+
+def begin(folder, tmp_path, tracker=None, disk=None):
+    (tmp_path / "empty").touch()
+    live = Live(Pipeline(CONFIG), tracker=tracker)
+    recording = Recording(folder, META, CONFIG.resolved, disk=disk)
+    reader = Reader(CONFIG, f"file:{tmp_path / 'empty'}", recording, False, live)
+    reader.port.close()
+    reader.port = Source()
+    return live, recording, reader
+
+
+@pytest.mark.parametrize("where", ["tracker", "poses", "flush", "sync", "show"])
+@pytest.mark.parametrize("kind", [RuntimeError, KeyboardInterrupt])
+def test_an_error_in_the_end_skips_nothing_of_it(tmp_path, monkeypatch, where, kind):
+    """Whatever raises, the stage is stopped, the port closed, every file closed, all bytes kept."""
+    disk = Full(10**9)
+    tracker = Stage(at_exit=kind("no") if where == "tracker" else None)
+    live, recording, reader = begin(tmp_path / "r", tmp_path, tracker, disk)
+    source = reader.port
+
+    def fail(*_, **__):
+        raise kind("no")
+
+    if where in ("poses", "flush", "sync"):
+        monkeypatch.setattr(recording, where, fail)
+    show = fail if where == "show" else (lambda _: None)
+    swallowed = where == "show" and kind is KeyboardInterrupt  # that ends a run as it should end
+    if swallowed or (where == "poses" and kind is KeyboardInterrupt):
+        acquire_quietly(live, reader, recording, show)
+    else:
+        with pytest.raises(kind):
+            acquire(live, reader, recording, Ending(), show)
+    assert tracker.ended
+    assert source.closed
+    assert not reader.is_alive()
+    assert not disk.handles
+    assert (tmp_path / "r" / "bytes.bin").read_bytes() == b"".join(
+        block.data for block in pieces(5)[: 5 - len(source.left)]
+    )
+
+
+def acquire_quietly(live, reader, recording, show):
+    try:
+        acquire(live, reader, recording, Ending(), show)
+    except KeyboardInterrupt:
+        pass
+    else:
+        assert live.note == "interrupted"
+
+
+def test_a_stage_error_stops_the_stage_and_not_the_record(tmp_path):
+    tracker = Stage(error="the stage does not answer")
+    live, recording, reader = begin(tmp_path / "r", tmp_path, tracker)
+    said = []
+    acquire(live, reader, recording, Ending(), lambda now: said.append(now.messages()))
+    assert len(recorded_poses(tmp_path / "r")["seq"]) == 125
+    assert any(
+        "the stage is stopped, the recording goes on" in text for part in said for text in part
+    )
+    assert "does not answer" in live.stage_error
+
+
+def test_a_full_disk_does_not_end_the_stream(tmp_path):
+    live, recording, reader = begin(tmp_path / "r", tmp_path, disk=Full(2_500 + len(META)))
+    acquire(live, reader, recording, Ending())
+    assert live.pipeline.tally.samples == 125
+    assert live.pipeline.tally.statuses["converged"] == 125
+    assert any("are not recorded" in text for text in live.messages())
+    assert module.FINISH > 0

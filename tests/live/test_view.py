@@ -1,0 +1,64 @@
+"""What a person sees of a run, on terminals of any size."""
+
+from __future__ import annotations
+
+import io
+import json
+
+import numpy as np
+import pytest
+from facets.experiments.kills import stream
+from rich.console import Console
+
+import facets
+from facets.live import view
+from facets.live.acquire import Live
+from facets.live.pipeline import Pipeline
+
+CONFIG = facets.load("bench")
+
+
+def live(light=1.0):
+    """A run whose newest sample has so much of its light."""
+    now = Live(Pipeline(CONFIG))
+    now.newest = now.pipeline.feed(stream(60), 1.0)
+    now.newest.readings[:, 2::3] *= light
+    return now
+
+
+def drawn(now, wide, high=40):
+    console = Console(width=wide, height=high, file=io.StringIO(), legacy_windows=False)
+    console.print(view.Screen(now))
+    return console.file.getvalue().splitlines()
+
+
+@pytest.mark.parametrize("wide", [30, 45, 80, 200])
+@pytest.mark.parametrize("high", [24, 60])
+def test_all_three_detectors_are_seen_on_any_terminal(wide, high):
+    lines = drawn(live(), wide, high)
+    assert max(map(len, lines)) <= wide
+    assert sum(line.count("●") for line in lines) == 3
+    assert any(all(f"{letter} " in line for letter in "ABC") for line in lines)
+    if wide >= 45:
+        assert sum(line.count("µW") for line in lines) == 3
+        assert len(lines) <= high
+
+
+def test_no_light_is_called_so():
+    for light in (0.0, np.nan):
+        text = "\n".join(drawn(live(light), 80))
+        assert "no light" in text
+        assert "nan" not in text
+    assert "-" in "\n".join(drawn(Live(Pipeline(CONFIG)), 80))
+
+
+def test_a_loop_that_is_behind_says_so_in_every_view():
+    now = live()
+    now.behind, now.age, now.late = True, 1.5, 7
+    words = "1.5 s behind"
+    assert words in view.plain_line(now)
+    found = json.loads(view.json_line(now))
+    assert words in found["note"]
+    assert (found["behind_s"], found["late"], found["skipped"]) == (1.5, 7, 0)
+    assert words in "\n".join(drawn(now, 200))
+    assert any("fell behind: 7 samples" in line for line in view.summary(now))

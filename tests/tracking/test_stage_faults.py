@@ -1,0 +1,77 @@
+"""The whole of tracking under random faults, judged where the stage stands: never outside.
+
+FACETS_FAULTS says how many sequences are tried; `experiments/stage_faults.py` tries thousands.
+"""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+from facets.experiments.stage_faults import (
+    KINDS,
+    Broken,
+    Fault,
+    Tried,
+    World,
+    pull_at_each_byte,
+    run,
+    sequence,
+)
+
+from facets.tracking.envelope import Envelope
+from facets.tracking.pi import Pi
+from facets.tracking.zaber import Zaber
+
+COUNT = int(os.environ.get("FACETS_FAULTS", "200"))
+
+
+def test_no_sequence_of_faults_takes_the_stage_out_of_its_envelope():
+    tried = run(range(COUNT))
+    assert tried.sequences == COUNT
+    if COUNT >= 200:
+        assert set(tried.faults) == set(KINDS)
+        assert set(tried.drivers) == {"zaber", "pi"}
+        assert tried.moves > 20 * COUNT
+        assert tried.searches > 0
+        assert tried.most_speed > 0.9  # the stage was driven to what is allowed, not spared
+
+
+@pytest.mark.parametrize("driver", ["zaber", "pi"])
+def test_the_cable_may_be_pulled_at_any_byte(driver):
+    cuts = range(0, 1500, 40)
+    tried = pull_at_each_byte(driver, cuts)
+    assert tried.sequences == len(cuts)
+    assert tried.refused_at_start > 0
+    assert tried.moves > 0
+
+
+def fails(monkeypatch, owner, name, value):
+    """Whether some sequence is found to leave the envelope where that part of it is replaced."""
+    with monkeypatch.context() as patch:
+        patch.setattr(owner, name, value)
+        for seed in range(60):
+            try:
+                sequence(seed, Tried())
+            except Broken:
+                return True
+    return False
+
+
+def test_the_judge_sees_what_is_outside(monkeypatch):
+    def go_anywhere(self, wanted, sampled, limits=None):
+        self._driver.move(wanted)
+        return wanted
+
+    assert fails(monkeypatch, Envelope, "go", go_anywhere)
+    assert fails(monkeypatch, Zaber, "prepare", lambda self: None)
+    assert fails(monkeypatch, Pi, "prepare", lambda self: None)
+
+
+def test_a_fault_lasts_from_its_beginning_to_its_end():
+    world = World(np.random.default_rng(1), Tried())
+    world.faults = [Fault("dark", 10.0, 10.5, 0.0)]
+    assert world.is_on("dark") is not None
+    world.now = 10.5
+    assert world.is_on("dark") is None
