@@ -6,7 +6,7 @@ BIN := .venv/bin
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 
-.PHONY: run test lint tree types layers unit bench reproduce docs clean
+.PHONY: run test lint tree types layers unit portable bench reproduce docs clean
 
 run: .venv/installed
 	$(BIN)/facets simulate paper -o results/paper --force
@@ -31,6 +31,13 @@ layers: .venv/developed tree
 
 unit: .venv/developed
 	$(BIN)/pytest
+
+# What asserts on numbers, with machine code and linear algebra for the plainest processor: other
+# instructions, another order of sums, other rounding.
+portable: .venv/developed
+	OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=x86-64 NUMBA_CACHE_DIR=build/portable \
+	  $(BIN)/pytest tests/optics/test_wedge.py tests/estimation/test_solver.py \
+	  tests/characterization/test_singularity.py
 
 bench: .venv/installed
 	$(BIN)/facets bench -o results/bench --force

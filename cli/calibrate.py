@@ -7,16 +7,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .console import FINDING, load_config
+from .options import ConfigName
 from .simulate import PlotKind
 
 if TYPE_CHECKING:
+    from facets.calibration.bundle_adjustment import Data
+    from facets.calibration.candidates import Search
     from facets.calibration.fit import Fit
     from facets.calibration.identifiability import Direction
+    from facets.calibration.verdict import Verdict
     from facets.config import Config
+    from facets.core.settings import Calibrate
 
 
 def calibrate(
-    config: Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")],
+    config: ConfigName,
     data: Annotated[
         Path | None, typer.Argument(help="CSV or Parquet: readings, and ref_tx_mm ... beside them.")
     ] = None,
@@ -24,6 +30,17 @@ def calibrate(
         Path | None,
         typer.Option("-o", "--output", help="YAML file.  [default: CONFIG-calibrated.yaml]"),
     ] = None,
+    reference: Annotated[
+        Path | None,
+        typer.Option("--reference", help="The reference's own table, joined to DATA by time_s."),
+    ] = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option("--effect", help="NAME=on, off or auto, for calibrate.effects; repeatable."),
+    ] = None,
+    accept_misfit: Annotated[
+        bool, typer.Option("--accept-misfit", help="Write a result that is not to be trusted.")
+    ] = False,
     propose: Annotated[
         int, typer.Option(min=0, help="Instead: so many poses that would tell most, as a table.")
     ] = 0,
@@ -33,71 +50,200 @@ def calibrate(
     """Calibrate a rig: where its detectors are, how its facets lean, what its gains are.
 
     Takes readings of a motion that a reference knows, wholly or in part, the beam's place known.
-    Says first what the motion can tell; then fits, tries the result on samples held back, and
-    writes a configuration whose uncertainty goes into every pose that is solved with it.
+    Says first what the motion can tell; then fits, takes the effects of real light that the data
+    call for, tries the result on samples held back, and writes a configuration whose uncertainty
+    goes into every pose that is solved with it. Where the result is not to be trusted it says why,
+    writes nothing and exits with 1.
     """
-    from facets import load
     from facets.core.errors import InputError
 
-    settings = load(config)
+    settings = load_config(config)
     path = output or Path(f"{settings.name}-{'poses.csv' if propose else 'calibrated.yaml'}")
+    if propose and (data or reference):
+        raise InputError("--propose takes no DATA: it lists poses for a motion that is still to be")
     if propose:
         propose_poses(settings, path, propose, force)
     elif data is None:
         raise InputError("DATA is missing: a table of readings beside a reference, or --propose N")
     else:
-        fit_rig(settings, data, path, plot, force)
+        asked = with_effects(settings, effect or [])
+        fit_rig(asked, data, reference, path, plot, force, accept_misfit)
 
 
-def fit_rig(settings: Config, data: Path, path: Path, plot: PlotKind, force: bool) -> None:
-    from facets import load
-    from facets.calibration.fit import fit
-    from facets.calibration.identifiability import information, weak
-    from facets.calibration.table import choice, found_table, read, split, validation
+def with_effects(settings: Config, asked: list[str]) -> Config:
+    """The configuration with decisions about effects from the command line."""
+    from dataclasses import replace
+
     from facets.core.errors import InputError
+
+    effects = dict(settings.calibrate.effects)
+    for text in asked:
+        name, _, decision = text.partition("=")
+        if name not in effects or decision not in ("on", "off", "auto"):
+            raise InputError(
+                f"--effect {text}: not NAME=on, NAME=off or NAME=auto; the names are "
+                f"{', '.join(effects)}"
+            )
+        effects[name] = decision
+    return replace(settings, calibrate=replace(settings.calibrate, effects=effects))
+
+
+def fit_rig(
+    settings: Config,
+    data: Path,
+    reference: Path | None,
+    path: Path,
+    plot: PlotKind,
+    force: bool,
+    accept_misfit: bool,
+) -> None:
+    from facets.calibration.identifiability import information, weak
+    from facets.calibration.table import and_seats, choice
+    from facets.calibration.verdict import verdict
+    from facets.core.errors import InputError
+    from facets.files import tables
+
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        raise InputError(f"{path}: a configuration's name ends in .yaml")
+    files = result_files(path, plot)
+    tables.refuse_to_overwrite(files, force)
+    samples, asked = read_samples(settings, data, reference)
+    wanted = and_seats(choice(settings.sensor, asked), samples, asked)
+    typer.echo(f"{len(samples.raw)} samples, {len(wanted.names)} unknowns of the rig")
+    show_weak(weak(information(settings.sensor, samples, wanted), wanted, settings.sensor))
+    found = verdict(settings.sensor, samples, wanted, asked)
+    show_verdict(settings, found)
+    if found.sensor is None or not (found.trusted or accept_misfit):
+        typer.echo("The calibration is not to be trusted; nothing is written.", err=True)
+        if found.sensor is not None:
+            typer.echo("--accept-misfit writes it all the same.", err=True)
+        raise typer.Exit(FINDING)
+    write_results(settings, found, files)
+
+
+def read_samples(settings: Config, data: Path, reference: Path | None) -> tuple[Data, Calibrate]:
+    """The samples, and what is asked of them: a joined reference has an offset that is fitted."""
+    from dataclasses import replace
+
+    from facets.calibration.reference_join import read_joined
+    from facets.calibration.table import read
+
+    asked = settings.calibrate
+    if reference is None:
+        return read(data, asked), asked
+    joined = read_joined(data, reference, settings.sensor, asked)
+    typer.echo(
+        f"{reference.name} joined at an offset of {1e3 * joined.offset:.4g} ms "
+        f"(likeness of the motions {joined.likeness:.3f})"
+    )
+    if asked.effects["delay"] == "auto":
+        asked = replace(asked, effects=asked.effects | {"delay": "on"})
+    return joined.data, asked
+
+
+def result_files(path: Path, plot: PlotKind) -> list[Path]:
+    """The configuration, the table of unknowns, the covariance, the picture."""
+    table, covariance = (
+        path.with_name(f"{path.stem}-{kind}.csv") for kind in ("found", "covariance")
+    )
+    return [path, table, covariance, path.with_suffix(f".{plot.value}")]
+
+
+def write_results(settings: Config, found: Verdict, files: list[Path]) -> None:
+    """Written beside first and loaded from there, so that no file is left that can not be."""
+    from shutil import copyfile
+    from tempfile import TemporaryDirectory
+
+    from facets import load
+    from facets.calibration.table import found_table
+    from facets.core.errors import FacetsError
     from facets.files import provenance, tables
     from facets.pictures import style
     from facets.pictures.calibration import residual_picture
 
-    if path.suffix.lower() not in (".yaml", ".yml"):
-        raise InputError(f"{path}: a configuration's name ends in .yaml")
-    table, covariance = (
-        path.with_name(f"{path.stem}-{kind}.csv") for kind in ("found", "covariance")
-    )
-    picture = path.with_suffix(f".{plot.value}")
-    tables.refuse_to_overwrite([path, table, covariance, picture], force)
-    asked = settings.calibrate
-    wanted = choice(settings.sensor, asked.before)
-    fitted, held = split(read(data, asked), asked.held_back)
-    typer.echo(f"{len(fitted.raw)} samples fitted, {len(held.raw)} held back; "
-               f"{len(wanted.names)} unknowns of the rig")  # fmt: skip
-    show_weak(weak(information(settings.sensor, fitted, wanted), wanted, settings.sensor))
-    found = fit(settings.sensor, fitted, wanted, asked.outliers)
-    if not found.ended:
-        typer.echo(f"not settled after {found.steps} steps: nothing is written", err=True)
-        raise typer.Exit(1)
-    changes = found_table(settings.sensor, found)
-    show_found(changes, found)
-    errors = validation(settings.sensor, found, held if len(held.raw) else fitted)
-    show_errors(errors)
+    path, table, covariance, picture = files
+    assert found.found is not None
+    assert found.errors is not None
+    assert found.search is not None
     about = provenance.about(settings)
-    write_covariance(covariance, found, about)
-    with tables.Whole(path) as temporary:
-        temporary.write_text(as_yaml(settings, found, covariance, about), "utf-8")
-    tables.write_table(table, changes, about)
-    style.save(residual_picture(fitted, found, errors), picture)
-    load(path)
-    typer.echo(f"{path}, {covariance.name}, {table.name}, {picture.name}")
+    with TemporaryDirectory() as folder:
+        trial = Path(folder) / path.name
+        matrix = trial.with_name(covariance.name)
+        write_covariance(matrix, found.found, about)
+        trial.write_text(as_yaml(settings, found.found, matrix, about), "utf-8")
+        try:
+            load(trial)
+        except FacetsError as error:
+            typer.echo(
+                f"What was found makes no configuration that can be loaded ({error}); nothing is "
+                "written. Look for a swapped sign or unit in the columns.",
+                err=True,
+            )
+            raise typer.Exit(FINDING) from None
+        for source, target in ((matrix, covariance), (trial, path)):
+            with tables.Whole(target) as temporary:
+                copyfile(source, temporary)
+    tables.write_table(table, found_table(found.search.sensor, found.found), about)
+    style.save(residual_picture(found.fitted, found.found, found.errors), picture)
+    typer.echo(", ".join(str(file) if file == path else file.name for file in files))
 
 
 def show_weak(directions: list[Direction]) -> None:
     """What the data cannot tell, before anything is fitted."""
     if not directions:
-        typer.echo("the motion tells every one of them better than it was known")
+        typer.echo("The motion tells every one of them better than it was known.")
         return
-    typer.echo("left to what was known before, since the motion tells less (how much, over that):")
+    typer.echo(
+        "The motion says less about these than was known before; they keep their prior values\n"
+        "(how much it says, over what was known):"
+    )
     for direction in directions:
         typer.echo(f"  {direction.information:8.2g}  {direction.words}")
+
+
+def show_verdict(settings: Config, found: Verdict) -> None:
+    if found.search is not None:
+        show_candidates(found.search)
+    if found.errors is not None and found.found is not None and found.search is not None:
+        from facets.calibration.table import found_table
+
+        show_found(found_table(found.search.sensor, found.found), found.found)
+        show_errors(found.errors)
+    for one in found.findings:
+        typer.echo(wrapped(("! " if one.bad else "- ") + one.words))
+    if found.found is not None and found.trusted:
+        typer.echo(
+            f"Settled in {found.found.steps} steps; chi-square is {found.found.reduced:.3f} for "
+            "each degree of freedom (1 within chance is right)."
+        )
+
+
+def wrapped(words: str) -> str:
+    from textwrap import fill
+
+    return fill(words, 100, subsequent_indent="  ")
+
+
+def show_candidates(done: Search) -> None:
+    """Which effects the data call for."""
+    from rich.console import Console
+    from rich.table import Table
+
+    shown = Table(box=None)
+    columns = ("effect", "unknowns", "fall of chi-square", "error left out", "", "why")
+    for name in columns:
+        left = name in ("effect", "", "why")
+        shown.add_column(name, justify="left" if left else "right", no_wrap=True)
+    shown.add_row(
+        "the plain fit", str(len(done.plain.choice.names)), "", f"{done.error:.4f}", "", ""
+    )
+    for row in done.rows:
+        error = f"{row.error:.4f}" if row.error == row.error else ""
+        decision = "taken" if row.taken else "left"
+        shown.add_row(row.words, str(row.unknowns), f"{row.fall:.5g}", error, decision, row.why)
+    typer.echo("\nEffects that the data call for; error left out: of readings that the fit did not "
+               "see, over their noise")  # fmt: skip
+    Console(highlight=False, width=130).print(shown, "")
 
 
 def show_found(table: dict[str, Any], found: Fit) -> None:
@@ -110,18 +256,21 @@ def show_found(table: dict[str, Any], found: Fit) -> None:
         shown.add_column(name, justify="left" if left else "right", no_wrap=True)
     for name, unit, before, change, u in zip(*table.values(), strict=True):
         shown.add_row(name, f"± {before:.3g}", f"{change:+.4g}", f"{u:.2g}", unit)
-    typer.echo("")
     Console(highlight=False, width=120).print(shown, "")
-    outliers = int((found.weights < 1).any(axis=1).sum())
-    typer.echo(f"settled in {found.steps} steps; {outliers} samples hold an outlier")
 
 
 def show_errors(table: dict[str, Any]) -> None:
-    typer.echo("\nr.m.s. error on what was held back, beam known; stated: by the uncertainties")
-    typer.echo(f"  {'':6} {'before':>9} {'after':>9} {'stated':>9}")
-    for axis, unit, before, after, stated in zip(*table.values(), strict=True):
+    typer.echo(
+        "Errors of poses on samples held back, beam known: r.m.s. before and after, robust (from "
+        "the median),\nas stated by the uncertainties; and how many 95 % intervals held"
+    )
+    typer.echo(f"  {'':6} {'before':>9} {'after':>9} {'robust':>9} {'stated':>9}       {'held':>6}")
+    for axis, unit, before, after, robust, stated, inside in zip(*table.values(), strict=True):
         if after == after:
-            typer.echo(f"  {axis:6} {before:9.3g} {after:9.3g} {stated:9.3g} {unit}")
+            typer.echo(
+                f"  {axis:6} {before:9.3g} {after:9.3g} {robust:9.3g} {stated:9.3g} {unit:4} "
+                f"{inside:6.1f} %"
+            )
     typer.echo("")
 
 
@@ -144,7 +293,19 @@ def as_yaml(settings: Config, found: Fit, covariance: Path, about: dict[str, str
         "file": covariance.name,
         "sha256": sha256(covariance.read_bytes()).hexdigest(),
     }
-    return configuration(settings, keys, about)
+    return configuration(with_power(settings), keys, about)
+
+
+def with_power(settings: Config) -> Config:
+    """A calibration tells the laser's power on its day; a pose solved later holds it to a prior."""
+    from dataclasses import replace
+
+    solve = settings.resolved["solve"]
+    if solve["power"] != "known" or solve["method"] == "paper":
+        return settings
+    if settings.calibrate.power_per_sample:
+        solve = solve | {"power": "prior"}
+    return replace(settings, resolved=settings.resolved | {"solve": solve})
 
 
 def propose_poses(settings: Config, path: Path, count: int, force: bool) -> None:
@@ -165,7 +326,7 @@ def propose_poses(settings: Config, path: Path, count: int, force: bool) -> None
     shares = rng.uniform(-1, 1, (4000, 6))
     poses = np.where(np.isfinite(asked.reference), shares, 0.0) * reach
     poses = poses[clearances(sensor, poses, settings.range).min(axis=1) > 0]
-    wanted = choice(sensor, asked.before)
+    wanted = choice(sensor, asked)
     sigma = np.array(asked.reference)
     chosen, left = proposed(sensor, wanted, sigma, poses, count)
     rows = told_by(sensor, wanted, sigma, poses[:count]).reshape(-1, len(wanted.names))

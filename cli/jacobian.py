@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .certificates import reach_file
 from .console import FINDING, leave_out_picture, load_config, name_files
 from .options import ConfigName, Force, Plot, PlotKind, TableKind, folder_option, output_folder
 
 if TYPE_CHECKING:
-    from facets.characterization.ambiguity import Twins
+    from facets.characterization.ambiguity import AmbiguousPair
     from facets.characterization.singularity import Survey, Worst
-    from facets.characterization.state_box import Domain
+    from facets.characterization.state_box import StateBox
     from facets.config import Config
     from facets.core.units import Floats
-    from facets.proof.uniqueness import Certificate, Piece
 
 
 BOX = (
@@ -35,6 +35,12 @@ Search = Annotated[
 ]
 
 
+TOLERANCES = (
+    "Prove it for every sensor within so many standard uncertainties of its calibration, or of "
+    "`calibrate.before`."
+)
+
+
 class Sampling(StrEnum):
     sobol = "sobol"
     uniform = "uniform"
@@ -45,7 +51,7 @@ class Asked:
     """What is asked for: the draw, the box of states, and where the results go."""
 
     settings: Config
-    domain: Domain
+    domain: StateBox
     least_share: float | None
     states: int
     sampling: str
@@ -69,11 +75,12 @@ class Asked:
     def certificate(self) -> Path:
         return self.folder / "certificate.json"
 
-    def files(self, certify: bool) -> list[Path]:
+    def files(self, certify: bool, reach: bool) -> list[Path]:
         files = [self.picture, self.density, self.record]
         if self.table is not None:
             files.append(self.table)
-        return [*files, self.certificate] if certify else files
+        files += [self.certificate] * certify
+        return [*files, reach_file(self.certificate)] if certify and reach else files
 
 
 def jacobian(
@@ -88,6 +95,7 @@ def jacobian(
     search: Search = True,
     certify: Annotated[bool, typer.Option("--certify", help="Prove it for the whole box.")] = False,
     reach: Annotated[bool, typer.Option("--reach", help="And for how much larger a box.")] = False,
+    tolerances: Annotated[float | None, typer.Option(min=0, help=TOLERANCES)] = None,
     limit: Annotated[float, typer.Option(min=1, help="Seconds for a proof.")] = 300.0,
     threads: Annotated[int, typer.Option(min=0, help="0: all cores.")] = 1,
     table: Annotated[TableKind | None, typer.Option(help="Also write all states so.")] = None,
@@ -97,8 +105,9 @@ def jacobian(
 
     Draws states and looks at the sign of the determinant of Eq. (11), as Fig. 4 of the paper, and
     at the smallest singular value, which has a meaning. With --certify, proves by intervals that no
-    state of the box is singular and that no two have the same readings, and writes a certificate;
-    exit status 1 where that is not proved.
+    state of a box is singular and that no two have the same readings, and writes a certificate;
+    exit status 1 where that is not proved. Without --box that box holds the whole range by the
+    config's rules, where that can be proved.
     """
     settings = load_config(config)
     folder = output_folder(output, settings.name, "jacobian")
@@ -107,21 +116,21 @@ def jacobian(
         folder / f"jacobian.{plot.value}", folder / f"states.{table.value}" if table else None,
         time.perf_counter(),
     )  # fmt: skip
-    found, pair = survey_box(asked, asked.files(certify), force, search)
+    found, worst, pair = survey_box(asked, asked.files(certify, reach), force, search)
     results = write(asked, found, pair)
     if certify:
-        results |= prove(asked, limit, reach)
+        results |= certify_and_report(asked, limit, reach, tolerances, worst)
     write_record(asked, results)
-    name_files(folder, asked.files(certify))
+    name_files(folder, [file for file in asked.files(certify, reach) if file.exists()])
     if certify and not results["unique"]:
         raise typer.Exit(FINDING)
 
 
 def survey_box(
     asked: Asked, files: list[Path], force: bool, search: bool
-) -> tuple[Survey, Twins | None]:
+) -> tuple[Survey, Worst | None, AmbiguousPair | None]:
     """Draws, measures and reports; then the worst by a search, and two states of like readings."""
-    from facets.characterization.ambiguity import twins
+    from facets.characterization.ambiguity import find_ambiguous_pair
     from facets.files import tables
 
     tables.refuse_to_overwrite(files, force)
@@ -129,11 +138,11 @@ def survey_box(
     found = measure(asked)
     report(asked, found)
     if not search:
-        return found, None
+        return found, None, None
     worst = search_worst(asked, found)
-    pair = None if found.one_sign else twins(asked.settings.sensor, worst.state)
+    pair = None if found.one_sign else find_ambiguous_pair(asked.settings.sensor, worst.state)
     show_pair(pair)
-    return found, pair
+    return found, worst, pair
 
 
 #: A draw that takes longer than this, s, is announced.
@@ -203,7 +212,7 @@ def keeper(asked: Asked, stack: ExitStack) -> Callable[[Floats, Floats], None] |
     return lambda states, values: writer.write(state_columns(states, values))
 
 
-def write(asked: Asked, found: Survey, pair: Twins | None) -> dict[str, Any]:
+def write(asked: Asked, found: Survey, pair: AmbiguousPair | None) -> dict[str, Any]:
     """Table and picture; what the record says of them."""
     from facets.characterization.tables import density_columns
     from facets.files import provenance, tables
@@ -226,14 +235,14 @@ def write_record(asked: Asked, results: dict[str, Any]) -> None:
     provenance.write_record(asked.record, asked.settings, asked.seed, seconds, results)
 
 
-def where(settings: Config, box: str | None) -> tuple[Domain, float | None]:
+def where(settings: Config, box: str | None) -> tuple[StateBox, float | None]:
     """The box, and the least share of light for a proof: by the config's rules, or by the box."""
-    from facets.characterization.state_box import domain_of, least_share, range_domain
+    from facets.characterization.state_box import least_share, parse_box, range_box
 
     if box is not None:
-        return domain_of(box), None
+        return parse_box(box), None
     sensor, rules = settings.sensor, settings.range
-    return range_domain(sensor, rules), least_share(sensor, rules)
+    return range_box(sensor, rules), least_share(sensor, rules)
 
 
 def report(asked: Asked, found: Survey) -> None:
@@ -293,7 +302,7 @@ def search_worst(asked: Asked, found: Survey) -> Worst:
     return weakest
 
 
-def show_pair(pair: Twins | None) -> None:
+def show_pair(pair: AmbiguousPair | None) -> None:
     from facets.core.names import STATE_COLUMNS, STATE_UNITS
 
     if pair is None:
@@ -305,64 +314,15 @@ def show_pair(pair: Twins | None) -> None:
         typer.echo(f"  {name:<10} {one / unit:12.6g} {other / unit:12.6g}")
 
 
-def prove(asked: Asked, limit: float, reach: bool) -> dict[str, Any]:
+def certify_and_report(
+    asked: Asked, limit: float, reach: bool, tolerances: float | None, worst: Worst | None
+) -> dict[str, Any]:
     """Proves and writes the certificate; what the record says of it."""
     from facets.files import provenance
-    from facets.proof.certificate import write_certificate
-    from facets.proof.uniqueness import reach_of
 
-    sensor = asked.settings.sensor
-    found = certify_box(asked, limit)
+    from .certificates import claim_for, prove
+
+    weakest = None if worst is None else worst.state
+    claim = claim_for(asked.settings, asked.domain, asked.least_share, tolerances, weakest)
     about = provenance.about(asked.settings, asked.seed)
-    write_certificate(asked.certificate, sensor, found, about)
-    for line in verdict(asked.settings, found):
-        typer.echo(line)
-    results = {"regular": found.regular, "unique": found.unique, "margin": found.margin}
-    if reach and found.unique:
-        factor = reach_of(sensor, asked.domain, found.share, limit)
-        typer.echo(f"the proof holds for a box of poses up to {factor:.3g} times as large")
-        results["reach"] = factor
-    return results
-
-
-def certify_box(asked: Asked, limit: float) -> Certificate:
-    from rich.console import Console
-    from rich.progress import Progress
-
-    from facets.proof.uniqueness import certify
-
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("proving", total=1.0)
-
-        def tell(done: float) -> None:
-            progress.update(task, completed=done)
-
-        return certify(asked.settings.sensor, asked.domain, asked.least_share, limit, tell)
-
-
-def verdict(settings: Config, found: Certificate) -> list[str]:
-    power = 1000 * found.share * settings.sensor.beam.power
-    lines = [
-        f"taken: every state with its pose in the box and at least {power:.4g} µW on each detector"
-        f" ({len(found.pieces)} pieces proved, {found.seconds:.1f} s)"
-    ]
-    if found.regular:
-        lines.append(f"proved: none is singular; |determinant| is at least {found.at_least:.3g}")
-    if found.unique:
-        lines.append("proved: no two of them have the same readings")
-    elif found.regular:
-        lines.append("not proved: that no two of them have the same readings")
-    else:
-        lines.append(f"not proved: {found.reason or 'some pieces were not done in time'}")
-        lines += [f"  not proved in {piece_text(piece)}" for piece in found.doubtful[:3]]
-    return lines
-
-
-def piece_text(piece: Piece) -> str:
-    from facets.characterization.state_box import COLUMNS, UNITS
-
-    return ", ".join(
-        f"{name} {low / unit:.4g} to {high / unit:.4g}"
-        for name, unit, low, high in zip(COLUMNS, UNITS, piece.low, piece.high, strict=False)
-    )
+    return prove(claim, limit, reach, asked.certificate, about)

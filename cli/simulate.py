@@ -129,7 +129,8 @@ def print_segment(segment: Segment) -> None:
     for axis in axes(segment):
         unit, factor, fine_unit, fine = unit_of(axis.name)
         moved = (f"{factor * axis.low:.4g}", f"{factor * axis.high:.4g}", unit)
-        errors = [f"{fine * e:.3g}" for e in (axis.largest, axis.rms, axis.uncertainty)]
+        sizes = (axis.largest, axis.rms, axis.uncertainty)
+        errors = [f"{fine * size:.3g}" if size == size else "-" for size in sizes]
         rows.append([axis.name, *(moved if axis.moved else ("", "", "")), *errors, fine_unit])
     show_table(segment.name, headings, rows, left=(0, 3, 7))
     typer.echo(outcome(segment) + "\n")

@@ -25,6 +25,7 @@ class Beam(StrEnum):
 
 class Power(StrEnum):
     known = "known"
+    prior = "prior"
     unknown = "unknown"
 
 
@@ -95,11 +96,11 @@ def progress_bar(readings: Path) -> Iterator[Callable[[int], None]]:
 
 def misfit(count: Count) -> bool:
     """Whether more than half of the solved rows fit worse than noise lets them."""
-    return 2 * count.misfits > count.solved
+    return 2 * count.misfit.flagged > count.solved
 
 
 def report(count: Count, output: Path) -> None:
-    from facets.estimation.table import LARGE_RESIDUAL
+    from textwrap import fill
 
     typer.echo(f"{count.solved} of {count.rows} rows solved: {output}")
     for status, number in count.statuses.items():
@@ -109,9 +110,5 @@ def report(count: Count, output: Path) -> None:
         lines = ", ".join(map(str, count.unparsable_lines))
         more = " ..." if count.statuses["unparsable"] > len(count.unparsable_lines) else ""
         typer.echo(f"  not numbers in line {lines}{more}")
-    if misfit(count):
-        typer.echo(
-            f"  {count.misfits} rows are solved with a residual above {LARGE_RESIDUAL:g} standard "
-            "deviations: the rig is\n  not where the configuration says, or its noise is larger; "
-            "these poses can not be trusted"
-        )
+    if count.misfit.sentence:
+        typer.echo(fill(count.misfit.sentence, 98, initial_indent="  ", subsequent_indent="  "))

@@ -2,38 +2,76 @@
 
 `python -m facets.experiments.check_certificate results/paper-jacobian/certificate.json`
 
-What it shares with `facets jacobian --certify` is the theorem (docs/uniqueness.md), the interval
-arithmetic of python-flint, and the file. It traces rays itself, takes derivatives by dual numbers
-instead of closed formulas, bounds the light on its own grid, and then asks three things: do the
-pieces fill the box, do the file's bounds of the light hold, and is the hull of all the pieces'
-Jacobians regular with the file's inverse and weights?
+What it trusts, all of it:
+
+1. the theorem in docs/uniqueness.md, and S <= 1 for a normal distribution cut to a convex set;
+2. that the sensor is as that page says: ideal light, flat facets, nothing else that cuts light;
+3. the outward rounding of python-flint's intervals (Arb), and Python's comparison of floats;
+4. JSON as Python reads it, after which the file has to fit the schema, every number finite;
+5. this file and certificate_schema.py, some four hundred lines, and nothing else of the project.
+
+It trusts no number of the file: it traces rays itself, takes derivatives by dual numbers instead of
+closed formulas, bounds the light on its own grid, compares the pieces' edges as they are, and asks:
+does the configuration have this checksum and these parameters, do the pieces fill the box, do the
+bounds of the light hold, and is the hull of all Jacobians regular with the file's inverse and
+weights? What of the file it did not find again, it says. Every test is one that NaN fails; none is
+an assert.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import sys
-from itertools import combinations, product
-from math import prod
+from dataclasses import dataclass, field
+from fractions import Fraction
+from itertools import product
+from math import floor, radians
 from pathlib import Path
 from typing import Any
 
-from flint import arb
+from flint import arb, arb_mat
 
-FORMAT = "facets uniqueness certificate 1"
+from .certificate_schema import SCHEMA, Refused, conform, refuse_unless
+
 #: Cells on each side of the square of offsets, rays across a facet, and parts of the yaw range.
-CELLS, RAYS, PARTS = 16, 48, 3
+CELLS, RAYS, PARTS = 8, 24, 3
+#: A cell is quartered so many times until the bounds of the light hold in it.
+DEPTH = 8
+#: How far the apex is looked for, sigmas, and in what steps the square is made smaller.
+FARTHEST, STEPS = 8, 32
+#: What a parameter can be off its key by rounding.
+ROUNDED = 1e-12
 
 
-def span(low: float, high: float) -> Any:
+@dataclass
+class Finding:
+    """What was found again: a lower bound of the margin and of Eq. (11)'s |det|, and what was not.
+
+    not_verified: sentences.
+    """
+
+    margin: Fraction = Fraction(0)
+    determinant: Fraction = Fraction(0)
+    not_verified: list[str] = field(default_factory=list)
+
+
+def span(low: Any, high: Any) -> Any:
+    """The interval between two exact numbers."""
     return arb(low).union(arb(high))
+
+
+def exactly(x: Any) -> Fraction:
+    """An exact number as a fraction."""
+    value = x.fmpq()
+    return Fraction(int(value.p), int(value.q))
 
 
 class Dual:
     """A value and its derivatives by tx, ty, tz, roll, pitch, yaw; intervals."""
 
     def __init__(self, value: Any, slope: list[Any] | None = None) -> None:
-        self.value, self.slope = value, slope or [arb(0)] * 6
+        self.value, self.slope = value, [arb(0)] * 6 if slope is None else slope
 
     def __add__(self, other: Any) -> Dual:
         b = other if isinstance(other, Dual) else Dual(other)
@@ -90,10 +128,14 @@ def turned_by(roll: Any, pitch: Any, yaw: Any) -> Any:
 
 
 class Rig:
-    """The sensor from its 30 parameters, in the order of `facets.PARAMETERS`."""
+    """All sensors whose 30 parameters, in the order of `facets.PARAMETERS`, are off so much."""
 
-    def __init__(self, parameters: list[float]) -> None:
-        p = [arb(value) for value in parameters]
+    def __init__(self, parameters: list[float], tolerances: list[float]) -> None:
+        p = [
+            arb(value) if off == 0 else (arb(value) - off).lower().union((arb(value) + off).upper())
+            for value, off in zip(parameters, tolerances, strict=True)
+        ]
+        self.power = p[0]
         tilt = turned_by(p[4], p[5], arb(0))
         x, y, back = ([row[i] for row in tilt] for i in range(3))
         c, s = p[3].cos(), p[3].sin()
@@ -139,8 +181,9 @@ def spots(rig: Rig, box: list[Any], light: Any) -> list[Dual]:
         x, y, z = rig.axes[k]
         reach = inner([Dual(m) - s for m, s in zip(rig.centres[k], start, strict=True)], x)
         facing = inner(away, x)
-        assert down.value < 0 < facing.value, "a facet or a detector may be turned away"
-        assert reach.value > 0, "a detector may stand behind the mirror"
+        refuse_unless(down.value < 0, f"facet {'abc'[k]} may not face the beam in the box")
+        refuse_unless(facing.value > 0, f"detector {'abc'[k]} may not face its sub-beam in the box")
+        refuse_unless(reach.value > 0, f"detector {'abc'[k]} may stand behind the mirror")
         place = [start[c] + away[c] * (reach / facing) - rig.centres[k][c] for c in range(3)]
         out += [inner(place, y), inner(place, z)]
     return out
@@ -165,153 +208,383 @@ def edges_of(rig: Rig, angles: list[Any]) -> list[tuple[Any, list[Any]]]:
     return found
 
 
+def not_below_zero(x: Any) -> Any:
+    return max(x.lower(), arb(0))
+
+
 def along(q: list[Any], angle: Any) -> tuple[Any, Any, Any, list[Any]]:
     """Light L on a half-line from q, K / L, J / K, and its direction; all fall as q . u grows."""
     u = [angle.cos(), angle.sin()]
     a, h = q[0] * u[0] + q[1] * u[1], q[0] * u[1] - q[1] * u[0]
-    low, high = float(h.abs_lower()), float(h.abs_upper())
+    near, far = means(a.lower()), means(a.upper())
+    nearest, farthest = (((-(side**2)) / 2).exp() for side in (h.abs_lower(), h.abs_upper()))
+    scale = (8 * arb.pi()).sqrt()
+    whole = (far[0] * farthest / scale).union(near[0] * nearest / scale)
+    return whole, far[1].union(near[1]), far[2].union(near[2]), u
 
-    def rho(x: Any) -> Any:
-        return (arb(2) / arb.pi()).sqrt() * (-x * x / 2).exp() / (x / arb(2).sqrt()).erfc() - x
 
-    def light(x: Any, far: float) -> Any:
-        g = (x / arb(2).sqrt()).erfc() / (8 * arb.pi()).sqrt()
-        return g * (-(arb(far) ** 2) / 2).exp()
-
-    ends = a.lower(), a.upper()
-    whole = light(ends[1], high).union(light(ends[0], low))
-    mean = rho(ends[1]).union(rho(ends[0]))
-    reach = (1 / rho(ends[1]) - ends[1]).union(1 / rho(ends[0]) - ends[0])
-    return whole, mean, reach, u
+def means(x: Any) -> tuple[Any, Any, Any]:
+    """erfc, and the means K / L and J / K, of the light on a half-line that begins at x."""
+    beyond = (x / arb(2).sqrt()).erfc()
+    rho = (arb(2) / arb.pi()).sqrt() * (-x * x / 2).exp() / beyond - x
+    return beyond, rho, 1 / rho - x
 
 
 def holds(claim: list[float], value: Any) -> bool:
     return bool(value >= arb(claim[0])) and bool(value <= arb(claim[1]))
 
 
-def wanted(claims: list[tuple[list[float], Any]]) -> bool:
-    return all(holds(claim, value) for claim, value in claims)
+Claims = list[tuple[list[float], Any]]
 
 
-def check_cell(
-    edges: Any, openings: list[Any], q: list[Any], least: float, light: Any, depth: int
-) -> None:
-    """Whether the file's bounds hold in a cell of offsets, where its shares can be enough."""
-    shares, middles = [], []
-    for k in range(3):
-        mass, moment = arb(0), [arb(0), arb(0)]
-        for n in range(RAYS):
-            part = span(0, 1) / RAYS + arb(n) / RAYS
-            whole, mean, reach, u = along(q, edges[k][0] + openings[k] * part)
-            density = (whole.lower() * mean.lower()).union(whole.upper() * mean.upper())
-            mass += density
-            moment = [moment[i] + density * reach * u[i] for i in range(2)]
-        shares.append(mass * openings[k] / RAYS)
-        middles.append([m / mass for m in moment])
-    if any(share.upper() < least for share in shares):
-        return
+def light_on(edge: Any, opening: Any, q: list[Any]) -> tuple[Any, list[Any]]:
+    """A facet's share of the light and its centroid less the apex, over a cell of offsets."""
+    mass, moment = arb(0), [arb(0), arb(0)]
+    for n in range(RAYS):
+        part = (span(0, 1) + n) / RAYS
+        whole, mean, reach, u = along(q, edge + opening * part)
+        low = not_below_zero(whole) * not_below_zero(mean)
+        density = low.union(whole.upper() * mean.upper())
+        mass += density
+        moment = [moment[i] + density * reach * u[i] for i in range(2)]
+    return mass * opening / RAYS, [m / mass for m in moment]
+
+
+def claims_in_cell(edges: Any, q: list[Any], shares: Any, middles: Any, light: Any) -> Claims:
+    """What the file says of the light, and what is found in a cell of offsets."""
     rays = [along(q, edge[0]) for edge in edges]
     u = [ray[3] for ray in rays]
     alpha = [u[e - 2][0] * u[e - 1][1] - u[e - 2][1] * u[e - 1][0] for e in range(3)]
-    claims: list[tuple[list[float], Any]] = []
+    claims: Claims = []
     for j in range(3):
         flow = sum(alpha[e] * rays[e][1] * edges[e][1][j] for e in range(3))
         flow = flow / sum(alpha[e] / rays[e][0] for e in range(3))
         w = [flow / rays[e][0] - rays[e][1] * edges[e][1][j] for e in range(2)]
         dq = [(w[0] * u[1][i] - w[1] * u[0][i]) / alpha[2] for i in range(2)]
-        half = (arb(dq[0].abs_upper()) ** 2 + arb(dq[1].abs_upper()) ** 2).sqrt() / 2
+        half = (dq[0].abs_upper() ** 2 + dq[1].abs_upper() ** 2).sqrt() / 2
         for k, i in product(range(3), range(2)):
-            share = arb(max(float(shares[k].lower()), least)).union(shares[k].upper())
             pushed = arb(0)
             for e, sign in ((k, -1), ((k + 1) % 3, 1)):
                 whole, mean, reach, side = rays[e]
                 pushed += sign * whole * mean * (reach * side[i] - middles[k][i]) * edges[e][1][j]
-            moved = pushed / share - dq[i] / 2 + half * span(-1, 1)
+            moved = pushed / shares[k] - dq[i] / 2 + half * span(-1, 1)
             claims.append((light["turns"][k][i][j], moved))
     claims += [(light["from_point"][k][i], middles[k][i]) for k in range(3) for i in range(2)]
-    if wanted(claims):
+    lights = [ray[0] for ray in rays]
+    slope = sum(lights[e - 1] * lights[e] * alpha[e - 2] for e in range(3))
+    return [*claims, (light["slope"], slope)]
+
+
+def check_cell(
+    edges: Any, openings: list[Any], q: list[Any], least: float, light: Any, depth: int = 0
+) -> None:
+    """Whether the file's bounds hold in a cell of offsets, where its shares can be enough."""
+    shares, middles = [], []
+    for k in range(3):
+        share, middle = light_on(edges[k][0], openings[k], q)
+        if share.upper() < least:
+            return
+        shares.append(max(share.lower(), arb(least)).union(share.upper()))
+        middles.append(middle)
+    if all(holds(*claim) for claim in claims_in_cell(edges, q, shares, middles, light)):
         return
-    assert depth < 7, f"the bounds of the light do not hold near {q}"
-    for x, y in product(*(quarter(side) for side in q)):
+    refuse_unless(depth < DEPTH, f"the bounds of the light do not hold with the apex near {q}")
+    for x, y in product(*(halves(side) for side in q)):
         check_cell(edges, openings, [x, y], least, light, depth + 1)
 
 
-def quarter(x: Any) -> list[Any]:
+def halves(x: Any) -> list[Any]:
     low, middle, high = x.lower(), x.mid(), x.upper()
     return [low.union(middle), middle.union(high)]
 
 
+def farthest_offset(openings: list[Any], least: float) -> Fraction:
+    """Sigmas past which some facet lacks its least share, wherever the apex is."""
+    found = None
+    for step in range(STEPS, 0, -1):
+        distance = Fraction(FARTHEST * step, STEPS)
+        far = arb(distance.numerator) / distance.denominator
+        shares = [(far * least_sine(gap) / arb(2).sqrt()).erfc() / 2 for gap in openings]
+        if not all(share < least for share in shares):
+            break
+        found = distance
+    refuse_unless(found is not None, "a facet may have its least share of light with the apex far")
+    return found or Fraction(0)
+
+
+def least_sine(opening: Any) -> Any:
+    """Between a right angle and the opening; 1 where that is acute."""
+    return arb(1) if opening <= arb.pi() / 2 else opening.upper().sin()
+
+
 def check_light(rig: Rig, content: dict[str, Any]) -> None:
     """The bounds of the light, over the square beyond which a facet lacks its least share."""
-    low, high = content["low"], content["high"]
-    far = 8.0
-    for part in range(PARTS):
-        ends = [low[5] + (high[5] - low[5]) * (part + n) / PARTS for n in range(2)]
-        angles = [span(low[3], high[3]), span(low[4], high[4]), span(*ends)]
-        edges = edges_of(rig, angles)
+    low, high, least = content["low"], content["high"], content["least_share"]
+    places = [low[5] + (high[5] - low[5]) * part / PARTS for part in range(PARTS)] + [high[5]]
+    for part in range(PARTS if high[5] > low[5] else 1):
+        yaw = span(places[part], places[part + 1])
+        edges = edges_of(rig, [span(low[3], high[3]), span(low[4], high[4]), yaw])
         turn = 2 * arb.pi()
         gaps = [edges[(k + 1) % 3][0] - edges[k][0] for k in range(3)]
         openings = [gap - turn * (gap / turn).mid().floor() for gap in gaps]
         for gap in openings:
-            assert 0 < gap < arb.pi(), "the edges are no fan"
-            sharp = gap.sin() if gap > arb.pi() / 2 else arb(1)
-            beyond = (far * sharp / arb(2).sqrt()).erfc() / 2
-            assert beyond < content["least_share"], "light may be further off"
-        places = [-far + 2 * far * n / CELLS for n in range(CELLS + 1)]
+            refuse_unless(gap > 0 and gap < arb.pi(), "a facet may be as wide as half a turn")
+        far = farthest_offset(openings, least)
+        sides = [arb(x.numerator) / x.denominator for x in
+                 (far * (2 * n - CELLS) / CELLS for n in range(CELLS + 1))]  # fmt: skip
         for i, j in product(range(CELLS), repeat=2):
-            q = [span(places[i], places[i + 1]), span(places[j], places[j + 1])]
-            check_cell(edges, openings, q, content["least_share"], content["light"], 0)
+            q = [sides[i].union(sides[i + 1]), sides[j].union(sides[j + 1])]
+            check_cell(edges, openings, q, least, content["light"])
 
 
 def check_cover(content: dict[str, Any]) -> None:
-    """The pieces lie in the box, do not overlap, and are together as large."""
-    low, high, pieces = content["low"], content["high"], content["pieces"]
-    wide = [i for i in range(6) if high[i] > low[i]]
-    for piece in pieces:
-        assert all(a <= b <= c <= d for a, b, c, d in
-                   zip(low, piece["low"], piece["high"], high, strict=True))  # fmt: skip
-    for a, b in combinations(pieces, 2):
-        over = (min(a["high"][i], b["high"][i]) > max(a["low"][i], b["low"][i]) for i in wide)
-        assert not all(over), "two pieces overlap"
-    whole = prod(high[i] - low[i] for i in wide)
-    parts = sum(prod(p["high"][i] - p["low"][i] for i in wide) for p in pieces)
-    assert abs(parts / whole - 1) < 1e-9, "the pieces do not fill the box"
+    """The pieces fill the box: a cell is cut along their edges until one piece holds each part.
+
+    Floats are compared, and none is computed: there is no rounding.
+    """
+    low, high = content["low"], content["high"]
+    ordered = all(a <= b for a, b in zip(low, high, strict=True))
+    refuse_unless(ordered, "the box has an upper end below its lower one")
+    for piece in content["pieces"]:
+        ends = zip(low, piece["low"], piece["high"], high, strict=True)
+        refuse_unless(all(a <= b <= c <= d for a, b, c, d in ends), f"a piece is not in the box:"
+                      f" {piece['low']} to {piece['high']}")  # fmt: skip
+    fill(tuple(low), tuple(high), [(p["low"], p["high"]) for p in content["pieces"]])
 
 
-def check_hull(rig: Rig, content: dict[str, Any]) -> float:
-    """By how much |1 - C M| shrinks the weights, for every M in the hull of the pieces."""
-    hull: list[list[Any]] = []
+Ends = tuple[float, ...]
+
+
+def fill(low: Ends, high: Ends, pieces: list[Any]) -> None:
+    """Raises `Refused` where pieces, all of which meet a cell, do not fill it."""
+    refuse_unless(bool(pieces), f"the pieces leave a hole from {low} to {high}")
+    if any(holds_cell(piece, low, high) for piece in pieces):
+        return
+    axis, place = best_cut(low, high, pieces)
+    first, second = (*high[:axis], place, *high[axis + 1 :]), (*low[:axis], place, *low[axis + 1 :])
+    fill(low, first, [piece for piece in pieces if piece[0][axis] < place])
+    fill(second, high, [piece for piece in pieces if piece[1][axis] > place])
+
+
+def holds_cell(piece: Any, low: Ends, high: Ends) -> bool:
+    ends = zip(piece[0], low, high, piece[1], strict=True)
+    return all(a <= b and c <= d for a, b, c, d in ends)
+
+
+def best_cut(low: Ends, high: Ends, pieces: list[Any]) -> tuple[int, float]:
+    """The edge inside a cell that cuts fewest pieces, and then most evenly."""
+    edges = {
+        (axis, end[axis])
+        for piece in pieces
+        for end in piece
+        for axis in range(6)
+        if low[axis] < end[axis] < high[axis]
+    }
+
+    def cost(edge: tuple[int, float]) -> tuple[int, int]:
+        axis, place = edge
+        below = sum(piece[0][axis] < place for piece in pieces)
+        above = sum(piece[1][axis] > place for piece in pieces)
+        return below + above, abs(below - above)
+
+    return min(sorted(edges), key=cost)
+
+
+Rows = list[list[Any]]
+
+
+def check_pieces(rig: Rig, content: dict[str, Any], found: Finding) -> Rows:
+    """The hull of the pieces' Jacobians; finds the determinants again."""
+    light, hull, unverified = content["light"], None, 0
+    slope = arb(light["slope"][0]) * rig.power.lower() ** 2 / (rig.sigma[0] * rig.sigma[1])
+    least: list[Fraction] = []
     for piece in content["pieces"]:
         box = [span(a, b) for a, b in zip(piece["low"], piece["high"], strict=True)]
-        rows = [spot.slope for spot in spots(rig, box, content["light"])]
-        hull = rows if not hull else [
+        rows = [spot.slope for spot in spots(rig, box, light)]
+        size = determinant_of(rows, content["inverse"]) * slope
+        claim = arb(piece["at_least"])
+        refuse_unless(
+            not size.abs_upper() < claim, "a piece claims a larger determinant than it has"
+        )
+        least.append(
+            max(exactly(size.abs_lower()), Fraction(0)) if size.is_finite() else Fraction(0)
+        )
+        unverified += least[-1] < Fraction(piece["at_least"])
+        hull = rows if hull is None else [
             [x.union(y) for x, y in zip(a, b, strict=True)] for a, b in zip(hull, rows, strict=True)
         ]  # fmt: skip
+    found.determinant = min(least)
+    claims = min(Fraction(piece["at_least"]) for piece in content["pieces"])
+    lowest = Fraction(content["least_determinant"]) <= claims
+    refuse_unless(lowest, "least_determinant is more than its least piece claims")
+    if unverified:
+        found.not_verified.append(f"the bound of the determinant in {unverified} pieces")
+    return hull or []
+
+
+def determinant_of(rows: Rows, inverse: list[list[float]]) -> Any:
+    """Of an interval matrix, by that of its product with a matrix that nearly inverts it."""
+    near = arb_mat(inverse)
+    return (near * arb_mat(rows)).det() / near.det()
+
+
+def check_hull(hull: Rows, content: dict[str, Any], found: Finding) -> None:
+    """By how much |1 - C M| shrinks the weights, for every M in the hull of the pieces."""
     inverse, weights = content["inverse"], content["weights"]
-    assert all(weight > 0 for weight in weights)
-    worst = 0.0
+    margins = []
     for i in range(6):
         row = arb(0)
         for j in range(6):
             entry = sum(arb(inverse[i][k]) * hull[k][j] for k in range(6)) - (i == j)
-            row += arb(entry.abs_upper()) * weights[j]
-        worst = max(worst, float((row / weights[i]).upper()))
-    return 1 - worst
+            row += entry.abs_upper() * weights[j]
+        refuse_unless(row < weights[i], f"the hull of the Jacobians may be singular: row {i + 1} of"
+                      f" |1 - C M| times the weights is {row}, not below its own")  # fmt: skip
+        margins.append(exactly((1 - row / weights[i]).lower()))
+    found.margin = min(margins)
+    if found.margin < Fraction(content["margin"]):
+        found.not_verified.append(f"the margin of {content['margin']:.4g}")
 
 
-def check(path: Path) -> float:
-    """The margin that is found again; raises AssertionError where the certificate does not hold."""
-    content = json.loads(path.read_text("utf-8"))
-    assert content["format"] == FORMAT, "another kind of file"
-    assert content["unique"], "the file claims no uniqueness"
-    rig = Rig(content["parameters"])
+def check_configuration(content: dict[str, Any], found: Finding) -> None:
+    """The checksum of the resolved configuration, and that the parameters are its sensor's."""
+    resolved, checksum = content["resolved"], content.get("config_sha256")
+    if resolved is None:
+        refuse_unless(
+            checksum is None, "config_sha256 is given without its configuration, resolved"
+        )
+        found.not_verified.append("that the parameters are those of any configuration")
+        return
+    text = json.dumps(resolved, separators=(",", ":"), allow_nan=False)
+    refuse_unless(hashlib.sha256(text.encode()).hexdigest() == checksum,
+                  "config_sha256 is not the checksum of the configuration, resolved")  # fmt: skip
+    try:
+        parameters = parameters_of(resolved["sensor"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise Refused(f"the configuration's sensor is no sensor: {error!r}") from None
+    same = all(
+        abs(a - b) <= ROUNDED * max(1.0, abs(b))
+        for a, b in zip(content["parameters"], parameters, strict=True)
+    )
+    refuse_unless(same, "the parameters are not those of the configuration's sensor")
+    for block in ("apertures", "light"):
+        given = resolved["sensor"].get(block) or {}
+        plain = all(is_off(value) for name, value in given.items() if name != "delays_us")
+        refuse_unless(plain, f"sensor.{block} changes the light, which the theorem does not know")
+
+
+def is_off(value: Any) -> bool:
+    """Whether a key of the light or of apertures takes nothing away and adds nothing."""
+    if isinstance(value, list):
+        return all(is_off(part) for part in value)
+    return value is None or value is False or value == 0
+
+
+def parameters_of(sensor: dict[str, Any]) -> list[float]:
+    """The 30 parameters by the keys of a configuration; mm, rad, mW."""
+    beam, mirror, psd = sensor["beam"], sensor["mirror"], sensor["psd"]
+    wide = beam["diameter_mm"]
+    x, y = wide if isinstance(wide, list) else (wide, wide)
+    tilts = [tilt / 1000 for tilt in beam["tilt_mrad"]]
+    values = [beam["power_mw"], x, y, radians(beam["rotation_deg"]), *tilts]
+    for letter in "abc":
+        values += [radians(mirror[letter][f"{name}_deg"]) for name in ("inclination", "azimuth")]
+    for letter in "abc":
+        keys = psd[letter]
+        values += [keys["radius_mm"], radians(keys["azimuth_deg"]), keys["height_mm"]]
+        values += [keys[f"{name}_mrad"] / 1000 for name in ("roll", "pitch", "yaw")]
+    return [float(value) for value in values]
+
+
+def read(path: Path) -> dict[str, Any]:
+    """The file's content. Raises `Refused` where it is no certificate."""
+    try:
+        content = json.loads(
+            path.read_text("utf-8"), object_pairs_hook=without_twins, parse_constant=no_number
+        )
+    except (OSError, ValueError, RecursionError) as error:
+        raise Refused(f"the file can not be read as JSON: {error}") from None
+    conform(content, SCHEMA)
+    whole: dict[str, Any] = content
+    return whole
+
+
+def without_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    names = [name for name, _ in pairs]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    refuse_unless(not twice, f"given twice: {', '.join(twice)}")
+    return dict(pairs)
+
+
+def no_number(text: str) -> float:
+    raise Refused(f"{text} is no number")
+
+
+def check(path: Path) -> Finding:
+    """What of a certificate is found again; raises `Refused` where that is no proof."""
+    content, found = read(path), Finding()
+    check_configuration(content, found)
     check_cover(content)
+    for claims in intervals_of(content["light"]):
+        refuse_unless(
+            claims[0] <= claims[1], f"a bound of the light has its ends crossed: {claims}"
+        )
+    refuse_unless(content["light"]["slope"][0] > 0, "the bound of the powers' slope is not above 0")
+    rig = Rig(content["parameters"], content["tolerances"])
+    refuse_unless(rig.power > 0 and all(s > 0 for s in rig.sigma), "the beam has no power or width")
     check_light(rig, content)
-    margin = check_hull(rig, content)
-    assert margin > 0, f"the hull is not regular: {margin}"
-    return margin
+    check_hull(check_pieces(rig, content, found), content, found)
+    if content["range"] is not None:
+        found.not_verified.append("that the box holds every pose of the measurement range")
+    known = ("facets", "seed", "command", "made", "seconds", "work")
+    found.not_verified.append(f"how it was made ({', '.join(n for n in known if n in content)})")
+    return found
+
+
+def intervals_of(light: dict[str, Any]) -> list[list[float]]:
+    rows = [interval for facet in light["from_point"] for interval in facet]
+    turns = [interval for facet in light["turns"] for row in facet for interval in row]
+    return [*rows, *turns, light["slope"]]
+
+
+def told(found: Finding) -> str:
+    """Bounds rounded down."""
+    margin, bound = floor(1000 * found.margin) / 1000, rounded_down(found.determinant)
+    unverified = "; ".join(found.not_verified)
+    return (
+        f"holds, with a margin of at least {margin:.3f}; |Eq. (11)| is at least {bound}\n"
+        f"  not verified: {unverified}"
+    )
+
+
+def rounded_down(value: Fraction) -> str:
+    """Three digits of a number that is not below zero: 4.57e6."""
+    if value < Fraction(1, 10**30):
+        return "0"
+    power = 0
+    while value >= 10:
+        value, power = value / 10, power + 1
+    while value < 1:
+        value, power = value * 10, power - 1
+    return f"{floor(100 * value) / 100:.2f}e{power}"
+
+
+def main(arguments: list[str]) -> int:
+    """0 where every certificate holds, 1 where one is refused, 2 without any."""
+    if arguments == ["--schema"]:
+        print(json.dumps(SCHEMA, indent=1))
+        return 0
+    if not arguments:
+        print("usage: python -m facets.experiments.check_certificate FILE... | --schema")
+        return 2
+    refused = 0
+    for name in arguments:
+        try:
+            print(f"{name}: {told(check(Path(name)))}")
+        except Refused as reason:
+            refused += 1
+            print(f"{name}: refused: {reason}")
+    return 1 if refused else 0
 
 
 if __name__ == "__main__":
-    for name in sys.argv[1:]:
-        print(f"{name}: holds, with a margin of {check(Path(name)):.3f}")
+    sys.exit(main(sys.argv[1:]))

@@ -1,14 +1,15 @@
-"""What the closed form neglects, and how much each matters to a pose, with and without calibration.
+"""What ideal light neglects, and how much each matters to a pose: ideal, calibrated, and known.
 
     python -m facets.experiments.neglected [--output FILE.csv]
 
-Readings of the paper's head with one imperfection at a time, over the motions of `rigs`, without
-noise, are solved as if it were perfect, the beam known: the r.m.s. error over a reading's own
-uncertainty, worst of x and y, and worst of the others. Then the same after a calibration that knows
-nothing of the imperfection either. Effects grow in proportion to what causes them, so one over a
-number is by how much larger its cause may be before it shows above the noise. Diffraction at the
-edges between facets is there by its closed form, and once more as a scalar field by Fresnel's
-propagation (FFT): how far it shifts a centroid.
+Readings of the paper's head with one imperfection at a time, by rays, over the motions of `rigs`,
+without noise, are solved as if the light were ideal, the beam known: the r.m.s. error over a
+reading's own uncertainty, worst of x and y, and worst of the others. Then the same after a
+calibration that knows nothing of the imperfection either, and with the imperfection in the model
+(`sensor.light`). Effects grow in proportion to what causes them, so one over a number is by how
+much larger its cause may be before it shows above the noise. Diffraction at the edges between
+facets is there by its closed form, and once more as a scalar field by Fresnel's propagation (FFT):
+how far it shifts a centroid.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 import facets
 from facets.calibration.bundle_adjustment import Choice, Data
 from facets.calibration.fit import fit
-from facets.core.sensor import Imperfections, Sensor
+from facets.core.sensor import BenchLight, Imperfections, Sensor
 from facets.detectors.correction import corrected
 from facets.files.tables import write_table
 from facets.simulation.imperfect_optics import seen
@@ -50,18 +51,49 @@ def flawed(**flaws: Any) -> Sensor:
     return replace(facets.Sensor(), imperfections=Imperfections(**flaws))
 
 
-def real_ones() -> dict[str, Sensor]:
+#: A tenth of a wave over the last 0.1 mm, and a little less.
+DEPTHS = (6.3e-5, 4e-5, 5e-5, 6e-5, 3e-5, 5e-5)
+#: Power (mW) and place (mm) on each detector.
+ROOM_LIGHT = ((5e-4, 1, 2), (5e-4, -1, 1), (5e-4, 0, -2))
+
+
+class Case(NamedTuple):
+    """A sensor that is not ideal, and the one that a solver would have to know."""
+
+    real: Sensor
+    known: Sensor
+
+
+def case(**flaws: Any) -> Case:
+    """One of `Imperfections`, by rays, and the same in the model."""
+    light = dict(flaws)
+    if "wavefront_radius" in light:
+        bend = 1 / light.pop("wavefront_radius")
+        light |= {"curvature_xx": bend, "curvature_yy": bend}
+    return Case(flawed(**flaws), replace(facets.Sensor(), light=BenchLight(**light)))
+
+
+def cases() -> dict[str, Case]:
     nominal = facets.Sensor()
     beam = nominal.beam
     sag = WAVELENGTH / 10
+    wide = replace(nominal, beam=replace(beam, diameter_x=1.05 * beam.diameter_x))
+    tilted = replace(nominal, beam=replace(beam, tilt_x=1.4e-3, tilt_y=-1.4e-3))
+    domed = flawed(sag=(sag, -sag, sag))
     return {
-        "aluminium; light unpolarised": flawed(index=ALUMINIUM),
-        "aluminium; light polarised": flawed(index=ALUMINIUM, polarization=0.3),
-        "ellipticity 5 %": replace(nominal, beam=replace(beam, diameter_x=1.05 * beam.diameter_x)),
-        "beam tilt 2 mrad": replace(nominal, beam=replace(beam, tilt_x=1.4e-3, tilt_y=-1.4e-3)),
-        "divergence; 0.5 m from a HeNe": flawed(wavefront_radius=wavefront(500.0)),
-        "diffraction at the edges": flawed(wavelength=WAVELENGTH),
-        "facets domed by a tenth wave over 5 mm": flawed(sag=(sag, -sag, sag)),
+        "aluminium; light unpolarised": case(index=ALUMINIUM),
+        "aluminium; light polarised": case(index=ALUMINIUM, polarization=0.3),
+        "ellipticity 5 %": Case(wide, wide),
+        "beam tilt 2 mrad": Case(tilted, tilted),
+        "divergence; 0.5 m from a HeNe": case(wavefront_radius=wavefront(500.0)),
+        "diffraction at the edges": case(wavelength=WAVELENGTH),
+        "edges rolled off 63 nm over 0.1 mm": case(rolloff=DEPTHS, rolloff_width=0.1),
+        "strips of 10, 14, 8 um lost at edges": case(strips=(0.01, 0.014, 0.008)),
+        "a flat tip, 25 um in radius": case(tip=np.pi * 0.025**2),
+        "other light, 0.5 uW on each": case(
+            background=((5e-4, 1, 2), (5e-4, -1, 1), (5e-4, 0, -2))
+        ),
+        "facets domed by a tenth wave over 5 mm": Case(domed, nominal),
     }
 
 
@@ -90,16 +122,18 @@ def over_noise(sensor: Sensor, data: Data, state: Floats, apex: Floats) -> Float
 
 
 def optics() -> list[tuple[Any, ...]]:
-    """(what, before in x and y, in others, after calibration in x and y, in others)."""
+    """(what, then in x and y and in others: before, after calibration, in the model)."""
     found: list[tuple[Any, ...]] = []
-    for name, real in real_ones().items():
+    still = np.zeros(2)
+    for name, (real, known) in cases().items():
         rng = np.random.default_rng(1)
         data, _ = moved(real, 150, rng)
         fresh, state = moved(real, 200, rng)
-        before = over_noise(facets.Sensor(), fresh, state, np.zeros(2))
+        before = over_noise(facets.Sensor(), fresh, state, still)
         fitted = fit(facets.Sensor(), data, choice(), None)
-        after = over_noise(fitted.sensor, fresh, state, fitted.mounting[3:])
-        found.append((name, *before.tolist(), *after.tolist()))
+        after = over_noise(fitted.sensor, fresh, state, fitted.apex[:2])
+        best = over_noise(known, fresh, state, still)
+        found.append((name, *before.tolist(), *after.tolist(), *best.tolist()))
     return found
 
 
@@ -153,8 +187,8 @@ def main() -> None:
     parser.add_argument("--output", type=Path)
     options = parser.parse_args()
     rows = optics()
-    print("r.m.s. error over the noise of one reading, before and after calibration")
-    print(f"{'':42} {'x; y':>8} {'others':>8} {'x; y':>8} {'others':>8}")
+    print("r.m.s. error over the noise of one reading: light ideal, calibrated so, in the model")
+    print(f"{'':42}" + f" {'x; y':>8} {'others':>8}" * 3)
     for name, *numbers in rows:
         print(f"{name:42} " + " ".join(f"{number:8.2g}" for number in numbers))
     places = np.array([0.0, 2.0, 4.0, 5.0])
@@ -170,7 +204,10 @@ def main() -> None:
             told = " ".join(f"{1e3 * (shift - shifts[0]):8.2f}" for shift in shifts)
             print(f"{offset:17.1f} {name:>6} {told}")
     if options.output:
-        names = ("what", "before_xy", "before_others", "after_xy", "after_others")
+        names = (
+            "what", "before_xy", "before_others", "after_xy", "after_others", "known_xy",
+            "known_others",
+        )  # fmt: skip
         columns = dict(zip(names, map(list, zip(*rows, strict=True)), strict=True))
         write_table(options.output, columns, {"facets": facets.__version__})
 

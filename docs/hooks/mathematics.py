@@ -19,6 +19,9 @@ VARIANT = re.compile(r'<mi mathvariant="(bold|bold-italic)">(\w)</mi>')
 #: What browsers set too wide or too high, and how it is set well: a prime, an operator's name, a
 #: slash, a bar, and a minus sign that is a sign and no difference.
 BETTER = [
+    (re.compile(r"<msubsup>(<m[ion][^>]*>[^<]*</m[ion]>)(<m[ion][^>]*>[^<]*</m[ion]>)"
+                r"<mi>&#x02032;</mi></msubsup>"),
+     r'<mrow><msub>\1\2</msub><mo lspace="0" rspace="0">&#x02032;</mo></mrow>'),
     (re.compile(r"<msup>(<m[io][^>]*>[^<]*</m[io]>)<mi>&#x02032;</mi></msup>"),
      r'<mrow>\1<mo lspace="0" rspace="0">&#x02032;</mo></mrow>'),
     (re.compile(r"<mo>([a-z]{2,})</mo>"), r'<mo lspace="0.167em" rspace="0">\1</mo>'),

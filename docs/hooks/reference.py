@@ -1,6 +1,7 @@
 """Reference made from the code when the pages are built: nothing of it is kept by hand.
 
 `<!-- help: range-map -->` is replaced by what `facets range-map --help` prints,
+`<!-- run: config list (first 4 lines) -->` by what that command prints when it is run now,
 `<!-- keys: sensor.beam -->` by a table of the keys of that block of a configuration,
 `<!-- keys -->` by a section for every block, `<!-- configurations -->` by the shipped ones, and
 `<!-- face -->` by the signatures and docstrings of all that `import facets` gives.
@@ -17,15 +18,23 @@ from facets.config.json_schema import allowed, document, entry
 from facets.config.show import scalar
 
 HELP = re.compile(r"<!-- help: ([a-z -]+) -->")
+RUN = re.compile(r"<!-- run: (config [a-z ]+?)(?: \(first (\d+) lines\))? -->")
 KEYS = re.compile(r"<!-- keys(?:: ([a-z_.]+))? -->")
 CONFIGURATIONS = "<!-- configurations -->"
 FACE = "<!-- face -->"
 #: What the names of `facets` are about, by the folder that they come from.
 SUBJECTS = {
-    "core": "The sensor and its data",
     "config": "Configurations",
     "model": "The model",
     "estimation": "Solving",
+    "simulation": "Simulating",
+    "characterization": "Ranges and uncertainties",
+    "calibration": "Calibrating",
+    "design": "Layouts",
+    "live": "Recordings",
+    "core": "The sensor and its data",
+    "detectors": "Noise of the detectors",
+    "optics": "Parameters of the sensor",
 }
 COLUMNS = 88
 
@@ -33,6 +42,7 @@ COLUMNS = 88
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """The page with its markers replaced."""
     text = HELP.sub(lambda found: f"```text\n{help_of(found[1])}\n```", markdown)
+    text = RUN.sub(lambda found: run(found[1], int(found[2] or 0)), text)
     text = KEYS.sub(lambda found: keys_of(found[1]) if found[1] else all_keys(), text)
     for marker, made in ((CONFIGURATIONS, configurations), (FACE, face)):
         text = text.replace(marker, made()) if marker in text else text
@@ -67,6 +77,19 @@ def help_of(name: str) -> str:
     command, context = command_of(name)
     text: str = command.get_help(context)
     return "\n".join(line.rstrip() for line in text.strip().splitlines())
+
+
+def run(line: str, count: int) -> str:
+    """A quick command as it is typed, and what it prints; only the first lines, or all for 0."""
+    from facets.cli import app
+    from typer.testing import CliRunner
+
+    result = CliRunner().invoke(app, line.split())
+    if result.exit_code:
+        raise RuntimeError(f"`facets {line}`, on a page, fails: {result.exception}")
+    lines = result.stdout.splitlines()
+    shown = lines[:count] + ["..."] * (count < len(lines)) if count else lines
+    return "\n".join(["```console", f"$ facets {line}", *shown, "```"])
 
 
 def command_names() -> list[str]:

@@ -8,7 +8,7 @@ import numpy as np
 
 import facets
 from facets.characterization.singularity import measures, samples
-from facets.characterization.state_box import apex_offset, range_domain
+from facets.characterization.state_box import apex_offset, range_box
 from facets.pictures import style
 
 from .experiment import NONE, Claim, Table
@@ -24,7 +24,7 @@ CLASSES = 60
 def compute(quick: bool) -> Table:
     """Least, middle and largest determinant in classes of the apex's distance from the beam."""
     config = facets.load(CONFIG)
-    domain = range_domain(config.sensor, config.range)
+    domain = range_box(config.sensor, config.range)
     count = 20_000 if quick else 200_000
     states = np.concatenate(list(samples(domain, count, "uniform", seed=1)))
     values = measures(config.sensor, states, spectra=False, threads=0)[:, 0]

@@ -1,14 +1,16 @@
 """A bundle adjustment, linearised: the mirror carried by a reference, and what each unknown does.
 
-The sensor's parameters, the corrections of its detectors and where the mirror stands on the
-reference are common to all samples; what the reference leaves open of each pose belongs to its
-sample, and is eliminated from the normal equations there (Schur complement), so that any number of
+The sensor's parameters, the corrections of its detectors, the effects of real light and where the
+mirror sits on the reference are common to all samples. What the reference leaves open of each pose,
+the laser's power and the beam's place, where these change from sample to sample, belong to their
+sample and are eliminated from the normal equations there (Schur complement), so that any number of
 samples costs one small system. All derivatives are closed.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,49 +18,67 @@ from numpy.typing import NDArray
 
 from ..core.names import FINE_UNITS
 from ..core.sensor import Sensor
-from ..detectors.correction import NAMES, coefficients, corrected, slopes
+from ..detectors.correction import NAMES, corrected, slopes
 from ..detectors.noise import standard_deviations
-from ..model.arrays import jacobian, parameter_jacobian, parameters, readings
-from ..optics.parameters import PARAMETERS
+from ..model.arrays import effect_jacobian, effects, jacobian, readings, with_effects
+from .unknowns import (
+    ALL,
+    DELAY,
+    DRIFTS,
+    EFFECTS,
+    GEOMETRY,
+    MOUNTING,
+    OF_DRIFT,
+    OF_SEAT,
+    PLACE,
+    POWER_DRIFT,
+    SHAPE,
+    Choice,
+    block,
+    by_sensor,
+    values_of,
+)
+
+__all__ = ["ALL", "MOUNTING", "Choice", "values_of"]
 
 Floats = NDArray[np.float64]
 
-#: Where the mirror is on the reference: the apex from its pivot; and from the beam while at zero.
-MOUNTING = ("lever.x", "lever.y", "lever.z", "apex.x", "apex.y")
-ALL = (*PARAMETERS, *NAMES, *MOUNTING)
-
-
-def values_of(sensor: Sensor) -> Floats:
-    """Of `ALL`, as the sensor is thought to be, the apex on the pivot and on the beam."""
-    return np.concatenate([parameters(sensor), coefficients(sensor), np.zeros(len(MOUNTING))])
+#: A sample's own unknowns: its pose in um and urad, its power in shares of 1e-3, its beam in um.
+OWN = 9
+OWN_UNITS = np.array([*FINE_UNITS[:6], 1e-3, 1e-3, 1e-3])
+#: A reading that the model cannot give where the detector gave one is off by so many sigmas.
+LOST = 1e4
 
 
 class Data(NamedTuple):
     """raw: (n, 9) as the detectors gave them.  pose: (n, 6) by the reference, mm and rad.
 
     sigma: (6,) its standard uncertainty; infinite where it does not measure an axis, whose column
-    then is where to look first.  beam: (n, 2) mm.
+    then is where to look first.  beam: (n, 2) mm.  velocity: (n, 6) mm/s and rad/s.
+    clock: (n, 2) time in half runs from -1 to 1, and temperature less its mean, K.
+    seat: (n,) which seating of the mirror; thirds: (n,) of a turn, by which it was put.
+    noise: (n, 9) standard deviations of the readings, which then follow no unknown.
+    slow: (n, 5) what the laser's power may follow over the run.
     """
 
     raw: Floats
     pose: Floats
     sigma: Floats
     beam: Floats
+    velocity: Floats | None = None
+    clock: Floats | None = None
+    seat: NDArray[np.int64] | None = None
+    thirds: NDArray[np.int64] | None = None
+    noise: Floats | None = None
+    slow: Floats | None = None
 
-    def part(self, rows: NDArray[np.bool_]) -> Data:
-        return Data(self.raw[rows], self.pose[rows], self.sigma, self.beam[rows])
-
-
-@dataclass(frozen=True)
-class Choice:
-    """What is to be found: names out of `ALL`, and what is known of each before, 1 sigma."""
-
-    names: tuple[str, ...]
-    sigma: Floats
-
-    @property
-    def places(self) -> NDArray[np.int64]:
-        return np.array([ALL.index(name) for name in self.names])
+    def part(self, rows: NDArray[np.bool_] | NDArray[np.int64] | slice) -> Data:
+        kept = {
+            name: value[rows]
+            for name, value in self._asdict().items()
+            if value is not None and name != "sigma"
+        }
+        return self._replace(**kept)
 
 
 class Turned(NamedTuple):
@@ -89,86 +109,346 @@ def turned(angles: Floats) -> Turned:
     return Turned(whole, np.stack(by, axis=1))
 
 
-def states_of(data: Data, opening: Floats, mounting: Floats) -> Floats:
-    """The mirror's states (n, 8): the reference's poses and what it left open, carried over."""
-    pose = data.pose + opening
-    lever, apex = mounting[:3], mounting[3:]
-    state = np.concatenate([pose, data.beam], axis=1)
-    state[:, :3] += (turned(pose[:, 3:]).matrix - np.eye(3)) @ lever
-    state[:, :2] += apex
+def angles_of(matrix: Floats) -> Floats:
+    """Roll, pitch and yaw (n, 3) of rotations (n, 3, 3)."""
+    return np.stack(
+        [
+            np.arctan2(matrix[:, 2, 1], matrix[:, 2, 2]),
+            -np.arcsin(np.clip(matrix[:, 2, 0], -1, 1)),
+            np.arctan2(matrix[:, 1, 0], matrix[:, 0, 0]),
+        ],
+        axis=-1,
+    )
+
+
+def turn_axes(angles: Floats) -> Floats:
+    """(n, 3, 3): its columns are the axes, in the world, about which the angles turn."""
+    (_, cp, cy), (_, sp, sy) = np.cos(angles).T, np.sin(angles).T
+    zero, one = np.zeros(len(angles)), np.ones(len(angles))
+    return np.stack(
+        [
+            np.stack([cy * cp, sy * cp, -sp], axis=-1),
+            np.stack([-sy, cy, zero], axis=-1),
+            np.stack([zero, zero, one], axis=-1),
+        ],
+        axis=-1,
+    )
+
+
+class Seating(NamedTuple):
+    """Where the mirror sits on the reference, sample by sample: each (n, 3); mm and rad."""
+
+    lever: Floats
+    apex: Floats
+    mount: Floats
+
+
+def seating(data: Data, mounting: Floats) -> Seating:
+    """mounting: of `MOUNTING`."""
+    every = mounting.reshape(-1, len(OF_SEAT))
+    rows = every[np.zeros(len(data.raw), dtype=np.int64) if data.seat is None else data.seat]
+    return Seating(rows[:, :3], rows[:, 3:6], rows[:, 6:])
+
+
+def pose_of(data: Data, opening: Floats, values: Floats) -> Floats:
+    """Where the reference carries the mirror (n, 6), its delay and what it left open added."""
+    pose: Floats = data.pose + opening[:, :6]
+    if data.velocity is not None:
+        pose = pose + values[PLACE[DELAY]] * data.velocity
+    return pose
+
+
+def states_of(data: Data, opening: Floats, values: Floats) -> Floats:
+    """The mirror's states (n, 8): the reference's poses and what it left open, carried over.
+
+    opening: (n, 9).  values: of `ALL`.
+    """
+    pose = pose_of(data, opening, values)
+    seat = seating(data, values[block(MOUNTING)])
+    turn = turned(pose[:, 3:]).matrix
+    state = np.concatenate([pose, data.beam + opening[:, 7:]], axis=1)
+    state[:, :3] += np.einsum("nij,nj->ni", turn - np.eye(3), seat.lever) + seat.apex
+    if seat.mount.any():
+        state[:, 3:6] = angles_of(turn @ turned(seat.mount).matrix)
+    state[:, 6:] += drift(data, values)[:, :2]
     return state
+
+
+def drift(data: Data, values: Floats) -> Floats:
+    """(n, 8) what time and temperature have added to the beam's place and to the readings, mm."""
+    if data.clock is None:
+        return np.zeros((len(data.raw), len(OF_DRIFT)))
+    each: Floats = data.clock @ values[block(DRIFTS)].reshape(2, len(OF_DRIFT))
+    return each
+
+
+#: Which readings are places, in the order of `OF_DRIFT` behind the beam's.
+PLACES = np.array([0, 1, 3, 4, 6, 7])
+
+
+def light_of(data: Data, opening: Floats, values: Floats) -> Floats:
+    """The laser's power (n,) over `beam.power`."""
+    own: Floats = 1 + opening[:, 6]
+    return own if data.slow is None else own + data.slow @ values[block(POWER_DRIFT)]
+
+
+def over_the_run(data: Data) -> Data:
+    """With Legendre polynomials of time, or of the rows' order, for the laser's power."""
+    there = data.clock is not None and data.clock[:, 0].any()
+    time = data.clock[:, 0] if there else np.linspace(-1, 1, len(data.raw))  # type: ignore[index]
+    count = len(POWER_DRIFT)
+    return data._replace(slow=np.polynomial.legendre.legvander(time, count)[:, 1:])
+
+
+def predicted(sensor: Sensor, data: Data, opening: Floats, values: Floats, state: Floats) -> Floats:
+    """The readings (n, 9) of perfect detectors at states (n, 8), with each sample's own power."""
+    seen = by_thirds(sensor, data, state, readings)
+    seen[:, 2::3] *= light_of(data, opening, values)[:, None]
+    seen[:, PLACES] += drift(data, values)[:, 2:]
+    return seen
+
+
+def by_thirds(
+    sensor: Sensor, data: Data, state: Floats, what: Callable[[Sensor, Floats], Floats]
+) -> Floats:
+    """A function of sensor and states, the mirror put on by thirds of a turn."""
+    if data.thirds is None or not data.thirds.any():
+        return what(sensor, state)
+    parts = {
+        third: what(put_on(sensor, third), state[data.thirds == third])
+        for third in np.unique(data.thirds).tolist()
+    }
+    out = np.empty((len(state), *next(iter(parts.values())).shape[1:]))
+    for third, part in parts.items():
+        out[data.thirds == third] = part
+    return out
+
+
+def put_on(sensor: Sensor, thirds: int) -> Sensor:
+    """The sensor whose mirror was put on by thirds of a turn: A faces detector B after one."""
+    if not thirds % 3:
+        return sensor
+    facets = [
+        replace(old := sensor.facets[(k - thirds) % 3],
+                azimuth=old.azimuth + 2 * np.pi * thirds / 3)
+        for k in range(3)
+    ]  # fmt: skip
+    turned_on = replace(sensor, facets=(facets[0], facets[1], facets[2]))
+    order = [EFFECTS.index(on_the_mirror(name, thirds)) for name in EFFECTS]
+    return with_effects(turned_on, effects(sensor)[order])
+
+
+def on_the_mirror(name: str, thirds: int) -> str:
+    """Whose parameter it is that acts where `name` acts while the mirror is not turned."""
+    head, dot, tail = name.partition(".")
+    kind, _, letters = head.partition("_")
+    if kind not in ("facet", "edge", "strip"):
+        return name
+    moved = "".join("abc"[("abc".index(c) - thirds) % 3] if c in "abc" else c for c in letters)
+    return f"{kind}_{moved}{dot}{tail}"
+
+
+def in_the_mirror(columns: Floats, names: tuple[str, ...], data: Data) -> Floats:
+    """Derivatives by names (n, 9, p) where the mirror was turned: whose facet or edge it is."""
+    if data.thirds is None or not data.thirds.any():
+        return columns
+    out = columns.copy()
+    for third in np.unique(data.thirds[data.thirds % 3 > 0]).tolist():
+        rows = data.thirds == third
+        into = [names.index(on_the_mirror(name, third)) for name in names]
+        part = np.empty_like(columns[rows])
+        part[:, :, into] = columns[rows]
+        out[rows] = part
+    return out
 
 
 class Linear(NamedTuple):
     """Residuals (n, 9) over their sigmas, and what lowers them: by each common unknown (n, 9, p),
-    by each pose's own (n, 9, 6) in units of um and urad."""
+    by each sample's own (n, 9, 9) in `OWN_UNITS`."""
 
     residual: Floats
     common: Floats
     own: Floats
 
 
-OWN_UNITS = np.array(FINE_UNITS[:6])
+def deviations(sensor: Sensor, data: Data) -> Floats:
+    """Standard deviations (n, 9) of the readings."""
+    if data.noise is not None:
+        return data.noise
+    sigma: Floats = standard_deviations(sensor, corrected(sensor, data.raw))
+    return sigma
 
 
 def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: Choice) -> Linear:
     """The model at some values of `ALL`; a reading that is not there weighs nothing."""
-    mounting = values[-len(MOUNTING) :]
-    state = states_of(data, opening, mounting)
-    turn = turned(state[:, 3:6])
-    left = residuals(sensor, data.raw, state)
-    by_state = jacobian(sensor, state)
-    own = by_state[:, :, :6].copy()
-    moved = np.einsum("ncij,j->nic", turn.slopes, mounting[:3])
-    own[:, :, 3:] += by_state[:, :, :3] @ moved
-    every = np.empty((len(state), 9, len(ALL)))
-    every[:, :, : len(PARAMETERS)] = parameter_jacobian(sensor, state)
-    every[:, :, len(PARAMETERS) : -len(MOUNTING)] = -slopes(sensor, data.raw)
-    every[:, :, -5:-2] = by_state[:, :, :3] @ (turn.matrix - np.eye(3))
-    every[:, :, -2:] = by_state[:, :, :2]
-    sigma = standard_deviations(sensor, corrected(sensor, data.raw))[:, :, None]
-    common, own = every[:, :, choice.places] / sigma, own * OWN_UNITS / sigma
+    opening = whole_opening(opening)
+    state = states_of(data, opening, values)
+    seen = predicted(sensor, data, opening, values, state)
+    sigma = deviations(sensor, data)
+    left = (corrected(sensor, data.raw) - seen) / sigma
+    by_state = by_thirds(sensor, data, state, jacobian)
+    light = light_of(data, opening, values)[:, None, None]
+    by_state[:, 2::3] *= light
+    pose = pose_of(data, opening, values)
+    turning = Turning.at(pose, seating(data, values[block(MOUNTING)]), state)
+    own = own_columns(by_state, turning, seen, light[:, 0])
+    every = np.zeros((len(state), 9, len(ALL)))
+    every[:, :, : len(GEOMETRY) + len(SHAPE)] = in_the_mirror(
+        by_thirds(sensor, data, state, by_sensor), (*GEOMETRY, *SHAPE), data
+    )
+    every[:, 2::3, : len(GEOMETRY) + len(SHAPE)] *= light
+    every[:, :, block(NAMES)] = -slopes(sensor, data.raw)
+    if any(name in EFFECTS for name in choice.names):
+        columns = by_thirds(sensor, data, state, effect_jacobian)
+        every[:, :, block(EFFECTS)] = in_the_mirror(columns, EFFECTS, data)
+        every[:, 2::3, block(EFFECTS)] *= light
+    add_mounting(every, data, by_state, turning)
+    add_run(every, data, own, by_state)
+    common, own = every[:, :, choice.places] / sigma[:, :, None], own * OWN_UNITS
+    own = own / sigma[:, :, None]
     known = np.isfinite(left) & np.isfinite(common).all(axis=2) & np.isfinite(own).all(axis=2)
     for part in (left, common, own):
         part[~known] = 0.0
     return Linear(left, common, own)
 
 
-def residuals(sensor: Sensor, raw: Floats, state: Floats) -> Floats:
-    """(n, 9) in standard deviations of the readings."""
-    seen = corrected(sensor, raw)
-    over: Floats = (seen - readings(sensor, state)) / standard_deviations(sensor, seen)
+class Turning(NamedTuple):
+    """How the mirror's state follows the reference: each (n, 3, 3).
+
+    matrix: the reference's rotation.  lever: the apex's shift by the reference's angles.
+    angles: the mirror's angles by the reference's.  mount: the same by the mount's angles.
+    """
+
+    matrix: Floats
+    lever: Floats
+    angles: Floats
+    mount: Floats
+
+    @classmethod
+    def at(cls, pose: Floats, seat: Seating, state: Floats) -> Turning:
+        turn = turned(pose[:, 3:])
+        lever = np.einsum("najk,nk->nja", turn.slopes, seat.lever)
+        axes = np.linalg.inv(turn_axes(state[:, 3:6]))
+        return cls(
+            turn.matrix,
+            lever,
+            axes @ turn_axes(pose[:, 3:]),
+            axes @ turn.matrix @ turn_axes(seat.mount),
+        )
+
+
+def own_columns(by_state: Floats, turning: Turning, seen: Floats, light: Floats) -> Floats:
+    """The readings by each sample's own unknowns (n, 9, 9), per mm, rad and share."""
+    own = np.zeros((len(by_state), 9, OWN))
+    own[:, :, :3] = by_state[:, :, :3]
+    own[:, :, 3:6] = by_state[:, :, :3] @ turning.lever + by_state[:, :, 3:6] @ turning.angles
+    own[:, 2::3, 6] = seen[:, 2::3] / light
+    own[:, :, 7:] = by_state[:, :, 6:]
+    return own
+
+
+def add_mounting(every: Floats, data: Data, by_state: Floats, turning: Turning) -> None:
+    """The columns of `MOUNTING`, of each sample in those of its seating."""
+    part = np.concatenate(
+        [
+            by_state[:, :, :3] @ (turning.matrix - np.eye(3)),
+            by_state[:, :, :3],
+            by_state[:, :, 3:6] @ turning.mount,
+        ],
+        axis=2,
+    )
+    first = block(MOUNTING).start
+    if data.seat is None:
+        every[:, :, first : first + len(OF_SEAT)] = part
+        return
+    for seat in np.unique(data.seat).tolist():
+        rows, start = data.seat == seat, first + seat * len(OF_SEAT)
+        every[rows, :, start : start + len(OF_SEAT)] = part[rows]
+
+
+def add_run(every: Floats, data: Data, own: Floats, by_state: Floats) -> None:
+    """The columns of what changes over the run: the laser, the delay and the drifts."""
+    if data.slow is not None:
+        every[:, :, block(POWER_DRIFT)] = own[:, :, 6:7] * data.slow[:, None, :]
+    if data.velocity is not None:
+        every[:, :, PLACE[DELAY]] = np.einsum("nij,nj->ni", own[:, :, :6], data.velocity)
+    if data.clock is None:
+        return
+    by_drift = np.zeros((len(own), 9, len(OF_DRIFT)))
+    by_drift[:, :, :2] = by_state[:, :, 6:]
+    by_drift[:, PLACES, np.arange(2, len(OF_DRIFT))] = 1.0
+    for n in range(2):
+        start = block(DRIFTS).start + n * len(OF_DRIFT)
+        every[:, :, start : start + len(OF_DRIFT)] = by_drift * data.clock[:, n, None, None]
+
+
+def whole_opening(opening: Floats) -> Floats:
+    """(n, 9), of poses alone (n, 6) too."""
+    missing = OWN - opening.shape[1]
+    return opening if not missing else np.pad(opening, ((0, 0), (0, missing)))
+
+
+def residuals(sensor: Sensor, data: Data, opening: Floats, values: Floats) -> Floats:
+    """(n, 9) in standard deviations; 0 where nothing was read, `LOST` where the model has none."""
+    state = states_of(data, opening, values)
+    seen = predicted(sensor, data, opening, values, state)
+    over: Floats = (corrected(sensor, data.raw) - seen) / deviations(sensor, data)
+    over[~np.isfinite(over)] = LOST
+    over[~np.isfinite(data.raw)] = 0.0
     return over
 
 
 class Normal(NamedTuple):
-    """Normal equations without the poses' own unknowns, and the way back to those.
+    """Normal equations without the samples' own unknowns, and the way back to those.
 
-    matrix: (p, p), side: (p,) of the data alone.  back: (n, 6, p + 1), own = back[p] - back[:p] x.
+    matrix: (p, p), side: (p,) of the data alone.  back: (n, 9, p + 1), own = back[p] - back[:p] x.
+    inner: (n, 9, 9) the samples' own information, with what is known of them.
+    fall: of chi-square, by a step of the samples' own unknowns.  level: what that leaves of it.
     """
 
     matrix: Floats
     side: Floats
     back: Floats
+    inner: Floats
+    fall: float
+    level: float
+
+
+def own_sigma(data: Data, choice: Choice) -> Floats:
+    """(9,) what is known of a sample's own unknowns, mm, rad and shares."""
+    return np.array([*data.sigma, choice.power, choice.beam, choice.beam])
+
+
+def own_information(sigma: Floats) -> Floats:
+    """(9,) in `OWN_UNITS`; of what is known exactly it is so large that it stays."""
+    with np.errstate(divide="ignore"):
+        known = np.where(np.isfinite(sigma), OWN_UNITS / sigma, 0.0) ** 2
+    bounded: Floats = np.minimum(known, 1e18)
+    return bounded
 
 
 def eliminated(found: Linear, weights: Floats, opening: Floats, sigma: Floats) -> Normal:
-    """Takes what belongs to each pose out of the normal equations.
+    """Takes what belongs to each sample out of the normal equations.
 
-    opening: (n, 6) where the poses are now, beside the reference.  sigma: (6,) of the reference.
+    opening: (n, 9) where the samples' own unknowns are now.  sigma: (9,) what is known of them, or
+    (6,) of the reference alone, power and beam held.
     """
-    with np.errstate(divide="ignore"):
-        known = np.where(np.isfinite(sigma), OWN_UNITS / sigma, 0.0) ** 2
+    opening = whole_opening(opening)
+    known = own_information(np.pad(sigma, (0, OWN - len(sigma))))
     common, own = found.common * weights[:, :, None], found.own * weights[:, :, None]
+    own = own * (known < 1e18)
     left = found.residual * weights
     inner = np.swapaxes(own, 1, 2) @ own
     inner += np.diag(known + 1e-18)
     across = np.swapaxes(own, 1, 2) @ common
-    pull = (np.swapaxes(own, 1, 2) @ left[:, :, None])[:, :, 0] - known * opening / OWN_UNITS
+    beside = np.where(known < 1e18, opening / OWN_UNITS, 0.0)
+    pull = (np.swapaxes(own, 1, 2) @ left[:, :, None])[:, :, 0] - known * beside
     back = np.linalg.solve(inner, np.concatenate([across, pull[:, :, None]], axis=2))
     size = common.shape[2]
     rows, column = common.reshape(-1, size), left.ravel()
     flat = across.reshape(-1, size)
     matrix = rows.T @ rows - flat.T @ back[:, :, :size].reshape(-1, size)
     side = rows.T @ column - flat.T @ back[:, :, size].ravel()
-    return Normal((matrix + matrix.T) / 2, side, back)
+    fall = float((pull * back[:, :, size]).sum())
+    level = float(column @ column + (known * beside**2).sum()) - fall
+    return Normal((matrix + matrix.T) / 2, side, back, inner, fall, level)

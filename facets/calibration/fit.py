@@ -1,8 +1,18 @@
 """The sensor's parameters from readings of a motion that a reference knows, wholly or in part.
 
 The frame is the reference's: its axes are those of the world, whose origin lies on the beam and at
-the apex's height while the reference is at zero. So nothing is left that could not be told in
-principle; what the motion at hand does not tell, `identify` says in words.
+the apex's height while the reference is at zero; and the mirror's own axes are those that the
+reference moves. So nothing is left that could not be told in principle; what the motion at hand
+does not tell, `identify` says in words.
+
+The most probable values minimise
+
+    chi^2 = sum ((reading - model) / sigma)^2 + sum ((unknown - before) / sigma_before)^2
+
+over the common unknowns x and each sample's own (Levenberg-Marquardt on the normal equations
+without the latter). It is settled where another step would lower chi-square by less than `ENOUGH`:
+then every value is within 0.03 of its standard uncertainty. A step rule would follow the weakest
+direction for ever, which no datum cares about.
 """
 
 from __future__ import annotations
@@ -14,29 +24,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
-from ..core.sensor import MONOMIALS, Calibration, Sensor
-from ..detectors.correction import OF_ONE, corrected
+from ..core.sensor import DETECTORS, Calibration, Sensor
+from ..detectors.correction import corrected
 from ..estimation.solver import solve
-from ..model.arrays import sensor_with
-from ..optics.parameters import PARAMETERS
 from .bundle_adjustment import (
-    MOUNTING,
+    OWN,
     OWN_UNITS,
-    Choice,
     Data,
     Linear,
     Normal,
+    deviations,
     eliminated,
     linear,
+    own_sigma,
     residuals,
-    states_of,
+)
+from .unknowns import (
+    ALL,
+    MOUNTING,
+    OF_SENSOR,
+    PLACE,
+    POWER_DRIFT,
+    Choice,
+    assigned,
+    block,
+    by_folding,
+    folded,
     values_of,
 )
 
 Floats = NDArray[np.float64]
 
-#: Steps at most; the step, in standard uncertainties, at which it ends; damping that leads nowhere.
-STEPS, SMALL, STUCK = 40, 1e-3, 1e6
+#: Steps at most; the fall of chi-square that is no longer worth a step; damping that leads nowhere.
+STEPS, ENOUGH, STUCK = 60, 1e-3, 1e10
+#: The detectors' gains.
+GAINS = tuple(f"correction_{letter}.power" for letter in DETECTORS)
+#: From the median of absolute residuals to a standard deviation.
+NORMAL_MEDIAN = 1.4826
 
 
 @dataclass(frozen=True)
@@ -44,46 +68,68 @@ class Fit:
     """What was found.
 
     sensor: the calibrated one.  values: (p) of the names, in mm, rad, mW and shares.
-    covariance: (p, p).  open: (n, 6) what was found of the poses beside the reference's.
-    left: (n, 9) residuals in standard deviations of the readings.  weights: (n, 9) below 1 for
-    outliers.  steps: that it took.  ended: in time.
+    covariance: (p, p) as the noise of readings and reference alone would have it.
+    every: of all of `ALL`, as fitted.  open: (n, 9) each sample's own: the pose beside the
+    reference's, its power's share, the beam.  left: (n, 9) residuals in standard deviations of the
+    readings.  weights: (n, 9) below 1 for outliers.  redundancy: (n, 9) the share of a reading that
+    others check: its residual's variance.  loss: what the fit made small.  chi_square, freedom: of
+    all readings but the outliers.  limit: of a residual, beyond which it is an outlier.  steps:
+    that it took.  ended: in time.  cause: why not.
     """
 
     sensor: Sensor
     choice: Choice
     values: Floats
     covariance: Floats
-    mounting: Floats
+    every: Floats
     open: Floats
     left: Floats
     weights: Floats
+    redundancy: Floats
+    loss: float
+    chi_square: float
+    freedom: float
+    limit: float
     steps: int
     ended: bool
+    cause: str
 
     @property
     def uncertainty(self) -> Floats:
         return np.sqrt(np.diag(self.covariance))
 
+    @property
+    def apex(self) -> Floats:
+        """Of the first seating: the apex from the beam while the reference is at zero (3,), mm."""
+        start = block(MOUNTING).start + 3
+        return self.every[start : start + 3]
+
+    @property
+    def reduced(self) -> float:
+        """Chi-square for each degree of freedom: 1 where model and noise are what they are said
+        to be."""
+        return self.chi_square / max(self.freedom, 1.0)
+
 
 def opened(data: Data, sensor: Sensor) -> Floats:
     """Where the poses are beside the reference, to begin with: what the nominal sensor solves."""
-    opening = np.zeros_like(data.pose)
+    opening = np.zeros((len(data.pose), OWN))
     free = np.isinf(data.sigma)
     if free.any():
         found = solve(sensor, corrected(sensor, data.raw), beam="free", covariance=False)
         solved = found.ok[:, None] & free
-        opening = np.where(solved, found.state[:, :6] - data.pose, 0.0)
+        opening[:, :6] = np.where(solved, found.state[:, :6] - data.pose, 0.0)
     return opening
 
 
 @dataclass(frozen=True)
 class Guess:
-    """Where a fit is.  values: of `ALL`.  opening: (n, 6).  level: what is made small, there."""
+    """Where a fit is.  values: of `ALL`.  opening: (n, 9).  residual: (n, 9)."""
 
     sensor: Sensor
     values: Floats
     opening: Floats
-    level: float
+    residual: Floats
 
 
 class Task:
@@ -92,111 +138,294 @@ class Task:
     def __init__(self, sensor: Sensor, data: Data, choice: Choice, robust: float | None) -> None:
         if len(data.raw) < 2 or not len(choice.names):
             raise InputError("a calibration needs two samples and one parameter, at least")
-        self.nominal, self.data, self.choice, self.robust = sensor, data, choice, robust
+        # noise that followed the gains would be made larger, for a smaller chi-square
+        self.data = data._replace(noise=deviations(sensor, data))
+        self.nominal, self.choice, self.robust = sensor, choice, robust
         self.start = values_of(sensor)
-        self.prior = 1 / choice.sigma**2
+        self.prior = prior_information(choice)
+        self.own = own_sigma(data, choice)
+        self.held = self.own == 0
 
     def guess(self, values: Floats, opening: Floats) -> Guess:
         """Raises `InputError` where the values make no sensor."""
         sensor = assigned(self.nominal, values)
-        return Guess(sensor, values, opening, self.cost(sensor, values, opening))
+        opening = np.where(self.held, 0.0, opening)
+        if (opening[:, 6] <= -0.9).any():
+            raise InputError("a laser of no power")
+        return Guess(sensor, values, opening, residuals(sensor, self.data, opening, values))
 
-    def cost(self, sensor: Sensor, values: Floats, opening: Floats) -> float:
+    def limit(self, at: Guess) -> float:
+        """From which residual on a reading weighs less, on the scale of most of them."""
+        if self.robust is None:
+            return np.inf
+        there = np.abs(at.residual[np.isfinite(self.data.raw)])
+        middle = float(np.median(there)) if there.size else 0.0
+        return self.robust * max(1.0, NORMAL_MEDIAN * middle)
+
+    def cost(self, at: Guess, limit: float) -> float:
         """Huber's loss of the readings, and squares of what was known before."""
-        state = states_of(self.data, opening, values[-len(MOUNTING) :])
-        size = np.abs(np.nan_to_num(residuals(sensor, self.data.raw, state)))
+        size = np.abs(at.residual)
         loss = size**2
-        if self.robust is not None:
-            limit = self.robust
+        if np.isfinite(limit):
             loss = np.where(size > limit, 2 * limit * size - limit**2, loss)
-        known = np.isfinite(self.data.sigma)
-        beside = opening[:, known] / self.data.sigma[known]
-        before = (values - self.start)[self.choice.places] / self.choice.sigma
-        return float(loss.sum() + (beside**2).sum() + (before**2).sum())
+        known = np.isfinite(self.own) & ~self.held
+        beside = at.opening[:, known] / self.own[known]
+        before = (at.values - self.start)[self.choice.places]
+        return float(loss.sum() + (beside**2).sum() + before @ self.prior @ before)
 
-    def linearised(self, at: Guess) -> tuple[Linear, Floats, Normal]:
+    def linearised(self, at: Guess, limit: float) -> tuple[Linear, Floats, Normal]:
         """The model there, the roots of the readings' weights, and the normal equations."""
         found = linear(at.sensor, self.data, at.opening, at.values, self.choice)
-        weights = huber(found.residual, self.robust)
-        return found, weights, eliminated(found, weights, at.opening, self.data.sigma)
+        weights = huber(found.residual, limit)
+        return found, weights, eliminated(found, weights, at.opening, self.own)
 
-    def improved(self, at: Guess, damping: float) -> tuple[Guess, float, float]:
-        """A guess that is no worse, the step to it in standard uncertainties, and the damping."""
-        _, _, normal = self.linearised(at)
-        matrix = normal.matrix + np.diag(self.prior)
-        side = normal.side - self.prior * (at.values - self.start)[self.choice.places]
-        spread = np.sqrt(np.diag(np.linalg.inv(matrix)))
-        while damping < STUCK:
-            step = np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), side)
-            values = at.values.copy()
-            values[self.choice.places] += step
-            own = normal.back[:, :, -1] - normal.back[:, :, :-1] @ step
-            with suppress(InputError):  # no sensor: a smaller step is one
-                tried = self.guess(values, at.opening + own * OWN_UNITS)
-                if tried.level <= at.level * (1 + 1e-12):
-                    return tried, float((np.abs(step) / spread).max()), damping
-            damping = max(10 * damping, 1e-3)
-        return at, np.inf, damping
+    def whole(self, at: Guess, normal: Normal) -> tuple[Floats, Floats]:
+        """The normal equations with what was known before."""
+        side = normal.side - self.prior @ (at.values - self.start)[self.choice.places]
+        return normal.matrix + self.prior, side
 
-    def told(self, at: Guess, steps: int, ended: bool) -> Fit:
-        found, weights, normal = self.linearised(at)
-        covariance: Floats = np.linalg.inv(normal.matrix + np.diag(self.prior)).astype(float)
+    def moved(self, at: Guess, normal: Normal, step: Floats) -> Guess | None:
+        """The guess a step further; None where that makes no sensor."""
+        values = at.values.copy()
+        values[self.choice.places] += step
+        own = normal.back[:, :, -1] - normal.back[:, :, :-1] @ step
+        with suppress(InputError):
+            return self.guess(values, at.opening + own * OWN_UNITS)
+        return None
+
+    def settle(self, at: Guess, most: int = STEPS) -> tuple[Guess, int, str]:
+        """Steps until another would be worth nothing; how many, and why not if not."""
+        damping, growth = 0.0, 10.0
+        for steps in range(1, most + 1):
+            limit = self.limit(at)
+            _, _, normal = self.linearised(at, limit)
+            matrix, side = self.whole(at, normal)
+            worth = float(side @ np.linalg.solve(matrix, side))
+            if worth < ENOUGH and normal.fall < ENOUGH * len(self.data.raw):
+                return at, steps - 1, ""
+            level, better = self.cost(at, limit), None
+            while damping < STUCK:
+                heavy = matrix + damping * np.diag(np.diag(matrix))
+                step: Floats = np.linalg.solve(heavy, side).astype(float)
+                tried = self.moved(at, normal, step)
+                if tried is not None and (now := self.cost(tried, limit)) < level:
+                    better = tried
+                    break
+                damping, growth = max(damping * growth, 1e-4), growth * 2
+            if better is None:  # rounding ends what the last digits of chi-square can tell
+                return at, steps, "" if worth < 1e-6 * level + 0.1 else self.stuck(worth)
+            damping, growth = damping / 10 if damping > 1e-6 else 0.0, 10.0
+            at, fell = better, level - now
+            if fell < 1e-9 * level + ENOUGH and worth < 10 * ENOUGH:
+                return at, steps, ""
+        return at, most, self.unfinished(matrix, side, worth)
+
+    def stuck(self, worth: float) -> str:
+        return (
+            f"no step from here lowers chi-square, though {worth:.3g} could be gained: the model "
+            "does not follow these readings; look for a wrong sign, unit, order of detectors or "
+            "configuration"
+        )
+
+    def unfinished(self, matrix: Floats, side: Floats, worth: float) -> str:
+        """Along which unknowns it still moves."""
+        step = np.linalg.solve(matrix, side)
+        large = np.argsort(-np.abs(step) / self.choice.sigma)[:3]
+        names = ", ".join(self.choice.names[n] for n in large)
+        return (
+            f"chi-square still falls by {worth:.3g} a step, mostly along {names}: hold these as "
+            "they are (null in calibrate.before), or take samples that move more"
+        )
+
+    def conclusion(self, at: Guess, steps: int, cause: str) -> Fit:
+        limit = self.limit(at)
+        found, weights, normal = self.linearised(at, limit)
+        matrix, _ = self.whole(at, normal)
+        covariance: Floats = np.linalg.inv(matrix).astype(float)
+        redundancy = redundancies(found, weights, normal, covariance)
+        chi_square, freedom = self.misfit(at, limit, redundancy)
         return Fit(
-            sensor=calibrated(at.sensor, self.choice, covariance),
+            sensor=written_to_sensor(self, at, normal, covariance),
             choice=self.choice,
             values=at.values[self.choice.places],
             covariance=covariance,
-            mounting=at.values[-len(MOUNTING) :],
+            every=at.values,
             open=at.opening,
             left=found.residual,
             weights=weights**2,
+            redundancy=redundancy,
+            loss=self.cost(at, np.inf if self.robust is None else self.robust),
+            chi_square=chi_square,
+            freedom=freedom,
+            limit=limit,
             steps=steps,
-            ended=ended,
+            ended=not cause,
+            cause=cause,
         )
 
+    def misfit(self, at: Guess, limit: float, redundancy: Floats) -> tuple[float, float]:
+        """Chi-square without the outliers, as if none had been cut off, and its expectation."""
+        there = np.isfinite(self.data.raw) & (np.abs(at.residual) <= limit)
+        kept = cut_variance(self.robust) if limit == self.robust else 1.0
+        readings = float((at.residual[there] ** 2).sum()) / kept
+        return readings, float(redundancy[there].sum())
 
-def fit(sensor: Sensor, data: Data, choice: Choice, robust: float | None = 3.0) -> Fit:
-    """The most probable values of what is chosen, by Gauss-Newton steps, damped where needed.
 
-    robust: residuals beyond so many standard deviations weigh less (Huber); None: all the same.
-    Raises `InputError` where there is too little to fit.
+def fit(
+    sensor: Sensor,
+    data: Data,
+    choice: Choice,
+    robust: float | None = 3.0,
+    start: Fit | None = None,
+) -> Fit:
+    """The most probable values of what is chosen.
+
+    robust: residuals beyond so many standard deviations weigh less (Huber), on the scale of most of
+    them where these are larger than the noise; None: all the same.
+    start: an earlier fit to the same samples, to begin from.
+    Raises `InputError` where there is too little to fit.  A fit that did not settle says why.
     """
     task = Task(sensor, data, choice, robust)
-    now = task.guess(task.start, opened(data, sensor))
-    damping, size, steps = 0.0, np.inf, 0
-    while size > SMALL and steps < STEPS and damping < STUCK:
-        now, size, damping = task.improved(now, damping)
-        steps += 1
-        if damping < STUCK:
-            damping = damping / 10 if damping > 1e-3 else 0.0
-    return task.told(now, steps, size <= SMALL)
+    if start is None:
+        at = task.guess(task.start, opened(data, sensor))
+    else:
+        at = task.guess(start.every, start.open)
+    return task.conclusion(*task.settle(at))
 
 
-def huber(residual: Floats, limit: float | None) -> Floats:
-    """Root of the weight of each residual."""
-    if limit is None:
+#: How well the detectors' common gain keeps to what it is by convention.
+CONVENTION = 1e-5
+
+
+def prior_information(choice: Choice) -> Floats:
+    """What is known before (p, p): of each unknown, and of the detectors' common gain.
+
+    That gain and the laser's power stand for each other; smaller gains would shrink the noise of
+    the corrected powers, and chi-square with it, if the convention did not hold them.
+    """
+    matrix = np.diag(1 / choice.sigma**2)
+    gains = [n for n, name in enumerate(choice.names) if name in GAINS]
+    if len(gains) == len(GAINS) and (np.isinf(choice.power) or "beam.power" in choice.names):
+        matrix[np.ix_(gains, gains)] += 1 / (len(gains) * CONVENTION) ** 2
+    return matrix
+
+
+#: A laser steadier than this from sample to sample is held to it; one that jumps more stays free.
+STEADY, UNSTEADY = 1e-4, 0.02
+
+
+def steadied(sensor: Sensor, data: Data, found: Fit, robust: float | None) -> Fit:
+    """The fit again, with a laser that drifts slowly and jitters as little as it was seen to.
+
+    With a power for each sample the detectors' gains and the apex's place hardly part: three powers
+    then tell two shares. What the laser did in the first fit says how steady it is.
+    """
+    if data.slow is None or not np.isinf(found.choice.power):
+        return found
+    rows = np.column_stack([np.ones(len(data.slow)), data.slow])
+    power, weight = found.open[:, 6], np.ones(len(rows))
+    for _ in range(5):
+        ways, *_ = np.linalg.lstsq(rows * weight[:, None], power * weight, rcond=None)
+        left = power - rows @ ways
+        jitter = max(STEADY, NORMAL_MEDIAN * float(np.median(np.abs(left))))
+        weight = huber(left / jitter, 3.0)
+    if jitter > UNSTEADY:
+        return found
+    level = found.every[PLACE["beam.power"]]
+    wide = found.choice.and_also({"beam.power": 0.3 * level} | dict.fromkeys(POWER_DRIFT, 0.3))
+    every, opening = found.every.copy(), found.open.copy()
+    every[PLACE["beam.power"]] *= 1 + ways[0]
+    every[block(POWER_DRIFT)] = ways[1:] / (1 + ways[0])
+    opening[:, 6] = left / (1 + ways[0])
+    start = replace(found, every=every, open=opening)
+    again = fit(sensor, data, replace(wide, power=jitter), robust, start)
+    return again if again.ended else found
+
+
+def huber(residual: Floats, limit: float) -> Floats:
+    """Roots of weights: 1 up to the limit, then what makes the loss grow straight."""
+    if not np.isfinite(limit):
         return np.ones_like(residual)
-    size = np.maximum(np.abs(residual), 1e-300)
-    return np.sqrt(np.minimum(1.0, limit / size))
+    size = np.maximum(np.abs(residual), limit)
+    weights: Floats = np.sqrt(limit / size)
+    return weights
 
 
-def assigned(sensor: Sensor, values: Floats) -> Sensor:
-    """The sensor with values of `ALL`."""
-    made = sensor_with(sensor, values[: len(PARAMETERS)].tolist())
-    parts = values[len(PARAMETERS) : -len(MOUNTING)].reshape(3, len(OF_ONE)).tolist()
-    count = len(MONOMIALS)
-    psds = [
-        replace(psd, correction=replace(
-            psd.correction, power=power, dark=dark, y=tuple(rest[:count]), z=tuple(rest[count:])
-        ))
-        for psd, (power, dark, *rest) in zip(made.psds, parts, strict=True)
-    ]  # fmt: skip
-    return replace(made, psds=(psds[0], psds[1], psds[2]))
+def cut_variance(limit: float | None) -> float:
+    """The variance of a normal deviate that was kept because it is within +- limit."""
+    if limit is None:
+        return 1.0
+    from scipy.stats import norm
+
+    return float(1 - 2 * limit * norm.pdf(limit) / (2 * norm.cdf(limit) - 1))
 
 
-def calibrated(sensor: Sensor, choice: Choice, covariance: Floats) -> Sensor:
-    """The sensor with the uncertainty of what was found of it, less where the mirror was."""
-    kept = [n for n, name in enumerate(choice.names) if name not in MOUNTING]
+def redundancies(found: Linear, weights: Floats, normal: Normal, covariance: Floats) -> Floats:
+    """Which share of each reading's variance stays in its residual (n, 9), between 0 and 1.
+
+    A residual is what is left of a reading once the sample's own unknowns and the common ones have
+    taken their part of its noise.
+    """
+    size = covariance.shape[0]
+    common, own = found.common * weights[:, :, None], found.own * weights[:, :, None]
+    free = np.diagonal(normal.inner, axis1=1, axis2=2) < 1e17
+    own = own * free[:, None, :]
+    taken = (own @ np.linalg.inv(normal.inner) * own).sum(axis=2)
+    beside = common - own @ normal.back[:, :, :size]
+    taken += (beside @ covariance * beside).sum(axis=2)
+    left: Floats = np.clip(1 - taken, 0.0, 1.0)
+    return left
+
+
+# ---- from the fit to the sensor that is written
+
+
+def written_to_sensor(task: Task, at: Guess, normal: Normal, covariance: Floats) -> Sensor:
+    """The calibrated sensor with the covariance of what was found of it.
+
+    The power is the mean over the samples where each had its own; the mirror's turn on the
+    reference has become part of the facets; where the mirror was, and what drifted, is left out.
+    """
+    names, values = list(task.choice.names), at.values.copy()
+    if np.isinf(task.choice.power):
+        covariance = with_mean_power(task, at, normal, covariance)
+        values[PLACE["beam.power"]] *= 1 + float(at.opening[:, 6].mean())
+        names.append("beam.power")
+    names, covariance = fold(names, values, covariance)
+    kept = [n for n, name in enumerate(names) if name in OF_SENSOR]
     part = covariance[np.ix_(kept, kept)]
-    names = tuple(choice.names[n] for n in kept)
-    return replace(sensor, calibration=Calibration(names, tuple(map(tuple, part.tolist()))))
+    known = Calibration(tuple(names[n] for n in kept), tuple(map(tuple, part.tolist())))
+    return replace(assigned(task.nominal, folded(values)), calibration=known)
+
+
+def with_mean_power(task: Task, at: Guess, normal: Normal, covariance: Floats) -> Floats:
+    """(p + 1, p + 1): with the mean over the samples of the laser's power, mW, as the last."""
+    size, power = len(covariance), at.values[PLACE["beam.power"]]
+    slope = -normal.back[:, 6, :size].mean(axis=0) * OWN_UNITS[6] * power
+    own = np.linalg.inv(normal.inner)[:, 6, 6].sum() / len(at.opening) ** 2
+    out = np.empty((size + 1, size + 1))
+    out[:size, :size] = covariance
+    out[size, :size] = out[:size, size] = covariance @ slope
+    out[size, size] = slope @ covariance @ slope + own * (OWN_UNITS[6] * power) ** 2
+    return out
+
+
+def fold(names: list[str], values: Floats, covariance: Floats) -> tuple[list[str], Floats]:
+    """Names and covariance once the mirror's turn is part of the facets."""
+    if not any(PLACE[name] in range(*_mount()) for name in names):
+        return names, covariance
+    facets, given, slope = by_folding(values)
+    into = [ALL[n] for n in facets]
+    rest = [name for name in names if name not in into]
+    whole = np.zeros((len(into) + len(rest), len(names)))
+    for n, name in enumerate(names):
+        if PLACE[name] in given:
+            whole[:6, n] = slope[:, given.index(PLACE[name])]
+        if name in rest:
+            whole[6 + rest.index(name), n] = 1.0
+    return into + rest, whole @ covariance @ whole.T
+
+
+def _mount() -> tuple[int, int]:
+    start = block(MOUNTING).start + 6
+    return start, start + 3

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from ..core.names import DETECTORS
 from ..core.sensor import Sensor
 from ..model.arrays import readings
-from .bundle_adjustment import ALL, OWN_UNITS, Choice, Data, eliminated, linear, values_of
+from .bundle_adjustment import OWN, OWN_UNITS, Data, eliminated, linear, own_sigma
 from .fit import opened
+from .unknowns import ALL, PLACE, Choice, values_of
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +36,8 @@ def information(sensor: Sensor, data: Data, choice: Choice) -> Floats:
     """Of the data alone (p, p), in units of what is known before, at the nominal sensor."""
     opening = opened(data, sensor)
     found = linear(sensor, data, opening, values_of(sensor), choice)
-    matrix = eliminated(found, np.ones_like(data.raw), opening, data.sigma).matrix
+    own = own_sigma(data, choice)
+    matrix = eliminated(found, np.ones_like(data.raw), opening, own).matrix
     scaled: Floats = choice.sigma[:, None] * matrix * choice.sigma
     return scaled
 
@@ -47,6 +49,11 @@ def weak(matrix: Floats, choice: Choice, sensor: Sensor, limit: float = 1.0) -> 
     """
     sizes, directions = np.linalg.eigh(matrix)
     space = directions[:, sizes < limit]
+    for pattern in conventions(sensor, choice):
+        scaled = pattern[choice.places] / choice.sigma
+        scaled /= np.linalg.norm(scaled) or 1.0
+        if np.linalg.norm(space.T @ scaled) > ALIKE:
+            space = without(space, scaled)
     found = []
     for words, pattern in patterns(sensor).items():
         scaled = pattern[choice.places] / choice.sigma
@@ -63,6 +70,34 @@ def weak(matrix: Floats, choice: Choice, sensor: Sensor, limit: float = 1.0) -> 
         for told, direction in zip(values, rest, strict=True)
     ]
     return sorted(found)
+
+
+def conventions(sensor: Sensor, choice: Choice) -> list[Floats]:
+    """Changes of `ALL` that change no pose, whatever the motion: nobody has to know them.
+
+    The mirror turned on its reference and its facets turned back; and, where each sample has its
+    own power, the detectors' common gain.
+    """
+    found = []
+    for axis, name in (("x", "mount.roll"), ("y", "mount.pitch"), ("z", "mount.yaw")):
+        if axis == "z":
+            parts = {f"facet_{letter}.azimuth": -1.0 for letter in DETECTORS}
+        else:
+            parts = {key: -value for key, value in tilted(sensor, axis).items()}
+        if {name, *parts} <= set(choice.names):
+            found.append(change(parts | {name: 1.0}))
+    gains = {f"correction_{letter}.power": 1.0 for letter in DETECTORS}
+    if np.isinf(choice.power) and set(gains) <= set(choice.names):
+        found.append(change(gains))
+    return found
+
+
+def change(parts: dict[str, float]) -> Floats:
+    """Of `ALL`."""
+    values = np.zeros(len(ALL))
+    for name, value in parts.items():
+        values[PLACE[name]] = value
+    return values
 
 
 def without(space: Floats, direction: Floats) -> Floats:
@@ -85,38 +120,35 @@ def patterns(sensor: Sensor) -> dict[str, Floats]:
     """Changes of `ALL` that have a name, mm and rad."""
     found = {}
 
-    def change(words: str, parts: dict[str, float]) -> None:
-        values = np.zeros(len(ALL))
-        for name, value in parts.items():
-            values[ALL.index(name)] = value
-        found[words] = values
+    def add(words: str, parts: dict[str, float]) -> None:
+        found[words] = change(parts)
 
     def each(what: str, name: str) -> dict[str, float]:
         return {f"{what}_{letter}.{name}": 1.0 for letter in DETECTORS}
 
-    change("turning all PSDs about z", each("psd", "azimuth"))
-    change("raising all PSDs", each("psd", "height"))
-    change("all PSDs further out", each("psd", "radius"))
-    change("all PSDs turned about their normals", each("psd", "roll"))
-    change("all PSDs leaning outward", each("psd", "pitch"))
-    change("all PSDs turned about their upright axes", each("psd", "yaw"))
-    change("turning all facets about z, as yaw does", each("facet", "azimuth"))
+    add("turning all PSDs about z", each("psd", "azimuth"))
+    add("raising all PSDs", each("psd", "height"))
+    add("all PSDs further out", each("psd", "radius"))
+    add("all PSDs turned about their normals", each("psd", "roll"))
+    add("all PSDs leaning outward", each("psd", "pitch"))
+    add("all PSDs turned about their upright axes", each("psd", "yaw"))
+    add("turning all facets about z, as yaw does", each("facet", "azimuth"))
     for axis, name in (("x", "roll"), ("y", "pitch")):
-        change(f"tilting all facets about {axis}, as {name} does", tilted(sensor, axis))
-    change("all facets steeper", each("facet", "inclination"))
-    change("all powers larger", each("correction", "power"))
-    change("all places scaled along y", each("correction", "y10"))
-    change("all places scaled along z", each("correction", "z01"))
+        add(f"tilting all facets about {axis}, as {name} does", tilted(sensor, axis))
+    add("all facets steeper", each("facet", "inclination"))
+    add("all powers larger", each("correction", "power"))
+    add("all places scaled along y", each("correction", "y10"))
+    add("all places scaled along z", each("correction", "z01"))
     for axis, turn in (("x", np.cos), ("y", np.sin)):
         parts = {}
         for letter, psd in zip(DETECTORS, sensor.psds, strict=True):
             across = -np.sin(psd.azimuth) if axis == "x" else np.cos(psd.azimuth)
             parts[f"psd_{letter}.radius"] = float(turn(psd.azimuth))
             parts[f"psd_{letter}.azimuth"] = float(across / psd.radius)
-        change(f"shifting all PSDs along {axis}", parts)
-        change(f"shifting all PSDs and the apex along {axis}", parts | {f"apex.{axis}": 1.0})
+        add(f"shifting all PSDs along {axis}", parts)
+        add(f"shifting all PSDs and the apex along {axis}", parts | {f"apex.{axis}": 1.0})
     together = each("psd", "azimuth") | each("facet", "azimuth")
-    change("turning all PSDs and facets about z", together)
+    add("turning all PSDs and facets about z", together)
     return found
 
 
@@ -160,9 +192,9 @@ def told_by(sensor: Sensor, choice: Choice, sigma: Floats, candidates: Floats) -
     data = Data(np.zeros((len(candidates), 9)), candidates, sigma, np.zeros((len(candidates), 2)))
     states = np.concatenate([candidates, data.beam], axis=1)
     data = data._replace(raw=readings(sensor, states))
-    found = linear(sensor, data, np.zeros_like(candidates), values_of(sensor), choice)
-    with np.errstate(divide="ignore"):
-        spread = np.where(np.isfinite(sigma), sigma / OWN_UNITS, 1e9)
+    found = linear(sensor, data, np.zeros((len(candidates), OWN)), values_of(sensor), choice)
+    own = own_sigma(data, choice)
+    spread = np.where(np.isfinite(own), own / OWN_UNITS, 1e9)
     wide = found.own * spread
     inner = np.eye(9) + wide @ np.swapaxes(wide, 1, 2)
     root = np.linalg.cholesky(inner)

@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
-from ..core.names import ANGLES, DETECTORS, POSE, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..core.names import DETECTORS, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ..core.sensor import MONOMIALS, Sensor
-from ..detectors.correction import corrected
-from ..estimation.solver import Prior, solve
 from ..estimation.table import BEAM_UNCERTAINTIES, require_known_beam
 from ..files import tables
-from .bundle_adjustment import MOUNTING, Choice, Data, states_of, values_of
+from .bundle_adjustment import Data
 from .fit import Fit
+from .unknowns import DRIFTS, EFFECTS, MOUNTING, OF_SEAT, POWER_DRIFT, SHAPE, Choice, values_of
 
 if TYPE_CHECKING:
+    from ..core.sensor import Psd
     from ..core.settings import Calibrate
 
 Floats = NDArray[np.float64]
@@ -26,10 +26,13 @@ Floats = NDArray[np.float64]
 #: What the reference says, one column an axis that it measures.
 REFERENCE = tuple(f"ref_{name}" for name in STATE_COLUMNS[:6])
 BEAM = STATE_COLUMNS[6:]
+#: What says when and how a sample was taken.
+RUN = ("time_s", "temperature_c", "seat_deg")
 
 
 def read(path: Path, settings: Calibrate) -> Data:
-    """A table with readings and `REFERENCE`, and `bx_mm`, `by_mm` where the beam moves.
+    """A table with readings and `REFERENCE`; `bx_mm`, `by_mm` where the beam moves; `time_s`,
+    `temperature_c` and `seat_deg`, by how much the mirror was turned when it was put on, if given.
 
     Raises `InputError` where a column is missing for an axis whose uncertainty is given, and where
     the beam's place is an estimate.
@@ -37,53 +40,168 @@ def read(path: Path, settings: Calibrate) -> Data:
     beside = () if settings.beam == "still" else (*BEAM, *BEAM_UNCERTAINTIES)
     measured = [n for n in range(6) if np.isfinite(settings.reference[n])]
     needed = (*READING_COLUMNS, *(REFERENCE[n] for n in measured))
-    parts = []
-    for chunk in tables.read_chunks(path, needed, beside, tables.CHUNK):
+    optional = (*beside, *RUN, *(REFERENCE[n] for n in range(6) if n not in measured))
+    return gathered(path, whole_table(path, needed, optional), settings)
+
+
+def whole_table(
+    path: Path, needed: tuple[str, ...], optional: tuple[str, ...]
+) -> dict[str, Floats]:
+    """Columns of a table in memory."""
+    chunks = []
+    for chunk in tables.read_chunks(path, needed, optional, tables.CHUNK):
         require_known_beam(path, chunk, "say `calibrate: {beam: still}` if the laser stood still")
-        nothing = np.zeros(len(chunk.lines))
-        names = (*READING_COLUMNS, *REFERENCE, *BEAM)
-        parts.append(np.column_stack([chunk.columns.get(name, nothing) for name in names]))
-    rows = np.concatenate(parts) if parts else np.empty((0, 17))
-    good = np.isfinite(rows).all(axis=1)
+        chunks.append(chunk.columns)
+    if not chunks:
+        raise InputError(f"{path}: no rows; a calibration needs 10 at least")
+    return {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0]}
+
+
+def gathered(path: Path, columns: dict[str, Floats], settings: Calibrate) -> Data:
+    """Samples out of columns, rows without a pose or without any reading left out.
+
+    Raises `InputError` where fewer than 10 are left, or a seating is none.
+    """
+    count = len(next(iter(columns.values())))
+
+    def stack(names: tuple[str, ...]) -> Floats:
+        return np.column_stack([columns.get(name, np.zeros(count)) for name in names])
+
+    raw, pose, beam = stack(READING_COLUMNS), stack(REFERENCE) * STATE_UNITS[:6], stack(BEAM)
+    good: NDArray[np.bool_] = np.isfinite(np.hstack([pose, beam])).all(axis=1)
+    good &= np.isfinite(raw).any(axis=1)
     if good.sum() < 10:
         raise InputError(f"{path}: {int(good.sum())} whole rows; a calibration needs 10 at least")
-    rows = rows[good]
-    pose = rows[:, 9:15] * STATE_UNITS[:6]
-    return Data(rows[:, :9], pose, np.array(settings.reference), rows[:, 15:])
+    seat, thirds = seats(path, columns.get("seat_deg"), good)
+    return Data(
+        raw[good],
+        pose[good],
+        np.array(settings.reference),
+        beam[good],
+        velocity=velocities(columns["time_s"][good], pose[good]) if "time_s" in columns else None,
+        clock=clock(columns, good),
+        seat=seat,
+        thirds=thirds,
+    )
 
 
-def choice(sensor: Sensor, before: dict[str, float]) -> Choice:
-    """What is to be found, by the keys of `calibrate.before`."""
+def clock(columns: dict[str, Floats], good: NDArray[np.bool_]) -> Floats | None:
+    """(n, 2) the time from -1 to 1 over the run, and the temperature less its mean, K."""
+    if not any(name in columns for name in ("time_s", "temperature_c")):
+        return None
+    out = np.zeros((int(good.sum()), 2))
+    if "time_s" in columns:
+        time = columns["time_s"][good]
+        low, high = np.nanmin(time), np.nanmax(time)
+        out[:, 0] = (2 * time - low - high) / max(high - low, 1e-300)
+    if "temperature_c" in columns:
+        out[:, 1] = columns["temperature_c"][good] - np.nanmean(columns["temperature_c"][good])
+    return np.nan_to_num(out)
+
+
+#: How much of a motion a straight line between neighbours misses, at most, for it to be one that
+#: was followed in time.
+FOLLOWED = 0.3
+
+
+def velocities(time: Floats, pose: Floats) -> Floats | None:
+    """(n, 6) mm/s and rad/s by the neighbours; None where the rows are no motion in time."""
+    step = np.diff(time)
+    if len(time) < 5 or not (np.isfinite(step).all() and (step > 0).all()):
+        return None
+    found = np.gradient(pose, time, axis=0)
+    gap = step > 5 * np.median(step)
+    broken = np.append(gap, False) | np.append(False, gap)
+    bend = np.abs(pose[2:] - 2 * pose[1:-1] + pose[:-2]).mean(axis=0)
+    span = np.abs(pose[2:] - pose[:-2]).mean(axis=0)
+    if not (bend[span > 0] < FOLLOWED * span[span > 0]).any():
+        return None
+    found[:, bend > FOLLOWED * span] = 0.0
+    found[broken] = 0.0
+    return found
+
+
+def seats(
+    path: Path, column: Floats | None, good: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64] | None, NDArray[np.int64] | None]:
+    """Which seating of the mirror each sample is of, and by how many thirds of a turn."""
+    if column is None:
+        return None, None
+    degrees, place = np.unique(column[good], return_inverse=True)
+    thirds = np.round(degrees / 120)
+    if not np.isfinite(degrees).all() or (np.abs(degrees - 120 * thirds) > 1).any():
+        raise InputError(
+            f"{path}: seat_deg is {', '.join(f'{value:g}' for value in degrees)}; allowed: 0, 120 "
+            "and 240, by which the mirror was turned when it was put on the reference"
+        )
+    return place.astype(np.int64), thirds.astype(np.int64)[place] % 3
+
+
+def choice(sensor: Sensor, settings: Calibrate) -> Choice:
+    """What is to be found in any case, by the keys of `calibrate.before`."""
+    before = settings.before
     sigma: dict[str, float] = {}
     diameter = before.get("beam_diameter_percent", 0) / 100
-    sigma["beam.diameter_x"] = diameter * sensor.beam.diameter_x
-    sigma["beam.diameter_y"] = diameter * sensor.beam.diameter_y
-    sigma["beam.power"] = before.get("laser_percent", 0) / 100 * sensor.beam.power
+    variance = sensor.beam.diameter_x * sensor.beam.diameter_y / 16
+    sigma |= dict(zip(SHAPE, np.array([2, 2, 1]) * diameter * variance, strict=True))
+    if not settings.power_per_sample:
+        sigma["beam.power"] = before.get("laser_percent", 0) / 100 * sensor.beam.power
     for name in ("tilt_x", "tilt_y"):
         sigma[f"beam.{name}"] = before.get("beam_tilt_mrad", 0) / 1000
-    place, turn = before.get("psd_place_mm", 0), before.get("psd_turn_mrad", 0) / 1000
-    scale, bend = before.get("scale_percent", 0) / 100, before.get("bend_um", 0) / 1000
     for letter, psd in zip(DETECTORS, sensor.psds, strict=True):
-        for name in ("inclination", "azimuth"):
-            sigma[f"facet_{letter}.{name}"] = before.get("facet_mrad", 0) / 1000
-        for name in ("radius", "height"):
-            sigma[f"psd_{letter}.{name}"] = place
-        sigma[f"psd_{letter}.azimuth"] = place / psd.radius
-        for name in ("roll", "pitch", "yaw"):
-            sigma[f"psd_{letter}.{name}"] = turn
-        sigma[f"correction_{letter}.power"] = before.get("power_percent", 0) / 100
-        sigma[f"correction_{letter}.dark"] = before.get("dark_uw", 0) / 1000
-        sigma[f"correction_{letter}.y10"] = scale * psd.size_y / 2
-        sigma[f"correction_{letter}.z01"] = scale * psd.size_z / 2
-        for a, b in MONOMIALS[2:]:
-            for axis in "yz":
-                sigma[f"correction_{letter}.{axis}{a}{b}"] = bend
-    for name in MOUNTING:
-        sigma[name] = before.get("lever_mm" if name.startswith("lever") else "apex_mm", 0)
+        sigma |= of_facet(letter, before) | of_detector(letter, psd, before)
+    sigma |= of_seat("", before)
     kept = {name: value for name, value in sigma.items() if value > 0}
     if not kept:
         raise InputError("every key of calibrate.before is null: nothing is to be found")
-    return Choice(tuple(kept), np.array(list(kept.values())))
+    power = np.inf if settings.power_per_sample else 0.0
+    return Choice(tuple(kept), np.array(list(kept.values())), power)
+
+
+def of_facet(letter: str, before: dict[str, float]) -> dict[str, float]:
+    return {
+        f"facet_{letter}.{name}": before.get("facet_mrad", 0) / 1000
+        for name in ("inclination", "azimuth")
+    }
+
+
+def of_detector(letter: str, psd: Psd, before: dict[str, float]) -> dict[str, float]:
+    place, scale = before.get("psd_place_mm", 0), before.get("scale_percent", 0) / 100
+    sigma = {f"psd_{letter}.{name}": place for name in ("radius", "height")}
+    sigma[f"psd_{letter}.azimuth"] = place / psd.radius
+    for name in ("roll", "pitch", "yaw"):
+        sigma[f"psd_{letter}.{name}"] = before.get("psd_turn_mrad", 0) / 1000
+    sigma[f"correction_{letter}.power"] = before.get("power_percent", 0) / 100
+    sigma[f"correction_{letter}.dark"] = before.get("dark_uw", 0) / 1000
+    sigma[f"correction_{letter}.y10"] = scale * psd.size_y / 2
+    sigma[f"correction_{letter}.z01"] = scale * psd.size_z / 2
+    return sigma | bends(letter, before.get("bend_um", 0) / 1000)
+
+
+def bends(letter: str, size: float) -> dict[str, float]:
+    """A detector's second and third order, mm at its edge."""
+    return {f"correction_{letter}.{axis}{a}{b}": size for a, b in MONOMIALS[2:] for axis in "yz"}
+
+
+def of_seat(prefix: str, before: dict[str, float]) -> dict[str, float]:
+    """Of one seating; the apex's height is a convention in the first, which has no prefix."""
+    sigma = {}
+    for name in OF_SEAT:
+        size = before.get(f"{name.partition('.')[0]}_{'deg' if 'mount' in name else 'mm'}", 0)
+        sigma[prefix + name] = size * (np.pi / 180 if "mount" in name else 1.0)
+    if not prefix:
+        sigma["apex.z"] = 0.0
+    return sigma
+
+
+def and_seats(chosen: Choice, data: Data, settings: Calibrate) -> Choice:
+    """With where the mirror was in its further seatings."""
+    if data.seat is None:
+        return chosen
+    for seat in range(2, int(data.seat.max()) + 2):
+        sizes = of_seat(f"seat_{seat}.", settings.before)
+        chosen = chosen.and_also({name: size for name, size in sizes.items() if size > 0})
+    return chosen
 
 
 def split(data: Data, share: float) -> tuple[Data, Data]:
@@ -93,21 +211,33 @@ def split(data: Data, share: float) -> tuple[Data, Data]:
     return data.part(~held), data.part(held)
 
 
-def unit_of(name: str) -> tuple[str, float]:
-    """In which a parameter is told."""
-    part = name.rpartition(".")[2]
-    if name in MOUNTING or part in ("radius", "height", "diameter_x", "diameter_y"):
+def unit_of(name: str, sensor: Sensor) -> tuple[str, float]:
+    """In which a parameter is shown, and how many of those make one of the code's."""
+    head, _, part = name.rpartition(".")
+    if name in SHAPE:
+        return "%", 1600.0 / (sensor.beam.diameter_x * sensor.beam.diameter_y)
+    if part == "delay":
+        return "ms", 1e3
+    if name in MOUNTING:
+        return ("mrad", 1e3) if "mount" in name else ("mm", 1.0)
+    if name in DRIFTS:
+        return "um", 1e3
+    if name in POWER_DRIFT:
+        return "%", 100.0
+    if name in EFFECTS:
+        return "", 1.0
+    if part in ("radius", "height"):
         return "mm", 1.0
     if part == "power":
-        return ("mW", 1.0) if name.startswith("beam") else ("%", 100.0)
+        return ("mW", 1.0) if head == "beam" else ("%", 100.0)
     if part == "dark":
         return "uW", 1e3
-    return ("um", 1e3) if name.startswith("correction") else ("mrad", 1e3)
+    return ("um", 1e3) if head.startswith("correction") else ("mrad", 1e3)
 
 
 def found_table(nominal: Sensor, found: Fit) -> dict[str, NDArray[Any]]:
-    """Each parameter: how far from where it was thought to be, and the uncertainties, told."""
-    units = [unit_of(name) for name in found.choice.names]
+    """Each unknown: how far from where it was thought to be, and the uncertainties."""
+    units = [unit_of(name, nominal) for name in found.choice.names]
     factors = np.array([factor for _, factor in units])
     change = found.values - values_of(nominal)[found.choice.places]
     return {
@@ -116,35 +246,4 @@ def found_table(nominal: Sensor, found: Fit) -> dict[str, NDArray[Any]]:
         "known_before": found.choice.sigma * factors,
         "change": change * factors,
         "u": found.uncertainty * factors,
-    }
-
-
-def validation(nominal: Sensor, found: Fit, held: Data) -> dict[str, NDArray[Any]]:
-    """Poses solved from held-back readings less the reference's, r.m.s.; um and urad.
-
-    The beam known where it is said to be.  before: by the nominal sensor, its mean error taken off,
-    since where the mirror is on the reference is not known then.  after: by the calibrated one.
-    stated: what the uncertainties of pose and reference say.
-    """
-    units = np.array([1e6 if name in ANGLES else 1e3 for name in POSE])
-    known = np.isfinite(held.sigma)
-    rows = {}
-    for name, sensor, mounting in (
-        ("before", nominal, np.zeros(len(MOUNTING))),
-        ("after", found.sensor, found.mounting),
-    ):
-        beam = Prior(held.beam, 0.0)
-        solution = solve(sensor, corrected(sensor, held.raw), beam=beam, threads=0)
-        error = (solution.state - states_of(held, np.zeros_like(held.pose), mounting))[:, :6]
-        if name == "before":
-            error = error - np.nanmean(error, axis=0)
-        rows[name] = np.sqrt(np.nanmean(error**2, axis=0)) * units
-        rows["stated"] = np.sqrt(np.nanmean(solution.uncertainty[:, :6] ** 2, axis=0)) * units
-    spread = np.hypot(rows["stated"], np.where(known, held.sigma, 0) * units)
-    columns: dict[str, NDArray[Any]] = {"axis": np.array(POSE)}
-    columns["unit"] = np.array(["urad" if name in ANGLES else "um" for name in POSE])
-    return columns | {
-        "before": np.where(known, rows["before"], np.nan),
-        "after": np.where(known, rows["after"], np.nan),
-        "stated": spread,
     }

@@ -1,8 +1,15 @@
-"""Two states with the same readings, beside one where the Jacobian is singular."""
+"""Two states with the same readings: beside a singular one, and then followed into a box of states.
+
+Where the Jacobian is singular the readings fold: on its two sides along the direction to which they
+answer least lie states with the same readings. Such pairs make up a surface, of eight dimensions
+out of sixteen; a pair on it is moved, its readings kept equal, until both of its states lie in the
+box.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,22 +17,29 @@ from numpy.typing import NDArray
 from ..core.sensor import Sensor
 from ..detectors.noise import standard_deviations
 from ..estimation.solver import solve
-from ..model.arrays import readings
+from ..model.arrays import jacobian, readings
 from .singularity import measures, weakest_direction
+from .state_box import StateBox
 
 Floats = NDArray[np.float64]
 
-#: How far from the singular state twins are looked for, largest first: shares of FARTHEST.
+#: How far from the singular state a pair is looked for, largest first: shares of FARTHEST.
 REACHES = np.geomspace(1, 1e-3, 25)
 #: Of the longest component of the direction, um or urad.
 FARTHEST = 3000.0
 #: Readings this near, in standard deviations, are the same.
 EQUAL = 1e-6
 UNITS = np.array([1e-3, 1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3, 1e-3])
+#: Steps along the weakest direction to a singular state: how many, and how long, um or urad.
+STEPS, STEP = 400, 100.0
+#: Distances at which pairs are moved into the box, shares of FARTHEST; and moves of each.
+DISTANCES, MOVES = (0.03, 0.3, 1.0, 3.0), 40
+#: The power's reading that the other eight make up where the laser's power is known.
+LEFT_OUT = 8
 
 
 @dataclass(frozen=True)
-class Twins:
+class AmbiguousPair:
     """States (8,) one and other, whose readings are equal.
 
     share: (n,) from one to the other along a straight line.  apart: (n,) of the readings there from
@@ -39,7 +53,16 @@ class Twins:
     determinant: Floats
 
 
-def twins(sensor: Sensor, near: Floats) -> Twins | None:
+class PairSearch(NamedTuple):
+    """pair: the nearest to the box that was found, if any.  outside: by how much it is, at its
+    farthest, in half widths of the box or as the logarithm of a power; 0 where it lies in the box.
+    """
+
+    pair: AmbiguousPair | None
+    outside: float
+
+
+def find_ambiguous_pair(sensor: Sensor, near: Floats) -> AmbiguousPair | None:
     """The pair furthest apart that is found about a nearly singular state (8,), if any is."""
     direction = weakest_direction(sensor, near) * UNITS
     direction *= FARTHEST / np.abs(direction / UNITS).max()
@@ -54,10 +77,117 @@ def twins(sensor: Sensor, near: Floats) -> Twins | None:
     return None
 
 
-def between(sensor: Sensor, one: Floats, other: Floats) -> Twins:
+def find_pair_in_box(sensor: Sensor, box: StateBox, share: float, near: Floats) -> PairSearch:
+    """The pair of states nearest to the set that a certificate is about, from a weak state (8,).
+
+    share: of the light, that each facet has at least.
+    """
+    best = PairSearch(None, np.inf)
+    fold = find_singular_state(sensor, near)
+    if fold is None:
+        return best
+    for distance in DISTANCES:
+        direction = weakest_direction(sensor, fold) * UNITS
+        direction *= distance * FARTHEST / np.abs(direction / UNITS).max()
+        pair = np.concatenate([fold - direction, fold + direction])
+        found = move_into_box(sensor, box, share, pair)
+        if found is not None and found[1] < best.outside:
+            best = PairSearch(between(sensor, found[0][:8], found[0][8:]), found[1])
+        if best.outside == 0:
+            break
+    return best
+
+
+def find_singular_state(sensor: Sensor, near: Floats) -> Floats | None:
+    """Where the determinant is zero, from a state (8,) along the weakest direction, if anywhere."""
+    sign = np.sign(measures(sensor, near[None], spectra=False)[0, 0])
+    for side in (1.0, -1.0):
+        state, before = near.copy(), side * weakest_direction(sensor, near)
+        for _ in range(STEPS):
+            ahead = weakest_direction(sensor, state)
+            ahead *= np.sign(ahead @ before) or 1.0
+            moved = state + STEP * ahead * UNITS
+            value = measures(sensor, moved[None], spectra=False)[0, 0]
+            if not np.isfinite(value):
+                break
+            if np.sign(value) != sign:
+                return narrow_down(sensor, state, moved, sign)
+            state, before = moved, ahead
+    return None
+
+
+def narrow_down(sensor: Sensor, near: Floats, far: Floats, sign: float) -> Floats:
+    """The singular state between two whose determinants have different signs."""
+    for _ in range(40):
+        middle = (near + far) / 2
+        same = np.sign(measures(sensor, middle[None], spectra=False)[0, 0]) == sign
+        near, far = (middle, far) if same else (near, middle)
+    state: Floats = (near + far) / 2
+    return state
+
+
+def move_into_box(
+    sensor: Sensor, box: StateBox, share: float, pair: Floats
+) -> tuple[Floats, float] | None:
+    """A pair (16,) with equal readings and how far it is outside; None where none is reached."""
+    scale = np.tile(UNITS, 2)
+    length = np.linalg.norm((pair[8:] - pair[:8]) / UNITS)
+    best: tuple[Floats, float] | None = None
+    for _ in range(MOVES):
+        seen, slopes = readings(sensor, pair.reshape(2, 8)), jacobian(sensor, pair.reshape(2, 8))
+        if not (np.isfinite(seen).all() and np.isfinite(slopes).all()):
+            break
+        sigma = standard_deviations(sensor, seen[0])
+        apart = (seen[1] - seen[0]) / sigma
+        excess, slope = excess_of(sensor, box, share, pair, seen, slopes)
+        outside = float(excess.max(initial=0.0))
+        if np.abs(apart).max() < EQUAL and (best is None or outside < best[1]):
+            best = pair.copy(), outside
+            if outside == 0:
+                break
+        gap = (pair[8:] - pair[:8]) / UNITS
+        along = gap / np.linalg.norm(gap)
+        rows = np.delete(np.hstack([-slopes[0], slopes[1]]) / sigma[:, None], LEFT_OUT, axis=0)
+        equal = np.vstack([rows * scale, np.concatenate([-along, along])])
+        missing = np.concatenate([-np.delete(apart, LEFT_OUT), [length - np.linalg.norm(gap)]])
+        step = constrained_step(slope * scale, -excess, equal, missing)
+        pair = pair + scale * step * min(1.0, 1e3 / np.abs(step).max(initial=1e-12))
+    return best
+
+
+def constrained_step(rows: Floats, wanted: Floats, equal: Floats, missing: Floats) -> Floats:
+    """The step (16,) with equal . step = missing and rows . step near what is wanted."""
+    first = np.linalg.lstsq(equal, missing, rcond=1e-12)[0]
+    free = np.linalg.svd(equal)[2][len(equal) :].T
+    inner = rows @ free
+    damped = inner.T @ inner + 1e-9 * np.eye(free.shape[1])
+    step: Floats = first + free @ np.linalg.solve(damped, inner.T @ (wanted - rows @ first))
+    return step
+
+
+def excess_of(
+    sensor: Sensor, box: StateBox, share: float, pair: Floats, seen: Floats, slopes: Floats
+) -> tuple[Floats, Floats]:
+    """By how much a pair is outside in each way, 0 or more, (18,); its derivatives (18, 16)."""
+    middle, half = (box.low + box.high)[:6] / 2, np.maximum((box.high - box.low)[:6] / 2, 1e-9)
+    excess, slope = np.zeros(18), np.zeros((18, 16))
+    for n in range(2):
+        off = (pair[8 * n : 8 * n + 6] - middle) / half
+        powers = seen[n, 2::3]
+        short = np.log(share * sensor.beam.power / powers)
+        part = slice(9 * n, 9 * n + 9)
+        excess[part] = np.concatenate([np.abs(off) - 1, short])
+        slope[9 * n : 9 * n + 6, 8 * n : 8 * n + 6] = np.diag(np.sign(off) / half)
+        slope[9 * n + 6 : 9 * n + 9, 8 * n : 8 * n + 8] = -slopes[n, 2::3] / powers[:, None]
+    inside = excess <= 0
+    excess[inside], slope[inside] = 0.0, 0.0
+    return np.where(inside, 0.0, excess + 1e-3), slope
+
+
+def between(sensor: Sensor, one: Floats, other: Floats) -> AmbiguousPair:
     share = np.linspace(-0.15, 1.15, 131)
     states = one + share[:, None] * (other - one)
     seen = readings(sensor, states)
     sigma = standard_deviations(sensor, readings(sensor, one))
     apart = np.sqrt((((seen - readings(sensor, one)) / sigma) ** 2).sum(axis=1))
-    return Twins(one, other, share, apart, measures(sensor, states, spectra=False)[:, 0])
+    return AmbiguousPair(one, other, share, apart, measures(sensor, states, spectra=False)[:, 0])

@@ -18,11 +18,10 @@ from ..core.errors import InputError
 from ..core.names import ANGLES, POSE
 from ..core.rules import Rules
 from ..core.sensor import Sensor
+from ..core.units import Floats, unit_of
 from ..detectors.noise import power_floor, standard_deviations
 from ..estimation.solver import solve
 from ..model.arrays import half_sizes, jacobian, margins, readings
-
-Floats = NDArray[np.float64]
 
 #: Why a range ends.
 CAUSES = ("spot leaves the PSD", "too little light", "Jacobian near singular", "too coarse")
@@ -428,5 +427,5 @@ def inside_map(
         label = "log10 of the condition number"
     else:
         values[within] = np.sqrt((np.linalg.pinv(matrix)[:, POSE.index(what)] ** 2).sum(axis=1))
-        label = f"u({what}), {'µrad' if what in ANGLES else 'µm'}"
+        label = f"u({what}), {unit_of(what).fine_unit}"
     return x, y, values.reshape(count, count), label

@@ -23,7 +23,7 @@ from ..detectors.noise import standard_deviations
 from ..model.arrays import packed
 from ..model.threads import share
 from .ranges import scaled_jacobian
-from .state_box import AXES, Domain, apex_offset
+from .state_box import AXES, StateBox, apex_offset
 
 CHUNK = 100_000
 #: As many different points as a Sobol sequence of 30 bits has.
@@ -64,7 +64,8 @@ def measures(
         row = READING.index(left_out)
         determine(model, vectors, states[part], power, simple, sigmas, row, out[part])
 
-    model, vectors, power = evaluators.linearised(sensor), packed(sensor), float(sensor.beam.power)
+    model, vectors = evaluators.nearly_linearised(sensor), packed(sensor)
+    power = float(sensor.beam.power)
     share(run, len(states), threads)
     return out
 
@@ -119,7 +120,7 @@ class Cost(NamedTuple):
 NUMBERS, COLUMNS = 200, 12
 
 
-def cost(sensor: Sensor, domain: Domain, count: int, left_out: str = "power_c") -> Cost:
+def cost(sensor: Sensor, domain: StateBox, count: int, left_out: str = "power_c") -> Cost:
     """An estimate for `count` states, from a pilot of some; compiles what is needed first."""
     states = next(samples(domain, PILOT, "uniform", 0))
     measures(sensor, states[:1], left_out)
@@ -130,7 +131,7 @@ def cost(sensor: Sensor, domain: Domain, count: int, left_out: str = "power_c") 
 
 
 def samples(
-    domain: Domain, count: int, sampling: Literal["sobol", "uniform"], seed: int
+    domain: StateBox, count: int, sampling: Literal["sobol", "uniform"], seed: int
 ) -> Iterator[Floats]:
     """States of the box (n, 8), chunk by chunk."""
     from scipy.stats import qmc
@@ -144,11 +145,11 @@ def samples(
     for first in range(0, count, CHUNK):
         rows = min(CHUNK, count - first)
         with np.errstate(all="ignore"):
-            shares = rng.random((rows, 8)) if sobol is None else drawn(sobol, rows)
+            shares = rng.random((rows, 8)) if sobol is None else sobol_points(sobol, rows)
         yield domain.states(shares)
 
 
-def drawn(sobol: object, rows: int) -> Floats:
+def sobol_points(sobol: object, rows: int) -> Floats:
     """Points of a Sobol sequence; any number of them, of which SciPy would warn."""
     import warnings
 
@@ -191,7 +192,7 @@ def empty(offset: Floats, values: Floats) -> Survey:
     """A survey whose classes fit the first chunk, with room beside it."""
     with np.errstate(invalid="ignore"):
         top = float(offset.max(initial=0.0)) * 1.02 or 1.0
-        ends = [spread_of(values[:, 0]), spread_of(values[:, 1])]
+        ends = [extent_of(values[:, 0]), extent_of(values[:, 1])]
     edges = (np.linspace(0, top, OFFSETS + 1), *(np.linspace(*end, LEVELS + 1) for end in ends))
     none = Worst(np.full(8, np.nan), np.full(3, np.nan))
     return Survey(
@@ -206,7 +207,7 @@ def empty(offset: Floats, values: Floats) -> Survey:
     )
 
 
-def spread_of(values: Floats) -> tuple[float, float]:
+def extent_of(values: Floats) -> tuple[float, float]:
     """From zero to past the largest, or on both sides of zero where the values are."""
     known = values[np.isfinite(values)]
     if len(known) == 0:
@@ -246,7 +247,7 @@ def worse(known: Worst, states: Floats, values: Floats, size: Floats, column: in
 
 
 def search(
-    sensor: Sensor, domain: Domain, column: int, left_out: str = "power_c", seed: int = 1
+    sensor: Sensor, domain: StateBox, column: int, left_out: str = "power_c", seed: int = 1
 ) -> Worst:
     """The state of the box where a measure is least, by differential evolution and descent.
 

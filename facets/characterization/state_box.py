@@ -23,7 +23,7 @@ UNITS = tuple(1e-3 if name in ANGLES else 1.0 for name in AXES)
 
 
 @dataclass(frozen=True)
-class Domain:
+class StateBox:
     """A box: low, high (8,) along `AXES`, mm and rad."""
 
     low: Floats
@@ -41,16 +41,24 @@ class Domain:
         return state
 
 
+def box_of_poses(low: Floats, high: Floats) -> StateBox:
+    """The box of poses (6,), the apex in the beam's centre."""
+    none = np.zeros(2)
+    return StateBox(np.concatenate([low, none]), np.concatenate([high, none]))
+
+
 def apex_offset(states: Floats) -> Floats:
     """How far the apex stands off the beam's centre, Eq. (12), mm: (n, 8) -> (n,)."""
     distance: Floats = np.hypot(states[:, 0] - states[:, 6], states[:, 1] - states[:, 7])
     return distance
 
 
-def range_domain(sensor: Sensor, rules: Rules) -> Domain:
+def range_box(sensor: Sensor, rules: Rules) -> StateBox:
     """The box of the ranges of the axes: x and y with the beam following, the offset without.
 
-    It holds the whole measurement range and more, since not all axes can be at their ends at once.
+    Each range is that of one axis with the others at rest. Not all axes can be at their ends at
+    once, and where several move together some can be further off than alone: the box does not hold
+    every pose that keeps the rules (`facets.proof.range_cover` finds one that does).
     """
     from dataclasses import replace
 
@@ -59,15 +67,23 @@ def range_domain(sensor: Sensor, rules: Rules) -> Domain:
     fixed = axis_ranges(sensor, replace(rules, tracking=False), rest)
     ranges = [*following, *fixed[2:], *fixed[:2]]
     low = np.array([axis.low for axis in ranges])
-    return Domain(low, np.array([axis.high for axis in ranges]))
+    return StateBox(low, np.array([axis.high for axis in ranges]))
 
 
-def least_share(sensor: Sensor, rules: Rules) -> float:
-    """Of the light, that a detector gets at least within the rules."""
-    return rules.snr * power_floor(sensor) / sensor.beam.power
+#: What the quotient of a least share can be rounded up by.
+ROUNDED = 1e-12
 
 
-def domain_of(text: str) -> Domain:
+def least_share(sensor: Sensor, rules: Rules, power_off: float = 0.0) -> float:
+    """Of the light, that a detector gets at least within the rules; rounded down.
+
+    power_off: by how much the laser's power may be off, mW.
+    """
+    share = rules.snr * power_floor(sensor) / (sensor.beam.power + power_off)
+    return share * (1 - ROUNDED)
+
+
+def parse_box(text: str) -> StateBox:
     """'tx_mm=1,yaw_mrad=-2:5' as a box: half widths about zero or both ends; else no width."""
     low, high = np.zeros(8), np.zeros(8)
     for part in text.split(","):
@@ -84,4 +100,4 @@ def domain_of(text: str) -> Domain:
             raise InputError(f"--box has {part.strip()!r}; allowed: a half width, or LOW:HIGH")
         first, last = (-ends[0], ends[0]) if len(ends) == 1 else ends
         low[number], high[number] = first * UNITS[number], last * UNITS[number]
-    return Domain(low, high)
+    return StateBox(low, high)

@@ -90,6 +90,7 @@ def imperfections(keys: dict[str, Any]) -> Imperfections:
         wavelength=1e-6 * (keys["wavelength_nm"] or 0.0),
         sag=tuple(1e-6 * nm for nm in keys["sag_nm"]),
         sag_over=keys["sag_over_mm"],
+        **geometry.edge_fields(keys),
     )
 
 
@@ -127,6 +128,7 @@ def solve(keys: dict[str, Any]) -> Solve:
         beam=keys["beam"],
         beam_sigma=keys["beam_sigma_um"] / 1000,
         power=keys["power"],
+        power_sigma=keys["power_sigma_percent"] / 100,
         method=keys["method"],
         start=keys["start"],
         max_steps=keys["max_steps"],
@@ -207,6 +209,8 @@ def calibrate(keys: dict[str, Any]) -> Calibrate:
     return Calibrate(
         reference=tuple(value * unit for value, unit in sigmas),
         before={name: value for name, value in keys["before"].items() if value is not None},
+        power_per_sample=keys["laser"] == "drifts",
+        effects=dict(keys["effects"]),
         beam=keys["beam"],
         held_back=keys["held_back_percent"] / 100,
         outliers=keys["outliers"],

@@ -32,14 +32,17 @@ class Before(Section):
     )
     beam_tilt_mrad: float | None = Field(1.5, gt=0, le=1000, description="of the beam's two tilts")
     beam_diameter_percent: float | None = Field(
-        None, gt=0, le=100, description="of the beam's two diameters"
+        5.0, gt=0, le=100, description="of the beam's two diameters, and of its roundness"
     )
     power_percent: float | None = Field(2.0, gt=0, le=100, description="of each PSD's gain")
     dark_uw: float | None = Field(
         None, gt=0, le=1e6, description="of what each PSD reads without light"
     )
     laser_percent: float | None = Field(
-        None, gt=0, le=100, description="of the laser's power; or give power_percent"
+        None,
+        gt=0,
+        le=100,
+        description="of the laser's power, where it is constant; or give power_percent",
     )
     scale_percent: float | None = Field(
         2.0, gt=0, le=100, description="of each PSD's scales along y and z"
@@ -53,6 +56,29 @@ class Before(Section):
     apex_mm: float | None = Field(
         0.1, gt=0, le=MAX_LENGTH, description="of the apex from the beam, the reference at zero"
     )
+    mount_deg: float | None = Field(
+        3.0, gt=0, le=30, description="of each turn of the mirror on the reference"
+    )
+
+
+Decision = Literal["auto", "on", "off"]
+
+
+class Effects(Section):
+    """Which effects the fit holds: `auto` takes those that the data call for, `on` always."""
+
+    curvature: Decision = Field("auto", description="the wavefront's radius, in two axes")
+    diffraction: Decision = Field("auto", description="at the facets' edges")
+    rolloff: Decision = Field("auto", description="edges of the facets that are rolled off")
+    strips: Decision = Field("auto", description="strips along the edges that reflect nothing")
+    tip: Decision = Field("auto", description="a mirror's point that is worn flat")
+    background: Decision = Field("auto", description="light that reaches a detector otherwise")
+    coating: Decision = Field("auto", description="reflectance by incidence and polarisation")
+    bend: Decision = Field("auto", description="detectors that are not linear: 2nd and 3rd order")
+    beam_moves: Decision = Field("auto", description="the beam's place, sample by sample")
+    delay: Decision = Field("auto", description="a reference that is late, or early")
+    time_drift: Decision = Field("auto", description="beam and detectors that drift with time")
+    temperature_drift: Decision = Field("auto", description="the same by temperature_c")
 
 
 class Calibrate(Section):
@@ -60,6 +86,10 @@ class Calibrate(Section):
 
     reference: Reference = Field(Reference(), description="how well it knows the motion")
     before: Before = Field(Before(), description="how well the sensor is known")
+    laser: Literal["drifts", "constant"] = Field(
+        "drifts", description="its power is an unknown of each sample, or the same in all"
+    )
+    effects: Effects = Field(Effects(), description="of real light, detectors and drift")
     beam: Literal["given", "still"] = Field(
         "given",
         description="its place: bx_mm, by_mm of the table where it has them; still: the origin",

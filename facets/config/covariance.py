@@ -7,8 +7,7 @@ from pathlib import Path
 
 from ..core.errors import InputError
 from ..core.sensor import Calibration
-from ..detectors.correction import NAMES
-from ..optics.parameters import PARAMETERS
+from ..detectors.calibrated import KNOWN
 
 
 def read(path: Path) -> Calibration:
@@ -20,7 +19,7 @@ def read(path: Path) -> Calibration:
             rows = tuple(tuple(float(value) for value in line) for line in lines)
         except (StopIteration, ValueError) as error:
             raise InputError(f"{path}: not a covariance: {error}") from None
-    unknown = [name for name in names if name not in (*PARAMETERS, *NAMES)]
+    unknown = [name for name in names if name not in KNOWN]
     if unknown:
         raise InputError(f"{path}: not a parameter of the sensor: {', '.join(unknown)}")
     try:

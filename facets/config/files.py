@@ -18,7 +18,7 @@ def shipped() -> dict[str, Path]:
     inside = Path(__file__).parents[1] / "configs"  # installed
     beside = Path(__file__).parents[2] / "configs"  # in the source tree
     folder = inside if inside.is_dir() else beside
-    return {file.stem: file for file in sorted(folder.glob("*.yaml"))}
+    return {file.stem: file for file in sorted(folder.glob("*.yaml"), key=lambda file: file.stem)}
 
 
 def find(name_or_path: str | Path, base: Path | None = None) -> Path:

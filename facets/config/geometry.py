@@ -61,21 +61,29 @@ def _correction(keys: dict[str, Any]) -> Correction:
 def light(keys: dict[str, Any]) -> BenchLight:
     """The light of the bench from its keys."""
     xx, xy, yy = (value / 1000 for value in keys["curvature_per_m"])
-    places = zip(keys["background_uw"], keys["background_mm"], strict=True)
     turn = keys["polarization_deg"]
     return BenchLight(
         curvature_xx=xx,
         curvature_xy=xy,
         curvature_yy=yy,
         wavelength=1e-6 * (keys["wavelength_nm"] or 0.0),
-        rolloff=tuple(1e-6 * depth for depth in keys["rolloff_nm"]),
-        strips=tuple(width / UM for width in keys["strips_um"]),
-        tip=1e-6 * keys["tip_um2"],
-        background=tuple((power / UW, *place) for power, place in places),
+        **edge_fields(keys),
         index=None if keys["index"] is None else tuple(keys["index"]),
         polarization=None if turn is None else radians(turn),
         delays=tuple(1e-6 * delay for delay in keys["delays_us"]),
     )
+
+
+def edge_fields(keys: dict[str, Any]) -> dict[str, Any]:
+    """What the facets' edges, the tip and other light do, from their keys."""
+    places = zip(keys["background_uw"], keys["background_mm"], strict=True)
+    return {
+        "rolloff": tuple(1e-6 * depth for depth in keys["rolloff_nm"]),
+        "rolloff_width": keys["rolloff_width_um"] / UM,
+        "strips": tuple(width / UM for width in keys["strips_um"]),
+        "tip": 1e-6 * keys["tip_um2"],
+        "background": tuple((power / UW, *place) for power, place in places),
+    }
 
 
 def light_keys(of: BenchLight) -> dict[str, Any]:
@@ -84,6 +92,7 @@ def light_keys(of: BenchLight) -> dict[str, Any]:
         "curvature_per_m": [1000 * v for v in (of.curvature_xx, of.curvature_xy, of.curvature_yy)],
         "wavelength_nm": 1e6 * of.wavelength or None,
         "rolloff_nm": [1e6 * depth for depth in of.rolloff],
+        "rolloff_width_um": UM * of.rolloff_width,
         "strips_um": [UM * width for width in of.strips],
         "tip_um2": 1e6 * of.tip,
         "background_uw": [UW * row[0] for row in of.background],

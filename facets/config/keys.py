@@ -211,27 +211,6 @@ Index = Annotated[float, Field(ge=0, le=100)]
 Sag = Annotated[float, Field(ge=-10_000, le=10_000)]
 
 
-class Imperfections(Section):
-    """What real optics do besides: simulated, and solved as if it were not there."""
-
-    index: Annotated[tuple[Index, Index], BeforeValidator(as_tuple)] | None = Field(
-        None, description="complex refractive index n, k of the coating; null reflects all"
-    )
-    polarization_deg: float | None = Field(
-        None, ge=-360, le=360, description="of the light, from the beam's x axis; null is none"
-    )
-    wavefront_radius_mm: float | None = Field(
-        None, ge=-1e9, le=1e9, description="of the beam at the mirror, positive where it spreads"
-    )
-    wavelength_nm: float | None = Field(
-        None, gt=0, le=20_000, description="of the light, for diffraction at edges; null for none"
-    )
-    sag_nm: Annotated[tuple[Sag, Sag, Sag], BeforeValidator(as_tuple)] = Field(
-        (0.0, 0.0, 0.0), description="by which facets A, B, C bulge, over `sag_over_mm`"
-    )
-    sag_over_mm: float = Field(5.0, gt=0, le=1000, description="diameter of a facet")
-
-
 Curvature = Annotated[float, Field(ge=-1e3, le=1e3)]
 Nanometres = Annotated[float, Field(ge=-1e5, le=1e5)]
 Micrometres = Annotated[float, Field(ge=-1e3, le=1e3)]
@@ -252,6 +231,35 @@ Places = Annotated[tuple[Place, Place, Place], BeforeValidator(as_tuple)]
 Delays = Annotated[tuple[Microseconds, Microseconds, Microseconds], BeforeValidator(as_tuple)]
 
 
+class Imperfections(Section):
+    """What real optics do besides: simulated, and solved as if it were not there."""
+
+    index: Annotated[tuple[Index, Index], BeforeValidator(as_tuple)] | None = Field(
+        None, description="complex refractive index n, k of the coating; null reflects all"
+    )
+    polarization_deg: float | None = Field(
+        None, ge=-360, le=360, description="of the light, from the beam's x axis; null is none"
+    )
+    wavefront_radius_mm: float | None = Field(
+        None, ge=-1e9, le=1e9, description="of the beam at the mirror, positive where it spreads"
+    )
+    wavelength_nm: float | None = Field(
+        None, gt=0, le=20_000, description="of the light, for diffraction at edges; null for none"
+    )
+    sag_nm: Annotated[tuple[Sag, Sag, Sag], BeforeValidator(as_tuple)] = Field(
+        (0.0, 0.0, 0.0), description="by which facets A, B, C bulge, over `sag_over_mm`"
+    )
+    sag_over_mm: float = Field(5.0, gt=0, le=1000, description="diameter of a facet")
+    rolloff_nm: Depths = Field(
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), description="as in `light`, on top of what that says"
+    )
+    rolloff_width_um: float = Field(0.0, ge=0, le=1000, description="likewise")
+    strips_um: Widths = Field((0.0, 0.0, 0.0), description="likewise")
+    tip_um2: float = Field(0.0, ge=0, le=1e6, description="likewise")
+    background_uw: Powers = Field((0.0, 0.0, 0.0), description="likewise")
+    background_mm: Places = Field(((0.0, 0.0), (0.0, 0.0), (0.0, 0.0)), description="likewise")
+
+
 class LightKeys(Section):
     """What the light of a bench does, in the model of every reading; off unless given."""
 
@@ -267,6 +275,9 @@ class LightKeys(Section):
         (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         description="depth by which a facet falls off at an edge: of a at ca and ab, of b at ab "
         "and bc, of c at bc and ca",
+    )
+    rolloff_width_um: float = Field(
+        0.0, ge=0, le=1000, description="width of the strip over which a facet falls off"
     )
     strips_um: Widths = Field(
         (0.0, 0.0, 0.0), description="width of the strips lost along the edges ca, ab, bc"
@@ -354,8 +365,13 @@ class SolveKeys(Section):
     beam_sigma_um: float = Field(
         5.0, gt=0, le=10_000, description="1 sigma of the beam position, for `beam: prior`"
     )
-    power: Literal["known", "unknown"] = Field(
-        "known", description="laser power: as in `sensor.beam`, or solved for"
+    power: Literal["known", "prior", "unknown"] = Field(
+        "prior",
+        description="laser power: as in `sensor.beam`, known within `power_sigma_percent`, or "
+        "solved for; method: paper takes it as known",
+    )
+    power_sigma_percent: float = Field(
+        1.0, gt=0, le=100, description="1 sigma of the laser power, for `power: prior`"
     )
     method: Literal["least-squares", "paper"] = Field(
         "least-squares", description="all nine readings, or Newton on eight as in the paper"

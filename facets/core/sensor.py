@@ -252,7 +252,7 @@ class BenchLight:
     tilt carries them, whatever the rotation of its ellipse.
     wavelength: for the diffraction at the facets' edges, mm; 0 for none.
     rolloff: how much lower the surface lies at an edge than its facet's plane, for `FACET_EDGES`,
-    in narrow strips; mm.
+    mm.  rolloff_width: of the strip over which it falls evenly, mm, narrow beside the beam.
     strips: width of the strip that is lost along each of `EDGES`, half of it on either facet, mm.
     tip: area, square to the mirror's axis, that is lost at a worn apex, mm^2.
     background: other light on detectors A, B and C: power (mW) and its centroid's y and z (mm).
@@ -267,6 +267,7 @@ class BenchLight:
     curvature_yy: float = 0.0
     wavelength: float = 0.0
     rolloff: tuple[float, ...] = (0.0,) * 6
+    rolloff_width: float = 0.0
     strips: tuple[float, float, float] = (0.0, 0.0, 0.0)
     tip: float = 0.0
     background: tuple[tuple[float, float, float], ...] = ((0.0, 0.0, 0.0),) * 3
@@ -277,6 +278,7 @@ class BenchLight:
     def __post_init__(self) -> None:
         _require_finite(self)
         _require(self.wavelength >= 0, "wavelength", self.wavelength, "0 or more, mm")
+        _require(self.rolloff_width >= 0, "rolloff_width", self.rolloff_width, "0 or more, mm")
         for name, count in (("rolloff", 6), ("strips", 3), ("delays", 3)):
             values = getattr(self, name)
             sound = len(values) == count and all(math.isfinite(value) for value in values)
@@ -304,6 +306,7 @@ class Imperfections:
     wavefront_radius: of the beam at the mirror, mm, positive where it spreads.
     wavelength: of the light, mm, for diffraction at the facets' edges; 0 for none.
     sag: of each facet, mm, positive where its middle bulges out, over the diameter `sag_over`, mm.
+    rolloff, rolloff_width, strips, tip, background: as in `BenchLight`, on top of what that says.
     """
 
     index: tuple[float, float] | None = None
@@ -312,6 +315,11 @@ class Imperfections:
     wavelength: float = 0.0
     sag: tuple[float, float, float] = (0.0, 0.0, 0.0)
     sag_over: float = 5.0
+    rolloff: tuple[float, ...] = (0.0,) * 6
+    rolloff_width: float = 0.0
+    strips: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    tip: float = 0.0
+    background: tuple[tuple[float, float, float], ...] = ((0.0, 0.0, 0.0),) * 3
 
     def __post_init__(self) -> None:
         _require(self.wavefront_radius != 0, "wavefront_radius", 0, "any but 0 mm")

@@ -90,6 +90,8 @@ class Solve:
     """How readings are solved; the words are those of `facets.solve`.
 
     beam: "free", "known" or "prior", which holds it to the given position within `beam_sigma`, mm.
+    power: "unknown", "known" or "prior", which holds it to the sensor's within `power_sigma`, a
+    share.
     """
 
     beam: str
@@ -98,6 +100,7 @@ class Solve:
     method: str
     start: str
     max_steps: int
+    power_sigma: float = 0.01
 
 
 @dataclass(frozen=True)
@@ -200,12 +203,15 @@ class Calibrate:
     """What a calibration takes; see the keys of `calibrate`.
 
     reference: (6,) mm and rad, infinite where an axis is not measured.  before: by key, in its
-    unit; what stays is not there.  beam: "given", where the table says that it is, or "still", at
-    the origin whatever the table says.  held_back: share of the samples.
+    unit; what stays is not there.  power_per_sample: whether the laser's power is an unknown of
+    each.  effects: by key "auto", "on" or "off".  beam: "given", where the table says that it is,
+    or "still", at the origin whatever the table says.  held_back: share of the samples.
     """
 
     reference: tuple[float, ...]
     before: dict[str, float]
+    power_per_sample: bool
+    effects: dict[str, str]
     beam: str
     held_back: float
     outliers: float | None

@@ -103,9 +103,10 @@ class Problem:
 
 def require_supported(sensor: Sensor, layout: Layout) -> None:
     """Raises `InputError` where the problem would leave out something that the sensor has."""
-    if sensor.electronics is not None or sensor.apertures.cut:
+    if sensor.electronics is not None or sensor.apertures.cut or sensor.light.on:
         raise InputError(
-            "facets optimize knows neither sensor.apertures nor `noise.model: electronics`; "
+            "facets optimize knows no sensor.apertures, no sensor.light and no `noise.model: "
+            "electronics`; "
             "leave them out to find a layout, then see what they change by facets resolution"
         )
     if sensor.calibration is not None:

@@ -1,6 +1,7 @@
 """What of a calibration's uncertainty goes into a pose.
 
 The parameters are off by the same amount in every sample: what is added here does not average out.
+What the model misses beside (`MISFIT`) differs from place to place, and counts with them.
 """
 
 from __future__ import annotations
@@ -11,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.names import FINE_UNITS
+from ..detectors.calibrated import MISFIT
 from ..detectors.correction import NAMES, slopes
 from ..detectors.noise import standard_deviations
-from ..model.arrays import jacobian, parameter_jacobian, readings
+from ..model.arrays import EFFECTS, effect_jacobian, jacobian, parameter_jacobian, readings
+from ..model.beam_shape import SHAPE, by_shape
 from ..optics.parameters import PARAMETERS
 
 if TYPE_CHECKING:
@@ -66,7 +69,18 @@ def covariances(
 
 def by_parameters(sensor: Sensor, known: Calibration, states: Floats, seen: Floats) -> Floats:
     """How far model and reading part for each unit of what was calibrated: (n, 9, p)."""
-    places = [(*PARAMETERS, *NAMES).index(name) for name in known.names]
-    every = np.concatenate([parameter_jacobian(sensor, states), -slopes(sensor, seen)], axis=2)
-    parted: Floats = every[:, :, places]
+    whole = parameter_jacobian(sensor, states)
+    blocks = {PARAMETERS: whole, NAMES: -slopes(sensor, seen), MISFIT: misfit(len(states))}
+    if any(name in SHAPE for name in known.names):
+        blocks[SHAPE] = by_shape(sensor, states, whole)
+    if any(name in EFFECTS for name in known.names):
+        blocks[EFFECTS] = effect_jacobian(sensor, states)
+    names = [name for block in blocks for name in block]
+    every = np.concatenate(list(blocks.values()), axis=2)
+    parted: Floats = every[:, :, [names.index(name) for name in known.names]]
     return parted
+
+
+def misfit(count: int) -> Floats:
+    """The derivative of `MISFIT`: each adds to its own reading. (n, 9, 9)"""
+    return np.broadcast_to(np.eye(9), (count, 9, 9))

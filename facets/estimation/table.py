@@ -15,7 +15,9 @@ from ..core.errors import InputError
 from ..core.names import DETECTORS, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ..core.units import Booleans, Floats
 from ..detectors.correction import corrected
+from ..detectors.skew import align
 from ..files import tables
+from .misfit import Misfit, beyond_chance
 from .solver import Prior, Solution, Status, solve
 
 if TYPE_CHECKING:
@@ -26,22 +28,19 @@ UNPARSABLE = "unparsable"
 #: Where the beam is; and how uncertain that is, which a table of poses has beside it.
 BEAM_COLUMNS = STATE_COLUMNS[6:]
 BEAM_UNCERTAINTIES = tuple(f"u_{name}" for name in BEAM_COLUMNS)
-#: A residual, in standard deviations, that noise does not make: nine readings leave one to three
-#: degrees of freedom.
-LARGE_RESIDUAL = 10.0
 
 
 @dataclass
 class Count:
     """What became of the rows.
 
-    unparsable_lines: of the first few that are no numbers.  misfits: rows that were solved, but
-    with a residual above LARGE_RESIDUAL.
+    unparsable_lines: of the first few that are no numbers.  misfit: rows that were solved, but
+    with a residual beyond chance.
     """
 
     statuses: Counter[str] = field(default_factory=Counter)
     unparsable_lines: list[int] = field(default_factory=list)
-    misfits: int = 0
+    misfit: Misfit = field(default_factory=Misfit)
 
     @property
     def rows(self) -> int:
@@ -53,7 +52,11 @@ class Count:
 
 
 def solve_readings(
-    sensor: Sensor, options: Solve, readings: Floats, place: Floats | None
+    sensor: Sensor,
+    options: Solve,
+    readings: Floats,
+    place: Floats | None,
+    time: Floats | None = None,
 ) -> Solution:
     """Solves readings (n, 9), as the detectors gave them, as a config's `solve` block says.
 
@@ -61,6 +64,7 @@ def solve_readings(
     `power_noise`).
     place: (n, 2) where the beam is, mm, if that is known; else the origin is taken. Where it is not
     finite, there is no pose.
+    time: (n,) of the readings, s, for detectors that are read one after the other.
     """
     beam: Any = "free"
     if options.beam != "free":
@@ -73,9 +77,10 @@ def solve_readings(
             readings, place = readings.copy(), place.copy()
             readings[lost], place[lost] = np.nan, 0.0
         beam = Prior(place[0] if len(place) == 1 else place, sigma)
+    exact = corrected(sensor, readings)
     return solve(
         sensor,
-        corrected(sensor, readings),
+        exact if time is None else align(sensor, time, exact),
         beam=beam,
         power=power_known(sensor, options),
         method=options.method,  # type: ignore[arg-type]
@@ -86,8 +91,11 @@ def solve_readings(
 
 def power_known(sensor: Sensor, options: Solve) -> Any:
     noise = sensor.electronics.power_noise if sensor.electronics else 0.0
-    if options.power == "known" and noise > 0 and options.method != "paper":
-        return Prior(sensor.beam.power, noise * sensor.beam.power)
+    if options.method == "paper":
+        return "known"
+    sigma = options.power_sigma if options.power == "prior" else 0.0
+    if options.power != "unknown" and hypot(sigma, noise) > 0:
+        return Prior(sensor.beam.power, hypot(sigma, noise) * sensor.beam.power)
     return options.power
 
 
@@ -96,7 +104,13 @@ def solve_chunk(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Solution
     place = None
     if all(name in chunk.columns for name in BEAM_COLUMNS):
         place = np.column_stack([chunk.columns[name] for name in BEAM_COLUMNS])
-    return solve_readings(sensor, options, readings, place)
+    time = chunk.columns.get("time_s")
+    if time is None and any(sensor.light.delays):
+        raise InputError(
+            "sensor.light.delays_us are given, but the readings have no column time_s to tell how "
+            "fast they change; add the column, or set the delays to 0"
+        )
+    return solve_readings(sensor, options, readings, place, time)
 
 
 def require_known_beam(path: Path, chunk: tables.Chunk, advice: str) -> None:
@@ -177,10 +191,11 @@ def solve_table(
                 solution = solve_chunk(config.sensor, options, chunk)
                 status = labels(solution, chunk.unparsable)
                 time = {k: v for k, v in chunk.columns.items() if k == "time_s"}
-                writer.write({**time, **pose_columns(solution, status)})
+                beyond = beyond_chance(config.sensor, options, solution)
+                columns = pose_columns(solution, status) | {"misfit": beyond.astype(int)}
+                writer.write({**time, **columns})
                 count.statuses.update(status.tolist())
-                misfit = solution.ok & (solution.residual > LARGE_RESIDUAL)
-                count.misfits += int(misfit.sum())
+                count.misfit.add(beyond, solution, options)
                 bad = chunk.lines[chunk.unparsable][: 5 - len(count.unparsable_lines)]
                 count.unparsable_lines += bad.tolist()
                 progress(chunk.bytes_read)

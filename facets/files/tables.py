@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import InputError
+from ..core.units import Booleans, Floats, Integers
 from .whole import Whole as Whole
 from .whole import refuse_to_overwrite as refuse_to_overwrite
 
@@ -37,9 +37,9 @@ class Chunk:
     bytes_read: of the file, so far.
     """
 
-    columns: dict[str, NDArray[np.float64]]
-    lines: NDArray[np.int64]
-    unparsable: NDArray[np.bool_]
+    columns: dict[str, Floats]
+    lines: Integers
+    unparsable: Booleans
     bytes_read: int
 
 
@@ -94,7 +94,7 @@ def require_table(path: Path) -> None:
             raise InputError(f"{path}: is {what}")
 
 
-def wanted(
+def columns_to_read(
     path: Path, names: Sequence[str], needed: Sequence[str], optional: Sequence[str]
 ) -> list[str]:
     missing = [name for name in needed if name not in names]
@@ -162,7 +162,7 @@ def read_csv(
     path: Path, needed: Sequence[str], optional: Sequence[str], rows: int
 ) -> Iterator[Chunk]:
     with open_sheet(path) as sheet:
-        use = wanted(path, sheet.names, needed, optional)
+        use = columns_to_read(path, sheet.names, needed, optional)
     refuse_words(path, use)
     with path.open("rb") as raw:
         sheet = Sheet(path, raw)
@@ -222,9 +222,7 @@ def is_number(cell: str) -> bool:
     return True
 
 
-def numbers(
-    rows: list[list[str]], places: list[int], width: int
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def numbers(rows: list[list[str]], places: list[int], width: int) -> tuple[Floats, Booleans]:
     """Cells as floats (n, columns), and which rows are not numbers; an empty cell is NaN."""
     bad = np.array([len(row) != width for row in rows])
     cells = [[row[i] or "nan" for i in places] for row in rows] if not bad.any() else None
@@ -250,7 +248,7 @@ def read_parquet(
 
     try:
         file = pq.ParquetFile(path)
-        use = wanted(path, file.schema_arrow.names, needed, optional)
+        use = columns_to_read(path, file.schema_arrow.names, needed, optional)
         require_numbers(path, file.schema_arrow, use)
         done = 0
         for batch in file.iter_batches(rows, columns=use):

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ..detectors.correction import corrected
 from ..detectors.counts import SATURATED, UNEQUAL, readings_of
+from ..detectors.skew import align
 from ..estimation.solver import Prior, Solution, Status, solve
 from ..estimation.table import power_known
 from ..tracking.encoder import REACH, Encoder
@@ -182,9 +183,10 @@ class Pipeline:
         within their edges and below saturation, gets its status without a step.
         """
         options = self.config.solve
+        exact = corrected(self.config.sensor, batch.readings)
         solution = solve(
             self.config.sensor,
-            corrected(self.config.sensor, batch.readings),
+            align(self.config.sensor, 1e-6 * batch.time, exact),
             beam=self.beam(batch.host, batch.encoder),
             power=power_known(self.config.sensor, options),
             method=options.method,  # type: ignore[arg-type]

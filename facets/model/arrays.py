@@ -64,7 +64,7 @@ def of_light(sensor: Sensor) -> Effects:
 
 
 def effects(sensor: Sensor) -> Floats:
-    """The numbers of the bench's light in the order of `EFFECTS`: (26,) 1/mm, mm, mm^2, mW, rad.
+    """The numbers of the bench's light in the order of `EFFECTS`: (27,) 1/mm, mm, mm^2, mW, rad.
 
     The index of a coating that reflects all is 1 + 0i; the polarisation of unpolarised light is 0.
     """
@@ -83,6 +83,7 @@ def effects(sensor: Sensor) -> Floats:
             n,
             k,
             light.polarization or 0.0,
+            light.rolloff_width,
         ]
     )
 
@@ -102,6 +103,7 @@ def with_effects(sensor: Sensor, values: Sequence[float] | Floats) -> Sensor:
         curvature_yy=v[2],
         wavelength=v[3],
         rolloff=tuple(v[4:10]),
+        rolloff_width=v[26],
         strips=(v[10], v[11], v[12]),
         tip=v[13],
         background=tuple((v[i], v[i + 1], v[i + 2]) for i in (14, 17, 20)),
@@ -125,7 +127,7 @@ def stepped(values: Sequence[float] | Floats) -> list[tuple[complex, ...]]:
 def effect_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
     """The derivatives of the readings by the numbers of the bench's light, closed.
 
-    state: (..., 8). Returns (..., 9, 26), columns in the order of `EFFECTS`; mm and mW per each
+    state: (..., 8). Returns (..., 9, 27), columns in the order of `EFFECTS`; mm and mW per each
     number's unit, right also where the light is ideal. Zero by what an index of a coating that
     reflects all, or a polarisation of light that is not polarised, would be. NaN as in `jacobian`.
     Raises `InputError` for a sensor with apertures.
@@ -211,6 +213,10 @@ def readings(
     if irradiance == "paper":
         from ..optics.paper import paper_readings
 
+        if sensor.light.on:
+            raise InputError(
+                "the paper's irradiance is that of ideal light; leave sensor.light out to compare"
+            )
         return paper_readings(geometry_of(sensor), rows).reshape(*shape, 9)
     if irradiance != "exact":
         raise InputError(f'irradiance is {irradiance!r}; allowed: "exact", "paper"')

@@ -30,6 +30,7 @@ from ..optics import (
     cut,
     cut_parameters,
     detected,
+    effects,
     footprint,
     forward,
     gradient,
@@ -91,6 +92,7 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
 }
 TEXT = (
     bench_light,
+    effects,
     vectors,
     rays,
     compensated,
@@ -110,8 +112,9 @@ TEXT = (
 #: Text is called by compiled code alone: without the wrappers that Python or C would need, which
 #: take a quarter of the time of compiling.
 BARE: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-#: What is left to be called, because it is long and most poses do without.
-LONG = (tail_quadrature, bench_light)
+#: What is left to be called, because it is long and called from many places, or seldom.
+LONG = (tail_quadrature,)
+CALLED = (bench_light.varied,)
 
 
 def register(module: ModuleType, inline: bool = True) -> None:
@@ -124,7 +127,7 @@ def register(module: ModuleType, inline: bool = True) -> None:
             continue
         if function not in TWINS and function not in _REGISTERED:
             _REGISTERED.add(function)
-            register_jitable(forceinline=inline, **BARE)(function)
+            register_jitable(forceinline=inline and function not in CALLED, **BARE)(function)
 
 
 def compilable(function: Callable[..., Any]) -> Callable[..., Any]:

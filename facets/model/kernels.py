@@ -98,11 +98,13 @@ def read(model: int, packed: Array, states: Array, out: Array) -> None:
 @compiled
 def outline(packed: Array, states: Array, out: Array) -> None:
     """out (n, 3, 5): the footprints of the spots at states (n, 8)."""
-    sensor = unpack(packed)
+    geometry = unpack(packed)
     for n in range(len(states)):
-        at = placed(sensor, state_of(states, n))
+        at = placed(geometry, state_of(states, n))
+        if geometry.light.options.on:
+            at = bench_light.curved(geometry, at)
         for k in range(3):
-            ends = footprint(sensor, at, k)
+            ends = footprint(geometry, at, k)
             for i in range(5):
                 out[n, k, i] = ends[i]
 
@@ -196,12 +198,12 @@ def extremes(matrix: Array, normal: Array) -> tuple[float, float]:
 @compiled
 def differentiate_by_parameters(packed: Array, parameters: Any, states: Array, out: Array) -> None:
     """out (n, 9, 30), zeroed: derivatives by the sensor's parameters at states (n, 8)."""
-    sensor = unpack(packed)
+    geometry = unpack(packed)
     for n in range(len(states)):
         state = state_of(states, n)
-        at = uncut_scene(sensor, state)
+        at = uncut_scene(geometry, state)
         for k in range(3):
-            values, derivatives = detector_by_parameters(sensor, parameters, state, at, k)
+            values, derivatives = detector_by_parameters(geometry, parameters, state, at, k)
             for i in range(3):
                 row = out[n, 3 * k + i]
                 beam, facet_a, facet_b, facet_c, psd = derivatives[i]
@@ -220,17 +222,17 @@ def differentiate_cut(packed: Array, varied: Array, states: Array, out: Array) -
 
     varied: (30, ...) the sensor with each parameter varied, see `optics.cut_parameters`.
     """
-    sensor, room = unpack(packed), outlines()
+    geometry, workspace = unpack(packed), outlines()
     for n in range(len(states)):
         state = state_of(states, n)
-        at, counts = cut_scene(sensor, state, room)
+        at, counts = cut_scene(geometry, state, workspace)
         for p in range(len(varied)):
             copy = unpack(varied[p])
             moved = placed(copy, state)
             for k in range(3):
                 if counts[k] > 0:
                     lit = at.moments[k][1][0] == at.moments[k][1][0]
-                    rows = cut_by_parameter(sensor, at, copy, moved, k, room[k], counts[k])
+                    rows = cut_by_parameter(geometry, at, copy, moved, k, workspace[k], counts[k])
                     for i in range(3):
                         out[n, 3 * k + i, p] = rows[i] if lit else np.nan
 

@@ -28,27 +28,27 @@ from .region import DIM, DISTANCE, FIRST, LENGTH, NORMAL, SECOND, Array, light, 
 from .vectors import Matrix, Vector, add, combine, cross, dot, scale, subtract
 
 
-def always_cut(sensor: Geometry) -> bool:
+def always_cut(geometry: Geometry) -> bool:
     """Whether every sub-beam is cut, wherever the mirror stands: the uncut light is not needed."""
-    openings = sensor.openings
+    openings = geometry.openings
     return openings.gap > 0 or openings.radius * openings.radius < 2 * FAR
 
 
-def outline(sensor: Geometry, at: Scene, k: int, sides: Array) -> tuple[int, Any]:
+def outline(geometry: Geometry, at: Scene, k: int, sides: Array) -> tuple[int, Any]:
     """The light that gets from facet k to its detector: how many `sides` cut it, and its moments.
 
     at: with the uncut light, unless `always_cut`.
     sides: (limits.MOST, limits.COLUMNS), filled. 0 where nothing that shows is missing: then the
     moments are those of the scene, else only mass and centroid are known.
     """
-    openings = sensor.openings
-    depth = depth_of(DIM if always_cut(sensor) else at.moments[k][0])
+    openings = geometry.openings
+    depth = depth_of(DIM if always_cut(geometry) else at.moments[k][0])
     radius = openings.radius if openings.radius * openings.radius < depth else inf
-    count = gather_mirror(sensor, at, k, depth, sides, 0)
-    count = gather_detector(sensor, at, k, depth, sides, count)
+    count = gather_mirror(geometry, at, k, depth, sides, 0)
+    count = gather_detector(geometry, at, k, depth, sides, count)
     if count == 0 and radius == inf and openings.gap == 0:
         return 0, at.moments[k]
-    count = gather_edges(sensor, at, k, sides, count)
+    count = gather_edges(geometry, at, k, sides, count)
     measure(sides, count, radius)
     mass, centroid = light(sides, count, radius)
     return count, (mass, centroid, (nan, nan, nan), (nan, nan))
@@ -62,9 +62,9 @@ class Answer(NamedTuple):
     place: Vector
 
 
-def held(sensor: Geometry, at: Scene, k: int, ray: Path, along: Vector) -> Answer:
+def held(geometry: Geometry, at: Scene, k: int, ray: Path, along: Vector) -> Answer:
     """Of a landing coordinate with the slanted axis `along`, the centroid in the beam held."""
-    beam, normal = sensor.direction, at.normals[k]
+    beam, normal = geometry.direction, at.normals[k]
     lever = subtract(at.apex, ray.start)
     of_normal = gradient_of_normal(along, beam, normal, lever, ray.length)
     return Answer(
@@ -104,29 +104,29 @@ def row(answer: Answer, axes: Matrix) -> tuple[Any, ...]:
 
 
 def linearised_cut(
-    sensor: Geometry, at: Scene, k: int, sides: Array, count: int, axes: Matrix
+    geometry: Geometry, at: Scene, k: int, sides: Array, count: int, axes: Matrix
 ) -> tuple[Three, Three]:
     """(psi, zeta, power) of detector k, and the eight derivatives of each.
 
     at: with the light as cut.  sides, count: from `outline`.  axes: the world axes of roll, pitch
     and yaw.
     """
-    ray = path(sensor, at, k)
+    ray = path(geometry, at, k)
     mass, centroid, _, _ = at.moments[k]
-    x, y, z = sensor.axes[k]
+    x, y, z = geometry.axes[k]
     nothing = (0.0, 0.0, 0.0)
-    psi = held(sensor, at, k, ray, slanted(y, ray.leaving, x))
-    zeta = held(sensor, at, k, ray, slanted(z, ray.leaving, x))
+    psi = held(geometry, at, k, ray, slanted(y, ray.leaving, x))
+    zeta = held(geometry, at, k, ray, slanted(z, ray.leaving, x))
     power = Answer(nothing, nothing, nothing)
-    to_psi, to_zeta = seen(sensor, psi.place), seen(sensor, zeta.place)
+    to_psi, to_zeta = seen(geometry, psi.place), seen(geometry, zeta.place)
     for j in range(count):
         length, first, second = sides[j, LENGTH], sides[j, FIRST], sides[j, SECOND]
         if length == 0:
             continue
-        of = limit(sensor, at, k, int(sides[j, KIND]))
+        of = limit(geometry, at, k, int(sides[j, KIND]))
         nx, ny, distance = sides[j, NORMAL], sides[j, NORMAL + 1], sides[j, DISTANCE]
-        foot = turning(sensor, at, k, of, (distance * nx, distance * ny))
-        on = turning(sensor, at, k, of, (distance * nx - ny, distance * ny + nx))
+        foot = turning(geometry, at, k, of, (distance * nx, distance * ny))
+        on = turning(geometry, at, k, of, (distance * nx - ny, distance * ny + nx))
         turns = foot, subtract(on, foot)
         dx, dy = distance * nx - centroid[0], distance * ny - centroid[1]
         # what light at s counts for a centroid: even + rise s
@@ -136,5 +136,5 @@ def linearised_cut(
         even = (to_zeta[0] * dx + to_zeta[1] * dy) / mass
         rise = (to_zeta[1] * nx - to_zeta[0] * ny) / mass
         zeta = advanced(zeta, of, turns, even * length + rise * first, even * first + rise * second)
-        power = advanced(power, of, turns, sensor.power * length, sensor.power * first)
-    return reading(sensor, at, k, ray), (row(psi, axes), row(zeta, axes), row(power, axes))
+        power = advanced(power, of, turns, geometry.power * length, geometry.power * first)
+    return reading(geometry, at, k, ray), (row(psi, axes), row(zeta, axes), row(power, axes))

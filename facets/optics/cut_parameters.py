@@ -20,31 +20,31 @@ from .wedge import Plane
 STEP = 1e-30
 
 
-def incidence(sensor: Geometry, at: Scene, k: int, x: Plane) -> Vector:
+def incidence(geometry: Geometry, at: Scene, k: int, x: Plane) -> Vector:
     """Where the ray through x, in sigmas, meets facet k."""
-    offset = combine(x[0], sensor.spread[0], x[1], sensor.spread[1])
-    return hit(add(at.place, offset), sensor.direction, at.apex, at.normals[k])
+    offset = combine(x[0], geometry.spread[0], x[1], geometry.spread[1])
+    return hit(add(at.place, offset), geometry.direction, at.apex, at.normals[k])
 
 
-def landing(sensor: Geometry, at: Scene, k: int, x: Plane) -> tuple[Number, Number]:
+def landing(geometry: Geometry, at: Scene, k: int, x: Plane) -> tuple[Number, Number]:
     """Where the ray through x lands on detector k: (psi, zeta), mm."""
-    start, leaving = incidence(sensor, at, k, x), reflect(sensor.direction, at.normals[k])
-    length = flight(start, leaving, sensor.centres[k], sensor.axes[k])
-    return land(start, leaving, length, sensor.centres[k], sensor.axes[k])
+    start, leaving = incidence(geometry, at, k, x), reflect(geometry.direction, at.normals[k])
+    length = flight(start, leaving, geometry.centres[k], geometry.axes[k])
+    return land(start, leaving, length, geometry.centres[k], geometry.axes[k])
 
 
-def clearance(sensor: Geometry, at: Scene, k: int, kind: int, x: Plane) -> Number:
+def clearance(geometry: Geometry, at: Scene, k: int, kind: int, x: Plane) -> Number:
     """By how much the ray through x clears a limit, mm, but for a constant."""
     if kind <= RIM:
-        point = subtract(incidence(sensor, at, k, x), at.apex)
-        return dot(point, across(sensor, at, k, kind))
-    psi, zeta = landing(sensor, at, k, x)
+        point = subtract(incidence(geometry, at, k, x), at.apex)
+        return dot(point, across(geometry, at, k, kind))
+    psi, zeta = landing(geometry, at, k, x)
     coordinate = psi if kind <= AT_PLUS_Y else zeta
     return coordinate if kind in (AT_MINUS_Y, AT_MINUS_Z) else -coordinate
 
 
 def cut_by_parameter(
-    sensor: Geometry, at: Scene, varied: Geometry, moved: Scene, k: int, sides: Array, count: int
+    geometry: Geometry, at: Scene, varied: Geometry, moved: Scene, k: int, sides: Array, count: int
 ) -> Three:
     """The derivatives of (psi, zeta, power) of detector k by one parameter.
 
@@ -52,11 +52,11 @@ def cut_by_parameter(
     carries STEP.  moved: of `varied`, without light.  sides, count: from `cut.outline`.
     """
     mass, centroid, _, _ = at.moments[k]
-    beam, normal = sensor.direction, at.normals[k]
-    x, y, z = sensor.axes[k]
+    beam, normal = geometry.direction, at.normals[k]
+    x, y, z = geometry.axes[k]
     leaving = reflect(beam, normal)
-    to_psi = seen(sensor, gradient_of_shift(slanted(y, leaving, x), beam, normal))
-    to_zeta = seen(sensor, gradient_of_shift(slanted(z, leaving, x), beam, normal))
+    to_psi = seen(geometry, gradient_of_shift(slanted(y, leaving, x), beam, normal))
+    to_zeta = seen(geometry, gradient_of_shift(slanted(z, leaving, x), beam, normal))
     landed = landing(varied, moved, k, centroid)
     psi, zeta = landed[0].imag / STEP, landed[1].imag / STEP
     power = mass * varied.power.imag / STEP
@@ -65,7 +65,7 @@ def cut_by_parameter(
         if length == 0:
             continue
         kind = int(sides[j, KIND])
-        size = limit(sensor, at, k, kind).size * STEP
+        size = limit(geometry, at, k, kind).size * STEP
         nx, ny, distance = sides[j, NORMAL], sides[j, NORMAL + 1], sides[j, DISTANCE]
         foot = (distance * nx, distance * ny)
         speed = clearance(varied, moved, k, kind, foot).imag / size
@@ -76,5 +76,5 @@ def cut_by_parameter(
         swept_x, swept_y = dx * zeroth - ny * further, dy * zeroth + nx * further
         psi += (to_psi[0] * swept_x + to_psi[1] * swept_y) / mass
         zeta += (to_zeta[0] * swept_x + to_zeta[1] * swept_y) / mass
-        power += sensor.power * zeroth
+        power += geometry.power * zeroth
     return psi, zeta, power

@@ -1,6 +1,6 @@
 """What the detectors read of any sensor: plain where nothing is cut, else detector by detector.
 
-`room`, (3, limits.MOST, limits.COLUMNS), is memory for the sides of the three outlines.
+`workspace`, (3, limits.MOST, limits.COLUMNS), is memory for the sides of the three outlines.
 """
 
 from __future__ import annotations
@@ -18,68 +18,70 @@ from .vectors import Matrix, rotation_axes
 
 
 def cut_scene(
-    sensor: Geometry, state: tuple[Any, ...], room: Array
+    geometry: Geometry, state: tuple[Any, ...], workspace: Array
 ) -> tuple[Scene, tuple[int, int, int]]:
     """A sensor at a state with the light as cut, and how many sides cut each sub-beam."""
-    at = placed(sensor, state)
-    if not always_cut(sensor):
+    at = placed(geometry, state)
+    if not always_cut(geometry):
         at = shone_on(at)
-    a, on_a = outline(sensor, at, 0, room[0])
-    b, on_b = outline(sensor, at, 1, room[1])
-    c, on_c = outline(sensor, at, 2, room[2])
+    a, on_a = outline(geometry, at, 0, workspace[0])
+    b, on_b = outline(geometry, at, 1, workspace[1])
+    c, on_c = outline(geometry, at, 2, workspace[2])
     return with_light(at, at.integrals, (on_a, on_b, on_c)), (a, b, c)
 
 
-def scene(sensor: Geometry, state: tuple[Any, ...], room: Array) -> Scene:
+def scene(geometry: Geometry, state: tuple[Any, ...], workspace: Array) -> Scene:
     """A sensor at a state, with the light that reaches the detectors."""
-    if sensor.openings.cut:
-        return cut_scene(sensor, state, room)[0]
-    return uncut_scene(sensor, state)
+    if geometry.openings.cut:
+        return cut_scene(geometry, state, workspace)[0]
+    return uncut_scene(geometry, state)
 
 
-def readings(sensor: Geometry, state: tuple[Any, ...], room: Array) -> tuple[Three, Three, Three]:
+def readings(
+    geometry: Geometry, state: tuple[Any, ...], workspace: Array
+) -> tuple[Three, Three, Three]:
     """Eq. (1): (psi, zeta, power) of detectors A, B and C at a state of Eq. (3)."""
-    if sensor.light.options.on:
-        return bench_light.readings(sensor, state)
-    return readings_of(sensor, scene(sensor, state, room))
+    if geometry.light.options.on:
+        return bench_light.readings(geometry, state)
+    return readings_of(geometry, scene(geometry, state, workspace))
 
 
 def linearised(
-    sensor: Geometry, state: tuple[Any, ...], room: Array
+    geometry: Geometry, state: tuple[Any, ...], workspace: Array
 ) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
     """Readings and Jacobian at a state, for detectors A, B and C.
 
     Each is ((psi, zeta, power), (eight derivatives of each)); mm, mW, rad. NaN as in `reading`.
     """
-    if sensor.light.options.on:
-        return bench_light.linearised(sensor, state)
-    if not sensor.openings.cut:
-        return linearised_uncut(sensor, state)
-    return linearised_where_cut(sensor, state, room)
+    if geometry.light.options.on:
+        return bench_light.linearised(geometry, state)
+    if not geometry.openings.cut:
+        return linearised_uncut(geometry, state)
+    return linearised_where_cut(geometry, state, workspace)
 
 
 def linearised_where_cut(
-    sensor: Geometry, state: tuple[Any, ...], room: Array
+    geometry: Geometry, state: tuple[Any, ...], workspace: Array
 ) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
     """`linearised` of a sensor whose light is cut."""
-    at, counts = cut_scene(sensor, state, room)
-    turns, axes = turns_of_edges(sensor, at), rotation_axes(state[4], state[5])
+    at, counts = cut_scene(geometry, state, workspace)
+    turns, axes = turns_of_edges(geometry, at), rotation_axes(state[4], state[5])
     return (
-        linearised_one(sensor, at, 0, room, counts, turns, axes),
-        linearised_one(sensor, at, 1, room, counts, turns, axes),
-        linearised_one(sensor, at, 2, room, counts, turns, axes),
+        linearised_one(geometry, at, 0, workspace, counts, turns, axes),
+        linearised_one(geometry, at, 1, workspace, counts, turns, axes),
+        linearised_one(geometry, at, 2, workspace, counts, turns, axes),
     )
 
 
 def linearised_one(
-    sensor: Geometry,
+    geometry: Geometry,
     at: Scene,
     k: int,
-    room: Array,
+    workspace: Array,
     counts: tuple[int, int, int],
     turns: Three,
     axes: Matrix,
 ) -> tuple[Three, Three]:
     if counts[k] > 0:
-        return linearised_cut(sensor, at, k, room[k], counts[k], axes)
-    return linearised_detector(sensor, at, k, turns, axes)
+        return linearised_cut(geometry, at, k, workspace[k], counts[k], axes)
+    return linearised_detector(geometry, at, k, turns, axes)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import inf
 from typing import Any, NamedTuple
 
-from ..scalars.dispatch import Number, atan2, cos, pi, sin, sqrt
+from ..scalars.dispatch import Number, atan2, cos, pi, real, sin, sqrt
 from .vectors import Vector, combine, cross, dot
 
 Three = tuple[Any, Any, Any]
@@ -25,6 +25,7 @@ EFFECTS = (
     "coating.n",
     "coating.k",
     "light.polarization",
+    "rolloff.width",
 )
 
 
@@ -57,11 +58,13 @@ class Light(NamedTuple):
 
     bend: the wavefront's curvature as it acts on vectors in sigmas: xx, xy, yx, yy; 1/mm.
     fan: by how much a ray's direction changes a sigma along the beam's two axes, in the world.
-    rolloff: of the first and the second edge of each facet.  tip_shares: how the facets share what
-    is lost at the tip.  density: of a place's share of the
-    beam, one over the area of a square of one sigma, 1/mm^2.
-    background: power and place on each detector.  coating: its refractive index, n and k.
-    field: of polarised light, in the world.
+    density: of a place's share of the beam, one over the area of a square of one sigma, 1/mm^2.
+    rolloff: of the first and the second edge of each facet.
+    tip_shares: how the facets share what is lost at the tip.  tip_offsets: from the apex to the
+    middle of each share, in the mirror's frame.
+    background: power and place on each detector.
+    coating: its refractive index, n and k.  plain: what it reflects of unpolarised light at 45
+    degrees, twice.  field: of polarised light, in the world.
     """
 
     options: Options
@@ -70,11 +73,14 @@ class Light(NamedTuple):
     density: Number
     wavelength: Number
     rolloff: Three
+    rolloff_width: Number
     strips: Three
     tip: Number
     tip_shares: Three
+    tip_offsets: Three
     background: Three
     coating: tuple[Any, Any]
+    plain: Number
     field: Vector
 
 
@@ -88,11 +94,14 @@ IDEAL = Light(
     density=0.0,
     wavelength=0.0,
     rolloff=((0.0, 0.0), (0.0, 0.0), (0.0, 0.0)),
+    rolloff_width=0.0,
     strips=NOTHING,
     tip=0.0,
     tip_shares=NOTHING,
+    tip_offsets=(NOTHING, NOTHING, NOTHING),
     background=(NOTHING, NOTHING, NOTHING),
     coating=(1.0, 0.0),
+    plain=1.0,
     field=NOTHING,
 )
 
@@ -102,6 +111,33 @@ def opening(first: Vector, second: Vector) -> Number:
     return atan2(
         first[0] * second[1] - first[1] * second[0], first[0] * second[0] + first[1] * second[1]
     )
+
+
+def middle(first: Vector, second: Vector, opening: Number, radius: Number) -> Vector:
+    """From the middle of a disc to the centroid of its sector between two edges, seen along the
+    mirror's axis, in the mirror's frame; mm."""
+    one = sqrt(first[0] * first[0] + first[1] * first[1])
+    other = sqrt(second[0] * second[0] + second[1] * second[1])
+    far = 2 * radius / (3 * opening)
+    return (
+        far * (second[1] / other - first[1] / one),
+        far * (first[0] / one - second[0] / other),
+        radius * 0,
+    )
+
+
+def reflectances(index: tuple[Any, Any], cosine: Number) -> tuple[Number, Number]:
+    """Of light across and along the plane of incidence (s, p), of a metal of index n + i k."""
+    n, k = index
+    square = 1 - cosine * cosine
+    level = n * n - k * k - square
+    whole = sqrt(level * level + 4 * n * n * k * k)
+    a = sqrt((whole + level) / 2)
+    b2 = (whole - level) / 2
+    s = ((a - cosine) * (a - cosine) + b2) / ((a + cosine) * (a + cosine) + b2)
+    tangent = square / cosine
+    p = s * ((a - tangent) * (a - tangent) + b2) / ((a + tangent) * (a + tangent) + b2)
+    return s, p
 
 
 def turned(effects: tuple[Any, ...], x: Vector, y: Vector, v: Vector) -> Vector:
@@ -126,9 +162,12 @@ def light(
     x, y = axes
     shares = tuple(opening(edges[k], edges[(k + 1) % 3]) for k in range(3))
     whole = 2 * pi(shares[0])
+    area = effects.values[13]
+    radius = sqrt(area / pi(area)) if real(area) > 0 else area * 0
     v = effects.values
     first, second = turned(v, x, y, spread[0]), turned(v, x, y, spread[1])
     normal = cross(whitening[0], whitening[1])
+    across, along = reflectances((v[23], v[24]), sqrt((v[23] * 0 + 1) / 2))
     return Light(
         options=effects.options,
         bend=(
@@ -141,10 +180,17 @@ def light(
         density=sqrt(dot(normal, normal)),
         wavelength=v[3],
         rolloff=((v[4], v[5]), (v[6], v[7]), (v[8], v[9])),
+        rolloff_width=v[26],
         strips=(v[10], v[11], v[12]),
         tip=v[13],
         tip_shares=(shares[0] / whole, shares[1] / whole, shares[2] / whole),
+        tip_offsets=(
+            middle(edges[0], edges[1], shares[0], radius),
+            middle(edges[1], edges[2], shares[1], radius),
+            middle(edges[2], edges[0], shares[2], radius),
+        ),
         background=((v[14], v[15], v[16]), (v[17], v[18], v[19]), (v[20], v[21], v[22])),
         coating=(v[23], v[24]),
+        plain=across + along,
         field=combine(cos(v[25]), x, sin(v[25]), y),
     )

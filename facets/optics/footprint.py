@@ -10,19 +10,20 @@ from __future__ import annotations
 
 from math import inf, nan, sqrt
 
+from .bench_light import mirrored, ray_at
 from .forward import Geometry, Scene
 from .limits import central_landing, outward, seen
 from .rays import gradient_of_shift, slanted
-from .vectors import Vector, dot, subtract
+from .vectors import dot, subtract
 from .wedge import Plane
 
 #: The 1/e^2 radius in sigmas.
 RADIUS = 2.0
 
 
-def rim_of_beam(sensor: Geometry) -> float:
+def rim_of_beam(geometry: Geometry) -> float:
     """The radius, in sigmas, inside which light counts."""
-    return min(RADIUS, sensor.openings.radius)
+    return min(RADIUS, geometry.openings.radius)
 
 
 def inside(point: Plane, q: Plane, u1: Plane, u2: Plane) -> bool:
@@ -53,14 +54,14 @@ def reach(slope: Plane, q: Plane, u1: Plane, u2: Plane, radius: float) -> float:
 
 
 def extent(
-    sensor: Geometry, at: Scene, k: int, shift: Vector, centre: float
+    geometry: Geometry, at: Scene, k: int, slope: Plane, centre: float
 ) -> tuple[float, float]:
     """The least and largest of one length over the footprint of facet k, mm.
 
-    shift: the length's gradient with respect to a ray's origin; centre: its value for the beam's
-    central ray. NaN where no light inside the circle meets the facet.
+    slope: the length's change a sigma across the beam; centre: its value for the beam's central
+    ray. NaN where no light inside the circle meets the facet.
     """
-    slope, radius = seen(sensor, shift), rim_of_beam(sensor)
+    radius = rim_of_beam(geometry)
     back = (-slope[0], -slope[1])
     u1, u2 = at.sides[k], at.sides[(k + 1) % 3]
     most, least = reach(slope, at.q, u1, u2, radius), -reach(back, at.q, u1, u2, radius)
@@ -69,15 +70,33 @@ def extent(
     return centre + least, centre + most
 
 
-def footprint(sensor: Geometry, at: Scene, k: int) -> tuple[float, float, float, float, float]:
+def spreading(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, Plane]:
+    """How psi and zeta change a sigma across a beam whose wavefront is curved, mm."""
+    image = mirrored(geometry, at, k)
+    middle = ray_at(image, (0.0, 0.0)).spot
+    right, up = (
+        ray_at(image, (1.0, 0.0)).spot,
+        ray_at(image, (0.0, 1.0)).spot,
+    )
+    return (
+        (right[0] - middle[0], up[0] - middle[0]),
+        (right[1] - middle[1], up[1] - middle[1]),
+    )
+
+
+def footprint(geometry: Geometry, at: Scene, k: int) -> tuple[float, float, float, float, float]:
     """(least psi, largest psi, least zeta, largest zeta) of the spot on detector k, and how far
     from the mirror's axis its light meets facet k at most; mm. NaN as `extent` and `reading`."""
-    beam, normal = sensor.direction, at.normals[k]
-    x, y, z = sensor.axes[k]
-    leaving, (psi, zeta) = central_landing(sensor, at, k)
+    beam, normal = geometry.direction, at.normals[k]
+    x, y, z = geometry.axes[k]
+    leaving, (psi, zeta) = central_landing(geometry, at, k)
     along_y, along_z = slanted(y, leaving, x), slanted(z, leaving, x)
-    left, right = extent(sensor, at, k, gradient_of_shift(along_y, beam, normal), psi)
-    low, high = extent(sensor, at, k, gradient_of_shift(along_z, beam, normal), zeta)
-    away = slanted(outward(sensor, at, k), beam, normal)
-    _, out = extent(sensor, at, k, away, dot(subtract(at.place, at.apex), away))
+    of_psi = seen(geometry, gradient_of_shift(along_y, beam, normal))
+    of_zeta = seen(geometry, gradient_of_shift(along_z, beam, normal))
+    if geometry.light.options.on:
+        of_psi, of_zeta = spreading(geometry, at, k)
+    left, right = extent(geometry, at, k, of_psi, psi)
+    low, high = extent(geometry, at, k, of_zeta, zeta)
+    away = slanted(outward(geometry, at, k), beam, normal)
+    _, out = extent(geometry, at, k, seen(geometry, away), dot(subtract(at.place, at.apex), away))
     return left, right, low, high, out if psi == psi else nan

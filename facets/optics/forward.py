@@ -168,9 +168,9 @@ def edges(normals: Three) -> Three:
     return cross(a, c), cross(b, a), cross(c, b)
 
 
-def in_sigmas(sensor: Geometry, v: Vector) -> Plane:
+def in_sigmas(geometry: Geometry, v: Vector) -> Plane:
     """A vector of the world as seen along the beam, in units of the beam's sigma."""
-    return dot(sensor.whitening[0], v), dot(sensor.whitening[1], v)
+    return dot(geometry.whitening[0], v), dot(geometry.whitening[1], v)
 
 
 def unit(v: Plane) -> Plane:
@@ -200,22 +200,22 @@ class Scene(NamedTuple):
     moments: Three
 
 
-def scene(sensor: Geometry, state: tuple[Any, ...]) -> Scene:
-    return shone_on(placed(sensor, state))
+def scene(geometry: Geometry, state: tuple[Any, ...]) -> Scene:
+    return shone_on(placed(geometry, state))
 
 
-def placed(sensor: Geometry, state: tuple[Any, ...]) -> Scene:
+def placed(geometry: Geometry, state: tuple[Any, ...]) -> Scene:
     """The scene with the light left out: its integrals and moments are zero."""
     tx, ty, tz, roll, pitch, yaw, bx, by = state
     apex, place = (tx, ty, tz), (bx, by, bx * 0)
     turn = rotation(roll, pitch, yaw)
-    a, b, c = sensor.normals
+    a, b, c = geometry.normals
     normals = rotate(turn, a), rotate(turn, b), rotate(turn, c)
     edge = edges(normals)
-    q = in_sigmas(sensor, subtract(apex, place))
-    u0 = unit(in_sigmas(sensor, edge[0]))
-    u1 = unit(in_sigmas(sensor, edge[1]))
-    u2 = unit(in_sigmas(sensor, edge[2]))
+    q = in_sigmas(geometry, subtract(apex, place))
+    u0 = unit(in_sigmas(geometry, edge[0]))
+    u1 = unit(in_sigmas(geometry, edge[1]))
+    u2 = unit(in_sigmas(geometry, edge[2]))
     zero = tx * 0
     dark = zero, (zero, zero), (zero, zero, zero), (zero, zero)
     none = zero, zero, zero, zero
@@ -251,31 +251,31 @@ class Path(NamedTuple):
     length: Number
 
 
-def path(sensor: Geometry, at: Scene, k: int) -> Path:
+def path(geometry: Geometry, at: Scene, k: int) -> Path:
     """The ray that carries the centroid of the light on facet k to its detector."""
     centroid = at.moments[k][1]
-    normal, axes = at.normals[k], sensor.axes[k]
-    offset = combine(centroid[0], sensor.spread[0], centroid[1], sensor.spread[1])
+    normal, axes = at.normals[k], geometry.axes[k]
+    offset = combine(centroid[0], geometry.spread[0], centroid[1], geometry.spread[1])
     origin = add(at.place, offset)
-    start = hit(origin, sensor.direction, at.apex, normal)
-    leaving = reflect(sensor.direction, normal)
+    start = hit(origin, geometry.direction, at.apex, normal)
+    leaving = reflect(geometry.direction, normal)
     return Path(
         origin=origin,
         start=start,
         leaving=leaving,
-        incidence=dot(sensor.direction, normal),
+        incidence=dot(geometry.direction, normal),
         facing=dot(leaving, axes[0]),
-        length=flight(start, leaving, sensor.centres[k], axes),
+        length=flight(start, leaving, geometry.centres[k], axes),
     )
 
 
-def reading(sensor: Geometry, at: Scene, k: int, ray: Path) -> Three:
+def reading(geometry: Geometry, at: Scene, k: int, ray: Path) -> Three:
     """Of detector k: (psi, zeta, power), mm and mW; Eq. (9).
 
     NaN where facet k does not face the beam or its sub-beam does not get to the detector's plane.
     """
-    psi, zeta = land(ray.start, ray.leaving, ray.length, sensor.centres[k], sensor.axes[k])
-    power = sensor.power * at.moments[k][0]
+    psi, zeta = land(ray.start, ray.leaving, ray.length, geometry.centres[k], geometry.axes[k])
+    power = geometry.power * at.moments[k][0]
     return (
         defined(psi, -ray.incidence, ray.facing, ray.length),
         defined(zeta, -ray.incidence, ray.facing, ray.length),
@@ -283,14 +283,14 @@ def reading(sensor: Geometry, at: Scene, k: int, ray: Path) -> Three:
     )
 
 
-def readings(sensor: Geometry, state: tuple[Any, ...]) -> tuple[Three, Three, Three]:
+def readings(geometry: Geometry, state: tuple[Any, ...]) -> tuple[Three, Three, Three]:
     """Eq. (1): (psi, zeta, power) of detectors A, B and C at a state of Eq. (3), nothing cut."""
-    return readings_of(sensor, scene(sensor, state))
+    return readings_of(geometry, scene(geometry, state))
 
 
-def readings_of(sensor: Geometry, at: Scene) -> tuple[Three, Three, Three]:
+def readings_of(geometry: Geometry, at: Scene) -> tuple[Three, Three, Three]:
     return (
-        reading(sensor, at, 0, path(sensor, at, 0)),
-        reading(sensor, at, 1, path(sensor, at, 1)),
-        reading(sensor, at, 2, path(sensor, at, 2)),
+        reading(geometry, at, 0, path(geometry, at, 0)),
+        reading(geometry, at, 1, path(geometry, at, 1)),
+        reading(geometry, at, 2, path(geometry, at, 2)),
     )

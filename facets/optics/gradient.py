@@ -37,17 +37,17 @@ class Gradient(NamedTuple):
 
 
 def landing_gradient(
-    sensor: Geometry, at: Scene, k: int, ray: Path, along: Vector, first: Plane, second: Plane
+    geometry: Geometry, at: Scene, k: int, ray: Path, along: Vector, first: Plane, second: Plane
 ) -> Gradient:
     """Of the landing coordinate of detector k with the slanted axis `along`.
 
     first, second: the centroid's derivatives with respect to the angles of the facet's edges.
     """
-    beam, normal = sensor.direction, at.normals[k]
+    beam, normal = geometry.direction, at.normals[k]
     lever = subtract(at.apex, ray.start)
     shift = at.moments[k][2]
     origin = gradient_of_shift(along, beam, normal)
-    x, y = dot(origin, sensor.spread[0]), dot(origin, sensor.spread[1])
+    x, y = dot(origin, geometry.spread[0]), dot(origin, geometry.spread[1])
     return Gradient(
         mirror=gradient_of_mirror(along, beam, normal),
         normal=gradient_of_normal(along, beam, normal, lever, ray.length),
@@ -59,12 +59,14 @@ def landing_gradient(
     )
 
 
-def power_gradient(sensor: Geometry, at: Scene, k: int, first: Number, second: Number) -> Gradient:
+def power_gradient(
+    geometry: Geometry, at: Scene, k: int, first: Number, second: Number
+) -> Gradient:
     """Of the power of detector k. first, second: the mass's derivatives, as above."""
     mass, centroid, _, _ = at.moments[k]
     zero = mass * 0
     nothing = (zero, zero, zero)
-    power = sensor.power
+    power = geometry.power
     return Gradient(
         mirror=nothing,
         normal=nothing,
@@ -77,7 +79,7 @@ def power_gradient(sensor: Geometry, at: Scene, k: int, first: Number, second: N
 
 
 def gradients(
-    sensor: Geometry, at: Scene, k: int, ray: Path
+    geometry: Geometry, at: Scene, k: int, ray: Path
 ) -> tuple[Gradient, Gradient, Gradient]:
     """Of psi, zeta and power of detector k."""
     following = (k + 1) % 3
@@ -85,36 +87,40 @@ def gradients(
     mass1, (x1, y1) = turned(at.sides[k], at.integrals[k], mass, from_point)
     mass2, second = turned(at.sides[following], at.integrals[following], mass, from_point)
     first = (-x1, -y1)  # the first edge turns counter-clockwise: the facet closes
-    x, y, z = sensor.axes[k]
+    x, y, z = geometry.axes[k]
     along_y, along_z = slanted(y, ray.leaving, x), slanted(z, ray.leaving, x)
     return (
-        landing_gradient(sensor, at, k, ray, along_y, first, second),
-        landing_gradient(sensor, at, k, ray, along_z, first, second),
-        power_gradient(sensor, at, k, -mass1, mass2),
+        landing_gradient(geometry, at, k, ray, along_y, first, second),
+        landing_gradient(geometry, at, k, ray, along_z, first, second),
+        power_gradient(geometry, at, k, -mass1, mass2),
     )
 
 
-def gradient_of_angle(sensor: Geometry, edge: Vector) -> Vector:
+def gradient_of_angle(geometry: Geometry, edge: Vector) -> Vector:
     """Of an edge's angle, seen along the beam in sigmas, with respect to the edge."""
-    x, y = in_sigmas(sensor, edge)
+    x, y = in_sigmas(geometry, edge)
     square = x * x + y * y
-    return combine(x / square, sensor.whitening[1], -y / square, sensor.whitening[0])
+    return combine(x / square, geometry.whitening[1], -y / square, geometry.whitening[0])
 
 
-def in_world(sensor: Geometry, gradient: Plane) -> Vector:
+def in_world(geometry: Geometry, gradient: Plane) -> Vector:
     """A gradient with respect to a place in sigmas, as one with respect to it in mm."""
-    return combine(gradient[0], sensor.whitening[0], gradient[1], sensor.whitening[1])
+    return combine(gradient[0], geometry.whitening[0], gradient[1], geometry.whitening[1])
 
 
 def by_state(
-    sensor: Geometry, gradient: Gradient, normal: Vector, turns: tuple[Vector, Vector], axes: Matrix
+    geometry: Geometry,
+    gradient: Gradient,
+    normal: Vector,
+    turns: tuple[Vector, Vector],
+    axes: Matrix,
 ) -> tuple[Any, ...]:
     """One reading's derivatives with respect to the eight components of the state.
 
     turns: how the angles of the facet's two edges answer to a turn of the mirror.
     axes: the world axes of roll, pitch and yaw.
     """
-    seen = in_world(sensor, gradient.q)
+    seen = in_world(geometry, gradient.q)
     apex = add(gradient.mirror, seen)
     place = subtract(gradient.origin, seen)
     of_edges = combine(gradient.first, turns[0], gradient.second, turns[1])
@@ -131,44 +137,44 @@ def by_state(
     )
 
 
-def turns_of_edges(sensor: Geometry, at: Scene) -> tuple[Vector, Vector, Vector]:
+def turns_of_edges(geometry: Geometry, at: Scene) -> tuple[Vector, Vector, Vector]:
     """How the angle of each edge, seen along the beam, answers to a turn of the mirror."""
     return (
-        cross(at.edges[0], gradient_of_angle(sensor, at.edges[0])),
-        cross(at.edges[1], gradient_of_angle(sensor, at.edges[1])),
-        cross(at.edges[2], gradient_of_angle(sensor, at.edges[2])),
+        cross(at.edges[0], gradient_of_angle(geometry, at.edges[0])),
+        cross(at.edges[1], gradient_of_angle(geometry, at.edges[1])),
+        cross(at.edges[2], gradient_of_angle(geometry, at.edges[2])),
     )
 
 
 def linearised_detector(
-    sensor: Geometry, at: Scene, k: int, turns: tuple[Vector, Vector, Vector], axes: Matrix
+    geometry: Geometry, at: Scene, k: int, turns: tuple[Vector, Vector, Vector], axes: Matrix
 ) -> tuple[Three, Three]:
     """(psi, zeta, power) of detector k, and the eight derivatives of each.
 
     turns: from `turns_of_edges`.  axes: the world axes of roll, pitch and yaw.
     """
-    ray = path(sensor, at, k)
-    of_psi, of_zeta, of_power = gradients(sensor, at, k, ray)
+    ray = path(geometry, at, k)
+    of_psi, of_zeta, of_power = gradients(geometry, at, k, ray)
     normal, own = at.normals[k], (turns[k], turns[(k + 1) % 3])
-    return reading(sensor, at, k, ray), (
-        by_state(sensor, of_psi, normal, own, axes),
-        by_state(sensor, of_zeta, normal, own, axes),
-        by_state(sensor, of_power, normal, own, axes),
+    return reading(geometry, at, k, ray), (
+        by_state(geometry, of_psi, normal, own, axes),
+        by_state(geometry, of_zeta, normal, own, axes),
+        by_state(geometry, of_power, normal, own, axes),
     )
 
 
 def linearised(
-    sensor: Geometry, state: tuple[Any, ...]
+    geometry: Geometry, state: tuple[Any, ...]
 ) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
     """Readings and Jacobian at a state, for detectors A, B and C, nothing cut.
 
     Each is ((psi, zeta, power), (eight derivatives of each)); mm, mW, rad. NaN as in `reading`.
     """
-    at = scene(sensor, state)
+    at = scene(geometry, state)
     axes = rotation_axes(state[4], state[5])
-    turns = turns_of_edges(sensor, at)
+    turns = turns_of_edges(geometry, at)
     return (
-        linearised_detector(sensor, at, 0, turns, axes),
-        linearised_detector(sensor, at, 1, turns, axes),
-        linearised_detector(sensor, at, 2, turns, axes),
+        linearised_detector(geometry, at, 0, turns, axes),
+        linearised_detector(geometry, at, 1, turns, axes),
+        linearised_detector(geometry, at, 2, turns, axes),
     )

@@ -45,9 +45,9 @@ def depth_of(mass: float) -> float:
     return 2 * (FAR - log(max(mass, FAINTEST)))
 
 
-def seen(sensor: Geometry, origin: Vector) -> Plane:
+def seen(geometry: Geometry, origin: Vector) -> Plane:
     """A gradient with respect to a ray's origin as one over the cross-section, per sigma."""
-    return dot(origin, sensor.spread[0]), dot(origin, sensor.spread[1])
+    return dot(origin, geometry.spread[0]), dot(origin, geometry.spread[1])
 
 
 def put(
@@ -71,15 +71,15 @@ def put(
 
 
 def gather_mirror(
-    sensor: Geometry, at: Scene, k: int, depth: float, sides: Array, count: int
+    geometry: Geometry, at: Scene, k: int, depth: float, sides: Array, count: int
 ) -> int:
     """Adds tip and rim where they cut."""
-    tip, rim = sensor.openings.tip, sensor.openings.rim
+    tip, rim = geometry.openings.tip, geometry.openings.rim
     if tip == 0 and rim == inf:
         return count
-    along = slanted(outward(sensor, at, k), sensor.direction, at.normals[k])
+    along = slanted(outward(geometry, at, k), geometry.direction, at.normals[k])
     value = dot(subtract(at.place, at.apex), along)
-    slope = seen(sensor, along)
+    slope = seen(geometry, along)
     if tip > 0:
         count = put(sides, count, TIP, value - tip, slope, 1.0, depth)
     if rim < inf:
@@ -87,10 +87,15 @@ def gather_mirror(
     return count
 
 
-def central_landing(sensor: Geometry, at: Scene, k: int) -> tuple[Vector, Plane]:
+def central_landing(geometry: Geometry, at: Scene, k: int) -> tuple[Vector, Plane]:
     """Of the beam's central ray, as if facet k had no end: its direction after the facet, and where
     it lands on detector k, mm; NaN where it never gets there."""
-    beam, normal, centre, axes = sensor.direction, at.normals[k], sensor.centres[k], sensor.axes[k]
+    beam, normal, centre, axes = (
+        geometry.direction,
+        at.normals[k],
+        geometry.centres[k],
+        geometry.axes[k],
+    )
     leaving = reflect(beam, normal)
     start = hit(at.place, beam, at.apex, normal)
     length = flight(start, leaving, centre, axes)
@@ -100,32 +105,32 @@ def central_landing(sensor: Geometry, at: Scene, k: int) -> tuple[Vector, Plane]
 
 
 def gather_detector(
-    sensor: Geometry, at: Scene, k: int, depth: float, sides: Array, count: int
+    geometry: Geometry, at: Scene, k: int, depth: float, sides: Array, count: int
 ) -> int:
     """Adds the edges of detector k where they cut."""
-    half_y, half_z = sensor.openings.halves[k]
+    half_y, half_z = geometry.openings.halves[k]
     if half_y == inf:
         return count
-    beam, normal, axes = sensor.direction, at.normals[k], sensor.axes[k]
-    leaving, (psi, zeta) = central_landing(sensor, at, k)
-    slope = seen(sensor, gradient_of_shift(slanted(axes[1], leaving, axes[0]), beam, normal))
+    beam, normal, axes = geometry.direction, at.normals[k], geometry.axes[k]
+    leaving, (psi, zeta) = central_landing(geometry, at, k)
+    slope = seen(geometry, gradient_of_shift(slanted(axes[1], leaving, axes[0]), beam, normal))
     count = put(sides, count, AT_MINUS_Y, half_y + psi, slope, 1.0, depth)
     count = put(sides, count, AT_PLUS_Y, half_y - psi, slope, -1.0, depth)
-    slope = seen(sensor, gradient_of_shift(slanted(axes[2], leaving, axes[0]), beam, normal))
+    slope = seen(geometry, gradient_of_shift(slanted(axes[2], leaving, axes[0]), beam, normal))
     count = put(sides, count, AT_MINUS_Z, half_z + zeta, slope, 1.0, depth)
     return put(sides, count, AT_PLUS_Z, half_z - zeta, slope, -1.0, depth)
 
 
-def gather_edges(sensor: Geometry, at: Scene, k: int, sides: Array, count: int) -> int:
+def gather_edges(geometry: Geometry, at: Scene, k: int, sides: Array, count: int) -> int:
     """Adds the facet's two edges, less half the gap."""
-    gap = sensor.openings.gap / 2
+    gap = geometry.openings.gap / 2
     for kind in (FIRST_EDGE, SECOND_EDGE):
         edge, sense = (k, 1.0) if kind == FIRST_EDGE else ((k + 1) % 3, -1.0)
         ux, uy = at.sides[edge]
         distance = sense * (at.q[0] * uy - at.q[1] * ux)
         if gap > 0:
             slope = seen(
-                sensor, slanted(across(sensor, at, k, kind), sensor.direction, at.normals[k])
+                geometry, slanted(across(geometry, at, k, kind), geometry.direction, at.normals[k])
             )
             distance -= gap / sqrt(slope[0] * slope[0] + slope[1] * slope[1])
         sides[count, DISTANCE] = distance if distance != 0 else HAIR
@@ -135,14 +140,14 @@ def gather_edges(sensor: Geometry, at: Scene, k: int, sides: Array, count: int) 
     return count
 
 
-def outward(sensor: Geometry, at: Scene, k: int) -> Vector:
+def outward(geometry: Geometry, at: Scene, k: int) -> Vector:
     """Square to the mirror's axis, away from it in the direction that facet k faces."""
-    x, y, z = sensor.normals[k]
+    x, y, z = geometry.normals[k]
     size = sqrt(x * x + y * y)
     return rotate(at.turn, (x / size, y / size, z * 0))
 
 
-def across(sensor: Geometry, at: Scene, k: int, kind: int) -> Vector:
+def across(geometry: Geometry, at: Scene, k: int, kind: int) -> Vector:
     """The direction along which a limit on facet k counts; a unit vector that turns with it."""
     if kind == FIRST_EDGE:
         edge = at.edges[k]
@@ -150,7 +155,7 @@ def across(sensor: Geometry, at: Scene, k: int, kind: int) -> Vector:
     if kind == SECOND_EDGE:
         edge = at.edges[(k + 1) % 3]
         return scale(1 / sqrt(dot(edge, edge)), cross(edge, at.normals[k]))
-    return scale(1.0 if kind == TIP else -1.0, outward(sensor, at, k))
+    return scale(1.0 if kind == TIP else -1.0, outward(geometry, at, k))
 
 
 class Limit(NamedTuple):
@@ -169,11 +174,11 @@ class Limit(NamedTuple):
     on_facet: bool
 
 
-def limit(sensor: Geometry, at: Scene, k: int, kind: int) -> Limit:
-    beam, normal, axes = sensor.direction, at.normals[k], sensor.axes[k]
+def limit(geometry: Geometry, at: Scene, k: int, kind: int) -> Limit:
+    beam, normal, axes = geometry.direction, at.normals[k], geometry.axes[k]
     on_facet = kind <= RIM
     if on_facet:
-        along = slanted(across(sensor, at, k, kind), beam, normal)
+        along = slanted(across(geometry, at, k, kind), beam, normal)
         origin, apex = along, scale(-1.0, along)
     else:
         axis = axes[1] if kind <= AT_PLUS_Y else axes[2]
@@ -181,18 +186,18 @@ def limit(sensor: Geometry, at: Scene, k: int, kind: int) -> Limit:
         along = scale(sense, slanted(axis, reflect(beam, normal), axes[0]))
         origin = gradient_of_shift(along, beam, normal)
         apex = gradient_of_mirror(along, beam, normal)
-    slope = seen(sensor, origin)
+    slope = seen(geometry, origin)
     size = sqrt(slope[0] * slope[0] + slope[1] * slope[1])
     return Limit(along, origin, apex, size, on_facet)
 
 
-def turning(sensor: Geometry, at: Scene, k: int, of: Limit, x: Plane) -> Vector:
+def turning(geometry: Geometry, at: Scene, k: int, of: Limit, x: Plane) -> Vector:
     """The gradient of a limit with respect to a turn of the mirror, at the ray through x."""
-    beam, normal = sensor.direction, at.normals[k]
-    offset = combine(x[0], sensor.spread[0], x[1], sensor.spread[1])
+    beam, normal = geometry.direction, at.normals[k]
+    offset = combine(x[0], geometry.spread[0], x[1], geometry.spread[1])
     start = hit(add(at.place, offset), beam, at.apex, normal)
     if of.on_facet:
         return cross(of.along, subtract(start, at.apex))
-    length = flight(start, reflect(beam, normal), sensor.centres[k], sensor.axes[k])
+    length = flight(start, reflect(beam, normal), geometry.centres[k], geometry.axes[k])
     lever = subtract(at.apex, start)
     return cross(normal, gradient_of_normal(of.along, beam, normal, lever, length))

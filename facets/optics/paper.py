@@ -40,23 +40,23 @@ class Image(NamedTuple):
     leaving: Floats
 
 
-def landed(sensor: Geometry, k: int, start: Vector, leaving: Vector) -> Floats:
-    axes, centre = sensor.axes[k], sensor.centres[k]
+def landed(geometry: Geometry, k: int, start: Vector, leaving: Vector) -> Floats:
+    axes, centre = geometry.axes[k], geometry.centres[k]
     return np.array(land(start, leaving, flight(start, leaving, centre, axes), centre, axes))
 
 
-def image(sensor: Geometry, at: Scene, k: int, ray: Path) -> Image:
+def image(geometry: Geometry, at: Scene, k: int, ray: Path) -> Image:
     leaving = ray.leaving
-    apex = landed(sensor, k, at.apex, leaving)
-    under_beam = hit(at.place, sensor.direction, at.apex, at.normals[k])
+    apex = landed(geometry, k, at.apex, leaving)
+    under_beam = hit(at.place, geometry.direction, at.apex, at.normals[k])
     first, second = (
-        landed(sensor, k, add(at.apex, at.edges[j]), leaving) - apex for j in (k, (k + 1) % 3)
+        landed(geometry, k, add(at.apex, at.edges[j]), leaving) - apex for j in (k, (k + 1) % 3)
     )
     return Image(
         apex=apex,
-        beam=landed(sensor, k, under_beam, leaving),
+        beam=landed(geometry, k, under_beam, leaving),
         edges=(first, second),
-        leaving=np.array([dot(leaving, axis) for axis in sensor.axes[k]]),
+        leaving=np.array([dot(leaving, axis) for axis in geometry.axes[k]]),
     )
 
 
@@ -97,17 +97,17 @@ def integrate(seen: Image, power: float, diameter: float) -> tuple[float, float,
     return float((light * y).sum() / total), float((light * z).sum() / total), float(total)
 
 
-def paper_readings(sensor: Geometry, states: Floats) -> Floats:
+def paper_readings(geometry: Geometry, states: Floats) -> Floats:
     """Readings (n, 9) at states (n, 8) by the paper's irradiance; NaN as for the exact ones."""
-    sigma_x, sigma_y = (np.sqrt(dot(axis, axis)) for axis in sensor.spread)
+    sigma_x, sigma_y = (np.sqrt(dot(axis, axis)) for axis in geometry.spread)
     if not np.isclose(sigma_x, sigma_y, rtol=1e-12):
         raise InputError("the paper's irradiance has a round beam; make both diameters equal")
     out = np.full((len(states), 9), np.nan)
     for n, state in enumerate(states):
-        at = scene(sensor, tuple(state.tolist()))
+        at = scene(geometry, tuple(state.tolist()))
         for k in range(3):
-            ray = path(sensor, at, k)
+            ray = path(geometry, at, k)
             if -ray.incidence > 0 and ray.facing > 0 and ray.length > 0:
-                seen = image(sensor, at, k, ray)
-                out[n, 3 * k : 3 * k + 3] = integrate(seen, sensor.power, 4 * sigma_x)
+                seen = image(geometry, at, k, ray)
+                out[n, 3 * k : 3 * k + 3] = integrate(seen, geometry.power, 4 * sigma_x)
     return out

@@ -36,28 +36,28 @@ PARAMETERS = (
 
 
 def turn_of_beam(
-    sensor: Geometry, at: Scene, k: int, ray: Path, along: Vector, gradient: Gradient
+    geometry: Geometry, at: Scene, k: int, ray: Path, along: Vector, gradient: Gradient
 ) -> Vector:
     """One reading's gradient with respect to a turn of the beam and its cross-section.
 
     along: the slanted axis of a landing coordinate; the zero vector for the power.
     """
-    reach = dot(subtract(ray.start, ray.origin), sensor.direction)
-    aim = gradient_of_beam(along, sensor.direction, at.normals[k], reach, ray.length)
+    reach = dot(subtract(ray.start, ray.origin), geometry.direction)
+    aim = gradient_of_beam(along, geometry.direction, at.normals[k], reach, ray.length)
     offset, apex = subtract(ray.origin, at.place), subtract(at.apex, at.place)
-    turn = add(cross(sensor.direction, aim), cross(offset, gradient.origin))
+    turn = add(cross(geometry.direction, aim), cross(offset, gradient.origin))
     # turning the beam's axes turns what is seen along it the other way
-    turn = add(turn, cross(in_world(sensor, gradient.q), apex))
-    return subtract(turn, turn_of_edges(sensor, at, k, gradient))
+    turn = add(turn, cross(in_world(geometry, gradient.q), apex))
+    return subtract(turn, turn_of_edges(geometry, at, k, gradient))
 
 
-def turn_of_edges(sensor: Geometry, at: Scene, k: int, gradient: Gradient) -> Vector:
+def turn_of_edges(geometry: Geometry, at: Scene, k: int, gradient: Gradient) -> Vector:
     first, second = at.edges[k], at.edges[(k + 1) % 3]
     return combine(
         gradient.first,
-        cross(first, gradient_of_angle(sensor, first)),
+        cross(first, gradient_of_angle(geometry, first)),
         gradient.second,
-        cross(second, gradient_of_angle(sensor, second)),
+        cross(second, gradient_of_angle(geometry, second)),
     )
 
 
@@ -73,7 +73,7 @@ def by_sigmas(at: Scene, k: int, gradient: Gradient) -> tuple[Number, Number]:
 
 
 def by_beam(
-    sensor: Geometry,
+    geometry: Geometry,
     at: Scene,
     k: int,
     ray: Path,
@@ -84,24 +84,24 @@ def by_beam(
 ) -> tuple[Any, ...]:
     """One reading's derivatives with respect to the beam's six parameters."""
     x, y = by_sigmas(at, k, gradient)
-    turn = turn_of_beam(sensor, at, k, ray, along, gradient)
+    turn = turn_of_beam(geometry, at, k, ray, along, gradient)
     tilt_x, tilt_y, _ = rotation_axes(parameters[5], parameters[5] * 0)
     return (
         of_power,
         x / parameters[1],
         y / parameters[2],
-        -dot(turn, sensor.direction),
+        -dot(turn, geometry.direction),
         dot(turn, tilt_x),
         dot(turn, tilt_y),
     )
 
 
-def by_normals(sensor: Geometry, at: Scene, k: int, gradient: Gradient) -> tuple[Any, Any, Any]:
+def by_normals(geometry: Geometry, at: Scene, k: int, gradient: Gradient) -> tuple[Any, Any, Any]:
     """One reading's gradients with respect to the normals of facets A, B and C, in the world."""
     before, after = (k + 2) % 3, (k + 1) % 3
     normal = at.normals[k]
-    first = scale(gradient.first, gradient_of_angle(sensor, at.edges[k]))
-    second = scale(gradient.second, gradient_of_angle(sensor, at.edges[after]))
+    first = scale(gradient.first, gradient_of_angle(geometry, at.edges[k]))
+    second = scale(gradient.second, gradient_of_angle(geometry, at.edges[after]))
     own = add(cross(at.normals[before], first), cross(second, at.normals[after]))
     own = add(own, gradient.normal)
     of_before, of_after = cross(first, normal), cross(normal, second)
@@ -124,7 +124,7 @@ def by_facet(
 
 
 def by_psd(
-    sensor: Geometry,
+    geometry: Geometry,
     k: int,
     along: Vector,
     landing: tuple[Any, Any],
@@ -136,7 +136,7 @@ def by_psd(
     """
     _, azimuth, _, _, pitch, yaw = psd
     ca, sa = cos(azimuth), sin(azimuth)
-    _, y, z = sensor.axes[k]
+    _, y, z = geometry.axes[k]
     turn = cross(along, combine(landing[0], y, landing[1], z))
     roll_axis, pitch_axis, yaw_axis = rotation_axes(pitch, azimuth + yaw)
     moved = scale(-1, along)
@@ -152,7 +152,7 @@ def by_psd(
 
 
 def by_parameters(
-    sensor: Geometry,
+    geometry: Geometry,
     parameters: tuple[Any, ...],
     at: Scene,
     k: int,
@@ -168,8 +168,8 @@ def by_parameters(
     along: the landing coordinate's slanted axis, zero for the power. of_power: the derivative by
     the beam's power. mirror: the mirror's rotation, by rows.
     """
-    of_beam = by_beam(sensor, at, k, ray, along, gradient, of_power, parameters)
-    of_a, of_b, of_c = by_normals(sensor, at, k, gradient)
+    of_beam = by_beam(geometry, at, k, ray, along, gradient, of_power, parameters)
+    of_a, of_b, of_c = by_normals(geometry, at, k, gradient)
     start = 12 + 6 * k
     return (
         of_beam,
@@ -177,7 +177,7 @@ def by_parameters(
         by_facet(of_b, parameters[8], parameters[9], mirror),
         by_facet(of_c, parameters[10], parameters[11], mirror),
         by_psd(
-            sensor,
+            geometry,
             k,
             along,
             landing,
@@ -194,13 +194,13 @@ def by_parameters(
 
 
 def detector_by_parameters(
-    sensor: Geometry, parameters: tuple[Any, ...], state: tuple[Any, ...], at: Scene, k: int
+    geometry: Geometry, parameters: tuple[Any, ...], state: tuple[Any, ...], at: Scene, k: int
 ) -> tuple[tuple[Any, Any, Any], tuple[Any, ...]]:
     """(psi, zeta, power) of detector k, and what `by_parameters` gives for each."""
-    ray = path(sensor, at, k)
-    psi, zeta, power = reading(sensor, at, k, ray)
-    of_psi, of_zeta, of_power = gradients(sensor, at, k, ray)
-    x, y, z = sensor.axes[k]
+    ray = path(geometry, at, k)
+    psi, zeta, power = reading(geometry, at, k, ray)
+    of_psi, of_zeta, of_power = gradients(geometry, at, k, ray)
+    x, y, z = geometry.axes[k]
     mirror = rotation(state[3], state[4], state[5])
     mass = at.moments[k][0]
     zero = mass * 0
@@ -208,7 +208,7 @@ def detector_by_parameters(
     along_y, along_z = slanted(y, ray.leaving, x), slanted(z, ray.leaving, x)
     spot = (psi, zeta)
     return (psi, zeta, power), (
-        by_parameters(sensor, parameters, at, k, ray, spot, along_y, of_psi, zero, mirror),
-        by_parameters(sensor, parameters, at, k, ray, spot, along_z, of_zeta, zero, mirror),
-        by_parameters(sensor, parameters, at, k, ray, spot, nothing, of_power, mass, mirror),
+        by_parameters(geometry, parameters, at, k, ray, spot, along_y, of_psi, zero, mirror),
+        by_parameters(geometry, parameters, at, k, ray, spot, along_z, of_zeta, zero, mirror),
+        by_parameters(geometry, parameters, at, k, ray, spot, nothing, of_power, mass, mirror),
     )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..characterization.ambiguity import Twins
+from ..characterization.ambiguity import AmbiguousPair
 from ..characterization.singularity import Survey
 from . import style
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
-def survey_picture(found: Survey, left_out: str, pair: Twins | None = None) -> Figure:
+def survey_picture(found: Survey, left_out: str, pair: AmbiguousPair | None = None) -> Figure:
     """Determinant (as Fig. 4) and smallest singular value against the apex's offset.
 
     pair: two states with the same readings, where there are any.
@@ -55,7 +55,7 @@ def density(picture: Figure, panel: Axes, x: Floats, y: Floats, counts: Floats) 
     picture.colorbar(image, ax=panel, label="states")
 
 
-def between_twins(panels: NDArray[np.object_], pair: Twins) -> None:
+def between_twins(panels: NDArray[np.object_], pair: AmbiguousPair) -> None:
     """Along the line from one to the other: readings part and meet again where the sign changes."""
     first, second = panels
     first.plot(pair.share, pair.apart, color=style.BLUE)

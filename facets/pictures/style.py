@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
-from ..core.names import ANGLES, POSE
+from ..core.names import POSE
+from ..core.units import unit_of as unit_of
 from ..files.tables import Whole
 
 if TYPE_CHECKING:
@@ -61,13 +62,6 @@ def save(picture: Figure, path: Path) -> None:
         picture.savefig(temporary, format=path.suffix[1:].lower())
 
 
-def unit_of(name: str) -> tuple[str, float, str, float]:
-    """How an axis of the pose is shown: unit and factor of places, then of errors."""
-    if name in ANGLES:
-        return "mrad", 1e3, "µrad", 1e6
-    return "mm", 1.0, "µm", 1e3
-
-
 def motion_picture(segments: Sequence[Segment]) -> Figure:
     """Truth and estimate (left) and error (right) of six axes, one motion after the other."""
     import matplotlib as mpl
@@ -96,6 +90,7 @@ class Clock:
         self.names = [segment.name for segment in segments]
         lengths = [float(np.ptp(s.time)) + step_of(s.time) for s in segments]
         self.starts = np.concatenate([[0.0], np.cumsum(lengths)])
+        self.short = any(len(segment.time) == 1 for segment in segments)
         self.times = [
             segment.time - segment.time[0] + start
             for segment, start in zip(segments, self.starts, strict=False)
@@ -103,6 +98,8 @@ class Clock:
 
     def mark(self, panels: NDArray[Any]) -> None:
         for panel in panels:
+            if self.short:  # a single sample has no width of its own for a name to stand over
+                panel.set_xlim(self.starts[0] - 0.1, self.starts[-1] + 0.1)
             for start in self.starts[1:-1]:
                 panel.axvline(start, color=GREY, lw=0.8, ls=":")
         for name, start, end in zip(self.names, self.starts[:-1], self.starts[1:], strict=True):

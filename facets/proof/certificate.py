@@ -6,32 +6,48 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ..characterization.state_box import COLUMNS, UNITS
 from ..core.sensor import Sensor
 from ..files.tables import Whole
 from ..model.arrays import parameters
+from .range_cover import RangeCover
 from .uniqueness import Certificate
 
 #: What the file says of itself; a checker refuses another.
-FORMAT = "facets uniqueness certificate 1"
+FORMAT = "facets uniqueness certificate 2"
 
 
 def write_certificate(
-    path: Path, sensor: Sensor, found: Certificate, about: dict[str, str]
+    path: Path,
+    sensor: Sensor,
+    found: Certificate,
+    about: dict[str, str],
+    resolved: dict[str, Any] | None = None,
+    cover: RangeCover | None = None,
 ) -> None:
-    """mm, rad and mW; floats as they are, so that they read back the same."""
-    content: dict[str, Any] = {
+    """mm, rad and mW; floats as they are, so that they read back the same.
+
+    resolved: the configuration whose checksum `about` has.  cover: where the box was proved to hold
+    the measurement range. A certificate of nothing is written too, and refused by the checker.
+    """
+    content = {
         "format": FORMAT,
         **about,
+        "resolved": resolved,
         "parameters": parameters(sensor),
-        "box": {
-            name: [low / unit, high / unit]
-            for name, unit, low, high in zip(
-                COLUMNS[:6], UNITS[:6], found.domain.low[:6], found.domain.high[:6], strict=True
-            )
-        },
-        "low": found.domain.low[:6].tolist(),
-        "high": found.domain.high[:6].tolist(),
+        "tolerances": found.tolerances,
+        **claims_of(found),
+        **proof_of(found),
+        "range": None if cover is None else range_of(cover),
+    }
+    with Whole(path) as temporary:
+        temporary.write_text(json.dumps(content, indent=1), "utf-8")
+
+
+def claims_of(found: Certificate) -> dict[str, Any]:
+    """What is said of the box of poses and of the least share of the light."""
+    return {
+        "low": found.box.low[:6].tolist(),
+        "high": found.box.high[:6].tolist(),
         "least_share": found.share,
         "regular": found.regular,
         "unique": found.unique,
@@ -39,11 +55,25 @@ def write_certificate(
         "least_determinant": found.at_least,
         "reason": found.reason,
         "seconds": found.seconds,
+        "work": found.work,
+    }
+
+
+def proof_of(found: Certificate) -> dict[str, Any]:
+    """What the claims rest on."""
+    return {
         "light": found.shares,
         "inverse": found.inverse.tolist(),
         "weights": found.weights.tolist(),
         "pieces": [piece._asdict() for piece in found.pieces],
         "doubtful": [piece._asdict() for piece in found.doubtful],
     }
-    with Whole(path) as temporary:
-        temporary.write_text(json.dumps(content, indent=1), "utf-8")
+
+
+def range_of(cover: RangeCover) -> dict[str, Any]:
+    return {
+        "farthest": cover.farthest,
+        "halves_mm": cover.halves,
+        "whole_spot": cover.whole,
+        "boxes": cover.work,
+    }

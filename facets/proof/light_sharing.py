@@ -1,10 +1,9 @@
 """How the three facets share the beam, in intervals: what moves when the shares are held.
 
-Seen along the beam, the mirror's edges are a fan of three half-lines from the apex q, along unit
-vectors u_e with angles theta_e; units of the beam's sigma. A small change sweeps over edge e the
-light s_e = L_e (u_e x dq) + K_e dtheta_e, and facet k gains s_(k+1) - s_k. So the shares are held
-exactly when s_0 = s_1 = s_2 = s. With rho = K / L, and weights alpha_e > 0 such that
-sum alpha_e u_e = 0,
+Seen along the beam, the mirror's edges are three half-lines from the apex q, along unit vectors u_e
+with angles theta_e; units of the beam's sigma. A small change sweeps over edge e the light s_e =
+L_e (u_e x dq) + K_e dtheta_e, and facet k gains s_(k+1) - s_k. So the shares are held exactly when
+s_0 = s_1 = s_2 = s. With rho = K / L, and weights alpha_e > 0 such that sum alpha_e u_e = 0,
 
     s = sum alpha_e rho_e dtheta_e / sum (alpha_e / L_e),    u_e x dq = s / L_e - rho_e dtheta_e.
 
@@ -23,7 +22,7 @@ from flint import arb
 from ..optics.forward import Geometry, Scene, in_sigmas
 from ..optics.gradient import turns_of_edges
 from ..optics.vectors import Vector, dot
-from ..scalars.intervals import Ball, between, ends, hull, magnitude, monotone, positive, square
+from ..scalars.intervals import Ball, between, ends, hull, magnitude, positive, square
 
 Plane = tuple[Ball, Ball]
 
@@ -32,16 +31,16 @@ Plane = tuple[Ball, Ball]
 SLICES, MORE = 6, 5
 #: A box of offsets is quartered until the lower bounds of its shares are this part of the upper
 #: ones, at most so many times.
-SHARP, DEPTH = 0.25, 8
+SHARP, DEPTH = 0.25, 6
 #: How far off the apex is looked for, sigmas: beyond, one facet has next to no light.
 FARTHEST = 8.0
 
 
-class NotAFan(Exception):
-    """The facets, as seen somewhere in the box, are not three wedges of less than half a turn."""
+class LightNotShared(Exception):
+    """Somewhere in the box the facets may not be three wedges of less than half a turn, all lit."""
 
 
-class Shares(NamedTuple):
+class SharingBounds(NamedTuple):
     """What holds over a box of rotations, wherever each facet has its least share of the light.
 
     from_point: of each facet, the centroid of its light less the apex (3, 2), sigmas.
@@ -56,8 +55,8 @@ class Shares(NamedTuple):
     slope: Ball
 
 
-class Edge(NamedTuple):
-    """One edge of the fan over a small box: u, and of its light L, rho = K / L, eta = J / K."""
+class HalfLine(NamedTuple):
+    """One half-line over a small box: u, and of its light L, rho = K / L, eta = J / K."""
 
     u: Plane
     light: Ball
@@ -65,7 +64,7 @@ class Edge(NamedTuple):
     reach: Ball
 
 
-class Light(NamedTuple):
+class FacetLight(NamedTuple):
     """Of a facet: its share of the beam, and its centroid less the apex, sigmas."""
 
     mass: Ball
@@ -77,23 +76,27 @@ def times(u: Plane, v: Plane) -> Ball:
     return u[0] * v[1] - u[1] * v[0]
 
 
-def mean_along(a: Ball) -> Ball:
-    """rho: the mean distance from the apex of the light on a half-line; falls with a."""
-    two = arb(2)
-    return (two / arb.pi()).sqrt() * (-a * a / 2).exp() / (a / two.sqrt()).erfc() - a
+#: sqrt(2), sqrt(2 / pi) and sqrt(8 pi), which hold the true values.
+ROOT_2, ROOT_2_OVER_PI, ROOT_8_PI = arb(2).sqrt(), (2 / arb.pi()).sqrt(), (8 * arb.pi()).sqrt()
 
 
-def edge_of(q: Plane, u: Plane) -> Edge:
+def means_along(a: Ball) -> tuple[Ball, Ball, Ball]:
+    """erfc(a / sqrt 2), and rho = K / L and eta = J / K on a half-line; all of them fall with a."""
+    beyond = (a / ROOT_2).erfc()
+    mean = ROOT_2_OVER_PI * (-a * a / 2).exp() / beyond - a
+    return beyond, mean, 1 / mean - a
+
+
+def half_line(q: Plane, u: Plane) -> HalfLine:
     """Both means fall with a: a larger a weighs the light by a factor that falls with distance."""
     a, h = q[0] * u[0] + q[1] * u[1], q[0] * u[1] - q[1] * u[0]
-    across = (-square(h) / 2).exp()
-    beyond = monotone(lambda x: (x / arb(2).sqrt()).erfc(), a)
-    light = positive(across, beyond) / (8 * arb.pi()).sqrt()
-    reach = monotone(lambda x: 1 / mean_along(x) - x, a)
-    return Edge(u, light, monotone(mean_along, a), reach)
+    most, least = means_along(a.lower()), means_along(a.upper())
+    beyond, mean, reach = (x.union(y) for x, y in zip(least, most, strict=True))
+    light = positive((-square(h) / 2).exp(), beyond) / ROOT_8_PI
+    return HalfLine(u, light, mean, reach)
 
 
-class Fan(NamedTuple):
+class FacetEdges(NamedTuple):
     """The edges over a box of rotations: their angles, what lies between them, and how each turns
     with roll, pitch and yaw."""
 
@@ -102,73 +105,104 @@ class Fan(NamedTuple):
     turns: list[list[Ball]]
 
 
-def fan_of(sensor: Geometry, at: Scene, axes: Any) -> Fan:
-    """at, axes: the mirror and its axes of rotation, over the box. Raises `NotAFan`."""
+def facet_edges(sensor: Geometry, at: Scene, axes: Any) -> FacetEdges:
+    """at, axes: the mirror and its axes of rotation, over the box. Raises `LightNotShared`."""
     angles = [angle_of(sensor, edge) for edge in at.edges]
     openings = [opening(angles[k], angles[(k + 1) % 3]) for k in range(3)]
     if not all(0 < part < arb.pi() for part in openings):
-        raise NotAFan
+        raise LightNotShared
     turns = [[dot(turn, axis) for axis in axes] for turn in turns_of_edges(sensor, at)]
-    return Fan(angles, openings, turns)
+    return FacetEdges(angles, openings, turns)
 
 
-def lights_of(fan: Fan, q: Plane) -> list[Light]:
-    return [light_between(q, fan.angles[k], fan.openings[k]) for k in range(3)]
+def light_on_facets(edges: FacetEdges, q: Plane) -> list[FacetLight]:
+    return [light_between(q, edges.angles[k], edges.openings[k]) for k in range(3)]
 
 
-def shares_held(fan: Fan, least: float) -> Shares:
+def bounds_at_fixed_shares(edges: FacetEdges, least: float) -> SharingBounds:
     """Bounds for all offsets at which each facet has at least the share `least`."""
-    if not beyond_reach(fan) < least:
-        raise NotAFan
-    far = between(-FARTHEST, FARTHEST)
-    pieces: list[Shares] = []
+    distance = farthest_offset(edges, least)
+    far = between(-distance, distance)
+    pieces: list[SharingBounds] = []
     todo = [((far, far), 0)]
     while todo:
         q, depth = todo.pop()
-        lights = lights_of(fan, q)
-        if any(light.mass.upper() < least for light in lights):
+        lights = light_if_enough(edges, q, least)
+        if lights is None:
             continue
-        lower = [max(ends(light.mass)[0], least) for light in lights]
         sharp = all(light.mass.lower() > SHARP * light.mass.upper() for light in lights)
         if sharp or depth == DEPTH:
-            lit = [
-                Light(between(low, light.mass.upper()), light.from_point)
-                for low, light in zip(lower, lights, strict=True)
-            ]
-            pieces.append(shares_near(fan, lit, q))
+            pieces.append(bounds_near(edges, [at_least(light, least) for light in lights], q))
         else:
             todo += [(part, depth + 1) for part in product(halves(q[0]), halves(q[1]))]
-    return together(pieces)
+    return hull_of_bounds(pieces)
 
 
-def beyond_reach(fan: Fan) -> float:
-    """A bound of the least share where the apex is further off than `FARTHEST`.
+def light_if_enough(edges: FacetEdges, q: Plane, least: float) -> list[FacetLight] | None:
+    """The light on the facets over a box of offsets; None where one has less than its share."""
+    lights = []
+    for k in range(3):
+        light = light_between(q, edges.angles[k], edges.openings[k])
+        if light.mass.upper() < least:
+            return None
+        lights.append(light)
+    return lights
+
+
+def at_least(light: FacetLight, least: float) -> FacetLight:
+    """The same, of which it is known besides that the facet has the share `least`."""
+    low = max(light.mass.lower(), arb(least))
+    return FacetLight(low.union(light.mass.upper()), light.from_point)
+
+
+def farthest_offset(edges: FacetEdges, least: float) -> float:
+    """A distance of the apex from the beam's centre past which a facet has less than its share.
+
+    Raises `LightNotShared` where that is beyond `FARTHEST`.
+    """
+    if not share_beyond(edges, FARTHEST) < least:
+        raise LightNotShared
+    near, far = 0.0, FARTHEST
+    while far - near > 0.01:
+        middle = (near + far) / 2
+        near, far = (near, middle) if share_beyond(edges, middle) < least else (middle, far)
+    return far
+
+
+def share_beyond(edges: FacetEdges, distance: float) -> Ball:
+    """A bound of the least share where the apex is further off than `distance`, in sigmas.
 
     The direction in which it is off lies in some facet; that facet is a convex set no nearer to
-    the beam's centre than FARTHEST times the sine of its opening: it has no more light than a
+    the beam's centre than the distance times the sine of its opening: it has no more light than a
     half-plane that far off.
     """
+    sines = [least_sine(part) for part in edges.openings]
+    shares = [(distance * sine / ROOT_2).erfc() / 2 for sine in sines]
+    return max(share.upper() for share in shares)
+
+
+def least_sine(opening: Ball) -> Ball:
+    """A bound of the least sine between a right angle and the opening; 1 where that is acute."""
     right = arb.pi() / 2
-    distances = [FARTHEST * (part.sin() if part > right else arb(1)) for part in fan.openings]
-    return max(ends((distance / arb(2).sqrt()).erfc() / 2)[1] for distance in distances)
+    return arb(1) if opening <= right else opening.upper().sin()
 
 
-def least_share(fan: Fan, q: Plane, depth: int = 0) -> float:
+def least_share_over(edges: FacetEdges, q: Plane, depth: int = 0) -> float:
     """A lower bound of the three shares over a box of offsets."""
-    lights = lights_of(fan, q)
+    lights = light_on_facets(edges, q)
     if all(light.mass.lower() > SHARP * light.mass.upper() for light in lights):
         return min(ends(light.mass)[0] for light in lights)
     if depth == DEPTH:
         return 0.0
     parts = product(halves(q[0]), halves(q[1]))
-    return min(least_share(fan, part, depth + 1) for part in parts)
+    return min(least_share_over(edges, part, depth + 1) for part in parts)
 
 
-def together(pieces: list[Shares]) -> Shares:
+def hull_of_bounds(pieces: list[SharingBounds]) -> SharingBounds:
     """What holds over all of some boxes."""
     if not pieces:
-        raise NotAFan
-    return Shares(
+        raise LightNotShared
+    return SharingBounds(
         [[hull(p.from_point[k][i] for p in pieces) for i in range(2)] for k in range(3)],
         [
             [[hull(p.turns[k][i][j] for p in pieces) for j in range(3)] for i in range(2)]
@@ -202,43 +236,43 @@ def opening(first: Ball, second: Ball) -> Ball:
     return second - first - 2 * arb.pi() * turns
 
 
-def shares_near(fan: Fan, lights: list[Light], q: Plane) -> Shares:
-    """`shares_held` for a small box of q."""
-    u = [along(angle) for angle in fan.angles]
-    edges = [edge_of(q, side) for side in u]
+def bounds_near(edges: FacetEdges, lights: list[FacetLight], q: Plane) -> SharingBounds:
+    """`bounds_at_fixed_shares` for a small box of q."""
+    u = [along(angle) for angle in edges.angles]
+    sides = [half_line(q, side) for side in u]
     alpha = [times(u[(e + 1) % 3], u[(e + 2) % 3]) for e in range(3)]
-    resistance = sum(alpha[e] / edges[e].light for e in range(3))
+    resistance = sum(alpha[e] / sides[e].light for e in range(3))
     dq = [[arb(0)] * 3, [arb(0)] * 3]
     for j in range(3):
-        swept = sum(alpha[e] * edges[e].mean * fan.turns[e][j] for e in range(3)) / resistance
-        w = [swept / edges[e].light - edges[e].mean * fan.turns[e][j] for e in range(2)]
+        swept = sum(alpha[e] * sides[e].mean * edges.turns[e][j] for e in range(3)) / resistance
+        w = [swept / sides[e].light - sides[e].mean * edges.turns[e][j] for e in range(2)]
         for i in range(2):
             dq[i][j] = (w[0] * u[1][i] - w[1] * u[0][i]) / times(u[0], u[1])
-    moved = [centroid_moves(dq, edges, lights[k], fan.turns, k) for k in range(3)]
-    on = [edge.light for edge in edges]
+    moved = [centroid_moves(dq, sides, lights[k], edges.turns, k) for k in range(3)]
+    on = [side.light for side in sides]
     slope = sum(on[e] * on[e - 1] * times(u[e - 1], u[e]) for e in range(3))
-    return Shares([list(light.from_point) for light in lights], moved, list(q), slope)
+    return SharingBounds([list(light.from_point) for light in lights], moved, list(q), slope)
 
 
-def light_between(q: Plane, start: Ball, opening: Ball) -> Light:
+def light_between(q: Plane, start: Ball, opening: Ball) -> FacetLight:
     """Of a facet, by slices of its angle: light per angle is K, its mean distance J / K."""
     mass, x, y = arb(0), arb(0), arb(0)
     slices = SLICES + int(MORE * (magnitude(q[0]) ** 2 + magnitude(q[1]) ** 2))
     for n in range(slices):
         u = along(start + opening * between(arb(n) / slices, arb(n + 1) / slices))
-        ray = edge_of(q, u)
+        ray = half_line(q, u)
         light = positive(ray.light, ray.mean)
         mass += light
         x += light * ray.reach * u[0]
         y += light * ray.reach * u[1]
-    return Light(mass * opening / slices, (x / mass, y / mass))
+    return FacetLight(mass * opening / slices, (x / mass, y / mass))
 
 
 def centroid_moves(
-    dq: list[list[Ball]], edges: list[Edge], light: Light, turns: list[list[Ball]], k: int
+    dq: list[list[Ball]], sides: list[HalfLine], light: FacetLight, turns: list[list[Ball]], k: int
 ) -> list[list[Ball]]:
     """How the centroid of facet k less the apex changes with the three angles: (2, 3)."""
-    first, second = edges[k], edges[(k + 1) % 3]
+    first, second = sides[k], sides[(k + 1) % 3]
     moved = [[arb(0)] * 3, [arb(0)] * 3]
     for j in range(3):
         length = (arb(magnitude(dq[0][j])) ** 2 + arb(magnitude(dq[1][j])) ** 2).sqrt()

@@ -19,6 +19,13 @@ def between(low: float | Ball, high: float | Ball) -> Ball:
     return arb(low).union(arb(high))
 
 
+def around(value: float, off: float) -> Ball:
+    """All values that are at most `off` from `value`."""
+    if off == 0:
+        return arb(value)
+    return between((arb(value) - arb(off)).lower(), (arb(value) + arb(off)).upper())
+
+
 def hull(parts: Iterable[Ball]) -> Ball:
     """The smallest interval that holds all of them."""
     whole: Ball = None
@@ -47,8 +54,9 @@ def square(x: Ball) -> Ball:
 
 
 def positive(x: Ball, y: Ball) -> Ball:
-    """The product of two intervals above zero, which stays above zero."""
-    return (x.lower() * y.lower()).union(x.upper() * y.upper())
+    """The product of two quantities that are not below zero, whatever their intervals say."""
+    low = [max(side.lower(), arb(0)) for side in (x, y)]
+    return (low[0] * low[1]).lower().union((x.upper() * y.upper()).upper())
 
 
 def monotone(function: Any, x: Ball) -> Ball:

@@ -1,55 +1,133 @@
-"""Readings of imperfect optics, by rays: what the closed form leaves out.
+"""Readings of imperfect optics, by rays: what a sensor's model leaves out, or another way to it.
 
-For simulations: to see what a coating, a diverging beam, facets that are not flat or diffraction at
-their edges do to poses that are solved without a thought of them. Each wedge of light is sampled in
-polar coordinates about the apex, where it is smooth up to its edges, so that some hundred rays are
-as good as a closed form.
+For simulations: to see what a coating, a diverging beam, facets that are not flat, edges that roll
+off or are lost and diffraction do to poses that are solved without a thought of them, and to check
+the closed form of these in `optics.bench_light`, of which nothing is used here. What
+`sensor.imperfections` says comes on top of what `sensor.light` says.
 
-Diffraction at a facet's edge spreads light to both sides across it: at the distance s from the spot
-the share K / s^2 for each mm, K = wavelength x path / 4 pi^2 x light along the edge (Fresnel). Most
-of it lands on the detector and leaves the centroid where it is; what misses the detector is lost.
+Each ray starts at the height of the beam's place, with a direction of its own where the wavefront
+is curved, so that the beam's width changes on its way. A wedge of light is sampled in polar
+coordinates about the apex, as seen from where the light comes from, where it is smooth up to its
+edges: some hundred rays are as good as a closed form. Lost strips move the wedge's point; strips
+that roll off and the tip are sampled by themselves, and what they change is added.
+
+Diffraction at a facet's edge spreads light to both sides across it: at the distance s from where
+the edge's own light lands the share a / s^2 for each mm, a = wavelength x path / 4 pi^2 x light
+along the edge (Fresnel). Most of it lands on the detector and leaves the centroid where it is; what
+misses the detector is lost.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.sensor import Imperfections, Sensor
+from ..detectors.skew import later
 from ..model.arrays import geometry_of, half_sizes, readings
-from ..optics.forward import Geometry, Scene, placed
+from ..optics.forward import Geometry, Scene, beam_axes, placed
 
 Floats = NDArray[np.float64]
 
-#: Nodes over a wedge's angle and radius, and where the light ends, in sigmas.
-ANGLES, RADII, FAR = 20, 40, 9.0
+#: Nodes over a wedge's angle and radius, across a strip, and where the light ends, in sigmas.
+ANGLES, RADII, ACROSS, FAR = 20, 40, 6, 9.0
+
+
+@dataclass(frozen=True)
+class Flaws:
+    """What the rays meet: of `sensor.light` and `sensor.imperfections` together.
+
+    curvature: (2, 2) of the wavefront along `axes` (2, 3), 1/mm.  rolloff: (3, 2) mm, of the first
+    and second edge of each facet.  background: (3, 3) power, y, z.  The rest as in
+    `Imperfections`.
+    """
+
+    axes: Floats
+    curvature: Floats
+    wavelength: float
+    rolloff: Floats
+    rolloff_width: float
+    strips: Floats
+    tip: float
+    background: Floats
+    index: tuple[float, float] | None
+    field: Floats | None
+    sag: tuple[float, float, float]
+    sag_over: float
+
+
+def flaws_of(sensor: Sensor) -> Flaws:
+    light, own, beam = sensor.light, sensor.imperfections, sensor.beam
+    level: Floats = np.array(beam_axes(0.0, beam.tilt_x, beam.tilt_y)[:2])
+    turned: Floats = np.array(beam_axes(beam.rotation, beam.tilt_x, beam.tilt_y)[:2])
+    xx, xy, yy = light.curvature_xx, light.curvature_xy, light.curvature_yy
+    field = None
+    if own.polarization is not None:
+        field = np.array([np.cos(own.polarization), np.sin(own.polarization)]) @ turned
+    elif light.polarization is not None:
+        field = np.array([np.cos(light.polarization), np.sin(light.polarization)]) @ level
+    both = np.array(light.background) + 0.0, np.array(own.background) + 0.0
+    powers = both[0][:, 0] + both[1][:, 0]
+    moments = sum(part[:, :1] * part[:, 1:] for part in both)
+    places = moments / np.where(powers == 0, 1, powers)[:, None]
+    return Flaws(
+        axes=level,
+        curvature=np.array([[xx, xy], [xy, yy]]) + np.eye(2) / own.wavefront_radius,
+        wavelength=own.wavelength or light.wavelength,
+        rolloff=(np.array(light.rolloff) + np.array(own.rolloff)).reshape(3, 2),
+        rolloff_width=own.rolloff_width or light.rolloff_width or 1e-4,
+        strips=np.array(light.strips) + np.array(own.strips),
+        tip=light.tip + own.tip,
+        background=np.column_stack([powers, places]),
+        index=own.index or light.index,
+        field=field,
+        sag=own.sag,
+        sag_over=own.sag_over,
+    )
 
 
 def seen(sensor: Sensor, states: Floats) -> Floats:
     """Readings (n, 9) at states (n, 8), imperfect where `sensor.imperfections` says so."""
     if sensor.imperfections == Imperfections():
         return readings(sensor, states)
-    fixed, halves = geometry_of(sensor), half_sizes(sensor)
-    return np.array([traced(fixed, sensor.imperfections, state, halves) for state in states])
+    return traced(sensor, states)
 
 
-def traced(fixed: Geometry, flaws: Imperfections, state: Floats, halves: Floats) -> Floats:
+def seen_late(sensor: Sensor, time: Floats, motion: Floats, states: Floats) -> Floats:
+    """Readings (n, 9), as `seen` gives them at states (n, 8), each detector's late by its delay.
+
+    time: (n,) s.  motion: (n, 8) the states without what jumps from sample to sample.
+    """
+    readings = seen(sensor, states)
+    for k, delay in enumerate(sensor.light.delays):
+        if delay:
+            late = seen(sensor, states + later(time, motion, delay) - motion)
+            readings[:, 3 * k : 3 * k + 3] = late[:, 3 * k : 3 * k + 3]
+    return readings
+
+
+def traced(sensor: Sensor, states: Floats) -> Floats:
+    """Readings (n, 9) at states (n, 8) by rays, whatever `sensor.imperfections` says."""
+    fixed, halves, flaws = geometry_of(sensor), half_sizes(sensor), flaws_of(sensor)
+    return np.array([trace(fixed, flaws, state, halves) for state in states])
+
+
+def trace(fixed: Geometry, flaws: Flaws, state: Floats, halves: Floats) -> Floats:
     """One reading (9,). halves: (3, 2) of the detectors' areas, mm."""
     at = placed(fixed, tuple(state.tolist()))
     out = np.empty(9)
     for k in range(3):
-        weights, offsets = nodes(at, k)
-        spread: Floats = np.array(fixed.spread)
-        start = np.array(at.place) + offsets @ spread
-        direction = np.array(fixed.direction)
-        start += np.outer((np.array(at.apex) - start) @ direction, direction)  # level with the apex
-        aim = direction + offsets @ spread / flaws.wavefront_radius
-        aim /= np.linalg.norm(aim, axis=1, keepdims=True)
-        out[3 * k : 3 * k + 3] = landed(fixed, at, k, flaws, start, aim, weights)
+        edges = [Edge.of(fixed, at, flaws, k, which) for which in (0, 1)]
+        spot = landed(fixed, at, k, flaws, edges)
         if flaws.wavelength:
-            out[3 * k : 3 * k + 3] += lost(fixed, at, k, flaws, out[3 * k : 3 * k + 3], halves[k])
+            spot = diffracted(fixed, at, k, flaws, edges, spot, halves[k])
+        power, *place = flaws.background[k]
+        whole = spot[2] + power
+        out[3 * k : 3 * k + 2] = (spot[2] * spot[:2] + power * np.array(place)) / whole
+        out[3 * k + 2] = whole
     return out
 
 
@@ -60,101 +138,226 @@ def gauss(count: int) -> tuple[Floats, Floats]:
     return found
 
 
-def nodes(at: Scene, k: int) -> tuple[Floats, Floats]:
-    """Shares of the beam (n,) and places (n, 2) in sigmas from its centre, over the wedge of k."""
-    q = np.array(at.q)
-    first, last = (np.arctan2(side[1], side[0]) for side in (at.sides[k], at.sides[(k + 1) % 3]))
+def origin(fixed: Geometry, at: Scene, flaws: Flaws, points: Floats) -> Floats:
+    """Where rays to points (..., 3) in space start, mm across the beam: (..., 2)."""
+    away = points - np.array(at.place)
+    height = (away @ np.array(fixed.direction))[..., None, None]
+    found: Floats = np.linalg.solve(
+        np.eye(2) + height * flaws.curvature, (away @ flaws.axes.T)[..., None]
+    )[..., 0]
+    return found
+
+
+@dataclass(frozen=True)
+class Edge:
+    """An edge of a facet: its unit vector down from the apex, what leads into the facet on it, both
+    in space, and both as the light sees them, mm across the beam.
+
+    across: so far lies, across the beam, what lies 1 mm inside the facet.
+    """
+
+    along: Floats
+    inward: Floats
+    seen_along: Floats
+    seen_inward: Floats
+    across: float
+
+    @classmethod
+    def of(cls, fixed: Geometry, at: Scene, flaws: Flaws, k: int, which: int) -> Edge:
+        along = np.array(at.edges[(k + which) % 3])
+        along /= np.linalg.norm(along)
+        inward = np.cross(at.normals[k], along) * (1 if which == 0 else -1)
+        apex, small = np.array(at.apex), 1e-4
+        ends = apex + small * np.array([along, -along, inward, -inward])
+        ahead, behind, inside, outside = origin(fixed, at, flaws, ends)
+        direction, step = ahead - behind, (inside - outside) / (2 * small)
+        direction /= np.linalg.norm(direction)
+        square = step - (step @ direction) * direction
+        size = float(np.linalg.norm(square))
+        return cls(along, inward, direction, square / size, size)
+
+
+def shares(fixed: Geometry, flaws: Flaws, places: Floats) -> Floats:
+    """Shares of the beam for each mm^2 at places (n, 2), mm across the beam."""
+    x = places @ flaws.axes @ np.array(fixed.whitening).T
+    area = np.linalg.norm(np.cross(*np.array(fixed.spread)))
+    density: Floats = np.exp(-(x**2).sum(axis=-1) / 2) / (2 * np.pi) / area
+    return density
+
+
+def size_of(fixed: Geometry) -> float:
+    """The beam's larger sigma, mm."""
+    return float(np.linalg.norm(np.array(fixed.spread), axis=1).max())
+
+
+def nodes(
+    fixed: Geometry, at: Scene, flaws: Flaws, k: int, edges: list[Edge]
+) -> tuple[Floats, Floats]:
+    """Shares of the beam (n,) and places (n, 2), mm across the beam, over the wedge of facet k less
+    the strips that are lost."""
+    apex = origin(fixed, at, flaws, np.array(at.apex))
+    lost = [flaws.strips[(k + which) % 3] / 2 * edges[which].across for which in (0, 1)]
+    apex = apex + np.linalg.solve(np.array([edge.seen_inward for edge in edges]), lost)
+    first, last = (float(np.arctan2(*edge.seen_along[::-1])) for edge in edges)
     last = first + (last - first) % (2 * np.pi)
+    far = float(np.hypot(*apex)) + FAR * size_of(fixed)
+    return polar(fixed, flaws, apex, first, last, far)
+
+
+def polar(
+    fixed: Geometry, flaws: Flaws, apex: Floats, first: float, last: float, far: float
+) -> tuple[Floats, Floats]:
+    """Nodes over a sector about the apex: shares (n,) and places (n, 2)."""
     x, wx = gauss(ANGLES)
     r, wr = gauss(RADII)
     angle = first + (x + 1) / 2 * (last - first)
-    far = np.hypot(*q) + FAR
     radius = (r + 1) / 2 * far
     unit = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    places = q + radius[None, :, None] * unit[:, None, :]
-    density = np.exp(-(places**2).sum(axis=-1) / 2) / (2 * np.pi)
+    places = (apex + radius[None, :, None] * unit[:, None, :]).reshape(-1, 2)
     area = wx[:, None] * wr[None, :] * radius * (last - first) / 2 * far / 2
-    return (density * area).ravel(), places.reshape(-1, 2)
+    return shares(fixed, flaws, places) * area.ravel(), places
 
 
-def landed(
-    fixed: Geometry, at: Scene, k: int, flaws: Imperfections, start: Floats, aim: Floats,
-    weights: Floats,
+def landed(fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[Edge]) -> Floats:
+    """psi, zeta and power of detector k, without diffraction and other light."""
+    parts = [spots(fixed, at, k, flaws, *nodes(fixed, at, flaws, k, edges))]
+    for which in (0, 1):
+        if flaws.rolloff[k, which]:
+            weights, places = strip(fixed, at, flaws, edges, which)
+            slope = flaws.rolloff[k, which] / flaws.rolloff_width
+            tilt = -slope * edges[which].inward
+            parts.append(spots(fixed, at, k, flaws, weights, places, tilt))
+            parts.append(spots(fixed, at, k, flaws, -weights, places))
+    if flaws.tip:
+        parts.append(spots(fixed, at, k, flaws, *worn(fixed, at, flaws, edges)))
+    moments = np.sum(parts, axis=0)
+    return np.array([*(moments[:2] / moments[2]), fixed.power * moments[2]])
+
+
+def strip(
+    fixed: Geometry, at: Scene, flaws: Flaws, edges: list[Edge], which: int
+) -> tuple[Floats, Floats]:
+    """Nodes over the strip along one edge that rolls off."""
+    apex = origin(fixed, at, flaws, np.array(at.apex))
+    own, other = edges[which].seen_along, edges[1 - which].seen_along
+    rise = float(other @ edges[which].seen_inward)
+    wide = flaws.rolloff_width * edges[which].across / rise
+    far = float(np.hypot(*apex)) + FAR * size_of(fixed)
+    x, wx = gauss(RADII)
+    y, wy = gauss(ACROSS)
+    s, t = (x + 1) / 2 * far, (y + 1) / 2 * wide
+    places = (apex + s[:, None, None] * own + t[None, :, None] * other).reshape(-1, 2)
+    area = np.outer(wx * far / 2, wy * wide / 2).ravel() * rise
+    return shares(fixed, flaws, places) * area, places
+
+
+def worn(fixed: Geometry, at: Scene, flaws: Flaws, edges: list[Edge]) -> tuple[Floats, Floats]:
+    """Nodes over a facet's part of the flat disc at the apex, counted against it."""
+    axis = np.array([row[2] for row in at.turn])
+    level = [edge.along - (edge.along @ axis) * axis for edge in edges]
+    first, last = (v / np.linalg.norm(v) for v in level)
+    beside = np.cross(axis, first)
+    opening = np.arctan2(last @ beside, last @ first) % (2 * np.pi)
+    radius = np.sqrt(flaws.tip / np.pi)
+    x, wx = gauss(ACROSS)
+    angle, r = (x + 1) / 2 * opening, (x + 1) / 2 * radius
+    unit = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * beside
+    points = (np.array(at.apex) + r[:, None, None] * unit).reshape(-1, 3)
+    area = np.outer(wx * radius / 2 * r, wx * opening / 2).ravel()
+    area = -area * abs(axis @ np.array(fixed.direction))
+    places = origin(fixed, at, flaws, points)
+    return shares(fixed, flaws, places) * area, places
+
+
+def spots(
+    fixed: Geometry, at: Scene, k: int, flaws: Flaws, weights: Floats, places: Floats,
+    tilt: Floats | None = None,
 ) -> Floats:  # fmt: skip
-    """psi, zeta and power of detector k from rays (n, 3) and their shares."""
-    normal, apex = np.array(at.normals[k]), np.array(at.apex)
+    """Of rays and their shares: sums of the shares that are reflected, times psi, zeta and 1.
+
+    tilt: of the facet's normal besides.
+    """
+    spot, light = follow(fixed, at, k, flaws, places, tilt)
+    light = light * weights
+    return np.array([*(light @ spot), light.sum()])
+
+
+def follow(
+    fixed: Geometry, at: Scene, k: int, flaws: Flaws, places: Floats, tilt: Floats | None = None
+) -> tuple[Floats, Floats]:
+    """Where rays through places (n, 2) land (n, 2), and how much of each is reflected (n,)."""
+    normal, apex, direction = (np.array(v) for v in (at.normals[k], at.apex, fixed.direction))
+    start = np.array(at.place) + places @ flaws.axes
+    aim = direction + places @ flaws.curvature @ flaws.axes
+    aim /= np.linalg.norm(aim, axis=1, keepdims=True)
     along = ((apex - start) @ normal) / (aim @ normal)
     foot = start + along[:, None] * aim
     beside = foot - apex
-    tilt = 8 * flaws.sag[k] / flaws.sag_over**2  # a dome leans outward by so much a mm
-    face = normal + tilt * (beside - np.outer(beside @ normal, normal))
+    lean = 8 * flaws.sag[k] / flaws.sag_over**2  # a dome leans outward by so much a mm
+    face = normal + lean * (beside - np.outer(beside @ normal, normal))
+    if tilt is not None:
+        face = face + tilt
     face /= np.linalg.norm(face, axis=1, keepdims=True)
     cosine = -(aim * face).sum(axis=1)
     leaving = aim + 2 * cosine[:, None] * face
     axes, centre = np.array(fixed.axes[k]), np.array(fixed.centres[k])
     length = ((centre - foot) @ axes[0]) / (leaving @ axes[0])
     spot = foot + length[:, None] * leaving - centre
-    light = weights * reflected(fixed, flaws, aim, face, cosine)
-    whole = light.sum()
-    return np.array([light @ (spot @ axes[1]) / whole, light @ (spot @ axes[2]) / whole,
-                     fixed.power * whole])  # fmt: skip
+    return spot @ axes[1:].T, reflected(flaws, aim, face, cosine)
 
 
-def lost(
-    fixed: Geometry, at: Scene, k: int, flaws: Imperfections, spot: Floats, half: Floats
+def diffracted(
+    fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[Edge], spot: Floats, half: Floats
 ) -> Floats:
-    """What diffracted light that misses detector k takes off its reading (3,)."""
-    spread: Floats = np.array(fixed.spread)
-    axes = np.array(fixed.axes[k])
-    direction, normal = np.array(fixed.direction), np.array(at.normals[k])
-    path = np.linalg.norm(np.array(fixed.centres[k]) - np.array(at.apex))
-    out = np.zeros(3)
-    for side in (np.array(at.sides[k]), np.array(at.sides[(k + 1) % 3])):
-        edge = side @ spread
-        across = np.cross(direction, edge / np.linalg.norm(edge))
-        across -= 2 * (across @ normal) * normal
-        way = axes[1:] @ across
-        size = flaws.wavelength * path / (4 * np.pi**2) * along(fixed, at, side) / spot[2]
-        ahead, behind = (reach(spot[:2], way * sign, half) for sign in (1, -1))
-        out[:2] -= size * way * np.log(behind / ahead)
-        out[2] -= spot[2] * size * (1 / ahead + 1 / behind)
-    return out
-
-
-def along(fixed: Geometry, at: Scene, side: Floats) -> float:
-    """Light along an edge, mW/mm."""
+    """What detector k reads (3,) of a spot (3,) less the diffracted light that misses it."""
+    axes, normal = np.array(fixed.axes[k]), np.array(at.normals[k])
+    direction, apex = np.array(fixed.direction), np.array(at.apex)
+    start = origin(fixed, at, flaws, apex)
+    far = float(np.hypot(*start)) + FAR * size_of(fixed)
     x, weights = gauss(RADII)
-    far = np.hypot(*at.q) + FAR
-    places = np.array(at.q) + np.outer((x + 1) / 2 * far, side)
-    whole = weights @ np.exp(-(places**2).sum(axis=1) / 2) * far / 2 / (2 * np.pi)
-    spread: Floats = np.array(fixed.spread)
-    area = np.linalg.norm(np.cross(*spread))  # of a square of one sigma
-    return float(fixed.power * whole * np.linalg.norm(side @ spread) / area)
+    lost, moment = 0.0, np.zeros(2)
+    for edge in edges:
+        places = start + np.outer((x + 1) / 2 * far, edge.seen_along)
+        light = weights * far / 2 * shares(fixed, flaws, places)
+        landing, reflecting = follow(fixed, at, k, flaws, places)
+        own = (light * reflecting) @ landing / (light @ reflecting)
+        step = np.cross(direction, edge.along)
+        step /= np.linalg.norm(step)  # one mm across the edge, square to the light
+        sweeps = origin(fixed, at, flaws, apex + step) - start
+        swept = abs(sweeps @ edge.seen_inward)
+        step = step - 2 * (step @ normal) * normal
+        path = np.linalg.norm(np.array(fixed.centres[k]) - apex)
+        ray = direction - 2 * (direction @ normal) * normal
+        step = step - (step @ axes[0]) / (ray @ axes[0]) * ray
+        way = axes[1:] @ step
+        amount = flaws.wavelength * path / (4 * np.pi**2)
+        amount *= fixed.power * swept * (light @ reflecting)
+        ahead, behind = (reach(own, way * sign, half) for sign in (1, -1))
+        both = amount * (1 / ahead + 1 / behind)
+        lost += both
+        moment += (own - spot[:2]) * both + way * amount * np.log(behind / ahead)
+    rest = spot[2] - lost
+    return np.array([*(spot[:2] - moment / rest), rest])
 
 
 def reach(spot: Floats, way: Floats, half: Floats) -> float:
-    """From a spot to the edge of a detector, along a direction, mm; NaN from beside it."""
+    """From a spot to the edge of a detector, in steps `way`; NaN from beside it."""
     with np.errstate(divide="ignore"):
-        room = (half - np.sign(way) * spot) / np.abs(way)
-    return float(room.min()) if (room > 0).all() else np.nan
+        steps = (half - np.sign(way) * spot) / np.abs(way)
+    return float(steps.min()) if (steps > 0).all() else np.nan
 
 
-def reflected(
-    fixed: Geometry, flaws: Imperfections, aim: Floats, face: Floats, cosine: Floats
-) -> Floats:
+def reflected(flaws: Flaws, aim: Floats, face: Floats, cosine: Floats) -> Floats:
     """How much of each ray is reflected, over what is of unpolarised light at 45 degrees."""
     if flaws.index is None:
         return np.ones(len(aim))
     s, p = reflectances(complex(*flaws.index), cosine)
     plain = sum(reflectances(complex(*flaws.index), np.sqrt(0.5)))
-    if flaws.polarization is None:
+    if flaws.field is None:
         return (s + p) / plain
-    x = np.array(fixed.spread[0]) / np.linalg.norm(fixed.spread[0])
-    y = np.cross(np.array(fixed.direction), x)
-    field = np.cos(flaws.polarization) * x - np.sin(flaws.polarization) * y
     across = np.cross(aim, face)
     across /= np.linalg.norm(across, axis=1, keepdims=True)
-    share = (across @ field) ** 2
+    share = (across @ flaws.field) ** 2
     both: Floats = 2 * (share * s + (1 - share) * p) / plain
     return both
 

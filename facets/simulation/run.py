@@ -17,7 +17,7 @@ from ..estimation.solver import Solution, Status
 from ..estimation.table import labels, pose_columns, solve_readings
 from ..model.arrays import on_detectors
 from ..tracking.closed_loop import followed
-from .imperfect_optics import seen as seen_by
+from .imperfect_optics import seen_late
 from .motion import states
 
 if TYPE_CHECKING:
@@ -72,10 +72,11 @@ class Axis:
 
 
 def read_detectors(
-    sensor: Sensor, truth: Floats, noise: bool, rng: np.random.Generator
+    sensor: Sensor, time: Floats, truth: Floats, noise: bool, rng: np.random.Generator
 ) -> tuple[Any, Any]:
     """Readings (n, 9) as a bench would give them, and which spots reached their detector (n, 3)."""
-    exact = seen_by(sensor, add_pointing_jitter(sensor, truth, rng) if noise else truth)
+    state = add_pointing_jitter(sensor, truth, rng) if noise else truth
+    exact = seen_late(sensor, time, truth, state)
     reached = on_detectors(sensor, exact)
     if noise and sensor.electronics and sensor.electronics.power_noise > 0:
         share = sensor.electronics.power_noise * rng.standard_normal((len(exact), 1))
@@ -112,9 +113,9 @@ def simulate_motion(
     time, truth = states(config.motions[name], rng)
     if track:
         truth = followed(config.sensor, config.stage, time, truth)
-    seen, reached = read_detectors(config.sensor, truth, noise, rng)
+    seen, reached = read_detectors(config.sensor, time, truth, noise, rng)
     place = reported_beam_place(config.solve, truth, noise, rng)
-    solution = solve_readings(config.sensor, config.solve, seen, place)
+    solution = solve_readings(config.sensor, config.solve, seen, place, time)
     return Segment(name, time, truth, seen, place, reached, solution)
 
 

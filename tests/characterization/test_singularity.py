@@ -7,7 +7,7 @@ import pytest
 from sensors import SENSORS, states
 
 import facets
-from facets.characterization.ambiguity import twins
+from facets.characterization.ambiguity import find_ambiguous_pair
 from facets.characterization.ranges import scaled_jacobian
 from facets.characterization.singularity import (
     in_words,
@@ -17,7 +17,7 @@ from facets.characterization.singularity import (
     survey,
     weakest_direction,
 )
-from facets.characterization.state_box import AXES, apex_offset, domain_of, range_domain
+from facets.characterization.state_box import AXES, apex_offset, parse_box, range_box
 from facets.core.errors import InputError
 
 PAPER = SENSORS["paper"]
@@ -71,7 +71,7 @@ def test_electronics_weigh_the_rows():
 @pytest.mark.parametrize("sampling", ["sobol", "uniform"])
 def test_the_paper_s_range_has_one_sign(sampling):
     config = facets.load("fig4")
-    domain = range_domain(config.sensor, config.range)
+    domain = range_box(config.sensor, config.range)
     found = survey(config.sensor, samples(domain, 20_000, sampling, 1))
     assert found.states == 20_000
     assert found.one_sign
@@ -83,7 +83,7 @@ def test_the_paper_s_range_has_one_sign(sampling):
 
 
 def test_samples_are_in_the_box_and_in_chunks():
-    domain = domain_of("tx_mm=1:2,yaw_mrad=5,offset_x_mm=0.1")
+    domain = parse_box("tx_mm=1:2,yaw_mrad=5,offset_x_mm=0.1")
     drawn = list(samples(domain, 250_000, "uniform", 3))
     assert [len(part) for part in drawn] == [100_000, 100_000, 50_000]
     every = np.concatenate(drawn)
@@ -98,11 +98,11 @@ def test_samples_are_in_the_box_and_in_chunks():
 @pytest.mark.parametrize("text", ["txmm=1", "tx_mm=a", "tx_mm=1:2:3", "tx_mm=-1", "tx_mm"])
 def test_a_bad_box_is_refused(text):
     with pytest.raises(InputError, match="--box"):
-        domain_of(text)
+        parse_box(text)
 
 
 def test_dark_states_are_counted_not_measured():
-    domain = domain_of("roll_mrad=2000")
+    domain = parse_box("roll_mrad=2000")
     found = survey(PAPER, samples(domain, 1000, "sobol", 1))
     assert 0 < found.dark < 1000
     assert not found.one_sign
@@ -123,10 +123,10 @@ def test_directions_have_words():
 
 def test_a_singular_design_has_twins():
     config = facets.load("singular")
-    domain = range_domain(config.sensor, config.range)
+    domain = range_box(config.sensor, config.range)
     found = survey(config.sensor, samples(domain, 5000, "sobol", 1))
     assert not found.one_sign
-    pair = twins(config.sensor, search(config.sensor, domain, 1).state)
+    pair = find_ambiguous_pair(config.sensor, search(config.sensor, domain, 1).state)
     assert pair is not None
     readings = facets.readings(config.sensor, [pair.one, pair.other])
     np.testing.assert_allclose(readings[0], readings[1], atol=1e-10)

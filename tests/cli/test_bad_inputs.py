@@ -11,7 +11,6 @@ import sys
 
 import pytest
 from bad_inputs import case
-
 from facets.cli import main
 
 COUNT = int(os.environ.get("FACETS_BAD_INPUTS", "150"))

@@ -371,14 +371,14 @@ def test_yaml_1_2_numbers_and_words(write):
             "papr",
             [
                 "did you mean 'paper'",
-                "shipped: bench, catalogue, fig4, layout, paper, parts, rig, singular",
+                "shipped: bench, bench-light, catalogue, fig4, layout, paper, parts, rig, singular",
             ],
         ),
         (
             "nothere.yaml",
             [
                 "no such file",
-                "shipped: bench, catalogue, fig4, layout, paper, parts, rig, singular",
+                "shipped: bench, bench-light, catalogue, fig4, layout, paper, parts, rig, singular",
             ],
         ),
         (".", ["folder"]),
@@ -522,6 +522,9 @@ def test_every_number_has_a_unit_in_its_name_or_is_a_count():
         "_k",
         "_v",
         "_a_w",
+        "_per_m",
+        "_um2",
+        "_us",
         "_s",
         "_ms",
         "_mm_s",
@@ -548,3 +551,44 @@ def test_the_schema_lets_an_editor_pass_what_a_file_may_inherit_or_leave_empty()
 
 def test_the_schema_is_json():
     assert json.loads(json.dumps(schema())) == schema()
+
+
+def test_aliases_that_multiply_are_refused(tmp_path):
+    lines = ["a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
+    lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 12)]
+    path = tmp_path / "many.yaml"
+    path.write_text("\n".join(lines))
+    with pytest.raises(ConfigError, match=r"many\.yaml:5: a4: more than 20,000 values"):
+        load(path)
+
+
+def test_files_that_are_extended_twice_are_read_once(tmp_path):
+    (tmp_path / "0.yaml").write_text("extends: paper\n")
+    for n in range(1, 40):
+        (tmp_path / f"{n}.yaml").write_text(f"extends: [{n - 1}.yaml, {n - 1}.yaml]\n")
+    assert load(tmp_path / "39.yaml").sha256 == load("paper").sha256
+
+
+def test_a_chain_of_files_has_an_end(tmp_path):
+    (tmp_path / "0.yaml").write_text("extends: paper\n")
+    for n in range(1, 80):
+        (tmp_path / f"{n}.yaml").write_text(f"extends: {n - 1}.yaml\n")
+    with pytest.raises(ConfigError, match=r":1: extends: more than 50 files in all"):
+        load(tmp_path / "79.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("sensor: {beam: {power_mw: 2001-13-45}}", "c.yaml:1: sensor.beam.power_mw: not a value"),
+        (f"sensor: {{beam: {{power_mw: {'9' * 5000}}}}}", "sensor.beam.power_mw: not a value"),
+        ("sensor: {beam: {power_mw: [1, 2]}}", "must be one number, not a list"),
+        ("sensor: {psd: {a: {correction: {y_um: [1]}}}}", "must be 9 numbers"),
+        (f"# {'x' * 1_000_000}", "bytes, which no configuration is"),
+    ],
+)
+def test_values_that_are_none_are_named(tmp_path, text, says):
+    path = tmp_path / "c.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=says):
+        load(path)

@@ -127,6 +127,12 @@ def test_both_maps_name_every_folder():
                 assert f"facets/{folder.name})" in text, (page.name, folder.name)
 
 
+def test_the_glossary_explains_every_status():
+    text = (DOCS / "glossary.md").read_text()
+    for status in facets.Status:
+        assert f"| {status.label} |" in text, status
+
+
 def test_the_readme_is_short():
     assert len((ROOT / "README.md").read_text().splitlines()) <= 160
 

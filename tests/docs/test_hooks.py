@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import pytest
 from pages import DOCS, PAGES, ROOT, hook, name_of
 
+import facets
 from facets.config import shipped
 from facets.config.json_schema import document
 
@@ -76,6 +77,16 @@ def test_a_key_has_its_meaning_its_range_and_its_default():
     assert "| `power_mw` | laser power | a number above 0, up to 1000 mW | `0.3` |" in text
 
 
+def test_a_quick_command_is_run_when_the_pages_are_built():
+    text = REFERENCE.on_page_markdown("<!-- run: config list (first 2 lines) -->")
+    lines = text.splitlines()
+    assert lines[:2] == ["```console", "$ facets config list"]
+    assert lines[2].split(":")[0] in shipped()
+    assert lines[4:] == ["...", "```"]
+    with pytest.raises(RuntimeError, match="nowhere"):
+        REFERENCE.on_page_markdown("<!-- run: config show nowhere -->")
+
+
 def test_every_shipped_configuration_is_described():
     text = REFERENCE.configurations()
     for name in shipped():
@@ -109,3 +120,21 @@ def test_nothing_is_loaded_from_elsewhere():
     assert "font: false" in settings
     for file in (DOCS / "assets").iterdir():
         assert not re.search(r"https?:", file.read_text()), file
+
+
+def test_a_public_name_is_explained_once():
+    page = (DOCS / "api.md").read_text()
+    beyond = re.findall(r"^::: (\S+)$", page, flags=re.MULTILINE)
+    face = re.findall(r"^::: (\S+)$", REFERENCE.face(), flags=re.MULTILINE)
+    assert {name.split(".")[-1] for name in face} == set(facets.__all__)
+    assert set(beyond).isdisjoint(face)
+
+
+def test_a_docstring_shows_arguments_as_a_list_and_examples_as_code():
+    shown = hook("docstrings").shown(
+        "Solves.\n\nbeam: what is known,\nin mm.  power: in mW. Returns (n,).\n\n"
+        ">>> 1 + 1\n2\n\nReturns: no list."
+    )
+    assert "- `beam`: what is known, in mm.\n- `power`: in mW.\n- Returns (n,)." in shown
+    assert "```pycon\n>>> 1 + 1\n2\n```" in shown
+    assert shown.endswith("Returns: no list.")

@@ -67,6 +67,61 @@ def test_what_spreadsheets_make_of_csv(tmp_path, raw):
     assert columns["b"].tolist() == [2]
 
 
+def test_tabs_and_quotes_round_numbers_are_read(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text('"a"\t"b"\n"1.5"\t2\n3\t"-4e1"\n5\t"x"\n')
+    columns, _, bad = read(path)
+    assert columns["a"][:2].tolist() == [1.5, 3]
+    assert columns["b"][:2].tolist() == [2, -40]
+    assert bad == [4]
+
+
+@pytest.mark.parametrize(
+    ("raw", "says"),
+    [
+        ("a,b\n1,2\n".encode("utf-16"), "is UTF-16 text; save it as UTF-8"),
+        (b"PK\x03\x04 and more", "a spreadsheet or an archive"),
+        (b"PAR1 and more", "is a Parquet table; name it .parquet"),
+        (b"a,b\n12:00:01,2\n12:00:02,3\n", r"t\.csv:2: column a holds '12:00:01', not a number"),
+        (b"a;b\n1,5;2\n2,5;3\n", "column a holds '1,5', not a number; write decimals after a p"),
+    ],
+)
+def test_what_is_no_table_of_numbers_is_named(tmp_path, raw, says):
+    path = tmp_path / "t.csv"
+    path.write_bytes(raw)
+    with pytest.raises(InputError, match=says):
+        read(path)
+
+
+def test_a_column_with_some_numbers_is_one_of_numbers(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("a,b\nx,1\n2,2\n")
+    assert read(path)[2] == [2]
+
+
+def test_a_folder_is_no_table(tmp_path):
+    with pytest.raises(InputError, match="is a folder, not a table"):
+        read(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("column", "says"),
+    [
+        ([[1.0], [2.0]], "column a holds list"),
+        (np.arange(2).astype("datetime64[s]"), "column a holds timestamp"),
+        (["1", "2"], "column a holds string"),
+    ],
+)
+def test_a_parquet_column_that_holds_no_numbers_is_named(tmp_path, column, says):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path = tmp_path / "t.parquet"
+    pq.write_table(pa.table({"a": column, "b": [1.0, 2.0]}), path)
+    with pytest.raises(InputError, match=says):
+        read(path)
+
+
 def test_garbage_bytes_are_broken_rows(tmp_path):
     path = tmp_path / "t.csv"
     path.write_bytes(b"a,b\n1,2\n\xff\xfe\x00,3\n4,5\n")
@@ -145,3 +200,53 @@ def test_existing_files_are_kept_unless_forced(tmp_path):
     with pytest.raises(OutputError, match="exists already; --force"):
         tables.refuse_to_overwrite([path], force=False)
     tables.refuse_to_overwrite([path], force=True)
+
+
+def test_a_place_that_can_not_be_written_is_refused_before_the_work(tmp_path):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "folder").mkdir()
+    for path, says in (
+        (tmp_path / "file" / "t.csv", "is a file; the results need a folder"),
+        (tmp_path / "folder", "is a folder; name a file"),
+        (tmp_path / ("n" * 300), "File name too long"),
+        (tmp_path / ("n" * 300) / "t.csv", "File name too long"),
+    ):
+        with pytest.raises(OutputError, match=says):
+            tables.refuse_to_overwrite([path], force=True)
+    tables.refuse_to_overwrite([tmp_path / "a" / "b" / "t.csv"], force=False)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder"]
+
+
+@pytest.mark.parametrize(
+    ("name", "half", "whole"),
+    [
+        ("t.gltf", b'{"a": [1, 2', b'{"a": [1, 2]}'),
+        ("t.svg", b"<svg><path", b"<svg></svg>\n"),
+        ("t.html", b"<html><body>", b"<html></html>\n"),
+        ("t.gif", b"GIF89a...", b"GIF89a...;"),
+        ("t.mp4", b"\0\0\0\x0cftypisom\0\0\0\x20mdat", b"\0\0\0\x0cftypisom\0\0\0\x08moov"),
+        ("t.png", b"\x89PNG", b"\x89PNG\0\0\0\0IEND\xaeB`\x82"),
+    ],
+)
+def test_a_file_that_was_cut_off_does_not_get_its_name(tmp_path, name, half, whole):
+    path = tmp_path / name
+
+    def write(data):
+        with tables.Whole(path) as temporary:
+            temporary.write_bytes(data)
+
+    with pytest.raises(OutputError, match="it was cut off; is the disk full"):
+        write(half)
+    assert list(tmp_path.iterdir()) == []
+    write(whole)
+    assert path.read_bytes() == whole
+
+
+def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
+    import os
+
+    path, seen = tmp_path / "t.csv", []
+    monkeypatch.setattr(os, "fsync", lambda handle: seen.append(path.exists()))
+    with tables.Whole(path) as temporary:
+        temporary.write_text("a\n")
+    assert seen == [False, True]  # the file, then the folder that has its name

@@ -40,7 +40,8 @@ VALUES = (
 )  # fmt: skip
 #: Pieces of text that can go anywhere.
 PIECES = (
-    "\t", ":", "- ", "{", "}", "[", "]", "&x ", "*x", "!", "#", "'", '"', "\n", "  ", "\x00", "\x85",
+    "\t", ":", "- ", "{", "}", "[", "]", "&x ", "*x", "!", "#", "'", '"', "\n", "  ", "\x00",
+    "\x85",
     "é", "<<: *x", "? ", "|", ">", "%YAML 1.1\n", "---\n", "...\n", "extends: paper\n",
     "extends: [paper, rig]\n", "extends: nowhere\n", "sensor: ~\n", "motions: 3\n",
 )  # fmt: skip
@@ -208,45 +209,121 @@ def as_parquet(rng: Rng, path: Path, table: dict[str, np.ndarray], name: str) ->
 # --- arguments ----------------------------------------------------------------------------------
 
 #: Each is refused, or finds nothing, in every case. FILE is a file, DIR a folder with something in.
-ARGUMENTS = (
-    "simulate", "simulate nowhere", "simulate paper --motion jump", "simulate paper --seed -1",
-    "simulate paper -o FILE", "simulate paper -o FILE/x", "simulate paper -o LONG",
-    "simulate paper --table xls", "simulate paper --plot bmp", "simulate paper extra",
-    "simulate DIR", "simulate FILE", "simulate ''",
-    "solve", "solve paper", "solve paper none.csv", "solve paper none.csv -o out.csv",
-    "solve paper DIR -o out.csv", "solve paper FILE -o out.csv", "solve paper t.csv -o DIR",
-    "solve paper t.csv -o out.txt", "solve paper t.csv -o FILE/out.csv",
-    "solve paper t.csv -o t.csv --force", "solve paper t.csv -o LONG.csv",
-    "solve paper t.csv -o out.csv --beam fixed", "solve paper t.csv -o out.csv --method newton",
-    "solve paper t.csv -o out.csv --method paper --beam known",
-    "range-map paper --axes tx", "range-map paper --axes tx,tx", "range-map paper --axes tx,up",
-    "range-map paper --at tz_mm=high", "range-map paper --at tz_mm=nan", "range-map paper --at =",
-    "range-map paper --at tx_mm=3", "range-map paper --at tz_mm=1e300", "range-map paper --grid -1",
-    "range-map paper -o FILE", "range-map paper -o LONG", "range-map paper --inside up",
-    "resolution nowhere", "resolution paper -o FILE", "resolution paper --plot x",
-    "jacobian paper --box tx_mm=1e6", "jacobian paper --box tx_mm=nan", "jacobian paper --box x=1",
-    "jacobian paper --box tx_mm=-1", "jacobian paper --box tx_mm=5:1", "jacobian paper --box ''",
-    "jacobian paper --box tx_mm=1:2:3", "jacobian paper --left-out phi", "jacobian paper --states 0",
-    "jacobian paper --states 100000000000", "jacobian paper --states 1e3", "jacobian paper -o FILE",
-    "jacobian paper --limit 0", "jacobian paper --threads -1",
-    "explore paper", "explore layout --designs 1", "explore layout --designs 0",
-    "explore layout --objective cost", "explore layout -o FILE", "explore layout -o LONG",
-    "explore layout --sampling random", "explore layout --scheduler tcp://127.0.0.1:1 -o out",
-    "optimize layout -o out.txt", "optimize layout -o FILE/out.yaml", "optimize layout -o LONG.yaml",
-    "optimize nowhere", "optimize layout --plot x",
-    "render paper -o out.bmp", "render paper -o out.mp4", "render paper --at tx_mm=x",
-    "render paper --motion jump -o out.mp4", "render paper --width 5", "render paper --frames 1",
-    "render paper --spots --plan", "render paper --spots -o out.gltf", "render paper -o FILE/x.png",
-    "render paper --recording none -o out.mp4", "render paper --view top", "render paper -o LONG.png",
-    "calibrate paper", "calibrate paper none.csv", "calibrate paper t.csv -o out.txt",
-    "calibrate paper DIR -o out.yaml", "calibrate paper t.csv -o out.yaml", "calibrate nowhere t.csv",
-    "replay none", "replay FILE", "replay DIR", "recover none", "recover FILE", "recover DIR",
-    "reproduce nothing", "reproduce table1 -o FILE", "reproduce table1 -o LONG",
-    "bench -o FILE", "bench --seed -1", "config check nowhere", "config check DIR", "config check",
-    "config check FILE paper", "config show", "config show nowhere", "config show FILE", "config x",
-    "nothing", "--nothing", "simulate --tracking paper -x", "config schema x", "emulate nowhere",
-    "emulate bench --motion jump", "acquire nowhere",
-)  # fmt: skip
+ARGUMENTS = """\
+simulate
+simulate nowhere
+simulate paper --motion jump
+simulate paper --seed -1
+simulate paper -o FILE
+simulate paper -o FILE/x
+simulate paper -o LONG
+simulate paper --table xls
+simulate paper --plot bmp
+simulate paper extra
+simulate DIR
+simulate FILE
+simulate ''
+solve
+solve paper
+solve paper none.csv
+solve paper none.csv -o out.csv
+solve paper DIR -o out.csv
+solve paper FILE -o out.csv
+solve paper t.csv -o DIR
+solve paper t.csv -o out.txt
+solve paper t.csv -o FILE/out.csv
+solve paper t.csv -o t.csv --force
+solve paper t.csv -o LONG.csv
+solve paper t.csv -o out.csv --beam fixed
+solve paper t.csv -o out.csv --method newton
+solve paper t.csv -o out.csv --method paper --beam known
+range-map paper --axes tx
+range-map paper --axes tx,tx
+range-map paper --axes tx,up
+range-map paper --at tz_mm=high
+range-map paper --at tz_mm=nan
+range-map paper --at =
+range-map paper --at tx_mm=3
+range-map paper --at tz_mm=1e300
+range-map paper --grid -1
+range-map paper -o FILE
+range-map paper -o LONG
+range-map paper --inside up
+resolution nowhere
+resolution paper -o FILE
+resolution paper --plot x
+jacobian paper --box tx_mm=1e6
+jacobian paper --box tx_mm=nan
+jacobian paper --box x=1
+jacobian paper --box tx_mm=-1
+jacobian paper --box tx_mm=5:1
+jacobian paper --box ''
+jacobian paper --box tx_mm=1:2:3
+jacobian paper --left-out phi
+jacobian paper --states 0
+jacobian paper --states 100000000000
+jacobian paper --states 1e3
+jacobian paper -o FILE
+jacobian paper --limit 0
+jacobian paper --threads -1
+explore paper
+explore layout --designs 1
+explore layout --designs 0
+explore layout --objective cost
+explore layout -o FILE
+explore layout -o LONG
+explore layout --sampling random
+explore layout --scheduler tcp://127.0.0.1:1 -o out
+optimize layout -o out.txt
+optimize layout -o FILE/out.yaml
+optimize layout -o LONG.yaml
+optimize nowhere
+optimize layout --plot x
+render paper -o out.bmp
+render paper -o out.mp4
+render paper --at tx_mm=x
+render paper --motion jump -o out.mp4
+render paper --width 5
+render paper --frames 1
+render paper --spots --plan
+render paper --spots -o out.gltf
+render paper -o FILE/x.png
+render paper --recording none -o out.mp4
+render paper --view top
+render paper -o LONG.png
+calibrate paper
+calibrate paper none.csv
+calibrate paper t.csv -o out.txt
+calibrate paper DIR -o out.yaml
+calibrate paper t.csv -o out.yaml
+calibrate nowhere t.csv
+replay none
+replay FILE
+replay DIR
+recover none
+recover FILE
+recover DIR
+reproduce nothing
+reproduce table1 -o FILE
+reproduce table1 -o LONG
+bench -o FILE
+bench --seed -1
+config check nowhere
+config check DIR
+config check
+config check FILE paper
+config show
+config show nowhere
+config show FILE
+config x
+nothing
+--nothing
+simulate --tracking paper -x
+config schema x
+emulate nowhere
+emulate bench --motion jump
+acquire nowhere
+""".splitlines()
 
 
 def bad_arguments(rng: Rng, folder: Path, number: int) -> Case:

@@ -21,7 +21,7 @@ class Bench:
 
     strips: width lost along edges ca, ab, bc, mm.  depths: of the roll-off at the first and second
     edge of each facet, mm, linear over `width` (mm), counted on the facet.  tip: radius of a flat
-    disc at the apex, mm.  reflect: share reflected, of (ray direction, normal).
+    disc at the apex, mm.
     """
 
     curvature: np.ndarray = field(default_factory=lambda: np.zeros((2, 2)))
@@ -45,15 +45,9 @@ def rays(at: oracle.Setup, bench: Bench, x: np.ndarray) -> tuple[np.ndarray, np.
     return start, aim / np.linalg.norm(aim, axis=1, keepdims=True)
 
 
-def edge_in_space(at: oracle.Setup, first: int, second: int) -> np.ndarray:
-    along = np.linalg.svd(at.normals[[first, second]])[2][2]
-    third = 3 - first - second
-    return along if along @ at.normals[third] > 0 else -along
-
-
 def down_edge(at: oracle.Setup, first: int, second: int) -> np.ndarray:
     """From the apex down the edge of two facets, a unit vector."""
-    along = edge_in_space(at, first, second)
+    along = np.linalg.svd(at.normals[[first, second]])[2][2]
     return along if along @ at.down > 0 else -along
 
 
@@ -64,52 +58,88 @@ def bands(breaks: list, far: float) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
 
 
-def by_rays(sensor: Sensor, state: np.ndarray, bench: Bench) -> np.ndarray:
-    """Nine readings, without diffraction and background."""
-    at = oracle.setup(sensor, state)
-    reading = np.empty(9)
-    apex = origin_of(at, bench, at.apex)
-    sigma = at.sigmas.max()
-    far = np.hypot(*apex) + 9.5 * sigma
-    for k in range(3):
-        first, second = down_edge(at, (k + 2) % 3, k), down_edge(at, k, (k + 1) % 3)
-        u = [origin_of(at, bench, at.apex + sigma * e) - apex for e in (first, second)]
-        u = [v / np.hypot(*v) for v in u]
-        inward = [np.cross(at.normals[k], first), np.cross(second, at.normals[k])]
-        edges = [k, (k + 1) % 3]
-        spread = abs(u[0][0] * u[1][1] - u[0][1] * u[1][0])
-        # by how much a step along one edge leads away from the other, on the facet
-        away = []
-        for own, other in ((0, 1), (1, 0)):
-            start, aim = rays(at, bench, (apex + 1e-3 * u[other])[None])
-            reach = ((at.apex - start) @ at.normals[k]) / (aim @ at.normals[k])
-            away.append(float((start + reach[:, None] * aim - at.apex)[0] @ inward[own]) / 1e-3)
-        breaks = [[bench.strips[edges[i]] / 2 / away[i], bench.width / away[i]] for i in (0, 1)]
-        s, ws = bands(breaks[1], far / spread)
-        t, wt = bands(breaks[0], far / spread)
-        x = (apex + s[:, None, None] * u[0] + t[None, :, None] * u[1]).reshape(-1, 2)
-        share = np.outer(ws, wt).ravel() * spread / np.prod(at.sigmas) / (2 * np.pi)
-        share = share * np.exp(-((x / at.sigmas) ** 2).sum(axis=1) / 2)
-        start, aim = rays(at, bench, x)
-        normal = np.repeat(at.normals[k][None], len(x), axis=0)
-        reach = ((at.apex - start) @ at.normals[k]) / (aim @ at.normals[k])
-        hits = start + reach[:, None] * aim
+class Side:
+    """Facet k at a state: its edges in space and as the light sees them, mm across the beam."""
+
+    def __init__(self, at: oracle.Setup, bench: Bench, k: int):
+        self.at, self.bench, self.k = at, bench, k
+        self.normal = at.normals[k]
+        self.apex = origin_of(at, bench, at.apex)
+        self.along = [down_edge(at, (k + 2) % 3, k), down_edge(at, k, (k + 1) % 3)]
+        self.inward = [np.cross(self.normal, self.along[0]), np.cross(self.along[1], self.normal)]
+        sigma = at.sigmas.max()
+        ends = [origin_of(at, bench, at.apex + sigma * e) - self.apex for e in self.along]
+        self.seen = [v / np.hypot(*v) for v in ends]
+        self.spread = abs(np.cross([*self.seen[0], 0], [*self.seen[1], 0])[2])
+
+    def density(self, x: np.ndarray) -> np.ndarray:
+        sigmas = self.at.sigmas
+        return np.exp(-((x / sigmas) ** 2).sum(axis=1) / 2) / np.prod(sigmas) / (2 * np.pi)
+
+    def hits(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        start, aim = rays(self.at, self.bench, x)
+        reach = ((self.at.apex - start) @ self.normal) / (aim @ self.normal)
+        return start + reach[:, None] * aim, aim
+
+    def leads_away(self, own: int) -> float:
+        """By how much a step along the other edge leads away from this one, on the facet."""
+        hit, _ = self.hits((self.apex + 1e-3 * self.seen[1 - own])[None])
+        return float((hit - self.at.apex)[0] @ self.inward[own]) / 1e-3
+
+    def nodes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Places and shares over the whole facet, in bands along its edges."""
+        strips = [self.bench.strips[(self.k + i) % 3] / 2 for i in (0, 1)]
+        breaks = [[w / self.leads_away(i) for w in (strips[i], self.bench.width)] for i in (0, 1)]
+        far = (np.hypot(*self.apex) + 9.5 * self.at.sigmas.max()) / self.spread
+        s, ws = bands(breaks[1], far)
+        t, wt = bands(breaks[0], far)
+        x = self.apex + s[:, None, None] * self.seen[0] + t[None, :, None] * self.seen[1]
+        x = x.reshape(-1, 2)
+        return x, np.outer(ws, wt).ravel() * self.spread * self.density(x)
+
+    def tip(self) -> tuple[np.ndarray, np.ndarray]:
+        """Places and (negative) shares over this facet's part of the flat disc at the apex."""
+        axis = np.linalg.solve(self.at.normals, np.ones(3))
+        axis /= np.linalg.norm(axis)
+        first, last = (e - (e @ axis) * axis for e in self.along)
+        first, last = first / np.linalg.norm(first), last / np.linalg.norm(last)
+        beside = np.cross(axis, first)
+        opening = np.arctan2(last @ beside, last @ first) % (2 * np.pi)
+        r, wr = oracle.panels(0, self.bench.tip, 1)
+        angle, wa = oracle.panels(0, opening, 1)
+        unit = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * beside
+        points = (self.at.apex + r[:, None, None] * unit).reshape(-1, 3)
+        x = np.array([origin_of(self.at, self.bench, point) for point in points])
+        area = np.outer(wr * r, wa).ravel() * abs(axis @ self.at.down)
+        return x, -area * self.density(x)
+
+    def trace(self, x: np.ndarray, share: np.ndarray) -> np.ndarray:
+        """Sums of the rays' shares, times psi, zeta and 1."""
+        bench, hits_and_aim = self.bench, self.hits(x)
+        hits, aim = hits_and_aim
+        normal = np.repeat(self.normal[None], len(x), axis=0)
         for i in (0, 1):
-            depth = (hits - at.apex) @ inward[i]
-            share = np.where(depth < bench.strips[edges[i]] / 2, 0.0, share)
-            slope = np.where(depth < bench.width, bench.depths[k][i] / bench.width, 0.0)
-            normal = normal - slope[:, None] * inward[i]
-        if bench.tip:
-            axis = -np.linalg.solve(at.normals, -np.ones(3))
-            axis /= np.linalg.norm(axis)
-            beside = hits - at.apex
-            beside = beside - np.outer(beside @ axis, axis)
-            share = np.where(np.linalg.norm(beside, axis=1) < bench.tip, 0.0, share)
+            depth = (hits - self.at.apex) @ self.inward[i]
+            share = np.where(depth < bench.strips[(self.k + i) % 3] / 2, 0.0, share)
+            slope = np.where(depth < bench.width, bench.depths[self.k][i] / bench.width, 0.0)
+            normal = normal - slope[:, None] * self.inward[i]
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         leaving = aim - 2 * (aim * normal).sum(axis=1, keepdims=True) * normal
-        place, axes = at.detectors[k]
+        place, axes = self.at.detectors[self.k]
         flight = ((place - hits) @ axes[:, 0]) / (leaving @ axes[:, 0])
         spots = (hits + flight[:, None] * leaving - place) @ axes[:, 1:]
-        reading[3 * k : 3 * k + 2] = share @ spots / share.sum()
-        reading[3 * k + 2] = at.power * share.sum()
+        return np.array([*(share @ spots), share.sum()])
+
+
+def by_rays(sensor: Sensor, state: np.ndarray, bench: Bench) -> np.ndarray:
+    """Nine readings, without diffraction, a coating and other light."""
+    at = oracle.setup(sensor, state)
+    reading = np.empty(9)
+    for k in range(3):
+        side = Side(at, bench, k)
+        sums = side.trace(*side.nodes())
+        if bench.tip:
+            sums = sums + side.trace(*side.tip())
+        reading[3 * k : 3 * k + 2] = sums[:2] / sums[2]
+        reading[3 * k + 2] = at.power * sums[2]
     return reading

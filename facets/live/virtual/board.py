@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...detectors.correction import uncorrected
 from ...detectors.counts import counts_of, xy_sum_of
 from ...model.arrays import on_detectors
-from ...simulation.imperfect_optics import seen
+from ...simulation.imperfect_optics import seen_late
 from ..frames import ELECTRODES, OVERRUN, XY_SUM, Samples, encode
 from ..frames import SATURATED as FULL
 from .faults import Schedule
@@ -94,7 +94,7 @@ class Board:
     def sample(self, states: Floats, seq: NDArray[np.uint32], now: float) -> Samples:
         """What the board makes of the light: counts, with its own numbers and times."""
         sensor, electronics = self.config.sensor, self.config.electronics
-        exact = uncorrected(sensor, seen(sensor, states))
+        exact = uncorrected(sensor, seen_late(sensor, seq / self.rate, states, states))
         dark = ~np.repeat(on_detectors(sensor, exact), 3, axis=1)
         exact[:, 2::3] = np.where(dark[:, 2::3], 0.0, exact[:, 2::3])
         if self.schedule.is_on("block", now):

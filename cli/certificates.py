@@ -1,0 +1,257 @@
+"""What `facets jacobian --certify` proves, in words that are no stronger than what was proved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import floor, log10
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from facets.characterization.ambiguity import PairSearch
+    from facets.characterization.state_box import StateBox
+    from facets.config import Config
+    from facets.core.units import Floats
+    from facets.proof.range_cover import RangeCover
+    from facets.proof.tolerances import Tolerances
+    from facets.proof.uniqueness import Certificate, Piece
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What is to be proved: of which sensors and which states.
+
+    least_share: of the light, on each facet; None for the least anywhere in the box with its
+    offsets.  whole_range: whether the box is to hold every pose that keeps the rules.
+    weakest: the weakest state that a search found, from where to look for a counterexample.
+    """
+
+    settings: Config
+    box: StateBox
+    least_share: float | None
+    whole_range: bool
+    tolerances: Tolerances | None
+    weakest: Floats | None
+
+    @property
+    def off(self) -> tuple[float, ...] | None:
+        return None if self.tolerances is None else self.tolerances.values
+
+
+def claim_for(
+    settings: Config,
+    box: StateBox,
+    least_share: float | None,
+    factor: float | None,
+    weakest: Floats | None,
+) -> Claim:
+    """factor: of the standard uncertainties that are allowed for; None for the sensor as it is."""
+    from facets.characterization.state_box import least_share as share_by_rules
+    from facets.proof.tolerances import tolerances_of
+
+    known = None if factor is None else tolerances_of(settings, factor)
+    whole = least_share is not None
+    if whole and known is not None:
+        least_share = share_by_rules(settings.sensor, settings.range, known.values[0])
+    return Claim(settings, box, least_share, whole, known, weakest)
+
+
+def prove(
+    claim: Claim, limit: float, reach: bool, file: Path, about: dict[str, str]
+) -> dict[str, Any]:
+    """Proves, says what, and writes the certificate; what the record says of it."""
+    from facets.proof.certificate import write_certificate
+
+    settings = claim.settings
+    found, cover = certify_range(claim, limit)
+    write_certificate(file, settings.sensor, found, about, settings.resolved, cover)
+    pair = None if found.unique or not found.share else look_for_pair(claim, found)
+    for line in [*describe_set(claim, found, cover), *verdict(found, pair)]:
+        typer.echo(line)
+    results = {
+        "outcome": outcome(found, pair),
+        "regular": found.regular,
+        "unique": found.unique,
+        "margin": found.margin,
+        "holds_whole_range": cover is not None,
+    }
+    if reach and found.unique:
+        results["reach"] = prove_reach(claim, found, file, about)
+    return results
+
+
+def certify_range(claim: Claim, limit: float) -> tuple[Certificate, RangeCover | None]:
+    """The whole range, where it can be; else the box that was given."""
+    from facets.characterization.state_box import box_of_poses
+    from facets.proof.range_cover import cover_range
+
+    sensor, share = claim.settings.sensor, claim.least_share
+    cover = None
+    if claim.whole_range and share is not None:
+        cover = cover_range(sensor, claim.settings.range, share, claim.off)
+    if cover is not None:
+        found = certify_box(replace(claim, box=box_of_poses(cover.low, cover.high)), limit)
+        if found.unique:
+            return found, cover
+    return certify_box(claim, limit), None
+
+
+def certify_box(claim: Claim, limit: float) -> Certificate:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from facets.proof.uniqueness import certify
+
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("proving", total=1.0)
+
+        def tell(done: float) -> None:
+            progress.update(task, completed=done)
+
+        sensor, share = claim.settings.sensor, claim.least_share
+        return certify(sensor, claim.box, share, limit, tell, claim.off)
+
+
+def look_for_pair(claim: Claim, found: Certificate) -> PairSearch | None:
+    """Two states of the set with equal readings, from the weakest state that is known."""
+    from facets.characterization.ambiguity import find_pair_in_box
+
+    if claim.weakest is None:
+        return None
+    return find_pair_in_box(claim.settings.sensor, found.box, found.share, claim.weakest)
+
+
+def prove_reach(claim: Claim, found: Certificate, file: Path, about: dict[str, str]) -> float:
+    """How much larger a box of poses is proved too; its certificate beside the other."""
+    from facets.proof.certificate import write_certificate
+    from facets.proof.reach import FARTHEST, find_reach
+
+    settings = claim.settings
+    factor, larger = find_reach(settings.sensor, found.box, found.share, claim.off)
+    if larger is None:
+        typer.echo("no larger box of poses is proved, down to one 5 per cent larger")
+        return factor
+    beside = reach_file(file)
+    write_certificate(beside, settings.sensor, larger, about, settings.resolved)
+    typer.echo(
+        f"proved too: a box of poses {rounded_down(factor)} times as large about zero, with the"
+        f" same least light"
+        + (", the largest that is tried" if factor >= FARTHEST else "; a larger one may be too")
+        + f" ({beside.name})"
+    )
+    return factor
+
+
+def reach_file(file: Path) -> Path:
+    return file.with_name(f"{file.stem}-reach{file.suffix}")
+
+
+def rounded_down(value: float, digits: int = 3) -> str:
+    """A bound from below, of so many digits, that stays one."""
+    if not value > 0:
+        return "0"
+    place = floor(log10(value)) - digits + 1
+    return f"{floor(value / 10.0**place * (1 - 1e-12)) * 10.0**place:.{digits}g}"
+
+
+def describe_set(claim: Claim, found: Certificate, cover: RangeCover | None) -> list[str]:
+    """Which states the certificate is about, and what it takes for granted."""
+    from facets.characterization.state_box import COLUMNS, UNITS
+    from facets.core.sensor import Imperfections
+
+    power = 1000 * found.share * claim.settings.sensor.beam.power
+    lines = [f"taken: every state with at least {power:.4g} µW on each detector and its pose in"]
+    for name, unit, low, high in zip(COLUMNS, UNITS, found.box.low, found.box.high, strict=True):
+        if not name.startswith("offset"):
+            lines.append(f"  {name:<12} {low / unit:10.4g} to {high / unit:.4g}")
+    lines += describe_range(claim, cover)
+    lines.append(
+        "  of the model that poses are solved with: collimated light, flat facets, no other light\n"
+        "  and nothing that cuts it; that every facet faces the beam and every sub-beam meets its\n"
+        "  detector's plane is part of what is proved"
+    )
+    if claim.settings.sensor.imperfections != Imperfections():
+        lines.append(
+            "  sensor.imperfections is no part of it: the solver does not know them either"
+        )
+    if claim.tolerances is not None:
+        exact = ", ".join(claim.tolerances.exact) or "none"
+        left_out = ", ".join(claim.tolerances.left_out) or "none"
+        lines.append(
+            f"  and of every sensor within the tolerances of {claim.tolerances.source};\n"
+            f"  taken as exact: {exact}\n  not allowed for: {left_out}"
+        )
+    lines.append(f"  {len(found.pieces)} pieces proved, {found.seconds:.1f} s")
+    return lines
+
+
+def describe_range(claim: Claim, cover: RangeCover | None) -> list[str]:
+    if cover is not None:
+        x, y, z, roll, pitch, yaw = cover.farthest
+        return [
+            "  which holds, proved by intervals, every pose that keeps the rules of the range for\n"
+            f"  any place of the beam, of those within {x:g}, {y:g}, {z:g} mm and"
+            f" {1e3 * roll:g}, {1e3 * pitch:g}, {1e3 * yaw:g} mrad"
+        ]
+    if claim.whole_range:
+        return [
+            "  which are the ranges of the axes, each with the others at rest: where several axes\n"
+            "  move together, some poses that keep the rules of the range lie outside of it"
+        ]
+    return []
+
+
+def outcome(found: Certificate, pair: PairSearch | None) -> str:
+    """One of "proved", "counterexample" and "undecided"."""
+    if found.unique:
+        return "proved"
+    return "counterexample" if pair is not None and pair.outside == 0 else "undecided"
+
+
+def verdict(found: Certificate, pair: PairSearch | None) -> list[str]:
+    lines = []
+    if found.regular:
+        bound = rounded_down(found.at_least)
+        lines.append(
+            f"proved: none is singular; |Eq. (11)| is {bound} or more (mm, mW, rad), a bound"
+        )
+    if found.unique:
+        margin = rounded_down(found.margin)
+        lines.append(
+            f"proved: no two of them have the same readings; margin {margin} or more, of 1"
+        )
+        return lines
+    if found.regular:
+        lines.append("not proved: that no two of them have the same readings: the inequality fails,"
+                     f" its margin being {found.margin:.3g}")  # fmt: skip
+    else:
+        lines.append(f"not proved: {found.reason or 'some pieces were not done in the time given'}")
+        lines += [f"  not proved in {piece_text(piece)}" for piece in found.doubtful[:3]]
+    return lines + describe_pair(pair)
+
+
+def describe_pair(pair: PairSearch | None) -> list[str]:
+    from facets.core.names import STATE_COLUMNS, STATE_UNITS
+
+    if pair is None or pair.pair is None:
+        return ["undecided: no two states with the same readings were found, which proves nothing"]
+    if pair.outside > 0:
+        by = f"{pair.outside:.3g} of its half width, or of a power's logarithm"
+        lines = [f"undecided: the nearest two states with the same readings lie outside by {by}"]
+    else:
+        lines = ["counterexample, found by numbers: two states of it with the same readings"]
+    rows = zip(STATE_COLUMNS, STATE_UNITS, pair.pair.one, pair.pair.other, strict=True)
+    return lines + [f"  {n:<10} {a / unit:12.6g} {b / unit:12.6g}" for n, unit, a, b in rows]
+
+
+def piece_text(piece: Piece) -> str:
+    from facets.characterization.state_box import COLUMNS, UNITS
+
+    return ", ".join(
+        f"{name} {low / unit:.4g} to {high / unit:.4g}"
+        for name, unit, low, high in zip(COLUMNS, UNITS, piece.low, piece.high, strict=False)
+    )

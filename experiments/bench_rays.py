@@ -1,0 +1,252 @@
+"""Readings of a sensor on a bench, by rays: an oracle for calibrations that shares no optics.
+
+Every facet is covered by a net of points, Gauss nodes in the angle between its edges and in the
+distance from its apex. Through each point goes the ray of a beam with an elliptical cross-section
+and a curved wavefront; it is reflected at the surface as it is there, rolled off towards the edges,
+with a metal's reflectance for the light's polarisation, and lands on the detector's plane. What the
+strips along the edges lose is left out of the net. Diffraction at the edges is added by its closed
+form (two terms for each edge), since rays know none; background light is added last.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facets.core.sensor import Psd, Sensor
+
+Floats = NDArray[np.float64]
+
+#: Nodes between the edges and away from the apex; how far the net goes, in the beam's sigmas.
+ANGLES, DISTANCES, REACH = 40, 48, 6.0
+
+
+class Bench(NamedTuple):
+    """What of the light the nominal model does not know.
+
+    covariance: of the irradiance (2, 2), mm^2.  curvature: of the wavefront (2, 2), 1/mm.
+    wavelength: mm.  metal: its complex index, None for one that reflects all.  polarisation: rad.
+    strips: mm, of edges 0 to 2.
+    depth, width: of the roll-off at each facet's two edges (3, 2) mm, and its decay, mm.
+    background: (3, 3) power and place, mW and mm.
+    """
+
+    covariance: Floats
+    curvature: Floats
+    wavelength: float
+    metal: complex | None
+    polarisation: float
+    strips: Floats
+    depth: Floats
+    width: float
+    background: Floats
+
+
+def about(axis: int, angle: Floats | float) -> Floats:
+    """Rotations (..., 3, 3) about x, y or z."""
+    angle = np.asarray(angle, dtype=float)
+    c, s = np.cos(angle), np.sin(angle)
+    out = np.zeros((*angle.shape, 3, 3))
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    out[..., axis, axis] = 1
+    out[..., i, i] = out[..., j, j] = c
+    out[..., i, j], out[..., j, i] = -s, s
+    return out
+
+
+def unit(vectors: Floats) -> Floats:
+    size: Floats = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return size
+
+
+def plane(psd: Psd) -> tuple[Floats, Floats]:
+    """A detector's centre (3,), and its axes by rows (3, 3)."""
+    centre = np.array([psd.radius * np.cos(psd.azimuth), psd.radius * np.sin(psd.azimuth),
+                       psd.height])  # fmt: skip
+    turn = about(2, psd.azimuth + psd.yaw) @ about(1, psd.pitch) @ about(0, psd.roll)
+    return centre, turn.T
+
+
+def landed(start: Floats, along: Floats, psd: Psd) -> tuple[Floats, Floats]:
+    """Where rays meet a detector's plane (..., 2), and after which path (...)."""
+    centre, (x, y, z) = plane(psd)
+    path = ((centre - start) @ x) / (along @ x)
+    beside = start + path[..., None] * along - centre
+    return np.stack([beside @ y, beside @ z], axis=-1), path
+
+
+def reflectance(cosine: Floats, index: complex) -> tuple[Floats, Floats]:
+    """Of s and p light at a metal."""
+    inner = np.sqrt(index**2 - 1 + cosine**2)
+    s = (cosine - inner) / (cosine + inner)
+    p = (index**2 * cosine - inner) / (index**2 * cosine + inner)
+    return np.abs(s) ** 2, np.abs(p) ** 2
+
+
+class Beam(NamedTuple):
+    """Its direction and the axes of its cross-section, in the world."""
+
+    along: Floats
+    x: Floats
+    y: Floats
+
+    @classmethod
+    def of(cls, sensor: Sensor) -> Beam:
+        turn = about(1, sensor.beam.tilt_y) @ about(0, sensor.beam.tilt_x)
+        return cls(turn @ [0.0, 0.0, -1.0], turn @ [1.0, 0.0, 0.0], turn @ [0.0, 1.0, 0.0])
+
+
+def edges_of(normals: Floats) -> Floats:
+    """Unit vectors (3, 3) down the edges; edge k is where facet k begins."""
+    found = unit(np.cross(normals[[2, 0, 1]], normals))
+    return found * -np.sign(found[:, 2:])
+
+
+def spots(sensor: Sensor, bench: Bench, state: Floats) -> Floats:
+    """Exact readings (n, 9) at states (n, 8)."""
+    normals = np.array([[np.sin(f.inclination) * np.cos(f.azimuth),
+                         np.sin(f.inclination) * np.sin(f.azimuth), np.cos(f.inclination)]
+                        for f in sensor.facets])  # fmt: skip
+    edges = edges_of(normals)
+    parts = [about(2 - i, state[:, 5 - i]) for i in range(3)]
+    turn = parts[0] @ parts[1] @ parts[2]
+    out = np.empty((len(state), 9))
+    for k in range(3):
+        out[:, 3 * k : 3 * k + 3] = facet(sensor, bench, state, turn, normals[k], edges, k)
+    return out
+
+
+def facet(
+    sensor: Sensor, bench: Bench, state: Floats, turn: Floats, normal: Floats, edges: Floats, k: int
+) -> Floats:
+    """Place and power (n, 3) of the light of one facet."""
+    beam, psd = Beam.of(sensor), sensor.psds[k]
+    points, area, distances = net(bench, normal, edges[k], edges[(k + 1) % 3], k)
+    world = state[:, None, :3] + points @ np.swapaxes(turn, 1, 2)
+    density, cosine, along = light(bench, beam, world, state, turn, normal)
+    weight = sensor.beam.power * density * area * share(bench, beam, cosine, turn @ normal)
+    tilted = normal - slope(bench, distances, normal, edges[k], edges[(k + 1) % 3], k)
+    surface = unit(tilted) @ np.swapaxes(turn, 1, 2)
+    leaving = along - 2 * (along * surface).sum(-1, keepdims=True) * surface
+    place, path = landed(world, leaving, psd)
+    power = weight.sum(axis=1)
+    centre = (weight[..., None] * place).sum(axis=1) / power[:, None]
+    if bench.wavelength:
+        for edge in (edges[k], edges[(k + 1) % 3]):
+            power, centre = diffracted(sensor, bench, beam, state, turn, normal, edge,
+                                       path.mean(axis=1), power, centre, k)  # fmt: skip
+    extra, at = bench.background[k, 0], bench.background[k, 1:]
+    whole = power + extra
+    return np.column_stack([(centre * power[:, None] + at * extra) / whole[:, None], whole])
+
+
+def net(
+    bench: Bench, normal: Floats, first: Floats, second: Floats, k: int
+) -> tuple[Floats, Floats, Floats]:
+    """Points of a facet (m, 3) in the mirror's frame, their areas, their distances from edges."""
+    inward = np.cross(normal, first), np.cross(second, normal)
+    angle = np.arccos(first @ second)
+    gaps = np.array([bench.strips[k], bench.strips[(k + 1) % 3]]) / 2
+    basis = np.array([first, inward[0]])
+    corner = np.linalg.solve(np.array([[basis[0] @ v, basis[1] @ v] for v in inward]), gaps)
+    nodes, weights = np.polynomial.legendre.leggauss(ANGLES)
+    turns, of_turns = angle * (nodes + 1) / 2, angle * weights / 2
+    nodes, weights = np.polynomial.legendre.leggauss(DISTANCES)
+    size = 2 * REACH * np.sqrt(np.trace(bench.covariance))
+    far, of_far = size * (nodes + 1) / 2, size * weights / 2
+    flat = np.stack([np.outer(far, np.cos(turns)), np.outer(far, np.sin(turns))], axis=-1)
+    points = (corner + flat.reshape(-1, 2)) @ basis
+    return points, np.outer(of_far * far, of_turns).ravel(), np.column_stack(
+        [points @ v for v in inward])  # fmt: skip
+
+
+def light(
+    bench: Bench, beam: Beam, world: Floats, state: Floats, turn: Floats, normal: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Of the rays through points: flux on the facet, cosine, direction."""
+    beside = world - np.pad(state[:, None, 6:], ((0, 0), (0, 0), (0, 1)))
+    depth = beside @ beam.along
+    matrix = np.eye(2) + depth[..., None, None] * bench.curvature
+    seen = np.stack([beside @ beam.x, beside @ beam.y], axis=-1)
+    across = np.linalg.solve(matrix, seen[..., None])[..., 0]
+    fan = across @ bench.curvature
+    along = beam.along + fan[..., :1] * beam.x + fan[..., 1:] * beam.y
+    facing = -np.einsum("nmi,ni->nm", along, turn @ normal)
+    inverse = np.linalg.inv(bench.covariance)
+    bell = np.exp(-np.einsum("nmi,ij,nmj->nm", across, inverse, across) / 2)
+    bell /= 2 * np.pi * np.sqrt(np.linalg.det(bench.covariance))
+    cosine = facing / np.linalg.norm(along, axis=-1)
+    return bell * facing / np.linalg.det(matrix), cosine, along
+
+
+def share(bench: Bench, beam: Beam, cosine: Floats, normal: Floats) -> Floats:
+    """How much of the light is reflected (n, m)."""
+    if bench.metal is None:
+        return np.ones_like(cosine)
+    field = np.cos(bench.polarisation) * beam.x + np.sin(bench.polarisation) * beam.y
+    upright = (unit(np.cross(beam.along, normal)) @ field) ** 2
+    s, p = reflectance(cosine, bench.metal)
+    mixed: Floats = upright[:, None] * s + (1 - upright[:, None]) * p
+    return mixed
+
+
+def slope(
+    bench: Bench, distances: Floats, normal: Floats, first: Floats, second: Floats, k: int
+) -> Floats:
+    """By how much the surface falls towards its edges (m, 3)."""
+    inward = np.array([np.cross(normal, first), np.cross(second, normal)])
+    fall = bench.depth[k] / bench.width * np.exp(-np.maximum(distances, 0) / bench.width)
+    found: Floats = fall @ inward
+    return found
+
+
+def diffracted(
+    sensor: Sensor, bench: Bench, beam: Beam, state: Floats, turn: Floats, normal: Floats,
+    edge: Floats, path: Floats, power: Floats, centre: Floats, k: int,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Power and place once one edge has spread its light past the detector's window."""
+    psd, world = sensor.psds[k], turn @ edge
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    far = 4 * REACH * np.sqrt(np.trace(bench.covariance))
+    along = far * (nodes + 1) / 2
+    points = state[:, None, :3] + along[:, None] * world[:, None]
+    seen = np.stack([points @ beam.x, points @ beam.y], axis=-1) - state[:, None, 6:]
+    inverse = np.linalg.inv(bench.covariance)
+    bell = np.exp(-np.einsum("nmi,ij,nmj->nm", seen, inverse, seen) / 2)
+    bell *= sensor.beam.power / (2 * np.pi * np.sqrt(np.linalg.det(bench.covariance)))
+    flat = np.stack([world @ beam.x, world @ beam.y], axis=-1)
+    stretch = np.linalg.norm(flat, axis=-1)
+    weight = bell * weights * far / 2
+    per_mm = weight.sum(axis=1) * stretch
+    middle = (weight * along).sum(axis=1) / weight.sum(axis=1)
+    surface = turn @ normal
+    on_edge = state[:, :3] + middle[:, None] * world
+    sideways = np.stack([-flat[:, 1], flat[:, 0]], axis=-1) / stretch[:, None]
+    step = sideways[:, :1] * beam.x + sideways[:, 1:] * beam.y
+    step -= ((step * surface).sum(-1) / (surface @ beam.along))[:, None] * beam.along
+    leaving = beam.along - 2 * (surface @ beam.along)[:, None] * surface
+    here, length = each_landed(on_edge, leaving, psd)
+    across = each_landed(on_edge + 1e-3 * step, leaving, psd)[0] - here
+    across /= 1e-3
+    ahead, behind = to_window(here, across, psd), to_window(here, -across, psd)
+    strength = bench.wavelength * length * per_mm / (4 * np.pi**2)
+    sums = 1 / ahead + 1 / behind
+    left = power - strength * sums
+    moved = (here - centre) * sums[:, None] + across * np.log(behind / ahead)[:, None]
+    return left, centre - strength[:, None] * moved / left[:, None]
+
+
+def each_landed(start: Floats, along: Floats, psd: Psd) -> tuple[Floats, Floats]:
+    place, path = landed(start, along, psd)
+    return place, path * np.linalg.norm(along, axis=-1)
+
+
+def to_window(place: Floats, along: Floats, psd: Psd) -> Floats:
+    """How many steps along it is to the edge of the sensitive area (n,)."""
+    half = np.array([psd.size_y, psd.size_z]) / 2
+    with np.errstate(divide="ignore"):
+        steps = np.where(along > 0, (half - place) / along, (-half - place) / along)
+    nearest: Floats = np.min(np.where(along == 0, np.inf, steps), axis=-1)
+    return nearest

@@ -1,0 +1,361 @@
+"""Which effects the data call for: each tried beside the plain fit, then taken or left.
+
+The normal equations at the fit, with a column for every candidate, say at once by how much
+chi-square would fall if a candidate were let in. The same sums, made without a fifth of the
+samples at a time, say how well what was found without them predicts them (cross-validation).
+A candidate is taken where both speak for it; then everything is fitted again, and so on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.sensor import DETECTORS, Sensor
+from .bundle_adjustment import Data, Normal, deviations, eliminated, linear, own_sigma
+from .fit import Fit, fit, prior_information
+from .table import bends
+from .unknowns import DELAY, EFFECTS, OF_DRIFT, PLACE, Choice, assigned, values_of
+
+if TYPE_CHECKING:
+    from ..core.settings import Calibrate
+
+Floats = NDArray[np.float64]
+
+#: Samples are left out by so many parts in turn.
+FOLDS = 5
+#: A candidate is taken where its fall of chi-square has at most this chance without it, and the
+#: cross-validated chi-square falls by this much at least.
+CHANCE, BETTER = 1e-4, 4.0
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """key: of `calibrate.effects`.  words: what it is.  sigma: its unknowns, known before.
+
+    beam: how far the beam moves from sample to sample, mm.  coated: it needs a coating in the
+    sensor to begin with.
+    """
+
+    key: str
+    words: str
+    sigma: dict[str, float]
+    beam: float = 0.0
+    coated: bool = False
+
+
+class Row(NamedTuple):
+    """What became of a candidate.  fall: of chi-square, beside what was taken before it.
+
+    error: the cross-validated error of a reading in standard deviations, with it.
+    taken: whether it is in the fit; why: in words.
+    """
+
+    key: str
+    words: str
+    unknowns: int
+    fall: float
+    error: float
+    taken: bool
+    why: str
+
+
+#: Sizes that the effects of light have on a bench, 1 sigma, in 1/mm, mm, mm^2, mW and rad.
+SIZES = {
+    "curvature": ("a wavefront that is not flat", {"light.curvature": 1e-3}),
+    "diffraction": ("diffraction at the facets' edges", {"light.wavelength": 1e-3}),
+    "rolloff": ("edges that are rolled off", {".rolloff": 3e-4}),
+    "strips": ("strips lost along the edges", {"strip_": 0.03}),
+    "tip": ("a tip worn flat", {"tip.area": 0.01}),
+    "background": ("background light on the detectors", {"background_": 3e-3}),
+    "coating": ("a coating's reflectance, and polarised light", {"light.polarization": 1.0}),
+}
+#: Aluminium at 633 nm, where a coating is tried that no key gives.
+ALUMINIUM = (1.37, 7.62)
+
+
+def candidates(sensor: Sensor, data: Data, settings: Calibrate) -> list[Candidate]:
+    """All that the model and the columns of the table allow to be tried."""
+    found = []
+    for key, (words, sizes) in SIZES.items():
+        sigma = {
+            name: 3.0 if name.startswith("background") and not name.endswith("power") else size
+            for part, size in sizes.items()
+            for name in EFFECTS
+            if part in name
+        }
+        if sigma and not sensor.apertures.cut:  # the model has one or the other
+            found.append(Candidate(key, words, sigma, coated=key == "coating"))
+    if "bend_um" not in settings.before:
+        sigma = {name: size for k in DETECTORS for name, size in bends(k, 0.03).items()}
+        found.append(Candidate("bend", "detectors bent in second and third order", sigma))
+    if data.velocity is not None:
+        found.append(Candidate("delay", "a reference that is late or early", {DELAY: 0.01}))
+    for n, (key, words) in enumerate(
+        (
+            ("time_drift", "beam and detectors that drift with time"),
+            ("temperature_drift", "beam and detectors that drift with temperature"),
+        )
+    ):
+        if data.clock is not None and np.ptp(data.clock[:, n]) > 0:
+            cause = key.partition("_")[0]
+            sizes = {f"{cause}.{what}": 0.005 for what in OF_DRIFT}
+            found.append(Candidate(key, words, sizes))
+    found.append(Candidate("beam_moves", "a beam that moves from sample to sample", {}, beam=0.01))
+    return [one for one in found if settings.effects.get(one.key, "auto") != "off"]
+
+
+def with_candidate(chosen: Choice, one: Candidate) -> Choice:
+    return replace(chosen.and_also(one.sigma), beam=max(chosen.beam, one.beam))
+
+
+def with_coating(sensor: Sensor) -> Sensor:
+    """A sensor whose facets are coated, with light that may be polarised."""
+    light = sensor.light
+    if light.index is not None and light.polarization is not None:
+        return sensor
+    index = light.index or ALUMINIUM
+    turn = np.pi / 4 if light.polarization is None else light.polarization
+    return replace(sensor, light=replace(light, index=index, polarization=turn))
+
+
+# ---- what each would bring, at the fit as it is
+
+
+class Sums(NamedTuple):
+    """Normal equations of each fifth of the samples, over all names of a choice.
+
+    matrix: (f, p, p), side: (f, p), level: (f,).  prior: (p, p), pull: (p,) its own side, before:
+    its own level.
+    """
+
+    names: tuple[str, ...]
+    matrix: Floats
+    side: Floats
+    level: Floats
+    prior: Floats
+    pull: Floats
+    before: float
+
+
+def sums(sensor: Sensor, data: Data, found: Fit, chosen: Choice) -> Sums:
+    """At the values of a fit, by all names of a wider choice."""
+    values = values_for(sensor, found)
+    at = assigned(sensor, values)
+    data = data._replace(noise=deviations(sensor, data))
+    parts: list[Normal] = []
+    for n in range(FOLDS):
+        rows = np.arange(n, len(data.raw), FOLDS)
+        part = data.part(rows)
+        there = linear(at, part, found.open[rows], values, chosen)
+        weights = np.sqrt(found.weights[rows])
+        parts.append(eliminated(there, weights, found.open[rows], own_sigma(part, chosen)))
+    prior = prior_information(chosen)
+    before = (values - values_of(sensor))[chosen.places]
+    return Sums(
+        chosen.names,
+        np.array([part.matrix for part in parts]),
+        np.array([part.side for part in parts]),
+        np.array([part.level for part in parts]),
+        prior,
+        -prior @ before,
+        float(before @ prior @ before),
+    )
+
+
+def expected(given: Sums, names: Iterable[str]) -> tuple[float, float]:
+    """With some of the names, as the linear model has them: chi-square after a step of these, and
+    cross-validated chi-square."""
+    at = np.array([given.names.index(name) for name in names])
+    square = np.ix_(at, at)
+    matrix, side = given.matrix.sum(axis=0)[square], given.side.sum(axis=0)[at]
+    side = side + given.pull[at]
+    prior = given.prior[square]
+    after = given.level.sum() + given.before - side @ np.linalg.solve(matrix + prior, side)
+    left = 0.0
+    for part, aim, level in zip(given.matrix, given.side, given.level, strict=True):
+        there, here = part[square], aim[at]
+        step = np.linalg.solve(matrix - there + prior, side - here)
+        left += level - 2 * here @ step + step @ there @ step
+    return float(after), float(left)
+
+
+def chance_of(fall: float, count: int) -> float:
+    """Of a fall at least as large where the candidate is nothing."""
+    from scipy.stats import chi2
+
+    return float(chi2.sf(max(fall, 0.0), count))
+
+
+def sensor_for(sensor: Sensor, one: Candidate) -> Sensor:
+    return with_coating(sensor) if one.coated else sensor
+
+
+def values_for(sensor: Sensor, found: Fit) -> Floats:
+    """Where a fit was, for a sensor that may have a coating since."""
+    every, nominal = found.every.copy(), values_of(sensor)
+    for name in ("coating.n", "coating.k", "light.polarization"):
+        if name in EFFECTS and name not in found.choice.names:
+            every[PLACE[name]] = nominal[PLACE[name]]
+    return every
+
+
+def worths(sensor: Sensor, data: Data, found: Fit, rest: list[Candidate]) -> dict[str, Row]:
+    """What each candidate would bring beside a fit, and whether that speaks for it."""
+    rows: dict[str, Row] = {}
+    for coated in (False, True):
+        group = [one for one in rest if one.coated == coated]
+        if not group:
+            continue
+        wide = found.choice
+        for one in group:
+            wide = with_candidate(wide, one)
+        given = sums(with_coating(sensor) if coated else sensor, data, found, wide)
+        if not coated or not rows:
+            plain = sums(sensor, data, found, found.choice) if coated else given
+            before = expected(plain, found.choice.names)
+        for one in group:
+            names = with_candidate(found.choice, one).names
+            rows[one.key] = judged(one, found, before, expected(given, names), len(names))
+    return rows
+
+
+def error_of(left: float, found: Fit) -> float:
+    """The error of a reading that a fit has not seen, over its noise, of all of chi-square."""
+    count = float((found.weights == 1).sum())
+    if np.isinf(found.choice.power):
+        count -= len(found.left)
+    return float(np.sqrt(max(left, 0.0) / max(count, 1.0)))
+
+
+def judged(
+    one: Candidate,
+    found: Fit,
+    before: tuple[float, float],
+    after: tuple[float, float],
+    names: int,
+) -> Row:
+    """before, after: chi-square and cross-validated chi-square without and with it."""
+    count, fall = names - len(found.choice.names), before[0] - after[0]
+    chance, better = chance_of(fall, count), before[1] - after[1]
+    error = error_of(after[1], found)
+    if chance < CHANCE and better > BETTER:
+        return Row(one.key, one.words, count, fall, error, True, "the data call for it")
+    why = "within chance" if chance >= CHANCE else "does not predict what was left out"
+    return Row(one.key, one.words, count, fall, error, False, why)
+
+
+@dataclass(frozen=True)
+class Search:
+    """sensor: from which the last fit began.  plain: the fit without candidates.  found: with what
+    was taken.  error: the plain fit's cross-validated one.  rows: what became of each candidate."""
+
+    sensor: Sensor
+    plain: Fit
+    found: Fit
+    error: float
+    rows: list[Row]
+
+
+ASKED = "asked for"
+
+
+class Searcher:
+    """Takes candidates one after another, the one that brings most first, and fits again."""
+
+    def __init__(self, sensor: Sensor, data: Data, settings: Calibrate, plain: Fit) -> None:
+        self.sensor, self.data, self.settings = sensor, data, settings
+        self.plain = self.found = plain
+        self.every = candidates(sensor, data, settings)
+        self.rows: dict[str, Row] = {}
+        self.refused: set[str] = set()
+
+    def taken(self) -> set[str]:
+        return {key for key, row in self.rows.items() if row.taken}
+
+    def take(self, one: Candidate, row: Row) -> bool:
+        """Fits again with a candidate; stays with what was, where that does not settle."""
+        sensor = sensor_for(self.sensor, one)
+        start = replace(self.found, every=values_for(sensor, self.found))
+        wider = with_candidate(self.found.choice, one)
+        better = fit(sensor, self.data, wider, self.settings.outliers, start)
+        if not better.ended:
+            self.refused.add(one.key)
+            self.rows[one.key] = row._replace(taken=False, why="the fit with it does not settle")
+            return False
+        fall = self.found.loss - better.loss
+        if row.why != ASKED and chance_of(fall, max(row.unknowns, 1)) > CHANCE:
+            self.refused.add(one.key)
+            self.rows[one.key] = row._replace(fall=fall, taken=False, why="gains nothing in a fit")
+            return False
+        self.rows[one.key] = row._replace(fall=fall, taken=True)
+        self.sensor, self.found = sensor, better
+        return True
+
+    def ask(self) -> None:
+        """Takes what a key asks for."""
+        for one in self.every:
+            if self.settings.effects.get(one.key) == "on":
+                row = worths(self.sensor, self.data, self.found, [one])[one.key]
+                self.take(one, row._replace(why=ASKED))
+
+    def step(self) -> bool:
+        """Takes the best of what is left, if any is good."""
+        done = self.taken() | self.refused
+        rest = {one.key: one for one in self.every if not one.beam and one.key not in done}
+        tried = worths(self.sensor, self.data, self.found, list(rest.values()))
+        self.rows |= {key: row._replace(taken=False) for key, row in tried.items()}
+        good = [key for key, row in tried.items() if row.taken]
+        if not good:
+            return False
+        best = max(good, key=lambda key: tried[key].fall / tried[key].unknowns ** 0.5)
+        self.take(rest[best], tried[best])
+        return True
+
+    def move_beam(self) -> None:
+        """Gives each sample a beam of its own where chi-square stays beyond chance without."""
+        for one in (one for one in self.every if one.beam and one.key not in self.taken()):
+            before = self.found
+            if beyond_chance(before) < BEAM_MISFIT:
+                row = Row(one.key, one.words, 0, 0.0, np.nan, False, "nothing is left to explain")
+                self.rows[one.key] = row
+                return
+            row = Row(one.key, one.words, 2 * len(self.data.raw), 0.0, np.nan, True,
+                      "the data call for it")  # fmt: skip
+            sensor = self.sensor
+            if not self.take(one, row):
+                return
+            fall = before.loss - self.found.loss
+            if self.found.reduced - 1 > (before.reduced - 1) / 2:
+                self.sensor, self.found = sensor, before
+                row = row._replace(taken=False, why="explains too little")
+            self.rows[one.key] = row._replace(fall=fall)
+
+
+#: By how much chi-square for each degree of freedom is above 1, for a moving beam to be tried.
+BEAM_MISFIT = 0.1
+
+
+def beyond_chance(found: Fit) -> float:
+    """By how much chi-square for each degree of freedom is above what chance allows; 0 if not."""
+    chance = 4 * float(np.sqrt(2 / max(found.freedom, 1.0)))
+    return max(0.0, found.reduced - 1 - chance)
+
+
+def search(sensor: Sensor, data: Data, settings: Calibrate, plain: Fit) -> Search:
+    """From the plain fit to the one with all that the data or the keys call for."""
+    whole = sums(sensor, data, plain, plain.choice)
+    left = expected(whole, plain.choice.names)[1]
+    searcher = Searcher(sensor, data, settings, plain)
+    searcher.ask()
+    while searcher.step():
+        pass
+    searcher.move_beam()
+    order = [one.key for one in searcher.every]
+    rows = sorted(searcher.rows.values(), key=lambda row: order.index(row.key))
+    error = error_of(left, plain)
+    return Search(searcher.sensor, plain, searcher.found, error, rows)

@@ -1,0 +1,289 @@
+"""Which fault of the data would explain a bad fit: each is undone in turn, and the fit tried again.
+
+A sign, two detectors exchanged, another order of the angles or a wrong unit leave residuals that
+look like nothing in particular, and some of them hide in an unknown: a swapped sign in a scale of
+-2, another order of angles in a detector that seems bent. So each is tried as a hypothesis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import permutations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError
+from ..core.names import POSE
+from ..core.sensor import Sensor
+from .bundle_adjustment import Data, angles_of, turned
+from .fit import NORMAL_MEDIAN, Guess, Task, opened
+from .misfit import Finding
+from .unknowns import Choice
+
+Floats = NDArray[np.float64]
+Change = Callable[[Data], Data]
+
+#: Samples and steps of a first trial and of a last, for so many of the hypotheses.
+SAMPLES, STEPS, FINAL = (30, 120), (4, 12), 4
+#: A hypothesis explains a fit where it lowers chi-square by this factor, and leaves residuals of so
+#: many times the noise at most.
+FACTOR, GOOD = 0.4, 5.0
+
+
+class Hypothesis(NamedTuple):
+    """words: what is wrong, a noun phrase.  remedy: what to do.  change: undoes it."""
+
+    words: str
+    remedy: str
+    change: Change
+
+
+def hypotheses() -> Iterator[Hypothesis]:
+    yield from signs()
+    yield from exchanges()
+    yield from orders()
+    yield from axes()
+    yield from units()
+
+
+def readings_as(change: Callable[[Floats], None]) -> Change:
+    def changed(data: Data) -> Data:
+        raw = data.raw.copy()
+        change(raw)
+        return data._replace(raw=raw)
+
+    return changed
+
+
+def pose_as(change: Callable[[Floats], Floats]) -> Change:
+    def changed(data: Data) -> Data:
+        return data._replace(pose=change(data.pose.copy()), velocity=None)
+
+    return changed
+
+
+def signs() -> Iterator[Hypothesis]:
+    """Of a reading on one detector or on all, and of an axis of the reference."""
+    for n, kind in enumerate(("psi", "zeta")):
+        for k in (0, 1, 2, slice(None)):
+            of = "all detectors" if isinstance(k, slice) else f"detector {'ABC'[k]}"
+            columns = np.atleast_1d(np.arange(n, 9, 3)[k])
+
+            def flip(raw: Floats, columns: NDArray[np.int64] = columns) -> None:
+                raw[:, columns] *= -1
+
+            yield Hypothesis(
+                f"the sign of {kind} of {of} is swapped", "swap it back", readings_as(flip)
+            )
+    for n, name in enumerate(POSE):
+
+        def turn(pose: Floats, n: int = n) -> Floats:
+            pose[:, n] *= -1
+            return pose
+
+        yield Hypothesis(
+            f"the sign of the reference's {name} is swapped", "swap it back", pose_as(turn)
+        )
+
+
+def exchanges() -> Iterator[Hypothesis]:
+    """Of detectors, and of the two places on one."""
+    for order in permutations(range(3)):
+        if order == (0, 1, 2):
+            continue
+        letters = "".join("ABC"[k] for k in order)
+        moved = [k for k in range(3) if order[k] != k]
+        of = " and ".join("ABC"[k] for k in moved) if len(moved) == 2 else "A, B and C"
+        columns = np.concatenate([3 * k + np.arange(3) for k in order])
+
+        def permute(raw: Floats, columns: NDArray[np.int64] = columns) -> None:
+            raw[:] = raw[:, columns]
+
+        yield Hypothesis(
+            f"detectors {of} are exchanged",
+            f"name the columns of the readings in the order {letters}",
+            readings_as(permute),
+        )
+    for k in range(3):
+
+        def cross(raw: Floats, k: int = k) -> None:
+            raw[:, [3 * k, 3 * k + 1]] = raw[:, [3 * k + 1, 3 * k]]
+
+        yield Hypothesis(
+            f"psi and zeta of detector {'ABC'[k]} are exchanged", "exchange them",
+            readings_as(cross),
+        )  # fmt: skip
+
+
+def rotations(pose: Floats, order: str) -> Floats:
+    """Rotation matrices (n, 3, 3) of angles that are taken about fixed axes in some order."""
+    about = np.zeros((len(pose), 3, 3, 3))
+    for n in range(3):
+        only = np.zeros((len(pose), 3))
+        only[:, n] = pose[:, 3 + n]
+        about[:, n] = turned(only).matrix
+    whole = np.eye(3)
+    for axis in order:
+        whole = about[:, "xyz".index(axis)] @ whole
+    return whole
+
+
+def orders() -> Iterator[Hypothesis]:
+    """Of the three angles, and a rotation that is given from the mirror to the world."""
+    for order in ("".join(axes) for axes in permutations("xyz")):
+        if order != "xyz":
+
+            def again(pose: Floats, order: str = order) -> Floats:
+                pose[:, 3:] = angles_of(rotations(pose, order))
+                return pose
+
+            axes = ", then ".join(order)
+            yield Hypothesis(
+                f"the reference's angles are taken in another order (about the fixed axes {axes}; "
+                "here x, then y, then z)",
+                "convert them",
+                pose_as(again),
+            )
+
+    def inverse(pose: Floats) -> Floats:
+        pose[:, 3:] = angles_of(np.swapaxes(turned(pose[:, 3:]).matrix, 1, 2))
+        return pose
+
+    yield Hypothesis("the reference gives the inverse rotation", "invert it", pose_as(inverse))
+
+
+def axes() -> Iterator[Hypothesis]:
+    """Of the reference, exchanged or turned by quarters."""
+    for a, b in ((0, 1), (3, 4)):
+
+        def cross(pose: Floats, a: int = a, b: int = b) -> Floats:
+            pose[:, [a, b]] = pose[:, [b, a]]
+            return pose
+
+        yield Hypothesis(
+            f"the reference's {POSE[a]} and {POSE[b]} are exchanged", "exchange them",
+            pose_as(cross),
+        )  # fmt: skip
+    for quarters in (1, 2, 3):
+        c, s = round(np.cos(quarters * np.pi / 2)), round(np.sin(quarters * np.pi / 2))
+
+        def swing(pose: Floats, c: int = c, s: int = s) -> Floats:
+            turn = np.array([[c, -s], [s, c]])
+            pose[:, :2] = pose[:, :2] @ turn.T
+            pose[:, 3:5] = pose[:, 3:5] @ turn.T
+            return pose
+
+        yield Hypothesis(
+            f"the reference's x and y axes are turned by {90 * quarters} degrees about z",
+            "turn them back",
+            pose_as(swing),
+        )
+
+
+def units() -> Iterator[Hypothesis]:
+    """In which lengths, angles and powers may have been given."""
+    degree = np.pi / 180 * 1000
+    for words, factor in (
+        ("degrees where mrad is asked for", degree),
+        ("rad where mrad is asked for", 1e3),
+        ("urad where mrad is asked for", 1e-3),
+        ("arc seconds where mrad is asked for", degree / 3600),
+    ):
+
+        def angle(pose: Floats, factor: float = factor) -> Floats:
+            pose[:, 3:] *= factor
+            return pose
+
+        yield Hypothesis(f"the reference's angles are in {words}", "convert them", pose_as(angle))
+    for words, factor in (
+        ("um where mm is asked for", 1e-3),
+        ("m where mm is asked for", 1e3),
+    ):
+
+        def length(pose: Floats, factor: float = factor) -> Floats:
+            pose[:, :3] *= factor
+            return pose
+
+        def place(raw: Floats, factor: float = factor) -> None:
+            raw[:, [0, 1, 3, 4, 6, 7]] *= factor
+
+        yield Hypothesis(f"the reference's lengths are in {words}", "convert them", pose_as(length))
+        yield Hypothesis(f"the spots' places are in {words}", "convert them", readings_as(place))
+    for words, factor in (("uW", 1e-3), ("W", 1e3)):
+
+        def power(raw: Floats, factor: float = factor) -> None:
+            raw[:, 2::3] *= factor
+
+        yield Hypothesis(
+            f"the powers are in {words} where mW is asked for", "convert them", readings_as(power)
+        )
+
+
+# ---- trying them
+
+
+def few(sensor: Sensor, data: Data, count: int) -> Data:
+    """Some samples, all over the motion, with the noise of the mirror at rest: a fault in the
+    powers would change it, and what is compared with it."""
+    from ..detectors.noise import standard_deviations
+    from ..model.arrays import readings
+
+    rows = np.linspace(0, len(data.raw) - 1, min(count, len(data.raw))).astype(np.int64)
+    part = data.part(np.unique(rows))
+    noise = standard_deviations(sensor, readings(sensor, np.zeros(8)))
+    return part._replace(noise=np.broadcast_to(noise, part.raw.shape))
+
+
+def short_fit(sensor: Sensor, data: Data, chosen: Choice, steps: int) -> float:
+    """Chi-square for each reading after some steps."""
+    try:
+        task = Task(sensor, data, chosen, 3.0)
+        at, _, _ = task.settle(task.guess(task.start, opened(data, sensor)), steps)
+    except (InputError, np.linalg.LinAlgError):
+        return np.inf
+    return level(task, at)
+
+
+def level(task: Task, at: Guess) -> float:
+    """A robust mean of squares, so that spikes hide no cure, with what was known before."""
+    there = np.isfinite(task.data.raw)
+    before = (at.values - task.start)[task.choice.places]
+    size = NORMAL_MEDIAN * float(np.median(np.abs(at.residual[there])))
+    return size**2 + float(before @ task.prior @ before) / max(int(there.sum()), 1)
+
+
+class Explanation(NamedTuple):
+    """before, after: the residuals over the noise, as the data are and with the fault undone."""
+
+    hypothesis: Hypothesis
+    before: float
+    after: float
+
+    @property
+    def finding(self) -> Finding:
+        one = self.hypothesis
+        return Finding(True, (
+            f"Probably {one.words}: with that undone, the residuals fall from {self.before:.3g} to "
+            f"{self.after:.3g} times the noise. {one.remedy.capitalize()}, and calibrate again."
+        ))  # fmt: skip
+
+
+def explanation(sensor: Sensor, data: Data, chosen: Choice) -> Explanation | None:
+    """The hypothesis that explains a bad fit best; None where none does.
+
+    All are tried on a few samples and for a few steps; the best of them on more.
+    """
+    small, large = (few(sensor, data, count) for count in SAMPLES)
+    first = [(short_fit(sensor, one.change(small), chosen, STEPS[0]), n, one)
+             for n, one in enumerate(hypotheses())]  # fmt: skip
+    before = short_fit(sensor, large, chosen, STEPS[1])
+    best = min(
+        ((short_fit(sensor, one.change(large), chosen, STEPS[1]), n, one)
+         for _, n, one in sorted(first)[:FINAL]),
+    )  # fmt: skip
+    after, _, one = best
+    if not after < FACTOR * before or after > GOOD**2:
+        return None
+    return Explanation(one, float(np.sqrt(before)), float(np.sqrt(after)))

@@ -1,0 +1,278 @@
+"""Whether a fit may be believed: chi-square, outliers, patterns, pulls; in sentences.
+
+A model that misses something leaves residuals larger than the noise, mostly in a pattern: of one
+detector, of one reading, along a place, the time or an axis. Each finding is a sentence with the
+likely cause and what to do, and says whether it forbids to use the result.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.names import POSE
+from ..core.sensor import DETECTORS, Sensor
+from ..detectors.calibrated import MISFIT
+from .bundle_adjustment import Data, deviations, light_of
+from .candidates import beyond_chance
+from .fit import Fit
+from .unknowns import MOUNTING, values_of
+
+Floats = NDArray[np.float64]
+
+KINDS = ("psi", "zeta", "power")
+#: The residuals' spread, over the noise, beyond which nothing may be built on a fit.
+WORST = 3.0
+#: The share of samples with an outlier beyond which they are no outliers.
+SPIKES = 0.1
+#: How far from where it was thought to be, in standard uncertainties, no honest tolerance lets an
+#: unknown be.
+FAR = 8.0
+#: The chance of a pattern, below which it is told; bins that it is looked for in.
+PATTERN, BINS = 1e-6, 8
+
+
+class Finding(NamedTuple):
+    """bad: whether the calibration must not be trusted because of it.  words: a whole sentence."""
+
+    bad: bool
+    words: str
+
+
+class Pattern(NamedTuple):
+    """Residuals of a reading that follow something.  strength: chi-square over its bins."""
+
+    strength: float
+    detector: str
+    kind: str
+    along: str
+    size: float
+
+
+def standardised(found: Fit) -> Floats:
+    """Residuals (n, 9) over their own standard deviations; NaN where no other reading checks."""
+    scale = np.sqrt(np.where(found.redundancy > 0.01, found.redundancy, np.nan))
+    out: Floats = found.left / scale
+    return out
+
+
+def by_reading(found: Fit, data: Data) -> Floats:
+    """The standard deviation of each of the nine readings' residuals over the noise (9,)."""
+    over = np.where(found.weights < 1, np.nan, standardised(found))
+    over[~np.isfinite(data.raw)] = np.nan
+    with np.errstate(invalid="ignore"):
+        size: Floats = np.sqrt(np.nanmean(over**2, axis=0))
+    return np.nan_to_num(size)
+
+
+def outliers(found: Fit) -> int:
+    """Samples with a reading that weighs less."""
+    return int((found.weights < 1).any(axis=1).sum())
+
+
+def by_chance(found: Fit) -> float:
+    """How many of these noise alone makes."""
+    from scipy.stats import norm
+
+    if not np.isfinite(found.limit):
+        return 0.0
+    inside = 1 - 2 * norm.sf(found.limit)
+    return float(len(found.left) * (1 - inside ** found.left.shape[1]))
+
+
+# ---- patterns
+
+
+def patterns(found: Fit, data: Data) -> list[Pattern]:
+    """What the residuals follow beyond chance, the clearest first; one for each reading."""
+    from scipy.stats import chi2
+
+    over = np.where(found.weights < 1, np.nan, standardised(found))
+    over[~np.isfinite(data.raw)] = np.nan
+    limit = float(chi2.isf(PATTERN, BINS))
+    best: dict[tuple[str, str], Pattern] = {}
+    for n in range(9):
+        letter, kind = DETECTORS[n // 3].upper(), KINDS[n % 3]
+        for along, values in grounds(data, n // 3).items():
+            strength, size = binned(over[:, n], values)
+            if strength > limit and strength > best.get((letter, kind), NONE).strength:
+                best[letter, kind] = Pattern(strength, letter, kind, along, size)
+    return sorted(best.values(), reverse=True)
+
+
+NONE = Pattern(0.0, "", "", "", 0.0)
+
+
+def grounds(data: Data, k: int) -> dict[str, Floats]:
+    """What the residuals of detector k may follow."""
+    found: dict[str, Floats] = {
+        "the spot's place along psi": data.raw[:, 3 * k],
+        "the spot's place along zeta": data.raw[:, 3 * k + 1],
+        "the power": data.raw[:, 3 * k + 2],
+    }
+    for n, name in enumerate(POSE):
+        found[f"the reference's {name}"] = data.pose[:, n]
+    if data.velocity is not None:
+        for n, name in enumerate(POSE):
+            found[f"the speed of {name}"] = data.velocity[:, n]
+    clock = np.zeros((len(data.raw), 2)) if data.clock is None else data.clock
+    found["the time"] = clock[:, 0] if clock[:, 0].any() else np.arange(len(data.raw)) * 1.0
+    if clock[:, 1].any():
+        found["the temperature"] = clock[:, 1]
+    return found
+
+
+def binned(over: Floats, along: Floats) -> tuple[float, float]:
+    """Chi-square of the means in bins of equal counts, and the largest mean, in noise's units."""
+    there = np.isfinite(over) & np.isfinite(along)
+    if there.sum() < 4 * BINS or np.ptp(along[there]) == 0:
+        return 0.0, 0.0
+    order = np.argsort(along[there], kind="stable")
+    spread = float(np.std(over[there])) or 1.0
+    means = [(part.mean(), len(part)) for part in np.array_split(over[there][order], BINS)]
+    strength = sum(count * (mean / max(spread, 1.0)) ** 2 for mean, count in means)
+    return float(strength), float(max(abs(mean) for mean, _ in means))
+
+
+CAUSES = {
+    "psi": "the detector is not linear there, or an edge or its window bends the light",
+    "zeta": "the detector is not linear there, or an edge or its window bends the light",
+    "power": "its gain or the light's losses change there",
+}
+
+
+def cause_of(one: Pattern) -> str:
+    if "time" in one.along:
+        return "something drifts: the beam, a detector's post, the laser or the reference"
+    if "temperature" in one.along:
+        return "something expands; let calibrate.effects.temperature_drift be on"
+    if "speed" in one.along:
+        return "readings and reference are not of the same moment; give time_s, or --reference"
+    if "reference" in one.along:
+        return "the reference's axes or scale are not what they are said to be, or a facet is bent"
+    return CAUSES[one.kind]
+
+
+# ---- findings
+
+
+def findings(sensor: Sensor, found: Fit, data: Data) -> list[Finding]:
+    """All that is to be said of a fit that has settled, what forbids its use first."""
+    every = [chi_square(found, data), spikes(found), *pulls(sensor, found)]
+    every += [sentence(one) for one in patterns(found, data)[:3]]
+    every += [moving_power(found, data), moving_beam(found)]
+    return sorted((one for one in every if one), key=lambda one: not one.bad)
+
+
+def chi_square(found: Fit, data: Data) -> Finding | None:
+    """Against what noise alone would give."""
+    if beyond_chance(found) == 0:
+        return None
+    sizes = by_reading(found, data)
+    worst = int(np.argmax(sizes))
+    where = f"{KINDS[worst % 3]} of detector {DETECTORS[worst // 3].upper()}"
+    root = float(np.sqrt(found.reduced))
+    if root > WORST:
+        return Finding(True, (
+            f"The residuals are {root:.3g} times the noise, most in {where} ({sizes[worst]:.3g} "
+            "times): the model does not describe these readings. See which of the faults below "
+            "would explain it; check signs, units, the detectors' order and the configuration."
+        ))  # fmt: skip
+    return Finding(False, (
+        f"The residuals are {root:.3g} times the noise, most in {where} ({sizes[worst]:.3g} "
+        "times): the model misses something, and the stated uncertainties have been widened for it."
+    ))  # fmt: skip
+
+
+def spikes(found: Fit) -> Finding | None:
+    count, total, chance = outliers(found), len(found.left), by_chance(found)
+    beyond = count - chance
+    if beyond < 5 * np.sqrt(chance + 1):
+        return None
+    share = beyond / total
+    words = f"{count} of {total} samples hold an outlier ({chance:.0f} would by chance)"
+    if share > SPIKES:
+        return Finding(True, (
+            f"{words}: these are no spikes but a misfit of the model or a noise that is larger "
+            "than the configuration says; find its cause before you use the result."
+        ))  # fmt: skip
+    return Finding(False, (
+        f"{words}: spikes, which weigh less in the fit; look at cables, dust and shutters."
+    ))  # fmt: skip
+
+
+def pulls(sensor: Sensor, found: Fit) -> list[Finding]:
+    """Unknowns that end far from where they could be."""
+    change = found.values - values_of(sensor)[found.choice.places]
+    over = np.abs(change) / found.choice.sigma
+    rig = [n for n, name in enumerate(found.choice.names)
+           if name not in MOUNTING and over[n] > FAR]  # fmt: skip
+    if not rig:
+        return []
+    worst = sorted(rig, key=lambda n: -over[n])[:3]
+    told = ", ".join(f"{found.choice.names[n]} ({over[n]:.0f} times)" for n in worst)
+    return [Finding(True, (
+        f"The fit moves {told} further than the uncertainty in calibrate.before allows: the "
+        "configuration is not that of this rig, or a column has a wrong sign, unit or place."
+    ))]  # fmt: skip
+
+
+def sentence(one: Pattern) -> Finding:
+    return Finding(False, (
+        f"The residuals of {one.kind} of detector {one.detector} follow {one.along}, by up to "
+        f"{one.size:.2g} times the noise: {cause_of(one)}."
+    ))  # fmt: skip
+
+
+def moving_power(found: Fit, data: Data) -> Finding | None:
+    spread = float(np.std(light_of(data, found.open, found.every)))
+    if spread < 2e-3:
+        return None
+    return Finding(False, (
+        f"The laser's power changed by {100 * spread:.2g} % (r.m.s.) during the motion; each "
+        "sample had its own, so nothing is lost. Solve with solve.power: unknown, or a prior."
+    ))  # fmt: skip
+
+
+def moving_beam(found: Fit) -> Finding | None:
+    if not found.choice.beam:
+        return None
+    spread = 1e3 * np.sqrt((found.open[:, 7:] ** 2).mean(axis=0))
+    return Finding(False, (
+        f"The beam moved by {spread[0]:.2g} um in x and {spread[1]:.2g} um in y (r.m.s.) from "
+        "sample to sample. Solve with solve.beam: prior and this as beam_sigma_um, or free; poses "
+        "with the beam taken as known are wrong by as much."
+    ))  # fmt: skip
+
+
+# ---- what the model misses becomes part of the uncertainty
+
+
+def model_error(found: Fit, data: Data, sensor: Sensor) -> dict[str, float]:
+    """Standard deviations of what the model misses, by `MISFIT`, mm and mW; none within chance."""
+    if beyond_chance(found) == 0:
+        return {}
+    sizes = by_reading(found, data)
+    sigma = np.nanmedian(deviations(sensor, data), axis=0)
+    missed = sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0))
+    return {name: float(size) for name, size in zip(MISFIT, missed, strict=True) if size > 0}
+
+
+def widened(sensor: Sensor, found: Fit, missed: dict[str, float]) -> Sensor:
+    """The calibrated sensor whose uncertainty has what the model misses in it."""
+    from dataclasses import replace
+
+    from ..core.sensor import Calibration
+
+    known = sensor.calibration
+    assert known is not None
+    if not missed:
+        return sensor
+    factor, size = max(1.0, found.reduced), len(known.names)
+    matrix = np.zeros((size + len(missed),) * 2)
+    matrix[:size, :size] = factor * np.array(known.covariance)
+    matrix[range(size, len(matrix)), range(size, len(matrix))] = np.square(list(missed.values()))
+    names = (*known.names, *missed)
+    return replace(sensor, calibration=Calibration(names, tuple(map(tuple, matrix.tolist()))))

@@ -1,0 +1,188 @@
+"""A reference's own table joined to readings by time, the offset of their clocks found.
+
+The readings are solved by the sensor as it is thought to be; the offset at which the reference
+moves most like these poses is taken, the reference read there by a cubic through its samples, and
+the rest of the offset is an unknown of the fit (`reference.delay`).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError
+from ..core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..core.sensor import Sensor
+from ..detectors.correction import corrected
+from ..estimation.solver import solve
+from ..estimation.table import BEAM_UNCERTAINTIES
+from .bundle_adjustment import Data
+from .fit import fit
+from .table import BEAM, REFERENCE, RUN, choice, gathered, whole_table
+from .unknowns import DELAY, PLACE
+
+if TYPE_CHECKING:
+    from ..core.settings import Calibrate
+
+Floats = NDArray[np.float64]
+
+#: Offsets are tried over this share of the common time, at most so many seconds, in so many steps.
+SHARE, SECONDS, STEPS = 0.25, 2.0, 401
+#: Of a likeness below this nothing is concluded.
+ALIKE = 0.5
+#: Samples of the fit that finds what is left of the offset.
+FEW = 150
+
+
+class Joined(NamedTuple):
+    """offset: added to the readings' time to be the reference's, s; 0 where the motion tells none.
+    likeness: the share of the reference's motion that the readings explain there."""
+
+    data: Data
+    offset: float
+    likeness: float
+
+
+class Track(NamedTuple):
+    """A reference's poses over time: (m,) s, (m, 6) mm and rad; and a cubic through them."""
+
+    time: Floats
+    pose: Floats
+    curve: Any
+
+
+def read_track(path: Path, settings: Calibrate) -> Track:
+    """The reference's table: time_s, and ref_tx_mm ... or tx_mm ... of each axis that it measures.
+
+    Raises `InputError` where a column is missing or the time does not go up.
+    """
+    measured = [n for n in range(6) if np.isfinite(settings.reference[n])]
+    optional = (*REFERENCE, *STATE_COLUMNS[:6])
+    columns = whole_table(path, ("time_s",), optional)
+    time, pose = columns["time_s"], np.zeros((len(columns["time_s"]), 6))
+    for n in range(6):
+        named = [name for name in (REFERENCE[n], STATE_COLUMNS[n]) if name in columns]
+        if named:
+            pose[:, n] = columns[named[0]] * STATE_UNITS[n]
+        elif n in measured:
+            raise InputError(
+                f"{path}: missing columns: {REFERENCE[n]} (or set calibrate.reference for it to "
+                "null, if the reference does not measure that axis)"
+            )
+    good = np.isfinite(time) & np.isfinite(pose).all(axis=1)
+    time, pose = time[good], pose[good]
+    if len(time) < 4 or not (np.diff(time) > 0).all():
+        raise InputError(f"{path}: time_s must go up, in four rows at least")
+    from scipy.interpolate import CubicSpline
+
+    return Track(time, pose, CubicSpline(time, pose))
+
+
+def read_joined(readings: Path, reference: Path, sensor: Sensor, settings: Calibrate) -> Joined:
+    """Readings and reference of two tables.  Raises `InputError` where they share no time."""
+    beside = () if settings.beam == "still" else (*BEAM, *BEAM_UNCERTAINTIES)
+    columns = whole_table(readings, ("time_s", *READING_COLUMNS), (*beside, *RUN))
+    track = read_track(reference, settings)
+    time = columns["time_s"]
+    check_overlap(readings, time, reference, track)
+    offset, likeness = found_offset(sensor, columns, track)
+    if likeness > ALIKE:
+        offset += rest_of_offset(sensor, samples(readings, columns, track, offset, settings),
+                                 settings)  # fmt: skip
+    return Joined(samples(readings, columns, track, offset, settings), offset, likeness)
+
+
+def samples(
+    readings: Path, columns: dict[str, Floats], track: Track, offset: float, settings: Calibrate
+) -> Data:
+    """The samples with the reference's poses and velocities at an offset."""
+    whole, velocity = with_reference(columns, track, offset)
+    data = gathered(readings, whole, settings)
+    kept = np.isfinite(whole[REFERENCE[0]]) & usable(whole)
+    return data._replace(velocity=velocity[kept])
+
+
+def rest_of_offset(sensor: Sensor, data: Data, settings: Calibrate) -> float:
+    """What a plain fit of some samples says that the offset still lacks, s; 0 where it fails."""
+    rows = np.unique(np.linspace(0, len(data.raw) - 1, min(len(data.raw), FEW)).astype(np.int64))
+    wanted = choice(sensor, settings).and_also({DELAY: 0.01})
+    found = fit(sensor, data.part(rows), wanted, settings.outliers)
+    return float(found.every[PLACE[DELAY]]) if found.ended else 0.0
+
+
+def usable(columns: dict[str, Floats]) -> NDArray[np.bool_]:
+    """Rows that `gathered` keeps."""
+    raw = np.column_stack([columns[name] for name in READING_COLUMNS])
+    good: NDArray[np.bool_] = np.isfinite(raw).any(axis=1)
+    for name in BEAM:
+        if name in columns:
+            good = good & np.isfinite(columns[name])
+    return good
+
+
+def check_overlap(readings: Path, time: Floats, reference: Path, track: Track) -> None:
+    low, high = float(np.nanmin(time)), float(np.nanmax(time))
+    first, last = float(track.time[0]), float(track.time[-1])
+    if high <= first or low >= last:
+        raise InputError(
+            f"{readings} runs from {low:.6g} to {high:.6g} s and {reference} from {first:.6g} to "
+            f"{last:.6g} s: they share no time; bring both to one clock first (an offset of "
+            f"{first - low:.6g} s would let them begin together)"
+        )
+
+
+def found_offset(sensor: Sensor, columns: dict[str, Floats], track: Track) -> tuple[float, float]:
+    """The offset at which the reference moves most like the solved poses, and how alike."""
+    time = columns["time_s"]
+    some = np.unique(np.linspace(0, len(time) - 1, min(len(time), 3000)).astype(np.int64))
+    raw = np.column_stack([columns[name][some] for name in READING_COLUMNS])
+    pose = solve(
+        sensor, corrected(sensor, raw), beam="known", power="unknown", covariance=False
+    ).state[:, :6]
+    time = time[some]
+    shared = min(np.nanmax(time), track.time[-1]) - max(np.nanmin(time), track.time[0])
+    width = min(SHARE * shared, SECONDS)
+    tried = np.linspace(-width, width, STEPS)
+    for _ in range(3):
+        marks = np.array([likeness(time, pose, track, offset) for offset in tried])
+        best = float(tried[int(np.argmax(marks))])
+        tried = best + np.linspace(-2, 2, 41) * (tried[1] - tried[0])
+    mark = float(marks.max())
+    return (best, mark) if mark > ALIKE else (0.0, mark)
+
+
+def likeness(time: Floats, pose: Floats, track: Track, offset: float) -> float:
+    """How much of the reference's motion the solved poses explain, 1 all, at an offset.
+
+    By linear regression on all six axes: a sensor that is not calibrated yet mixes them.
+    """
+    at = time + offset
+    good = np.isfinite(pose).all(axis=1) & (at >= track.time[0]) & (at <= track.time[-1])
+    if good.sum() < 20:
+        return 0.0
+    said = track.curve(at[good])
+    said = said - said.mean(axis=0)
+    rows = pose[good] - pose[good].mean(axis=0)
+    ways, *_ = np.linalg.lstsq(rows / np.maximum(rows.std(axis=0), 1e-12), said, rcond=None)
+    left = said - rows / np.maximum(rows.std(axis=0), 1e-12) @ ways
+    moved = said.std(axis=0) > 1e-7
+    if not moved.any():
+        return 0.0
+    rest = (left[:, moved] ** 2).sum(axis=0) / (said[:, moved] ** 2).sum(axis=0)
+    return 1 - float(np.exp(np.log(np.maximum(rest, 1e-12)).mean()))  # the clearest axes decide
+
+
+def with_reference(
+    columns: dict[str, Floats], track: Track, offset: float
+) -> tuple[dict[str, Floats], Floats]:
+    """The readings' columns with those of the reference at their times, NaN outside its own; and
+    its velocity (n, 6) there, mm/s and rad/s."""
+    at, curve = columns["time_s"] + offset, track.curve
+    outside = ~((at >= track.time[0]) & (at <= track.time[-1]))
+    pose, velocity = curve(np.nan_to_num(at)), curve(np.nan_to_num(at), 1)
+    pose[outside] = np.nan
+    named = {name: pose[:, n] / STATE_UNITS[n] for n, name in enumerate(REFERENCE)}
+    return columns | named, velocity

@@ -1,0 +1,113 @@
+"""Whether a table is fit for a calibration, before anything is fitted to it."""
+
+from __future__ import annotations
+
+from warnings import catch_warnings, simplefilter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.names import POSE
+from ..core.sensor import DETECTORS, Sensor
+from ..detectors.correction import corrected
+from ..model.arrays import readings
+from .bundle_adjustment import OWN, Data, deviations, states_of
+from .misfit import KINDS, Finding
+from .unknowns import values_of
+
+Floats = NDArray[np.float64]
+
+#: A channel is stuck where it moves by less than this share of what the motion asks of it, and that
+#: is many times its noise.
+STUCK, MOVED = 0.02, 20.0
+#: An axis counts as moved where its range is so many times the reference's own uncertainty.
+RANGE = 30.0
+#: So few different poses tell nothing that could be trusted.
+FEW = 20
+
+
+def faults(sensor: Sensor, data: Data) -> list[Finding]:
+    """What a look at the columns alone tells."""
+    found = [*stuck(sensor, data), *repeats(data), *still(data)]
+    return sorted(found, key=lambda one: not one.bad)
+
+
+def stuck(sensor: Sensor, data: Data) -> list[Finding]:
+    """Channels that do not follow the motion."""
+    state = states_of(data, np.zeros((len(data.raw), OWN)), values_of(sensor))
+    with np.errstate(invalid="ignore"), catch_warnings():
+        simplefilter("ignore")  # a motion in wrong units may leave no reading at all
+        asked = np.nanstd(readings(sensor, state), axis=0)
+        moved = np.nanstd(corrected(sensor, data.raw), axis=0)
+        noise = np.nanmedian(deviations(sensor, data), axis=0)
+    still = np.flatnonzero((moved < STUCK * asked) & (asked > MOVED * noise)).tolist()
+    if len({n // 3 for n in still}) > 1:  # not all at once: then the motion is in wrong units
+        return []
+    return [
+        Finding(True, (
+            f"{KINDS[n % 3]} of detector {DETECTORS[n // 3].upper()} is stuck: it moves by "
+            f"{moved[n]:.2g}, where the motion asks for {asked[n]:.2g}. Look at the detector, its "
+            "amplifier and its column."
+        ))
+        for n in still
+    ]  # fmt: skip
+
+
+def repeats(data: Data) -> list[Finding]:
+    """Samples that say the same again."""
+    rows = len(np.unique(np.column_stack([data.pose, data.raw]), axis=0))
+    poses = len(np.unique(data.pose, axis=0))
+    found = []
+    if rows < len(data.raw):
+        found.append(Finding(False, (
+            f"{len(data.raw) - rows} of {len(data.raw)} rows repeat another one in every number; "
+            "each counts once."
+        )))  # fmt: skip
+    if poses < FEW and poses < len(data.raw):
+        found.append(Finding(True, (
+            f"The {len(data.raw)} samples hold {poses} different poses only: too few to part the "
+            "sensor's parameters from each other. Take 50 or more, all over the range "
+            "(facets calibrate --propose 50 lists good ones)."
+        )))  # fmt: skip
+    return found
+
+
+def still(data: Data) -> list[Finding]:
+    """Axes along which the motion does not go."""
+    known = np.isfinite(data.sigma)
+    span = np.ptp(data.pose, axis=0)
+    names = [POSE[n] for n in range(6) if known[n] and span[n] < RANGE * data.sigma[n]]
+    if not names:
+        return []
+    return [Finding(False, (
+        f"The motion hardly moves in {', '.join(names)}: what only these axes can tell keeps its "
+        "prior value, and poses away from the motion are no better known than the tolerances say."
+    ))]  # fmt: skip
+
+
+def distinct(data: Data) -> Data:
+    """Each row once."""
+    _, first = np.unique(np.column_stack([data.pose, data.raw]), axis=0, return_index=True)
+    return data if len(first) == len(data.raw) else data.part(np.sort(first))
+
+
+def averaged(sensor: Sensor, data: Data) -> Data:
+    """Readings at one and the same pose as one sample, with the noise of their mean: the reference
+    errs in all of them by the same amount."""
+    keys = np.column_stack([data.pose, data.beam])
+    _, first, group, counts = np.unique(
+        keys, axis=0, return_index=True, return_inverse=True, return_counts=True
+    )
+    if (counts == 1).all() or np.isinf(data.sigma).all():
+        return data
+    noise = deviations(sensor, data)
+    merged = data.part(first)
+    raw, sigma = np.empty((len(first), 9)), np.empty((len(first), 9))
+    for n in range(len(first)):
+        rows = group.ravel() == n
+        there = np.isfinite(data.raw[rows])
+        count = np.maximum(there.sum(axis=0), 1)
+        raw[n] = np.where(there.any(axis=0), np.nansum(data.raw[rows], axis=0) / count, np.nan)
+        sigma[n] = np.nanmean(np.where(there, noise[rows], np.nan), axis=0) / np.sqrt(count)
+    order = np.argsort(first)
+    return merged._replace(raw=raw, noise=sigma).part(order)

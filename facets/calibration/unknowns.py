@@ -1,0 +1,189 @@
+"""What a calibration can find, by name, and the sensor that a set of values makes.
+
+The order, `ALL`: the sensor's parameters, its beam's shape as a covariance; the corrections of the
+detectors; the effects of real light; where the mirror sits on its reference, one seating after
+another; what changes over the run. Units are mm, rad, mW, s and shares throughout.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.sensor import DETECTORS, MONOMIALS, Sensor
+from ..detectors.correction import NAMES, OF_ONE, coefficients
+from ..model import arrays
+from ..model.arrays import EFFECTS, effects, parameters, sensor_with, with_effects
+from ..model.beam_shape import (
+    OF_SHAPE,
+    SHAPE,
+    axes_of,
+    by_shape,
+    shape_of,
+)
+from ..optics.parameters import PARAMETERS
+
+Floats = NDArray[np.float64]
+
+#: Of one seating: the apex from the reference's pivot; the apex from the beam while the reference
+#: is at zero; how the mirror is turned on the reference.
+OF_SEAT = (
+    *(f"lever.{axis}" for axis in "xyz"),
+    *(f"apex.{axis}" for axis in "xyz"),
+    *(f"mount.{axis}" for axis in ("roll", "pitch", "yaw")),
+)
+SEATS = 4
+MOUNTING = OF_SEAT + tuple(f"seat_{n}.{name}" for n in range(2, SEATS + 1) for name in OF_SEAT)
+DELAY = "reference.delay"
+#: What may drift: the beam's place, and each reading of a place.
+OF_DRIFT = ("bx", "by", *(f"{kind}_{k}" for k in DETECTORS for kind in ("psi", "zeta")))
+DRIFTS = tuple(f"{cause}.{what}" for cause in ("time", "temperature") for what in OF_DRIFT)
+
+#: The laser's slow drift, shares: polynomials over the run.
+POWER_DRIFT = tuple(f"time.power_{n}" for n in range(1, 6))
+
+GEOMETRY = tuple(name for name in PARAMETERS if name not in OF_SHAPE)
+OF_SENSOR = (*GEOMETRY, *SHAPE, *NAMES, *EFFECTS)
+ALL = (*OF_SENSOR, *MOUNTING, DELAY, *DRIFTS, *POWER_DRIFT)
+PLACE = {name: n for n, name in enumerate(ALL)}
+
+
+def block(names: tuple[str, ...]) -> slice:
+    """Where names that follow each other in `ALL` are."""
+    return slice(PLACE[names[0]], PLACE[names[-1]] + 1) if names else slice(0, 0)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What is to be found: names out of `ALL`, and what is known of each before, 1 sigma.
+
+    power: relative standard deviation of the laser's power from sample to sample; 0 where it is the
+    same in all, infinite where each sample has its own.  beam: that of the beam's place, mm.
+    """
+
+    names: tuple[str, ...]
+    sigma: Floats
+    power: float = 0.0
+    beam: float = 0.0
+
+    @property
+    def places(self) -> NDArray[np.int64]:
+        return np.array([PLACE[name] for name in self.names], dtype=np.int64)
+
+    def and_also(self, sigma: dict[str, float]) -> Choice:
+        """With further unknowns; one that is here already keeps the wider of both."""
+        known = dict(zip(self.names, self.sigma.tolist(), strict=True))
+        for name, value in sigma.items():
+            known[name] = max(value, known.get(name, 0.0))
+        return replace(self, names=tuple(known), sigma=np.array(list(known.values())))
+
+
+# ---- a sensor and its values
+
+
+def values_of(sensor: Sensor) -> Floats:
+    """Of `ALL`, as the sensor is thought to be, the apex on the pivot and on the beam."""
+    given = dict(zip(PARAMETERS, parameters(sensor), strict=True))
+    found = np.zeros(len(ALL))
+    for name in GEOMETRY:
+        found[PLACE[name]] = given[name]
+    found[block(SHAPE)] = shape_of(*(given[name] for name in OF_SHAPE))
+    found[block(NAMES)] = coefficients(sensor)
+    found[block(EFFECTS)] = effects(sensor)
+    return found
+
+
+def assigned(sensor: Sensor, values: Floats) -> Sensor:
+    """A sensor with values of `ALL`.  Raises `InputError` where they make none."""
+    geometry = dict(zip(GEOMETRY, values[block(GEOMETRY)].tolist(), strict=True))
+    axes = axes_of(values[block(SHAPE)], sensor.beam.rotation)
+    geometry |= dict(zip(OF_SHAPE, axes, strict=True))
+    made = sensor_with(sensor, [geometry[name] for name in PARAMETERS])
+    made = with_corrections(made, values[block(NAMES)])
+    made = with_effects(made, values[block(EFFECTS)])
+    return replace(made, calibration=None)
+
+
+def with_corrections(sensor: Sensor, coefficient: Floats) -> Sensor:
+    """With coefficients in the order of `correction.NAMES`."""
+    parts = coefficient.reshape(3, len(OF_ONE)).tolist()
+    count = len(MONOMIALS)
+    psds = [
+        replace(psd, correction=replace(
+            psd.correction, power=power, dark=dark, y=tuple(rest[:count]), z=tuple(rest[count:])
+        ))
+        for psd, (power, dark, *rest) in zip(sensor.psds, parts, strict=True)
+    ]  # fmt: skip
+    return replace(sensor, psds=(psds[0], psds[1], psds[2]))
+
+
+# ---- the derivatives by what belongs to the sensor
+
+
+def by_sensor(sensor: Sensor, states: Floats) -> Floats:
+    """The model's derivatives by `GEOMETRY` and `SHAPE`: (n, 9, 30)."""
+    whole = arrays.parameter_jacobian(sensor, states)
+    out = np.empty((len(states), 9, len(GEOMETRY) + len(SHAPE)))
+    for n, name in enumerate(GEOMETRY):
+        out[:, :, n] = whole[:, :, PARAMETERS.index(name)]
+    out[:, :, len(GEOMETRY) :] = by_shape(sensor, states, whole)
+    return out
+
+
+# ---- the mirror's turn on its reference becomes part of its facets
+
+
+def normals(values: Floats) -> Floats:
+    """The facets' normals (3, 3) in the mirror's frame, of values of `ALL`."""
+    rows = []
+    for letter in DETECTORS:
+        tilt, turn = (values[PLACE[f"facet_{letter}.{n}"]] for n in ("inclination", "azimuth"))
+        rows.append([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)])
+    return np.array(rows)
+
+
+def rotation_matrix(angles: Floats) -> Floats:
+    """R = Rz(yaw) Ry(pitch) Rx(roll) of three angles."""
+    (a, b, c), (s, t, u) = np.cos(angles), np.sin(angles)
+    x = np.array([[1, 0, 0], [0, a, -s], [0, s, a]])
+    y = np.array([[b, 0, t], [0, 1, 0], [-t, 0, b]])
+    z = np.array([[c, -u, 0], [u, c, 0], [0, 0, 1]])
+    turn: Floats = z @ y @ x
+    return turn
+
+
+def folded(values: Floats) -> Floats:
+    """Values of `ALL` whose first mount is zero: the facets take its turn, azimuths follow on.
+
+    The mirror's frame is then the one that the reference moves: where that says zero, the angles
+    that are solved are zero.
+    """
+    found = values.copy()
+    turn = rotation_matrix(values[mount_of(0)])
+    for letter, normal in zip(DETECTORS, normals(values) @ turn.T, strict=True):
+        place = PLACE[f"facet_{letter}.azimuth"]
+        azimuth = np.arctan2(normal[1], normal[0])
+        found[place] = azimuth + 2 * np.pi * round((values[place] - azimuth) / (2 * np.pi))
+        found[PLACE[f"facet_{letter}.inclination"]] = np.arccos(np.clip(normal[2], -1, 1))
+    found[mount_of(0)] = 0.0
+    return found
+
+
+def mount_of(seat: int) -> slice:
+    start = block(MOUNTING).start + seat * len(OF_SEAT) + 6
+    return slice(start, start + 3)
+
+
+def by_folding(values: Floats) -> tuple[list[int], list[int], Floats]:
+    """The derivative of `folded`: places that it changes, places that it depends on, (6, 9)."""
+    facets = [PLACE[f"facet_{k}.{n}"] for k in DETECTORS for n in ("inclination", "azimuth")]
+    mount = mount_of(0)
+    given = facets + list(range(mount.start, mount.stop))
+    slope = np.empty((6, 9))
+    for n, place in enumerate(given):
+        step = np.zeros(len(ALL))
+        step[place] = 1e-6
+        slope[:, n] = (folded(values + step) - folded(values - step))[facets] / 2e-6
+    return facets, given, slope

@@ -1,0 +1,89 @@
+"""How well poses are known after a calibration: tried on samples that it has not seen."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.names import ANGLES, POSE
+from ..core.sensor import Sensor
+from ..detectors.correction import corrected
+from ..estimation.solver import Prior, Solution, solve
+from .bundle_adjustment import OWN, Data, states_of
+from .fit import NORMAL_MEDIAN, Fit
+from .unknowns import folded, values_of
+
+Floats = NDArray[np.float64]
+
+#: From the axes' units to those in which errors are shown, um and urad.
+FINE = np.array([1e6 if name in ANGLES else 1e3 for name in POSE])
+#: How many standard uncertainties hold 95 %.
+TWO = 1.96
+
+
+class Trial(NamedTuple):
+    """Poses solved less those of the reference, and the standard uncertainty of that: (n, 6)."""
+
+    error: Floats
+    uncertainty: Floats
+
+    @property
+    def inside(self) -> Floats:
+        """The share of 95 % intervals that held, by axis: (6,)."""
+        with np.errstate(invalid="ignore"):
+            hit = np.abs(self.error) <= TWO * self.uncertainty
+        there = np.isfinite(self.error)
+        share: Floats = (hit & there).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+        return share
+
+
+def trial(sensor: Sensor, held: Data, values: Floats, found: Fit) -> Trial:
+    """Solves held-back readings, the beam known as well as the fit takes it to be.
+
+    values: of `ALL`, for where the mirror is on the reference.
+    """
+    data = held if held.seat is None else held.part(held.seat == 0)
+    truth = states_of(data, np.zeros((len(data.raw), OWN)), folded(values))
+    solution: Solution = solve(
+        sensor,
+        corrected(sensor, data.raw),
+        beam=Prior(truth[:, 6:], found.choice.beam),
+        power="unknown" if found.choice.power else "known",
+        threads=0,
+    )
+    return Trial(
+        (solution.state - truth)[:, :6],
+        np.hypot(solution.uncertainty[:, :6], np.where(np.isfinite(data.sigma), data.sigma, 0.0)),
+    )
+
+
+def validation(nominal: Sensor, found: Fit, held: Data) -> dict[str, NDArray[Any]]:
+    """Poses solved from held-back readings less the reference's; um and urad.
+
+    before: by the nominal sensor, r.m.s., its mean error taken off, since where the mirror is on
+    the reference is not known then.  after: by the calibrated one, r.m.s.; robust: the same from
+    the median of the errors' sizes, which a few spikes do not move.  stated: what the uncertainties
+    of pose and reference say.  inside: per cent of 95 % intervals that held.
+    """
+    known = np.isfinite(held.sigma)
+    start = trial(nominal, held, values_of(nominal), found)
+    ended = trial(found.sensor, held, found.every, found)
+    columns = {
+        "before": rms(start.error - np.nanmean(start.error, axis=0)) * FINE,
+        "after": rms(ended.error) * FINE,
+        "robust": NORMAL_MEDIAN * np.nanmedian(np.abs(ended.error), axis=0) * FINE,
+        "stated": rms(ended.uncertainty) * FINE,
+        "inside": 100 * ended.inside,
+    }
+    names: dict[str, NDArray[Any]] = {
+        "axis": np.array(POSE),
+        "unit": np.array(["urad" if name in ANGLES else "um" for name in POSE]),
+    }
+    return names | {name: np.where(known, column, np.nan) for name, column in columns.items()}
+
+
+def rms(values: Floats) -> Floats:
+    root: Floats = np.sqrt(np.nanmean(values**2, axis=0))
+    return root

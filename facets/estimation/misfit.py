@@ -1,0 +1,125 @@
+"""Whether a solved reading fits the model: its residual against what noise alone leaves.
+
+Of nine readings, those beside the unknowns check the others: their number is the redundancy. The
+squared residual of a right model follows the chi-square distribution with so many degrees of
+freedom; beyond `LEVEL` of it the reading is flagged, for solving and for a live loop alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..detectors.calibrated import MISFIT
+from .solver import Solution
+
+if TYPE_CHECKING:
+    from ..core.sensor import Sensor
+    from ..core.settings import Solve
+
+Floats = NDArray[np.float64]
+
+#: The chance that a reading is flagged though nothing is wrong with it.
+LEVEL = 1e-4
+#: Flagged readings over those that chance flags, from which on the model is doubted; and the median
+#: residual, over the noise's, from which on it is not the model of this sensor.
+DOUBT, WRONG = 10.0, 5.0
+
+
+def redundancy(used: NDArray[np.bool_], options: Solve) -> NDArray[np.int64]:
+    """How many numbers of a reading check the others (n,), from the detectors used (n, 3).
+
+    What has a prior counts as known; a beam or a power that is free takes its part.
+    """
+    free = 6 + (2 if options.beam == "free" else 0) + (1 if options.power == "unknown" else 0)
+    if options.method == "paper":
+        return np.zeros(used.shape[:-1], dtype=np.int64)
+    left: NDArray[np.int64] = 3 * used.sum(axis=-1) - free
+    return np.maximum(left, 0)
+
+
+def beyond_chance(
+    sensor: Sensor, options: Solve, solution: Solution, level: float = LEVEL
+) -> NDArray[np.bool_]:
+    """Which solved readings (n,) have a residual that noise leaves with a chance below `level`.
+
+    Never where nothing checks a reading, nor where there is no pose. What a calibration found its
+    model to miss widens the noise.
+    """
+    limits = np.array([limit_of(count, level) for count in range(10)])
+    count = redundancy(solution.used, options)
+    with np.errstate(invalid="ignore"):
+        high: NDArray[np.bool_] = solution.residual > limits[count] * widening(sensor)
+    return high & solution.ok
+
+
+def limit_of(count: int, level: float) -> float:
+    """Of a residual with so many degrees of freedom, in standard deviations."""
+    if not count:
+        return np.inf
+    from scipy.special import chdtri
+
+    return float(np.sqrt(chdtri(count, level)))
+
+
+def widening(sensor: Sensor) -> float:
+    """By how much residuals of this sensor are larger than the noise, as its calibration says."""
+    known = sensor.calibration
+    if known is None or not any(name in MISFIT for name in known.names):
+        return 1.0
+    from ..detectors.noise import standard_deviations
+    from ..model.arrays import readings
+
+    noise = standard_deviations(sensor, readings(sensor, np.zeros(8)))
+    missed = {name: known.covariance[n][n] for n, name in enumerate(known.names)}
+    over = [missed.get(name, 0.0) / s**2 for name, s in zip(MISFIT, noise, strict=True)]
+    return float(np.sqrt(1 + np.nanmax(over)))
+
+
+@dataclass
+class Misfit:
+    """How many readings were judged, and flagged.  sizes: of residuals over what noise leaves."""
+
+    judged: int = 0
+    flagged: int = 0
+    sizes: Floats | None = None
+
+    def add(self, flags: NDArray[np.bool_], solution: Solution, options: Solve) -> None:
+        count = redundancy(solution.used, options)
+        there = solution.ok & (count > 0)
+        self.judged += int(there.sum())
+        self.flagged += int(flags.sum())
+        over = solution.residual[there] / np.sqrt(count[there])
+        old = np.empty(0) if self.sizes is None else self.sizes
+        self.sizes = np.concatenate([old, over])[-100_000:]
+
+    @property
+    def sentence(self) -> str:
+        """What is to be said; empty where chance explains all."""
+        chance = LEVEL * self.judged
+        if self.flagged <= max(DOUBT * chance, chance + 5 * np.sqrt(chance) + 1):
+            return ""
+        assert self.sizes is not None
+        size = float(np.median(self.sizes))
+        told = (
+            f"{self.flagged} of {self.judged} poses have a residual beyond chance "
+            f"({chance:.2g} would by chance); the median residual is {size:.3g} times the noise"
+        )
+        if size > WRONG:
+            return (
+                f"{told}: this is not the geometry of the sensor that gave the readings. Check the "
+                "configuration, the order of the detectors and the columns' signs and units, or "
+                "calibrate the rig; the stated uncertainties do not hold."
+            )
+        if self.flagged > 0.5 * self.judged:
+            return (
+                f"{told}: the model misses something of this sensor. Calibrate it again; if the "
+                "laser's power or the beam may have moved, solve with power: unknown or beam: free."
+            )
+        return (
+            f"{told}: single readings are spoilt (dust, a cable, a shutter, a passing reflection); "
+            "they are marked in the column misfit."
+        )

@@ -1,0 +1,82 @@
+"""The beam's cross-section as a covariance, and the readings' derivatives by it.
+
+Two diameters and an angle have no derivative where the beam is round, since its angle does nothing
+there; three elements of a symmetric matrix always have.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError
+from ..core.sensor import Sensor
+from ..optics.parameters import PARAMETERS
+from .arrays import parameter_jacobian
+
+Floats = NDArray[np.float64]
+
+#: The irradiance's covariance in the beam's cross-section, mm^2; an angle has no direction where
+#: the beam is round, so these are found in place of two diameters and an angle.
+SHAPE = ("beam.sigma_xx", "beam.sigma_yy", "beam.sigma_xy")
+OF_SHAPE = ("beam.diameter_x", "beam.diameter_y", "beam.rotation")
+
+
+def shape_of(diameter_x: float, diameter_y: float, rotation: float) -> tuple[float, float, float]:
+    """(sigma_xx, sigma_yy, sigma_xy) of a beam with 1/e^2 diameters, four sigmas each."""
+    u, v, c, s = (diameter_x / 4) ** 2, (diameter_y / 4) ** 2, np.cos(rotation), np.sin(rotation)
+    return (
+        float(u * c * c + v * s * s),
+        float(u * s * s + v * c * c),
+        float((u - v) * c * s),
+    )
+
+
+def axes_of(shape: Floats, near: float = 0.0) -> tuple[float, float, float]:
+    """(diameter_x, diameter_y, rotation) of a shape, the rotation as close to `near` as can be.
+
+    Raises `InputError` where no beam has that shape.
+    """
+    xx, yy, xy = shape
+    middle, half = (xx + yy) / 2, float(np.hypot((xx - yy) / 2, xy))
+    if not middle - half > 0:
+        raise InputError(f"no beam has a cross-section of covariance {xx:g}, {yy:g}, {xy:g} mm^2")
+    if half < 1e-12 * middle:
+        return 4 * float(np.sqrt(middle)), 4 * float(np.sqrt(middle)), near
+    turn = float(np.arctan2(xy, (xx - yy) / 2)) / 2
+    quarters = round((near - turn) / (np.pi / 2))
+    long, short = 4 * float(np.sqrt(middle + half)), 4 * float(np.sqrt(middle - half))
+    turn += quarters * np.pi / 2
+    return (long, short, turn) if quarters % 2 == 0 else (short, long, turn)
+
+
+def by_shape(sensor: Sensor, states: Floats, whole: Floats) -> Floats:
+    """The derivatives by `SHAPE` (n, 9, 3), from those by the 30 parameters.
+
+    In the axes of the ellipse a change of the covariance is one of two variances and a turn; the
+    turn of a round beam does nothing, there axes at 45 degrees tell the same by two variances.
+    """
+    x, y, turn = (PARAMETERS.index(name) for name in OF_SHAPE)
+    beam = sensor.beam
+    u, v = (beam.diameter_x / 4) ** 2, (beam.diameter_y / 4) ** 2
+    of_u = whole[:, :, x] * beam.diameter_x / (2 * u)
+    of_v = whole[:, :, y] * beam.diameter_y / (2 * v)
+    if abs(u - v) > 1e-6 * (u + v):
+        across = whole[:, :, turn] / (u - v)
+    else:
+        slanted = replace(sensor, beam=replace(beam, rotation=beam.rotation + np.pi / 4))
+        other = parameter_jacobian(slanted, states)
+        across = other[:, :, x] * beam.diameter_x / (2 * u) - other[:, :, y] * beam.diameter_y / (
+            2 * v
+        )
+    c, s = np.cos(beam.rotation), np.sin(beam.rotation)
+    return np.stack(
+        [
+            of_u * c * c + of_v * s * s - across * c * s,
+            of_u * s * s + of_v * c * c + across * c * s,
+            2 * c * s * (of_u - of_v) + across * (c * c - s * s),
+        ],
+        axis=-1,
+    )

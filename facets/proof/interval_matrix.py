@@ -1,0 +1,64 @@
+"""Matrices of intervals: bounds of the determinant, and whether all that they hold are regular."""
+
+from __future__ import annotations
+
+import numpy as np
+from flint import arb_mat
+from numpy.typing import NDArray
+
+from ..scalars.intervals import Ball, between, ends, hull, magnitude
+
+Floats = NDArray[np.float64]
+Matrix = list[list[Ball]]
+
+#: What sums of a few floats can round.
+ROUNDED = 1e-12
+
+
+def hull_of_matrices(matrices: list[Matrix]) -> Matrix:
+    """The smallest interval matrix that holds all of some, which are of one shape."""
+    rows, columns = len(matrices[0]), len(matrices[0][0])
+    return [[hull(m[i][j] for m in matrices) for j in range(columns)] for i in range(rows)]
+
+
+def middles(matrix: Matrix) -> Floats:
+    return np.array([[float(x.mid()) for x in row] for row in matrix])
+
+
+def determinant(matrix: Matrix) -> Ball:
+    """Of an interval matrix, sharp where it is near its middle: what is left of it there is 1."""
+    middle = middles(matrix)
+    if not np.isfinite(middle).all() or np.linalg.matrix_rank(middle) < len(middle):
+        return between(-np.inf, np.inf)
+    inverse = arb_mat(np.linalg.inv(middle).tolist())
+    return (inverse * arb_mat(matrix)).det() / inverse.det()
+
+
+def distance_from_zero(x: Ball) -> float:
+    """The least absolute value in an interval, rounded down; 0 where it holds zero."""
+    low, high = ends(x)
+    if not np.isfinite(low) or not np.isfinite(high):
+        return 0.0
+    return max(low, -high, 0.0)
+
+
+def regularity(matrix: Matrix) -> tuple[float, Floats, Floats]:
+    """By how much |1 - C M| shrinks a positive vector, for every M in the intervals.
+
+    Above 0: every matrix in them is regular. Returns that, rounded down, C and the vector.
+    """
+    middle = middles(matrix)
+    size = len(middle)
+    if not np.isfinite(middle).all():
+        return -np.inf, np.zeros_like(middle), np.ones(size)
+    inverse = np.linalg.pinv(middle)
+    left = arb_mat(inverse.tolist()) * arb_mat(matrix)
+    apart: Floats = np.array(
+        [[magnitude(left[i, j] - (i == j)) for j in range(size)] for i in range(size)]
+    )
+    vector: Floats = np.ones(size)
+    for _ in range(200):
+        vector = apart @ vector + 1e-9 * vector.max()
+        vector /= vector.max()
+    margin = float(1 - (apart @ vector / vector).max()) - ROUNDED
+    return margin, np.asarray(inverse), vector

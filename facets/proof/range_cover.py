@@ -1,0 +1,283 @@
+"""A box of poses that holds every pose which keeps the rules of the range, by intervals.
+
+A pose keeps the rules, whatever the beam's place, only if each of the three spots has a point on
+its detector and each facet its least share of the light. Seen from the apex that point is not far:
+the apex itself where the whole footprint has to be on the detector and the apex lies within the
+beam's 1/e^2 ellipse, else the centroid or a point of the footprint, whose distances the least share
+bounds. So six coordinates of rays near the apex lie in known intervals H, and with G for them, over
+a box T x R of poses about x = (t, r),
+
+    pose in T x R,  G(pose) in H   =>   pose in  x + C (H - G(x)) + (1 - C G'(t, R)) (T x R - x)
+
+for any matrix C, since G is linear in the apex: from (t, r) to (t, r'), then to (t', r'). Boxes are
+cut until that leaves nothing of them, or only what lies in the box aimed at or a little beyond; the
+hull of what is left is the box. Where that takes too many boxes there is none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from flint import arb, arb_mat
+from numpy.typing import NDArray
+
+from ..characterization.state_box import StateBox, box_of_poses
+from ..core.rules import Rules
+from ..core.sensor import Sensor
+from ..optics.forward import Geometry
+from ..optics.rays import reflect
+from ..optics.vectors import cross, dot, rotation_axes, subtract
+from ..scalars.intervals import Ball, between, ends, hull
+from .interval_matrix import middles
+from .light_sharing import (
+    LightNotShared,
+    SharingBounds,
+    facet_edges,
+    farthest_offset,
+)
+from .spot_jacobian import (
+    NotFacing,
+    interval_geometry,
+    intervals,
+    scene_of,
+    spot_jacobian,
+    spot_places,
+)
+
+Floats = NDArray[np.float64]
+
+#: How far poses are looked for, mm and rad: past any range that a sensor of this kind can have.
+FARTHEST = (30.0, 30.0, 30.0, 0.3, 0.3, 0.5)
+#: The box aimed at is larger than what a straight sensor would need by this.
+SLACK = 1.06
+#: A box within so many times that one is not cut any further.
+NEAR = 1.25
+#: So many boxes are looked at, and a box that keeps more than this of its width is cut.
+WORK, KEPT = 10_000, 0.8
+#: The beam's 1/e^2 ellipse, in sigmas.
+ELLIPSE = 2.0
+#: Levers that let a box be cut in its angles alone.
+TURNS = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+
+
+class RangeCover(NamedTuple):
+    """low, high (6,) of a box that holds every pose within `farthest` (6,) that keeps the rules.
+
+    share: the least of the light on a facet.  halves: (3, 2) half the detectors' sizes, mm.
+    whole: whether the whole footprint must be on the detector.  work: boxes looked at.
+    """
+
+    low: Floats
+    high: Floats
+    farthest: tuple[float, ...]
+    share: float
+    halves: tuple[tuple[float, float], ...]
+    whole: bool
+    work: int
+
+
+class Problem(NamedTuple):
+    """The sensor in intervals; half the sizes of A, B, C along y and z, mm; the rules.
+
+    levers: (6,) how far a spot moves with each axis, roughly.
+    """
+
+    sensor: Geometry
+    halves: tuple[tuple[float, float], ...]
+    share: float
+    whole: bool
+    levers: Floats
+
+
+class Nothing(Exception):
+    """No pose of a box keeps the rules."""
+
+
+def cover_range(
+    sensor: Sensor,
+    rules: Rules,
+    share: float,
+    tolerances: Sequence[float] | None = None,
+    work: int = WORK,
+) -> RangeCover | None:
+    """The box of poses that keep the rules, for any place of the beam; None where none is found.
+
+    share: the least of the light, by the rules.  tolerances: as for `certify`.
+    """
+    halves = tuple((psd.size_y / 2, psd.size_z / 2) for psd in sensor.psds)
+    levers = np.where(TURNS > 0, max(psd.radius for psd in sensor.psds), 1.0)
+    geometry = interval_geometry(sensor, tolerances)
+    problem = Problem(geometry, halves, share, rules.whole_spot, levers)
+    far = np.array(FARTHEST)
+    try:
+        aim = aimed_at(problem)
+    except (NotFacing, LightNotShared, np.linalg.LinAlgError):
+        return None
+    low, high, done = narrow_down(problem, -far, far, aim, work)
+    if low is None or (low <= -far).any() or (high >= far).any():
+        return None
+    return RangeCover(low, high, FARTHEST, share, halves, rules.whole_spot, done)
+
+
+def aimed_at(problem: Problem) -> StateBox:
+    """The box that a sensor with a constant Jacobian would need, and a little more."""
+    rest = [arb(0)] * 6
+    around = points_near_apex(problem, rest)
+    inverse = np.linalg.inv(middles(jacobian_at(problem.sensor, rest, around)))
+    places = spot_places(problem.sensor, rest, around)
+    middle = -inverse @ np.array([float(place.mid()) for place in places])
+    off = np.array([float(place.rad()) for place in places])
+    half = SLACK * np.abs(inverse) @ (np.array(problem.halves).ravel() + off)
+    return box_of_poses(middle - half, middle + half)
+
+
+def narrow_down(
+    problem: Problem, low: Floats, high: Floats, aim: StateBox, work: int
+) -> tuple[Floats | None, Floats, int]:
+    """The hull of what is left of a box of poses, and how many boxes were looked at."""
+    todo, left, done = [(low, high)], [], 0
+    while todo:
+        low, high = todo.pop()
+        if is_within((low, high), aim):
+            left.append((low, high))
+            continue
+        if done >= work:
+            return None, high, done
+        done += 1
+        try:
+            smaller = contract(problem, low, high)
+        except Nothing:
+            continue
+        except (NotFacing, LightNotShared):
+            todo += cut_in_two(low, high, TURNS)
+            continue
+        width = np.where(high > low, high - low, 1.0)
+        if ((smaller[1] - smaller[0]) / width).min() < KEPT:
+            todo.append(smaller)
+        elif is_within(smaller, aim, NEAR):
+            left.append(smaller)
+        else:
+            todo += cut_in_two(*smaller, problem.levers)
+    if not left:
+        return None, high, done
+    return np.min([a for a, _ in left], axis=0), np.max([b for _, b in left], axis=0), done
+
+
+def is_within(piece: tuple[Floats, Floats], box: StateBox, times: float = 1.0) -> bool:
+    """Whether a box of poses lies in another, grown about its middle."""
+    middle, half = (box.low + box.high)[:6] / 2, times * (box.high - box.low)[:6] / 2
+    return bool((piece[0] >= middle - half).all() and (piece[1] <= middle + half).all())
+
+
+def cut_in_two(low: Floats, high: Floats, levers: Floats) -> list[tuple[Floats, Floats]]:
+    """Across the axis in which a box is longest, each times its lever (6,)."""
+    axis = int(((high - low) * levers).argmax())
+    first, second = high.copy(), low.copy()
+    first[axis] = second[axis] = (low[axis] + high[axis]) / 2
+    return [(low, first), (second, high)]
+
+
+def points_near_apex(problem: Problem, pose: Sequence[Ball]) -> list[list[Ball]]:
+    """(3, 2) sigmas from the apex, across the beam: where each spot has a point on its detector."""
+    zero = arb(0)
+    at = scene_of(problem.sensor, [zero, zero, zero, *pose[3:]])
+    edges = facet_edges(problem.sensor, at, rotation_axes(pose[4], pose[5]))
+    offset = farthest_offset(edges, problem.share)
+    if problem.whole and offset <= ELLIPSE:
+        return [[zero, zero]] * 3
+    reach = offset + max(farthest_centroid(problem.share), ELLIPSE if problem.whole else 0.0)
+    return [within_facet(edges.angles[k], edges.openings[k], reach) for k in range(3)]
+
+
+#: A facet's angle is cut into so many parts to bound its points.
+PARTS = 4
+
+
+def within_facet(start: Ball, opening: Ball, reach: float) -> list[Ball]:
+    """The points of a facet within `reach` of the apex, seen along the beam: (2,) sigmas."""
+    parts = [start + opening * (between(0, 1) + n) / PARTS for n in range(PARTS)]
+    far = between(0, reach)
+    return [hull(far * part.cos() for part in parts), hull(far * part.sin() for part in parts)]
+
+
+def farthest_centroid(share: float) -> float:
+    """How far a part of the beam's light can have its centroid from the beam's, in sigmas.
+
+    At most as far as the half-plane with as much light: its density at the border over its light;
+    bounded, at any border z, by what lies past z and z times the rest.
+    """
+    borders = np.linspace(0.0, 6.0, 241)
+    bounds = np.exp(-(borders**2) / 2) / np.sqrt(2 * np.pi) / share + borders
+    return float(bounds.min()) * (1 + 1e-9)
+
+
+def contract(problem: Problem, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """A smaller box that holds all poses of a box that keep the rules. Raises `Nothing`.
+
+    Raises `NotFacing` or `LightNotShared` where the box is too large to tell.
+    """
+    pose = intervals(low, high)
+    around = points_near_apex(problem, pose)
+    refuse_wrong_way(problem, pose, around)
+    middle = (low + high) / 2
+    thin = [arb(float(x)) for x in middle]
+    slopes = jacobian_at(problem.sensor, [*thin[:3], *pose[3:]], around)
+    places = spot_places(problem.sensor, thin, around)
+    missing = [
+        between(-half, half) - place
+        for half, place in zip(np.ravel(problem.halves).tolist(), places, strict=True)
+    ]
+    inverse = np.linalg.pinv(middles(slopes))
+    preconditioner = arb_mat(inverse.tolist())
+    step = preconditioner * arb_mat([[x] for x in missing])
+    left = preconditioner * arb_mat(slopes)
+    new_low, new_high = low.copy(), high.copy()
+    for i in range(6):
+        rest = sum(((int(i == j)) - left[i, j]) * (pose[j] - thin[j]) for j in range(6))
+        bounds = ends(thin[i] + step[i, 0] + rest)
+        new_low[i], new_high[i] = max(low[i], bounds[0]), min(high[i], bounds[1])
+    if (new_low > new_high).any():
+        raise Nothing
+    return new_low, new_high
+
+
+def jacobian_at(
+    sensor: Geometry, pose: Sequence[Ball], around: list[list[Ball]]
+) -> list[list[Ball]]:
+    """Of the coordinates of rays that stay where they are to the apex."""
+    still = [[[arb(0)] * 3] * 2] * 3
+    return spot_jacobian(sensor, SharingBounds(around, still, [], arb(0)), pose)
+
+
+def refuse_wrong_way(
+    problem: Problem, pose: Sequence[Ball], around: Sequence[Sequence[Ball]]
+) -> None:
+    """Raises `Nothing` where a sub-beam can not go from its facet to its detector's area.
+
+    Takes no quotient, so that it tells of large boxes too: from where the ray leaves to where it
+    may land is along the ray.
+    """
+    sensor, at = problem.sensor, scene_of(problem.sensor, pose)
+    for k in range(3):
+        normal, beam = at.normals[k], sensor.direction
+        incidence = dot(beam, normal)
+        if incidence >= 0:
+            raise Nothing
+        if not incidence < 0:
+            raise NotFacing
+        leaving = reflect(beam, normal)
+        _, y, z = sensor.axes[k]
+        a, b = (between(-half, half) for half in problem.halves[k])
+        middle = [
+            around[k][0] * p + around[k][1] * q
+            for p, q in zip(sensor.spread[0], sensor.spread[1], strict=True)
+        ]
+        drop = -dot(normal, (middle[0], middle[1], middle[2])) / incidence
+        landing = [c + a * p + b * q for c, p, q in zip(sensor.centres[k], y, z, strict=True)]
+        start = [t + m + drop * d for t, m, d in zip(at.apex, middle, beam, strict=True)]
+        way = subtract((landing[0], landing[1], landing[2]), (start[0], start[1], start[2]))
+        across = cross(way, leaving)
+        if any(not x.contains(arb(0)) for x in across) or dot(way, leaving) < 0:
+            raise Nothing

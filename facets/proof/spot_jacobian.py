@@ -1,0 +1,144 @@
+"""Where the spots lie and how they move with the pose, in intervals: one enclosure for a box.
+
+The poses, the sensor's parameters and what is known of the light are all intervals. A facet that
+may be turned past the beam, or a sub-beam that may miss its detector, raises `NotFacing`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from flint import arb
+
+from ..core.sensor import Sensor
+from ..model.arrays import parameters
+from ..optics.forward import Geometry, Scene, edges, geometry, placed
+from ..optics.rays import flight, gradient_of_normal, gradient_of_shift, reflect, slanted
+from ..optics.vectors import (
+    Matrix,
+    Vector,
+    add,
+    combine,
+    cross,
+    dot,
+    rotate,
+    rotation_axes,
+    scale,
+    subtract,
+)
+from ..scalars.intervals import Ball, around, between
+from .light_sharing import SharingBounds
+
+
+class NotFacing(Exception):
+    """Somewhere in the box a facet may not face the beam, or its sub-beam miss its detector."""
+
+
+def interval_geometry(sensor: Sensor, tolerances: Sequence[float] | None = None) -> Geometry:
+    """The sensor's vectors from its parameters as they are stored, without further rounding.
+
+    tolerances: (30,) by how much each may be off, in the order of `facets.PARAMETERS`; mm, rad, mW.
+    """
+    values = parameters(sensor)
+    off = [0.0] * len(values) if tolerances is None else tolerances
+    return geometry(tuple(around(value, by) for value, by in zip(values, off, strict=True)))
+
+
+def intervals(low: Any, high: Any) -> list[Ball]:
+    return [between(float(a), float(b)) for a, b in zip(low, high, strict=True)]
+
+
+def scene_of(sensor: Geometry, pose: Sequence[Ball]) -> Scene:
+    """Where the mirror stands for all poses of a box; the light left out."""
+    zero = arb(0)
+    at = placed(sensor, (*pose, zero, zero))
+    a, b, c = edges(sensor.normals)  # turned as they are: a cross product of intervals is wider
+    return at._replace(edges=(rotate(at.turn, a), rotate(at.turn, b), rotate(at.turn, c)))
+
+
+class SubBeam(NamedTuple):
+    """One ray of a sub-beam over a box, from `start` along `leaving` for `length` of it, mm.
+
+    lever: from the point of incidence to the apex, mm.
+    """
+
+    normal: Vector
+    leaving: Vector
+    lever: Vector
+    start: Vector
+    length: Ball
+
+
+def sub_beam(sensor: Geometry, at: Scene, k: int, from_point: Sequence[Ball]) -> SubBeam:
+    """The ray that meets facet k `from_point` (2,) off the apex, in sigmas across the beam."""
+    normal, beam = at.normals[k], sensor.direction
+    incidence = dot(beam, normal)
+    leaving = reflect(beam, normal)
+    middle = combine(from_point[0], sensor.spread[0], from_point[1], sensor.spread[1])
+    if not incidence < 0:
+        raise NotFacing
+    lever = scale(-1, combine(1, middle, -dot(normal, middle) / incidence, beam))
+    start = subtract(at.apex, lever)
+    if not dot(leaving, sensor.axes[k][0]) > 0:
+        raise NotFacing
+    length = flight(start, leaving, sensor.centres[k], sensor.axes[k])
+    if not length > 0:
+        raise NotFacing
+    return SubBeam(normal, leaving, lever, start, length)
+
+
+def spot_jacobian(
+    sensor: Geometry, shares: SharingBounds, pose: Sequence[Ball]
+) -> list[list[Ball]]:
+    """6 x 6 over a box of poses (6,): psi and zeta of A, B, C by apex and angles; mm and rad.
+
+    shares: what is known of the light while the shares of it are held.  Raises `NotFacing`.
+    """
+    at = scene_of(sensor, pose)
+    axes = rotation_axes(pose[4], pose[5])
+    rays = [sub_beam(sensor, at, k, shares.from_point[k]) for k in range(3)]
+    return [
+        gradient_of_spot(sensor, rays[k], axis, sensor.axes[k][0], shares.turns[k], axes)
+        for k in range(3)
+        for axis in sensor.axes[k][1:]
+    ]
+
+
+def gradient_of_spot(
+    sensor: Geometry,
+    ray: SubBeam,
+    axis: Vector,
+    outward: Vector,
+    turns: Sequence[Sequence[Ball]],
+    axes: Matrix,
+) -> list[Ball]:
+    """Of the spot's coordinate along `axis`: (6,) by apex, roll, pitch and yaw.
+
+    outward: the detector's x.  turns: (2, 3) of the light's centroid from the apex, with the
+    angles.  axes: about which roll, pitch and yaw turn the mirror.
+    """
+    beam = sensor.direction
+    along = slanted(axis, ray.leaving, outward)
+    by_normal = gradient_of_normal(along, beam, ray.normal, ray.lever, ray.length)
+    turn = cross(ray.normal, by_normal)
+    shift = gradient_of_shift(along, beam, ray.normal)
+    by_light = [dot(shift, spread) for spread in sensor.spread]
+    by_turn = [
+        dot(turn, axes[j]) + by_light[0] * turns[0][j] + by_light[1] * turns[1][j] for j in range(3)
+    ]
+    return [*along, *by_turn]
+
+
+def spot_places(
+    sensor: Geometry, pose: Sequence[Ball], from_point: Sequence[Sequence[Ball]]
+) -> list[Ball]:
+    """(6,) psi and zeta of A, B, C, mm, of the rays `from_point` (3, 2) sigmas off the apex."""
+    at = scene_of(sensor, pose)
+    places = []
+    for k in range(3):
+        ray = sub_beam(sensor, at, k, from_point[k])
+        landed = add(ray.start, scale(ray.length, ray.leaving))
+        spot = subtract(landed, sensor.centres[k])
+        places += [dot(spot, axis) for axis in sensor.axes[k][1:]]
+    return places

@@ -1,0 +1,64 @@
+"""By how much the sensor on the bench may be off its configuration, for a certificate."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..calibration.table import choice
+from ..core.settings import Config
+from ..optics.parameters import PARAMETERS
+
+
+class Tolerances(NamedTuple):
+    """values: (30,) in the order of `facets.PARAMETERS`; mm, rad, mW.  source: where from.
+
+    exact: names of parameters that are taken as they are.  left_out: names with an uncertainty that
+    are none of the 30: the detectors' corrections, the beam's shape where it is no two diameters.
+    """
+
+    values: tuple[float, ...]
+    source: str
+    exact: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+
+def tolerances_of(settings: Config, factor: float) -> Tolerances:
+    """`factor` standard uncertainties of each parameter: the coverage factor.
+
+    Those of the sensor's calibration, if it has one, else those of `calibrate.before`. A box of
+    that half width holds the ellipsoid of the covariance with the same factor.
+    """
+    known = settings.sensor.calibration
+    if known is None:
+        sigmas, source = known_before(settings), "calibrate.before"
+    else:
+        spread = np.sqrt(np.diag(np.array(known.covariance)))
+        sigmas = dict(zip(known.names, spread.tolist(), strict=True))
+        source = "the sensor's calibration"
+    values = tuple(rounded_up(factor * sigmas.get(name, 0.0)) for name in PARAMETERS)
+    exact = tuple(name for name, value in zip(PARAMETERS, values, strict=True) if value == 0)
+    own = [name for name in sigmas if name.startswith(("beam.", "facet_", "psd_", "correction_"))]
+    left_out = tuple(name for name in own if name not in PARAMETERS)
+    return Tolerances(values, source, exact, left_out)
+
+
+def known_before(settings: Config) -> dict[str, float]:
+    """Standard uncertainties by name, from `calibrate.before`; mm, rad, mW."""
+    sensor, before = settings.sensor, settings.calibrate.before
+    found = choice(sensor, settings.calibrate)
+    sigmas = dict(zip(found.names, found.sigma.tolist(), strict=True))
+    for name in [name for name in sigmas if name.startswith("beam.") and name not in PARAMETERS]:
+        del sigmas[name]  # the shape of the beam, of which the diameters say the same
+    wide = before.get("beam_diameter_percent", 0) / 100
+    sigmas |= {f"beam.{name}": wide * getattr(sensor.beam, name) for name in DIAMETERS}
+    sigmas["beam.power"] = before.get("laser_percent", 0) / 100 * sensor.beam.power
+    return sigmas
+
+
+DIAMETERS = ("diameter_x", "diameter_y")
+
+
+def rounded_up(value: float) -> float:
+    return float(np.nextafter(value, np.inf)) if value > 0 else 0.0

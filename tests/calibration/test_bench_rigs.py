@@ -1,0 +1,58 @@
+"""A rig with the light of a bench, read by rays that share no optics with the model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from facets.experiments import rigs
+from facets.experiments.bench_rays import Bench, spots
+
+import facets
+
+NOMINAL = facets.Sensor()
+IDEAL = Bench(
+    np.eye(2) * (NOMINAL.beam.diameter_x / 4) ** 2, np.zeros((2, 2)), 0.0, None, 0.0, np.zeros(3),
+    np.zeros((3, 2)), 0.03, np.zeros((3, 3)),
+)  # fmt: skip
+
+
+def states(count=20):
+    rng = np.random.default_rng(1)
+    state = np.zeros((count, 8))
+    state[:, :6] = rng.uniform(-1, 1, (count, 6)) * rigs.BOX
+    state[:, 6:] = 0.01 * rng.normal(size=(count, 2))
+    return state
+
+
+@pytest.mark.parametrize(
+    ("bench", "light", "place", "power"),
+    [
+        ({}, {}, 1e-11, 1e-13),
+        ({"curvature": np.array([[3e-4, 1e-4], [1e-4, -2e-4]])},
+         {"curvature_xx": 3e-4, "curvature_xy": 1e-4, "curvature_yy": -2e-4}, 2e-5, 1e-5),
+        ({"wavelength": 633e-6}, {"wavelength": 633e-6}, 2e-6, 1e-6),
+        ({"strips": np.array([0.01, 0.005, 0.008])}, {"strips": (0.01, 0.005, 0.008)}, 3e-5, 1e-6),
+        ({"background": np.array([[5e-4, 1, -2], [3e-4, 0, 1], [1e-4, 2, 2]])},
+         {"background": ((5e-4, 1.0, -2.0), (3e-4, 0.0, 1.0), (1e-4, 2.0, 2.0))}, 1e-10, 1e-12),
+    ],
+    ids=["ideal", "curvature", "diffraction", "strips", "background"],
+)  # fmt: skip
+def test_the_model_reads_what_the_rays_read(bench, light, place, power):
+    state = states()
+    rays = spots(NOMINAL, IDEAL._replace(**bench), state)
+    off = rays - facets.readings(replace(NOMINAL, light=replace(NOMINAL.light, **light)), state)
+    assert np.abs(np.delete(off, [2, 5, 8], axis=1)).max() < place
+    assert np.abs(off[:, 2::3]).max() < power
+
+
+def test_a_rig_with_every_effect_at_once_is_calibrated():
+    """One of the twenty of `experiments/rigs.py --bench`, with fewer samples."""
+    one = rigs.tried_on_bench(0, 300, "paper", fresh=300)
+    assert one.verdict.trusted
+    taken = {row.key for row in one.verdict.search.rows if row.taken}
+    assert {"curvature", "diffraction", "strips", "background"} <= taken
+    assert (one.over[2:] < 1.35).all()
+    assert (one.over[:2] < 3).all()
+    assert (one.inside > 0.8).all()

@@ -1,0 +1,50 @@
+"""Detectors that are read one after the other."""
+
+from dataclasses import replace
+
+import numpy as np
+
+import facets
+from facets.core.sensor import BenchLight
+from facets.detectors.skew import align, later, slopes
+from facets.simulation.run import simulate
+
+LATE = replace(facets.Sensor(), light=BenchLight(delays=(0.0, 5e-6, 1e-5)))
+
+
+def test_slopes_are_those_of_a_line():
+    time = np.array([0, 1, 2, 4, 5.0])
+    rows = np.outer(time, [1, -2.0])
+    np.testing.assert_allclose(slopes(time, rows), np.repeat([[1, -2.0]], 5, axis=0))
+
+
+def test_nothing_is_told_over_gaps():
+    time = np.array([0, 1, 2, 100, 101, 101, 102.0])
+    rows = np.array([0, 1, np.nan, 7, 8, 50, 51.0])[:, None]
+    assert slopes(time, rows)[:, 0].tolist() == [1, 1, 0, 1, 1, 1, 1]
+    assert slopes(time[:1], rows[:1]).tolist() == [[0]]
+
+
+def test_readings_are_brought_to_one_instant():
+    """At 0.1 rad/s and 10 mm/s; to the second order of the steps between samples."""
+    time = np.arange(50) / 3000
+    states = np.outer(np.sin(20 * time), [0.05, 0.02, 0.5, 5e-3, 3e-3, 5e-3, 0, 0])
+    exact = facets.readings(LATE, states)
+    late = exact.copy()
+    for k, delay in enumerate(LATE.light.delays):
+        moved = facets.readings(LATE, later(time, states, delay))
+        late[:, 3 * k : 3 * k + 3] = moved[:, 3 * k : 3 * k + 3]
+    assert np.abs(late - exact).max() > 1e-5
+    assert np.abs(align(LATE, time, late) - exact).max() < 2e-8
+    assert align(facets.Sensor(), time, late) is late
+
+
+def test_simulations_have_it_and_the_solver_takes_it_off():
+    """What is left is of the second order of the samples' steps."""
+    config = facets.load("bench-light")
+    ignored = replace(config.sensor, light=replace(config.sensor.light, delays=(0.0, 0.0, 0.0)))
+    (segment,) = simulate(config, ["multi-axis"], noise=False)
+    assert segment.solution.ok.all()
+    raw = facets.solve(ignored, segment.readings, beam="known")
+    left = np.abs(segment.error[1:-1, 3:6]).max()
+    assert left < 0.05 * np.abs(raw.state - segment.truth)[1:-1, 3:6].max()

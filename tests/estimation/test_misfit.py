@@ -1,0 +1,66 @@
+"""Residuals beyond chance: as many as chance has where all is right, and told where it is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import facets
+from facets.detectors.noise import add_noise
+from facets.estimation.misfit import LEVEL, Misfit, beyond_chance, redundancy
+from facets.estimation.table import solve_readings
+
+CONFIG = facets.load("paper")
+OPTIONS = replace(CONFIG.solve, beam="known", power="unknown")
+
+
+def read(count=2000, seed=1):
+    rng = np.random.default_rng(seed)
+    state = np.zeros((count, 8))
+    state[:, :6] = rng.uniform(-1, 1, (count, 6)) * [0.1, 0.1, 1, 4e-3, 4e-3, 5e-3]
+    return add_noise(CONFIG.sensor, facets.readings(CONFIG.sensor, state), rng)
+
+
+@pytest.mark.parametrize(
+    ("beam", "power", "count"),
+    [("known", "known", 3), ("known", "unknown", 2), ("free", "known", 1), ("free", "unknown", 0)],
+)
+def test_redundancy_is_what_is_read_beside_what_is_sought(beam, power, count):
+    options = replace(CONFIG.solve, beam=beam, power=power)
+    assert redundancy(np.ones((1, 3), bool), options)[0] == count
+    assert redundancy(np.array([[True, True, False]]), options)[0] == max(count - 3, 0)
+
+
+def test_chance_flags_as_many_as_it_should():
+    solution = solve_readings(CONFIG.sensor, OPTIONS, read(), None)
+    share = beyond_chance(CONFIG.sensor, OPTIONS, solution, 0.05).mean()
+    assert 0.03 < share < 0.07
+
+
+def flags(sensor, raw):
+    found = Misfit()
+    solution = solve_readings(sensor, OPTIONS, raw, None)
+    marks = beyond_chance(sensor, OPTIONS, solution, LEVEL)
+    found.add(marks, solution, OPTIONS)
+    return marks, found
+
+
+def test_nothing_is_said_where_all_is_right():
+    assert flags(CONFIG.sensor, read())[1].sentence == ""
+
+
+def test_a_spoilt_reading_is_flagged():
+    raw = read()
+    raw[::100, 3] += 0.1
+    marks, found = flags(CONFIG.sensor, raw)
+    assert marks[::100].all()
+    assert "single readings are spoilt" in found.sentence
+
+
+def test_another_geometry_is_told():
+    psds = [replace(psd, height=0.8 * n) for n, psd in enumerate(CONFIG.sensor.psds)]
+    wrong = replace(CONFIG.sensor, psds=(psds[0], psds[1], psds[2]))
+    found = flags(wrong, read())[1]
+    assert "not the geometry of the sensor" in found.sentence

@@ -1,0 +1,307 @@
+"""The light of a bench in the model: against rays, a propagated field, and 50 digits."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import mpmath as mp
+import numpy as np
+import pytest
+from bench_oracle import Bench, by_rays
+from sensors import SENSORS, states
+
+import facets
+from facets.core.errors import InputError
+from facets.core.sensor import BenchLight
+from facets.model.arrays import (
+    EFFECTS,
+    effect_jacobian,
+    effects,
+    of_light,
+    options,
+    parameters,
+    with_effects,
+)
+from facets.model.ellipse import (
+    covariance_jacobian,
+    covariance_of,
+    ellipse_jacobian,
+    with_covariance,
+)
+from facets.optics.bench_light import readings
+from facets.optics.effects import Effects
+from facets.optics.forward import OPEN, geometry
+
+PAPER = facets.Sensor()
+DEPTHS = (6e-5, 3e-5, 5e-5, 7e-5, 2e-5, 4e-5)
+ALL = BenchLight(
+    curvature_xx=1 / 2100,
+    curvature_xy=2e-5,
+    curvature_yy=1 / 3000,
+    wavelength=632.8e-6,
+    rolloff=DEPTHS,
+    rolloff_width=0.1,
+    strips=(0.01, 0.014, 0.008),
+    tip=0.002,
+    background=((5e-4, 1, 2), (4e-4, -1, 0.5), (6e-4, 0, -2)),
+    index=(1.37, 7.62),
+    polarization=0.3,
+)
+REFERENCES = json.loads((Path(__file__).parent / "references" / "diffraction.json").read_text())
+
+
+def lit(sensor=PAPER, **light):
+    return replace(sensor, light=BenchLight(**light))
+
+
+def box(count: int, seed: int) -> np.ndarray:
+    """States of the mirror in the paper's box, the beam at rest."""
+    rng = np.random.default_rng(seed)
+    some = np.zeros((count, 8))
+    some[:, :6] = rng.uniform(-1, 1, (count, 6)) * [0.12, 0.12, 2, 6e-3, 6e-3, 6e-3]
+    return some
+
+
+def apart(sensor, bench, some) -> tuple[float, float]:
+    """Largest difference of places (um) and of powers (relative) from the rays'."""
+    rays = np.array([by_rays(sensor, state, bench) for state in some])
+    ours = facets.readings(sensor, some)
+    away = np.abs(ours - rays)
+    powers = away[:, 2::3] / rays[:, 2::3]
+    return 1e3 * max(away[:, 0::3].max(), away[:, 1::3].max()), powers.max()
+
+
+@pytest.mark.parametrize("radius", [2100.0, 500.0, -1000.0])
+def test_a_curved_wavefront_is_that_of_rays(radius):
+    """To 1e-5 um, where the second-order term alone is some 1e-3 um."""
+    sensor = lit(curvature_xx=1 / radius, curvature_yy=1 / radius)
+    place, power = apart(sensor, Bench(np.eye(2) / radius), box(4, 1))
+    assert place < 1e-5
+    assert power < 1e-12
+
+
+@pytest.mark.parametrize("name", ["skewed0", "skewed3"])
+def test_a_curved_wavefront_on_skewed_sensors(name):
+    sensor = lit(SENSORS[name], curvature_xx=1 / 2100, curvature_yy=1 / 2100)
+    place, power = apart(sensor, Bench(np.eye(2) / 2100), states(3, seed=3))
+    assert place < 1e-5
+    assert power < 1e-12
+
+
+def test_an_astigmatic_wavefront_bends_edges_a_little():
+    """Edges are straight to its light near the apex only: 0.012 um at 2.1 and -4 m."""
+    sensor = lit(curvature_xx=1 / 2100, curvature_yy=-1 / 4000, curvature_xy=3e-5)
+    bench = Bench(np.array([[1 / 2100, 3e-5], [3e-5, -1 / 4000]]))
+    place, power = apart(sensor, bench, box(4, 2))
+    assert place < 0.05
+    assert power < 2e-4
+
+
+def test_strips_lost_along_edges():
+    widths = np.array([0.01, 0.014, 0.008])
+    place, power = apart(lit(strips=tuple(widths)), Bench(strips=tuple(widths)), box(4, 3))
+    assert place < 0.05
+    assert power < 1e-5
+    small = apart(lit(strips=tuple(widths / 10)), Bench(strips=tuple(widths / 10)), box(4, 3))
+    assert small[0] < place / 50  # what is left is of the second order in the width, and third
+    assert small[1] < power / 50
+
+
+def test_edges_that_roll_off():
+    """A tenth of a wave over 0.1 mm moves spots by some 60 um; told to 0.6 um."""
+    bench = Bench(depths=(DEPTHS[:2], DEPTHS[2:4], DEPTHS[4:]), width=0.1)
+    some = box(4, 4)
+    sensor = lit(rolloff=DEPTHS, rolloff_width=0.1)
+    moved = np.abs(facets.readings(sensor, some) - facets.readings(PAPER, some))
+    assert moved[:, 1::3].max() > 0.05
+    place, power = apart(sensor, bench, some)
+    assert place < 0.6
+    assert power < 1e-12
+
+
+def test_a_worn_tip():
+    radius = 0.025
+    place, power = apart(lit(tip=np.pi * radius**2), Bench(tip=radius), box(4, 5))
+    assert place < 0.02
+    assert power < 1e-4
+
+
+@pytest.mark.parametrize("case", REFERENCES["cases"], ids=str)
+def test_diffraction_is_that_of_a_propagated_field(case):
+    """Centroids to 0.5 um, powers to 1e-4 of the beam's, to 1.2 mm from the window's edge; 0.8 um
+    near two edges at once, in its corner. Diffraction itself moves them by up to 65 um."""
+    y, z = case["window"]
+    turn = np.arctan2(y, 250.0)  # carries the detector to the side, still square to the light
+    psd = replace(PAPER.psds[0], radius=250 / np.cos(turn), azimuth=turn, yaw=-turn, height=z)
+    radius = case["wavefront_radius"]
+    bend = 0.0 if radius is None else 1 / radius
+    sensor = lit(
+        replace(PAPER, psds=(psd, *PAPER.psds[1:])),
+        wavelength=REFERENCES["wavelength"], curvature_xx=bend, curvature_yy=bend,
+    )  # fmt: skip
+    ours = facets.readings(sensor, [*case["apex"], 0, 0, 0, 0, 0, 0])[:3]
+    corner = np.abs(case["reading"][:2]).min() > 5
+    assert np.abs(ours[:2] - case["reading"][:2]).max() < (0.8e-3 if corner else 0.51e-3)
+    assert ours[2] / 0.3 == pytest.approx(case["reading"][2], abs=1e-4)
+
+
+@pytest.mark.parametrize("case", REFERENCES["poses"], ids=str)
+def test_poses_from_a_propagated_fields_readings(case):
+    """Within 0.15 of a reading's own uncertainty, to 1.8 mm from the detectors' edge; 4 to 20 times
+    it without diffraction in the model."""
+    reading = np.array(case["reading"])
+    reading[2::3] *= 0.3
+    truth = np.array([*case["pose"], 0, 0, 0])
+    sensor = lit(wavelength=REFERENCES["wavelength"])
+    for known, worst in ((sensor, 0.15), (PAPER, None)):
+        solution = facets.solve(known, reading, beam="known")
+        over = np.abs(solution.state[:6] - truth) / solution.uncertainty[:6]
+        assert (over.max() < worst) if worst else (over.max() > 4)
+
+
+def test_light_that_is_off_changes_no_bit():
+    some = box(200, 6)
+    off = replace(PAPER, light=BenchLight())
+    for function in (facets.readings, facets.jacobian, facets.parameter_jacobian):
+        assert (function(off, some) == function(PAPER, some)).all()
+
+
+def test_light_that_is_all_but_off_is_the_plain_model():
+    """By the other text: to rounding."""
+    some = states(50, seed=7)
+    for sensor in SENSORS.values():
+        faint = lit(sensor, background=((1e-300, 0, 0),) * 3)
+        np.testing.assert_allclose(
+            facets.readings(faint, some), facets.readings(sensor, some), rtol=1e-13, atol=3e-12
+        )
+
+
+STEP = mp.mpf(10) ** -14
+
+
+def forward(sensor, given, values, state):
+    effect = Effects(tuple(values), options(sensor))
+    rows = readings(geometry(tuple(given), OPEN, effect), tuple(state))
+    return np.array(rows, dtype=object).ravel()
+
+
+def differences(values: list, function) -> np.ndarray:
+    columns = []
+    for i in range(len(values)):
+        up, down = list(values), list(values)
+        up[i], down[i] = up[i] + STEP, down[i] - STEP
+        columns.append((function(up) - function(down)) / (2 * STEP))
+    return np.array(columns).T.astype(float)
+
+
+@pytest.mark.parametrize("name", ["paper", "skewed2"])
+def test_derivatives_against_differences_at_50_digits(name):
+    """By the state, the 30 parameters and the light's own numbers, everything on."""
+    sensor, state = replace(SENSORS[name], light=ALL), states(1, seed=8)[0]
+    with mp.workdps(50):
+        given = [mp.mpf(x) for x in parameters(sensor)]
+        at = [mp.mpf(float(x)) for x in state]
+        values = [mp.mpf(float(x)) for x in effects(sensor)]
+        plain = forward(sensor, given, values, at).astype(float)
+        by_state = differences(at, lambda moved: forward(sensor, given, values, moved))
+        by_parameters = differences(given, lambda moved: forward(sensor, moved, values, at))
+        by_effects = differences(values, lambda moved: forward(sensor, given, moved, at))
+    assert facets.readings(sensor, state) == pytest.approx(plain, rel=1e-12)
+    for closed, exact in (
+        (facets.jacobian(sensor, state), by_state),
+        (facets.parameter_jacobian(sensor, state), by_parameters),
+        (effect_jacobian(sensor, state), by_effects),
+    ):
+        scale = np.maximum(np.abs(exact), 1e-4 * np.abs(exact).max(axis=0)) + 1e-6
+        assert (np.abs(closed - exact) <= 1e-9 * scale).all()
+
+
+def test_derivatives_by_effects_hold_where_all_are_off():
+    """So that a calibration can tell which it needs."""
+    some = box(3, 9)
+    closed = effect_jacobian(PAPER, some)
+    for number, name in enumerate(EFFECTS):
+        if name.startswith("coating") or name in ("light.polarization", "rolloff.width"):
+            assert (closed[..., number] == 0).all()
+            continue
+        moved = np.zeros(len(EFFECTS))
+        moved[23] = 1.0
+        moved[number] = 1e-9
+        ahead = facets.readings(with_effects(PAPER, moved), some)
+        slope = (ahead - facets.readings(PAPER, some)) / 1e-9
+        np.testing.assert_allclose(
+            closed[..., number], slope, rtol=1e-3, atol=2e-3 * max(np.abs(slope).max(), 1)
+        )
+
+
+def test_effects_have_names_and_come_back():
+    assert len(EFFECTS) == len(set(EFFECTS)) == len(effects(PAPER)) == 27
+    sensor = replace(PAPER, light=ALL)
+    assert with_effects(sensor, effects(sensor)) == sensor
+    assert with_effects(PAPER, effects(PAPER)) == PAPER
+    assert not PAPER.light.on
+    assert of_light(sensor).values[3] == 632.8e-6
+    with pytest.raises(InputError, match="needed: 27"):
+        with_effects(sensor, [0.0])
+
+
+def test_the_beam_as_a_covariance():
+    """Its derivatives are right for a round beam, where an angle has none."""
+    for beam in (
+        PAPER.beam,
+        replace(PAPER.beam, diameter_x=0.9, rotation=0.7, tilt_x=2e-3),
+        replace(PAPER.beam, diameter_y=0.9, rotation=2.7),
+    ):
+        sensor = replace(PAPER, beam=beam, light=ALL)
+        for each in (sensor, replace(sensor, light=BenchLight())):
+            some, found = box(3, 10), covariance_of(beam)
+            same = with_covariance(beam, found)
+            assert same.diameter_x == pytest.approx(beam.diameter_x)
+            assert same.rotation == pytest.approx(beam.rotation)
+            closed = ellipse_jacobian(each, some)
+            by_parameters = facets.parameter_jacobian(each, some)[..., 1:4]
+            np.testing.assert_allclose(
+                by_parameters, closed @ covariance_jacobian(beam), atol=1e-11
+            )
+            moved = found + np.array([0, 0, 1e-7])
+            ahead = facets.readings(replace(each, beam=with_covariance(beam, moved)), some)
+            slope = (ahead - facets.readings(each, some)) / 1e-7
+            np.testing.assert_allclose(closed[..., 2], slope, rtol=1e-3, atol=1e-3)
+    with pytest.raises(InputError, match="sigma_xx"):
+        with_covariance(PAPER.beam, [0.04, 0.04, 0.05])
+
+
+def test_poses_are_found_under_all_of_it():
+    sensor = replace(PAPER, light=ALL)
+    truth = box(200, 11)
+    exact = facets.readings(sensor, truth)
+    for power in ("known", "unknown"):
+        solution = facets.solve(sensor, exact, beam="known", power=power)
+        assert solution.ok.all()
+        away = np.abs(solution.state - truth)
+        assert away[:, :3].max() < 1e-9
+        assert away[:, 3:6].max() < 1e-11
+
+
+def test_background_is_weighed_against_the_unknown_power():
+    """Where the laser has grown dimmer, other light pulls a spot the more."""
+    sensor = lit(background=((5e-3, 3, 2),) * 3)
+    dim = replace(sensor, beam=replace(sensor.beam, power=0.2))
+    truth = box(20, 12)
+    solution = facets.solve(sensor, facets.readings(dim, truth), beam="known", power="unknown")
+    assert np.abs(solution.state - truth)[:, :3].max() < 1e-9
+
+
+def test_apertures_do_not_go_with_it():
+    with pytest.raises(InputError, match=r"light is given with apertures.*light\.strips"):
+        replace(PAPER, light=ALL, apertures=facets.Apertures(gap=0.01))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"wavelength": -1}, {"strips": (0, 0)}, {"background": ((0, 0),) * 3}, {"index": (0, 1)},
+     {"rolloff": (0.0,) * 5}, {"curvature_xx": float("nan")}, {"rolloff_width": -1.0}],
+)  # fmt: skip
+def test_impossible_light_is_refused(wrong):
+    with pytest.raises(InputError, match="allowed"):
+        BenchLight(**wrong)

@@ -1,0 +1,271 @@
+"""The checker accepts what was proved and refuses, with a reason, whatever was made of it."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+import subprocess
+import sys
+from fractions import Fraction
+
+import pytest
+from facets.experiments.certificate_schema import SCHEMA, Refused, conform
+from facets.experiments.check_certificate import check, main, told
+from sensors import SENSORS
+
+import facets
+from facets.characterization.state_box import parse_box
+from facets.files import provenance
+from facets.proof.certificate import write_certificate
+from facets.proof.reach import find_reach
+from facets.proof.uniqueness import certify
+
+#: Small, so that a test is quick: three angles and one place, whose pieces are cut in four axes.
+BOX = parse_box("tx_mm=2,roll_mrad=4,pitch_mrad=4,yaw_mrad=6")
+SHARE = 0.27
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory):
+    path = tmp_path_factory.mktemp("proof") / "certificate.json"
+    config = facets.load("paper")
+    found = certify(config.sensor, BOX, SHARE)
+    assert found.unique
+    write_certificate(path, config.sensor, found, provenance.about(config), config.resolved)
+    return path
+
+
+@pytest.fixture(scope="module")
+def content(certificate):
+    return json.loads(certificate.read_text())
+
+
+def put(value, *keys):
+    """What puts a value at a place of a certificate."""
+
+    def spoil(content):
+        for key in keys[:-1]:
+            content = content[key]
+        content[keys[-1]] = value
+
+    return spoil
+
+
+def change(function, *keys):
+    def spoil(content):
+        for key in keys[:-1]:
+            content = content[key]
+        content[keys[-1]] = function(content[keys[-1]])
+
+    return spoil
+
+
+def resize(content, name, by):
+    content["parameters"][name] *= by
+
+
+def shrink_all_pieces(content):
+    """A hole of 3 % on every side of every axis, invisible to a volume in six dimensions."""
+    for piece in content["pieces"]:
+        for axis in range(6):
+            width = content["high"][axis] - content["low"][axis]
+            for end in ("low", "high"):
+                if piece[end][axis] in (content["low"][axis], content["high"][axis]):
+                    piece[end][axis] *= 0.97 if width else 1
+
+
+def swap_pieces(content):
+    """Two pieces for one: as many, as large, and a hole."""
+    content["pieces"][0] = copy.deepcopy(content["pieces"][1])
+
+
+def forget_hash(content):
+    del content["config_sha256"]
+
+
+def other_sensor(content):
+    """Configuration and checksum of another sensor, whole in themselves."""
+    other = facets.load("skewed")
+    content |= {"resolved": other.resolved, "config_sha256": other.sha256}
+
+
+def with_apertures(content):
+    config = facets.load("paper")
+    content["resolved"] = copy.deepcopy(config.resolved)
+    content["resolved"]["sensor"]["apertures"]["rim_mm"] = 5.0
+    text = json.dumps(content["resolved"], separators=(",", ":"))
+    import hashlib
+
+    content["config_sha256"] = hashlib.sha256(text.encode()).hexdigest()
+
+
+def as_the_review_forged(content):
+    """The certificate that the first checker took, with a margin of 1."""
+    content["inverse"] = [[math.nan] * 6 for _ in range(6)]
+    content["weights"] = [math.inf] * 6
+
+
+def huge_weights(content):
+    content["weights"] = [1e308] * 6
+
+
+def singular_sensor(content):
+    sensor = facets.load("singular")
+    from facets.model.arrays import parameters
+
+    content |= {"resolved": sensor.resolved, "config_sha256": sensor.sha256}
+    content["parameters"] = list(parameters(sensor.sensor))
+
+
+SPOILS = {
+    "NaN and infinities as the review forged them": (as_the_review_forged, "no number"),
+    "singular sensor with a proof of another": (singular_sensor, "bounds of the light|hull|claims"),
+    "NaN in inverse": (put(math.nan, "inverse", 0, 0), "NaN is no number"),
+    "infinite weight": (put(math.inf, "weights", 2), "Infinity is no number"),
+    "number past floats": (put(10**400, "weights", 2), "too large|finite|range"),
+    "weights near the largest float": (huge_weights, "too large"),
+    "weight zero": (put(0.0, "weights", 1), "weights"),
+    "weight below zero": (put(-1.0, "weights", 1), "weights"),
+    "weight of text": (put("1.0", "weights", 1), "needed: number"),
+    "weight of truth": (put(True, "weights", 1), "needed: number"),
+    "inverse of five rows": (change(lambda rows: rows[:5], "inverse"), "5 entries"),
+    "inverse of zeros": (put([[0.0] * 6] * 6, "inverse"), "singular|claims"),
+    "inverse scaled": (change(lambda row: [2 * x for x in row], "inverse", 2), "singular"),
+    "inverse transposed": (change(lambda m: [list(r) for r in zip(*m)], "inverse"), "singular"),  # noqa: B905
+    "piece left out": (change(lambda pieces: pieces[:-1], "pieces"), "hole"),
+    "no pieces": (put([], "pieces"), "0 entries"),
+    "piece twice for two": (swap_pieces, "hole"),
+    "hole on every side": (shrink_all_pieces, "hole"),
+    "hole of one float": (
+        lambda c: put(math.nextafter(c["pieces"][0]["low"][5], 1), "pieces", 0, "low", 5)(c),
+        "hole",
+    ),
+    "piece beyond the box": (put(9.0, "pieces", 0, "high", 0), "not in the box"),
+    "box larger than its pieces": (put(2.1, "high", 0), "hole"),
+    "box upside down": (put(-3.0, "high", 0), "below its lower"),
+    "bounds of turns too narrow": (put([-0.01, 0.01], "light", "turns", 1, 0, 2), "light"),
+    "bounds of centroids too narrow": (put([0.0, 0.0], "light", "from_point", 0, 0), "light"),
+    "bounds of the light crossed": (put([1.0, -1.0], "light", "from_point", 0, 0), "crossed"),
+    "slope too large": (put([1.0, 2.0], "light", "slope"), "light"),
+    "slope of no sign": (put([-1.0, 2.0], "light", "slope"), "slope"),
+    "least share lower": (put(0.02, "least_share"), "light"),
+    "least share zero": (put(0.0, "least_share"), "least_share"),
+    "least share of half": (put(0.5, "least_share"), "least_share"),
+    "determinant of a piece": (change(lambda x: 1e4 * x, "pieces", 3, "at_least"), "larger"),
+    "least determinant": (change(lambda x: 1.5 * x, "least_determinant"), "least piece"),
+    "margin above one": (put(1.5, "margin"), "margin"),
+    "margin below zero": (put(-0.5, "margin"), "margin"),
+    "not unique": (put(False, "unique"), "unique"),
+    "unique as a number": (put(1, "unique"), "unique"),
+    "doubtful pieces": (lambda c: put([c["pieces"][0]], "doubtful")(c), "doubtful"),
+    "a reason against it": (put("out of time", "reason"), "reason"),
+    "parameters of another sensor": (put(600.0, "parameters", 12), "not those"),
+    "parameters left out": (change(lambda p: p[:29], "parameters"), "29 entries"),
+    "tolerances beyond the proof": (
+        put(0.5, "tolerances", 6),
+        "light|hull|face|half a turn|singular",
+    ),
+    "tolerance below zero": (put(-0.1, "tolerances", 0), "tolerances"),
+    "checksum": (put("0" * 64, "config_sha256"), "checksum"),
+    "checksum left out": (forget_hash, "checksum"),
+    "configuration changed": (put("laser", "resolved", "sensor", "noise", "model"), "checksum"),
+    "configuration of another sensor": (other_sensor, "not those"),
+    "configuration without a sensor": (put({}, "resolved"), "checksum"),
+    "apertures": (with_apertures, "apertures"),
+    "another format": (put("facets uniqueness certificate 1", "format"), "needed"),
+    "a key too many": (put(1, "trust_me"), "nothing is known"),
+    "a key too few": (lambda c: c.pop("light"), "lacks light"),
+}
+
+
+@pytest.mark.parametrize("name", SPOILS)
+def test_what_is_spoilt_is_refused_with_a_reason(content, tmp_path, name):
+    spoil, reason = SPOILS[name]
+    spoilt = copy.deepcopy(content)
+    spoil(spoilt)
+    path = tmp_path / "spoilt.json"
+    path.write_text(json.dumps(spoilt))
+    with pytest.raises(Refused, match=reason):
+        check(path)
+
+
+def test_without_asserts_the_same_is_refused(content, tmp_path):
+    files = []
+    for number, (spoil, _) in enumerate(SPOILS.values()):
+        spoilt = copy.deepcopy(content)
+        spoil(spoilt)
+        files.append(tmp_path / f"{number}.json")
+        files[-1].write_text(json.dumps(spoilt))
+    command = [sys.executable, "-O", "-m", "facets.experiments.check_certificate", *map(str, files)]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 1, run.stderr
+    assert run.stdout.count(": refused: ") == len(SPOILS)
+    assert "holds" not in run.stdout
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "7", '{"a": 1, "a": 2}', "[" * 100_000])
+def test_what_is_no_certificate_is_refused(tmp_path, text):
+    path = tmp_path / "file.json"
+    path.write_text(text)
+    with pytest.raises(Refused):
+        check(path)
+    with pytest.raises(Refused, match="read"):
+        check(tmp_path / "none.json")
+
+
+def test_the_checker_agrees_and_says_what_it_did_not_find_again(certificate, content, capsys):
+    found = check(certificate)
+    assert found.margin > Fraction(1, 2)
+    assert found.determinant > 0
+    assert "seconds" in told(found)
+    assert main([str(certificate)]) == 0
+    assert "holds" in capsys.readouterr().out
+    assert main([]) == 2
+
+
+def test_bounds_are_told_rounded_down(certificate):
+    found = check(certificate)
+    found.margin, found.determinant = Fraction(9999, 10000), Fraction(45759999, 10)
+    assert "0.999;" in told(found)
+    assert "4.57e6" in told(found)
+    found.determinant = Fraction(0)
+    assert "at least 0" in told(found)
+
+
+def test_the_schema_is_one_and_the_certificate_fits_it(content):
+    jsonschema = pytest.importorskip("jsonschema")
+    jsonschema.Draft202012Validator.check_schema(SCHEMA)
+    jsonschema.validate(content, SCHEMA)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(content | {"margin": -1}, SCHEMA)
+    conform(content, SCHEMA)
+
+
+def test_a_proof_for_all_sensors_within_tolerances_is_checked(tmp_path):
+    sensor = SENSORS["paper"]
+    off = [
+        0.003,
+        0.0085,
+        0.0085,
+        0.0,
+        1e-3,
+        1e-3,
+        *[5e-4] * 6,
+        *[0.1, 4e-4, 0.1, 2e-3, 2e-3, 2e-3] * 3,
+    ]
+    found = certify(sensor, BOX, SHARE, tolerances=off)
+    assert found.unique
+    assert 0 < found.margin < certify(sensor, BOX, SHARE).margin
+    write_certificate(tmp_path / "a.json", sensor, found, {"config": "paper"})
+    again = check(tmp_path / "a.json")
+    assert again.margin > 0
+    assert any("configuration" in line for line in again.not_verified)
+
+
+def test_the_reach_has_a_certificate_that_is_checked(tmp_path):
+    sensor = SENSORS["paper"]
+    factor, found = find_reach(sensor, BOX, SHARE, farthest=2.0)
+    assert factor == 2.0
+    write_certificate(tmp_path / "a.json", sensor, found, {"config": "paper"})
+    assert check(tmp_path / "a.json").margin > 0
