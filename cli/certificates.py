@@ -180,9 +180,11 @@ def describe_set(claim: Claim, found: Certificate, cover: RangeCover | None) -> 
         )
     if claim.tolerances is not None:
         exact = ", ".join(claim.tolerances.exact) or "none"
-        source = claim.tolerances.source
-        lines.append(f"  and of every sensor within the tolerances of {source}; taken as"
-                     f" exact: {exact}, and the detectors' own corrections")  # fmt: skip
+        left_out = ", ".join(claim.tolerances.left_out) or "none"
+        lines.append(
+            f"  and of every sensor within the tolerances of {claim.tolerances.source};\n"
+            f"  taken as exact: {exact}\n  not allowed for: {left_out}"
+        )
     lines.append(f"  {len(found.pieces)} pieces proved, {found.seconds:.1f} s")
     return lines
 

@@ -100,14 +100,14 @@ def write(
 ) -> Booleans:
     """Designs, their front and its picture; returns which designs are on the front."""
     from facets.characterization.sensitivity import sensitivity
-    from facets.design.exploration import collected, front
+    from facets.design.exploration import collect, front
     from facets.files import tables
     from facets.pictures import style
     from facets.pictures.exploration import front_picture
 
     designs, front_table, picture = files
     goals = list(space.objectives)
-    table = collected(folder)
+    table = collect(folder)
     best = front(table, goals)
     pilot = {name: column[: space.pilot] for name, column in table.items()}
     indices = sensitivity(pilot, space.names, goals)

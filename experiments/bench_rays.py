@@ -27,7 +27,8 @@ class Bench(NamedTuple):
     """What of the light the nominal model does not know.
 
     covariance: of the irradiance (2, 2), mm^2.  curvature: of the wavefront (2, 2), 1/mm.
-    wavelength: mm.  index: of the metal, complex.  polarisation: rad.  strips: mm, of edges 0 to 2.
+    wavelength: mm.  metal: its complex index, None for one that reflects all.  polarisation: rad.
+    strips: mm, of edges 0 to 2.
     depth, width: of the roll-off at each facet's two edges (3, 2) mm, and its decay, mm.
     background: (3, 3) power and place, mW and mm.
     """
@@ -35,7 +36,7 @@ class Bench(NamedTuple):
     covariance: Floats
     curvature: Floats
     wavelength: float
-    index: complex | None
+    metal: complex | None
     polarisation: float
     strips: Floats
     depth: Floats
@@ -182,11 +183,11 @@ def light(
 
 def share(bench: Bench, beam: Beam, cosine: Floats, normal: Floats) -> Floats:
     """How much of the light is reflected (n, m)."""
-    if bench.index is None:
+    if bench.metal is None:
         return np.ones_like(cosine)
     field = np.cos(bench.polarisation) * beam.x + np.sin(bench.polarisation) * beam.y
     upright = (unit(np.cross(beam.along, normal)) @ field) ** 2
-    s, p = reflectance(cosine, bench.index)
+    s, p = reflectance(cosine, bench.metal)
     mixed: Floats = upright[:, None] * s + (1 - upright[:, None]) * p
     return mixed
 

@@ -146,7 +146,7 @@ def drawn_on_bench(nominal: Sensor, rng: np.random.Generator) -> BenchRig:
         covariance=axes @ np.diag([long**2, short**2]) @ axes.T,
         curvature=np.diag(1 / (round_ * rng.uniform(0.8, 1.25, 2))),
         wavelength=633e-6,
-        index=1.37 + 7.62j,
+        metal=1.37 + 7.62j,
         polarisation=float(rng.uniform(0, np.pi)),
         strips=rng.uniform(0.004, 0.012, 3),
         depth=rng.uniform(5e-6, 3e-5, (3, 2)),

@@ -107,7 +107,7 @@ class Watched(StageModel):
     def past(self, place: Floats) -> float:
         """How far a place is outside the soft limits, mm."""
         (x, y), low, high = place.tolist(), self.limits.low, self.limits.high
-        return max(low[0] - x, low[1] - y, x - high[0], y - high[1])
+        return float(max(low[0] - x, low[1] - y, x - high[0], y - high[1]))
 
     def follow(self, step: float) -> None:
         (x, y), (u, v) = self.place.tolist(), self.speed.tolist()

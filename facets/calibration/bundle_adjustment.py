@@ -20,8 +20,7 @@ from ..core.names import FINE_UNITS
 from ..core.sensor import Sensor
 from ..detectors.correction import NAMES, corrected, slopes
 from ..detectors.noise import standard_deviations
-from ..model.arrays import jacobian, readings
-from ..model.beam_shape import by_effects, upright_effects, with_upright_effects
+from ..model.arrays import effect_jacobian, effects, jacobian, readings, with_effects
 from .unknowns import (
     ALL,
     DELAY,
@@ -235,9 +234,8 @@ def put_on(sensor: Sensor, thirds: int) -> Sensor:
         for k in range(3)
     ]  # fmt: skip
     turned_on = replace(sensor, facets=(facets[0], facets[1], facets[2]))
-    effects = upright_effects(sensor)
     order = [EFFECTS.index(on_the_mirror(name, thirds)) for name in EFFECTS]
-    return with_upright_effects(turned_on, effects[order])
+    return with_effects(turned_on, effects(sensor)[order])
 
 
 def on_the_mirror(name: str, thirds: int) -> str:
@@ -301,7 +299,7 @@ def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: 
     every[:, 2::3, : len(GEOMETRY) + len(SHAPE)] *= light
     every[:, :, block(NAMES)] = -slopes(sensor, data.raw)
     if any(name in EFFECTS for name in choice.names):
-        columns = by_thirds(sensor, data, state, by_effects)
+        columns = by_thirds(sensor, data, state, effect_jacobian)
         every[:, :, block(EFFECTS)] = in_the_mirror(columns, EFFECTS, data)
         every[:, 2::3, block(EFFECTS)] *= light
     add_mounting(every, data, by_state, turning)

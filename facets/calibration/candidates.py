@@ -78,7 +78,7 @@ SIZES = {
 ALUMINIUM = (1.37, 7.62)
 
 
-def candidates(data: Data, settings: Calibrate) -> list[Candidate]:
+def candidates(sensor: Sensor, data: Data, settings: Calibrate) -> list[Candidate]:
     """All that the model and the columns of the table allow to be tried."""
     found = []
     for key, (words, sizes) in SIZES.items():
@@ -88,7 +88,7 @@ def candidates(data: Data, settings: Calibrate) -> list[Candidate]:
             for name in EFFECTS
             if part in name
         }
-        if sigma:
+        if sigma and not sensor.apertures.cut:  # the model has one or the other
             found.append(Candidate(key, words, sigma, coated=key == "coating"))
     if "bend_um" not in settings.before:
         sigma = {name: size for k in DETECTORS for name, size in bends(k, 0.03).items()}
@@ -270,7 +270,7 @@ class Searcher:
     def __init__(self, sensor: Sensor, data: Data, settings: Calibrate, plain: Fit) -> None:
         self.sensor, self.data, self.settings = sensor, data, settings
         self.plain = self.found = plain
-        self.every = candidates(data, settings)
+        self.every = candidates(sensor, data, settings)
         self.rows: dict[str, Row] = {}
         self.refused: set[str] = set()
 

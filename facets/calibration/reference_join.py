@@ -8,7 +8,7 @@ the rest of the offset is an unknown of the fit (`reference.delay`).
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,9 @@ from ..detectors.correction import corrected
 from ..estimation.solver import solve
 from ..estimation.table import BEAM_UNCERTAINTIES
 from .bundle_adjustment import Data
-from .table import BEAM, REFERENCE, RUN, gathered, whole_table
+from .fit import fit
+from .table import BEAM, REFERENCE, RUN, choice, gathered, whole_table
+from .unknowns import DELAY, PLACE
 
 if TYPE_CHECKING:
     from ..core.settings import Calibrate
@@ -31,11 +33,13 @@ Floats = NDArray[np.float64]
 SHARE, SECONDS, STEPS = 0.25, 2.0, 401
 #: Of a likeness below this nothing is concluded.
 ALIKE = 0.5
+#: Samples of the fit that finds what is left of the offset.
+FEW = 150
 
 
 class Joined(NamedTuple):
     """offset: added to the readings' time to be the reference's, s; 0 where the motion tells none.
-    likeness: the correlation of both motions there."""
+    likeness: the share of the reference's motion that the readings explain there."""
 
     data: Data
     offset: float
@@ -43,10 +47,11 @@ class Joined(NamedTuple):
 
 
 class Track(NamedTuple):
-    """A reference's poses over time: (m,) s, (m, 6) mm and rad."""
+    """A reference's poses over time: (m,) s, (m, 6) mm and rad; and a cubic through them."""
 
     time: Floats
     pose: Floats
+    curve: Any
 
 
 def read_track(path: Path, settings: Calibrate) -> Track:
@@ -71,7 +76,9 @@ def read_track(path: Path, settings: Calibrate) -> Track:
     time, pose = time[good], pose[good]
     if len(time) < 4 or not (np.diff(time) > 0).all():
         raise InputError(f"{path}: time_s must go up, in four rows at least")
-    return Track(time, pose)
+    from scipy.interpolate import CubicSpline
+
+    return Track(time, pose, CubicSpline(time, pose))
 
 
 def read_joined(readings: Path, reference: Path, sensor: Sensor, settings: Calibrate) -> Joined:
@@ -82,10 +89,28 @@ def read_joined(readings: Path, reference: Path, sensor: Sensor, settings: Calib
     time = columns["time_s"]
     check_overlap(readings, time, reference, track)
     offset, likeness = found_offset(sensor, columns, track)
-    columns, velocity = with_reference(columns, track, offset)
-    data = gathered(readings, columns, settings)
-    kept = np.isfinite(columns[REFERENCE[0]]) & usable(columns)
-    return Joined(data._replace(velocity=velocity[kept]), offset, likeness)
+    if likeness > ALIKE:
+        offset += rest_of_offset(sensor, samples(readings, columns, track, offset, settings),
+                                 settings)  # fmt: skip
+    return Joined(samples(readings, columns, track, offset, settings), offset, likeness)
+
+
+def samples(
+    readings: Path, columns: dict[str, Floats], track: Track, offset: float, settings: Calibrate
+) -> Data:
+    """The samples with the reference's poses and velocities at an offset."""
+    whole, velocity = with_reference(columns, track, offset)
+    data = gathered(readings, whole, settings)
+    kept = np.isfinite(whole[REFERENCE[0]]) & usable(whole)
+    return data._replace(velocity=velocity[kept])
+
+
+def rest_of_offset(sensor: Sensor, data: Data, settings: Calibrate) -> float:
+    """What a plain fit of some samples says that the offset still lacks, s; 0 where it fails."""
+    rows = np.unique(np.linspace(0, len(data.raw) - 1, min(len(data.raw), FEW)).astype(np.int64))
+    wanted = choice(sensor, settings).and_also({DELAY: 0.01})
+    found = fit(sensor, data.part(rows), wanted, settings.outliers)
+    return float(found.every[PLACE[DELAY]]) if found.ended else 0.0
 
 
 def usable(columns: dict[str, Floats]) -> NDArray[np.bool_]:
@@ -130,17 +155,24 @@ def found_offset(sensor: Sensor, columns: dict[str, Floats], track: Track) -> tu
 
 
 def likeness(time: Floats, pose: Floats, track: Track, offset: float) -> float:
-    """The mean correlation of the axes that move, at an offset."""
+    """How much of the reference's motion the solved poses explain, 1 all, at an offset.
+
+    By linear regression on all six axes: a sensor that is not calibrated yet mixes them.
+    """
     at = time + offset
     good = np.isfinite(pose).all(axis=1) & (at >= track.time[0]) & (at <= track.time[-1])
-    if good.sum() < 10:
+    if good.sum() < 20:
         return 0.0
-    marks = []
-    for n in range(6):
-        a, b = pose[good, n], np.interp(at[good], track.time, track.pose[:, n])
-        if np.std(a) > 0 and np.std(b) > 1e-7:
-            marks.append(float(np.corrcoef(a, b)[0, 1]))
-    return float(np.mean(marks)) if marks else 0.0
+    said = track.curve(at[good])
+    said = said - said.mean(axis=0)
+    rows = pose[good] - pose[good].mean(axis=0)
+    ways, *_ = np.linalg.lstsq(rows / np.maximum(rows.std(axis=0), 1e-12), said, rcond=None)
+    left = said - rows / np.maximum(rows.std(axis=0), 1e-12) @ ways
+    moved = said.std(axis=0) > 1e-7
+    if not moved.any():
+        return 0.0
+    rest = (left[:, moved] ** 2).sum(axis=0) / (said[:, moved] ** 2).sum(axis=0)
+    return 1 - float(np.exp(np.log(np.maximum(rest, 1e-12)).mean()))  # the clearest axes decide
 
 
 def with_reference(
@@ -148,10 +180,7 @@ def with_reference(
 ) -> tuple[dict[str, Floats], Floats]:
     """The readings' columns with those of the reference at their times, NaN outside its own; and
     its velocity (n, 6) there, mm/s and rad/s."""
-    from scipy.interpolate import CubicSpline
-
-    at = columns["time_s"] + offset
-    curve = CubicSpline(track.time, track.pose)
+    at, curve = columns["time_s"] + offset, track.curve
     outside = ~((at >= track.time[0]) & (at <= track.time[-1]))
     pose, velocity = curve(np.nan_to_num(at)), curve(np.nan_to_num(at), 1)
     pose[outside] = np.nan

@@ -15,16 +15,13 @@ from numpy.typing import NDArray
 from ..core.sensor import DETECTORS, MONOMIALS, Sensor
 from ..detectors.correction import NAMES, OF_ONE, coefficients
 from ..model import arrays
-from ..model.arrays import parameters, sensor_with
+from ..model.arrays import EFFECTS, effects, parameters, sensor_with, with_effects
 from ..model.beam_shape import (
-    EFFECTS,
     OF_SHAPE,
     SHAPE,
     axes_of,
     by_shape,
     shape_of,
-    upright_effects,
-    with_upright_effects,
 )
 from ..optics.parameters import PARAMETERS
 
@@ -94,7 +91,7 @@ def values_of(sensor: Sensor) -> Floats:
         found[PLACE[name]] = given[name]
     found[block(SHAPE)] = shape_of(*(given[name] for name in OF_SHAPE))
     found[block(NAMES)] = coefficients(sensor)
-    found[block(EFFECTS)] = upright_effects(sensor)
+    found[block(EFFECTS)] = effects(sensor)
     return found
 
 
@@ -105,7 +102,7 @@ def assigned(sensor: Sensor, values: Floats) -> Sensor:
     geometry |= dict(zip(OF_SHAPE, axes, strict=True))
     made = sensor_with(sensor, [geometry[name] for name in PARAMETERS])
     made = with_corrections(made, values[block(NAMES)])
-    made = with_upright_effects(made, values[block(EFFECTS)])
+    made = with_effects(made, values[block(EFFECTS)])
     return replace(made, calibration=None)
 
 

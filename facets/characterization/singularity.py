@@ -145,11 +145,11 @@ def samples(
     for first in range(0, count, CHUNK):
         rows = min(CHUNK, count - first)
         with np.errstate(all="ignore"):
-            shares = rng.random((rows, 8)) if sobol is None else drawn(sobol, rows)
+            shares = rng.random((rows, 8)) if sobol is None else sobol_points(sobol, rows)
         yield domain.states(shares)
 
 
-def drawn(sobol: object, rows: int) -> Floats:
+def sobol_points(sobol: object, rows: int) -> Floats:
     """Points of a Sobol sequence; any number of them, of which SciPy would warn."""
     import warnings
 
@@ -192,7 +192,7 @@ def empty(offset: Floats, values: Floats) -> Survey:
     """A survey whose classes fit the first chunk, with room beside it."""
     with np.errstate(invalid="ignore"):
         top = float(offset.max(initial=0.0)) * 1.02 or 1.0
-        ends = [spread_of(values[:, 0]), spread_of(values[:, 1])]
+        ends = [extent_of(values[:, 0]), extent_of(values[:, 1])]
     edges = (np.linspace(0, top, OFFSETS + 1), *(np.linspace(*end, LEVELS + 1) for end in ends))
     none = Worst(np.full(8, np.nan), np.full(3, np.nan))
     return Survey(
@@ -207,7 +207,7 @@ def empty(offset: Floats, values: Floats) -> Survey:
     )
 
 
-def spread_of(values: Floats) -> tuple[float, float]:
+def extent_of(values: Floats) -> tuple[float, float]:
     """From zero to past the largest, or on both sides of zero where the values are."""
     known = values[np.isfinite(values)]
     if len(known) == 0:

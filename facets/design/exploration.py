@@ -47,6 +47,8 @@ if TYPE_CHECKING:
 
 #: Designs a task: about a second of work; and tasks of the pilot.
 PART, PILOT = 200, 5
+#: The file that says which search a folder is of.
+MARK = "search.txt"
 #: How often a worker looks whether its parent is still there, s.
 ORPHANED = 1.0
 #: Rivals that a design is held against, at most.
@@ -115,7 +117,7 @@ def designs(space: Space) -> Floats:
     """All designs (n, variables), in the units of the variables' names."""
     require_variables(space)
     bounds = tuple(space.layout.variables[name] for name in space.names)
-    return drawn(space.sampling, bounds, space.count, space.seed)
+    return draw(space.sampling, bounds, space.count, space.seed)
 
 
 def require_variables(space: Space) -> None:
@@ -125,7 +127,7 @@ def require_variables(space: Space) -> None:
 
 
 @lru_cache(1)  # a worker makes its parts from the same
-def drawn(sampling: str, bounds: tuple[tuple[float, float], ...], count: int, seed: int) -> Floats:
+def draw(sampling: str, bounds: tuple[tuple[float, float], ...], count: int, seed: int) -> Floats:
     from scipy.stats import qmc
 
     dimension, rng = len(bounds), np.random.default_rng(seed)
@@ -157,7 +159,7 @@ def at_rest(space: Space, x: Floats) -> tuple[int, Floats, Sensor | None]:
         return 1, values, None
     if not readings(sensor, rest)[:, 2::3].min() > space.layout.least_power:
         return 2, values, None
-    if space.required and not keeps(sensor, space.layout, space.volume):
+    if space.required and not meets(sensor, space.layout, space.volume):
         return 4, values, None
     values[7:13] = FINE * uncertainties(sensor, rest, Estimator("", np.inf))[0]
     values[13] = measures(sensor, rest)[0, 2]
@@ -171,7 +173,7 @@ def whole_on_detectors(sensor: Sensor, states: Floats) -> bool:
     return bool(np.where(np.isnan(room), -1, room).min() > 0)
 
 
-def keeps(sensor: Sensor, layout: Layout, states: Floats) -> bool:
+def meets(sensor: Sensor, layout: Layout, states: Floats) -> bool:
     """Whether all that the layout asks for holds over the volume's states."""
     if 2 * max(psd.radius for psd in sensor.psds) > layout.head:
         return False
@@ -197,14 +199,14 @@ def looked_at(space: Space, x: Floats, rivals: Floats = NO_RIVALS) -> tuple[int,
     clear = clearances(sensor, np.zeros((1, 6)), rules)[0]
     if not clear.min() > 0:
         return OUTSIDE[int(clear.argmin())], values
-    if len(rivals) and beaten(space, sensor, rules, values, rivals):
+    if len(rivals) and is_beaten(space, sensor, rules, values, rivals):
         return 5, values
     found = axis_ranges(sensor, rules, np.zeros(6), FINE_ENOUGH)
     values[AT_RANGES] = FAR * np.array([axis.symmetric for axis in found])
     return 0, values
 
 
-def beaten(space: Space, sensor: Sensor, rules: Rules, values: Floats, rivals: Floats) -> bool:
+def is_beaten(space: Space, sensor: Sensor, rules: Rules, values: Floats, rivals: Floats) -> bool:
     """Whether a rival is as good in all objectives, and better in one that is known.
 
     Its range is as large as this one's where this one has left its own at the rival's end.
@@ -253,15 +255,15 @@ def part_of(space: Space, first: int, rivals: Floats) -> dict[str, Any]:
 def identity(space: Space, about: dict[str, str]) -> str:
     """What must be the same for a run to go on in a folder."""
     asked = f"{space.sampling} {space.count} {space.seed} {space.every} {space.required}"
-    return f"{about['config_sha256']} {asked} {' '.join(space.objectives)}\n"
+    return f"{about.get('config_sha256', '')} {asked} {' '.join(space.objectives)}\n"
 
 
 def prepare(folder: Path, space: Space, about: dict[str, str], force: bool) -> None:
-    """Makes the folder of a search, or goes on in it; `force` takes an older search away.
+    """Looks whether a search can go on in a folder; `force` takes an older search away.
 
-    Raises `OutputError` where the folder holds another search, or is none.
+    Raises `OutputError` where the folder holds another search.
     """
-    mark, mine = folder / "search.txt", identity(space, about)
+    mark, mine = folder / MARK, identity(space, about)
     if force and mark.exists():
         shutil.rmtree(folder / "parts", ignore_errors=True)
         mark.unlink()
@@ -269,8 +271,16 @@ def prepare(folder: Path, space: Space, about: dict[str, str], force: bool) -> N
         raise OutputError(
             f"{folder}: holds another search; --force begins anew, -o names another folder"
         )
-    with Whole(mark) as temporary:
-        temporary.write_text(mine)
+
+
+def write_part(
+    space: Space, folder: Path, first: int, table: dict[str, Any], about: dict[str, str]
+) -> None:
+    """A part, and before the first of them which search the folder is of."""
+    if not (folder / MARK).exists():
+        with Whole(folder / MARK) as temporary:
+            temporary.write_text(identity(space, about))
+    write_table(part_path(folder, first), table, about)
 
 
 def explore(
@@ -294,14 +304,14 @@ def explore(
         wanted = [first for first in missing if (first < space.pilot) == pilot]
         rivals = NO_RIVALS if pilot or not wanted else rivals_in(space, folder)
         for first, table in made(space, wanted, rivals, scheduler or ""):
-            write_table(part_path(folder, first), table, about)
+            write_part(space, folder, first, table, about)
             done += 1
             tell(done, len(firsts))
 
 
 def rivals_in(space: Space, folder: Path) -> Floats:
     """The front of the pilot: measures (n, MEASURES)."""
-    table = collected(folder, range(0, space.pilot, space.part))
+    table = collect(folder, range(0, space.pilot, space.part))
     best = front(table, list(space.objectives))
     return np.stack([table[name][best] for name in MEASURES], axis=1)
 
@@ -368,7 +378,7 @@ def clustered(
             job.release()
 
 
-def collected(folder: Path, firsts: Iterable[int] | None = None) -> dict[str, NDArray[Any]]:
+def collect(folder: Path, firsts: Iterable[int] | None = None) -> dict[str, NDArray[Any]]:
     """The parts that are there, or those of them named, as one table in the designs' order."""
     import pyarrow.parquet as pq
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from ..core.names import DETECTORS
-from ..model.beam_shape import EFFECTS, SHAPE
+from ..model.arrays import EFFECTS
+from ..model.beam_shape import SHAPE
 from ..optics.parameters import PARAMETERS
 from .correction import NAMES
 

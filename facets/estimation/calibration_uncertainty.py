@@ -15,8 +15,8 @@ from ..core.names import FINE_UNITS
 from ..detectors.calibrated import MISFIT
 from ..detectors.correction import NAMES, slopes
 from ..detectors.noise import standard_deviations
-from ..model.arrays import jacobian, parameter_jacobian, readings
-from ..model.beam_shape import EFFECTS, SHAPE, by_effects, by_shape
+from ..model.arrays import EFFECTS, effect_jacobian, jacobian, parameter_jacobian, readings
+from ..model.beam_shape import SHAPE, by_shape
 from ..optics.parameters import PARAMETERS
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def by_parameters(sensor: Sensor, known: Calibration, states: Floats, seen: Floa
     if any(name in SHAPE for name in known.names):
         blocks[SHAPE] = by_shape(sensor, states, whole)
     if any(name in EFFECTS for name in known.names):
-        blocks[EFFECTS] = by_effects(sensor, states)
+        blocks[EFFECTS] = effect_jacobian(sensor, states)
     names = [name for block in blocks for name in block]
     every = np.concatenate(list(blocks.values()), axis=2)
     parted: Floats = every[:, :, [names.index(name) for name in known.names]]

@@ -234,8 +234,12 @@ def estimate(
     if not cost < 1e300:
         return OUT_OF_RANGE, 0, cost
     dark = is_dark(layers, limits)
-    damping, earlier = 0.0, cost
+    damping, earlier, blind = 0.0, cost, False  # blind: undamped, the readings tell no step here
     for steps in range(1, problem.max_steps + 1):
+        if steps % PATIENCE == 0 and problem.damped:
+            if cost > SLOWEST * earlier:
+                return STALLED, steps, cost
+            earlier = cost
         if factorise(layers, here, FACTOR, columns, damping):
             gain = solve_factored(layers, here, FACTOR, columns)
         else:
@@ -243,9 +247,11 @@ def estimate(
         if gain < 0:
             if not problem.damped or damping > 0:
                 return SINGULAR, steps, cost
-            damping = 1e-3
+            damping, blind = 1e-3, True
             continue
         if gain < small and damping > 0:  # held back by the damping, not arrived
+            if blind:  # what the damping lets through is done; the rest is not told
+                return SINGULAR, steps, cost
             damping = 0.0
             continue
         for c in range(UNKNOWNS):
@@ -265,7 +271,7 @@ def estimate(
             for c in range(UNKNOWNS):
                 x[c] = trial[c]
             here, there = there, here
-            cost, dark = trial_cost, into_the_dark
+            cost, dark, blind = trial_cost, into_the_dark, False
             damping = damping / 10 if damping > 1e-6 else 0.0
         elif not problem.damped:
             return OUT_OF_RANGE, steps, cost
@@ -275,8 +281,4 @@ def estimate(
             damping = 10 * damping if damping > 0 else 1e-3
         if dark and problem.damped and steps >= STEPS_IN_THE_DARK:
             return STALLED, steps, cost
-        if steps % PATIENCE == 0 and problem.damped:
-            if cost > SLOWEST * earlier:
-                return STALLED, steps, cost
-            earlier = cost
     return MAX_STEPS, problem.max_steps, cost

@@ -93,6 +93,8 @@ class Solver:
             self._run(self._last)
         if self._last is None or self._found.status[0] != Status.CONVERGED:
             self._run(self._from_zero())
+        if self._sensor.light.on and self._found.status[0] == Status.STALLED:
+            self._run(self._from_zero(), self._exact_model())
         if self._warm and self._found.status[0] == Status.CONVERGED:
             self._last = self._found.states.copy()
         if len(self._found.covariances) > 0:
@@ -104,7 +106,13 @@ class Solver:
             return starting("zero", self._plan, self._values, ())
         return self._zero
 
-    def _run(self, start: Floats) -> None:
+    def _exact_model(self) -> problem.Model:
+        """With derivatives that leave nothing out, for where steps without them stall."""
+        from ..model import evaluators
+
+        return problem.Model(evaluators.linearised(self._sensor), packed(self._sensor))
+
+    def _run(self, start: Floats, model: problem.Model | None = None) -> None:
         self._starts[:] = start
         self._found.covariances[:] = 0.0
         sigmas = self._no_sigmas
@@ -112,5 +120,10 @@ class Solver:
             sigmas = standard_deviations(self._sensor, self._values)
         readings = problem.Readings(self._values, sigmas)
         self._invert(
-            self._model, readings, self._plan.limits, self._problem, self._found, self._memory
+            model or self._model,
+            readings,
+            self._plan.limits,
+            self._problem,
+            self._found,
+            self._memory,
         )

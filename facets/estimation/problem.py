@@ -20,7 +20,7 @@ DARK = 1.0
 STEPS_IN_THE_DARK = 8
 #: After each so many steps the sum of squares must have fallen below this share of what it was
 #: before them; else the estimate goes round in circles and is stalled.
-PATIENCE, SLOWEST = 10, 0.99
+PATIENCE, SLOWEST = 10, 0.9
 #: A step that the damping has shortened by this much, and that still does not help: stalled.
 HEAVIEST = 1e12
 #: Rounding of a computed reading, relative to the detector's distance or to the power.

@@ -314,6 +314,28 @@ def solve(
         )
 
     share(run, n, threads)
+    stalled = np.flatnonzero(found.status == Status.STALLED)
+    if sensor.light.on and len(stalled):  # by the derivatives that leave nothing out
+        again = empty_results(len(stalled), covariance)
+        invert(
+            problem.Model(evaluators.linearised(sensor), packed(sensor)),
+            problem.Readings(values[stalled], sigmas[stalled] if len(sigmas) else sigmas),
+            todo.limits,
+            problem.Problem(
+                means=todo.means[stalled] if len(todo.means) == n else todo.means,
+                weight=todo.weights,
+                free=todo.free,
+                starts=starts[stalled] if len(starts) == n else starts,
+                previous=False,
+                max_steps=max_steps,
+                damped=method != "paper",
+            ),
+            again,
+            workspace(),
+        )
+        for whole, part in zip(found, again, strict=True):
+            if len(whole):
+                whole[stalled] = part
     if covariance:
         add_calibration(sensor, todo, found)
     return solution(found, shape)

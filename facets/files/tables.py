@@ -94,7 +94,7 @@ def require_table(path: Path) -> None:
             raise InputError(f"{path}: is {what}")
 
 
-def wanted(
+def columns_to_read(
     path: Path, names: Sequence[str], needed: Sequence[str], optional: Sequence[str]
 ) -> list[str]:
     missing = [name for name in needed if name not in names]
@@ -162,7 +162,7 @@ def read_csv(
     path: Path, needed: Sequence[str], optional: Sequence[str], rows: int
 ) -> Iterator[Chunk]:
     with open_sheet(path) as sheet:
-        use = wanted(path, sheet.names, needed, optional)
+        use = columns_to_read(path, sheet.names, needed, optional)
     refuse_words(path, use)
     with path.open("rb") as raw:
         sheet = Sheet(path, raw)
@@ -248,7 +248,7 @@ def read_parquet(
 
     try:
         file = pq.ParquetFile(path)
-        use = wanted(path, file.schema_arrow.names, needed, optional)
+        use = columns_to_read(path, file.schema_arrow.names, needed, optional)
         require_numbers(path, file.schema_arrow, use)
         done = 0
         for batch in file.iter_batches(rows, columns=use):

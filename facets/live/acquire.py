@@ -12,7 +12,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from ..core.errors import FacetsError
 from ..estimation.solver import Status
 from ..tracking.tracker import Tracker
+from .interruption import deferring
 from .pipeline import BATCH, Batch, Pipeline, Poses
 from .ports import Port, PortError, SerialPort, await_port, open_port
 from .recording import Block, Recording
@@ -47,6 +48,7 @@ TOO_OLD = 10.0
 FINISH = 2.0
 #: A source that waits is asked for no more while so many batches do.
 ENOUGH = 50
+INTERRUPTED = "interrupted"
 
 
 @dataclass
@@ -261,9 +263,12 @@ class Loop:
         self.backlog = Backlog()
         self.patient = reader.port is not None and reader.port.waits
 
-    def run(self, ending: Ending) -> None:
-        """Until the stream, the time or the samples end."""
+    def run(self, ending: Ending, signals: Sequence[int] = ()) -> None:
+        """Until the stream, the time or the samples end, or a signal has come."""
         while not ending.reached(self.live):
+            if signals:
+                self.live.note = INTERRUPTED
+                break
             self.gather(wait=0.0 if self.backlog else 0.05)
             if self.backlog:
                 self.work()
@@ -370,7 +375,7 @@ def acquire(
     """
     live.recording = recording
     loop = Loop(live, reader, recording, show)
-    with ExitStack() as closing:
+    with deferring() as signals, ExitStack() as closing:
         if recording:
             closing.callback(recording.close)
         closing.callback(loop.finish)
@@ -380,9 +385,9 @@ def acquire(
         live.begin = time.monotonic()
         reader.start()
         try:
-            loop.run(ending)
+            loop.run(ending, signals)
         except KeyboardInterrupt:
-            live.note = "interrupted"
+            live.note = INTERRUPTED
     if reader.error:
         raise reader.error
 

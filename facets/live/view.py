@@ -11,7 +11,7 @@ import numpy as np
 from ..core.names import ANGLES, DETECTORS, STATE
 from ..detectors.counts import SATURATED
 from ..detectors.noise import power_floor
-from ..estimation.gauss_newton import FAINTEST
+from ..estimation.problem import FAINTEST
 from ..estimation.solver import Status
 from ..model.arrays import half_sizes
 from ..tracking.control import tracking_error

@@ -1,9 +1,7 @@
 """The beam's cross-section as a covariance, and the readings' derivatives by it.
 
 Two diameters and an angle have no derivative where the beam is round, since its angle does nothing
-there; three elements of a symmetric matrix always have. The light's own directions, its curvature
-and polarisation, are taken in the cross-section's axes at no rotation as well ("upright"), so that
-they stay where they are while the ellipse turns.
+there; three elements of a symmetric matrix always have.
 """
 
 from __future__ import annotations
@@ -16,7 +14,6 @@ from numpy.typing import NDArray
 from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..optics.parameters import PARAMETERS
-from . import arrays
 from .arrays import parameter_jacobian
 
 Floats = NDArray[np.float64]
@@ -25,62 +22,6 @@ Floats = NDArray[np.float64]
 #: the beam is round, so these are found in place of two diameters and an angle.
 SHAPE = ("beam.sigma_xx", "beam.sigma_yy", "beam.sigma_xy")
 OF_SHAPE = ("beam.diameter_x", "beam.diameter_y", "beam.rotation")
-
-
-#: Effects of real light that the model has; none in a model of ideal light.
-EFFECTS: tuple[str, ...] = tuple(getattr(arrays, "EFFECTS", ()))
-CURVATURE = slice(0, 3)
-POLARIZATION = EFFECTS.index("light.polarization") if EFFECTS else 0
-
-
-def to_axes(turn: float) -> Floats:
-    """(3, 3) from (xx, xy, yy) upright to the same in axes turned by an angle."""
-    c, s = np.cos(turn), np.sin(turn)
-    return np.array(
-        [
-            [c * c, 2 * c * s, s * s],
-            [-c * s, c * c - s * s, c * s],
-            [s * s, -2 * c * s, c * c],
-        ]
-    )
-
-
-def upright_effects(sensor: Sensor) -> Floats:
-    """The numbers of the light in the order of `EFFECTS`, upright."""
-    if not EFFECTS:
-        return np.zeros(0)
-    values = np.array(arrays.effects(sensor))
-    values[CURVATURE] = to_axes(-sensor.beam.rotation) @ values[CURVATURE]
-    values[POLARIZATION] += sensor.beam.rotation
-    return values
-
-
-def with_upright_effects(sensor: Sensor, values: Floats) -> Sensor:
-    """The sensor with other numbers of its light.  Raises `InputError` where these make none."""
-    if not EFFECTS or not values.any():
-        return sensor
-    own = np.array(values, dtype=float)
-    own[CURVATURE] = to_axes(sensor.beam.rotation) @ own[CURVATURE]
-    own[POLARIZATION] -= sensor.beam.rotation
-    return arrays.with_effects(sensor, own)
-
-
-def by_effects(sensor: Sensor, states: Floats) -> Floats:
-    """The readings' derivatives by the light's numbers, upright: (n, 9, m)."""
-    found: Floats = arrays.effect_jacobian(sensor, states)
-    found[:, :, CURVATURE] = found[:, :, CURVATURE] @ to_axes(sensor.beam.rotation)
-    return found
-
-
-def by_turn(sensor: Sensor, states: Floats, whole: Floats) -> Floats:
-    """The derivative by the ellipse's turn (n, 9), the light's own directions held."""
-    found: Floats = whole[:, :, PARAMETERS.index("beam.rotation")]
-    if not EFFECTS or not sensor.light.on:
-        return found
-    (xx, xy, yy) = arrays.effects(sensor)[CURVATURE]
-    own = arrays.effect_jacobian(sensor, states)
-    turned: Floats = own[:, :, CURVATURE] @ np.array([2 * xy, yy - xx, -2 * xy])
-    return found + turned - own[:, :, POLARIZATION]
 
 
 def shape_of(diameter_x: float, diameter_y: float, rotation: float) -> tuple[float, float, float]:
@@ -117,16 +58,15 @@ def by_shape(sensor: Sensor, states: Floats, whole: Floats) -> Floats:
     In the axes of the ellipse a change of the covariance is one of two variances and a turn; the
     turn of a round beam does nothing, there axes at 45 degrees tell the same by two variances.
     """
-    x, y, _ = (PARAMETERS.index(name) for name in OF_SHAPE)
+    x, y, turn = (PARAMETERS.index(name) for name in OF_SHAPE)
     beam = sensor.beam
     u, v = (beam.diameter_x / 4) ** 2, (beam.diameter_y / 4) ** 2
     of_u = whole[:, :, x] * beam.diameter_x / (2 * u)
     of_v = whole[:, :, y] * beam.diameter_y / (2 * v)
     if abs(u - v) > 1e-6 * (u + v):
-        across = by_turn(sensor, states, whole) / (u - v)
+        across = whole[:, :, turn] / (u - v)
     else:
         slanted = replace(sensor, beam=replace(beam, rotation=beam.rotation + np.pi / 4))
-        slanted = with_upright_effects(slanted, upright_effects(sensor))
         other = parameter_jacobian(slanted, states)
         across = other[:, :, x] * beam.diameter_x / (2 * u) - other[:, :, y] * beam.diameter_y / (
             2 * v

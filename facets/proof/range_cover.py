@@ -55,7 +55,7 @@ SLACK = 1.06
 #: A box within so many times that one is not cut any further.
 NEAR = 1.25
 #: So many boxes are looked at, and a box that keeps more than this of its width is cut.
-WORK, KEPT = 20_000, 0.8
+WORK, KEPT = 10_000, 0.8
 #: The beam's 1/e^2 ellipse, in sigmas.
 ELLIPSE = 2.0
 #: Levers that let a box be cut in its angles alone.

@@ -14,33 +14,51 @@ from ..optics.parameters import PARAMETERS
 class Tolerances(NamedTuple):
     """values: (30,) in the order of `facets.PARAMETERS`; mm, rad, mW.  source: where from.
 
-    exact: names of parameters that are taken as they are.
+    exact: names of parameters that are taken as they are.  left_out: names with an uncertainty that
+    are none of the 30: the detectors' corrections, the beam's shape where it is no two diameters.
     """
 
     values: tuple[float, ...]
     source: str
     exact: tuple[str, ...]
+    left_out: tuple[str, ...]
 
 
 def tolerances_of(settings: Config, factor: float) -> Tolerances:
     """`factor` standard uncertainties of each parameter: the coverage factor.
 
     Those of the sensor's calibration, if it has one, else those of `calibrate.before`. A box of
-    that half width holds the ellipsoid of the covariance with the same factor. The detectors' own
-    corrections are not among the 30 parameters: where spots lie is taken to be known.
+    that half width holds the ellipsoid of the covariance with the same factor.
     """
-    sigmas, source = standard_uncertainties(settings)
-    values = tuple(float(np.nextafter(factor * sigmas.get(name, 0.0), np.inf)) if sigmas.get(name)
-                   else 0.0 for name in PARAMETERS)  # fmt: skip
-    exact = tuple(name for name, value in zip(PARAMETERS, values, strict=True) if value == 0)
-    return Tolerances(values, source, exact)
-
-
-def standard_uncertainties(settings: Config) -> tuple[dict[str, float], str]:
-    """Of parameters by name; mm, rad, mW. And the words for where they come from."""
     known = settings.sensor.calibration
-    if known is not None:
-        sigmas = np.sqrt(np.diag(np.array(known.covariance)))
-        return dict(zip(known.names, sigmas.tolist(), strict=True)), "the sensor's calibration"
-    found = choice(settings.sensor, settings.calibrate.before)
-    return dict(zip(found.names, found.sigma.tolist(), strict=True)), "calibrate.before"
+    if known is None:
+        sigmas, source = known_before(settings), "calibrate.before"
+    else:
+        spread = np.sqrt(np.diag(np.array(known.covariance)))
+        sigmas = dict(zip(known.names, spread.tolist(), strict=True))
+        source = "the sensor's calibration"
+    values = tuple(rounded_up(factor * sigmas.get(name, 0.0)) for name in PARAMETERS)
+    exact = tuple(name for name, value in zip(PARAMETERS, values, strict=True) if value == 0)
+    own = [name for name in sigmas if name.startswith(("beam.", "facet_", "psd_", "correction_"))]
+    left_out = tuple(name for name in own if name not in PARAMETERS)
+    return Tolerances(values, source, exact, left_out)
+
+
+def known_before(settings: Config) -> dict[str, float]:
+    """Standard uncertainties by name, from `calibrate.before`; mm, rad, mW."""
+    sensor, before = settings.sensor, settings.calibrate.before
+    found = choice(sensor, settings.calibrate)
+    sigmas = dict(zip(found.names, found.sigma.tolist(), strict=True))
+    for name in [name for name in sigmas if name.startswith("beam.") and name not in PARAMETERS]:
+        del sigmas[name]  # the shape of the beam, of which the diameters say the same
+    wide = before.get("beam_diameter_percent", 0) / 100
+    sigmas |= {f"beam.{name}": wide * getattr(sensor.beam, name) for name in DIAMETERS}
+    sigmas["beam.power"] = before.get("laser_percent", 0) / 100 * sensor.beam.power
+    return sigmas
+
+
+DIAMETERS = ("diameter_x", "diameter_y")
+
+
+def rounded_up(value: float) -> float:
+    return float(np.nextafter(value, np.inf)) if value > 0 else 0.0

@@ -21,7 +21,9 @@ def between(low: float | Ball, high: float | Ball) -> Ball:
 
 def around(value: float, off: float) -> Ball:
     """All values that are at most `off` from `value`."""
-    return between((arb(value) - arb(off)).lower(), (arb(value) + arb(off)).upper()) if off else arb(value)
+    if off == 0:
+        return arb(value)
+    return between((arb(value) - arb(off)).lower(), (arb(value) + arb(off)).upper())
 
 
 def hull(parts: Iterable[Ball]) -> Ball:

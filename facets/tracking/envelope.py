@@ -190,7 +190,7 @@ class Envelope:
             self._driver.cry()
 
     def _stop_by_every_means(self) -> bool:
-        """The command until it is answered, then the port closed. Never raises. False: no answer."""
+        """The command until it is answered; closes the port. Never raises. False: no answer."""
         self.failed, answered = True, False
         for _ in range(STOPS):
             try:

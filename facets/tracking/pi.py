@@ -70,7 +70,8 @@ class Pi:
             place = np.full(2, np.nan)
         if not np.isfinite(place).all():
             raise StageError(f"the stage's place can not be understood: {lines}")
-        return self.zero + place
+        there: Floats = self.zero + place
+        return there
 
     def move(self, place: Floats) -> None:
         """Starts towards a place; does not wait until it is there."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 from commands import command
+from facets.experiments.check_certificate import check
 
 
 def test_samples_searches_and_proves(tmp_path):
@@ -38,6 +39,20 @@ def test_what_is_not_proved_shows_in_the_exit_status(tmp_path):
     assert "both signs" in result.stdout
     assert "two states with the same readings:" in result.stdout
     assert "not proved: " in result.stdout
+    assert "counterexample" in result.stdout
+
+
+def test_every_larger_box_that_is_tried_is_proved_for_every_sensor_within_tolerances(tmp_path):
+    """Where every factor is proved there is nothing between a proof and a failure to be found."""
+    result = command(
+        "jacobian", "paper", "--box", "tx_mm=0.05,tz_mm=0.05", "--states", "100", "--certify",
+        "--reach", "--tolerances", "1", "--no-search", "-o", "out", cwd=tmp_path,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert "the largest that is tried" in result.stdout
+    assert "taken as exact: beam.power" in result.stdout.replace("\n", " ").replace("  ", " ")
+    for name in ("certificate.json", "certificate-reach.json"):
+        assert check(tmp_path / "out" / name).margin > 0
 
 
 def test_a_bad_box_is_an_error(tmp_path):

@@ -18,7 +18,7 @@ from facets.design.exploration import (
     MEASURES,
     NO_RIVALS,
     Space,
-    collected,
+    collect,
     designs,
     front,
     looked_at,
@@ -135,9 +135,9 @@ def test_only_what_keeps_the_requirement_is_looked_at():
     space = replace(SPACE, required=True)
     best = np.array([221.0, 53.0, 257.0, 119.75, 1.8])
     assert looked_at(space, best)[0] == 0
-    assert study.keeps(space.sensor, space.layout, space.volume)  # the paper's own
+    assert study.meets(space.sensor, space.layout, space.volume)  # the paper's own
     fine = replace(space.layout, limit=(*[np.inf] * 2, 0.1, *[np.inf] * 3))
-    assert not study.keeps(space.sensor, fine, space.volume)
+    assert not study.meets(space.sensor, fine, space.volume)
     why, _ = looked_at(replace(space, layout=fine), best)
     assert study.SKIPPED[why] == "not what is required over the volume"
 
@@ -162,11 +162,11 @@ def test_a_run_goes_on_where_it_was_cut_off(tmp_path, monkeypatch):
     monkeypatch.setattr(study, "pooled", here)
     space = replace(SPACE, part=20)
     study.explore(space, tmp_path, {})
-    whole = collected(tmp_path)
+    whole = collect(tmp_path)
     (tmp_path / "parts" / "0000000020.parquet").unlink()
     study.explore(space, tmp_path, {})
     assert asked == [[0, 20, 40], [], [20], []]
-    for name, column in collected(tmp_path).items():
+    for name, column in collect(tmp_path).items():
         if name != "seconds":
             np.testing.assert_array_equal(column, whole[name])
 
@@ -189,7 +189,7 @@ def test_a_cluster_gives_the_same_though_a_worker_is_killed(tmp_path):
 
         study.explore(space, tmp_path, {}, cluster.scheduler_address, tell)
     assert killed
-    found = collected(tmp_path)
+    found = collect(tmp_path)
     for name in MEASURES:
         expected = np.concatenate([part[name] for part in alone])
         np.testing.assert_allclose(found[name], expected, rtol=1e-12)

@@ -323,3 +323,20 @@ def test_normal_equations_agree_with_lapack_or_refuse():
         layers[problem.COLUMNS, count - 1, :9] = matrix[:, 0] * (1 + 1e-6 * rng.normal(size=9))
         multiply(layers, problem.COLUMNS, problem.HERE, count)
         assert not factorise(layers, problem.HERE, problem.FACTOR, count, 0.0)
+
+
+def test_an_estimate_far_from_the_beam_ends_early_and_says_how():
+    """A millimetre off the beam two detectors see little: no estimate goes on to the last step."""
+    rng = np.random.default_rng(1)
+    states = np.zeros((300, 8))
+    around = rng.uniform(0, 2 * np.pi, 300)
+    states[:, 0], states[:, 1] = np.cos(around), np.sin(around)
+    states[:, 2:6] = rng.uniform(-1, 1, (300, 4)) * [2, 8e-3, 8e-3, 15e-3]
+    readings = facets.add_noise(SENSOR, facets.readings(SENSOR, states), np.random.default_rng(2))
+    found = facets.solve(SENSOR, readings, beam="known", max_steps=500)
+    assert found.ok.sum() > 50
+    assert (found.status != Status.MAX_STEPS).all()
+    assert found.iterations.max() < 100
+    assert np.isnan(found.state[found.status == Status.STALLED]).all()
+    assert Status.STALLED.label == "stalled"
+    assert int(Status.STALLED) == 6

