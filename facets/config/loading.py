@@ -189,12 +189,18 @@ def _layout_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:
 
 
 def _method_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:
-    """The paper's inversion has one way to treat the beam and the power."""
+    """The paper's inversion has one way to treat the beam and the power.
+
+    A power that is not said is taken as known there, whatever the default.
+    """
     if keys["method"] != "paper":
         return []
-    return [
-        f"{tree.find(('solve', key))[0].place}: solve.{key}: does not go with `method: paper` "
-        f"(got {quoted(keys[key])}; allowed: {needed})"
-        for key, needed in (("beam", "free"), ("power", "known"))
-        if keys[key] != needed
-    ]
+    problems = []
+    for key, needed in (("beam", "free"), ("power", "known")):
+        mark, path = tree.find(("solve", key))
+        if keys[key] != needed and len(path) == 2:
+            problems.append(
+                f"{mark.place}: solve.{key}: does not go with `method: paper` "
+                f"(got {quoted(keys[key])}; allowed: {needed})"
+            )
+    return problems
