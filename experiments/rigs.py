@@ -209,10 +209,10 @@ def on_benches(rigs: int, samples: int, config: str) -> None:
     for seed in range(rigs):
         one = tried_on_bench(seed, samples, config)
         trials.append(one)
-        over, inside = (" ".join(f"{x:6.3f}" for x in row) for row in (one.over, one.inside))
+        ratios, shares = (" ".join(f"{x:6.3f}" for x in row) for row in (one.over, one.inside))
         rows = one.verdict.search.rows if one.verdict.search else []
         taken = ", ".join(row.key for row in rows if row.taken)
-        print(f"{seed:3} {one.seconds:5.1f} s  over perfect {over}  inside {inside}", flush=True)
+        print(f"{seed:3} {one.seconds:5.1f} s  over perfect {ratios}  inside {shares}", flush=True)
         print(f"    trusted {one.verdict.trusted}; taken: {taken}", flush=True)
         for finding in one.verdict.findings:
             print(f"    {'!' if finding.bad else '-'} {finding.words}", flush=True)

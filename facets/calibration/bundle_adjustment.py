@@ -20,19 +20,18 @@ from ..core.names import FINE_UNITS
 from ..core.sensor import Sensor
 from ..detectors.correction import NAMES, corrected, slopes
 from ..detectors.noise import standard_deviations
-from ..model.arrays import effect_jacobian, effects, jacobian, readings, with_effects
+from ..model.arrays import EFFECTS, effect_jacobian, effects, jacobian, readings, with_effects
+from ..model.beam_shape import SHAPE
 from .unknowns import (
     ALL,
     DELAY,
     DRIFTS,
-    EFFECTS,
     GEOMETRY,
     MOUNTING,
     OF_DRIFT,
     OF_SEAT,
     PLACE,
     POWER_DRIFT,
-    SHAPE,
     Choice,
     block,
     by_sensor,

@@ -15,11 +15,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.sensor import DETECTORS, Sensor
+from ..core.names import DETECTORS
+from ..core.sensor import Sensor
+from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, Normal, deviations, eliminated, linear, own_sigma
 from .fit import Fit, fit, prior_information
 from .table import bends
-from .unknowns import DELAY, EFFECTS, OF_DRIFT, PLACE, Choice, assigned, values_of
+from .unknowns import DELAY, OF_DRIFT, PLACE, Choice, assigned, values_of
 
 if TYPE_CHECKING:
     from ..core.settings import Calibrate

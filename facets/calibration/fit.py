@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
-from ..core.sensor import DETECTORS, Calibration, Sensor
+from ..core.names import DETECTORS
+from ..core.sensor import Calibration, Sensor
 from ..detectors.correction import corrected
 from ..estimation.solver import solve
 from .bundle_adjustment import (

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.names import POSE
-from ..core.sensor import DETECTORS, Sensor
+from ..core.names import DETECTORS, POSE
+from ..core.sensor import Sensor
 from ..detectors.calibrated import MISFIT
 from .bundle_adjustment import Data, deviations, light_of
 from .candidates import beyond_chance
@@ -118,7 +118,8 @@ def grounds(data: Data, k: int) -> dict[str, Floats]:
         for n, name in enumerate(POSE):
             found[f"the speed of {name}"] = data.velocity[:, n]
     clock = np.zeros((len(data.raw), 2)) if data.clock is None else data.clock
-    found["the time"] = clock[:, 0] if clock[:, 0].any() else np.arange(len(data.raw)) * 1.0
+    time: Floats = clock[:, 0] if clock[:, 0].any() else np.linspace(-1, 1, len(data.raw))
+    found["the time"] = time
     if clock[:, 1].any():
         found["the temperature"] = clock[:, 1]
     return found

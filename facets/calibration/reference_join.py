@@ -116,7 +116,7 @@ def rest_of_offset(sensor: Sensor, data: Data, settings: Calibrate) -> float:
 def usable(columns: dict[str, Floats]) -> NDArray[np.bool_]:
     """Rows that `gathered` keeps."""
     raw = np.column_stack([columns[name] for name in READING_COLUMNS])
-    good: NDArray[np.bool_] = np.isfinite(raw).any(axis=1)
+    good = np.asarray(np.isfinite(raw).any(axis=1))
     for name in BEAM:
         if name in columns:
             good = good & np.isfinite(columns[name])

@@ -7,8 +7,8 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.names import POSE
-from ..core.sensor import DETECTORS, Sensor
+from ..core.names import DETECTORS, POSE
+from ..core.sensor import Sensor
 from ..detectors.correction import corrected
 from ..model.arrays import readings
 from .bundle_adjustment import OWN, Data, deviations, states_of

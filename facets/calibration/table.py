@@ -13,9 +13,11 @@ from ..core.names import DETECTORS, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ..core.sensor import MONOMIALS, Sensor
 from ..estimation.table import BEAM_UNCERTAINTIES, require_known_beam
 from ..files import tables
+from ..model.arrays import EFFECTS
+from ..model.beam_shape import SHAPE
 from .bundle_adjustment import Data
 from .fit import Fit
-from .unknowns import DRIFTS, EFFECTS, MOUNTING, OF_SEAT, POWER_DRIFT, SHAPE, Choice, values_of
+from .unknowns import DRIFTS, MOUNTING, OF_SEAT, POWER_DRIFT, Choice, values_of
 
 if TYPE_CHECKING:
     from ..core.sensor import Psd
@@ -68,7 +70,7 @@ def gathered(path: Path, columns: dict[str, Floats], settings: Calibrate) -> Dat
         return np.column_stack([columns.get(name, np.zeros(count)) for name in names])
 
     raw, pose, beam = stack(READING_COLUMNS), stack(REFERENCE) * STATE_UNITS[:6], stack(BEAM)
-    good: NDArray[np.bool_] = np.isfinite(np.hstack([pose, beam])).all(axis=1)
+    good = np.asarray(np.isfinite(np.hstack([pose, beam])).all(axis=1))
     good &= np.isfinite(raw).any(axis=1)
     if good.sum() < 10:
         raise InputError(f"{path}: {int(good.sum())} whole rows; a calibration needs 10 at least")

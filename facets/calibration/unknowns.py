@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.sensor import DETECTORS, MONOMIALS, Sensor
+from ..core.names import DETECTORS
+from ..core.sensor import MONOMIALS, Sensor
 from ..detectors.correction import NAMES, OF_ONE, coefficients
 from ..model import arrays
 from ..model.arrays import EFFECTS, effects, parameters, sensor_with, with_effects

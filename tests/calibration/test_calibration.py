@@ -144,7 +144,7 @@ def real_light():
         NOMINAL.light, curvature_xx=3e-4, curvature_xy=1e-4, curvature_yy=-2e-4, wavelength=6.3e-4,
         rolloff=(1e-5, 2e-5, 3e-5, -1e-5, 1e-5, 2e-5), strips=(0.01, 0.004, 0.008), tip=1e-4,
         background=((5e-4, 1.0, -2.0), (3e-4, 0.5, 1.0), (1e-4, -1.0, 0.3)), index=(1.4, 7.6),
-        polarization=0.4,
+        polarization=0.4, rolloff_width=0.05,
     )  # fmt: skip
     beam = replace(NOMINAL.beam, diameter_x=0.9, diameter_y=0.8, rotation=0.3)
     return replace(NOMINAL, beam=beam, light=light)
