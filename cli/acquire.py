@@ -11,43 +11,55 @@ import typer
 
 if TYPE_CHECKING:
     from facets.config import Config
-    from facets.live.acquire import Live
+    from facets.live.acquire import Ending, Live, Reader
     from facets.live.recording import Recording
     from facets.tracking.tracker import Tracker
 
 
+ConfigName = Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")]
+PortName = Annotated[
+    str | None, typer.Option(help="Of the detector board.  [default: the config's]")
+]
+Folder = Annotated[
+    Path | None,
+    typer.Option("-o", "--output", help="Folder of the recording.  [default: recordings/TIME]"),
+]
+Record = Annotated[bool, typer.Option("--record/--no-record", help="Keep all that comes.")]
+Track = Annotated[
+    bool, typer.Option("--track", help="Move the stage so that the beam follows the mirror.")
+]
+StagePort = Annotated[str | None, typer.Option(help="Of the stage.  [default: the config's]")]
+Search = Annotated[
+    bool, typer.Option("--search", help="With --track: look for a mirror that was lost.")
+]
+Seconds = Annotated[float | None, typer.Option(min=0, help="Then it ends.")]
+Samples = Annotated[int | None, typer.Option(min=1, help="Then it ends.")]
+Reconnect = Annotated[
+    bool, typer.Option("--reconnect", help="Wait for an unplugged board, and go on.")
+]
+MaxLoss = Annotated[
+    float, typer.Option(min=0, max=1, help="Share of lost samples for exit status 1.")
+]
+AsLines = Annotated[bool, typer.Option("--plain", help="Lines of text, for a log.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Lines of JSON, for a program.")]
+Rate = Annotated[float | None, typer.Option(min=0.1, max=50, help="Of the display, Hz.")]
+
+
 def acquire(
-    config: Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")],
-    port: Annotated[
-        str | None, typer.Option(help="Of the detector board.  [default: the config's]")
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="Folder of the recording.  [default: recordings/TIME]"),
-    ] = None,
-    record: Annotated[
-        bool, typer.Option("--record/--no-record", help="Keep all that comes.")
-    ] = True,
-    track: Annotated[
-        bool, typer.Option("--track", help="Move the stage so that the beam follows the mirror.")
-    ] = False,
-    stage_port: Annotated[
-        str | None, typer.Option(help="Of the stage.  [default: the config's]")
-    ] = None,
-    search: Annotated[
-        bool, typer.Option("--search", help="With --track: look for a mirror that was lost.")
-    ] = False,
-    seconds: Annotated[float | None, typer.Option(min=0, help="Then it ends.")] = None,
-    samples: Annotated[int | None, typer.Option(min=1, help="Then it ends.")] = None,
-    reconnect: Annotated[
-        bool, typer.Option("--reconnect", help="Wait for an unplugged board, and go on.")
-    ] = False,
-    max_loss: Annotated[
-        float, typer.Option(min=0, max=1, help="Share of lost samples for exit status 1.")
-    ] = 0.001,
-    plain: Annotated[bool, typer.Option("--plain", help="Lines of text, for a log.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Lines of JSON, for a program.")] = False,
-    rate: Annotated[float | None, typer.Option(min=0.1, max=50, help="Of the display, Hz.")] = None,
+    config: ConfigName,
+    port: PortName = None,
+    output: Folder = None,
+    record: Record = True,
+    track: Track = False,
+    stage_port: StagePort = None,
+    search: Search = False,
+    seconds: Seconds = None,
+    samples: Samples = None,
+    reconnect: Reconnect = False,
+    max_loss: MaxLoss = 0.001,
+    plain: AsLines = False,
+    json: AsJson = False,
+    rate: Rate = None,
 ) -> None:
     """Acquire a stream of detector counts and solve every sample.
 
@@ -58,9 +70,7 @@ def acquire(
     away; 128 and the signal's number after SIGTERM or SIGHUP.
     """
     from facets import load
-    from facets.core.errors import FacetsError
-    from facets.live.acquire import Ending, Live, Reader
-    from facets.live.acquire import acquire as run
+    from facets.live.acquire import Ending, Live
     from facets.live.pipeline import Pipeline
 
     check_options(seconds, plain, json)
@@ -72,25 +82,47 @@ def acquire(
     try:
         if track:
             live.tracker = tracker_of(settings, stage_port, search, recording)
-        reader = Reader(settings, name, recording, reconnect, live, tell)
+        reader = reader_of(settings, name, recording, reconnect, live)
     except BaseException:
         abandon(live, recording)
         raise
     ending = Ending(seconds or float("inf"), samples or float("inf"))
-    failure: FacetsError | None = None
-    with display(live, plain, json, rate) as show:
-        try:
-            run(live, reader, recording, ending, show)
-        except FacetsError as error:  # told after the summary of what came until then
-            failure = error
-    report(live, recording)
-    if failure:
-        raise failure
+    stream(live, reader, recording, ending, display(live, plain, json, rate))
     reasons = complaints(live, max_loss)
     for reason in reasons:
         tell(f"exit status 1: {reason}")
     if reasons:
         raise typer.Exit(1)
+
+
+def reader_of(
+    settings: Config, port: str, recording: Recording | None, reconnect: bool, live: Live
+) -> Reader:
+    from facets.live.acquire import Reader
+
+    return Reader(settings, port, recording, reconnect, live, tell)
+
+
+def stream(
+    live: Live,
+    reader: Reader,
+    recording: Recording | None,
+    ending: Ending,
+    shown: AbstractContextManager[Callable[[Live], None]],
+) -> None:
+    """Runs to the end and sums up. What went wrong is told after what came until then."""
+    from facets.core.errors import FacetsError
+    from facets.live.acquire import acquire as run
+
+    failure: FacetsError | None = None
+    with shown as show:
+        try:
+            run(live, reader, recording, ending, show)
+        except FacetsError as error:
+            failure = error
+    report(live, recording)
+    if failure:
+        raise failure
 
 
 def check_options(seconds: float | None, plain: bool, json: bool) -> None:
