@@ -271,7 +271,9 @@ def claims_in_cell(edges: Any, q: list[Any], shares: Any, middles: Any, light: A
             claims.append((light["turns"][k][i][j], moved))
     claims += [(light["from_point"][k][i], middles[k][i]) for k in range(3) for i in range(2)]
     lights = [ray[0] for ray in rays]
-    slope = sum(lights[e - 1] * lights[e] * alpha[e - 2] for e in range(3))
+    products = [(lights[e - 1], lights[e], alpha[e - 2]) for e in range(3)]
+    low = sum(not_below_zero(a) * not_below_zero(b) * not_below_zero(c) for a, b, c in products)
+    slope = low.union(sum(a.upper() * b.upper() * c.upper() for a, b, c in products))
     return [*claims, (light["slope"], slope)]
 
 

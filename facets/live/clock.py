@@ -156,11 +156,14 @@ class Sequence:
         goal = gap if isfinite(gap) else step * self.period
         whole = passed + WRAP * max(0, round((goal - passed) / WRAP))
         slack = 1e6 * CREDIBLE + 1e-3 * abs(goal)
-        if isfinite(gap) and (whole > gap + slack or (first and whole < gap - slack)):
+        if isfinite(gap) and first and whole < gap - slack:
             return None
+        kept = step > 1 and self.period > 0 and self.agrees(whole, step)
+        if isfinite(gap) and whole > gap + slack and not kept:
+            return None  # ahead of the host is only what follows samples that were kept for long
         if step == 1:
             return whole if isfinite(gap) else None
-        if self.period > 0 and not self.agrees(whole, step):
+        if self.period > 0 and not kept:
             return None
         if step > self.AHEAD and not (self.period > 0 and isfinite(gap) and first):
             return None

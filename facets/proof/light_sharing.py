@@ -250,7 +250,7 @@ def bounds_near(edges: FacetEdges, lights: list[FacetLight], q: Plane) -> Sharin
             dq[i][j] = (w[0] * u[1][i] - w[1] * u[0][i]) / times(u[0], u[1])
     moved = [centroid_moves(dq, sides, lights[k], edges.turns, k) for k in range(3)]
     on = [side.light for side in sides]
-    slope = sum(on[e] * on[e - 1] * times(u[e - 1], u[e]) for e in range(3))
+    slope = sum(positive(positive(on[e], on[e - 1]), times(u[e - 1], u[e])) for e in range(3))
     return SharingBounds([list(light.from_point) for light in lights], moved, list(q), slope)
 
 

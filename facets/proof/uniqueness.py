@@ -32,7 +32,7 @@ from ..characterization.state_box import StateBox
 from ..core.sensor import Sensor
 from ..optics.forward import Geometry, in_sigmas
 from ..optics.vectors import rotation_axes
-from ..scalars.intervals import Ball, between, ends
+from ..scalars.intervals import Ball, between, ends, positive
 from .interval_matrix import (
     Matrix,
     determinant,
@@ -243,7 +243,8 @@ def cut(box: StateBox, axis: int, count: int) -> list[Ball]:
 def slope_of_powers(sensor: Geometry, shares: SharingBounds) -> Ball:
     """|d(power_a, power_b) / d(bx, by)|: what Eq. (11) has beside the 6 x 6 determinant."""
     white = sensor.whitening
-    return sensor.power**2 * shares.slope * (white[0][0] * white[1][1] - white[0][1] * white[1][0])
+    area = white[0][0] * white[1][1] - white[0][1] * white[1][0]
+    return positive(positive(sensor.power**2, shares.slope), area)
 
 
 def pieces_of(box: StateBox) -> Iterator[tuple[Floats, Floats]]:

@@ -50,6 +50,7 @@ class Zaber:
 
     def receive(self, number: str, command: str, patience: float = PATIENCE) -> list[str]:
         """The data of the answer to a command; alerts and late answers are passed over."""
+        until = self.line.clock() + patience
         for _ in range(MANY):
             reply = self.line.read_line(patience)
             if reply[:1] in ("!", "#"):
@@ -61,6 +62,8 @@ class Zaber:
                 raise StageError(f"the stage's answer can not be understood: {reply!r}")
             if words[2] == number:
                 return self.data(words, command)
+            if self.line.clock() > until:
+                break
         raise StageError(f"the stage talks, but does not answer {command!r}")
 
     def data(self, words: list[str], command: str) -> list[str]:

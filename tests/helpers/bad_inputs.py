@@ -379,7 +379,9 @@ def spoilt_stream(rng: Rng, folder: Path) -> Case:
         file.write_bytes(bytes(raw))
     elif kind == 4:
         place = int(rng.integers(len(raw) + 1))
-        file.write_bytes(bytes(raw[:place]) + rng.bytes(int(rng.integers(100))) + bytes(raw[place:]))
+        file.write_bytes(
+            bytes(raw[:place]) + rng.bytes(int(rng.integers(100))) + bytes(raw[place:])
+        )
     else:
         place, length = int(rng.integers(len(raw) + 1)), int(rng.integers(200))
         file.write_bytes(bytes(raw[:place] + raw[place + length :]))

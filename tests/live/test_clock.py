@@ -123,6 +123,16 @@ def test_a_host_that_reads_late_sees_no_restart():
     assert seq[0] == 1_010
 
 
+def test_samples_that_a_board_kept_for_long_are_followed_by_a_gap_and_no_restart():
+    """It was on for 40 s before anyone read, and kept what it had first."""
+    sequence = Sequence()
+    sequence.follow(samples(range(1_000)), 5.0)
+    _, seq, time = sequence.follow(samples(range(400_000, 400_050)), 5.003)
+    assert sequence.restarts == 0
+    assert sequence.lost == 399_000
+    assert (seq[0], time[0]) == (400_000, 400_000 * PERIOD)
+
+
 def test_drift_is_found():
     drift = Drift()
     rng = np.random.default_rng(1)

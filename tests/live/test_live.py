@@ -130,7 +130,7 @@ def test_tracking_follows_a_circle_within_the_noise(tmp_path, emulator):
     """Until the stage has moved 100 times, however long a busy machine takes for that."""
     (tmp_path / "calm.yaml").write_text(CALM)
     emulator("calm.yaml", "--folder", "bench", "--motion", "circle", "--rate", "1000")
-    with Program("acquire", "calm.yaml", "--track", *PORTS, "--plain", "-o", "rec", "--max-loss", "1",
+    with Program("acquire", "calm.yaml", "--track", *PORTS, "--plain", "-o", "rec", "--max-loss=1",
                  cwd=tmp_path) as run:  # fmt: skip
         events = tmp_path / "rec" / "events.jsonl"
         run.await_true(lambda: count_lines(events, '"move"') > 100, "100 moves")
@@ -214,7 +214,7 @@ def write(folder, name, **acquire):
 def test_a_signal_stops_the_stage_and_closes_the_recording(tmp_path, emulator, number):
     (tmp_path / "calm.yaml").write_text(CALM)
     bench = emulator("calm.yaml", "--folder", "bench", "--motion", "circle", "--rate", "1000")
-    with Program("acquire", "calm.yaml", "--track", *PORTS, "--plain", "-o", "rec", "--max-loss", "1",
+    with Program("acquire", "calm.yaml", "--track", *PORTS, "--plain", "-o", "rec", "--max-loss=1",
                  cwd=tmp_path) as run:  # fmt: skip
         events = tmp_path / "rec" / "events.jsonl"
         run.await_true(lambda: count_lines(events, '"move"') > 20, "20 moves")

@@ -159,7 +159,7 @@ def test_tolerances_come_from_what_is_known_before():
     assert found.values[12] == pytest.approx(0.4)
     assert found.values[6] == pytest.approx(3e-3)
     assert found.values[12] >= 0.4
-    assert "beam.diameter_x" in found.exact
+    assert "beam.power" in found.exact
     sensor = replace(
         config.sensor, calibration=facets.core.sensor.Calibration(("beam.tilt_x",), ((4e-8,),))
     )

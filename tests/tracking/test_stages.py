@@ -492,3 +492,18 @@ def test_nobody_reaches_a_stage_but_through_its_envelope():
                     isinstance(node, ast.Attribute) and node.attr in ("_driver", "_line")
                 ), f"{path} reaches past the envelope"
     assert looked_at > 100
+
+
+def test_answers_to_other_commands_do_not_keep_a_dead_stage_alive():
+    """A stage that answers each cry, and never the command, is given up as one that is silent."""
+    port = Script(b"")
+    read = port.read
+
+    def chatter(size):
+        port.reply += b"@01 0 99 OK IDLE -- 0\r\n" if int(port.now * 50) % 5 == 0 else b""
+        return read(size)
+
+    port.read = chatter
+    with pytest.raises(StageError, match="answer"):
+        driver_on(Zaber, port, STAGE).place()
+    assert port.now < 11.0
