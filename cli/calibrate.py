@@ -239,8 +239,9 @@ def show_candidates(done: Search) -> None:
     )
     for row in done.rows:
         error = f"{row.error:.4f}" if row.error == row.error else ""
+        fall = f"{row.fall:.5g}" if row.fall == row.fall else ""
         decision = "taken" if row.taken else "left"
-        shown.add_row(row.words, str(row.unknowns), f"{row.fall:.5g}", error, decision, row.why)
+        shown.add_row(row.words, str(row.unknowns), fall, error, decision, row.why)
     typer.echo("\nEffects that the data call for; error left out: of readings that the fit did not "
                "see, over their noise")  # fmt: skip
     Console(highlight=False, width=130).print(shown, "")

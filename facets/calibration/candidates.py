@@ -275,6 +275,11 @@ class Searcher:
         self.every = candidates(sensor, data, settings)
         self.rows: dict[str, Row] = {}
         self.refused: set[str] = set()
+        for one in self.every:
+            if one.sigma and set(one.sigma) <= set(plain.choice.names):
+                why = "without it no fit settles"
+                row = Row(one.key, one.words, len(one.sigma), np.nan, np.nan, True, why)
+                self.rows[one.key] = row
 
     def taken(self) -> set[str]:
         return {key for key, row in self.rows.items() if row.taken}
@@ -301,7 +306,7 @@ class Searcher:
     def ask(self) -> None:
         """Takes what a key asks for."""
         for one in self.every:
-            if self.settings.effects.get(one.key) == "on":
+            if self.settings.effects.get(one.key) == "on" and one.key not in self.rows:
                 row = worths(self.sensor, self.data, self.found, [one])[one.key]
                 self.take(one, row._replace(why=ASKED))
 

@@ -194,7 +194,7 @@ def told_by(sensor: Sensor, choice: Choice, sigma: Floats, candidates: Floats) -
     data = data._replace(raw=readings(sensor, states))
     found = linear(sensor, data, np.zeros((len(candidates), OWN)), values_of(sensor), choice)
     own = own_sigma(data, choice)
-    spread = np.where(np.isfinite(own), own / OWN_UNITS, 1e9)
+    spread = np.where(np.isfinite(own), own / OWN_UNITS, 1e5)
     wide = found.own * spread
     inner = np.eye(9) + wide @ np.swapaxes(wide, 1, 2)
     root = np.linalg.cholesky(inner)

@@ -189,8 +189,8 @@ def chi_square(found: Fit, data: Data) -> Finding | None:
 
 def spikes(found: Fit) -> Finding | None:
     count, total, chance = outliers(found), len(found.left), by_chance(found)
-    beyond = count - chance
-    if beyond < 5 * np.sqrt(chance + 1):
+    beyond, far = count - chance, int((found.weights < 0.5).any(axis=1).sum())
+    if beyond < 5 * np.sqrt(chance + 1) and not far:  # far: twice the limit, where chance has none
         return None
     share = beyond / total
     words = f"{count} of {total} samples hold an outlier ({chance:.0f} would by chance)"

@@ -21,7 +21,7 @@ from .hypotheses import explanation
 from .misfit import Finding, findings, model_error, pulls, widened
 from .samples import averaged, distinct, faults
 from .table import split
-from .unknowns import Choice
+from .unknowns import DELAY, Choice
 from .validation import validation
 
 if TYPE_CHECKING:
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 #: Errors on held-back samples over the stated ones, from which on they are told, and forbid.
 WIDER, WRONG = 1.5, 4.0
+#: How late a reference may be, s, before faults of the data are looked for.
+LATE = 0.01
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,13 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
     if any(one.bad for one in early):
         return Verdict(fitted, held, None, None, None, None, early)
     plain = fit(sensor, fitted, chosen, settings.outliers)
-    if suspicious(sensor, plain) and (told := explanation(sensor, fitted, chosen)):
+    if fitted.velocity is not None and suspicious(sensor, plain):
+        late = fit(sensor, fitted, chosen.and_also({DELAY: LATE}), settings.outliers)
+        hopeless = suspicious(sensor, late)
+        plain = plain if hopeless or plain.ended else late
+    else:
+        hopeless = suspicious(sensor, plain)
+    if hopeless and (told := explanation(sensor, fitted, chosen)):
         return Verdict(fitted, held, plain, None, None, None, [told.finding, *early])
     if not plain.ended:
         said = [unsettled(plain), *pulls(sensor, plain), *early]
