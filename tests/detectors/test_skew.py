@@ -26,7 +26,7 @@ def test_nothing_is_told_over_gaps():
 
 
 def test_readings_are_brought_to_one_instant():
-    """At 0.1 rad/s and 10 mm/s; to the second order of the delay: the slope is that of late ones."""
+    """To the second order of the delay, since the slopes are those of late readings."""
     time = np.arange(50) / 3000
     states = np.outer(np.sin(20 * time), [0.05, 0.02, 0.5, 5e-3, 3e-3, 5e-3, 0, 0])
     exact = facets.readings(LATE, states)
