@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..core.names import DETECTORS
 from ..core.sensor import Sensor
 from ..model.arrays import EFFECTS
-from .bundle_adjustment import Data, Normal, deviations, eliminated, linear, own_sigma
+from .bundle_adjustment import Data, Linear, Normal, deviations, eliminated, linear, own_sigma
 from .fit import Fit, fit, prior_information
 from .table import bends
 from .unknowns import DELAY, OF_DRIFT, PLACE, Choice, assigned, values_of
@@ -155,13 +155,12 @@ def sums(sensor: Sensor, data: Data, found: Fit, chosen: Choice) -> Sums:
     values = values_for(sensor, found)
     at = assigned(sensor, values)
     data = data._replace(noise=deviations(sensor, data))
-    parts: list[Normal] = []
+    there, own = linear(at, data, found.open, values, chosen), own_sigma(data, chosen)
+    weights, parts = np.sqrt(found.weights), list[Normal]()
     for n in range(FOLDS):
-        rows = np.arange(n, len(data.raw), FOLDS)
-        part = data.part(rows)
-        there = linear(at, part, found.open[rows], values, chosen)
-        weights = np.sqrt(found.weights[rows])
-        parts.append(eliminated(there, weights, found.open[rows], own_sigma(part, chosen)))
+        rows = slice(n, None, FOLDS)
+        part = Linear(there.residual[rows], there.common[rows], there.own[rows])
+        parts.append(eliminated(part, weights[rows], found.open[rows], own))
     prior = prior_information(chosen)
     before = (values - values_of(sensor))[chosen.places]
     return Sums(
@@ -328,9 +327,14 @@ class Searcher:
         """Takes the best of what is left, if any is good."""
         done = self.taken() | self.refused
         rest = {one.key: one for one in self.every if not one.beam and one.key not in done}
-        tried = worths(self.sensor, self.data, self.found, list(rest.values()))
-        self.rows |= {key: row._replace(taken=False) for key, row in tried.items()}
-        good = [key for key, row in tried.items() if row.taken]
+        good: list[str] = []
+        tried: dict[str, Row] = {}
+        for coated in (False, True):  # a coating is tried at several angles: last, for its cost
+            group = [one for one in rest.values() if one.coated == coated]
+            if group and not good:
+                tried = worths(self.sensor, self.data, self.found, group)
+                self.rows |= {key: row._replace(taken=False) for key, row in tried.items()}
+                good = [key for key, row in tried.items() if row.taken]
         if not good:
             return False
         best = max(good, key=lambda key: tried[key].fall / tried[key].unknowns ** 0.5)
