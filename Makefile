@@ -29,8 +29,9 @@ types: .venv/developed tree
 layers: .venv/developed tree
 	cd build/tree && ../../$(BIN)/lint-imports --config ../../.importlinter --no-cache
 
+# A file of tests stays in one process, so that what its tests share is made once.
 unit: .venv/developed
-	$(BIN)/pytest
+	$(BIN)/pytest -n auto --dist loadfile
 
 # What asserts on numbers, with machine code and linear algebra for the plainest processor: other
 # instructions, another order of sums, other rounding.

@@ -93,7 +93,10 @@ def run_app() -> int:
     try:
         app()
     except SystemExit as end:
-        return end.code if isinstance(end.code, int) else int(end.code is not None)
+        code = end.code if isinstance(end.code, int) else int(end.code is not None)
+        if code == INTERRUPTED:  # which typer makes of it without a word
+            print("interrupted", file=sys.stderr)
+        return code
     except FacetsError as error:
         print(message(error), file=sys.stderr)
     except OSError as error:  # a file that went or filled up in the middle of a command

@@ -155,6 +155,8 @@ def complaints(live: Live, max_loss: float) -> list[str]:
             f"{live.pipeline.sequence.lost} samples were lost, {100 * live.loss:.3g} % of all; "
             f"--max-loss allows {100 * max_loss:.3g} %."
         )
+    if live.pipeline.tally.misfit.mostly:
+        found.append(live.pipeline.tally.misfit.sentence)
     if live.stage_error:
         found.append(f"the stage failed and was stopped: {live.stage_error}")
     if live.recording and live.recording.trouble:

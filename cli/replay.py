@@ -115,6 +115,8 @@ def tell(pipeline: Any, recording: Path, damage: Any) -> None:
     for label, count in tally.statuses.items():
         if count and label != "converged":
             typer.echo(f"  {count} {label}")
+    if tally.misfit.sentence:
+        typer.echo(f"  {tally.misfit.sentence}")
 
 
 def compared(recording: Path, found: list[Any]) -> None:

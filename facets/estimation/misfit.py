@@ -8,6 +8,7 @@ freedom; beyond `LEVEL` of it the reading is flagged, for solving and for a live
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +28,8 @@ LEVEL = 1e-4
 #: Flagged readings over those that chance flags, from which on the model is doubted; and the median
 #: residual, over the noise's, from which on it is not the model of this sensor.
 DOUBT, WRONG = 10.0, 5.0
+#: Of the newest readings, whose residuals make the median.
+KEPT = 10_000
 
 
 def redundancy(used: NDArray[np.bool_], options: Solve) -> NDArray[np.int64]:
@@ -56,6 +59,7 @@ def beyond_chance(
     return high & solution.ok
 
 
+@cache
 def limit_of(count: int, level: float) -> float:
     """Of a residual with so many degrees of freedom, in standard deviations."""
     if not count:
@@ -94,7 +98,12 @@ class Misfit:
         self.flagged += int(flags.sum())
         over = solution.residual[there] / np.sqrt(count[there])
         old = np.empty(0) if self.sizes is None else self.sizes
-        self.sizes = np.concatenate([old, over])[-100_000:]
+        self.sizes = np.concatenate([old, over])[-KEPT:]
+
+    @property
+    def mostly(self) -> bool:
+        """Whether more than half of what was judged is flagged."""
+        return 2 * self.flagged > self.judged
 
     @property
     def sentence(self) -> str:
@@ -114,12 +123,12 @@ class Misfit:
                 "configuration, the order of the detectors and the columns' signs and units, or "
                 "calibrate the rig; the stated uncertainties do not hold."
             )
-        if self.flagged > 0.5 * self.judged:
+        if self.mostly:
             return (
                 f"{told}: the model misses something of this sensor. Calibrate it again; if the "
                 "laser's power or the beam may have moved, solve with power: unknown or beam: free."
             )
         return (
             f"{told}: single readings are spoilt (dust, a cable, a shutter, a passing reflection); "
-            "they are marked in the column misfit."
+            "tables of poses mark them in the column misfit."
         )

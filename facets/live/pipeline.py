@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from math import isnan
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ..detectors.correction import corrected
 from ..detectors.counts import SATURATED, UNEQUAL, readings_of
 from ..detectors.skew import align
+from ..estimation.misfit import Misfit, beyond_chance
 from ..estimation.solver import Prior, Solution, Status, solve
 from ..estimation.table import power_known
 from ..tracking.encoder import REACH, Encoder
@@ -97,9 +98,14 @@ class Poses:
 
 @dataclass
 class Tally:
-    """What happened so far. samples: that came; statuses: of those that are solved or given up."""
+    """What happened so far.
+
+    samples: that came.  statuses: of those that are solved or given up.  misfit: of the poses,
+    those whose residual is beyond chance.
+    """
 
     samples: int = 0
+    misfit: Misfit = field(default_factory=Misfit)
     statuses: Counter[str] = field(default_factory=Counter)
     flags: Counter[str] = field(default_factory=Counter)
 
@@ -184,15 +190,19 @@ class Pipeline:
         """
         options = self.config.solve
         exact = corrected(self.config.sensor, batch.readings)
+        beam = self.beam(batch.host, batch.encoder)
         solution = solve(
             self.config.sensor,
             align(self.config.sensor, 1e-6 * batch.time, exact),
-            beam=self.beam(batch.host, batch.encoder),
+            beam=beam,
             power=power_known(self.config.sensor, options),
             method=options.method,  # type: ignore[arg-type]
             start="previous",
             max_steps=min(options.max_steps, STEPS),
         )
+        known = replace(options, beam="free" if beam == "free" else "prior")
+        beyond = beyond_chance(self.config.sensor, known, solution)
+        self.tally.misfit.add(beyond, solution, known)
         return self.finish(batch, solution)
 
     def skip(self, batch: Batch) -> Poses:

@@ -45,6 +45,7 @@ def values(live: Live) -> dict[str, Any]:
         "unsolved": tally.unsolved,
         "late": live.late,
         "skipped": tally.skipped,
+        "misfit": tally.misfit.flagged,
         "flags": {name: count for name, count in tally.flags.items() if count},
         "latency_p99_ms": rounded(1e3 * live.ninety_nine()),
         "backlog": live.backlog,
@@ -120,6 +121,8 @@ def summary(live: Live) -> Iterator[str]:
     for words, count in (*tally.statuses.items(), *tally.flags.items()):
         if words != Status.CONVERGED.label and count:
             yield f"  {count} {words}"
+    if tally.misfit.sentence:
+        yield f"  {tally.misfit.sentence}"
     if live.late or tally.skipped:
         yield (
             f"  the loop fell behind: {live.late} samples were solved after newer ones, "

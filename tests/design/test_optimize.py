@@ -227,8 +227,8 @@ def test_nothing_to_vary_is_an_error():
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ({"electronics": facets.Electronics()}, "knows neither"),
-        ({"apertures": facets.Apertures(beam=1.0)}, "knows neither"),
+        ({"electronics": facets.Electronics()}, "knows no sensor.apertures"),
+        ({"apertures": facets.Apertures(beam=1.0)}, "knows no sensor.apertures"),
         ({"calibration": facets.Calibration((), ())}, "belongs to a rig"),
     ],
 )

@@ -196,3 +196,23 @@ def test_a_sample_without_light_takes_no_step(light):
     far = batch.readings.copy()
     far[:, ::3] = 50.0
     assert (pipeline.solve(replace(batch, readings=far)).solution.iterations == 0).all()
+
+
+def test_poses_of_another_geometry_are_not_believed_without_a_word():
+    """Detectors that stand elsewhere than the configuration says: solved, counted, and told."""
+    from dataclasses import replace
+
+    psds = tuple(replace(p, radius=p.radius + 5 * k) for k, p in enumerate(CONFIG.sensor.psds))
+    wrong = replace(
+        CONFIG, sensor=replace(CONFIG.sensor, psds=psds), solve=replace(CONFIG.solve, beam="known")
+    )
+    right = replace(CONFIG, solve=wrong.solve)
+    found = {}
+    for name, config in (("right", right), ("wrong", wrong)):
+        pipeline = Pipeline(config)
+        pipeline.feed(stream(100), 1_000.0)
+        found[name] = pipeline.tally.misfit
+    assert found["right"].judged == found["wrong"].judged == 100
+    assert found["right"].sentence == ""
+    assert found["wrong"].mostly
+    assert "residual beyond chance" in found["wrong"].sentence

@@ -83,9 +83,9 @@ def test_diffraction_is_that_of_a_propagated_field():
     places = np.array([0.0, 2.0, 4.0])
     for offset in (-0.1, 0.1):
         fields, shifts = diffracted(offset, places), closed(offset, places)
-        for shift, field in zip(-shifts[1:], fields[1:] - fields[0], strict=True):
-            assert shift > 0  # towards the middle
-            assert shift == pytest.approx(-field, rel=0.06)
+        for shift, field in zip(shifts[1:] - shifts[0], fields[1:] - fields[0], strict=True):
+            assert shift < 0  # towards the middle
+            assert shift == pytest.approx(field, rel=0.06)
 
 
 def test_simulations_have_it_and_the_solver_does_not():
@@ -131,8 +131,8 @@ EFFECTS = {
 @pytest.mark.parametrize(("flaws", "place", "power"), EFFECTS.values(), ids=EFFECTS)
 def test_rays_and_the_model_agree(flaws, place, power):
     some = states(4, seed=4, offset=0.12, angle=6e-3)
-    some[:, :3] /= 3
-    some[:, :2] -= some[:, 6:]
+    some[:, :2] -= some[:, 6:]  # how far the apex stands off the beam, which then stands at (0, 0)
+    some[:, 2] /= 3
     some[:, 6:] = 0
     rays = seen(flawed(**flaws), some)
     model = dict(flaws)
