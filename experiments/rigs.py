@@ -46,6 +46,9 @@ Floats = NDArray[np.float64]
 REFERENCE = np.array([1e-4] * 3 + [5e-7] * 3)
 #: Half widths of the motion, mm and rad.
 BOX = np.array([0.12, 0.12, 2.0, 6e-3, 6e-3, 8e-3])
+#: How far from a detector's edge the spots on a bench stay, mm: nearer, light is lost that no
+#: oracle here follows.
+CLEARANCE = 1.2
 
 
 def hidden() -> dict[str, float]:
@@ -159,14 +162,26 @@ def drawn_on_bench(nominal: Sensor, rng: np.random.Generator) -> BenchRig:
 def moved_on_bench(real: BenchRig, count: int, rng: np.random.Generator) -> tuple[Data, Floats]:
     """What reference and detectors say of random motions, the laser's power drifting by 1 %; and
     the true states (n, 8), in the axes that the reference moves."""
-    pose = rng.uniform(-1, 1, (count, 6)) * BOX
-    empty = Data(np.empty((count, 9)), pose, REFERENCE, np.zeros((count, 2)))
     zero, sensor = np.zeros((count, 9)), real.rig.sensor
+    empty = poses_on_bench(real.rig, count, rng)
     exact = spots(sensor, real.bench, states_of(empty, zero, real.rig.values))
     exact[:, 2::3] *= 1 + 0.01 * np.sin(np.linspace(0, 5, count))[:, None]
     raw = uncorrected(sensor, add_noise(sensor, exact, rng))
-    said = pose + REFERENCE * rng.standard_normal(pose.shape)
+    said = empty.pose + REFERENCE * rng.standard_normal(empty.pose.shape)
     return empty._replace(raw=raw, pose=said), states_of(empty, zero, folded(real.rig.values))
+
+
+def poses_on_bench(rig: Rig, count: int, rng: np.random.Generator) -> Data:
+    """Random poses that keep every spot away from its detector's edges; no readings yet."""
+    pose = rng.uniform(-1, 1, (4 * count, 6)) * BOX
+    every = Data(np.empty((len(pose), 9)), pose, REFERENCE, np.zeros((len(pose), 2)))
+    reading = facets.readings(rig.sensor, states_of(every, np.zeros((len(pose), 9)), rig.values))
+    half = np.array([[psd.size_y, psd.size_z] for psd in rig.sensor.psds]) / 2
+    place = reading.reshape(-1, 3, 3)[:, :, :2]
+    inside = (np.abs(place) < half - CLEARANCE).all(axis=(1, 2))
+    found = every.part(np.flatnonzero(inside)[:count])
+    assert len(found.pose) == count, "too few poses keep their spots on the detectors"
+    return found
 
 
 class BenchTrial(NamedTuple):

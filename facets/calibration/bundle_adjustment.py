@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -298,7 +299,7 @@ def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: 
     every[:, 2::3, : len(GEOMETRY) + len(SHAPE)] *= light
     every[:, :, block(NAMES)] = -slopes(sensor, data.raw)
     if any(name in EFFECTS for name in choice.names):
-        columns = by_thirds(sensor, data, state, effect_jacobian)
+        columns = by_thirds(sensor, data, state, wanted_effects(data, choice))
         every[:, :, block(EFFECTS)] = in_the_mirror(columns, EFFECTS, data)
         every[:, 2::3, block(EFFECTS)] *= light
     add_mounting(every, data, by_state, turning)
@@ -309,6 +310,12 @@ def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: 
     for part in (left, common, own):
         part[~known] = 0.0
     return Linear(left, common, own)
+
+
+def wanted_effects(data: Data, choice: Choice) -> Callable[[Sensor, Floats], Floats]:
+    """The derivatives by the effects of a choice; by all where the mirror was turned."""
+    whole = data.thirds is not None and bool(data.thirds.any())
+    return partial(effect_jacobian, names=None if whole else choice.names)
 
 
 class Turning(NamedTuple):

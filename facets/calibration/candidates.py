@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..core.names import DETECTORS
 from ..core.sensor import Sensor
 from ..model.arrays import EFFECTS
-from .bundle_adjustment import Data, Normal, deviations, eliminated, linear, own_sigma
+from .bundle_adjustment import Data, Linear, Normal, deviations, eliminated, linear, own_sigma
 from .fit import Fit, fit, prior_information
 from .table import bends
 from .unknowns import DELAY, OF_DRIFT, PLACE, Choice, assigned, values_of
@@ -76,6 +76,8 @@ SIZES = {
     "background": ("background light on the detectors", {"background_": 3e-3}),
     "coating": ("a coating's reflectance, and polarised light", {"light.polarization": 1.0}),
 }
+#: A fit on the way ends after so many steps, or where another is worth less than this.
+WAY_STEPS, WAY_ENOUGH = 12, 0.3
 #: Aluminium at 633 nm, where a coating is tried that no key gives.
 ALUMINIUM = (1.37, 7.62)
 
@@ -115,13 +117,17 @@ def with_candidate(chosen: Choice, one: Candidate) -> Choice:
     return replace(chosen.and_also(one.sigma), beam=max(chosen.beam, one.beam))
 
 
-def with_coating(sensor: Sensor) -> Sensor:
+#: Where the light's polarisation is tried, rad: half a turn is a whole period.
+POLARISATIONS = (np.pi / 4, np.pi / 2, 3 * np.pi / 4, 0.0)
+
+
+def with_coating(sensor: Sensor, turn: float = POLARISATIONS[0]) -> Sensor:
     """A sensor whose facets are coated, with light that may be polarised."""
     light = sensor.light
     if light.index is not None and light.polarization is not None:
         return sensor
     index = light.index or ALUMINIUM
-    turn = np.pi / 4 if light.polarization is None else light.polarization
+    turn = turn if light.polarization is None else light.polarization
     return replace(sensor, light=replace(light, index=index, polarization=turn))
 
 
@@ -149,13 +155,12 @@ def sums(sensor: Sensor, data: Data, found: Fit, chosen: Choice) -> Sums:
     values = values_for(sensor, found)
     at = assigned(sensor, values)
     data = data._replace(noise=deviations(sensor, data))
-    parts: list[Normal] = []
+    there, own = linear(at, data, found.open, values, chosen), own_sigma(data, chosen)
+    weights, parts = np.sqrt(found.weights), list[Normal]()
     for n in range(FOLDS):
-        rows = np.arange(n, len(data.raw), FOLDS)
-        part = data.part(rows)
-        there = linear(at, part, found.open[rows], values, chosen)
-        weights = np.sqrt(found.weights[rows])
-        parts.append(eliminated(there, weights, found.open[rows], own_sigma(part, chosen)))
+        rows = slice(n, None, FOLDS)
+        part = Linear(there.residual[rows], there.common[rows], there.own[rows])
+        parts.append(eliminated(part, weights[rows], found.open[rows], own))
     prior = prior_information(chosen)
     before = (values - values_of(sensor))[chosen.places]
     return Sums(
@@ -193,10 +198,6 @@ def chance_of(fall: float, count: int) -> float:
     return float(chi2.sf(max(fall, 0.0), count))
 
 
-def sensor_for(sensor: Sensor, one: Candidate) -> Sensor:
-    return with_coating(sensor) if one.coated else sensor
-
-
 def values_for(sensor: Sensor, found: Fit) -> Floats:
     """Where a fit was, for a sensor that may have a coating since."""
     every, nominal = found.every.copy(), values_of(sensor)
@@ -216,7 +217,11 @@ def worths(sensor: Sensor, data: Data, found: Fit, rest: list[Candidate]) -> dic
         wide = found.choice
         for one in group:
             wide = with_candidate(wide, one)
-        given = sums(with_coating(sensor) if coated else sensor, data, found, wide)
+        given = (
+            best_coating(sensor, data, found, wide)[1]
+            if coated
+            else sums(sensor, data, found, wide)
+        )
         if not coated or not rows:
             plain = sums(sensor, data, found, found.choice) if coated else given
             before = expected(plain, found.choice.names)
@@ -224,6 +229,13 @@ def worths(sensor: Sensor, data: Data, found: Fit, rest: list[Candidate]) -> dic
             names = with_candidate(found.choice, one).names
             rows[one.key] = judged(one, found, before, expected(given, names), len(names))
     return rows
+
+
+def best_coating(sensor: Sensor, data: Data, found: Fit, wide: Choice) -> tuple[Sensor, Sums]:
+    """The coated sensor whose polarisation promises the lowest chi-square, and its sums."""
+    coated = list(dict.fromkeys(with_coating(sensor, turn) for turn in POLARISATIONS))
+    tried = [(one, sums(one, data, found, wide)) for one in coated]
+    return min(tried, key=lambda one: expected(one[1], wide.names)[0])
 
 
 def error_of(left: float, found: Fit) -> float:
@@ -285,15 +297,16 @@ class Searcher:
         return {key for key, row in self.rows.items() if row.taken}
 
     def take(self, one: Candidate, row: Row) -> bool:
-        """Fits again with a candidate; stays with what was, where that does not settle."""
-        sensor = sensor_for(self.sensor, one)
+        """Fits again with a candidate; stays with what was, where that gains nothing.
+
+        What has not settled on the way may do so once others are taken: that is asked at the end.
+        """
+        sensor, wider = self.sensor, with_candidate(self.found.choice, one)
+        if one.coated:
+            sensor, _ = best_coating(sensor, self.data, self.found, wider)
         start = replace(self.found, every=values_for(sensor, self.found))
-        wider = with_candidate(self.found.choice, one)
-        better = fit(sensor, self.data, wider, self.settings.outliers, start)
-        if not better.ended:
-            self.refused.add(one.key)
-            self.rows[one.key] = row._replace(taken=False, why="the fit with it does not settle")
-            return False
+        robust = self.settings.outliers
+        better = fit(sensor, self.data, wider, robust, start, WAY_STEPS, WAY_ENOUGH)
         fall = self.found.loss - better.loss
         if row.why != ASKED and chance_of(fall, max(row.unknowns, 1)) > CHANCE:
             self.refused.add(one.key)
@@ -314,14 +327,24 @@ class Searcher:
         """Takes the best of what is left, if any is good."""
         done = self.taken() | self.refused
         rest = {one.key: one for one in self.every if not one.beam and one.key not in done}
-        tried = worths(self.sensor, self.data, self.found, list(rest.values()))
-        self.rows |= {key: row._replace(taken=False) for key, row in tried.items()}
-        good = [key for key, row in tried.items() if row.taken]
+        good: list[str] = []
+        tried: dict[str, Row] = {}
+        for coated in (False, True):  # a coating is tried at several angles: last, for its cost
+            group = [one for one in rest.values() if one.coated == coated]
+            if group and not good:
+                tried = worths(self.sensor, self.data, self.found, group)
+                self.rows |= {key: row._replace(taken=False) for key, row in tried.items()}
+                good = [key for key, row in tried.items() if row.taken]
         if not good:
             return False
         best = max(good, key=lambda key: tried[key].fall / tried[key].unknowns ** 0.5)
         self.take(rest[best], tried[best])
         return True
+
+    def finish(self) -> None:
+        """Lets the fit settle, which was cut short on the way."""
+        start = self.found
+        self.found = fit(self.sensor, self.data, start.choice, self.settings.outliers, start)
 
     def move_beam(self) -> None:
         """Gives each sample a beam of its own where chi-square stays beyond chance without."""
@@ -362,6 +385,7 @@ def search(sensor: Sensor, data: Data, settings: Calibrate, plain: Fit) -> Searc
     while searcher.step():
         pass
     searcher.move_beam()
+    searcher.finish()
     order = [one.key for one in searcher.every]
     rows = sorted(searcher.rows.values(), key=lambda row: order.index(row.key))
     error = error_of(left, plain)

@@ -194,30 +194,37 @@ class Task:
             return self.guess(values, at.opening + own * OWN_UNITS)
         return None
 
-    def settle(self, at: Guess, most: int = STEPS) -> tuple[Guess, int, str]:
-        """Steps until another would be worth nothing; how many, and why not if not."""
+    def settle(
+        self, at: Guess, most: int = STEPS, enough: float = ENOUGH
+    ) -> tuple[Guess, int, str]:
+        """Steps until another would be worth nothing; how many, and why not if not.
+
+        Damping is in units of what was known before: it keeps weak directions, along which the
+        model bends, within their tolerances, and leaves strong ones alone.
+        """
         damping, growth = 0.0, 10.0
+        scale = np.diag(1 / self.choice.sigma**2)
         for steps in range(1, most + 1):
             limit = self.limit(at)
             _, _, normal = self.linearised(at, limit)
             matrix, side = self.whole(at, normal)
             worth = float(side @ np.linalg.solve(matrix, side))
-            if worth < ENOUGH and normal.fall < ENOUGH * len(self.data.raw):
+            if worth < enough and normal.fall < enough * len(self.data.raw):
                 return at, steps - 1, ""
             level, better = self.cost(at, limit), None
             while damping < STUCK:
-                heavy = matrix + damping * np.diag(np.diag(matrix))
+                heavy = matrix + damping * scale
                 step: Floats = np.linalg.solve(heavy, side).astype(float)
                 tried = self.moved(at, normal, step)
                 if tried is not None and (now := self.cost(tried, limit)) < level:
                     better = tried
                     break
-                damping, growth = max(damping * growth, 1e-4), growth * 2
+                damping, growth = max(damping * growth, 0.1), growth * 2
             if better is None:  # rounding ends what the last digits of chi-square can tell
                 return at, steps, "" if worth < 1e-6 * level + 0.1 else self.stuck(worth)
-            damping, growth = damping / 10 if damping > 1e-6 else 0.0, 10.0
+            damping, growth = damping / 10 if damping > 0.1 else 0.0, 10.0
             at, fell = better, level - now
-            if fell < 1e-9 * level + ENOUGH and worth < 10 * ENOUGH:
+            if fell < 1e-9 * level + enough and worth < 10 * enough:
                 return at, steps, ""
         return at, most, self.unfinished(matrix, side, worth)
 
@@ -278,12 +285,15 @@ def fit(
     choice: Choice,
     robust: float | None = 3.0,
     start: Fit | None = None,
+    most: int = STEPS,
+    enough: float = ENOUGH,
 ) -> Fit:
     """The most probable values of what is chosen.
 
     robust: residuals beyond so many standard deviations weigh less (Huber), on the scale of most of
     them where these are larger than the noise; None: all the same.
     start: an earlier fit to the same samples, to begin from.
+    most, enough: steps at most, and the fall of chi-square that is not worth another.
     Raises `InputError` where there is too little to fit.  A fit that did not settle says why.
     """
     task = Task(sensor, data, choice, robust)
@@ -291,7 +301,7 @@ def fit(
         at = task.guess(task.start, opened(data, sensor))
     else:
         at = task.guess(start.every, start.open)
-    return task.conclusion(*task.settle(at))
+    return task.conclusion(*task.settle(at, most, enough))
 
 
 #: How well the detectors' common gain keeps to what it is by convention.

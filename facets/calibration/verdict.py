@@ -68,12 +68,12 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
         hopeless = suspicious(sensor, plain)
     if hopeless and (told := explanation(sensor, fitted, chosen)):
         return Verdict(fitted, held, plain, None, None, None, [told.finding, *early])
-    if not plain.ended:
-        said = [unsettled(plain), *pulls(sensor, plain), *early]
-        return Verdict(fitted, held, plain, None, None, None, said)
     plain = steadied(sensor, fitted, plain, settings.outliers)
     done = search(sensor, fitted, settings, plain)
     found = done.found
+    if not found.ended:
+        said = [unsettled(found), *pulls(sensor, found), *early]
+        return Verdict(fitted, held, found, done, None, None, said)
     said = [*findings(done.sensor, found, fitted), *early]
     made = widened(found.sensor, found, model_error(found, fitted, done.sensor))
     known = replace(found, sensor=made)

@@ -124,12 +124,13 @@ def stepped(values: Sequence[float] | Floats) -> list[tuple[complex, ...]]:
     ]
 
 
-def effect_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
+def effect_jacobian(sensor: Sensor, state: ArrayLike, names: Sequence[str] | None = None) -> Floats:
     """The derivatives of the readings by the numbers of the bench's light, closed.
 
     state: (..., 8). Returns (..., 9, 27), columns in the order of `EFFECTS`; mm and mW per each
-    number's unit, right also where the light is ideal. Zero by what an index of a coating that
-    reflects all, or a polarisation of light that is not polarised, would be. NaN as in `jacobian`.
+    number's unit, right also where the light is ideal. names: which columns are wanted, since each
+    costs its time; the others are zero. Zero by what an index of a coating that reflects all, or a
+    polarisation of light that is not polarised, would be. NaN as in `jacobian`.
     Raises `InputError` for a sensor with apertures.
     """
     from .kernels import differentiate_light, pack
@@ -140,11 +141,16 @@ def effect_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
     given = parameters(sensor)
     copies = [
         pack(geometry(given, openings(sensor), Effects(values, options(sensor))))
-        for values in stepped(effects(sensor))
+        for name, values in zip(EFFECTS, stepped(effects(sensor)), strict=True)
+        if names is None or name in names
     ]
+    wanted = [n for n, name in enumerate(EFFECTS) if names is None or name in names]
     plain = pack(geometry(given, openings(sensor), of_light(sensor)))
-    out = np.empty((len(rows), 9, len(EFFECTS)))
-    differentiate_light(plain, np.array(copies, dtype=complex), rows, out)
+    out = np.zeros((len(rows), 9, len(EFFECTS)))
+    if wanted:
+        found = np.empty((len(rows), 9, len(wanted)))
+        differentiate_light(plain, np.array(copies, dtype=complex), rows, found)
+        out[:, :, wanted] = found
     return out.reshape(*shape, 9, len(EFFECTS))
 
 
