@@ -216,6 +216,7 @@ def decide(case: Case, rng: np.random.Generator) -> tuple[str, bool]:
     return "undecided", False
 
 
+@np.errstate(all="ignore")  # a search may step to where there is no light: NaN, and no pair
 def study(count: int, seed: int, tell: Callable[[str], None] = lambda _: None) -> Counter[str]:
     """How many are decided how; "broken" counts the proofs that the search breaks."""
     rng = np.random.default_rng(seed + 1)
@@ -231,8 +232,7 @@ def study(count: int, seed: int, tell: Callable[[str], None] = lambda _: None) -
 def main(arguments: list[str]) -> int:
     """1 where a proof was broken."""
     count, seed = [*map(int, arguments), *(200, 1)[len(arguments) :]]
-    with np.errstate(all="ignore"):  # a search may step to where there is no light
-        sums = study(count, seed, lambda line: print(line, flush=True))
+    sums = study(count, seed, lambda line: print(line, flush=True))
     print(", ".join(f"{name} {number}" for name, number in sums.items()))
     return 1 if sums["broken"] else 0
 
