@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from itertools import pairwise
 from math import pi
 from typing import Any
@@ -291,9 +292,9 @@ class BenchLight:
             sound = math.isfinite(n) and math.isfinite(k) and n > 0
             _require(sound, "index", self.index, "n above 0, and k")
 
-    @property
+    @cached_property
     def on(self) -> bool:
-        """Whether readings differ from those of ideal light."""
+        """Whether readings differ from those of ideal light; found once, since every call asks."""
         return replace(self, delays=(0.0, 0.0, 0.0), polarization=None) != BenchLight()
 
 

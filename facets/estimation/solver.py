@@ -243,6 +243,45 @@ def solution(found: problem.Results, shape: tuple[int, ...]) -> Solution:
     )
 
 
+def solve_stalled_again(
+    sensor: Sensor,
+    todo: Plan,
+    values: Floats,
+    sigmas: Floats,
+    starts: Floats,
+    found: problem.Results,
+    max_steps: int,
+    method: str,
+) -> None:
+    """Under the light of a bench: what stalled, by the derivatives that leave nothing out."""
+    from ..model import evaluators
+    from .kernels import invert
+
+    n, stalled = len(values), np.flatnonzero(found.status == Status.STALLED)
+    if not len(stalled):
+        return
+    again = empty_results(len(stalled), len(found.covariances) > 0)
+    invert(
+        problem.Model(evaluators.linearised(sensor), packed(sensor)),
+        problem.Readings(values[stalled], sigmas[stalled] if len(sigmas) else sigmas),
+        todo.limits,
+        problem.Problem(
+            means=todo.means[stalled] if len(todo.means) == n else todo.means,
+            weight=todo.weights,
+            free=todo.free,
+            starts=starts[stalled] if len(starts) == n else starts,
+            previous=False,
+            max_steps=max_steps,
+            damped=method != "paper",
+        ),
+        again,
+        workspace(),
+    )
+    for whole, part in zip(found, again, strict=True):
+        if len(whole):
+            whole[stalled] = part
+
+
 def solve(
     sensor: Sensor,
     readings: ArrayLike,
@@ -314,28 +353,8 @@ def solve(
         )
 
     share(run, n, threads)
-    stalled = np.flatnonzero(found.status == Status.STALLED)
-    if sensor.light.on and len(stalled):  # by the derivatives that leave nothing out
-        again = empty_results(len(stalled), covariance)
-        invert(
-            problem.Model(evaluators.linearised(sensor), packed(sensor)),
-            problem.Readings(values[stalled], sigmas[stalled] if len(sigmas) else sigmas),
-            todo.limits,
-            problem.Problem(
-                means=todo.means[stalled] if len(todo.means) == n else todo.means,
-                weight=todo.weights,
-                free=todo.free,
-                starts=starts[stalled] if len(starts) == n else starts,
-                previous=False,
-                max_steps=max_steps,
-                damped=method != "paper",
-            ),
-            again,
-            workspace(),
-        )
-        for whole, part in zip(found, again, strict=True):
-            if len(whole):
-                whole[stalled] = part
+    if sensor.light.on:
+        solve_stalled_again(sensor, todo, values, sigmas, starts, found, max_steps, method)
     if covariance:
         add_calibration(sensor, todo, found)
     return solution(found, shape)
