@@ -22,12 +22,7 @@ from facets.model.arrays import (
     parameters,
     with_effects,
 )
-from facets.model.ellipse import (
-    covariance_jacobian,
-    covariance_of,
-    ellipse_jacobian,
-    with_covariance,
-)
+from facets.model.beam_shape import axes_of, by_shape, shape_of
 from facets.optics.bench_light import readings
 from facets.optics.effects import Effects
 from facets.optics.forward import OPEN, geometry
@@ -253,22 +248,24 @@ def test_the_beam_as_a_covariance():
         replace(PAPER.beam, diameter_y=0.9, rotation=2.7),
     ):
         sensor = replace(PAPER, beam=beam, light=ALL)
+        shape = np.array(shape_of(beam.diameter_x, beam.diameter_y, beam.rotation))
         for each in (sensor, replace(sensor, light=BenchLight())):
-            some, found = box(3, 10), covariance_of(beam)
-            same = with_covariance(beam, found)
-            assert same.diameter_x == pytest.approx(beam.diameter_x)
-            assert same.rotation == pytest.approx(beam.rotation)
-            closed = ellipse_jacobian(each, some)
-            by_parameters = facets.parameter_jacobian(each, some)[..., 1:4]
-            np.testing.assert_allclose(
-                by_parameters, closed @ covariance_jacobian(beam), atol=1e-11
-            )
-            moved = found + np.array([0, 0, 1e-7])
-            ahead = facets.readings(replace(each, beam=with_covariance(beam, moved)), some)
-            slope = (ahead - facets.readings(each, some)) / 1e-7
-            np.testing.assert_allclose(closed[..., 2], slope, rtol=1e-3, atol=1e-3)
-    with pytest.raises(InputError, match="sigma_xx"):
-        with_covariance(PAPER.beam, [0.04, 0.04, 0.05])
+            some, exact = box(3, 10), with_shape(each, shape)
+            assert exact.beam.diameter_x == pytest.approx(beam.diameter_x)
+            assert exact.beam.rotation == pytest.approx(beam.rotation)
+            closed = by_shape(each, some, facets.parameter_jacobian(each, some))
+            for n, step in enumerate(1e-7 * np.eye(3)):
+                ahead = facets.readings(with_shape(each, shape + step), some)
+                slope = (ahead - facets.readings(each, some)) / 1e-7
+                np.testing.assert_allclose(closed[..., n], slope, rtol=1e-3, atol=1e-3)
+    with pytest.raises(InputError, match="no beam has a cross-section"):
+        axes_of(np.array([0.04, 0.04, 0.05]))
+
+
+def with_shape(sensor, shape):
+    diameter_x, diameter_y, rotation = axes_of(shape, sensor.beam.rotation)
+    beam = replace(sensor.beam, diameter_x=diameter_x, diameter_y=diameter_y, rotation=rotation)
+    return replace(sensor, beam=beam)
 
 
 def test_poses_are_found_under_all_of_it():
