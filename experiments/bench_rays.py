@@ -13,11 +13,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from facets.core.sensor import Psd, Sensor
-
-Floats = NDArray[np.float64]
+from facets.core.units import Floats
 
 #: Nodes between the edges and away from the apex; how far the net goes, in the beam's sigmas.
 ANGLES, DISTANCES, REACH = 40, 48, 6.0

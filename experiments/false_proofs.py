@@ -22,10 +22,9 @@ from facets.characterization.singularity import measures
 from facets.characterization.state_box import StateBox, box_of_poses
 from facets.config import load
 from facets.core.sensor import Sensor
+from facets.core.units import Floats
 from facets.model.arrays import parameters, sensor_with
 from facets.proof.uniqueness import Certificate, certify
-
-Floats = NDArray[np.float64]
 
 #: Pieces that a proof may look at.
 WORK = 400

@@ -20,19 +20,17 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 import facets
 from facets.calibration.bundle_adjustment import Choice, Data
 from facets.calibration.fit import fit
 from facets.core.sensor import BenchLight, Imperfections, Sensor
+from facets.core.units import Floats
 from facets.detectors.correction import corrected
 from facets.files.tables import write_table
 from facets.simulation.imperfect_optics import seen
 
 from . import rigs
-
-Floats = NDArray[np.float64]
 
 ALUMINIUM = (1.37, 7.62)  # at 633 nm
 WAVELENGTH, PATH = 632.8e-6, 250.0

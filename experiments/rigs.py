@@ -17,7 +17,6 @@ import time
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 import facets
 from facets.calibration.bundle_adjustment import Data, states_of
@@ -35,12 +34,11 @@ from facets.calibration.unknowns import (
 )
 from facets.calibration.verdict import Verdict, verdict
 from facets.core.sensor import Sensor
+from facets.core.units import Floats
 from facets.detectors.correction import corrected, uncorrected
 from facets.detectors.noise import add_noise
 
 from .bench_rays import Bench, spots
-
-Floats = NDArray[np.float64]
 
 #: Standard uncertainty of the reference, mm and rad.
 REFERENCE = np.array([1e-4] * 3 + [5e-7] * 3)

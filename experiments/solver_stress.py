@@ -19,15 +19,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import facets
+from facets.core.units import Floats
 from facets.detectors.noise import add_noise
 from facets.files.tables import write_table
 
 from .sensors import SENSORS
 
-Floats = NDArray[np.float64]
 FLOOR = 1e-9
 
 

@@ -19,10 +19,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import facets
 from facets.core.settings import Stage as Settings
+from facets.core.units import Floats
 from facets.live.virtual.stages import PiController, ZaberDevice
 from facets.tracking.control import Law
 from facets.tracking.envelope import PLACE, stopping_time
@@ -30,8 +30,6 @@ from facets.tracking.limits import Limits
 from facets.tracking.line import POLL
 from facets.tracking.stage import StageError, StageModel
 from facets.tracking.tracker import Tracker
-
-Floats = NDArray[np.float64]
 
 CONFIG = facets.load("bench")
 #: By how much the stage itself is faster than it may be.

@@ -6,11 +6,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.units import Floats
 from . import rivals
 
-Floats = NDArray[np.float64]
 SCALE = np.array([1, 1, 1, 1e-2, 1e-2, 1e-2, 1, 1])
 
 

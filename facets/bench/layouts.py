@@ -7,11 +7,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..characterization.resolution import Estimator, uncertainties
 from ..config import load
 from ..core.names import FINE_UNITS
+from ..core.units import Floats
 from ..design.exploration import MEASURES, NO_RIVALS, Space, designs, front, looked_at, part_of
 from ..design.search import optimize
 from ..design.variables import sensor_of
@@ -19,7 +19,6 @@ from ..design.volume import states_of
 from ..model.arrays import half_sizes, margins, readings
 
 Row = dict[str, Any]
-Floats = NDArray[np.float64]
 #: How far one axis's range is looked for, mm and rad.
 FAR = np.array([0.6, 0.6, 12, 0.06, 0.06, 0.12])
 

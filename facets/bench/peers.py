@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.units import Floats
 from . import rivals
 from .clock import Contender
 
-Floats = NDArray[np.float64]
 SCALE = np.array([1, 1, 1, 1e-2, 1e-2, 1e-2, 1, 1])
 NODES = 12
 

@@ -6,14 +6,13 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.units import Floats
 from ..estimation.solver import solve
 from ..model.arrays import packed, readings
 from . import rivals, stages
 from .clock import Contender, alternate
 
-Floats = NDArray[np.float64]
 Row = dict[str, Any]
 
 

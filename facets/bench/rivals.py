@@ -12,11 +12,10 @@ from functools import cache
 from math import cos, erf, exp, pi, sin, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
+from ..core.units import Floats
 
-Floats = NDArray[np.float64]
 Moments = Callable[[Floats, float, float], tuple[float, float, float]]
 
 SENSOR = Sensor()

@@ -7,8 +7,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.units import Floats
 from ..estimation.solver import solve
 from ..model.arrays import jacobian, parameters, readings
 from ..model.threads import cores
@@ -17,7 +17,6 @@ from ..optics.forward import readings as text
 from . import casadi_rival, peers, rivals
 from .clock import Contender, Timing, alternate
 
-Floats = NDArray[np.float64]
 Row = dict[str, Any]
 SENSOR = rivals.SENSOR
 

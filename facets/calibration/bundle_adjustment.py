@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ..core.names import FINE_UNITS
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..detectors.correction import NAMES, corrected, slopes
 from ..detectors.noise import standard_deviations
 from ..model.arrays import EFFECTS, effect_jacobian, effects, jacobian, readings, with_effects
@@ -41,7 +42,6 @@ from .unknowns import (
 
 __all__ = ["ALL", "MOUNTING", "Choice", "values_of"]
 
-Floats = NDArray[np.float64]
 
 #: A sample's own unknowns: its pose in um and urad, its power in shares of 1e-3, its beam in um.
 OWN = 9

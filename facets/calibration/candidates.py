@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.names import DETECTORS
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, Linear, Normal, deviations, eliminated, linear, own_sigma
 from .fit import Fit, fit, prior_information
@@ -26,7 +26,6 @@ from .unknowns import DELAY, OF_DRIFT, PLACE, Choice, assigned, values_of
 if TYPE_CHECKING:
     from ..core.settings import Calibrate
 
-Floats = NDArray[np.float64]
 
 #: Samples are left out by so many parts in turn.
 FOLDS = 5

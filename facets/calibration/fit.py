@@ -21,11 +21,11 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.names import DETECTORS
 from ..core.sensor import Calibration, Sensor
+from ..core.units import Floats
 from ..detectors.correction import corrected
 from ..estimation.solver import solve
 from .bundle_adjustment import (
@@ -53,8 +53,6 @@ from .unknowns import (
     folded,
     values_of,
 )
-
-Floats = NDArray[np.float64]
 
 #: Steps at most; the fall of chi-square that is no longer worth a step; damping that leads nowhere.
 STEPS, ENOUGH, STUCK = 60, 1e-3, 1e10

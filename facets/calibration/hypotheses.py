@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from ..core.errors import InputError
 from ..core.names import POSE
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from .bundle_adjustment import Data, angles_of, turned
 from .fit import NORMAL_MEDIAN, Guess, Task, opened
 from .misfit import Finding
 from .unknowns import Choice
 
-Floats = NDArray[np.float64]
 Change = Callable[[Data], Data]
 
 #: Samples and steps of a first trial and of a last, for so many of the hypotheses.

@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from ..core.names import DETECTORS
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..model.arrays import readings
 from .bundle_adjustment import OWN, OWN_UNITS, Data, eliminated, linear, own_sigma
 from .fit import opened
 from .unknowns import ALL, PLACE, Choice, values_of
-
-Floats = NDArray[np.float64]
 
 #: How much of a pattern is not told, at least, for it to be named; and how large a part of another
 #: direction is, at least, to be named.

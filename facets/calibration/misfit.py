@@ -10,17 +10,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.names import DETECTORS, POSE
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..detectors.calibrated import MISFIT
 from .bundle_adjustment import Data, deviations, light_of
 from .candidates import beyond_chance
 from .fit import Fit
 from .unknowns import MOUNTING, values_of
-
-Floats = NDArray[np.float64]
 
 KINDS = ("psi", "zeta", "power")
 #: The residuals' spread, over the noise, beyond which nothing may be built on a fit.

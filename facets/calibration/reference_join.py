@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..core.errors import InputError
 from ..core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..detectors.correction import corrected
 from ..estimation.solver import solve
 from ..estimation.table import BEAM_UNCERTAINTIES
@@ -27,7 +28,6 @@ from .unknowns import DELAY, PLACE
 if TYPE_CHECKING:
     from ..core.settings import Calibrate
 
-Floats = NDArray[np.float64]
 
 #: Offsets are tried over this share of the common time, at most so many seconds, in so many steps.
 SHARE, SECONDS, STEPS = 0.25, 2.0, 401

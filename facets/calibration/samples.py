@@ -5,7 +5,6 @@ from __future__ import annotations
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.names import DETECTORS, POSE
 from ..core.sensor import Sensor
@@ -14,8 +13,6 @@ from ..model.arrays import readings
 from .bundle_adjustment import OWN, Data, deviations, states_of
 from .misfit import KINDS, Finding
 from .unknowns import values_of
-
-Floats = NDArray[np.float64]
 
 #: A channel is stuck where it moves by less than this share of what the motion asks of it, and that
 #: is many times its noise.

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..core.errors import InputError
 from ..core.names import DETECTORS, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ..core.sensor import MONOMIALS, Sensor
+from ..core.units import Floats
 from ..estimation.table import BEAM_UNCERTAINTIES, require_known_beam
 from ..files import tables
 from ..model.arrays import EFFECTS
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from ..core.sensor import Psd
     from ..core.settings import Calibrate
 
-Floats = NDArray[np.float64]
 
 #: What the reference says, one column an axis that it measures.
 REFERENCE = tuple(f"ref_{name}" for name in STATE_COLUMNS[:6])

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..core.names import DETECTORS
 from ..core.sensor import MONOMIALS, Sensor
+from ..core.units import Floats
 from ..detectors.correction import NAMES, OF_ONE, coefficients
 from ..model import arrays
 from ..model.arrays import EFFECTS, effects, parameters, sensor_with, with_effects
@@ -25,8 +26,6 @@ from ..model.beam_shape import (
     shape_of,
 )
 from ..optics.parameters import PARAMETERS
-
-Floats = NDArray[np.float64]
 
 #: Of one seating: the apex from the reference's pivot; the apex from the beam while the reference
 #: is at zero; how the mirror is turned on the reference.

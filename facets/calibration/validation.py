@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 
 from ..core.names import ANGLES, POSE
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..detectors.correction import corrected
 from ..estimation.solver import Prior, Solution, solve
 from .bundle_adjustment import OWN, Data, states_of
 from .fit import NORMAL_MEDIAN, Fit
 from .unknowns import folded, values_of
-
-Floats = NDArray[np.float64]
 
 #: From the axes' units to those in which errors are shown, um and urad.
 FINE = np.array([1e6 if name in ANGLES else 1e3 for name in POSE])

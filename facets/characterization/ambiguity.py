@@ -12,16 +12,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..detectors.noise import standard_deviations
 from ..estimation.solver import solve
 from ..model.arrays import jacobian, readings
 from .singularity import measures, weakest_direction
 from .state_box import StateBox
-
-Floats = NDArray[np.float64]
 
 #: How far from the singular state a pair is looked for, largest first: shares of FARTHEST.
 REACHES = np.geomspace(1, 1e-3, 25)

@@ -14,18 +14,16 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.rules import Rules
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..detectors.noise import sources as noise_sources
 from ..detectors.noise import variances
 from ..estimation.calibration_uncertainty import by_parameters
 from ..model.arrays import jacobian, readings
 from .ranges import axis_ranges, states_of
-
-Floats = NDArray[np.float64]
 
 
 class Estimator(NamedTuple):

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.names import ANGLES, POSE
 from ..core.rules import Rules
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..detectors.noise import power_floor
 from .ranges import axis_ranges
-
-Floats = NDArray[np.float64]
 
 #: What a box spans: the pose, and how far the apex stands off the beam's centre, Eq. (12).
 AXES = (*POSE, "offset_x", "offset_y")

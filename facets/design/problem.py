@@ -11,18 +11,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.names import POSE
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from .variables import Outcome, heads_of, outcome, with_values
 from .volume import states_of
 
 if TYPE_CHECKING:
     from ..core.settings import Layout
 
-Floats = NDArray[np.float64]
 
 #: IPOPT's own tolerance.
 TOLERANCE = 1e-8

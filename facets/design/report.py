@@ -6,18 +6,16 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.names import FINE_UNITS
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from .problem import problem_of
 from .search import solve_from
 from .volume import states_of
 
 if TYPE_CHECKING:
     from ..core.settings import Layout
-
-Floats = NDArray[np.float64]
 
 
 def in_words(aim: str, objective: float) -> str:

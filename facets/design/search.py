@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from .catalogue import Choice, choices
 from .interruption import run_solver
 from .problem import Problem, problem_of
@@ -18,7 +18,6 @@ from .variables import present_values
 if TYPE_CHECKING:
     from ..core.settings import Layout
 
-Floats = NDArray[np.float64]
 
 #: A multiplier smaller than this, over the largest, holds nothing back.
 ACTIVE = 1e-4

@@ -11,17 +11,15 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.names import DETECTORS, FINE_UNITS
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..model.arrays import parameters, sensor_with
 from ..optics.forward import geometry, placed
 from ..optics.gradient import linearised
 from ..optics.rays import gradient_of_shift, reflect, slanted
 from ..optics.vectors import dot
-
-Floats = NDArray[np.float64]
 
 #: Half of the 1/e^2 diameter, in sigmas.
 RIM = 2

@@ -18,6 +18,7 @@ from ..core.errors import InputError
 from ..core.names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS, STATE_UNITS
 from ..core.rules import Rules
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..detectors.noise import add_noise
 from ..estimation.solver import solve
 from ..model.arrays import margins, readings
@@ -26,7 +27,6 @@ from .volume import states_of
 if TYPE_CHECKING:
     from ..core.settings import Layout
 
-Floats = NDArray[np.float64]
 
 #: Noisy readings at the worst state of each axis, and random states of the volume.
 DRAWS, RANDOM = 5000, 4000

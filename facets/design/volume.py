@@ -6,12 +6,11 @@ from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..core.units import Floats
 
 if TYPE_CHECKING:
     from ..core.settings import Layout
-
-Floats = NDArray[np.float64]
 
 
 def shares_of_volume() -> Floats:

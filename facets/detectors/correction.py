@@ -8,13 +8,11 @@ that the maker or the user has measured comes on top.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.names import DETECTORS
 from ..core.sensor import MONOMIALS, Correction, Grid, Sensor
+from ..core.units import Floats
 from ..model.arrays import half_sizes
-
-Floats = NDArray[np.float64]
 
 #: Of one detector: what is added to the power, then the coefficients of psi and of zeta.
 OF_ONE = ("power", "dark", *(f"{axis}{a}{b}" for axis in "yz" for a, b in MONOMIALS))

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.sensor import Electronics, Sensor
+from ..core.units import Floats
 from ..model.arrays import half_sizes
 from . import electrodes
 from .noise import current_variances, currents_of, two_layers
-
-Floats = NDArray[np.float64]
 
 #: What is wrong with a sample, as bits: a converter at its end; the sums along y and z of a
 #: duo-lateral PSD, which see the same light, apart by more than MISMATCH.

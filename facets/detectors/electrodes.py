@@ -15,9 +15,8 @@ tetra-lateral   four electrodes along the sides of one layer: y as duo-lateral, 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from ..core.units import Floats
 
 KINDS = ("duo-lateral", "pincushion", "tetra-lateral")
 #: Images of the potential are added until they have fallen to exp(-ENOUGH); sinh(MOST) is finite.

@@ -16,13 +16,12 @@ no noise of a single reading: `simulate` draws them, and the solver takes them a
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..core.sensor import Electronics, Sensor
+from ..core.units import Floats
 from ..model.arrays import half_sizes
 from . import electrodes
-
-Floats = NDArray[np.float64]
 
 #: Elementary charge, C, and Boltzmann's constant, J/K: exact in the SI.
 CHARGE, BOLTZMANN = 1.602176634e-19, 1.380649e-23

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
+from ..core.units import Floats
 
-Floats = NDArray[np.float64]
 Times = NDArray[np.floating[Any]]
 
 #: A pause of this many usual steps parts a recording: no slope is taken over it.

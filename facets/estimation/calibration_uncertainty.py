@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.names import FINE_UNITS
+from ..core.units import Floats
 from ..detectors.calibrated import MISFIT
 from ..detectors.correction import NAMES, slopes
 from ..detectors.noise import standard_deviations
@@ -22,7 +23,6 @@ from ..optics.parameters import PARAMETERS
 if TYPE_CHECKING:
     from ..core.sensor import Calibration, Sensor
 
-Floats = NDArray[np.float64]
 
 #: How many samples at once: 5 kB each.
 PART = 2000

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.units import Floats
 from ..detectors.calibrated import MISFIT
 from .solver import Solution
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from ..core.sensor import Sensor
     from ..core.settings import Solve
 
-Floats = NDArray[np.float64]
 
 #: The chance that a reading is flagged though nothing is wrong with it.
 LEVEL = 1e-4

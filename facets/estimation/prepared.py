@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 
 from ..core.errors import InputError
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..detectors.noise import standard_deviations
-from ..model.arrays import Floats, packed
+from ..model.arrays import packed
 from . import problem
 from .solver import (
     Prior,

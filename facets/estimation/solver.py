@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..detectors.noise import power_floor, standard_deviations
-from ..model.arrays import Floats, as_rows, half_sizes, packed
+from ..model.arrays import as_rows, half_sizes, packed
 from ..model.threads import part_of, share
 from ..optics.limits import COLUMNS, MOST
 from . import problem

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.units import Floats
 from ..detectors.correction import corrected
 from ..detectors.counts import SATURATED, UNEQUAL, readings_of
 from ..detectors.skew import align
@@ -30,7 +31,6 @@ from .frames import OVERRUN, XY_SUM, Samples, parser
 if TYPE_CHECKING:
     from ..core.settings import Config
 
-Floats = NDArray[np.float64]
 
 #: How well a sample's time and a stage's are known to each other, 1 sigma, s.
 TIMING = 1e-3

@@ -11,13 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..optics.effects import EFFECTS as EFFECTS
 from ..optics.effects import Effects, Options
 from ..optics.forward import Geometry, Openings, geometry
 from ..optics.parameters import BEAM, FACET, PSD
 from .threads import share
-
-Floats = NDArray[np.float64]
 
 
 def parameters(sensor: Sensor) -> tuple[float, ...]:

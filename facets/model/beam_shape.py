@@ -9,14 +9,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..optics.parameters import PARAMETERS
 from .arrays import parameter_jacobian
-
-Floats = NDArray[np.float64]
 
 #: The irradiance's covariance in the beam's cross-section, mm^2; an angle has no direction where
 #: the beam is round, so these are found in place of two diameters and an angle.

@@ -12,14 +12,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import InputError
+from ..core.units import Floats
 from .forward import Geometry, Path, Scene, path, scene
 from .rays import flight, hit, land
 from .vectors import Vector, add, dot
-
-Floats = NDArray[np.float64]
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(32)
 PANELS = 4

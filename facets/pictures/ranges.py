@@ -6,18 +6,17 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..characterization.ranges import CAUSES, Boundary
 from ..characterization.resolution import Resolution
 from ..core.names import POSE
+from ..core.units import Floats
 from . import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Floats = NDArray[np.float64]
 
 #: By cause, in the order of `ranges.CAUSES`.
 COLOURS = (style.BLUE, style.ORANGE, style.INK, style.GREEN)

@@ -9,17 +9,16 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.names import STATE_COLUMNS, STATE_UNITS
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..files.tables import Whole
 from ..model.arrays import geometry_of
 from . import scene, style
 from .scene import Body
 
-Floats = NDArray[np.float64]
 View = Literal["both", "rig", "mirror"]
 
 #: Colour and opacity by kind.

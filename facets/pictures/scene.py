@@ -12,16 +12,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.names import DETECTORS
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..model.arrays import geometry_of
 from ..optics.forward import Geometry, Scene, edges, placed
 from ..optics.rays import flight, hit, reflect
 from ..optics.vectors import combine, rotate
-
-Floats = NDArray[np.float64]
 
 #: The 1/e^2 circle in sigmas.
 CIRCLE = 2.0

@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 
 from ..characterization.ambiguity import AmbiguousPair
 from ..characterization.singularity import Survey
+from ..core.units import Floats
 from . import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-Floats = NDArray[np.float64]
 
 
 def survey_picture(found: Survey, left_out: str, pair: AmbiguousPair | None = None) -> Figure:

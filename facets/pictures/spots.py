@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.sensor import Psd, Sensor
+from ..core.units import Floats
 from ..model.arrays import readings
 from . import scene, style
 from .scene import Spot, Stand
@@ -15,8 +15,6 @@ from .scene import Spot, Stand
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-Floats = NDArray[np.float64]
 
 
 def spots_picture(sensor: Sensor, state: Floats) -> Figure:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from flint import arb_mat
-from numpy.typing import NDArray
 
+from ..core.units import Floats
 from ..scalars.intervals import Ball, between, ends, hull, magnitude
 
-Floats = NDArray[np.float64]
 Matrix = list[list[Ball]]
 
 #: What sums of a few floats can round.

@@ -21,11 +21,11 @@ from typing import NamedTuple
 
 import numpy as np
 from flint import arb, arb_mat
-from numpy.typing import NDArray
 
 from ..characterization.state_box import StateBox, box_of_poses
 from ..core.rules import Rules
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..optics.forward import Geometry
 from ..optics.rays import reflect
 from ..optics.vectors import cross, dot, rotation_axes, subtract
@@ -45,8 +45,6 @@ from .spot_jacobian import (
     spot_jacobian,
     spot_places,
 )
-
-Floats = NDArray[np.float64]
 
 #: How far poses are looked for, mm and rad: past any range that a sensor of this kind can have.
 FARTHEST = (30.0, 30.0, 30.0, 0.3, 0.3, 0.5)

@@ -26,10 +26,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from flint import arb
-from numpy.typing import NDArray
 
 from ..characterization.state_box import StateBox
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..optics.forward import Geometry, in_sigmas
 from ..optics.vectors import rotation_axes
 from ..scalars.intervals import Ball, between, ends, positive
@@ -50,8 +50,6 @@ from .light_sharing import (
     least_share_over,
 )
 from .spot_jacobian import NotFacing, interval_geometry, intervals, scene_of, spot_jacobian
-
-Floats = NDArray[np.float64]
 
 #: Into how many pieces each axis of the pose is cut to begin with: tx ty tz roll pitch yaw.
 PIECES = (2, 2, 1, 3, 3, 3)

@@ -23,14 +23,12 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.sensor import Imperfections, Sensor
+from ..core.units import Floats
 from ..detectors.skew import later
 from ..model.arrays import geometry_of, half_sizes, readings
 from ..optics.forward import Geometry, Scene, beam_axes, placed
-
-Floats = NDArray[np.float64]
 
 #: Nodes over a wedge's angle and radius, across a strip, and where the light ends, in sigmas.
 ANGLES, RADII, ACROSS, FAR = 20, 40, 6, 9.0

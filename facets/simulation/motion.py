@@ -5,14 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.names import STATE_COLUMNS, STATE_UNITS
 from ..core.settings import Config, Motion, Sine, Steps, Sweep, Table
+from ..core.units import Floats
 from ..files.tables import read_chunks
-
-Floats = NDArray[np.float64]
 
 
 def named(config: Config, name: str) -> Motion:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.names import POSE, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..core.units import Floats
 from ..detectors.correction import uncorrected
 from ..detectors.noise import add_noise
 from ..estimation.solver import Solution, Status
@@ -23,8 +24,6 @@ from .motion import states
 if TYPE_CHECKING:
     from ..core.sensor import Sensor
     from ..core.settings import Config, Solve
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

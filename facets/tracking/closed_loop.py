@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
 from ..core.settings import Stage as Settings
+from ..core.units import Floats
 from ..model.arrays import readings
 from .control import Law, Seen
 from .stage import StageModel
-
-Floats = NDArray[np.float64]
 
 
 def followed(sensor: Sensor, settings: Settings, time: Floats, truth: Floats) -> Floats:

@@ -12,14 +12,12 @@ from dataclasses import dataclass, field
 from math import pi, sin, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
 from ..core.settings import Stage as Settings
+from ..core.units import Floats
 from ..model.arrays import readings
 from .limits import Limits
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

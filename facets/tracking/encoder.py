@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from ..core.units import Floats
 
 #: No place of the stage is believed longer than this, s: it then stands where it was.
 REACH = 0.1

@@ -16,17 +16,15 @@ from contextlib import suppress
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.settings import Stage as Settings
+from ..core.units import Floats
 from .encoder import Encoder
 from .limits import Limits
 from .line import Line
 from .pi import Pi
 from .stage import StageError
 from .zaber import Zaber
-
-Floats = NDArray[np.float64]
 
 #: A loop that has not come round for so long is stalled, s, or for so many of its periods.
 STALL, PERIODS = 0.1, 5

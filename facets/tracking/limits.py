@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.settings import Stage as Settings
-
-Floats = NDArray[np.float64]
+from ..core.units import Floats
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,11 @@ character 24 stops all axes. Source: PI, GCS 2.0 commands manual.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.settings import Stage as Settings
+from ..core.units import Floats
 from .line import PATIENCE, Line
 from .stage import StageError
-
-Floats = NDArray[np.float64]
 
 UNKNOWN_COMMAND, STOPPED = "2", "10"
 STOP_ALL = b"\x18"

@@ -10,12 +10,10 @@ from __future__ import annotations
 from math import ceil, cos, hypot, pi, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.settings import Stage as Settings
+from ..core.units import Floats
 from .limits import Limits
-
-Floats = NDArray[np.float64]
 
 #: Between turns, between places, and from the middle to the end, mm.
 TURN, STEP, FARTHEST = 0.25, 0.1, 2.0

@@ -6,12 +6,10 @@ from collections import deque
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import FacetsError
 from ..core.settings import Stage as Settings
-
-Floats = NDArray[np.float64]
+from ..core.units import Floats
 
 
 class StageError(FacetsError):

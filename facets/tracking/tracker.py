@@ -10,17 +10,15 @@ from types import TracebackType
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import FacetsError
 from ..core.settings import Stage as Settings
+from ..core.units import Floats
 from .control import Law, Seen
 from .encoder import Encoder
 from .envelope import AHEAD, Envelope
 from .line import PATIENCE
 from .search import Search
-
-Floats = NDArray[np.float64]
 
 #: How often the loop is watched, s.
 WATCH = 0.02

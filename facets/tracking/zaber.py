@@ -9,13 +9,11 @@ obeyed. Source: Zaber ASCII Protocol Manual.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.settings import Stage as Settings
+from ..core.units import Floats
 from .line import PATIENCE, Line
 from .stage import StageError
-
-Floats = NDArray[np.float64]
 
 #: A native unit of speed is so many microsteps a second, one of acceleration a second squared.
 SPEED, ACCELERATION = 1 / 1.6384, 1e4 / 1.6384

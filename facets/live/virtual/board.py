@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.units import Floats
 from ...detectors.correction import uncorrected
 from ...detectors.counts import counts_of, xy_sum_of
 from ...model.arrays import on_detectors
@@ -21,7 +22,6 @@ from .pty import Pty
 if TYPE_CHECKING:
     from ...core.settings import Config
 
-Floats = NDArray[np.float64]
 
 TRUTH = np.dtype([("seq", "<u4"), ("fate", "u1"), ("host", "<f8"), ("state", "<f8", 8)])
 #: What became of a sample.

@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...core.units import Floats
 from ...simulation.motion import named, states
 
 if TYPE_CHECKING:
     from ...core.settings import Config
 
-Floats = NDArray[np.float64]
 
 #: How long the mirror takes to come to speed, s.
 RAMP = 1.0

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...tracking.pi import STOP_ALL
 from ...tracking.stage import StageModel
 from ...tracking.zaber import ACCELERATION, SPEED, checksum
-
-Floats = NDArray[np.float64]
 
 PI_UNKNOWN, PI_SERVO_OFF, PI_STOPPED = 2, 5, 10
 
