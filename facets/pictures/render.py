@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
@@ -82,6 +83,22 @@ def detector_frame(sensor: Sensor, k: int) -> tuple[Floats, Floats]:
     """Centre and axes of detector k, in the world."""
     geometry = geometry_of(sensor)
     return np.array(geometry.centres[k]), np.array(geometry.axes[k])
+
+
+@contextmanager
+def without_download() -> Iterator[None]:
+    """No file of WebAssembly: the exporter loads trame_vtklocal where it finds it, which fetches
+    one from its maker's server, and a page of vtk.js has no use for it."""
+    part = "trame.widgets.vtklocal"
+    earlier = sys.modules.get(part)
+    sys.modules[part] = None  # type: ignore[assignment]  # an import of it raises ImportError
+    try:
+        yield
+    finally:
+        if earlier is None:
+            del sys.modules[part]
+        else:
+            sys.modules[part] = earlier
 
 
 class Picture:
@@ -273,7 +290,8 @@ class Picture:
             elif kind == ".gltf":
                 self.plotter.export_gltf(str(temporary))
             else:
-                self.plotter.trame.export_html(str(temporary))
+                with without_download():
+                    self.plotter.trame.export_html(str(temporary))
 
     def film(
         self, path: Path, states: Iterable[Floats], rate: float, tell: Callable[[], None]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -129,6 +130,28 @@ def seen(page, shot):
 
 
 needs_browser = pytest.mark.skipif(not shutil.which("chromium"), reason="needs Chromium")
+
+
+LISTENER = """
+import sys
+
+def hear(event, arguments):
+    if event == "socket.getaddrinfo" and arguments[0] not in (None, "127.0.0.1", "localhost"):
+        print("asked for", arguments[0], file=sys.stderr)
+
+sys.addaudithook(hear)
+from facets.cli import main
+sys.argv = ["facets", "render", "paper", "-o", "rig.html"]
+main()
+"""
+
+
+def test_html_is_written_without_the_network(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-c", LISTENER], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (tmp_path / "rig.html").stat().st_size > 100_000
+    assert "asked for" not in done.stderr, done.stderr
 
 
 @needs_browser
