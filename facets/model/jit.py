@@ -182,6 +182,11 @@ def compiler(
     return compiled
 
 
+#: What went wrong where compiled code has called Python, which can not raise through it; raised
+#: once the compiled code has ended.
+FAILURES: list[BaseException] = []
+
+
 def _in_folder(folder: Path, make: Callable[[], Any]) -> Any:
     """What `make` compiles, with its machine code kept in a folder."""
     config: Any = numba.config
@@ -209,7 +214,12 @@ def _kept(function: Callable[..., Any], folder: Path, passing: object) -> Callab
         if not called:
             called = True
             _tell(folder, function)
-        return dispatcher(*arguments)
+        result = dispatcher(*arguments)
+        if FAILURES:
+            failure = FAILURES[0]
+            FAILURES.clear()
+            raise failure
+        return result
 
     call.keeps = passing  # type: ignore[attr-defined]  # a passing folder lives as long as this
     return call
