@@ -15,7 +15,6 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types  # noqa: TID253
-from numba.core import typing  # noqa: TID253
 from numba.extending import intrinsic  # noqa: TID253
 
 from ..scalars.machine import DOUBLE, LONG, Numbers, Value, Writer
@@ -34,7 +33,8 @@ def type_of(part: Numbers) -> Any:
         return NUMBER
     inner = [type_of(each) for each in part]
     alike = all(each == inner[0] for each in inner)
-    return types.UniTuple(inner[0], len(inner)) if alike else types.Tuple(inner)
+    made: Any = types
+    return made.UniTuple(inner[0], len(inner)) if alike else made.Tuple(inner)
 
 
 class NumbaWriter(Writer):
@@ -48,13 +48,13 @@ class NumbaWriter(Writer):
         self.context, self.table = context, table
 
     def function(self, name: str, *arguments: Value | float) -> Value:
-        signature = typing.signature(NUMBER, *[NUMBER] * len(arguments))  # type: ignore[no-untyped-call]
+        signature = NUMBER(*[NUMBER] * len(arguments))
         code = self.context.get_function(getattr(math, name), signature)
         return Value(self, code(self.builder, [self.value(each) for each in arguments]))
 
     def called(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
         kind = type_of(like)
-        signature = typing.signature(kind, *map(type_of, arguments))  # type: ignore[no-untyped-call]
+        signature = kind(*map(type_of, arguments))
         given = [self._bundle(each) for each in arguments]
         found = self.context.compile_internal(self.builder, function, signature, given)
         return self._numbers(found, kind)
@@ -71,7 +71,7 @@ class NumbaWriter(Writer):
             return Value(self, value)
         return tuple(
             self._numbers(self.builder.extract_value(value, n), each)
-            for n, each in enumerate(kind)  # type: ignore[arg-type, var-annotated]
+            for n, each in enumerate(kind.types)  # type: ignore[attr-defined]
         )
 
     def rarely(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
