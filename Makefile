@@ -6,7 +6,7 @@ BIN := .venv/bin
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 
-.PHONY: run test lint tree types layers unit portable bench reproduce docs clean
+.PHONY: run test lint tree types layers unit studies portable bench reproduce docs clean
 
 run: .venv/installed
 	$(BIN)/facets simulate paper -o results/paper --force
@@ -32,6 +32,10 @@ layers: .venv/developed tree
 # A file of tests stays in one process, so that what its tests share is made once.
 unit: .venv/developed
 	$(BIN)/pytest -n auto --dist loadfile
+
+# What takes minutes, and of which the suite has a shorter case.
+studies: .venv/developed
+	$(BIN)/pytest -n auto -m study
 
 # What asserts on numbers, with machine code and linear algebra for the plainest processor: other
 # instructions, another order of sums, other rounding.

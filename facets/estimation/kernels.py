@@ -6,23 +6,58 @@ on the batch.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
+from numba import carray  # type: ignore[attr-defined]  # noqa: TID253
 
-from ..model import kernels
-from ..model.jit import compilable, compiler
+from ..model.jit import bytes_at, compilable, doubles_at, integers_at, longs_at
+from ..model.jit import task as task_kernel
 from . import gauss_newton, least_squares, normal_equations
 from . import problem as problems
 from .gauss_newton import enough, estimate, screen_reading
 from .normal_equations import covariance_of
 from .problem import (
     CONVERGED,
+    COUNT,
+    COUNT_OF_COVARIANCES,
+    COUNT_OF_FREE,
+    COUNT_OF_MEANS,
+    COUNT_OF_SIGMAS,
+    COUNT_OF_STARTS,
     COVARIANCE,
+    COVARIANCES,
+    DAMPED,
+    EIGHT,
     FACTOR,
+    FREE,
+    HALF_SIZES,
     INVERSE,
+    LAYERS,
+    LAYERS_AT,
+    MEANS,
+    MODEL,
+    MOST_STEPS,
+    NOISE,
+    OUTLINES_AT,
+    PACKED,
+    PREVIOUS,
+    RESIDUALS,
+    ROUNDINGS,
+    ROWS,
+    ROWS_AT,
+    SIGMAS,
+    STARTS,
+    STATES,
+    STATUS,
+    STEPS,
     UNKNOWNS,
+    USED,
+    VALUES,
     VECTORS,
+    WEIGHT,
     WEIGHTS,
     Limits,
     Model,
@@ -33,10 +68,6 @@ from .problem import (
 )
 
 Array = Any
-
-compiled = compiler(
-    __file__, gauss_newton, least_squares, normal_equations, calls=(kernels, problems)
-)
 
 
 @compilable
@@ -73,27 +104,16 @@ def weigh(sigmas: Array, weights: Array) -> None:
 
 @compilable
 def put_covariance(layers: Array, free: Array, covariances: Array, n: int) -> None:
-    """The covariance of the free unknowns, put at their places in that of the state."""
+    """The covariance of the free unknowns, put at their places in that of the state; the rest of
+    it is zero."""
     covariance_of(layers, FACTOR, INVERSE, COVARIANCE, len(free))
+    for i in range(8):
+        for j in range(8):
+            covariances[n, i, j] = 0.0
     for i in range(len(free)):
         for j in range(len(free)):
             if free[i] < 8 and free[j] < 8:
                 covariances[n, free[i], free[j]] = layers[COVARIANCE, i, j]
-
-
-def invert(
-    model: Model,
-    readings: Readings,
-    limits: Limits,
-    problem: Problem,
-    results: Results,
-    memory: Workspace,
-) -> None:
-    """Estimates the states of `results` from `readings`; see the types in `problem`.
-
-    They are handed over array by array: arrays are what compiled code takes from Python.
-    """
-    invert_arrays(*model, *readings, *limits, *problem, *results, *memory)
 
 
 @compilable
@@ -105,7 +125,7 @@ def estimate_each(
     results: Results,
     memory: Workspace,
 ) -> None:
-    """`invert`, for compiled code."""
+    """Estimates the states of `results` from `readings`; see the types in `problem`."""
     free, means, starts = problem.free, problem.means, problem.starts
     weights = memory.layers[VECTORS, WEIGHTS]
     last = -1
@@ -134,22 +154,51 @@ def estimate_each(
             void(results, n)
 
 
-@compiled
-def invert_arrays(
-    address: int, packed: Array,
-    values: Array, sigmas: Array,
-    noise: Array, half_sizes: Array, eight: bool, rounding: Array,
-    means: Array, weight: Array, free: Array, starts: Array,
-    previous: bool, max_steps: int, damped: bool,
-    states: Array, used: Array, status: Array, steps: Array, residuals: Array, covariances: Array,
-    layers: Array, rows: Array, outlines: Array,
-) -> None:  # fmt: skip
-    """`invert`, its bundles made again from what they hold, in their order."""
+def solve_rows(task: Any) -> None:
+    """Estimates the states of `Results` from `Readings`.
+
+    task: the addresses and counts of `problem.Task`.
+    """
+    n, rows, starts = task[COUNT], task[COUNT_OF_SIGMAS], task[COUNT_OF_STARTS]
+    means, asked, kept = task[COUNT_OF_MEANS], task[COUNT_OF_FREE], task[COUNT_OF_COVARIANCES]
     estimate_each(
-        Model(address, packed),
-        Readings(values, sigmas),
-        Limits(noise, half_sizes, eight, rounding),
-        Problem(means, weight, free, starts, previous, max_steps, damped),
-        Results(states, used, status, steps, residuals, covariances),
-        Workspace(layers, rows, outlines),
+        Model(task[MODEL], carray(doubles_at(task[PACKED]), (1,))),
+        Readings(
+            carray(doubles_at(task[VALUES]), (n, 9)), carray(doubles_at(task[SIGMAS]), (rows, 9))
+        ),
+        Limits(
+            carray(doubles_at(task[NOISE]), (3,)),
+            carray(doubles_at(task[HALF_SIZES]), (3, 2)),
+            task[EIGHT] != 0,
+            carray(doubles_at(task[ROUNDINGS]), (2,)),
+        ),
+        Problem(
+            carray(doubles_at(task[MEANS]), (means, 3)),
+            carray(doubles_at(task[WEIGHT]), (3,)),
+            carray(longs_at(task[FREE]), (asked,)),
+            carray(doubles_at(task[STARTS]), (starts, 9)),
+            task[PREVIOUS] != 0,
+            task[MOST_STEPS],
+            task[DAMPED] != 0,
+        ),
+        Results(
+            carray(doubles_at(task[STATES]), (n, 9)),
+            carray(bytes_at(task[USED]), (n, 3)),
+            carray(bytes_at(task[STATUS]), (n,)),
+            carray(integers_at(task[STEPS]), (n,)),
+            carray(doubles_at(task[RESIDUALS]), (n,)),
+            carray(doubles_at(task[COVARIANCES]), (kept, 8, 8)),
+        ),
+        Workspace(
+            carray(doubles_at(task[LAYERS_AT]), (LAYERS, 10, 10)),
+            carray(doubles_at(task[ROWS_AT]), (ROWS, 10)),
+            carray(doubles_at(task[OUTLINES_AT]), (1,)),
+        ),
     )
+
+
+@cache
+def kernel() -> Callable[[int], None]:
+    """The compiled `solve_rows`, to be called with the address of a task's table."""
+    modules = (gauss_newton, least_squares, normal_equations)
+    return task_kernel(__file__, solve_rows, *modules, problems)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Literal
+import threading
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +21,7 @@ from .solver import (
     add_calibration,
     empty_results,
     plan,
-    solution,
+    solution_of_one,
     starting,
     workspace,
 )
@@ -59,14 +60,16 @@ class Solver:
         if start not in ("zero", "previous"):
             raise InputError(f'start is {start!r}; allowed: "zero" or "previous"')
         from ..model import evaluators
-        from .kernels import invert
+        from .kernels import kernel
 
-        self._sensor, self._warm, self._invert = sensor, start == "previous", invert
+        self._sensor, self._warm, self._kernel = sensor, start == "previous", kernel()
         self._plan = plan(sensor, beam, power, method, ())
         self._values, self._found = np.empty((1, 9)), empty_results(1, covariance)
         self._zero = starting("zero", self._plan, np.zeros((1, 9)), ())
         self._unknown_power = bool(self._plan.weights[2] == 0 and self._plan.free[-1] == 8)
-        self._starts = self._zero.copy()
+        self._starts, self._sigmas = self._zero.copy(), np.empty((0, 9))
+        if sensor.electronics is not None:
+            self._sigmas = np.empty((1, 9))
         self._problem = problem.Problem(
             means=self._plan.means,
             weight=self._plan.weights,
@@ -76,8 +79,8 @@ class Solver:
             max_steps=max_steps,
             damped=method != "paper",
         )
-        self._model = problem.Model(evaluators.nearly_linearised(sensor), packed(sensor))
-        self._memory, self._no_sigmas = workspace(), np.empty((0, 9))
+        self._memory = workspace()
+        self._task = self._task_of(evaluators.nearly_linearised(sensor))
         self._last: Floats | None = None
 
     def solve(self, reading: ArrayLike) -> Solution:
@@ -89,42 +92,88 @@ class Solver:
         values = np.asarray(reading, dtype=np.float64)
         if values.shape != (9,):
             raise InputError(f"a reading has shape {values.shape}; needed: (9,)")
+        return self.solve_from(values, self._last)
+
+    def solve_from(self, values: Floats, start: Floats | None) -> Solution:
+        """The same of a reading (9,) that is checked, from `start` (9,) or (1, 9) if one is given.
+
+        With start="previous" from zero where that leads to no pose.
+        """
         self._values[0] = values
-        if self._last is not None:
-            self._run(self._last)
-        if self._last is None or self._found.status[0] != Status.CONVERGED:
-            self._run(self._from_zero())
-        if self._sensor.light.on and self._found.status[0] == Status.STALLED:
-            self._run(self._from_zero(), self._exact_model())
-        if self._warm and self._found.status[0] == Status.CONVERGED:
+        if self._sensor.electronics is not None:
+            self._sigmas[:] = standard_deviations(self._sensor, self._values)
+        status, converged = self._found.status, int(Status.CONVERGED)
+        if start is not None:
+            self._run(start)
+        if start is None or (self._warm and status[0] != converged):
+            start = self._from_zero()
+            self._run(start)
+        if self._sensor.light.on and status[0] == Status.STALLED:
+            self._run(start, self._exact_task())
+        if self._warm and status[0] == converged:
             self._last = self._found.states.copy()
-        if len(self._found.covariances) > 0:
+        if self._sensor.calibration is not None and len(self._found.covariances) > 0:
             add_calibration(self._sensor, self._plan, self._found)
-        return solution(problem.Results(*(array.copy() for array in self._found)), ())
+        return solution_of_one(self._found)
+
+    def starting(self, start: str | ArrayLike, values: Floats) -> Floats | None:
+        """Where `facets.solve` starts for one reading (1, 9); None for zero."""
+        if isinstance(start, str) and start in ("zero", "previous"):
+            return None
+        return starting(start, self._plan, values, ())
 
     def _from_zero(self) -> Floats:
         if self._unknown_power:
             return starting("zero", self._plan, self._values, ())
         return self._zero
 
-    def _exact_model(self) -> problem.Model:
-        """With derivatives that leave nothing out, for where steps without them stall."""
-        from ..model import evaluators
-
-        return problem.Model(evaluators.linearised(self._sensor), packed(self._sensor))
-
-    def _run(self, start: Floats, model: problem.Model | None = None) -> None:
-        self._starts[:] = start
-        self._found.covariances[:] = 0.0
-        sigmas = self._no_sigmas
-        if self._sensor.electronics is not None:
-            sigmas = standard_deviations(self._sensor, self._values)
-        readings = problem.Readings(self._values, sigmas)
-        self._invert(
-            model or self._model,
-            readings,
+    def _task_of(self, model: int) -> problem.Task:
+        return problem.Task(
+            problem.Model(model, packed(self._sensor)),
+            problem.Readings(self._values, self._sigmas),
             self._plan.limits,
             self._problem,
             self._found,
             self._memory,
         )
+
+    def _exact_task(self) -> problem.Task:
+        """With derivatives that leave nothing out, for where steps without them stall."""
+        from ..model import evaluators
+
+        return self._task_of(evaluators.linearised(self._sensor))
+
+    def _run(self, start: Floats, task: problem.Task | None = None) -> None:
+        self._starts[:] = start
+        self._kernel((task or self._task).address)
+
+
+#: Solvers are kept for so many questions a thread.
+MOST_KEPT = 8
+_kept = threading.local()
+
+
+def kept_solver(
+    sensor: Sensor, beam: str, power: str, method: str, max_steps: int, covariance: bool
+) -> Solver:
+    """A solver from zero for a sensor, made once a thread while no more than a few are asked for.
+
+    It keeps its sensor, so that another can not have its identity.
+    """
+    if not hasattr(_kept, "solvers"):
+        _kept.solvers = {}
+    solvers: dict[tuple[Any, ...], Solver] = _kept.solvers
+    key = (id(sensor), beam, power, method, max_steps, covariance)
+    found = solvers.get(key)
+    if found is None:
+        if len(solvers) >= MOST_KEPT:
+            solvers.clear()
+        found = solvers[key] = Solver(
+            sensor,
+            beam=beam,  # type: ignore[arg-type]
+            power=power,  # type: ignore[arg-type]
+            method=method,  # type: ignore[arg-type]
+            max_steps=max_steps,
+            covariance=covariance,
+        )
+    return found

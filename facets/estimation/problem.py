@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 Array = Any
 
 CONVERGED, MAX_STEPS, SINGULAR, OUT_OF_RANGE, NO_LIGHT, NON_FINITE, STALLED = range(7)
@@ -98,7 +100,7 @@ class Readings(NamedTuple):
 class Results(NamedTuple):
     """states: (n, 9), with the power.  used: (n, 3) the detectors that took part.
     status, steps: (n,).  residuals: (n,) root of the sum of squares left.
-    covariances: (n, 8, 8), zeroed, or empty.  Where status is not CONVERGED, states, residuals and
+    covariances: (n, 8, 8), or empty.  Where status is not CONVERGED, states, residuals and
     covariances become NaN."""
 
     states: Array
@@ -107,3 +109,59 @@ class Results(NamedTuple):
     steps: Array
     residuals: Array
     covariances: Array
+
+
+#: What a task's table holds: addresses of arrays, how many rows some of them have, and numbers.
+(
+    MODEL, PACKED, VALUES, SIGMAS, NOISE, HALF_SIZES, ROUNDINGS, MEANS, WEIGHT, FREE, STARTS,
+    STATES, USED, STATUS, STEPS, RESIDUALS, COVARIANCES, LAYERS_AT, ROWS_AT, OUTLINES_AT,
+    COUNT, COUNT_OF_SIGMAS, COUNT_OF_MEANS, COUNT_OF_FREE, COUNT_OF_STARTS, COUNT_OF_COVARIANCES,
+    EIGHT, PREVIOUS, MOST_STEPS, DAMPED, PLACES,
+) = range(31)  # fmt: skip
+
+
+def address_of(array: Array) -> int:
+    """Where the numbers of a contiguous array are."""
+    if not array.flags.c_contiguous:
+        raise ValueError("compiled code takes contiguous arrays only")
+    return array.__array_interface__["data"][0]  # type: ignore[no-any-return]
+
+
+class Task:
+    """What `kernels.solve_rows` works on, arrays by their addresses; `address` is what it takes.
+
+    The arrays are kept for as long as the task is.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        readings: Readings,
+        limits: Limits,
+        problem: Problem,
+        results: Results,
+        memory: Workspace,
+    ) -> None:
+        self.parts = (model, readings, limits, problem, results, memory)
+        where = [
+            model.packed, readings.values, readings.sigmas,
+            limits.noise, limits.half_sizes, limits.rounding,
+            problem.means, problem.weight, problem.free, problem.starts,
+            results.states, results.used, results.status, results.steps, results.residuals,
+            results.covariances, memory.layers, memory.rows, memory.outlines,
+        ]  # fmt: skip
+        counted = (readings.values, readings.sigmas, problem.means, problem.free, problem.starts)
+        self.table = np.array(
+            [
+                model.address,
+                *map(address_of, where),
+                *map(len, counted),
+                len(results.covariances),
+                limits.eight,
+                problem.previous,
+                problem.max_steps,
+                problem.damped,
+            ],
+            dtype=np.int64,
+        )
+        self.address = address_of(self.table)

@@ -88,7 +88,7 @@ class Solution:
 
 
 class Plan(NamedTuple):
-    """What is asked for and what is known, as `kernels.invert` takes it.
+    """What is asked for and what is known, as `problem.Problem` and `Limits` hold it.
 
     means: (1 or n, 3) of bx, by and the power.  weights: (3,).  free: numbers of the unknowns.
     """
@@ -208,7 +208,7 @@ def empty_results(count: int, covariance: bool) -> problem.Results:
         status=np.empty(count, np.int8),
         steps=np.empty(count, np.int32),
         residuals=np.empty(count),
-        covariances=np.zeros((count if covariance else 0, 8, 8)),
+        covariances=np.empty((count if covariance else 0, 8, 8)),
     )
 
 
@@ -244,6 +244,20 @@ def solution(found: problem.Results, shape: tuple[int, ...]) -> Solution:
     )
 
 
+def solution_of_one(found: problem.Results) -> Solution:
+    """What was found for one reading, in arrays of its own."""
+    covariances = found.covariances
+    return Solution(
+        state=found.states[0, :8].copy(),
+        status=np.array(found.status[0]),
+        power=np.array(found.states[0, 8]),
+        used=found.used[0].copy(),
+        iterations=np.array(found.steps[0]),
+        residual=np.array(found.residuals[0]),
+        covariance=covariances[0].copy() if len(covariances) else None,
+    )
+
+
 def solve_stalled_again(
     sensor: Sensor,
     todo: Plan,
@@ -256,13 +270,13 @@ def solve_stalled_again(
 ) -> None:
     """Under the light of a bench: what stalled, by the derivatives that leave nothing out."""
     from ..model import evaluators
-    from .kernels import invert
+    from .kernels import kernel
 
     n, stalled = len(values), np.flatnonzero(found.status == Status.STALLED)
     if not len(stalled):
         return
     again = empty_results(len(stalled), len(found.covariances) > 0)
-    invert(
+    task = problem.Task(
         problem.Model(evaluators.linearised(sensor), packed(sensor)),
         problem.Readings(values[stalled], sigmas[stalled] if len(sigmas) else sigmas),
         todo.limits,
@@ -278,6 +292,7 @@ def solve_stalled_again(
         again,
         workspace(),
     )
+    kernel()(task.address)
     for whole, part in zip(found, again, strict=True):
         if len(whole):
             whole[stalled] = part
@@ -324,19 +339,24 @@ def solve(
     values, shape = as_rows(readings, 9, "readings")
     if max_steps < 1:
         raise InputError(f"max_steps is {max_steps}; allowed: 1 or more")
+    if shape == () and isinstance(beam, str) and isinstance(power, str) and threads >= 0:
+        from .prepared import kept_solver
+
+        solver = kept_solver(sensor, beam, power, method, max_steps, covariance)
+        return solver.solve_from(values[0], solver.starting(start, values))
     todo = plan_kept(sensor, beam, power, method, shape)
     starts = starting(start, todo, values, shape)
     warm = isinstance(start, str) and start == "previous"
     found = empty_results(len(values), covariance)
     from ..model import evaluators
-    from .kernels import invert
+    from .kernels import kernel
 
     model = problem.Model(evaluators.nearly_linearised(sensor), packed(sensor))
     sigmas = np.empty((0, 9)) if sensor.electronics is None else standard_deviations(sensor, values)
-    n = len(values)
+    n, solve_rows = len(values), kernel()
 
     def run(part: slice) -> None:
-        invert(
+        task = problem.Task(
             model,
             problem.Readings(values[part], part_of(sigmas, part, n)),
             todo.limits,
@@ -352,6 +372,7 @@ def solve(
             problem.Results(*(part_of(array, part, n) for array in found)),
             workspace(),
         )
+        solve_rows(task.address)
 
     share(run, n, threads)
     if sensor.light.on:

@@ -162,12 +162,12 @@ def openings(sensor: Sensor) -> Openings:
 
 
 def packed(sensor: Sensor) -> Floats:
-    """The sensor's vectors as one array for the kernels, made once a sensor."""
-    known: Floats | None = sensor.__dict__.get("_packed")
-    if known is None:
-        from .kernels import pack
+    """The sensor's vectors as one array for the kernels, made once a sensor and process."""
+    from . import kernels
 
-        known = sensor.__dict__["_packed"] = pack(geometry_of(sensor))
+    known: Floats | None = sensor.__dict__.get("_packed")
+    if known is None or not kernels.is_of_this_process(known):
+        known = sensor.__dict__["_packed"] = kernels.pack(geometry_of(sensor))
     return known
 
 

@@ -7,6 +7,7 @@ where compiled code is needed.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
@@ -15,20 +16,24 @@ from numba import carray  # type: ignore[attr-defined]  # noqa: TID253
 from ..core.sensor import Sensor
 from ..optics import bench_light
 from ..optics.detected import cut_scene, linearised_where_cut
-from ..optics.forward import by_power, readings_of, with_power
+from ..optics.forward import Geometry, by_power, readings_of, with_power
 from ..optics.forward import readings as readings_uncut
 from ..optics.gradient import linearised as linearised_uncut
 from ..optics.limits import COLUMNS, MOST
-from . import kernels
+from ..scalars import machine
+from ..scalars.machine import Value
+from . import kernels, machine_code
 from .jit import callback, compilable
 from .kernels import EXAMPLE, unpack, unpacking
+from .machine_code import leaves, straight
 
 Pointer = Any
+Numbered = Iterable[tuple[int, Any]]
 
 #: How many numbers `kernels.pack` makes of a sensor.
-PACKED = len(kernels.pack(EXAMPLE))
+PACKED = len(list(leaves(EXAMPLE)))
 
-unpack_plain = unpacking(EXAMPLE._replace(openings=None, light=None))  # type: ignore[arg-type]
+PLAIN = EXAMPLE._replace(openings=None, light=None)  # type: ignore[arg-type]
 unpack_cut = unpacking(EXAMPLE._replace(light=None))  # type: ignore[arg-type]
 
 
@@ -63,10 +68,30 @@ def put_by_power(found: Any, power: float) -> None:
         found[1 + row, 8] = found[0, row] / power if row % 3 == 2 else 0.0
 
 
+def plain_readings(vectors: Geometry, state: list[Value]) -> Numbered:
+    detectors = readings_uncut(vectors, tuple(state))
+    return enumerate(leaves(detectors))
+
+
+def plain_derivatives(vectors: Geometry, x: list[Value]) -> Numbered:
+    """The formula of `linearised_plain`."""
+    detectors = linearised_uncut(with_power(vectors, x[8]), tuple(x[:8]))
+    for k, (values, derivatives) in enumerate(detectors):
+        for i in range(3):
+            row = 3 * k + i
+            yield row, values[i]
+            for c in range(8):
+                yield 10 * (1 + row) + c, derivatives[i][c]
+            yield 10 * (1 + row) + 8, values[i] / x[8] if i == 2 else 0.0
+
+
+write_readings = straight(plain_readings, PLAIN, PACKED, 8)
+write_derivatives = straight(plain_derivatives, PLAIN, PACKED, 9)
+
+
 def readings_plain(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
     """found (9,): the readings at the state x (8,)."""
-    vectors = unpack_plain(carray(packed, (PACKED,)))
-    put_readings(found, readings_uncut(vectors, state_at(x)))
+    write_readings(packed, x, found)
 
 
 def readings_cut(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
@@ -83,10 +108,7 @@ def readings_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer)
 def linearised_plain(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
     """found (10, 10): the readings at x (9,), a state and the beam's power; then their derivatives
     by each of these, a reading a row; the last column is not used."""
-    out = carray(found, (10, 10))
-    vectors = unpack_plain(carray(packed, (PACKED,)))
-    put_linearised(out, linearised_uncut(with_power(vectors, x[8]), state_at(x)))
-    put_by_power(out, x[8])
+    write_derivatives(packed, x, found)
 
 
 def linearised_cut(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
@@ -134,7 +156,7 @@ MODELS = {
 @cache
 def address(name: str) -> int:
     """Where the compiled function is in this process, compiled now if need be."""
-    _COMPILED[name] = callback(__file__, MODELS[name], kernels)
+    _COMPILED[name] = callback(__file__, MODELS[name], kernels, machine, machine_code)
     found: int = _COMPILED[name].address
     return found
 

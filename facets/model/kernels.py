@@ -21,7 +21,9 @@ from ..optics.forward import Geometry, Openings, geometry, placed
 from ..optics.forward import scene as uncut_scene
 from ..optics.limits import COLUMNS, MOST
 from ..optics.parameters import detector_by_parameters
+from . import rare
 from .jit import call_address, compilable, compiler
+from .machine_code import leaves
 
 Array = Any
 
@@ -34,18 +36,18 @@ EXAMPLE = geometry((1.0,) * 30)
 PLAIN = (Openings, Options)
 
 
-def leaves(part: Any) -> Iterator[Any]:
-    """The numbers of nested tuples, one after the other."""
-    if isinstance(part, tuple):
-        for inner in part:
-            yield from leaves(inner)
-    else:
-        yield part
-
-
 def pack(vectors: Geometry) -> np.ndarray:
-    """A sensor's vectors as one array, for `unpack`: real, or complex where one of them is."""
-    return np.array([number + 0.0 for number in leaves(vectors)])
+    """A sensor's vectors as one array, for `unpack`: real, or complex where one of them is.
+
+    Behind them, where they are real, comes the address of `rare.TABLE`; it holds for this process.
+    """
+    numbers = np.array([number + 0.0 for number in leaves(vectors)])
+    return numbers if np.iscomplexobj(numbers) else np.concatenate([numbers, rare.ADDRESS])
+
+
+def is_of_this_process(packed: np.ndarray) -> bool:
+    """Whether the address behind a sensor's vectors holds; a copy from elsewhere has another."""
+    return packed[-1:].tobytes() == rare.ADDRESS.tobytes()
 
 
 def expression(part: Any, numbers: Iterator[int], plain: bool = False) -> str:

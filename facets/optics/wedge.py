@@ -42,6 +42,8 @@ def side(q: Plane, u: Plane) -> Side:
     h = q[0] * u[1] - q[1] * u[0]
     if is_float(a):
         return side_float(q, u, a, h)
+    if hasattr(a, "writer"):
+        return side_code(q, u, a, h)
     root = sqrt(pi(a) + pi(a))
     half_turn = sqrt(a * 0 + 2)
     across = exp(-h * h / 2)
@@ -57,12 +59,33 @@ FAR = 30.0
 
 def side_float(q: Plane, u: Plane, a: float, h: float) -> Side:
     """`side` for floats. a, h: q . u and q x u."""
+    return side_far(q, u, a) if a * a + h * h > FAR else side_near(a, h)
+
+
+def side_code(q: Plane, u: Plane, a: Number, h: Number) -> Side:
+    """`side_float` where machine code is written."""
+    code, like = a.writer, (a, a, a, a)
+    return code.choose(  # type: ignore[no-any-return]
+        a * a + h * h > FAR,
+        lambda: code.rarely(side_far, like, q, u, a),
+        lambda: code.called(side_near, like, a, h),
+    )
+
+
+def side_near(a: float, h: float) -> Side:
     along, across = exp(-a * a / 2), exp(-h * h / 2)
-    density = along * across / (2 * pi(a))
-    if a * a + h * h > FAR:
-        a, h, missing = normalised(q, u)
-        across = gauss(h, missing)
-        density = gauss_of_point(q)
+    return side_of(a, h, along, across, along * across / (2 * pi(a)))
+
+
+def side_far(q: Plane, u: Plane, a: float) -> Side:
+    """a: q . u with its rounding."""
+    along = exp(-a * a / 2)
+    exact, h, missing = normalised(q, u)
+    return side_of(exact, h, along, gauss(h, missing), gauss_of_point(q))
+
+
+def side_of(a: float, h: float, along: float, across: float, density: float) -> Side:
+    """`side` from its Gaussians: exp(-a^2/2), exp(-h^2/2), and f(q)."""
     beyond, within = erfc(a / sqrt(2.0)), erf(h / sqrt(2.0))
     length = across * beyond / (2 * sqrt(2 * pi(a)))
     first, second = moments_along_float(a, density, length)
@@ -142,6 +165,8 @@ def wedge(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
     """
     if is_float(q[0]):
         return wedge_float(q, u1, u2, side1, side2)
+    if hasattr(q[0], "writer"):
+        return wedge_code(q, u1, u2, side1, side2)
     return wedge_closed(q, u1, u2, side1, side2)
 
 
@@ -158,6 +183,21 @@ def wedge_float(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Mom
     mass = mass_closed(u1, u2, side1, side2)
     if mass > min(FAINT * (1 + abs(q[0]) + abs(q[1])), BRIGHT):
         return moments_closed(q, u1, u2, side1, side2, mass)
+    return faint_or_dark(q, u1, u2)
+
+
+def wedge_code(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
+    """`wedge_float` where machine code is written."""
+    mass = mass_closed(u1, u2, side1, side2)
+    code, like = mass.writer, (mass, (mass, mass), (mass, mass, mass), (mass, mass))
+    return code.choose(  # type: ignore[no-any-return]
+        (mass > FAINT * (1 + abs(q[0]) + abs(q[1]))) | (mass > BRIGHT),
+        lambda: moments_closed(q, u1, u2, side1, side2, mass),
+        lambda: code.rarely(faint_or_dark, like, q, u1, u2),
+    )
+
+
+def faint_or_dark(q: Plane, u1: Plane, u2: Plane) -> Moments:
     if q[0] * q[0] + q[1] * q[1] < BEYOND * BEYOND:
         return faint(q, u1, u2)
     return no_light()

@@ -2,10 +2,10 @@
 
 The formulas in `facets.optics` are written once, over scalars, with `+ - * /` and these functions.
 They then run as plain floats, inside compiled loops (`model.jit` gives each function here a
-compiled twin), and in high precision (mpmath); what is only geometry runs as complex numbers too,
-whose imaginary parts carry a derivative along, as rigorous intervals (`intervals`), and with
-casadi's symbols (`casadi_symbols`). A formula holds no decimal literal, because a rounded constant
-would spoil a 40-digit run.
+compiled twin), as numbers that write machine code (`machine`), and in high precision (mpmath); what
+is only geometry runs as complex numbers too, whose imaginary parts carry a derivative along, as
+rigorous intervals (`intervals`), and with casadi's symbols (`casadi_symbols`). A formula holds no
+decimal literal, because a rounded constant would spoil a 40-digit run.
 """
 
 from __future__ import annotations
@@ -34,6 +34,10 @@ def library(x: Number) -> Any:
         from . import casadi_symbols
 
         return casadi_symbols
+    if hasattr(x, "writer"):
+        from . import machine
+
+        return machine
     from . import intervals
 
     return intervals
@@ -102,6 +106,8 @@ def integral(integrand: Callable[[Number], Number], like: Number) -> Number:
 
 def defined(value: Number, a: Number, b: Number, c: Number) -> Number:
     """`value` where a, b and c are above zero, else NaN; a symbol as it is."""
+    if hasattr(value, "writer"):
+        return library(value).defined(value, a, b, c)
     if type(value).__module__.startswith("casadi"):
         return value
     return value if real(a) > 0 and real(b) > 0 and real(c) > 0 else value * math.nan

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -14,16 +13,11 @@ from commands import PROGRAM, command
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="files and pipes of Unix")
 
 
-def run(words, cwd, stdout, env=None, limit=None):
-    """A command with its output sent elsewhere; limit: bytes that no file may pass."""
-
-    def hold():
-        if limit is not None:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-
+def run(words, cwd, stdout, env=None):
+    """A command in a fresh interpreter, with its output sent elsewhere."""
     return subprocess.run(
         [*PROGRAM, *words], cwd=cwd, stdout=stdout, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, **(env or {})}, preexec_fn=hold, timeout=600, check=False,
+        env={**os.environ, **(env or {})}, timeout=600, check=False,
     )  # fmt: skip
 
 
@@ -67,7 +61,7 @@ def test_ascii_gets_letters_for_the_micro_sign(tmp_path):
 
 @pytest.mark.parametrize("columns", ["40", "60", "200"])
 def test_numbers_and_names_are_whole_at_any_width(tmp_path, columns):
-    done = run(("resolution", "paper", "-o", "r"), tmp_path, subprocess.PIPE, {"COLUMNS": columns})
+    done = command("resolution", "paper", "-o", "r", cwd=tmp_path, env={"COLUMNS": columns})
     assert done.returncode == 0, done.stderr
     assert "…" not in done.stdout
     lines = done.stdout.splitlines()
@@ -92,7 +86,7 @@ def test_numbers_and_names_are_whole_at_any_width(tmp_path, columns):
     ],
 )  # fmt: skip
 def test_a_file_that_can_not_be_finished_is_not_there(tmp_path, words, name):
-    done = run(words, tmp_path, subprocess.PIPE, limit=8192)
+    done = command(*words, cwd=tmp_path, limit=8192)
     assert done.returncode == 2, done.stderr
     assert "can not be written" in done.stderr
     assert "Traceback" not in done.stderr

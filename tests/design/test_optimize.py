@@ -142,7 +142,8 @@ def test_every_aim_gets_better(aim):
 
 def test_a_weighted_sum_lies_between_its_parts():
     """All the weight on one aim is that aim; some on the other gives some of the other."""
-    layout = replace(CONFIG.layout, aim="weighted", starts=1)
+    two = {name: CONFIG.layout.variables[name] for name in ("radius_mm", "diameter_mm")}
+    layout = replace(CONFIG.layout, aim="weighted", starts=1, variables=two)
     best = {}
     for size in (0.0, 0.2, 1.0):
         weights = {"resolution": 1.0} | ({"size": size} if size else {})
@@ -175,7 +176,7 @@ def test_the_best_parts_are_those_of_trying_each():
     prices = {(choice.psd, choice.laser): choice.price for choice, _ in found.tried}
     assert prices["small", "dim"] == 350
     assert prices["large", "dim"] is None
-    for choice, end in found.tried:
+    for choice, end in (found.tried[0], found.tried[-1]):
         part, laser = psds[choice.psd], lasers[choice.laser]
         noise = replace(CONFIG.sensor.noise, position=part.position)
         beam = replace(CONFIG.sensor.beam, power=laser.power)

@@ -12,7 +12,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from commands import PROGRAM
+from commands import PROGRAM, start
+from nursery import Forked
 
 GUARD = 1200.0
 
@@ -25,26 +26,34 @@ def await_true(true: Callable[[], object], what: str) -> None:
         time.sleep(0.01)
 
 
-def heed_hangup() -> None:
-    """SIGHUP ends a program again, where a shell's nohup has it ignored."""
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)
-
-
 class Program:
-    """`facets WORDS` in a folder; its output is read as it comes. Ended at the end of a `with`."""
+    """`facets WORDS` in a folder; its output is read as it comes. Ended at the end of a `with`.
+
+    env: what is to be added to the environment; it then begins in a fresh interpreter.
+    """
 
     def __init__(self, *words: str, cwd: Path, env: dict[str, str] | None = None) -> None:
-        self.process = subprocess.Popen(
-            [*PROGRAM, *words], cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            env={**os.environ, **(env or {})}, preexec_fn=heed_hangup,
-        )  # fmt: skip
-        self.lines: dict[str, list[str]] = {"stdout": [], "stderr": []}
-        self.threads = [threading.Thread(target=self.read, args=(name,)) for name in self.lines]
+        (out, to_out), (err, to_err) = os.pipe(), os.pipe()
+        try:
+            self.process: Forked | subprocess.Popen[bytes]
+            if env is None:
+                self.process = start(*words, cwd=cwd, out=to_out, err=to_err)
+            else:
+                self.process = subprocess.Popen(
+                    [*PROGRAM, *words], cwd=cwd, stdout=to_out, stderr=to_err,
+                    env={**os.environ, **env},
+                )  # fmt: skip
+        finally:
+            os.close(to_out)
+            os.close(to_err)
+        self.streams = {"stdout": os.fdopen(out), "stderr": os.fdopen(err)}
+        self.lines: dict[str, list[str]] = {name: [] for name in self.streams}
+        self.threads = [threading.Thread(target=self.read, args=(name,)) for name in self.streams]
         for thread in self.threads:
             thread.start()
 
     def read(self, name: str) -> None:
-        for line in getattr(self.process, name):
+        for line in self.streams[name]:
             self.lines[name].append(line)
 
     @property
@@ -84,9 +93,8 @@ class Program:
     def __exit__(self, *_: object) -> None:
         self.process.kill()
         self.end(None)
-        for stream in (self.process.stdout, self.process.stderr):
-            if stream:
-                stream.close()
+        for stream in self.streams.values():
+            stream.close()
 
 
 def count_lines(path: Path, words: str) -> int:

@@ -1,0 +1,74 @@
+"""What compiled code seldom calls is compiled when it is first called.
+
+Compiled code calls these functions by addresses that it finds in a table. At first these lead back
+to Python, which compiles the function, puts its address into the table and calls it; from then on
+the way is direct. Importing this imports Numba.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..optics import wedge
+from . import jit
+
+Pointer = Any
+KIND = ctypes.CFUNCTYPE(None, *[ctypes.POINTER(ctypes.c_double)] * 4)
+
+
+def put_side(found: Pointer, side: Any) -> None:
+    found[0], found[1], found[2], found[3] = side
+
+
+def put_moments(found: Pointer, moments: Any) -> None:
+    found[0], (found[1], found[2]), (found[3], found[4], found[5]), (found[6], found[7]) = moments
+
+
+def side_far(given: Pointer, found: Pointer, _: Pointer, __: Pointer) -> None:
+    """`wedge.side_far` of q, u and q . u; four numbers."""
+    put_side(found, wedge.side_far((given[0], given[1]), (given[2], given[3]), given[4]))
+
+
+def faint_or_dark(given: Pointer, found: Pointer, _: Pointer, __: Pointer) -> None:
+    """`wedge.faint_or_dark` of q, u1 and u2; eight numbers."""
+    first, second = (given[2], given[3]), (given[4], given[5])
+    put_moments(found, wedge.faint_or_dark((given[0], given[1]), first, second))
+
+
+for _part in (put_side, put_moments):
+    jit.compilable(_part)
+
+#: The functions, and how many numbers each gives.
+FUNCTIONS: dict[str, tuple[Callable[..., None], int]] = {
+    "side_far": (side_far, 4),
+    "faint_or_dark": (faint_or_dark, 8),
+}
+NAMES = list(FUNCTIONS)
+
+_COMPILED: dict[str, Any] = {}
+
+
+def _compile_and_call(name: str, *pointers: Any) -> None:
+    function, results = FUNCTIONS[name]
+    try:
+        if name not in _COMPILED:
+            _COMPILED[name] = jit.callback(__file__, function)
+            TABLE[NAMES.index(name)] = _COMPILED[name].address
+        KIND(_COMPILED[name].address)(*pointers)
+    except BaseException as failure:  # ^C for instance; until it is raised there are no numbers
+        jit.FAILURES.append(failure)
+        for n in range(results):
+            pointers[1][n] = float("nan")
+
+
+#: What the table leads to at first, kept for as long as the process lives.
+_FIRST = [KIND(partial(_compile_and_call, name)) for name in NAMES]
+TABLE = np.array([ctypes.cast(first, ctypes.c_void_p).value for first in _FIRST], dtype=np.intp)
+
+#: The table's address, as a float of the same bits, to be put beside a sensor's numbers.
+ADDRESS = np.array([TABLE.ctypes.data], dtype=np.int64).view(np.float64)

@@ -1,0 +1,207 @@
+"""Processes for commands, forked from one that has already imported what they need.
+
+Importing takes a second or two, the command itself often a tenth of that. A forked process is one
+of its own in all that a command may touch: signals, standard streams, exit status, working folder,
+environment. What a test says about *starting* Python needs a fresh interpreter instead.
+
+`python nursery.py` is the process that forks; it reads requests on its standard input, a socket.
+For each it forks a keeper, which forks the command and tells its process id and exit status.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import io
+import json
+import os
+import resource
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from typing import IO, Any
+
+#: What commands import, and what takes its time.
+HEAVY = (
+    "numpy", "scipy.optimize", "scipy.stats", "scipy.special", "numba", "pandas", "pyarrow.parquet",
+    "pyarrow.csv", "matplotlib.pyplot", "pydantic", "ruamel.yaml", "rich.table", "facets.cli",
+)  # fmt: skip
+
+
+def as_status(waited: int) -> int:
+    """An exit status as `subprocess` has it: negative where a signal ended the process."""
+    return os.waitstatus_to_exitcode(waited)
+
+
+# --- in the process that forks -------------------------------------------------------------------
+
+
+def prepare() -> None:
+    """Imports what commands need, and loads the kernels that most of them call."""
+    import gc
+    import importlib
+
+    os.environ.setdefault("MPLBACKEND", "agg")
+    for name in HEAVY:
+        importlib.import_module(name)
+    import facets
+
+    sensor = facets.Sensor()
+    facets.solve(sensor, facets.readings(sensor, [0.0] * 8))
+    gc.collect()
+    gc.freeze()
+
+
+def become(asked: dict[str, Any], streams: list[int]) -> None:
+    """Makes this process, just forked, the command's."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it was ignored
+    devnull = os.open(os.devnull, os.O_RDONLY)
+    for number, stream in enumerate((devnull, *streams)):
+        os.dup2(stream, number)
+    for stream in (devnull, *streams):
+        os.close(stream)
+    os.chdir(asked["cwd"])
+    os.environ.clear()
+    os.environ.update(asked["env"])
+    sys.argv = ["-c", *asked["words"]]
+    if asked["limit"] is not None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (asked["limit"], asked["limit"]))
+    sys.path[0] = ""
+    for number, name in ((1, "stdout"), (2, "stderr")):
+        raw = io.BufferedWriter(io.FileIO(number, "w", closefd=False))
+        errors = "backslashreplace" if name == "stderr" else "strict"
+        text = io.TextIOWrapper(raw, "utf-8", errors, line_buffering=name == "stderr")
+        setattr(sys, name, text)
+        setattr(sys, f"__{name}__", text)
+
+
+def keep(request: dict[str, Any], fds: list[int]) -> bool:
+    """In the keeper: forks the command, tells its id, waits for it, tells its status.
+
+    fds: the command's standard output and error, and where to tell. True in the command's process.
+    """
+    *streams, tell = fds
+    child = os.fork()
+    if child == 0:
+        os.close(tell)
+        become(request, streams)
+        return True
+    for stream in streams:
+        os.close(stream)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # ^C is the command's
+    with contextlib.suppress(OSError):
+        os.write(tell, f"{child}\n".encode())
+    _, waited, spent = os.wait4(child, 0)
+    with contextlib.suppress(OSError):
+        seconds = spent.ru_utime + spent.ru_stime
+        os.write(tell, f"{as_status(waited)} {seconds}\n".encode())
+    os._exit(0)
+
+
+def serve() -> None:
+    """Forks until nobody asks any more."""
+    prepare()
+    asked = socket.socket(fileno=os.dup(0))
+    while True:
+        text, fds, _, _ = socket.recv_fds(asked, 2**20, 3)
+        if not text:
+            return
+        with contextlib.suppress(ChildProcessError):
+            while os.waitpid(-1, os.WNOHANG)[0]:
+                pass
+        if os.fork() == 0:
+            asked.close()
+            if keep(json.loads(text), list(fds)):
+                from facets.cli import main
+
+                main()
+            return
+        for fd in fds:
+            os.close(fd)
+
+
+# --- in the process of the tests -----------------------------------------------------------------
+
+
+class Nursery:
+    """Asks for commands' processes; the one that forks them is started with the first."""
+
+    def __init__(self) -> None:
+        here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        here.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 2**20)
+        self.asks = here
+        with there:
+            program = [sys.executable, str(Path(__file__).resolve())]
+            self.process = subprocess.Popen(program, stdin=there)
+        atexit.register(self.end)
+
+    def end(self) -> None:
+        self.asks.close()
+        self.process.wait()
+
+    def start(
+        self, words: list[str], cwd: Path, env: dict[str, str], out: int, err: int,
+        limit: int | None = None,
+    ) -> Forked:  # fmt: skip
+        """limit: the bytes that no file of the command may pass."""
+        told, tell = os.pipe()
+        request = {"words": words, "cwd": str(cwd), "env": env, "limit": limit}
+        try:
+            socket.send_fds(self.asks, [json.dumps(request).encode()], [out, err, tell])
+        finally:
+            os.close(tell)
+        return Forked(os.fdopen(told))
+
+
+class Forked:
+    """A command that runs, with so much of `subprocess.Popen` as tests use."""
+
+    stdout: IO[str]
+    stderr: IO[str]
+
+    def __init__(self, told: IO[str]) -> None:
+        self.told, self.returncode = told, None
+        self.pid = int(told.readline())
+
+    def poll(self) -> int | None:
+        return self._await(0.0)
+
+    def wait(self, timeout: float | None = None) -> int:
+        status = self._await(timeout)
+        if status is None:
+            raise subprocess.TimeoutExpired("facets", timeout or 0.0)
+        return status
+
+    def send_signal(self, number: int) -> None:
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        self.send_signal(signal.SIGKILL)
+
+    def _await(self, timeout: float | None) -> int | None:
+        import select
+
+        if self.returncode is None and select.select([self.told], [], [], timeout)[0]:
+            status, seconds = self.told.readline().split()
+            self.returncode, self.seconds = int(status), float(seconds)
+            global SPENT
+            SPENT += self.seconds
+            self.told.close()
+        return self.returncode
+
+
+_made: list[Nursery] = []
+SPENT = 0.0
+
+
+def nursery() -> Nursery:
+    if not _made:
+        _made.append(Nursery())
+    return _made[0]
+
+
+if __name__ == "__main__":
+    serve()
