@@ -70,6 +70,7 @@ def _resolved(tree: Marked) -> dict[str, Any]:
     problems = [
         *(
             _aperture_conflicts(tree, resolved["sensor"])
+            or _light_conflicts(tree, resolved["sensor"])
             or alignment_check.problems(resolved["sensor"], tree)
         ),
         *_find_tables(tree, resolved["motions"]),
@@ -160,6 +161,34 @@ def _aperture_conflicts(tree: Marked, sensor: dict[str, Any]) -> list[str]:
         f"{mark.place}: sensor.apertures.rim_mm: the facets would end before they begin "
         f"(got {rim:g}; allowed: above {tip / 1000:g} mm, the tip)"
     ]
+
+
+#: Keys of `sensor.light` of which the model knows nothing where light is cut, and what to do.
+EDGE_LIGHT = {
+    "curvature_per_m": "cut light is modelled as collimated only",
+    "wavelength_nm": "an aperture's own edge would diffract too, which is not modelled",
+    "rolloff_nm": "the light along an edge that is cut short is not modelled",
+    "strips_um": "for strips of one width along all edges give apertures.gap_um alone",
+    "tip_um2": "for a flat tip give apertures.tip_um alone",
+}
+
+
+def _light_conflicts(tree: Marked, sensor: dict[str, Any]) -> list[str]:
+    """What happens at the facets' edges does not go with what cuts the light."""
+    cuts = [name for name, value in sensor["apertures"].items() if value]
+    if not cuts:
+        return []
+    problems = []
+    for name, remedy in EDGE_LIGHT.items():
+        value = sensor["light"][name]
+        if any(value) if isinstance(value, list | tuple) else value:
+            mark, _ = tree.find(("sensor", "light", name))
+            cutting, _ = tree.find(("sensor", "apertures", cuts[0]))
+            problems.append(
+                f"{mark.place}: sensor.light.{name} does not go with sensor.apertures."
+                f"{cuts[0]} ({cutting.place}): {remedy}; leave one of the two out"
+            )
+    return problems
 
 
 def _empty_bounds(tree: Marked, variables: dict[str, Any]) -> list[str]:

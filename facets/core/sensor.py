@@ -244,6 +244,19 @@ FACET_EDGES = ("edge_ca_a", "edge_ab_a", "edge_ab_b", "edge_bc_b", "edge_bc_c", 
 EDGES = ("ca", "ab", "bc")
 
 
+#: Fields of `BenchLight` that do not go with apertures, and what to do about each.
+REMEDIES = {
+    **dict.fromkeys(
+        ("curvature_xx", "curvature_xy", "curvature_yy"),
+        "light that is cut is modelled as collimated only",
+    ),
+    "wavelength": "an aperture's own edge would diffract too, which is not modelled",
+    "rolloff": "how much light is left along an edge that is cut short is not modelled",
+    "strips": "for strips of one width along all edges use apertures.gap alone",
+    "tip": "for a flat tip use apertures.tip alone",
+}
+
+
 @dataclass(frozen=True)
 class BenchLight:
     """What the light of a real bench does, in the model of every reading; by default nothing.
@@ -291,6 +304,13 @@ class BenchLight:
             n, k = self.index
             sound = math.isfinite(n) and math.isfinite(k) and n > 0
             _require(sound, "index", self.index, "n above 0, and k")
+
+    @cached_property
+    def of_edges(self) -> tuple[str, ...]:
+        """The effects that are given and do not go with apertures: they happen at edges, or bend
+        the light, where these would have to be followed anew."""
+        ideal = BenchLight()
+        return tuple(name for name in REMEDIES if getattr(self, name) != getattr(ideal, name))
 
     @cached_property
     def on(self) -> bool:
@@ -375,13 +395,14 @@ class Sensor:
     def __post_init__(self) -> None:
         both = self.apertures.cut and self.imperfections != Imperfections()
         _require(not both, "imperfections", "given with apertures", "one of the two")
-        both = self.apertures.cut and self.light.on
-        _require(
-            not both,
-            "light",
-            "given with apertures that cut it",
-            "one of the two; for strips that are lost along edges use light.strips, not a gap",
-        )
+        if self.apertures.cut:
+            for name in self.light.of_edges:
+                _require(
+                    False,
+                    f"light.{name}",
+                    "given with apertures",
+                    f"one of the two; {REMEDIES[name]}",
+                )
         for k, letter in enumerate(DETECTORS):
             following = (k + 1) % 3
             gap = (self.facets[following].azimuth - self.facets[k].azimuth) % (2 * pi)

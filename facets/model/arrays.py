@@ -123,6 +123,13 @@ def stepped(values: Sequence[float] | Floats) -> list[tuple[complex, ...]]:
     ]
 
 
+#: Readings and poses of light that is cut know coating and background; a calibration does not.
+CUT_LIGHT = (
+    "no derivatives by a sensor's parameters are known where sensor.apertures cut the light and "
+    "sensor.light has effects; leave one of the two out to calibrate, or to use a calibration"
+)
+
+
 def effect_jacobian(sensor: Sensor, state: ArrayLike, names: Sequence[str] | None = None) -> Floats:
     """The derivatives of the readings by the numbers of the bench's light, closed.
 
@@ -136,7 +143,7 @@ def effect_jacobian(sensor: Sensor, state: ArrayLike, names: Sequence[str] | Non
 
     rows, shape = as_rows(state, 8, "state")
     if sensor.apertures.cut:
-        raise InputError("sensor.apertures cut the light; the bench's light is not known with them")
+        raise InputError(CUT_LIGHT)
     given = parameters(sensor)
     copies = [
         pack(geometry(given, openings(sensor), Effects(values, options(sensor))))
@@ -273,6 +280,8 @@ def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
 
     rows, shape = as_rows(state, 8, "state")
     out = np.zeros((len(rows), 9, 30))
+    if sensor.light.on and sensor.apertures.cut:
+        raise InputError(CUT_LIGHT)
     if sensor.light.on:
         differentiate_light(packed(sensor), varied(sensor), rows, out)
         return out.reshape(*shape, 9, 30)

@@ -14,7 +14,7 @@ from typing import Any
 from numba import carray  # type: ignore[attr-defined]  # noqa: TID253
 
 from ..core.sensor import Sensor
-from ..optics import bench_light
+from ..optics import bench_light, cut_light
 from ..optics.detected import cut_scene, linearised_where_cut
 from ..optics.forward import Geometry, by_power, readings_of, with_power
 from ..optics.forward import readings as readings_uncut
@@ -105,6 +105,12 @@ def readings_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer)
     put_readings(found, bench_light.readings(vectors, state_at(x)))
 
 
+def readings_cut_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
+    vectors = unpack(carray(packed, (PACKED,)))
+    outlines = carray(memory, (3, MOST, COLUMNS))
+    put_readings(found, cut_light.readings(vectors, state_at(x), outlines))
+
+
 def linearised_plain(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
     """found (10, 10): the readings at x (9,), a state and the beam's power; then their derivatives
     by each of these, a reading a row; the last column is not used."""
@@ -133,6 +139,13 @@ def linearised_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointe
     put_light(carray(found, (10, 10)), vectors, bench_light.linearised(vectors, state_at(x)))
 
 
+def linearised_cut_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
+    vectors = with_power(unpack(carray(packed, (PACKED,))), x[8])
+    outlines = carray(memory, (3, MOST, COLUMNS))
+    detectors = cut_light.linearised(vectors, state_at(x), outlines)
+    put_light(carray(found, (10, 10)), vectors, detectors)
+
+
 def nearly_linearised_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
     vectors = with_power(unpack(carray(packed, (PACKED,))), x[8])
     detectors = bench_light.nearly_linearised(vectors, state_at(x))
@@ -145,9 +158,11 @@ MODELS = {
         readings_plain,
         readings_cut,
         readings_light,
+        readings_cut_light,
         linearised_plain,
         linearised_cut,
         linearised_light,
+        linearised_cut_light,
         nearly_linearised_light,
     )
 }
@@ -168,7 +183,9 @@ def kind_of(sensor: Sensor) -> str:
     """Which formulas hold for a sensor; found once a sensor."""
     known: str | None = sensor.__dict__.get("_kind")
     if known is None:
-        known = "light" if sensor.light.on else "cut" if sensor.apertures.cut else "plain"
+        bare = "cut" if sensor.apertures.cut else "plain"
+        both = "cut_light" if sensor.apertures.cut else "light"
+        known = both if sensor.light.on else bare
         sensor.__dict__["_kind"] = known
     return known
 

@@ -32,6 +32,7 @@ from ..optics import (
     bench_light,
     compensated,
     cut,
+    cut_light,
     cut_parameters,
     detected,
     effects,
@@ -111,6 +112,7 @@ TEXT = (
     cut,
     cut_parameters,
     detected,
+    cut_light,
     parameters,
 )
 #: Text is called by compiled code alone: without the wrappers that Python or C would need, which

@@ -14,7 +14,8 @@ that roll off and the tip are sampled by themselves, and what they change is add
 Diffraction at a facet's edge spreads light to both sides across it: at the distance s from where
 the edge's own light lands the share a / s^2 for each mm, a = wavelength x path / 4 pi^2 x light
 along the edge (Fresnel). Most of it lands on the detector and leaves the centroid where it is; what
-misses the detector is lost.
+misses the detector is lost. Each of the edge's rays spreads so from where it lands; the light of
+the facet's point, where both edges end, is added.
 """
 
 from __future__ import annotations
@@ -304,45 +305,140 @@ def follow(
     return spot @ axes[1:].T, reflected(flaws, aim, face, cosine)
 
 
-def diffracted(
-    fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[Edge], spot: Floats, half: Floats
-) -> Floats:
-    """What detector k reads (3,) of a spot (3,) less the diffracted light that misses it."""
-    axes, normal = np.array(fixed.axes[k]), np.array(at.normals[k])
+@dataclass(frozen=True)
+class Streak:
+    """The light that an edge spreads: rows of lines across it.
+
+    amount: a, of the a / s^2 mW for each step at s steps across, of each line (n,), mW.  spots:
+    where the lines begin (n, 2), mm.  way: a step (2,), mm.  step: the same on the facet's side,
+    in the world.  width: the lines' standard deviation from their middle, mm.
+    """
+
+    amount: Floats
+    spots: Floats
+    way: Floats
+    step: Floats
+    width: float
+
+
+def streak(fixed: Geometry, at: Scene, k: int, flaws: Flaws, edge: Edge) -> Streak:
     direction, apex = np.array(fixed.direction), np.array(at.apex)
     start = origin(fixed, at, flaws, apex)
     far = float(np.hypot(*start)) + FAR * size_of(fixed)
     x, weights = gauss(RADII)
+    places = start + np.outer((x + 1) / 2 * far, edge.seen_along)
+    light = weights * far / 2 * shares(fixed, flaws, places)
+    landing, reflecting = follow(fixed, at, k, flaws, places)
+    blur = (
+        scatter(fixed, at, k, flaws) * np.pi * wave_spread(fixed, flaws, start, places, light, edge)
+    )
+    light = light * reflecting
+    step = np.cross(direction, edge.along)
+    step /= np.linalg.norm(step)  # one mm across the edge, square to the light
+    sweeps = origin(fixed, at, flaws, apex + step) - start
+    swept = abs(sweeps @ edge.seen_inward)
+    side = projected(fixed, at, k, np.cross(step, direction))
+    spots = np.concatenate([landing + blur * side, landing - blur * side])
+    amount = scatter(fixed, at, k, flaws) * fixed.power * swept * np.concatenate([light, light]) / 2
+    middle = amount @ spots / amount.sum()
+    width = float(np.sqrt(amount @ ((spots - middle) ** 2).sum(axis=1) / amount.sum()))
+    return Streak(amount, spots, projected(fixed, at, k, step), step, width)
+
+
+def scatter(fixed: Geometry, at: Scene, k: int, flaws: Flaws) -> float:
+    """Wavelength x path / 4 pi^2, mm^2."""
+    path = float(np.linalg.norm(np.array(fixed.centres[k]) - np.array(at.apex)))
+    return flaws.wavelength * path / (4 * np.pi**2)
+
+
+def projected(fixed: Geometry, at: Scene, k: int, step: Floats) -> Floats:
+    """What a step across the beam, in the world, is on detector k: (2,)."""
+    axes, normal, direction = (np.array(v) for v in (fixed.axes[k], at.normals[k], fixed.direction))
+    step = step - 2 * (step @ normal) * normal
+    ray = direction - 2 * (direction @ normal) * normal
+    step = step - (step @ axes[0]) / (ray @ axes[0]) * ray
+    found: Floats = axes[1:] @ step
+    return found
+
+
+def wave_spread(
+    fixed: Geometry, flaws: Flaws, start: Floats, places: Floats, light: Floats, edge: Edge
+) -> float:
+    """How far waves of the light along an edge spread along it, over wavelength x path / 4 pi: the
+    root of the mean square of twice the amplitude's relative slope, less what its end does; 1/mm.
+
+    light: of the places along the edge, which add up to their integral.
+    """
+    inverse = flaws.axes @ np.array(fixed.whitening).T
+    inverse = inverse @ inverse.T
+    slopes = places @ inverse @ edge.seen_along
+    end = shares(fixed, flaws, start[None])[0] * (start @ inverse @ edge.seen_along)
+    square = (light @ slopes**2 - 2 * end) / light.sum()
+    return float(np.sqrt(max(square, 0.0)))
+
+
+def diffracted(
+    fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[Edge], spot: Floats, half: Floats
+) -> Floats:
+    """What detector k reads (3,) of a spot (3,) less the diffracted light that misses it."""
     lost, moment = 0.0, np.zeros(2)
-    for edge in edges:
-        places = start + np.outer((x + 1) / 2 * far, edge.seen_along)
-        light = weights * far / 2 * shares(fixed, flaws, places)
-        landing, reflecting = follow(fixed, at, k, flaws, places)
-        own = (light * reflecting) @ landing / (light @ reflecting)
-        step = np.cross(direction, edge.along)
-        step /= np.linalg.norm(step)  # one mm across the edge, square to the light
-        sweeps = origin(fixed, at, flaws, apex + step) - start
-        swept = abs(sweeps @ edge.seen_inward)
-        step = step - 2 * (step @ normal) * normal
-        path = np.linalg.norm(np.array(fixed.centres[k]) - apex)
-        ray = direction - 2 * (direction @ normal) * normal
-        step = step - (step @ axes[0]) / (ray @ axes[0]) * ray
-        way = axes[1:] @ step
-        amount = flaws.wavelength * path / (4 * np.pi**2)
-        amount *= fixed.power * swept * (light @ reflecting)
-        ahead, behind = (reach(own, way * sign, half) for sign in (1, -1))
-        both = amount * (1 / ahead + 1 / behind)
-        lost += both
-        moment += (own - spot[:2]) * both + way * amount * np.log(behind / ahead)
-    rest = spot[2] - lost
-    return np.array([*(spot[:2] - moment / rest), rest])
+    streaks = [streak(fixed, at, k, flaws, edge) for edge in edges]
+    for light in streaks:
+        ahead, behind = (reaches(light, sign, half) for sign in (1, -1))
+        both = light.amount * (1 / ahead + 1 / behind)
+        lost += both.sum()
+        moment += both @ (light.spots - spot[:2])
+        moment += light.way * (light.amount @ np.log(behind / ahead))
+    start = origin(fixed, at, flaws, np.array(at.apex))
+    (own,), (reflecting,) = follow(fixed, at, k, flaws, start[None])
+    steps = np.array([light.step for light in streaks])
+    away = origin(fixed, at, flaws, np.array(at.apex) + steps) - start
+    sine = abs(np.cross(*steps) @ np.array(fixed.direction))
+    density = fixed.power * shares(fixed, flaws, start[None])[0] * reflecting
+    density *= abs(np.linalg.det(away)) / sine
+    mass, first = of_point(streaks, own, half)
+    mass, first = (
+        part * scatter(fixed, at, k, flaws) ** 2 * density / sine for part in (mass, first)
+    )
+    rest = spot[2] - lost - mass
+    return np.array([*(spot[:2] - (moment + first + (own - spot[:2]) * mass) / rest), rest])
 
 
-def reach(spot: Floats, way: Floats, half: Floats) -> float:
-    """From a spot to the edge of a detector, in steps `way`; NaN from beside it."""
+def of_point(streaks: list[Streak], own: Floats, half: Floats) -> tuple[float, Floats]:
+    """Of 1 / s^2 t^2 beyond a detector, s and t steps of two streaks from `own`: Hadamard's finite
+    part of its integral over ds dt and of its first moments, mm; by Green's theorem around the
+    detector, where the integral is the negative of that over the detector."""
+    basis = np.column_stack([light.way for light in streaks])
+    turn = 1 if np.linalg.det(basis) > 0 else -1
+    corners = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]]) * half - own
+    steps = np.linalg.solve(basis, corners.T).T
+    soft = np.array([light.width for light in streaks]) / abs(np.linalg.det(basis))
+    logs = np.log((steps[:, 1] ** 2 + soft[0] ** 2) / (steps[:, 0] ** 2 + soft[1] ** 2)) / 2
+    mass, first = 0.0, np.zeros(2)
+    sides = [np.array(n) for n in ((1, 0), (0, 1), (-1, 0), (0, -1))]
+    for n, normal in enumerate(sides):
+        a, b = normal @ basis
+        c, d = sides[(n + 1) % 4] @ basis
+        gap, after = ((half - m * own)[np.abs(m) > 0][0] for m in (normal, sides[(n + 1) % 4]))
+        rise = logs[(n + 1) % 4] - logs[n]
+        mass += (a * d - b * c) / (gap * after) - a * b / gap**2 * rise
+        first -= basis @ [b, a] / gap * rise
+    return -turn * mass, -turn * first
+
+
+#: Lines nearer to the edge of a detector, mm, count as at this distance: they hold no light to
+#: speak of unless the whole spot is there.
+NEAREST = 0.1
+
+
+def reaches(light: Streak, sign: int, half: Floats) -> Floats:
+    """From a streak's lines (n,) to the edge of a detector, in steps; NaN where its middle lies
+    beside the detector."""
+    way = light.way * sign
     with np.errstate(divide="ignore"):
-        steps = (half - np.sign(way) * spot) / np.abs(way)
-    return float(steps.min()) if (steps > 0).all() else np.nan
+        steps = np.maximum(half - np.sign(way) * light.spots, NEAREST) / np.abs(way)
+    inside = (np.abs(light.amount @ light.spots / light.amount.sum()) < half).all()
+    return steps.min(axis=1) if inside else np.full(len(steps), np.nan)
 
 
 def reflected(flaws: Flaws, aim: Floats, face: Floats, cosine: Floats) -> Floats:
