@@ -20,6 +20,7 @@ from ..core.units import Floats
 from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, Linear, Normal, deviations, eliminated, linear, own_sigma
 from .fit import Fit, fit, prior_information
+from .laser import steadied
 from .table import bends
 from .unknowns import DELAY, OF_DRIFT, PLACE, Choice, assigned, values_of
 
@@ -75,6 +76,8 @@ SIZES = {
     "background": ("background light on the detectors", {"background_": 3e-3}),
     "coating": ("a coating's reflectance, and polarised light", {"light.polarization": 1.0}),
 }
+#: How often at most the laser's steadiness is asked for, and the candidates again.
+ROUNDS = 4
 #: A fit on the way ends after so many steps, or where another is worth less than this.
 WAY_STEPS, WAY_ENOUGH = 12, 0.3
 #: Aluminium at 633 nm, where a coating is tried that no key gives.
@@ -192,9 +195,9 @@ def expected(given: Sums, names: Iterable[str]) -> tuple[float, float]:
 
 def chance_of(fall: float, count: int) -> float:
     """Of a fall at least as large where the candidate is nothing."""
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
-    return float(chi2.sf(max(fall, 0.0), count))
+    return float(chdtrc(count, max(fall, 0.0)))
 
 
 def values_for(sensor: Sensor, found: Fit) -> Floats:
@@ -206,27 +209,33 @@ def values_for(sensor: Sensor, found: Fit) -> Floats:
     return every
 
 
-def worths(sensor: Sensor, data: Data, found: Fit, rest: list[Candidate]) -> dict[str, Row]:
-    """What each candidate would bring beside a fit, and whether that speaks for it."""
-    rows: dict[str, Row] = {}
-    for coated in (False, True):
-        group = [one for one in rest if one.coated == coated]
-        if not group:
-            continue
-        wide = found.choice
-        for one in group:
-            wide = with_candidate(wide, one)
-        given = (
-            best_coating(sensor, data, found, wide)[1]
-            if coated
-            else sums(sensor, data, found, wide)
-        )
-        if not coated or not rows:
-            plain = sums(sensor, data, found, found.choice) if coated else given
-            before = expected(plain, found.choice.names)
-        for one in group:
-            names = with_candidate(found.choice, one).names
-            rows[one.key] = judged(one, found, before, expected(given, names), len(names))
+def worths(sensor: Sensor, data: Data, found: Fit, rest: list[Candidate]) -> list[Row]:
+    """What each candidate would bring beside a fit and beside those that bring more, and whether
+    that speaks for it; the best first."""
+    if not rest:
+        return []
+    wide = found.choice
+    for one in rest:
+        wide = with_candidate(wide, one)
+    coated = any(one.coated for one in rest)
+    without = sums(sensor, data, found, found.choice if coated else wide)
+    given = best_coating(sensor, data, found, wide)[1] if coated else without
+    chosen, before = found.choice, expected(without, found.choice.names)
+    rows, left = list[Row](), list(rest)
+    while left:
+        wider = [with_candidate(chosen, one) for one in left]
+        after = [expected(given, choice.names) for choice in wider]
+        tried = [
+            judged(one, len(choice.names) - len(chosen.names), found, before, level)
+            for one, choice, level in zip(left, wider, after, strict=True)
+        ]
+        good = [n for n, row in enumerate(tried) if row.taken]
+        if not good:
+            return rows + tried
+        best = max(good, key=lambda n: tried[n].fall / max(tried[n].unknowns, 1) ** 0.5)
+        rows.append(tried[best])
+        chosen, before = wider[best], after[best]
+        del left[best]
     return rows
 
 
@@ -247,13 +256,14 @@ def error_of(left: float, found: Fit) -> float:
 
 def judged(
     one: Candidate,
+    count: int,
     found: Fit,
     before: tuple[float, float],
     after: tuple[float, float],
-    names: int,
 ) -> Row:
-    """before, after: chi-square and cross-validated chi-square without and with it."""
-    count, fall = names - len(found.choice.names), before[0] - after[0]
+    """count: of its unknowns.  before, after: chi-square and cross-validated chi-square without
+    and with it."""
+    fall = before[0] - after[0]
     chance, better = chance_of(fall, count), before[1] - after[1]
     error = error_of(after[1], found)
     if chance < CHANCE and better > BETTER:
@@ -275,10 +285,13 @@ class Search:
 
 
 ASKED = "asked for"
+#: Candidates are taken together down to this share of what the best brings: the linear model of
+#: the others is good to no more, until what is large has been taken.
+CLEAR = 0.02
 
 
 class Searcher:
-    """Takes candidates one after another, the one that brings most first, and fits again."""
+    """Takes candidates, those that bring most first, and fits again."""
 
     def __init__(self, sensor: Sensor, data: Data, settings: Calibrate, plain: Fit) -> None:
         self.sensor, self.data, self.settings = sensor, data, settings
@@ -295,23 +308,31 @@ class Searcher:
     def taken(self) -> set[str]:
         return {key for key, row in self.rows.items() if row.taken}
 
-    def take(self, one: Candidate, row: Row) -> bool:
-        """Fits again with a candidate; stays with what was, where that gains nothing.
+    def take(self, several: list[Candidate], rows: list[Row]) -> bool:
+        """Fits again with candidates; stays with what was, where that gains nothing.
 
         What has not settled on the way may do so once others are taken: that is asked at the end.
         """
-        sensor, wider = self.sensor, with_candidate(self.found.choice, one)
-        if one.coated:
+        sensor, wider = self.sensor, self.found.choice
+        for one in several:
+            wider = with_candidate(wider, one)
+        if any(one.coated for one in several):
             sensor, _ = best_coating(sensor, self.data, self.found, wider)
         start = replace(self.found, every=values_for(sensor, self.found))
         robust = self.settings.outliers
         better = fit(sensor, self.data, wider, robust, start, WAY_STEPS, WAY_ENOUGH)
         fall = self.found.loss - better.loss
-        if row.why != ASKED and chance_of(fall, max(row.unknowns, 1)) > CHANCE:
-            self.refused.add(one.key)
-            self.rows[one.key] = row._replace(fall=fall, taken=False, why="gains nothing in a fit")
+        gains = chance_of(fall, max(sum(row.unknowns for row in rows), 1)) <= CHANCE
+        alone = len(rows) == 1
+        for row in rows:
+            if gains or row.why == ASKED:
+                self.rows[row.key] = row._replace(fall=fall if alone else row.fall, taken=True)
+            else:
+                self.refused.add(row.key)
+                why = "gains nothing in a fit"
+                self.rows[row.key] = row._replace(fall=fall, taken=False, why=why)
+        if not gains and all(row.why != ASKED for row in rows):
             return False
-        self.rows[one.key] = row._replace(fall=fall, taken=True)
         self.sensor, self.found = sensor, better
         return True
 
@@ -319,25 +340,33 @@ class Searcher:
         """Takes what a key asks for."""
         for one in self.every:
             if self.settings.effects.get(one.key) == "on" and one.key not in self.rows:
-                row = worths(self.sensor, self.data, self.found, [one])[one.key]
-                self.take(one, row._replace(why=ASKED))
+                row, *_ = worths(self.sensor, self.data, self.found, [one])
+                self.take([one], [row._replace(why=ASKED)])
 
     def step(self) -> bool:
-        """Takes the best of what is left, if any is good."""
+        """Takes what is good of what is left, if any is."""
         done = self.taken() | self.refused
-        rest = {one.key: one for one in self.every if not one.beam and one.key not in done}
-        good: list[str] = []
-        tried: dict[str, Row] = {}
+        rest = [one for one in self.every if not one.beam and one.key not in done]
         for coated in (False, True):  # a coating is tried at several angles: last, for its cost
-            group = [one for one in rest.values() if one.coated == coated]
-            if group and not good:
-                tried = worths(self.sensor, self.data, self.found, group)
-                self.rows |= {key: row._replace(taken=False) for key, row in tried.items()}
-                good = [key for key, row in tried.items() if row.taken]
-        if not good:
+            group = [one for one in rest if one.coated == coated]
+            tried = worths(self.sensor, self.data, self.found, group)
+            self.rows |= {row.key: row._replace(taken=False) for row in tried}
+            good = [row for row in tried if row.taken]
+            if good:
+                first = max(row.fall for row in good)
+                together = [row for row in good if row.fall > CLEAR * first]
+                self.take([one for one in group if one.key in {r.key for r in together}], together)
+                return True
+        return False
+
+    def steady(self) -> bool:
+        """Asks again how steady the laser was, now that less of what moves is taken for it; whether
+        that changed, and with it what the data may call for."""
+        before = self.found
+        self.found = steadied(self.sensor, self.data, before, self.settings.outliers)
+        if self.found is before:
             return False
-        best = max(good, key=lambda key: tried[key].fall / tried[key].unknowns ** 0.5)
-        self.take(rest[best], tried[best])
+        self.refused.clear()
         return True
 
     def finish(self) -> None:
@@ -356,7 +385,7 @@ class Searcher:
             row = Row(one.key, one.words, 2 * len(self.data.raw), 0.0, np.nan, True,
                       "the data call for it")  # fmt: skip
             sensor = self.sensor
-            if not self.take(one, row):
+            if not self.take([one], [row]):
                 return
             fall = before.loss - self.found.loss
             if self.found.reduced - 1 > (before.reduced - 1) / 2:
@@ -375,14 +404,27 @@ def beyond_chance(found: Fit) -> float:
     return max(0.0, found.reduced - 1 - chance)
 
 
+def promised(sensor: Sensor, data: Data, settings: Calibrate, plain: Fit) -> float:
+    """Chi-square for each reading, or its cross-validated one if that is larger, that all
+    candidates together would leave, as the linear model at the plain fit has it."""
+    wide = plain.choice
+    for one in candidates(sensor, data, settings):
+        wide = wide if one.coated or one.beam else with_candidate(wide, one)
+    after = expected(sums(sensor, data, plain, wide), wide.names)
+    return max(after) / max(float((plain.weights == 1).sum()), 1.0)
+
+
 def search(sensor: Sensor, data: Data, settings: Calibrate, plain: Fit) -> Search:
     """From the plain fit to the one with all that the data or the keys call for."""
     whole = sums(sensor, data, plain, plain.choice)
     left = expected(whole, plain.choice.names)[1]
     searcher = Searcher(sensor, data, settings, plain)
     searcher.ask()
-    while searcher.step():
-        pass
+    for _ in range(ROUNDS):
+        while searcher.step():
+            pass
+        if not searcher.steady():
+            break
     searcher.move_beam()
     searcher.finish()
     order = [one.key for one in searcher.every]

@@ -72,11 +72,11 @@ def outliers(found: Fit) -> int:
 
 def by_chance(found: Fit) -> float:
     """How many of these noise alone makes."""
-    from scipy.stats import norm
+    from scipy.special import ndtr
 
     if not np.isfinite(found.limit):
         return 0.0
-    inside = 1 - 2 * norm.sf(found.limit)
+    inside = 1 - 2 * ndtr(-found.limit)
     return float(len(found.left) * (1 - inside ** found.left.shape[1]))
 
 
@@ -85,11 +85,11 @@ def by_chance(found: Fit) -> float:
 
 def patterns(found: Fit, data: Data) -> list[Pattern]:
     """What the residuals follow beyond chance, the clearest first; one for each reading."""
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
     over = np.where(found.weights < 1, np.nan, standardised(found))
     over[~np.isfinite(data.raw)] = np.nan
-    limit = float(chi2.isf(PATTERN, BINS))
+    limit = float(chdtri(BINS, PATTERN))
     best: dict[tuple[str, str], Pattern] = {}
     for n in range(9):
         letter, kind = DETECTORS[n // 3].upper(), KINDS[n % 3]
