@@ -22,7 +22,7 @@ from .bundle_adjustment import Data, Linear, Normal, deviations, eliminated, lin
 from .fit import Fit, fit, prior_information
 from .laser import steadied
 from .table import bends
-from .unknowns import DELAY, OF_DRIFT, PLACE, Choice, assigned, values_of
+from .unknowns import DELAY, OF_DRIFT, PLACE, SKEW, Choice, assigned, values_of
 
 if TYPE_CHECKING:
     from ..core.settings import Calibrate
@@ -70,16 +70,27 @@ class Row(NamedTuple):
 SIZES = {
     "curvature": ("a wavefront that is not flat", {"light.curvature": 1e-3}),
     "diffraction": ("diffraction at the facets' edges", {"light.wavelength": 1e-3}),
-    "rolloff": ("edges that are rolled off", {".rolloff": 3e-4}),
+    "rolloff": ("edges that are rolled off", {".rolloff": 3e-4, "rolloff.width": 0.05}),
     "strips": ("strips lost along the edges", {"strip_": 0.03}),
     "tip": ("a tip worn flat", {"tip.area": 0.01}),
     "background": ("background light on the detectors", {"background_": 3e-3}),
     "coating": ("a coating's reflectance, and polarised light", {"light.polarization": 1.0}),
 }
+#: Effects of the run.
+WORDS = {
+    "delay": "a reference that is late or early",
+    "channel_skew": "channels read one after the other",
+    "time_drift": "beam and detectors that drift with time",
+    "temperature_drift": "beam and detectors that drift with temperature",
+}
 #: How often at most the laser's steadiness is asked for, and the candidates again.
 ROUNDS = 4
+#: How far apart a converter may read its channels, s, 1 sigma.
+SKEWED = 1e-4
 #: A fit on the way ends after so many steps, or where another is worth less than this.
 WAY_STEPS, WAY_ENOUGH = 12, 0.3
+#: Over which width edges are rolled off, mm, where a fit begins: at none it has no way but up.
+WIDTH, ROUNDED = "rolloff.width", 0.03
 #: Aluminium at 633 nm, where a coating is tried that no key gives.
 ALUMINIUM = (1.37, 7.62)
 
@@ -100,19 +111,35 @@ def candidates(sensor: Sensor, data: Data, settings: Calibrate) -> list[Candidat
         sigma = {name: size for k in DETECTORS for name, size in bends(k, 0.03).items()}
         found.append(Candidate("bend", "detectors bent in second and third order", sigma))
     if data.velocity is not None:
-        found.append(Candidate("delay", "a reference that is late or early", {DELAY: 0.01}))
-    for n, (key, words) in enumerate(
-        (
-            ("time_drift", "beam and detectors that drift with time"),
-            ("temperature_drift", "beam and detectors that drift with temperature"),
-        )
-    ):
+        found.append(Candidate("delay", WORDS["delay"], {DELAY: 0.01}))
+        skew = dict.fromkeys(SKEW[1:], SKEWED)  # beside A: what all have is the reference's delay
+        found.append(Candidate("channel_skew", WORDS["channel_skew"], skew))
+    for n, key in enumerate(("time_drift", "temperature_drift")):
         if data.clock is not None and np.ptp(data.clock[:, n]) > 0:
             cause = key.partition("_")[0]
             sizes = {f"{cause}.{what}": 0.005 for what in OF_DRIFT}
-            found.append(Candidate(key, words, sizes))
+            found.append(Candidate(key, WORDS[key], sizes))
     found.append(Candidate("beam_moves", "a beam that moves from sample to sample", {}, beam=0.01))
     return [one for one in found if settings.effects.get(one.key, "auto") != "off"]
+
+
+#: What the table must have for a candidate to be tried.
+NEEDS = {
+    "delay": "needs time_s, of a motion in time",
+    "channel_skew": "needs time_s, of a motion in time",
+    "time_drift": "needs time_s",
+    "temperature_drift": "needs temperature_c",
+}
+
+
+def untold(every: list[Candidate], settings: Calibrate) -> list[Row]:
+    """Candidates that the table at hand can not carry, and why."""
+    there = {one.key for one in every}
+    return [
+        Row(key, WORDS[key], 0, np.nan, np.nan, False, why)
+        for key, why in NEEDS.items()
+        if key not in there and settings.effects.get(key, "auto") != "off"
+    ]
 
 
 def with_candidate(chosen: Choice, one: Candidate) -> Choice:
@@ -318,7 +345,10 @@ class Searcher:
             wider = with_candidate(wider, one)
         if any(one.coated for one in several):
             sensor, _ = best_coating(sensor, self.data, self.found, wider)
-        start = replace(self.found, every=values_for(sensor, self.found))
+        every = values_for(sensor, self.found)
+        if WIDTH in wider.names and not every[PLACE[WIDTH]]:
+            every[PLACE[WIDTH]] = ROUNDED
+        start = replace(self.found, every=every)
         robust = self.settings.outliers
         better = fit(sensor, self.data, wider, robust, start, WAY_STEPS, WAY_ENOUGH)
         fall = self.found.loss - better.loss
@@ -429,5 +459,6 @@ def search(sensor: Sensor, data: Data, settings: Calibrate, plain: Fit) -> Searc
     searcher.finish()
     order = [one.key for one in searcher.every]
     rows = sorted(searcher.rows.values(), key=lambda row: order.index(row.key))
+    rows += untold(searcher.every, settings)
     error = error_of(left, plain)
     return Search(searcher.sensor, plain, searcher.found, error, rows)

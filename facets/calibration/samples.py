@@ -25,7 +25,7 @@ FEW = 20
 
 def faults(sensor: Sensor, data: Data) -> list[Finding]:
     """What a look at the columns alone tells."""
-    found = [*stuck(sensor, data), *repeats(data), *still(data)]
+    found = [*stuck(sensor, data), *repeats(data), *still(data), *untimed(sensor, data)]
     return sorted(found, key=lambda one: not one.bad)
 
 
@@ -79,6 +79,17 @@ def still(data: Data) -> list[Finding]:
     return [Finding(False, (
         f"The motion hardly moves in {', '.join(names)}: what only these axes can tell keeps its "
         "prior value, and poses away from the motion are no better known than the tolerances say."
+    ))]  # fmt: skip
+
+
+def untimed(sensor: Sensor, data: Data) -> list[Finding]:
+    """Channels that are read one after the other, in a table that does not tell how fast they
+    change."""
+    if data.velocity is not None or not any(sensor.light.delays):
+        return []
+    return [Finding(False, (
+        "sensor.light.delays_us are given, but the table is no motion in time: its readings count "
+        "as read at one instant. Give time_s, or let the mirror stand still at each pose."
     ))]  # fmt: skip
 
 
