@@ -80,8 +80,8 @@ SIZES = {
 WORDS = {
     "delay": "a reference that is late or early",
     "channel_skew": "channels read one after the other",
-    "time_drift": "beam and detectors that drift with time",
-    "temperature_drift": "beam and detectors that drift with temperature",
+    "time_drift": "a beam, detectors drifting with time",
+    "temperature_drift": "a beam, detectors drifting with heat",
 }
 #: How often at most the laser's steadiness is asked for, and the candidates again.
 ROUNDS = 4
@@ -95,8 +95,9 @@ WIDTH, ROUNDED = "rolloff.width", 0.03
 ALUMINIUM = (1.37, 7.62)
 
 
-def candidates(sensor: Sensor, data: Data, settings: Calibrate) -> list[Candidate]:
-    """All that the model and the columns of the table allow to be tried."""
+def candidates(sensor: Sensor, data: Data | None, settings: Calibrate) -> list[Candidate]:
+    """All that the model and the columns of the table allow to be tried; of no table, those of
+    light and detectors."""
     found = []
     for key, (words, sizes) in SIZES.items():
         sigma = {
@@ -110,12 +111,12 @@ def candidates(sensor: Sensor, data: Data, settings: Calibrate) -> list[Candidat
     if "bend_um" not in settings.before:
         sigma = {name: size for k in DETECTORS for name, size in bends(k, 0.03).items()}
         found.append(Candidate("bend", "detectors bent in second and third order", sigma))
-    if data.velocity is not None:
+    if data is not None and data.velocity is not None:
         found.append(Candidate("delay", WORDS["delay"], {DELAY: 0.01}))
         skew = dict.fromkeys(SKEW[1:], SKEWED)  # beside A: what all have is the reference's delay
         found.append(Candidate("channel_skew", WORDS["channel_skew"], skew))
     for n, key in enumerate(("time_drift", "temperature_drift")):
-        if data.clock is not None and np.ptp(data.clock[:, n]) > 0:
+        if data is not None and data.clock is not None and np.ptp(data.clock[:, n]) > 0:
             cause = key.partition("_")[0]
             sizes = {f"{cause}.{what}": 0.005 for what in OF_DRIFT}
             found.append(Candidate(key, WORDS[key], sizes))
@@ -125,10 +126,10 @@ def candidates(sensor: Sensor, data: Data, settings: Calibrate) -> list[Candidat
 
 #: What the table must have for a candidate to be tried.
 NEEDS = {
-    "delay": "needs time_s, of a motion in time",
-    "channel_skew": "needs time_s, of a motion in time",
-    "time_drift": "needs time_s",
-    "temperature_drift": "needs temperature_c",
+    "delay": "no time_s of a motion",
+    "channel_skew": "no time_s of a motion",
+    "time_drift": "no time_s",
+    "temperature_drift": "no temperature_c",
 }
 
 
@@ -434,12 +435,17 @@ def beyond_chance(found: Fit) -> float:
     return max(0.0, found.reduced - 1 - chance)
 
 
+def with_all(sensor: Sensor, data: Data | None, settings: Calibrate, chosen: Choice) -> Choice:
+    """A choice with all candidates beside, but for a coating and a beam that moves."""
+    for one in candidates(sensor, data, settings):
+        chosen = chosen if one.coated or one.beam else with_candidate(chosen, one)
+    return chosen
+
+
 def promised(sensor: Sensor, data: Data, settings: Calibrate, plain: Fit) -> float:
     """Chi-square for each reading, or its cross-validated one if that is larger, that all
     candidates together would leave, as the linear model at the plain fit has it."""
-    wide = plain.choice
-    for one in candidates(sensor, data, settings):
-        wide = wide if one.coated or one.beam else with_candidate(wide, one)
+    wide = with_all(sensor, data, settings, plain.choice)
     after = expected(sums(sensor, data, plain, wide), wide.names)
     return max(after) / max(float((plain.weights == 1).sum()), 1.0)
 

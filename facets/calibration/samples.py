@@ -19,13 +19,16 @@ from .unknowns import values_of
 STUCK, MOVED = 0.02, 20.0
 #: An axis counts as moved where its range is so many times the reference's own uncertainty.
 RANGE = 30.0
+#: How far a motion goes in x and y, in diameters of the beam: less is told, more is advised.
+NARROW, WIDE = 0.2, 0.3
 #: So few different poses tell nothing that could be trusted.
 FEW = 20
 
 
 def faults(sensor: Sensor, data: Data) -> list[Finding]:
     """What a look at the columns alone tells."""
-    found = [*stuck(sensor, data), *repeats(data), *still(data), *untimed(sensor, data)]
+    found = [*stuck(sensor, data), *repeats(data), *still(data), *untimed(sensor, data),
+             *narrow(sensor, data)]  # fmt: skip
     return sorted(found, key=lambda one: not one.bad)
 
 
@@ -79,6 +82,21 @@ def still(data: Data) -> list[Finding]:
     return [Finding(False, (
         f"The motion hardly moves in {', '.join(names)}: what only these axes can tell keeps its "
         "prior value, and poses away from the motion are no better known than the tolerances say."
+    ))]  # fmt: skip
+
+
+def narrow(sensor: Sensor, data: Data) -> list[Finding]:
+    """A motion in x and y over which the powers hardly bend."""
+    diameter = min(sensor.beam.diameter_x, sensor.beam.diameter_y)
+    beside = data.pose[:, :2] - data.beam
+    span = np.ptp(beside, axis=0)[np.isfinite(data.sigma[:2])] / 2
+    if not span.size or span.min() >= NARROW * diameter:
+        return []
+    return [Finding(False, (
+        f"The motion reaches {span.min():.2g} mm to each side in x or y. Gains, strips lost at the "
+        "edges and the beam's size part from the mirror's place by powers that bend, from "
+        f"{WIDE * diameter:.2g} mm on; until then all poses may be off in x and y together, by "
+        "what is stated."
     ))]  # fmt: skip
 
 

@@ -55,5 +55,5 @@ def test_a_table_without_time_says_that_it_can_not_tell():
     wanted = choice(NOMINAL, SETTINGS)
     rows = search(NOMINAL, data, SETTINGS, fit(NOMINAL, data, wanted)).rows
     assert [(row.key, row.taken, row.why) for row in rows] == [
-        ("channel_skew", False, "needs time_s, of a motion in time")
+        ("channel_skew", False, "no time_s of a motion")
     ]
