@@ -21,6 +21,8 @@ STUCK, MOVED = 0.02, 20.0
 RANGE = 30.0
 #: How far a motion goes in x and y, in diameters of the beam: less is told, more is advised.
 NARROW, WIDE = 0.2, 0.3
+#: The share of readings at the edge beyond which their places are not what they are said to be.
+MOST = 0.7
 #: So few different poses tell nothing that could be trusted.
 FEW = 20
 
@@ -109,6 +111,34 @@ def untimed(sensor: Sensor, data: Data) -> list[Finding]:
         "sensor.light.delays_us are given, but the table is no motion in time: its readings count "
         "as read at one instant. Give time_s, or let the mirror stand still at each pose."
     ))]  # fmt: skip
+
+
+def inside(sensor: Sensor, data: Data) -> tuple[Data, list[Finding]]:
+    """Without what a detector read where its spot lies over the sensitive area's edge.
+
+    There light is lost that the model follows only with `sensor.apertures.detectors`. The other
+    detectors of such a sample stay.
+    """
+    if sensor.apertures.detectors:
+        return data, []
+    spot = max(sensor.beam.diameter_x, sensor.beam.diameter_y)
+    raw, found = data.raw.copy(), list[Finding]()
+    for k, psd in enumerate(sensor.psds):
+        half = np.array([psd.size_y, psd.size_z]) / 2
+        near = (np.abs(raw[:, 3 * k : 3 * k + 2]) > half - spot).any(axis=1)
+        if near.mean() > MOST:  # then these are no places in mm, which is told elsewhere
+            return data, []
+        if not near.any():
+            continue
+        raw[near, 3 * k : 3 * k + 3] = np.nan
+        found.append(Finding(False, (
+            f"In {int(near.sum())} of {len(raw)} samples the spot on detector "
+            f"{DETECTORS[k].upper()} comes nearer than {spot:.2g} mm, its own size, to the edge of "
+            "the sensitive area, where light is lost; what it read there is left out. Keep spots "
+            "1.2 mm from the edges, or set sensor.apertures.detectors."
+        )))  # fmt: skip
+    there = np.isfinite(raw).any(axis=1)
+    return (data._replace(raw=raw).part(there) if found else data), found
 
 
 def distinct(data: Data) -> Data:

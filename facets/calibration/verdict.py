@@ -20,7 +20,7 @@ from .fit import Fit, fit
 from .hypotheses import explanation
 from .laser import steadied
 from .misfit import Finding, findings, model_error, pulls, widened
-from .samples import averaged, distinct, faults
+from .samples import averaged, distinct, faults, inside
 from .small_matrices import one_thread
 from .table import split
 from .unknowns import DELAY, Choice
@@ -36,6 +36,8 @@ WIDER, WRONG = 1.5, 4.0
 PROMISING = 2.0
 #: Chi-square for each degree of freedom that no light of a bench makes.
 LIGHT = 300.0
+#: Samples that a fit needs.
+LEAST = 10
 #: How late a reference may be, s, before faults of the data are looked for.
 LATE = 0.01
 
@@ -64,7 +66,12 @@ class Verdict:
 def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> Verdict:
     """Fits, tries, judges.  Raises `InputError` where there is too little to fit."""
     early = faults(sensor, data)
-    fitted, held = split(averaged(sensor, over_the_run(distinct(data))), settings.held_back)
+    whole, lost = inside(sensor, distinct(data))
+    early += lost
+    if len(whole.raw) < LEAST:
+        early.insert(0, Finding(True, f"{len(whole.raw)} samples are left: too few."))
+        return Verdict(whole, whole.part(slice(0)), None, None, None, None, early)
+    fitted, held = split(averaged(sensor, over_the_run(whole)), settings.held_back)
     if any(one.bad for one in early):
         return Verdict(fitted, held, None, None, None, None, early)
     plain = fit(sensor, fitted, chosen, settings.outliers)
