@@ -19,7 +19,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, Linear, Normal, deviations, eliminated, linear, own_sigma
-from .fit import Fit, fit, prior_information
+from .fit import NORMAL_MEDIAN, Fit, fit, prior_information
 from .laser import steadied
 from .table import bends
 from .unknowns import DELAY, OF_DRIFT, PLACE, SKEW, Choice, assigned, values_of
@@ -83,6 +83,8 @@ WORDS = {
     "time_drift": "a beam, detectors drifting with time",
     "temperature_drift": "a beam, detectors drifting with heat",
 }
+#: The plain fit's residuals over the noise, to which larger ones are brought at first.
+BLUR = 3.0
 #: How often at most the laser's steadiness is asked for, and the candidates again.
 ROUNDS = 4
 #: How far apart a converter may read its channels, s, 1 sigma.
@@ -315,7 +317,7 @@ class Search:
 ASKED = "asked for"
 #: Candidates are taken together down to this share of what the best brings: the linear model of
 #: the others is good to no more, until what is large has been taken.
-CLEAR = 0.02
+CLEAR = 0.1
 
 
 class Searcher:
@@ -400,6 +402,21 @@ class Searcher:
         self.refused.clear()
         return True
 
+    def run(self) -> None:
+        """Takes all that is good."""
+        for _ in range(ROUNDS):
+            while self.step():
+                pass
+            if not self.steady():
+                break
+
+    def sharpen(self, data: Data) -> None:
+        """Goes on with the noise as it is, once what is large has been taken."""
+        self.data, start = data, self.found
+        robust = self.settings.outliers
+        self.found = fit(self.sensor, data, start.choice, robust, start)
+        self.refused.clear()
+
     def finish(self) -> None:
         """Lets the fit settle, which was cut short on the way."""
         start = self.found
@@ -435,6 +452,18 @@ def beyond_chance(found: Fit) -> float:
     return max(0.0, found.reduced - 1 - chance)
 
 
+def blurred(sensor: Sensor, data: Data, plain: Fit) -> Data:
+    """The samples with a noise that leaves the plain fit's residuals at a few times that.
+
+    Where detectors are so fine that real light leaves residuals of a hundred times their noise, a
+    linear model's own error looks like an effect.
+    """
+    size = NORMAL_MEDIAN * float(np.median(np.abs(plain.left[np.isfinite(data.raw)])))
+    if size < 2 * BLUR:
+        return data
+    return data._replace(noise=deviations(sensor, data) * (size / BLUR))
+
+
 def with_all(sensor: Sensor, data: Data | None, settings: Calibrate, chosen: Choice) -> Choice:
     """A choice with all candidates beside, but for a coating and a beam that moves."""
     for one in candidates(sensor, data, settings):
@@ -454,13 +483,12 @@ def search(sensor: Sensor, data: Data, settings: Calibrate, plain: Fit) -> Searc
     """From the plain fit to the one with all that the data or the keys call for."""
     whole = sums(sensor, data, plain, plain.choice)
     left = expected(whole, plain.choice.names)[1]
-    searcher = Searcher(sensor, data, settings, plain)
+    searcher = Searcher(sensor, blurred(sensor, data, plain), settings, plain)
     searcher.ask()
-    for _ in range(ROUNDS):
-        while searcher.step():
-            pass
-        if not searcher.steady():
-            break
+    searcher.run()
+    if searcher.data is not data:
+        searcher.sharpen(data)
+        searcher.run()
     searcher.move_beam()
     searcher.finish()
     order = [one.key for one in searcher.every]

@@ -38,7 +38,8 @@ def steadied(sensor: Sensor, data: Data, found: Fit, robust: float | None) -> Fi
         return found
     start = found if np.isfinite(found.choice.power) else drifting(data, found)
     jitter = likely_jitter(sensor, data, start, robust)
-    if jitter is None or max(jitter, start.choice.power) < SAME * min(jitter, start.choice.power):
+    before = found.choice.power
+    if jitter is None or max(jitter, before) < SAME * min(jitter, before):
         return found
     again = fit(sensor, data, replace(start.choice, power=jitter), robust, start)
     return again if again.ended else found
