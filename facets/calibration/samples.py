@@ -137,7 +137,7 @@ def inside(sensor: Sensor, data: Data) -> tuple[Data, list[Finding]]:
             "the sensitive area, where light is lost; what it read there is left out. Keep spots "
             "1.2 mm from the edges, or set sensor.apertures.detectors."
         )))  # fmt: skip
-    there = np.isfinite(raw).any(axis=1)
+    there = np.asarray(np.isfinite(raw).any(axis=1))
     return (data._replace(raw=raw).part(there) if found else data), found
 
 
