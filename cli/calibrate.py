@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from facets.calibration.verdict import Verdict
     from facets.config import Config
     from facets.core.settings import Calibrate
+    from facets.core.units import Floats
 
 
 def calibrate(
@@ -341,3 +342,35 @@ def propose_poses(settings: Config, path: Path, count: int, force: bool) -> None
         f"{path}: {count} poses; uncertainties are {left[-1]:.3g} of those before, in the "
         f"geometric mean; by as many at random {any_ones:.3g}"
     )
+
+
+#: Of a motion to calibrate with: how far it goes in x and y, in diameters of the beam; how near to
+#: a detector's edge the spots come, mm; the least power over its noise.
+REACH, EDGE, LEAST = 0.3, 1.2, 100.0
+
+
+def possible_poses(settings: Config) -> Floats:
+    """Random poses (n, 6) within half the range of z and the angles, mm and rad.
+
+    Further in x and y, where only powers that bend part gains, lost strips and the beam's size
+    from the apex's place.
+    """
+    from dataclasses import replace
+
+    import numpy as np
+
+    from facets.characterization.ranges import axis_ranges, clearances
+
+    sensor, beam = settings.sensor, settings.sensor.beam
+    reach = np.array([a.symmetric / 2 for a in axis_ranges(sensor, settings.range, np.zeros(6))])
+    reach[:2] = np.maximum(reach[:2], REACH * min(beam.diameter_x, beam.diameter_y))
+    shares = np.random.default_rng(1).uniform(-1, 1, (4000, 6))
+    measured = np.isfinite(settings.calibrate.reference)
+    poses = np.where(measured, shares, 0.0) * reach
+    rules = replace(settings.range, whole_spot=False, snr=min(settings.range.snr, LEAST))
+    margin = clearances(sensor, poses, rules)
+    margin[:, 0] -= max(
+        EDGE / (size / 2) for psd in sensor.psds for size in (psd.size_y, psd.size_z)
+    )
+    found: Floats = poses[margin.min(axis=1) > 0]
+    return found

@@ -124,17 +124,20 @@ def facet(
     points, area, distances = net(bench, normal, edges[k], edges[(k + 1) % 3], k)
     world = state[:, None, :3] + points @ np.swapaxes(turn, 1, 2)
     density, cosine, along = light(bench, beam, world, state, turn, normal)
-    weight = sensor.beam.power * density * area * share(bench, beam, cosine, turn @ normal)
+    reflected = share(bench, beam, cosine, turn @ normal)
+    weight = sensor.beam.power * density * area * reflected
     tilted = normal - slope(bench, distances, normal, edges[k], edges[(k + 1) % 3], k)
     surface = unit(tilted) @ np.swapaxes(turn, 1, 2)
     leaving = along - 2 * (along * surface).sum(-1, keepdims=True) * surface
-    place, path = landed(world, leaving, psd)
+    place, _ = landed(world, leaving, psd)
     power = weight.sum(axis=1)
     centre = (weight[..., None] * place).sum(axis=1) / power[:, None]
     if bench.wavelength:
         for edge in (edges[k], edges[(k + 1) % 3]):
-            power, centre = diffracted(sensor, bench, beam, state, turn, normal, edge,
-                                       path.mean(axis=1), power, centre, k)  # fmt: skip
+            power, centre = diffracted(
+                sensor, bench, beam, state, turn, normal, edge, reflected.mean(axis=1), power,
+                centre, k,
+            )  # fmt: skip
     extra, at = bench.background[k, 0], bench.background[k, 1:]
     whole = power + extra
     return np.column_stack([(centre * power[:, None] + at * extra) / whole[:, None], whole])
@@ -202,7 +205,7 @@ def slope(
 
 def diffracted(
     sensor: Sensor, bench: Bench, beam: Beam, state: Floats, turn: Floats, normal: Floats,
-    edge: Floats, path: Floats, power: Floats, centre: Floats, k: int,
+    edge: Floats, reflected: Floats, power: Floats, centre: Floats, k: int,
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """Power and place once one edge has spread its light past the detector's window."""
     psd, world = sensor.psds[k], turn @ edge
@@ -210,10 +213,9 @@ def diffracted(
     far = 4 * REACH * np.sqrt(np.trace(bench.covariance))
     along = far * (nodes + 1) / 2
     points = state[:, None, :3] + along[:, None] * world[:, None]
-    seen = np.stack([points @ beam.x, points @ beam.y], axis=-1) - state[:, None, 6:]
-    inverse = np.linalg.inv(bench.covariance)
-    bell = np.exp(-np.einsum("nmi,ij,nmj->nm", seen, inverse, seen) / 2)
-    bell *= sensor.beam.power / (2 * np.pi * np.sqrt(np.linalg.det(bench.covariance)))
+    bell, _, fan = light(bench, beam, points, state, turn, normal)
+    facing = -np.einsum("nmi,ni->nm", fan, turn @ normal)
+    bell *= sensor.beam.power * reflected[:, None] / facing
     flat = np.stack([world @ beam.x, world @ beam.y], axis=-1)
     stretch = np.linalg.norm(flat, axis=-1)
     weight = bell * weights * far / 2
@@ -224,7 +226,8 @@ def diffracted(
     sideways = np.stack([-flat[:, 1], flat[:, 0]], axis=-1) / stretch[:, None]
     step = sideways[:, :1] * beam.x + sideways[:, 1:] * beam.y
     step -= ((step * surface).sum(-1) / (surface @ beam.along))[:, None] * beam.along
-    leaving = beam.along - 2 * (surface @ beam.along)[:, None] * surface
+    arriving = (weight[..., None] * fan).sum(axis=1) / weight.sum(axis=1)[:, None]
+    leaving = arriving - 2 * (surface * arriving).sum(-1, keepdims=True) * surface
     here, length = each_landed(on_edge, leaving, psd)
     across = each_landed(on_edge + 1e-3 * step, leaving, psd)[0] - here
     across /= 1e-3

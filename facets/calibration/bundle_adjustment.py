@@ -34,6 +34,7 @@ from .unknowns import (
     OF_SEAT,
     PLACE,
     POWER_DRIFT,
+    SKEW,
     Choice,
     block,
     by_sensor,
@@ -203,9 +204,23 @@ def over_the_run(data: Data) -> Data:
 def predicted(sensor: Sensor, data: Data, opening: Floats, values: Floats, state: Floats) -> Floats:
     """The readings (n, 9) of perfect detectors at states (n, 8), with each sample's own power."""
     seen = by_thirds(sensor, data, state, readings)
+    add_skew(seen, sensor, data, opening, values)
     seen[:, 2::3] *= light_of(data, opening, values)[:, None]
     seen[:, PLACES] += drift(data, values)[:, 2:]
     return seen
+
+
+def add_skew(seen: Floats, sensor: Sensor, data: Data, opening: Floats, values: Floats) -> None:
+    """Puts in what detectors that are read later than the stated time read then."""
+    if data.velocity is None:
+        return
+    for k, name in enumerate(SKEW):
+        if values[PLACE[name]]:
+            later = values.copy()
+            later[PLACE[DELAY]] += values[PLACE[name]]
+            state = states_of(data, opening, later)
+            part = slice(3 * k, 3 * k + 3)
+            seen[:, part] = by_thirds(sensor, data, state, readings)[:, part]
 
 
 def by_thirds(
@@ -377,7 +392,10 @@ def add_run(every: Floats, data: Data, own: Floats, by_state: Floats) -> None:
     if data.slow is not None:
         every[:, :, block(POWER_DRIFT)] = own[:, :, 6:7] * data.slow[:, None, :]
     if data.velocity is not None:
-        every[:, :, PLACE[DELAY]] = np.einsum("nij,nj->ni", own[:, :, :6], data.velocity)
+        moving = np.einsum("nij,nj->ni", own[:, :, :6], data.velocity)
+        every[:, :, PLACE[DELAY]] = moving
+        for k, name in enumerate(SKEW):
+            every[:, 3 * k : 3 * k + 3, PLACE[name]] = moving[:, 3 * k : 3 * k + 3]
     if data.clock is None:
         return
     by_drift = np.zeros((len(own), 9, len(OF_DRIFT)))

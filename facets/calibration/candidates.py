@@ -19,9 +19,10 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, Linear, Normal, deviations, eliminated, linear, own_sigma
-from .fit import Fit, fit, prior_information
+from .fit import NORMAL_MEDIAN, Fit, fit, prior_information
+from .laser import steadied
 from .table import bends
-from .unknowns import DELAY, OF_DRIFT, PLACE, Choice, assigned, values_of
+from .unknowns import DELAY, OF_DRIFT, PLACE, SKEW, Choice, assigned, values_of
 
 if TYPE_CHECKING:
     from ..core.settings import Calibrate
@@ -69,20 +70,36 @@ class Row(NamedTuple):
 SIZES = {
     "curvature": ("a wavefront that is not flat", {"light.curvature": 1e-3}),
     "diffraction": ("diffraction at the facets' edges", {"light.wavelength": 1e-3}),
-    "rolloff": ("edges that are rolled off", {".rolloff": 3e-4}),
+    "rolloff": ("edges that are rolled off", {".rolloff": 3e-4, "rolloff.width": 0.05}),
     "strips": ("strips lost along the edges", {"strip_": 0.03}),
     "tip": ("a tip worn flat", {"tip.area": 0.01}),
     "background": ("background light on the detectors", {"background_": 3e-3}),
     "coating": ("a coating's reflectance, and polarised light", {"light.polarization": 1.0}),
 }
+#: Effects of the run.
+WORDS = {
+    "delay": "a reference that is late or early",
+    "channel_skew": "channels read one after the other",
+    "time_drift": "a beam, detectors drifting with time",
+    "temperature_drift": "a beam, detectors drifting with heat",
+}
+#: The plain fit's residuals over the noise, to which larger ones are brought at first.
+BLUR = 3.0
+#: How often at most the laser's steadiness is asked for, and the candidates again.
+ROUNDS = 4
+#: How far apart a converter may read its channels, s, 1 sigma.
+SKEWED = 1e-4
 #: A fit on the way ends after so many steps, or where another is worth less than this.
 WAY_STEPS, WAY_ENOUGH = 12, 0.3
+#: Over which width edges are rolled off, mm, where a fit begins: at none it has no way but up.
+WIDTH, ROUNDED = "rolloff.width", 0.03
 #: Aluminium at 633 nm, where a coating is tried that no key gives.
 ALUMINIUM = (1.37, 7.62)
 
 
-def candidates(sensor: Sensor, data: Data, settings: Calibrate) -> list[Candidate]:
-    """All that the model and the columns of the table allow to be tried."""
+def candidates(sensor: Sensor, data: Data | None, settings: Calibrate) -> list[Candidate]:
+    """All that the model and the columns of the table allow to be tried; of no table, those of
+    light and detectors."""
     found = []
     for key, (words, sizes) in SIZES.items():
         sigma = {
@@ -96,20 +113,36 @@ def candidates(sensor: Sensor, data: Data, settings: Calibrate) -> list[Candidat
     if "bend_um" not in settings.before:
         sigma = {name: size for k in DETECTORS for name, size in bends(k, 0.03).items()}
         found.append(Candidate("bend", "detectors bent in second and third order", sigma))
-    if data.velocity is not None:
-        found.append(Candidate("delay", "a reference that is late or early", {DELAY: 0.01}))
-    for n, (key, words) in enumerate(
-        (
-            ("time_drift", "beam and detectors that drift with time"),
-            ("temperature_drift", "beam and detectors that drift with temperature"),
-        )
-    ):
-        if data.clock is not None and np.ptp(data.clock[:, n]) > 0:
+    if data is not None and data.velocity is not None:
+        found.append(Candidate("delay", WORDS["delay"], {DELAY: 0.01}))
+        skew = dict.fromkeys(SKEW[1:], SKEWED)  # beside A: what all have is the reference's delay
+        found.append(Candidate("channel_skew", WORDS["channel_skew"], skew))
+    for n, key in enumerate(("time_drift", "temperature_drift")):
+        if data is not None and data.clock is not None and np.ptp(data.clock[:, n]) > 0:
             cause = key.partition("_")[0]
             sizes = {f"{cause}.{what}": 0.005 for what in OF_DRIFT}
-            found.append(Candidate(key, words, sizes))
+            found.append(Candidate(key, WORDS[key], sizes))
     found.append(Candidate("beam_moves", "a beam that moves from sample to sample", {}, beam=0.01))
     return [one for one in found if settings.effects.get(one.key, "auto") != "off"]
+
+
+#: What the table must have for a candidate to be tried.
+NEEDS = {
+    "delay": "no time_s of a motion",
+    "channel_skew": "no time_s of a motion",
+    "time_drift": "no time_s",
+    "temperature_drift": "no temperature_c",
+}
+
+
+def untold(every: list[Candidate], settings: Calibrate) -> list[Row]:
+    """Candidates that the table at hand can not carry, and why."""
+    there = {one.key for one in every}
+    return [
+        Row(key, WORDS[key], 0, np.nan, np.nan, False, why)
+        for key, why in NEEDS.items()
+        if key not in there and settings.effects.get(key, "auto") != "off"
+    ]
 
 
 def with_candidate(chosen: Choice, one: Candidate) -> Choice:
@@ -192,9 +225,9 @@ def expected(given: Sums, names: Iterable[str]) -> tuple[float, float]:
 
 def chance_of(fall: float, count: int) -> float:
     """Of a fall at least as large where the candidate is nothing."""
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
-    return float(chi2.sf(max(fall, 0.0), count))
+    return float(chdtrc(count, max(fall, 0.0)))
 
 
 def values_for(sensor: Sensor, found: Fit) -> Floats:
@@ -206,27 +239,33 @@ def values_for(sensor: Sensor, found: Fit) -> Floats:
     return every
 
 
-def worths(sensor: Sensor, data: Data, found: Fit, rest: list[Candidate]) -> dict[str, Row]:
-    """What each candidate would bring beside a fit, and whether that speaks for it."""
-    rows: dict[str, Row] = {}
-    for coated in (False, True):
-        group = [one for one in rest if one.coated == coated]
-        if not group:
-            continue
-        wide = found.choice
-        for one in group:
-            wide = with_candidate(wide, one)
-        given = (
-            best_coating(sensor, data, found, wide)[1]
-            if coated
-            else sums(sensor, data, found, wide)
-        )
-        if not coated or not rows:
-            plain = sums(sensor, data, found, found.choice) if coated else given
-            before = expected(plain, found.choice.names)
-        for one in group:
-            names = with_candidate(found.choice, one).names
-            rows[one.key] = judged(one, found, before, expected(given, names), len(names))
+def worths(sensor: Sensor, data: Data, found: Fit, rest: list[Candidate]) -> list[Row]:
+    """What each candidate would bring beside a fit and beside those that bring more, and whether
+    that speaks for it; the best first."""
+    if not rest:
+        return []
+    wide = found.choice
+    for one in rest:
+        wide = with_candidate(wide, one)
+    coated = any(one.coated for one in rest)
+    without = sums(sensor, data, found, found.choice if coated else wide)
+    given = best_coating(sensor, data, found, wide)[1] if coated else without
+    chosen, before = found.choice, expected(without, found.choice.names)
+    rows, left = list[Row](), list(rest)
+    while left:
+        wider = [with_candidate(chosen, one) for one in left]
+        after = [expected(given, choice.names) for choice in wider]
+        tried = [
+            judged(one, len(choice.names) - len(chosen.names), found, before, level)
+            for one, choice, level in zip(left, wider, after, strict=True)
+        ]
+        good = [n for n, row in enumerate(tried) if row.taken]
+        if not good:
+            return rows + tried
+        best = max(good, key=lambda n: tried[n].fall / max(tried[n].unknowns, 1) ** 0.5)
+        rows.append(tried[best])
+        chosen, before = wider[best], after[best]
+        del left[best]
     return rows
 
 
@@ -247,13 +286,14 @@ def error_of(left: float, found: Fit) -> float:
 
 def judged(
     one: Candidate,
+    count: int,
     found: Fit,
     before: tuple[float, float],
     after: tuple[float, float],
-    names: int,
 ) -> Row:
-    """before, after: chi-square and cross-validated chi-square without and with it."""
-    count, fall = names - len(found.choice.names), before[0] - after[0]
+    """count: of its unknowns.  before, after: chi-square and cross-validated chi-square without
+    and with it."""
+    fall = before[0] - after[0]
     chance, better = chance_of(fall, count), before[1] - after[1]
     error = error_of(after[1], found)
     if chance < CHANCE and better > BETTER:
@@ -275,10 +315,13 @@ class Search:
 
 
 ASKED = "asked for"
+#: Candidates are taken together down to this share of what the best brings: the linear model of
+#: the others is good to no more, until what is large has been taken.
+CLEAR = 0.1
 
 
 class Searcher:
-    """Takes candidates one after another, the one that brings most first, and fits again."""
+    """Takes candidates, those that bring most first, and fits again."""
 
     def __init__(self, sensor: Sensor, data: Data, settings: Calibrate, plain: Fit) -> None:
         self.sensor, self.data, self.settings = sensor, data, settings
@@ -295,23 +338,34 @@ class Searcher:
     def taken(self) -> set[str]:
         return {key for key, row in self.rows.items() if row.taken}
 
-    def take(self, one: Candidate, row: Row) -> bool:
-        """Fits again with a candidate; stays with what was, where that gains nothing.
+    def take(self, several: list[Candidate], rows: list[Row]) -> bool:
+        """Fits again with candidates; stays with what was, where that gains nothing.
 
         What has not settled on the way may do so once others are taken: that is asked at the end.
         """
-        sensor, wider = self.sensor, with_candidate(self.found.choice, one)
-        if one.coated:
+        sensor, wider = self.sensor, self.found.choice
+        for one in several:
+            wider = with_candidate(wider, one)
+        if any(one.coated for one in several):
             sensor, _ = best_coating(sensor, self.data, self.found, wider)
-        start = replace(self.found, every=values_for(sensor, self.found))
+        every = values_for(sensor, self.found)
+        if WIDTH in wider.names and not every[PLACE[WIDTH]]:
+            every[PLACE[WIDTH]] = ROUNDED
+        start = replace(self.found, every=every)
         robust = self.settings.outliers
         better = fit(sensor, self.data, wider, robust, start, WAY_STEPS, WAY_ENOUGH)
         fall = self.found.loss - better.loss
-        if row.why != ASKED and chance_of(fall, max(row.unknowns, 1)) > CHANCE:
-            self.refused.add(one.key)
-            self.rows[one.key] = row._replace(fall=fall, taken=False, why="gains nothing in a fit")
+        gains = chance_of(fall, max(sum(row.unknowns for row in rows), 1)) <= CHANCE
+        alone = len(rows) == 1
+        for row in rows:
+            if gains or row.why == ASKED:
+                self.rows[row.key] = row._replace(fall=fall if alone else row.fall, taken=True)
+            else:
+                self.refused.add(row.key)
+                why = "gains nothing in a fit"
+                self.rows[row.key] = row._replace(fall=fall, taken=False, why=why)
+        if not gains and all(row.why != ASKED for row in rows):
             return False
-        self.rows[one.key] = row._replace(fall=fall, taken=True)
         self.sensor, self.found = sensor, better
         return True
 
@@ -319,26 +373,49 @@ class Searcher:
         """Takes what a key asks for."""
         for one in self.every:
             if self.settings.effects.get(one.key) == "on" and one.key not in self.rows:
-                row = worths(self.sensor, self.data, self.found, [one])[one.key]
-                self.take(one, row._replace(why=ASKED))
+                row, *_ = worths(self.sensor, self.data, self.found, [one])
+                self.take([one], [row._replace(why=ASKED)])
 
     def step(self) -> bool:
-        """Takes the best of what is left, if any is good."""
+        """Takes what is good of what is left, if any is."""
         done = self.taken() | self.refused
-        rest = {one.key: one for one in self.every if not one.beam and one.key not in done}
-        good: list[str] = []
-        tried: dict[str, Row] = {}
+        rest = [one for one in self.every if not one.beam and one.key not in done]
         for coated in (False, True):  # a coating is tried at several angles: last, for its cost
-            group = [one for one in rest.values() if one.coated == coated]
-            if group and not good:
-                tried = worths(self.sensor, self.data, self.found, group)
-                self.rows |= {key: row._replace(taken=False) for key, row in tried.items()}
-                good = [key for key, row in tried.items() if row.taken]
-        if not good:
+            group = [one for one in rest if one.coated == coated]
+            tried = worths(self.sensor, self.data, self.found, group)
+            self.rows |= {row.key: row._replace(taken=False) for row in tried}
+            good = [row for row in tried if row.taken]
+            if good:
+                first = max(row.fall for row in good)
+                together = [row for row in good if row.fall > CLEAR * first]
+                self.take([one for one in group if one.key in {r.key for r in together}], together)
+                return True
+        return False
+
+    def steady(self) -> bool:
+        """Asks again how steady the laser was, now that less of what moves is taken for it; whether
+        that changed, and with it what the data may call for."""
+        before = self.found
+        self.found = steadied(self.sensor, self.data, before, self.settings.outliers)
+        if self.found is before:
             return False
-        best = max(good, key=lambda key: tried[key].fall / tried[key].unknowns ** 0.5)
-        self.take(rest[best], tried[best])
+        self.refused.clear()
         return True
+
+    def run(self) -> None:
+        """Takes all that is good."""
+        for _ in range(ROUNDS):
+            while self.step():
+                pass
+            if not self.steady():
+                break
+
+    def sharpen(self, data: Data) -> None:
+        """Goes on with the noise as it is, once what is large has been taken."""
+        self.data, start = data, self.found
+        robust = self.settings.outliers
+        self.found = fit(self.sensor, data, start.choice, robust, start)
+        self.refused.clear()
 
     def finish(self) -> None:
         """Lets the fit settle, which was cut short on the way."""
@@ -356,7 +433,7 @@ class Searcher:
             row = Row(one.key, one.words, 2 * len(self.data.raw), 0.0, np.nan, True,
                       "the data call for it")  # fmt: skip
             sensor = self.sensor
-            if not self.take(one, row):
+            if not self.take([one], [row]):
                 return
             fall = before.loss - self.found.loss
             if self.found.reduced - 1 > (before.reduced - 1) / 2:
@@ -375,17 +452,47 @@ def beyond_chance(found: Fit) -> float:
     return max(0.0, found.reduced - 1 - chance)
 
 
+def blurred(sensor: Sensor, data: Data, plain: Fit) -> Data:
+    """The samples with a noise that leaves the plain fit's residuals at a few times that.
+
+    Where detectors are so fine that real light leaves residuals of a hundred times their noise, a
+    linear model's own error looks like an effect.
+    """
+    size = NORMAL_MEDIAN * float(np.median(np.abs(plain.left[np.isfinite(data.raw)])))
+    if size < 2 * BLUR:
+        return data
+    return data._replace(noise=deviations(sensor, data) * (size / BLUR))
+
+
+def with_all(sensor: Sensor, data: Data | None, settings: Calibrate, chosen: Choice) -> Choice:
+    """A choice with all candidates beside, but for a coating and a beam that moves."""
+    for one in candidates(sensor, data, settings):
+        chosen = chosen if one.coated or one.beam else with_candidate(chosen, one)
+    return chosen
+
+
+def promised(sensor: Sensor, data: Data, settings: Calibrate, plain: Fit) -> float:
+    """Chi-square for each reading, or its cross-validated one if that is larger, that all
+    candidates together would leave, as the linear model at the plain fit has it."""
+    wide = with_all(sensor, data, settings, plain.choice)
+    after = expected(sums(sensor, data, plain, wide), wide.names)
+    return max(after) / max(float((plain.weights == 1).sum()), 1.0)
+
+
 def search(sensor: Sensor, data: Data, settings: Calibrate, plain: Fit) -> Search:
     """From the plain fit to the one with all that the data or the keys call for."""
     whole = sums(sensor, data, plain, plain.choice)
     left = expected(whole, plain.choice.names)[1]
-    searcher = Searcher(sensor, data, settings, plain)
+    searcher = Searcher(sensor, blurred(sensor, data, plain), settings, plain)
     searcher.ask()
-    while searcher.step():
-        pass
+    searcher.run()
+    if searcher.data is not data:
+        searcher.sharpen(data)
+        searcher.run()
     searcher.move_beam()
     searcher.finish()
     order = [one.key for one in searcher.every]
     rows = sorted(searcher.rows.values(), key=lambda row: order.index(row.key))
+    rows += untold(searcher.every, settings)
     error = error_of(left, plain)
     return Search(searcher.sensor, plain, searcher.found, error, rows)

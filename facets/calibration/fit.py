@@ -40,12 +40,12 @@ from .bundle_adjustment import (
     own_sigma,
     residuals,
 )
+from .small_matrices import one_thread
 from .unknowns import (
     ALL,
     MOUNTING,
     OF_SENSOR,
     PLACE,
-    POWER_DRIFT,
     Choice,
     assigned,
     block,
@@ -277,6 +277,7 @@ class Task:
         return readings, float(redundancy[there].sum())
 
 
+@one_thread
 def fit(
     sensor: Sensor,
     data: Data,
@@ -319,38 +320,6 @@ def prior_information(choice: Choice) -> Floats:
     return matrix
 
 
-#: A laser steadier than this from sample to sample is held to it; one that jumps more stays free.
-STEADY, UNSTEADY = 1e-4, 0.02
-
-
-def steadied(sensor: Sensor, data: Data, found: Fit, robust: float | None) -> Fit:
-    """The fit again, with a laser that drifts slowly and jitters as little as it was seen to.
-
-    With a power for each sample the detectors' gains and the apex's place hardly part: three powers
-    then tell two shares. What the laser did in the first fit says how steady it is.
-    """
-    if data.slow is None or not np.isinf(found.choice.power):
-        return found
-    rows = np.column_stack([np.ones(len(data.slow)), data.slow])
-    power, weight = found.open[:, 6], np.ones(len(rows))
-    for _ in range(5):
-        ways, *_ = np.linalg.lstsq(rows * weight[:, None], power * weight, rcond=None)
-        left = power - rows @ ways
-        jitter = max(STEADY, NORMAL_MEDIAN * float(np.median(np.abs(left))))
-        weight = huber(left / jitter, 3.0)
-    if jitter > UNSTEADY:
-        return found
-    level = found.every[PLACE["beam.power"]]
-    wide = found.choice.and_also({"beam.power": 0.3 * level} | dict.fromkeys(POWER_DRIFT, 0.3))
-    every, opening = found.every.copy(), found.open.copy()
-    every[PLACE["beam.power"]] *= 1 + ways[0]
-    every[block(POWER_DRIFT)] = ways[1:] / (1 + ways[0])
-    opening[:, 6] = left / (1 + ways[0])
-    start = replace(found, every=every, open=opening)
-    again = fit(sensor, data, replace(wide, power=jitter), robust, start)
-    return again if again.ended else found
-
-
 def huber(residual: Floats, limit: float) -> Floats:
     """Roots of weights: 1 up to the limit, then what makes the loss grow straight."""
     if not np.isfinite(limit):
@@ -364,9 +333,10 @@ def cut_variance(limit: float | None) -> float:
     """The variance of a normal deviate that was kept because it is within +- limit."""
     if limit is None:
         return 1.0
-    from scipy.stats import norm
+    from scipy.special import ndtr
 
-    return float(1 - 2 * limit * norm.pdf(limit) / (2 * norm.cdf(limit) - 1))
+    density = np.exp(-(limit**2) / 2) / np.sqrt(2 * np.pi)
+    return float(1 - 2 * limit * density / (2 * ndtr(limit) - 1))
 
 
 def redundancies(found: Linear, weights: Floats, normal: Normal, covariance: Floats) -> Floats:

@@ -17,6 +17,7 @@ from ..core.units import Floats
 from ..model.arrays import readings
 from .bundle_adjustment import OWN, OWN_UNITS, Data, eliminated, linear, own_sigma
 from .fit import opened
+from .small_matrices import one_thread
 from .unknowns import ALL, PLACE, Choice, values_of
 
 #: How much of a pattern is not told, at least, for it to be named; and how large a part of another
@@ -31,6 +32,7 @@ class Direction(NamedTuple):
     words: str
 
 
+@one_thread
 def information(sensor: Sensor, data: Data, choice: Choice) -> Floats:
     """Of the data alone (p, p), in units of what is known before, at the nominal sensor."""
     opening = opened(data, sensor)
@@ -162,6 +164,7 @@ def tilted(sensor: Sensor, axis: str) -> dict[str, float]:
     return parts
 
 
+@one_thread
 def proposed(
     sensor: Sensor, choice: Choice, sigma: Floats, candidates: Floats, count: int
 ) -> tuple[NDArray[np.int64], Floats]:
@@ -170,9 +173,11 @@ def proposed(
     sigma: (6,) of the reference.  Returns their numbers (count,), and `mean_left` after each.
     """
     rows = told_by(sensor, choice, sigma, candidates)
-    covariance, chosen, left = np.eye(len(choice.names)), [], []
+    size = len(choice.names)
+    covariance, chosen, left = np.eye(size), [], []
     for _ in range(count):
-        told = np.eye(9) + rows @ covariance @ np.swapaxes(rows, 1, 2)
+        spread = (rows.reshape(-1, size) @ covariance).reshape(rows.shape)
+        told = np.eye(9) + spread @ np.swapaxes(rows, 1, 2)
         best = int(np.argmax(np.linalg.slogdet(told)[1]))
         chosen.append(best)
         gain = covariance @ rows[best].T

@@ -15,6 +15,7 @@ from ..core.names import DETECTORS, POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.calibrated import MISFIT
+from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, deviations, light_of
 from .candidates import beyond_chance
 from .fit import Fit
@@ -60,9 +61,9 @@ def by_reading(found: Fit, data: Data) -> Floats:
     """The standard deviation of each of the nine readings' residuals over the noise (9,)."""
     over = np.where(found.weights < 1, np.nan, standardised(found))
     over[~np.isfinite(data.raw)] = np.nan
-    with np.errstate(invalid="ignore"):
-        size: Floats = np.sqrt(np.nanmean(over**2, axis=0))
-    return np.nan_to_num(size)
+    count = np.maximum(np.isfinite(over).sum(axis=0), 1)
+    size: Floats = np.sqrt(np.nansum(over**2, axis=0) / count)
+    return size
 
 
 def outliers(found: Fit) -> int:
@@ -72,11 +73,11 @@ def outliers(found: Fit) -> int:
 
 def by_chance(found: Fit) -> float:
     """How many of these noise alone makes."""
-    from scipy.stats import norm
+    from scipy.special import ndtr
 
     if not np.isfinite(found.limit):
         return 0.0
-    inside = 1 - 2 * norm.sf(found.limit)
+    inside = 1 - 2 * ndtr(-found.limit)
     return float(len(found.left) * (1 - inside ** found.left.shape[1]))
 
 
@@ -85,11 +86,11 @@ def by_chance(found: Fit) -> float:
 
 def patterns(found: Fit, data: Data) -> list[Pattern]:
     """What the residuals follow beyond chance, the clearest first; one for each reading."""
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
     over = np.where(found.weights < 1, np.nan, standardised(found))
     over[~np.isfinite(data.raw)] = np.nan
-    limit = float(chi2.isf(PATTERN, BINS))
+    limit = float(chdtri(BINS, PATTERN))
     best: dict[tuple[str, str], Pattern] = {}
     for n in range(9):
         letter, kind = DETECTORS[n // 3].upper(), KINDS[n % 3]
@@ -249,13 +250,36 @@ def moving_beam(found: Fit) -> Finding | None:
 # ---- what the model misses becomes part of the uncertainty
 
 
+#: Standard deviations of chi-square from which on what the model misses widens the uncertainty;
+#: told as a misfit from twice that on.
+DOUBT = 2.0
+#: How well the model of real light holds itself, against rays and propagated fields: of a place,
+#: mm, and of a power, a share. No residual shows it where the unknowns take it up.
+PLACE_HOLDS, POWER_HOLDS = 2e-4, 5e-5
+
+
+def doubtful(found: Fit) -> bool:
+    return bool(found.reduced - 1 > DOUBT * np.sqrt(2 / max(found.freedom, 1.0)))
+
+
 def model_error(found: Fit, data: Data, sensor: Sensor) -> dict[str, float]:
-    """Standard deviations of what the model misses, by `MISFIT`, mm and mW; none within chance."""
-    if beyond_chance(found) == 0:
-        return {}
-    sizes = by_reading(found, data)
-    sigma = np.nanmedian(deviations(sensor, data), axis=0)
-    missed = sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0))
+    """Standard deviations of what the model misses, by `MISFIT`, mm and mW; none within chance
+    where the light is ideal.
+
+    The unknowns take up a part of it, as they do of the noise, and a larger one, since what a model
+    misses changes smoothly from pose to pose: what is seen is put up by the share of noise that
+    stays in the residuals once more.
+    """
+    missed = np.zeros(9)
+    if doubtful(found):
+        sizes = by_reading(found, data)
+        share = float(found.redundancy[np.isfinite(data.raw)].mean())
+        sigma = np.nanmedian(deviations(sensor, data), axis=0)
+        missed = sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(share, 0.1))
+    if any(name in EFFECTS for name in found.choice.names):
+        holds = np.full(9, PLACE_HOLDS)
+        holds[2::3] = POWER_HOLDS * np.nanmedian(data.raw[:, 2::3], axis=0)
+        missed = np.hypot(missed, holds)
     return {name: float(size) for name, size in zip(MISFIT, missed, strict=True) if size > 0}
 
 
@@ -269,7 +293,7 @@ def widened(sensor: Sensor, found: Fit, missed: dict[str, float]) -> Sensor:
     assert known is not None
     if not missed:
         return sensor
-    factor, size = max(1.0, found.reduced), len(known.names)
+    factor, size = found.reduced if doubtful(found) else 1.0, len(known.names)
     matrix = np.zeros((size + len(missed),) * 2)
     matrix[:size, :size] = factor * np.array(known.covariance)
     matrix[range(size, len(matrix)), range(size, len(matrix))] = np.square(list(missed.values()))

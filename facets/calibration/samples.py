@@ -19,13 +19,18 @@ from .unknowns import values_of
 STUCK, MOVED = 0.02, 20.0
 #: An axis counts as moved where its range is so many times the reference's own uncertainty.
 RANGE = 30.0
+#: How far a motion goes in x and y, in diameters of the beam: less is told, more is advised.
+NARROW, WIDE = 0.2, 0.3
+#: The share of readings at the edge beyond which their places are not what they are said to be.
+MOST = 0.7
 #: So few different poses tell nothing that could be trusted.
 FEW = 20
 
 
 def faults(sensor: Sensor, data: Data) -> list[Finding]:
     """What a look at the columns alone tells."""
-    found = [*stuck(sensor, data), *repeats(data), *still(data)]
+    found = [*stuck(sensor, data), *repeats(data), *still(data), *untimed(sensor, data),
+             *narrow(sensor, data)]  # fmt: skip
     return sorted(found, key=lambda one: not one.bad)
 
 
@@ -80,6 +85,60 @@ def still(data: Data) -> list[Finding]:
         f"The motion hardly moves in {', '.join(names)}: what only these axes can tell keeps its "
         "prior value, and poses away from the motion are no better known than the tolerances say."
     ))]  # fmt: skip
+
+
+def narrow(sensor: Sensor, data: Data) -> list[Finding]:
+    """A motion in x and y over which the powers hardly bend."""
+    diameter = min(sensor.beam.diameter_x, sensor.beam.diameter_y)
+    beside = data.pose[:, :2] - data.beam
+    span = np.ptp(beside, axis=0)[np.isfinite(data.sigma[:2])] / 2
+    if not span.size or span.min() >= NARROW * diameter:
+        return []
+    return [Finding(False, (
+        f"The motion reaches {span.min():.2g} mm to each side in x or y. Gains, strips lost at the "
+        "edges and the beam's size part from the mirror's place by powers that bend, from "
+        f"{WIDE * diameter:.2g} mm on; until then all poses may be off in x and y together, by "
+        "what is stated."
+    ))]  # fmt: skip
+
+
+def untimed(sensor: Sensor, data: Data) -> list[Finding]:
+    """Channels that are read one after the other, in a table that does not tell how fast they
+    change."""
+    if data.velocity is not None or not any(sensor.light.delays):
+        return []
+    return [Finding(False, (
+        "sensor.light.delays_us are given, but the table is no motion in time: its readings count "
+        "as read at one instant. Give time_s, or let the mirror stand still at each pose."
+    ))]  # fmt: skip
+
+
+def inside(sensor: Sensor, data: Data) -> tuple[Data, list[Finding]]:
+    """Without what a detector read where its spot lies over the sensitive area's edge.
+
+    There light is lost that the model follows only with `sensor.apertures.detectors`. The other
+    detectors of such a sample stay.
+    """
+    if sensor.apertures.detectors:
+        return data, []
+    spot = max(sensor.beam.diameter_x, sensor.beam.diameter_y)
+    raw, found = data.raw.copy(), list[Finding]()
+    for k, psd in enumerate(sensor.psds):
+        half = np.array([psd.size_y, psd.size_z]) / 2
+        near = (np.abs(raw[:, 3 * k : 3 * k + 2]) > half - spot).any(axis=1)
+        if near.mean() > MOST:  # then these are no places in mm, which is told elsewhere
+            return data, []
+        if not near.any():
+            continue
+        raw[near, 3 * k : 3 * k + 3] = np.nan
+        found.append(Finding(False, (
+            f"In {int(near.sum())} of {len(raw)} samples the spot on detector "
+            f"{DETECTORS[k].upper()} comes nearer than {spot:.2g} mm, its own size, to the edge of "
+            "the sensitive area, where light is lost; what it read there is left out. Keep spots "
+            "1.2 mm from the edges, or set sensor.apertures.detectors."
+        )))  # fmt: skip
+    there = np.asarray(np.isfinite(raw).any(axis=1))
+    return (data._replace(raw=raw).part(there) if found else data), found
 
 
 def distinct(data: Data) -> Data:

@@ -18,7 +18,7 @@ from ..model.arrays import EFFECTS
 from ..model.beam_shape import SHAPE
 from .bundle_adjustment import Data
 from .fit import Fit
-from .unknowns import DRIFTS, MOUNTING, OF_SEAT, POWER_DRIFT, Choice, values_of
+from .unknowns import DRIFTS, MOUNTING, OF_SEAT, POWER_DRIFT, SKEW, Choice, values_of
 
 if TYPE_CHECKING:
     from ..core.sensor import Psd
@@ -218,6 +218,8 @@ def unit_of(name: str, sensor: Sensor) -> tuple[str, float]:
     head, _, part = name.rpartition(".")
     if name in SHAPE:
         return "%", 1600.0 / (sensor.beam.diameter_x * sensor.beam.diameter_y)
+    if name in SKEW:
+        return "us", 1e6
     if part == "delay":
         return "ms", 1e3
     if name in MOUNTING:

@@ -37,6 +37,8 @@ OF_SEAT = (
 SEATS = 4
 MOUNTING = OF_SEAT + tuple(f"seat_{n}.{name}" for n in range(2, SEATS + 1) for name in OF_SEAT)
 DELAY = "reference.delay"
+#: By how much later than the stated time each detector is read, s.
+SKEW = tuple(f"skew_{letter}.delay" for letter in DETECTORS)
 #: What may drift: the beam's place, and each reading of a place.
 OF_DRIFT = ("bx", "by", *(f"{kind}_{k}" for k in DETECTORS for kind in ("psi", "zeta")))
 DRIFTS = tuple(f"{cause}.{what}" for cause in ("time", "temperature") for what in OF_DRIFT)
@@ -46,7 +48,7 @@ POWER_DRIFT = tuple(f"time.power_{n}" for n in range(1, 6))
 
 GEOMETRY = tuple(name for name in PARAMETERS if name not in OF_SHAPE)
 OF_SENSOR = (*GEOMETRY, *SHAPE, *NAMES, *EFFECTS)
-ALL = (*OF_SENSOR, *MOUNTING, DELAY, *DRIFTS, *POWER_DRIFT)
+ALL = (*OF_SENSOR, *MOUNTING, DELAY, *SKEW, *DRIFTS, *POWER_DRIFT)
 PLACE = {name: n for n, name in enumerate(ALL)}
 
 
@@ -92,6 +94,7 @@ def values_of(sensor: Sensor) -> Floats:
     found[block(SHAPE)] = shape_of(*(given[name] for name in OF_SHAPE))
     found[block(NAMES)] = coefficients(sensor)
     found[block(EFFECTS)] = effects(sensor)
+    found[block(SKEW)] = sensor.light.delays
     return found
 
 
@@ -103,7 +106,8 @@ def assigned(sensor: Sensor, values: Floats) -> Sensor:
     made = sensor_with(sensor, [geometry[name] for name in PARAMETERS])
     made = with_corrections(made, values[block(NAMES)])
     made = with_effects(made, values[block(EFFECTS)])
-    return replace(made, calibration=None)
+    a, b, c = values[block(SKEW)].tolist()
+    return replace(made, light=replace(made.light, delays=(a, b, c)), calibration=None)
 
 
 def with_corrections(sensor: Sensor, coefficient: Floats) -> Sensor:

@@ -12,7 +12,8 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.correction import corrected
 from ..estimation.solver import Prior, Solution, solve
-from .bundle_adjustment import OWN, Data, states_of
+from ..model.arrays import readings
+from .bundle_adjustment import OWN, Data, add_skew, states_of
 from .fit import NORMAL_MEDIAN, Fit
 from .unknowns import folded, values_of
 
@@ -44,10 +45,14 @@ def trial(sensor: Sensor, held: Data, values: Floats, found: Fit) -> Trial:
     values: of `ALL`, for where the mirror is on the reference.
     """
     data = held if held.seat is None else held.part(held.seat == 0)
-    truth = states_of(data, np.zeros((len(data.raw), OWN)), folded(values))
+    still, values = np.zeros((len(data.raw), OWN)), folded(values)
+    truth = states_of(data, still, values)
+    exact = readings(sensor, truth)
+    seen = exact.copy()
+    add_skew(seen, sensor, data, still, values)
     solution: Solution = solve(
         sensor,
-        corrected(sensor, data.raw),
+        corrected(sensor, data.raw) - (seen - exact),
         beam=Prior(truth[:, 6:], found.choice.beam),
         power="unknown" if found.choice.power else "known",
         threads=0,

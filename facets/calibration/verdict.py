@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
 from .bundle_adjustment import Data, over_the_run
-from .candidates import Search, beyond_chance, search
-from .fit import Fit, fit, steadied
+from .candidates import Search, beyond_chance, promised, search
+from .fit import Fit, fit
 from .hypotheses import explanation
+from .laser import steadied
 from .misfit import Finding, findings, model_error, pulls, widened
-from .samples import averaged, distinct, faults
+from .samples import averaged, distinct, faults, inside
+from .small_matrices import one_thread
 from .table import split
 from .unknowns import DELAY, Choice
 from .validation import validation
@@ -29,6 +31,13 @@ if TYPE_CHECKING:
 
 #: Errors on held-back samples over the stated ones, from which on they are told, and forbid.
 WIDER, WRONG = 1.5, 4.0
+#: Chi-square for each reading, as effects of light promise it, from which on faults are looked for
+#: before these effects: real light is explained by them nearly whole, a fault is not.
+PROMISING = 2.0
+#: Chi-square for each degree of freedom that no light of a bench makes.
+LIGHT = 300.0
+#: Samples that a fit needs.
+LEAST = 10
 #: How late a reference may be, s, before faults of the data are looked for.
 LATE = 0.01
 
@@ -53,10 +62,16 @@ class Verdict:
         return self.sensor is not None and not any(one.bad for one in self.findings)
 
 
+@one_thread
 def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> Verdict:
     """Fits, tries, judges.  Raises `InputError` where there is too little to fit."""
     early = faults(sensor, data)
-    fitted, held = split(averaged(sensor, over_the_run(distinct(data))), settings.held_back)
+    whole, lost = inside(sensor, distinct(data))
+    early += lost
+    if len(whole.raw) < LEAST:
+        early.insert(0, Finding(True, f"{len(whole.raw)} samples are left: too few."))
+        return Verdict(whole, whole.part(slice(0)), None, None, None, None, early)
+    fitted, held = split(averaged(sensor, over_the_run(whole)), settings.held_back)
     if any(one.bad for one in early):
         return Verdict(fitted, held, None, None, None, None, early)
     plain = fit(sensor, fitted, chosen, settings.outliers)
@@ -66,11 +81,21 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
         plain = plain if hopeless or plain.ended else late
     else:
         hopeless = suspicious(sensor, plain)
-    if hopeless and (told := explanation(sensor, fitted, chosen)):
+    promising = (
+        hopeless
+        and plain.ended
+        and plain.reduced < LIGHT
+        and promised(sensor, fitted, settings, plain) < PROMISING
+    )
+    if hopeless and not promising and (told := explanation(sensor, fitted, chosen)):
         return Verdict(fitted, held, plain, None, None, None, [told.finding, *early])
     plain = steadied(sensor, fitted, plain, settings.outliers)
     done = search(sensor, fitted, settings, plain)
     found = done.found
+    if promising and suspicious(done.sensor, found) and (
+        told := explanation(sensor, fitted, chosen)
+    ):  # fmt: skip
+        return Verdict(fitted, held, plain, None, None, None, [told.finding, *early])
     if not found.ended:
         said = [unsettled(found), *pulls(sensor, found), *early]
         return Verdict(fitted, held, found, done, None, None, said)

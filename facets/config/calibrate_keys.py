@@ -77,6 +77,7 @@ class Effects(Section):
     bend: Decision = Field("auto", description="detectors that are not linear: 2nd and 3rd order")
     beam_moves: Decision = Field("auto", description="the beam's place, sample by sample")
     delay: Decision = Field("auto", description="a reference that is late, or early")
+    channel_skew: Decision = Field("auto", description="detectors read one after the other")
     time_drift: Decision = Field("auto", description="beam and detectors that drift with time")
     temperature_drift: Decision = Field("auto", description="the same by temperature_c")
 

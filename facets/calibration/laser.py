@@ -1,0 +1,89 @@
+"""How steady the laser's power was: what a fit says of it, and the fit again with that known.
+
+With a power for each sample the detectors' gains and the apex's place hardly part: three powers
+then tell two shares. A laser drifts slowly and jitters little; how little is taken from the data,
+by the likelihood of the readings once everything else is free (restricted maximum likelihood).
+The scatter of the powers that a fit finds would be no measure: most of it is the fit's own noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..core.sensor import Sensor
+from ..core.units import Floats
+from .bundle_adjustment import OWN_UNITS, Data, eliminated, own_sigma
+from .fit import NORMAL_MEDIAN, Fit, Guess, Task, fit, huber
+from .unknowns import PLACE, POWER_DRIFT, Choice, block
+
+#: Jitters that are tried, shares from sample to sample; one beyond the last stays free.
+JITTERS = np.geomspace(5e-5, 0.02, 14)
+#: How much less likely a jitter may be than the likeliest, in -2 log L: one standard deviation. The
+#: largest such is taken, since a laser that is thought too steady makes poses look better known.
+LIKELY = 1.0
+#: A jitter that changes by less than this factor changes no fit.
+SAME = 1.25
+#: What the slow drift may be, a share, 1 sigma.
+DRIFT = 0.3
+
+
+def steadied(sensor: Sensor, data: Data, found: Fit, robust: float | None) -> Fit:
+    """The fit again, with a laser that drifts slowly and jitters as little as the data say.
+
+    Where the jitter is not what the fit took it for. The fit as it was, where the laser jumps.
+    """
+    if data.slow is None or not found.choice.power:
+        return found
+    start = found if np.isfinite(found.choice.power) else drifting(data, found)
+    jitter = likely_jitter(sensor, data, start, robust)
+    before = found.choice.power
+    if jitter is None or max(jitter, before) < SAME * min(jitter, before):
+        return found
+    again = fit(sensor, data, replace(start.choice, power=jitter), robust, start)
+    return again if again.ended else found
+
+
+def drifting(data: Data, found: Fit) -> Fit:
+    """A fit with a power for each sample, told as one with a slow drift; not fitted yet."""
+    assert data.slow is not None
+    rows = np.column_stack([np.ones(len(data.slow)), data.slow])
+    power, weight = found.open[:, 6], np.ones(len(rows))
+    for _ in range(5):
+        ways, *_ = np.linalg.lstsq(rows * weight[:, None], power * weight, rcond=None)
+        left = power - rows @ ways
+        jitter = max(float(JITTERS[0]), NORMAL_MEDIAN * float(np.median(np.abs(left))))
+        weight = huber(left / jitter, 3.0)
+    level = found.every[PLACE["beam.power"]]
+    known = {"beam.power": DRIFT * level} | dict.fromkeys(POWER_DRIFT, DRIFT)
+    every, opening = found.every.copy(), found.open.copy()
+    every[PLACE["beam.power"]] *= 1 + ways[0]
+    every[block(POWER_DRIFT)] = ways[1:] / (1 + ways[0])
+    opening[:, 6] = left / (1 + ways[0])
+    wide = replace(found.choice.and_also(known), power=jitter)
+    return replace(found, choice=wide, every=every, open=opening)
+
+
+def likely_jitter(sensor: Sensor, data: Data, start: Fit, robust: float | None) -> float | None:
+    """The largest jitter that is about as likely as the likeliest; None beyond all of `JITTERS`."""
+    task = Task(sensor, data, start.choice, robust)
+    at = task.guess(start.every, start.open)
+    unlikely = unlikelihoods(task, at, start.choice)
+    good = np.flatnonzero(unlikely < unlikely.min() + LIKELY)
+    return None if good[-1] == len(JITTERS) - 1 else float(JITTERS[good[-1]])
+
+
+def unlikelihoods(task: Task, at: Guess, choice: Choice) -> Floats:
+    """-2 log L of each of `JITTERS`, but for a constant, by the model linearised there."""
+    found, weights, _ = task.linearised(at, task.limit(at))
+    out = np.empty(len(JITTERS))
+    for n, jitter in enumerate(JITTERS.tolist()):
+        own = own_sigma(task.data, replace(choice, power=jitter))
+        normal = eliminated(found, weights, at.opening, own)
+        matrix, side = task.whole(at, normal)
+        fall = float(side @ np.linalg.solve(matrix, side))
+        inner = np.linalg.slogdet(normal.inner)[1].sum()
+        before = len(at.opening) * np.log((OWN_UNITS[6] / jitter) ** 2)
+        out[n] = normal.level - fall + np.linalg.slogdet(matrix)[1] + inner - before
+    return out

@@ -1,0 +1,96 @@
+"""How a fit gets to its end: in short fits, from far away, from any side; and the laser in it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from facets.experiments import rigs
+
+import facets
+from facets.calibration.bundle_adjustment import Data, over_the_run, states_of
+from facets.calibration.candidates import search
+from facets.calibration.fit import fit
+from facets.calibration.laser import steadied
+from facets.calibration.table import choice
+from facets.calibration.unknowns import PLACE
+from facets.detectors.correction import uncorrected
+from facets.detectors.noise import add_noise
+
+CONFIG = facets.load("paper")
+NOMINAL, SETTINGS = CONFIG.sensor, CONFIG.calibrate
+OFF = dict.fromkeys(SETTINGS.effects, "off")
+BOX = np.array([0.25, 0.25, *rigs.BOX[2:]])
+
+
+def samples(count, light=NOMINAL.light, power=1.0, seed=5):
+    """Readings of a rig with some light, of a laser whose power changes."""
+    rng = np.random.default_rng(seed)
+    rig = rigs.drawn(NOMINAL, rng)
+    pose = rng.uniform(-1, 1, (count, 6)) * BOX
+    data = Data(np.empty((count, 9)), pose, rigs.REFERENCE, np.zeros((count, 2)))
+    sensor = replace(rig.sensor, light=light)
+    exact = facets.readings(sensor, states_of(data, np.zeros((count, 9)), rig.values))
+    exact[:, 2::3] *= np.broadcast_to(power, count)[:, None]
+    raw = uncorrected(sensor, add_noise(sensor, exact, rng))
+    return rig, over_the_run(data._replace(raw=raw))
+
+
+def test_short_fits_end_where_a_long_one_does():
+    """A fit cut short says so, and goes on from where it was."""
+    _, data = samples(40)
+    whole = fit(NOMINAL, data, rigs.choice(), None)
+    short = fit(NOMINAL, data, rigs.choice(), None, most=1, enough=1e-6)
+    assert whole.ended
+    assert not short.ended
+    assert "still falls by" in short.cause
+    assert short.loss > whole.loss + 1
+    again = fit(NOMINAL, data, rigs.choice(), None, start=short)
+    assert again.loss == pytest.approx(whole.loss, abs=0.01)
+    off = (again.values - whole.values) / whole.uncertainty
+    assert np.abs(off).max() < 0.1
+
+
+def test_a_fit_comes_back_from_far_away():
+    """Ten tolerances off in everything, where a plain step leads nowhere."""
+    _, data = samples(40)
+    chosen = rigs.choice()
+    whole = fit(NOMINAL, data, chosen, None)
+    every = whole.every.copy()
+    rng = np.random.default_rng(1)
+    every[chosen.places] += 10 * chosen.sigma * rng.uniform(-1, 1, len(chosen.names))
+    back = fit(NOMINAL, data, chosen, None, start=replace(whole, every=every))
+    assert back.ended
+    assert back.loss == pytest.approx(whole.loss, abs=0.01)
+
+
+@pytest.mark.parametrize("turn", [20, 65, 110, 155])
+def test_a_coating_is_found_whatever_the_polarisation(turn):
+    """Half a turn is a whole period: from one start, some would end on the wrong side."""
+    true = np.radians(turn)
+    light = replace(NOMINAL.light, index=(1.37, 7.62), polarization=float(true))
+    _, data = samples(80, light)
+    asked = replace(SETTINGS, effects=OFF | {"coating": "auto"}, power_per_sample=False)
+    done = search(NOMINAL, data, asked, fit(NOMINAL, data, choice(NOMINAL, asked)))
+    assert [row.taken for row in done.rows] == [True]
+    found = done.found.every[PLACE["light.polarization"]]
+    sigma = done.found.uncertainty[done.found.choice.names.index("light.polarization")]
+    off = (found - true + np.pi / 2) % np.pi - np.pi / 2
+    assert abs(off) < 4 * sigma
+    assert sigma < 0.1
+
+
+@pytest.mark.parametrize("jitter", [0.0, 2e-3])
+def test_a_laser_s_steadiness_is_taken_from_the_readings(jitter):
+    """Not from the powers that a fit finds, whose scatter is mostly the fit's own."""
+    count = 60
+    rng = np.random.default_rng(4)
+    power = 1 + 0.01 * np.sin(np.linspace(0, 3, count)) + jitter * rng.normal(size=count)
+    _, data = samples(count, power=power)
+    free = fit(NOMINAL, data, choice(NOMINAL, SETTINGS))
+    found = steadied(NOMINAL, data, free, SETTINGS.outliers)
+    assert found.choice.power == pytest.approx(max(jitter, 2e-4), rel=0.8)
+    if not jitter:
+        place = found.choice.names.index("apex.x")
+        assert found.uncertainty[place] < 0.5 * free.uncertainty[free.choice.names.index("apex.x")]
