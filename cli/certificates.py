@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from facets.core.units import Floats
     from facets.proof.range_cover import RangeCover
     from facets.proof.tolerances import Tolerances
-    from facets.proof.uniqueness import Certificate, Piece
+    from facets.proof.pieces import Piece
+    from facets.proof.uniqueness import Certificate
 
 
 @dataclass(frozen=True)

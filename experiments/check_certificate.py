@@ -25,7 +25,7 @@ import json
 import sys
 from dataclasses import dataclass, field
 from fractions import Fraction
-from itertools import product
+from itertools import pairwise, product
 from math import floor, radians
 from pathlib import Path
 from typing import Any
@@ -319,12 +319,16 @@ def least_sine(opening: Any) -> Any:
     return arb(1) if opening <= arb.pi() / 2 else opening.upper().sin()
 
 
+def parts_of(low: float, high: float, count: int) -> list[float]:
+    """The ends of equal parts; the last is `high` itself, not what rounding makes of it."""
+    return [low, *(low + (high - low) * part / count for part in range(1, count)), high]
+
+
 def check_light(rig: Rig, content: dict[str, Any]) -> None:
     """The bounds of the light, over the square beyond which a facet lacks its least share."""
     low, high, least = content["low"], content["high"], content["least_share"]
-    places = [low[5] + (high[5] - low[5]) * part / PARTS for part in range(PARTS)] + [high[5]]
-    for part in range(PARTS if high[5] > low[5] else 1):
-        yaw = span(places[part], places[part + 1])
+    count = PARTS if high[5] > low[5] else 1
+    for yaw in (span(*part) for part in pairwise(parts_of(low[5], high[5], count))):
         edges = edges_of(rig, [span(low[3], high[3]), span(low[4], high[4]), yaw])
         turn = 2 * arb.pi()
         gaps = [edges[(k + 1) % 3][0] - edges[k][0] for k in range(3)]

@@ -19,10 +19,10 @@ certificate again with none of this code.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise, product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from flint import arb
@@ -49,10 +49,9 @@ from .light_sharing import (
     hull_of_bounds,
     least_share_over,
 )
+from .pieces import Piece, cut_in_two, pieces_of, shares_of
 from .spot_jacobian import NotFacing, interval_geometry, intervals, scene_of, spot_jacobian
 
-#: Into how many pieces each axis of the pose is cut to begin with: tx ty tz roll pitch yaw.
-PIECES = (2, 2, 1, 3, 3, 3)
 #: A piece is halved at most so many times.
 DEPTH = 12
 #: So many pieces without a proof end the search: there would be more.
@@ -61,17 +60,6 @@ ENOUGH = 20
 WORK = 20_000
 #: And for the light each angle is cut into: roll pitch yaw.
 TURNS = (1, 1, 3)
-
-
-class Piece(NamedTuple):
-    """A box of poses, low and high (6,), mm and rad, and a lower bound there of Eq. (11)'s |det|.
-
-    at_least: 0 where nothing was proved.
-    """
-
-    low: tuple[float, ...]
-    high: tuple[float, ...]
-    at_least: float
 
 
 @dataclass
@@ -186,7 +174,7 @@ def prove_pieces(
         found.work += 1
         late = found.work >= work or time.perf_counter() > deadline
         if not (least > 0 or depth == DEPTH or late):
-            todo += halves(low, high, depth, found.box)
+            todo += [(a, b, depth + 1) for a, b in cut_in_two(low, high, shares_of(found.box))]
             continue
         piece = Piece(tuple(low.tolist()), tuple(high.tolist()), least)
         if matrix is not None and least > 0:
@@ -243,25 +231,6 @@ def slope_of_powers(sensor: Geometry, shares: SharingBounds) -> Ball:
     white = sensor.whitening
     area = white[0][0] * white[1][1] - white[0][1] * white[1][0]
     return positive(positive(sensor.power**2, shares.slope), area)
-
-
-def pieces_of(box: StateBox) -> Iterator[tuple[Floats, Floats]]:
-    """The box of poses, cut to begin with."""
-    counts = [n if box.high[i] > box.low[i] else 1 for i, n in enumerate(PIECES)]
-    places = [np.linspace(box.low[i], box.high[i], n + 1) for i, n in enumerate(counts)]
-    for cell in product(*(range(n) for n in counts)):
-        low = np.array([places[i][n] for i, n in enumerate(cell)])
-        yield low, np.array([places[i][n + 1] for i, n in enumerate(cell)])
-
-
-def halves(low: Floats, high: Floats, depth: int, box: StateBox) -> list[Any]:
-    """A piece cut in two across the axis in which it is longest, as shares of the box."""
-    width = np.where(box.high[:6] > box.low[:6], box.high[:6] - box.low[:6], np.inf)
-    axis = int(((high - low) / width).argmax())
-    middle = (low[axis] + high[axis]) / 2
-    first, second = high.copy(), low.copy()
-    first[axis] = second[axis] = middle
-    return [(low, first, depth + 1), (second, high, depth + 1)]
 
 
 def as_numbers(shares: SharingBounds) -> dict[str, Any]:
