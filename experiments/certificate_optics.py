@@ -22,7 +22,10 @@ def span(low: Any, high: Any) -> Any:
 
 
 class Dual:
-    """A value and its derivatives by tx, ty, tz, roll, pitch, yaw; intervals."""
+    """A value and its derivatives by tx, ty, tz, roll, pitch, yaw; intervals.
+
+    The value may be such a number too, and the derivatives then carry theirs. It compares by it.
+    """
 
     def __init__(self, value: Any, slope: list[Any] | None = None) -> None:
         self.value, self.slope = value, [arb(0)] * 6 if slope is None else slope
@@ -46,17 +49,27 @@ class Dual:
     def __neg__(self) -> Dual:
         return self * arb(-1)
 
+    def __rsub__(self, other: Any) -> Dual:
+        return -self + other
+
+    def __rtruediv__(self, other: Any) -> Dual:
+        return Dual(other) / self
+
+    def __lt__(self, other: Any) -> bool:
+        return bool(self.value < other)
+
+    def __gt__(self, other: Any) -> bool:
+        return bool(self.value > other)
+
+    def sin(self) -> Dual:
+        return Dual(self.value.sin(), [self.value.cos() * d for d in self.slope])
+
+    def cos(self) -> Dual:
+        return Dual(self.value.cos(), [-self.value.sin() * d for d in self.slope])
+
     def __sub__(self, other: Any) -> Dual:
         difference: Dual = self + other * arb(-1)
         return difference
-
-
-def sine(x: Dual) -> Dual:
-    return Dual(x.value.sin(), [x.value.cos() * d for d in x.slope])
-
-
-def cosine(x: Dual) -> Dual:
-    return Dual(x.value.cos(), [-x.value.sin() * d for d in x.slope])
 
 
 def inner(a: Any, b: Any) -> Any:
@@ -67,18 +80,18 @@ def product_of(a: Any, b: Any) -> Any:
     return [[inner(row, [b[0][j], b[1][j], b[2][j]]) for j in range(3)] for row in a]
 
 
-def turned(angles: Any, sin: Any, cos: Any, one: Any) -> Any:
+def turned(angles: Any, one: Any) -> Any:
     """Rz(yaw) Ry(pitch) Rx(roll), as three rows."""
     roll, pitch, yaw = angles
     none = one * arb(0)
-    x = [[one, none, none], [none, cos(roll), -sin(roll)], [none, sin(roll), cos(roll)]]
-    y = [[cos(pitch), none, sin(pitch)], [none, one, none], [-sin(pitch), none, cos(pitch)]]
-    z = [[cos(yaw), -sin(yaw), none], [sin(yaw), cos(yaw), none], [none, none, one]]
+    x = [[one, none, none], [none, roll.cos(), -roll.sin()], [none, roll.sin(), roll.cos()]]
+    y = [[pitch.cos(), none, pitch.sin()], [none, one, none], [-pitch.sin(), none, pitch.cos()]]
+    z = [[yaw.cos(), -yaw.sin(), none], [yaw.sin(), yaw.cos(), none], [none, none, one]]
     return product_of(z, product_of(y, x))
 
 
 def turned_by(roll: Any, pitch: Any, yaw: Any) -> Any:
-    return turned((roll, pitch, yaw), lambda a: a.sin(), lambda a: a.cos(), arb(1))
+    return turned((roll, pitch, yaw), arb(1))
 
 
 class Rig:
@@ -112,11 +125,16 @@ class Rig:
         return [inner(v, a) * (1 / s) for a, s in zip(self.across, self.sigma, strict=True)]
 
 
+def unknown(box: list[Any]) -> list[Dual]:
+    """The pose, by itself."""
+    return [Dual(x, [arb(i == j) for j in range(6)]) for i, x in enumerate(box)]
+
+
 def spots(rig: Rig, box: list[Any], light: Any) -> list[Dual]:
     """psi and zeta of the three detectors, with their derivatives at fixed shares of the light."""
-    unknown = [Dual(x, [arb(i == j) for j in range(6)]) for i, x in enumerate(box)]
-    turn = turned((unknown[3], unknown[4], unknown[5]), sine, cosine, Dual(arb(1)))
-    apex, out = unknown[:3], []
+    pose = unknown(box)
+    turn = turned(pose[3:], Dual(arb(1)))
+    apex, out = pose[:3], []
     for k in range(3):
         normal = [inner(row, rig.normals[k]) for row in turn]
         middle = [
@@ -146,7 +164,7 @@ def spots(rig: Rig, box: list[Any], light: Any) -> list[Dual]:
 def edges_of(rig: Rig, angles: list[Any]) -> list[tuple[Any, list[Any]]]:
     """Of each edge, its angle seen along the beam and how that changes with roll, pitch and yaw."""
     own = [Dual(x, [arb(0)] * 3 + [arb(i == j) for j in range(3)]) for i, x in enumerate(angles)]
-    turn = turned((own[0], own[1], own[2]), sine, cosine, Dual(arb(1)))
+    turn = turned((own[0], own[1], own[2]), Dual(arb(1)))
     found = []
     for k in range(3):
         a, b = rig.normals[k], rig.normals[k - 1]

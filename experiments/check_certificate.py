@@ -23,16 +23,16 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
-from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import pairwise, product
 from math import floor, radians
 from pathlib import Path
 from typing import Any
 
-from flint import arb, arb_mat
+from flint import arb
 
-from .certificate_optics import Rig, edges_of, farthest_offset, openings_between, span, spots
+from .certificate_optics import Rig, edges_of, farthest_offset, openings_between, span
+from .certificate_pieces import Finding, check_hull, check_middles, check_pieces
 from .certificate_range import check_range
 from .certificate_schema import SCHEMA, Refused, conform, refuse_unless
 
@@ -43,25 +43,6 @@ CELLS, RAYS, PARTS = 8, 24, 3
 DEPTH = 8
 #: What a parameter can be off its key by rounding.
 ROUNDED = 1e-12
-
-
-@dataclass
-class Finding:
-    """What was found again: a lower bound of the margin and of Eq. (11)'s |det|, and what was not.
-
-    verified: what the box holds.  not_verified: sentences.
-    """
-
-    margin: Fraction = Fraction(0)
-    determinant: Fraction = Fraction(0)
-    verified: list[str] = field(default_factory=list)
-    not_verified: list[str] = field(default_factory=list)
-
-
-def exactly(x: Any) -> Fraction:
-    """An exact number as a fraction."""
-    value = x.fmpq()
-    return Fraction(int(value.p), int(value.q))
 
 
 def not_below_zero(x: Any) -> Any:
@@ -229,61 +210,6 @@ def best_cut(low: Ends, high: Ends, pieces: list[Any]) -> tuple[int, float]:
     return min(sorted(edges), key=cost)
 
 
-Rows = list[list[Any]]
-
-
-def check_pieces(rig: Rig, content: dict[str, Any], found: Finding) -> Rows:
-    """The hull of the pieces' Jacobians; finds the determinants again."""
-    light, hull, unverified = content["light"], None, 0
-    slope = arb(light["slope"][0]) * rig.power.lower() ** 2 / (rig.sigma[0] * rig.sigma[1])
-    least: list[Fraction] = []
-    for piece in content["pieces"]:
-        box = [span(a, b) for a, b in zip(piece["low"], piece["high"], strict=True)]
-        rows = [spot.slope for spot in spots(rig, box, light)]
-        size = determinant_of(rows, content["inverse"]) * slope
-        claim = arb(piece["at_least"])
-        refuse_unless(
-            not size.abs_upper() < claim, "a piece claims a larger determinant than it has"
-        )
-        least.append(
-            max(exactly(size.abs_lower()), Fraction(0)) if size.is_finite() else Fraction(0)
-        )
-        unverified += least[-1] < Fraction(piece["at_least"])
-        hull = rows if hull is None else [
-            [x.union(y) for x, y in zip(a, b, strict=True)] for a, b in zip(hull, rows, strict=True)
-        ]  # fmt: skip
-    found.determinant = min(least)
-    claims = min(Fraction(piece["at_least"]) for piece in content["pieces"])
-    lowest = Fraction(content["least_determinant"]) <= claims
-    refuse_unless(lowest, "least_determinant is more than its least piece claims")
-    if unverified:
-        found.not_verified.append(f"the bound of the determinant in {unverified} pieces")
-    return hull or []
-
-
-def determinant_of(rows: Rows, inverse: list[list[float]]) -> Any:
-    """Of an interval matrix, by that of its product with a matrix that nearly inverts it."""
-    near = arb_mat(inverse)
-    return (near * arb_mat(rows)).det() / near.det()
-
-
-def check_hull(hull: Rows, content: dict[str, Any], found: Finding) -> None:
-    """By how much |1 - C M| shrinks the weights, for every M in the hull of the pieces."""
-    inverse, weights = content["inverse"], content["weights"]
-    margins = []
-    for i in range(6):
-        row = arb(0)
-        for j in range(6):
-            entry = sum(arb(inverse[i][k]) * hull[k][j] for k in range(6)) - (i == j)
-            row += entry.abs_upper() * weights[j]
-        refuse_unless(row < weights[i], f"the hull of the Jacobians may be singular: row {i + 1} of"
-                      f" |1 - C M| times the weights is {row}, not below its own")  # fmt: skip
-        margins.append(exactly((1 - row / weights[i]).lower()))
-    found.margin = min(margins)
-    if found.margin < Fraction(content["margin"]):
-        found.not_verified.append(f"the margin of {content['margin']:.4g}")
-
-
 def check_configuration(content: dict[str, Any], found: Finding) -> None:
     """The checksum of the resolved configuration, and that the parameters are its sensor's."""
     resolved, checksum = content["resolved"], content.get("config_sha256")
@@ -371,7 +297,11 @@ def check(path: Path) -> Finding:
     rig = Rig(content["parameters"], content["tolerances"])
     refuse_unless(rig.power > 0 and all(s > 0 for s in rig.sigma), "the beam has no power or width")
     check_light(rig, content)
-    check_hull(check_pieces(rig, content, found), content, found)
+    jacobians = check_pieces(rig, content, found)
+    if content.get("middles") is None:
+        check_hull(jacobians, content, found)
+    else:
+        check_middles(rig, jacobians, content, found)
     if content["range"] is not None:
         found.verified, unverified = check_range(rig, content)
         found.not_verified += unverified
