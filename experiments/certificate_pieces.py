@@ -203,6 +203,9 @@ def check_middles(
         power = arb(margin.numerator) / margin.denominator
         bound = power**6 / arb_mat(inverse).det() * slope
         sizes.append(max(lowest(bound), lowest(determinant_of(rows) * slope)))
+        claim = arb(content["least_determinant"])
+        refuse_unless(not (determinant_of(rows) * slope).abs_upper() < claim,
+                      "least_determinant is a larger determinant than it has")  # fmt: skip
     found.margin, found.determinant = min(margins), max(found.determinant, min(sizes))
     if found.determinant < Fraction(content["least_determinant"]):
         found.not_verified.append(f"the determinant's bound of {content['least_determinant']:.4g}")

@@ -25,8 +25,8 @@ from .light_sharing import SharingBounds
 from .pieces import Piece, cut_in_two, pieces_of, shares_of
 from .spot_jacobian import Centred, centred_jacobian, intervals
 
-#: So many pieces are looked at for the middle of the way.
-WORK = 4000
+#: So many pieces are looked at for the middle of the way, and each is halved so many times.
+WORK, DEPTH = 4000, 12
 
 
 class Affine(NamedTuple):
@@ -77,19 +77,21 @@ def prove_by_middles(
     """jacobians: over pieces that fill the box.  slope: of the powers, a lower bound."""
     affine = affine_part(sensor, shares, box)
     rest = hull_of_matrices([rest_of(affine, jacobian) for jacobian in jacobians])
-    pieces, margin, todo = [], 1.0, list(pieces_of(box))
+    pieces, margin, todo = [], 1.0, [(*piece, 0) for piece in pieces_of(box)]
     for _ in range(WORK):
         if not todo:
             return ByMiddles(affine, rest, pieces, margin)
-        low, high = todo.pop()
+        low, high, depth = todo.pop()
         matrix = added(affine.over(intervals(low, high)), rest)
         found = regularity(matrix)[0]
         if found > 0:
             margin = min(margin, found)
             least = determinant_bound(matrix, slope, found)
             pieces.append(Piece(tuple(low.tolist()), tuple(high.tolist()), least))
+        elif depth == DEPTH:
+            break
         else:
-            todo += cut_in_two(low, high, shares_of(box))
+            todo += [(*part, depth + 1) for part in cut_in_two(low, high, shares_of(box))]
     return ByMiddles(affine, rest, pieces, -np.inf)
 
 

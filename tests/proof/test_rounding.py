@@ -9,7 +9,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from facets.cli import certificates
-from facets.experiments import certificate_optics
+from facets.experiments import certificate_optics, certificate_pieces
 from facets.experiments import check_certificate as checker
 from flint import arb
 from sensors import SENSORS
@@ -45,8 +45,8 @@ def test_a_bound_is_told_rounded_down(value):
 
 
 def test_the_checker_takes_a_ball_s_end_as_it_is():
-    assert checker.exactly((arb(1) / 3).lower()) < Fraction(1, 3)
-    assert checker.exactly((arb(1) / 3).upper()) > Fraction(1, 3)
+    assert certificate_pieces.exactly((arb(1) / 3).lower()) < Fraction(1, 3)
+    assert certificate_pieces.exactly((arb(1) / 3).upper()) > Fraction(1, 3)
 
 
 def test_parts_of_a_side_reach_its_ends_to_the_last_digit():
