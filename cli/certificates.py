@@ -15,9 +15,10 @@ if TYPE_CHECKING:
     from facets.characterization.state_box import StateBox
     from facets.config import Config
     from facets.core.units import Floats
+    from facets.proof.pieces import Piece
     from facets.proof.range_cover import RangeCover
     from facets.proof.tolerances import Tolerances
-    from facets.proof.uniqueness import Certificate, Piece
+    from facets.proof.uniqueness import Certificate
 
 
 @dataclass(frozen=True)

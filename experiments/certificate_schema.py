@@ -50,7 +50,24 @@ RANGE = record(
         "boxes": {"type": "integer", "minimum": 0},
     }
 )
-ABOUT = ("config", "config_sha256", "facets", "seed", "command", "made", "seconds", "work")
+AFFINE = record(
+    {
+        "place": array(NUMBER, 6),
+        "value": array(array(NUMBER, 6), 6),
+        "slopes": array(array(array(NUMBER, 6), 6), 6),
+    }
+)
+ABOUT = (
+    "config",
+    "config_sha256",
+    "facets",
+    "seed",
+    "command",
+    "made",
+    "seconds",
+    "work",
+    "middles",
+)
 SCHEMA: dict[str, Any] = {
     "$schema": "https://json-schema.org/draft/2020-12/schema",
     "title": FORMAT,
@@ -78,6 +95,7 @@ SCHEMA: dict[str, Any] = {
             "least_determinant": LENGTH,
             "reason": {"const": ""},
             "light": LIGHT,
+            "middles": {**AFFINE, "type": ["object", "null"]},
             "inverse": array(array(NUMBER, 6), 6),
             "weights": array({"type": "number", "exclusiveMinimum": 0}, 6),
             "pieces": {"type": "array", "items": PIECE, "minItems": 1},

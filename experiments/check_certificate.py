@@ -23,189 +23,26 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
-from dataclasses import dataclass, field
 from fractions import Fraction
-from itertools import product
+from itertools import pairwise, product
 from math import floor, radians
 from pathlib import Path
 from typing import Any
 
-from flint import arb, arb_mat
+from flint import arb
 
+from .certificate_optics import Rig, edges_of, farthest_offset, openings_between, span
+from .certificate_pieces import Finding, check_hull, check_middles, check_pieces
+from .certificate_range import check_range
 from .certificate_schema import SCHEMA, Refused, conform, refuse_unless
 
-#: Cells on each side of the square of offsets, rays across a facet, and parts of the yaw range.
+#: Cells on each side of the square of offsets, rays across a facet (more in cells that were cut),
+#: and parts of the yaw range.
 CELLS, RAYS, PARTS = 8, 24, 3
 #: A cell is quartered so many times until the bounds of the light hold in it.
 DEPTH = 8
-#: How far the apex is looked for, sigmas, and in what steps the square is made smaller.
-FARTHEST, STEPS = 8, 32
 #: What a parameter can be off its key by rounding.
 ROUNDED = 1e-12
-
-
-@dataclass
-class Finding:
-    """What was found again: a lower bound of the margin and of Eq. (11)'s |det|, and what was not.
-
-    not_verified: sentences.
-    """
-
-    margin: Fraction = Fraction(0)
-    determinant: Fraction = Fraction(0)
-    not_verified: list[str] = field(default_factory=list)
-
-
-def span(low: Any, high: Any) -> Any:
-    """The interval between two exact numbers."""
-    return arb(low).union(arb(high))
-
-
-def exactly(x: Any) -> Fraction:
-    """An exact number as a fraction."""
-    value = x.fmpq()
-    return Fraction(int(value.p), int(value.q))
-
-
-class Dual:
-    """A value and its derivatives by tx, ty, tz, roll, pitch, yaw; intervals."""
-
-    def __init__(self, value: Any, slope: list[Any] | None = None) -> None:
-        self.value, self.slope = value, [arb(0)] * 6 if slope is None else slope
-
-    def __add__(self, other: Any) -> Dual:
-        b = other if isinstance(other, Dual) else Dual(other)
-        return Dual(self.value + b.value, [x + y for x, y in zip(self.slope, b.slope, strict=True)])
-
-    def __mul__(self, other: Any) -> Dual:
-        b = other if isinstance(other, Dual) else Dual(other)
-        both = zip(self.slope, b.slope, strict=True)
-        return Dual(self.value * b.value, [x * b.value + self.value * y for x, y in both])
-
-    def __truediv__(self, other: Dual) -> Dual:
-        ratio = self.value / other.value
-        both = zip(self.slope, other.slope, strict=True)
-        return Dual(ratio, [(x - ratio * y) / other.value for x, y in both])
-
-    __radd__, __rmul__ = __add__, __mul__
-
-    def __neg__(self) -> Dual:
-        return self * arb(-1)
-
-    def __sub__(self, other: Any) -> Dual:
-        difference: Dual = self + other * arb(-1)
-        return difference
-
-
-def sine(x: Dual) -> Dual:
-    return Dual(x.value.sin(), [x.value.cos() * d for d in x.slope])
-
-
-def cosine(x: Dual) -> Dual:
-    return Dual(x.value.cos(), [-x.value.sin() * d for d in x.slope])
-
-
-def inner(a: Any, b: Any) -> Any:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def product_of(a: Any, b: Any) -> Any:
-    return [[inner(row, [b[0][j], b[1][j], b[2][j]]) for j in range(3)] for row in a]
-
-
-def turned(angles: Any, sin: Any, cos: Any, one: Any) -> Any:
-    """Rz(yaw) Ry(pitch) Rx(roll), as three rows."""
-    roll, pitch, yaw = angles
-    none = one * arb(0)
-    x = [[one, none, none], [none, cos(roll), -sin(roll)], [none, sin(roll), cos(roll)]]
-    y = [[cos(pitch), none, sin(pitch)], [none, one, none], [-sin(pitch), none, cos(pitch)]]
-    z = [[cos(yaw), -sin(yaw), none], [sin(yaw), cos(yaw), none], [none, none, one]]
-    return product_of(z, product_of(y, x))
-
-
-def turned_by(roll: Any, pitch: Any, yaw: Any) -> Any:
-    return turned((roll, pitch, yaw), lambda a: a.sin(), lambda a: a.cos(), arb(1))
-
-
-class Rig:
-    """All sensors whose 30 parameters, in the order of `facets.PARAMETERS`, are off so much."""
-
-    def __init__(self, parameters: list[float], tolerances: list[float]) -> None:
-        p = [
-            arb(value) if off == 0 else (arb(value) - off).lower().union((arb(value) + off).upper())
-            for value, off in zip(parameters, tolerances, strict=True)
-        ]
-        self.power = p[0]
-        tilt = turned_by(p[4], p[5], arb(0))
-        x, y, back = ([row[i] for row in tilt] for i in range(3))
-        c, s = p[3].cos(), p[3].sin()
-        self.down = [-value for value in back]
-        self.across = [[c * a + s * b for a, b in zip(x, y, strict=True)],
-                       [c * b - s * a for a, b in zip(x, y, strict=True)]]  # fmt: skip
-        self.sigma = [p[1] / 4, p[2] / 4]
-        self.normals = [
-            [p[i].sin() * p[i + 1].cos(), p[i].sin() * p[i + 1].sin(), p[i].cos()]
-            for i in (6, 8, 10)
-        ]
-        self.centres, self.axes = [], []
-        for i in (12, 18, 24):
-            self.centres.append([p[i] * p[i + 1].cos(), p[i] * p[i + 1].sin(), p[i + 2]])
-            rows = turned_by(p[i + 3], p[i + 4], p[i + 1] + p[i + 5])
-            self.axes.append([[row[j] for row in rows] for j in range(3)])
-
-    def flat(self, v: Any) -> Any:
-        """A vector seen along the beam, sigmas."""
-        return [inner(v, a) * (1 / s) for a, s in zip(self.across, self.sigma, strict=True)]
-
-
-def spots(rig: Rig, box: list[Any], light: Any) -> list[Dual]:
-    """psi and zeta of the three detectors, with their derivatives at fixed shares of the light."""
-    unknown = [Dual(x, [arb(i == j) for j in range(6)]) for i, x in enumerate(box)]
-    turn = turned((unknown[3], unknown[4], unknown[5]), sine, cosine, Dual(arb(1)))
-    apex, out = unknown[:3], []
-    for k in range(3):
-        normal = [inner(row, rig.normals[k]) for row in turn]
-        middle = [
-            Dual(span(*light["from_point"][k][i]),
-                 [arb(0)] * 3 + [span(*d) for d in light["turns"][k][i]])
-            for i in range(2)
-        ]  # fmt: skip
-        beside = [
-            sum((middle[i] * (rig.sigma[i] * rig.across[i][c]) for i in range(2)), Dual(arb(0)))
-            for c in range(3)
-        ]
-        down = inner(normal, rig.down)
-        drop = -inner(normal, beside) / down
-        start = [apex[c] + beside[c] + drop * rig.down[c] for c in range(3)]
-        away = [normal[c] * (down * arb(-2)) + rig.down[c] for c in range(3)]
-        x, y, z = rig.axes[k]
-        reach = inner([Dual(m) - s for m, s in zip(rig.centres[k], start, strict=True)], x)
-        facing = inner(away, x)
-        refuse_unless(down.value < 0, f"facet {'abc'[k]} may not face the beam in the box")
-        refuse_unless(facing.value > 0, f"detector {'abc'[k]} may not face its sub-beam in the box")
-        refuse_unless(reach.value > 0, f"detector {'abc'[k]} may stand behind the mirror")
-        place = [start[c] + away[c] * (reach / facing) - rig.centres[k][c] for c in range(3)]
-        out += [inner(place, y), inner(place, z)]
-    return out
-
-
-def edges_of(rig: Rig, angles: list[Any]) -> list[tuple[Any, list[Any]]]:
-    """Of each edge, its angle seen along the beam and how that changes with roll, pitch and yaw."""
-    own = [Dual(x, [arb(0)] * 3 + [arb(i == j) for j in range(3)]) for i, x in enumerate(angles)]
-    turn = turned((own[0], own[1], own[2]), sine, cosine, Dual(arb(1)))
-    found = []
-    for k in range(3):
-        a, b = rig.normals[k], rig.normals[k - 1]
-        edge = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-        x, y = rig.flat([inner(row, edge) for row in turn])
-        c, s = x.value.mid(), y.value.mid()
-        angle = arb.atan2(s, c) + arb.atan2(c * y.value - s * x.value, c * x.value + s * y.value)
-        slopes = [
-            (x.value * y.slope[j] - y.value * x.slope[j]) / (x.value**2 + y.value**2)
-            for j in (3, 4, 5)
-        ]
-        found.append((angle, slopes))
-    return found
 
 
 def not_below_zero(x: Any) -> Any:
@@ -237,17 +74,17 @@ def holds(claim: list[float], value: Any) -> bool:
 Claims = list[tuple[list[float], Any]]
 
 
-def light_on(edge: Any, opening: Any, q: list[Any]) -> tuple[Any, list[Any]]:
+def light_on(edge: Any, opening: Any, q: list[Any], rays: int) -> tuple[Any, list[Any]]:
     """A facet's share of the light and its centroid less the apex, over a cell of offsets."""
     mass, moment = arb(0), [arb(0), arb(0)]
-    for n in range(RAYS):
-        part = (span(0, 1) + n) / RAYS
+    for n in range(rays):
+        part = (span(0, 1) + n) / rays
         whole, mean, reach, u = along(q, edge + opening * part)
         low = not_below_zero(whole) * not_below_zero(mean)
         density = low.union(whole.upper() * mean.upper())
         mass += density
         moment = [moment[i] + density * reach * u[i] for i in range(2)]
-    return mass * opening / RAYS, [m / mass for m in moment]
+    return mass * opening / rays, [m / mass for m in moment]
 
 
 def claims_in_cell(edges: Any, q: list[Any], shares: Any, middles: Any, light: Any) -> Claims:
@@ -283,7 +120,7 @@ def check_cell(
     """Whether the file's bounds hold in a cell of offsets, where its shares can be enough."""
     shares, middles = [], []
     for k in range(3):
-        share, middle = light_on(edges[k][0], openings[k], q)
+        share, middle = light_on(edges[k][0], openings[k], q, RAYS * (1 + depth // 2))
         if share.upper() < least:
             return
         shares.append(max(share.lower(), arb(least)).union(share.upper()))
@@ -300,37 +137,18 @@ def halves(x: Any) -> list[Any]:
     return [low.union(middle), middle.union(high)]
 
 
-def farthest_offset(openings: list[Any], least: float) -> Fraction:
-    """Sigmas past which some facet lacks its least share, wherever the apex is."""
-    found = None
-    for step in range(STEPS, 0, -1):
-        distance = Fraction(FARTHEST * step, STEPS)
-        far = arb(distance.numerator) / distance.denominator
-        shares = [(far * least_sine(gap) / arb(2).sqrt()).erfc() / 2 for gap in openings]
-        if not all(share < least for share in shares):
-            break
-        found = distance
-    refuse_unless(found is not None, "a facet may have its least share of light with the apex far")
-    return found or Fraction(0)
-
-
-def least_sine(opening: Any) -> Any:
-    """Between a right angle and the opening; 1 where that is acute."""
-    return arb(1) if opening <= arb.pi() / 2 else opening.upper().sin()
+def parts_of(low: float, high: float, count: int) -> list[float]:
+    """The ends of equal parts; the last is `high` itself, not what rounding makes of it."""
+    return [low, *(low + (high - low) * part / count for part in range(1, count)), high]
 
 
 def check_light(rig: Rig, content: dict[str, Any]) -> None:
     """The bounds of the light, over the square beyond which a facet lacks its least share."""
     low, high, least = content["low"], content["high"], content["least_share"]
-    places = [low[5] + (high[5] - low[5]) * part / PARTS for part in range(PARTS)] + [high[5]]
-    for part in range(PARTS if high[5] > low[5] else 1):
-        yaw = span(places[part], places[part + 1])
+    count = PARTS if high[5] > low[5] else 1
+    for yaw in (span(*part) for part in pairwise(parts_of(low[5], high[5], count))):
         edges = edges_of(rig, [span(low[3], high[3]), span(low[4], high[4]), yaw])
-        turn = 2 * arb.pi()
-        gaps = [edges[(k + 1) % 3][0] - edges[k][0] for k in range(3)]
-        openings = [gap - turn * (gap / turn).mid().floor() for gap in gaps]
-        for gap in openings:
-            refuse_unless(gap > 0 and gap < arb.pi(), "a facet may be as wide as half a turn")
+        openings = openings_between(edges)
         far = farthest_offset(openings, least)
         sides = [arb(x.numerator) / x.denominator for x in
                  (far * (2 * n - CELLS) / CELLS for n in range(CELLS + 1))]  # fmt: skip
@@ -390,61 +208,6 @@ def best_cut(low: Ends, high: Ends, pieces: list[Any]) -> tuple[int, float]:
         return below + above, abs(below - above)
 
     return min(sorted(edges), key=cost)
-
-
-Rows = list[list[Any]]
-
-
-def check_pieces(rig: Rig, content: dict[str, Any], found: Finding) -> Rows:
-    """The hull of the pieces' Jacobians; finds the determinants again."""
-    light, hull, unverified = content["light"], None, 0
-    slope = arb(light["slope"][0]) * rig.power.lower() ** 2 / (rig.sigma[0] * rig.sigma[1])
-    least: list[Fraction] = []
-    for piece in content["pieces"]:
-        box = [span(a, b) for a, b in zip(piece["low"], piece["high"], strict=True)]
-        rows = [spot.slope for spot in spots(rig, box, light)]
-        size = determinant_of(rows, content["inverse"]) * slope
-        claim = arb(piece["at_least"])
-        refuse_unless(
-            not size.abs_upper() < claim, "a piece claims a larger determinant than it has"
-        )
-        least.append(
-            max(exactly(size.abs_lower()), Fraction(0)) if size.is_finite() else Fraction(0)
-        )
-        unverified += least[-1] < Fraction(piece["at_least"])
-        hull = rows if hull is None else [
-            [x.union(y) for x, y in zip(a, b, strict=True)] for a, b in zip(hull, rows, strict=True)
-        ]  # fmt: skip
-    found.determinant = min(least)
-    claims = min(Fraction(piece["at_least"]) for piece in content["pieces"])
-    lowest = Fraction(content["least_determinant"]) <= claims
-    refuse_unless(lowest, "least_determinant is more than its least piece claims")
-    if unverified:
-        found.not_verified.append(f"the bound of the determinant in {unverified} pieces")
-    return hull or []
-
-
-def determinant_of(rows: Rows, inverse: list[list[float]]) -> Any:
-    """Of an interval matrix, by that of its product with a matrix that nearly inverts it."""
-    near = arb_mat(inverse)
-    return (near * arb_mat(rows)).det() / near.det()
-
-
-def check_hull(hull: Rows, content: dict[str, Any], found: Finding) -> None:
-    """By how much |1 - C M| shrinks the weights, for every M in the hull of the pieces."""
-    inverse, weights = content["inverse"], content["weights"]
-    margins = []
-    for i in range(6):
-        row = arb(0)
-        for j in range(6):
-            entry = sum(arb(inverse[i][k]) * hull[k][j] for k in range(6)) - (i == j)
-            row += entry.abs_upper() * weights[j]
-        refuse_unless(row < weights[i], f"the hull of the Jacobians may be singular: row {i + 1} of"
-                      f" |1 - C M| times the weights is {row}, not below its own")  # fmt: skip
-        margins.append(exactly((1 - row / weights[i]).lower()))
-    found.margin = min(margins)
-    if found.margin < Fraction(content["margin"]):
-        found.not_verified.append(f"the margin of {content['margin']:.4g}")
 
 
 def check_configuration(content: dict[str, Any], found: Finding) -> None:
@@ -534,9 +297,14 @@ def check(path: Path) -> Finding:
     rig = Rig(content["parameters"], content["tolerances"])
     refuse_unless(rig.power > 0 and all(s > 0 for s in rig.sigma), "the beam has no power or width")
     check_light(rig, content)
-    check_hull(check_pieces(rig, content, found), content, found)
+    jacobians = check_pieces(rig, content, found)
+    if content.get("middles") is None:
+        check_hull(jacobians, content, found)
+    else:
+        check_middles(rig, jacobians, content, found)
     if content["range"] is not None:
-        found.not_verified.append("that the box holds every pose of the measurement range")
+        found.verified, unverified = check_range(rig, content)
+        found.not_verified += unverified
     known = ("facets", "seed", "command", "made", "seconds", "work")
     found.not_verified.append(f"how it was made ({', '.join(n for n in known if n in content)})")
     return found
@@ -552,9 +320,12 @@ def told(found: Finding) -> str:
     """Bounds rounded down."""
     margin, bound = floor(1000 * found.margin) / 1000, rounded_down(found.determinant)
     unverified = "; ".join(found.not_verified)
-    return (
-        f"holds, with a margin of at least {margin:.3f}; |Eq. (11)| is at least {bound}\n"
-        f"  not verified: {unverified}"
+    return "\n".join(
+        [
+            f"holds, with a margin of at least {margin:.3f}; |Eq. (11)| is at least {bound}",
+            *(f"  found again: {sentence}" for sentence in found.verified),
+            f"  not verified: {unverified}",
+        ]
     )
 
 

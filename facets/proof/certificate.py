@@ -63,6 +63,7 @@ def proof_of(found: Certificate) -> dict[str, Any]:
     """What the claims rest on."""
     return {
         "light": found.shares,
+        "middles": found.middles,
         "inverse": found.inverse.tolist(),
         "weights": found.weights.tolist(),
         "pieces": [piece._asdict() for piece in found.pieces],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from flint import arb_mat
+from flint import arb, arb_mat
 
 from ..core.units import Floats
 from ..scalars.intervals import Ball, between, ends, hull, magnitude
@@ -39,6 +39,19 @@ def distance_from_zero(x: Ball) -> float:
     if not np.isfinite(low) or not np.isfinite(high):
         return 0.0
     return max(low, -high, 0.0)
+
+
+def determinant_bound(matrix: Matrix, slope: float, margin: float = 0.0) -> float:
+    """A lower bound of |det| times a slope that is not below zero; 0 where none is found.
+
+    margin: that `regularity` found, if it is known: no eigenvalue of C M is further than 1 - margin
+    from 1, so that the determinant of C M is margin^6 or more.
+    """
+    bound = distance_from_zero(determinant(matrix))
+    if margin > 0:
+        inverse = arb_mat(np.linalg.pinv(middles(matrix)).tolist())
+        bound = max(bound, distance_from_zero(arb(margin) ** len(matrix) / inverse.det()))
+    return float(np.nextafter(bound * max(slope, 0.0), 0.0))
 
 
 def regularity(matrix: Matrix) -> tuple[float, Floats, Floats]:

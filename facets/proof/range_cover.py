@@ -29,14 +29,10 @@ from ..core.units import Floats
 from ..optics.forward import Geometry
 from ..optics.rays import reflect
 from ..optics.vectors import cross, dot, rotation_axes, subtract
-from ..scalars.intervals import Ball, between, ends, hull
+from ..scalars.intervals import Ball, between, ends, hull, magnitude
 from .interval_matrix import middles
-from .light_sharing import (
-    LightNotShared,
-    SharingBounds,
-    facet_edges,
-    farthest_offset,
-)
+from .light_sharing import LightNotShared, SharingBounds, facet_edges, farthest_offset
+from .pieces import cut_in_two
 from .spot_jacobian import (
     NotFacing,
     interval_geometry,
@@ -120,14 +116,21 @@ def cover_range(
 
 
 def aimed_at(problem: Problem) -> StateBox:
-    """The box that a sensor with a constant Jacobian would need, and a little more."""
+    """The box that a sensor with a Jacobian as at rest would need, and a little more.
+
+    Tolerances make that Jacobian an interval: what is off its middle moves a spot as well.
+    """
     rest = [arb(0)] * 6
     around = points_near_apex(problem, rest)
-    inverse = np.linalg.inv(middles(jacobian_at(problem.sensor, rest, around)))
+    slopes = jacobian_at(problem.sensor, rest, around)
+    inverse = np.linalg.inv(middles(slopes))
+    left = arb_mat(inverse.tolist()) * arb_mat(slopes)
+    apart = np.array([[magnitude(left[i, j] - (i == j)) for j in range(6)] for i in range(6)])
     places = spot_places(problem.sensor, rest, around)
     middle = -inverse @ np.array([float(place.mid()) for place in places])
     off = np.array([float(place.rad()) for place in places])
-    half = SLACK * np.abs(inverse) @ (np.array(problem.halves).ravel() + off)
+    straight = np.abs(inverse) @ (np.array(problem.halves).ravel() + off)
+    half = SLACK * np.linalg.solve(np.eye(6) - apart, straight)
     return box_of_poses(middle - half, middle + half)
 
 
@@ -167,14 +170,6 @@ def is_within(piece: tuple[Floats, Floats], box: StateBox, times: float = 1.0) -
     """Whether a box of poses lies in another, grown about its middle."""
     middle, half = (box.low + box.high)[:6] / 2, times * (box.high - box.low)[:6] / 2
     return bool((piece[0] >= middle - half).all() and (piece[1] <= middle + half).all())
-
-
-def cut_in_two(low: Floats, high: Floats, levers: Floats) -> list[tuple[Floats, Floats]]:
-    """Across the axis in which a box is longest, each times its lever (6,)."""
-    axis = int(((high - low) * levers).argmax())
-    first, second = high.copy(), low.copy()
-    first[axis] = second[axis] = (low[axis] + high[axis]) / 2
-    return [(low, first), (second, high)]
 
 
 def points_near_apex(problem: Problem, pose: Sequence[Ball]) -> list[list[Ball]]:

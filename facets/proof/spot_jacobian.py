@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
 from flint import arb
 
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..model.arrays import parameters
 from ..optics.forward import Geometry, Scene, edges, geometry, placed
 from ..optics.rays import flight, gradient_of_normal, gradient_of_shift, reflect, slanted
@@ -27,8 +29,10 @@ from ..optics.vectors import (
     scale,
     subtract,
 )
-from ..scalars.intervals import Ball, around, between
+from ..scalars.intervals import Ball, around, between, magnitude
+from .interval_matrix import middles
 from .light_sharing import SharingBounds
+from .slopes import Sloped
 
 
 class NotFacing(Exception):
@@ -103,6 +107,62 @@ def spot_jacobian(
         for k in range(3)
         for axis in sensor.axes[k][1:]
     ]
+
+
+class Centred(NamedTuple):
+    """A 6 x 6 Jacobian over a piece: in `middle` + sum of slopes[m] times the way along axis m.
+
+    place: (6,) the pose in the piece's middle.  half: (6,) what reaches its ends from there.
+    middle: over what is known of the light, at that pose.  slopes: (6, 6, 6) over the whole piece.
+    """
+
+    place: list[Ball]
+    half: list[Ball]
+    middle: list[list[Ball]]
+    slopes: list[list[list[Ball]]]
+
+    def whole(self) -> list[list[Ball]]:
+        """All values of the Jacobian over the piece."""
+        return [
+            [
+                self.middle[i][j] + sum(self.slopes[m][i][j] * self.half[m] for m in range(6))
+                for j in range(6)
+            ]
+            for i in range(6)
+        ]
+
+    def levers(self) -> Floats:
+        """(6,) how much each axis of the pose moves the Jacobian, beside its own size."""
+        size = np.array([[[magnitude(x) for x in row] for row in slope] for slope in self.slopes])
+        inverse = np.abs(np.linalg.pinv(middles(self.middle)))
+        moved: Floats = np.abs(inverse @ size).sum(axis=-1).max(axis=-1)
+        return moved
+
+
+def centred_jacobian(sensor: Geometry, shares: SharingBounds, low: Floats, high: Floats) -> Centred:
+    """`spot_jacobian` with its slopes. Raises `NotFacing`.
+
+    The spots are linear in the apex: the first three columns have no slope by it, and the slope of
+    the others by it is that of the first three by the angle.
+    """
+    pose = intervals(low, high)
+    place = [arb(float(x)) for x in (low + high) / 2]
+    half = [side - middle for side, middle in zip(pose, place, strict=True)]
+    middle = spot_jacobian(sensor, shares, place)
+    one, none = arb(1), arb(0)
+    angles = [
+        Sloped(pose[3 + j], tuple(one if i == j else none for i in range(3))) for j in range(3)
+    ]
+    spot_jacobian(sensor, shares, pose)  # is every facet in it facing?
+    carried = spot_jacobian(sensor, shares, [*place[:3], *angles])
+    by_angles = [[[slope_of(x, j) for x in row] for row in carried] for j in range(3)]
+    by_apex = [[[none] * 3 + [by_angles[j][i][m] for j in range(3)] for i in range(6)]
+               for m in range(3)]  # fmt: skip
+    return Centred(place, half, middle, [*by_apex, *by_angles])
+
+
+def slope_of(x: Any, axis: int) -> Ball:
+    return x.slope[axis] if isinstance(x, Sloped) else arb(0)
 
 
 def gradient_of_spot(

@@ -19,10 +19,10 @@ certificate again with none of this code.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise, product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from flint import arb
@@ -33,13 +33,7 @@ from ..core.units import Floats
 from ..optics.forward import Geometry, in_sigmas
 from ..optics.vectors import rotation_axes
 from ..scalars.intervals import Ball, between, ends, positive
-from .interval_matrix import (
-    Matrix,
-    determinant,
-    distance_from_zero,
-    hull_of_matrices,
-    regularity,
-)
+from .interval_matrix import determinant_bound, hull_of_matrices, regularity
 from .light_sharing import (
     FacetEdges,
     LightNotShared,
@@ -49,29 +43,20 @@ from .light_sharing import (
     hull_of_bounds,
     least_share_over,
 )
-from .spot_jacobian import NotFacing, interval_geometry, intervals, scene_of, spot_jacobian
+from .middles import prove_by_middles
+from .pieces import Piece, cut_in_two, pieces_of, shares_of
+from .spot_jacobian import Centred, NotFacing, centred_jacobian, interval_geometry, scene_of
 
-#: Into how many pieces each axis of the pose is cut to begin with: tx ty tz roll pitch yaw.
-PIECES = (2, 2, 1, 3, 3, 3)
 #: A piece is halved at most so many times.
 DEPTH = 12
 #: So many pieces without a proof end the search: there would be more.
 ENOUGH = 20
 #: So many pieces are looked at.
 WORK = 20_000
+#: A hull with a smaller margin is none that another grid than this one finds again.
+SMALL = 0.15
 #: And for the light each angle is cut into: roll pitch yaw.
 TURNS = (1, 1, 3)
-
-
-class Piece(NamedTuple):
-    """A box of poses, low and high (6,), mm and rad, and a lower bound there of Eq. (11)'s |det|.
-
-    at_least: 0 where nothing was proved.
-    """
-
-    low: tuple[float, ...]
-    high: tuple[float, ...]
-    at_least: float
 
 
 @dataclass
@@ -85,7 +70,8 @@ class Certificate:
     at_least: a lower bound of Eq. (11)'s |det|, without the least reading of power; mm, mW, rad.
     doubtful: pieces where a singular state may be.  work: pieces looked at.
     inverse (6, 6), weights (6,): the matrix and the vector of the inequality.
-    shares: the bounds of the light, as numbers.
+    shares: the bounds of the light, as numbers.  middles: the affine part in a
+    proof by the middle of the way, where the hull of all Jacobians is not regular.
     """
 
     box: StateBox
@@ -103,6 +89,7 @@ class Certificate:
     inverse: Floats = field(default_factory=lambda: np.zeros((6, 6)))
     weights: Floats = field(default_factory=lambda: np.ones(6))
     shares: dict[str, Any] = field(default_factory=dict)
+    middles: dict[str, Any] | None = None
 
 
 def beyond_the_theorem(sensor: Sensor) -> str:
@@ -160,12 +147,53 @@ def prove(
     found.share = share_over(sensor, parts, found.box) if share is None else share
     shares = hull_of_bounds([bounds_at_fixed_shares(edges, found.share) for edges in parts])
     found.shares = as_numbers(shares)
-    matrices = prove_pieces(sensor, found, shares, deadline, tell, work)
+    slope = ends(slope_of_powers(sensor, shares))[0]
+    if prove_at_once(sensor, found, shares, slope):
+        tell(1.0)
+        return
+    jacobians = prove_pieces(sensor, found, shares, deadline, tell, work)
     found.regular = not found.doubtful
     if found.regular:
-        found.at_least = min(piece.at_least for piece in found.pieces)
-        found.margin, found.inverse, found.weights = regularity(hull_of_matrices(matrices))
-        found.unique = found.margin > 0
+        conclude(sensor, found, shares, jacobians, slope)
+
+
+def prove_at_once(
+    sensor: Geometry, found: Certificate, shares: SharingBounds, slope: float
+) -> bool:
+    """Whether no piece needs to be cut any further; fills in the certificate then."""
+    looked = [(low, high, *look_at(sensor, shares, slope, low, high))
+              for low, high in pieces_of(found.box)]  # fmt: skip
+    jacobians = [jacobian for *_, jacobian, _ in looked if jacobian is not None]
+    if len(jacobians) < len(looked):
+        return False
+    pieces = [Piece(tuple(a.tolist()), tuple(b.tolist()), least) for a, b, _, least in looked]
+    found.pieces, found.work = pieces, len(pieces)
+    conclude(sensor, found, shares, jacobians, slope)
+    if not found.unique:
+        found.pieces, found.at_least = [], 0.0
+    return found.unique
+
+
+def conclude(
+    sensor: Geometry,
+    found: Certificate,
+    shares: SharingBounds,
+    jacobians: list[Centred],
+    slope: float,
+) -> None:
+    """From the Jacobians over the pieces to what no two states share; by their hull, where that is
+    regular, else by the middle of the way."""
+    found.at_least = min(piece.at_least for piece in found.pieces)
+    whole = hull_of_matrices([jacobian.whole() for jacobian in jacobians])
+    found.margin, found.inverse, found.weights = regularity(whole)
+    if not (found.margin > SMALL and found.at_least > 0):
+        by_middles = prove_by_middles(sensor, shares, found.box, jacobians, slope)
+        if by_middles.margin > max(found.margin, 0):
+            least = min(piece.at_least for piece in by_middles.pieces)
+            found.margin, found.middles = by_middles.margin, by_middles.affine.as_numbers()
+            found.at_least = max(found.at_least, least)
+    found.unique = found.margin > 0
+    found.regular = found.unique or found.at_least > 0
 
 
 def prove_pieces(
@@ -175,22 +203,24 @@ def prove_pieces(
     deadline: float,
     tell: Callable[[float], None],
     work: int,
-) -> list[Matrix]:
+) -> list[Centred]:
     """Sorts the box's pieces into proved and doubtful ones; the Jacobians over the proved ones."""
     slope = ends(slope_of_powers(sensor, shares))[0]
+    found.work = 0
     todo = [(low, high, 0) for low, high in pieces_of(found.box)]
-    whole, done, matrices = len(todo), 0.0, []
+    whole, done, jacobians = len(todo), 0.0, []
     while todo:
         low, high, depth = todo.pop()
-        matrix, least = look_at(sensor, shares, slope, low, high)
+        jacobian, least = look_at(sensor, shares, slope, low, high)
         found.work += 1
         late = found.work >= work or time.perf_counter() > deadline
         if not (least > 0 or depth == DEPTH or late):
-            todo += halves(low, high, depth, found.box)
+            levers = shares_of(found.box) if jacobian is None else jacobian.levers()
+            todo += [(a, b, depth + 1) for a, b in cut_in_two(low, high, levers)]
             continue
         piece = Piece(tuple(low.tolist()), tuple(high.tolist()), least)
-        if matrix is not None and least > 0:
-            matrices.append(matrix)
+        if jacobian is not None and least > 0:
+            jacobians.append(jacobian)
             found.pieces.append(piece)
         else:
             found.doubtful.append(piece)
@@ -199,19 +229,18 @@ def prove_pieces(
         if len(found.doubtful) == ENOUGH:
             found.reason = "singular states may be in the pieces listed, and in others"
             break
-    return matrices
+    return jacobians
 
 
 def look_at(
     sensor: Geometry, shares: SharingBounds, slope: float, low: Floats, high: Floats
-) -> tuple[Matrix | None, float]:
+) -> tuple[Centred | None, float]:
     """The Jacobian over a piece and a lower bound of Eq. (11)'s |det|; 0 where none is found."""
     try:
-        matrix = spot_jacobian(sensor, shares, intervals(low, high))
+        jacobian = centred_jacobian(sensor, shares, low, high)
     except NotFacing:
         return None, 0.0
-    least = distance_from_zero(determinant(matrix)) * max(slope, 0.0)
-    return matrix, float(np.nextafter(least, 0.0))
+    return jacobian, determinant_bound(jacobian.whole(), slope)
 
 
 def edges_over_rotations(sensor: Geometry, box: StateBox) -> list[FacetEdges]:
@@ -243,25 +272,6 @@ def slope_of_powers(sensor: Geometry, shares: SharingBounds) -> Ball:
     white = sensor.whitening
     area = white[0][0] * white[1][1] - white[0][1] * white[1][0]
     return positive(positive(sensor.power**2, shares.slope), area)
-
-
-def pieces_of(box: StateBox) -> Iterator[tuple[Floats, Floats]]:
-    """The box of poses, cut to begin with."""
-    counts = [n if box.high[i] > box.low[i] else 1 for i, n in enumerate(PIECES)]
-    places = [np.linspace(box.low[i], box.high[i], n + 1) for i, n in enumerate(counts)]
-    for cell in product(*(range(n) for n in counts)):
-        low = np.array([places[i][n] for i, n in enumerate(cell)])
-        yield low, np.array([places[i][n + 1] for i, n in enumerate(cell)])
-
-
-def halves(low: Floats, high: Floats, depth: int, box: StateBox) -> list[Any]:
-    """A piece cut in two across the axis in which it is longest, as shares of the box."""
-    width = np.where(box.high[:6] > box.low[:6], box.high[:6] - box.low[:6], np.inf)
-    axis = int(((high - low) / width).argmax())
-    middle = (low[axis] + high[axis]) / 2
-    first, second = high.copy(), low.copy()
-    first[axis] = second[axis] = middle
-    return [(low, first, depth + 1), (second, high, depth + 1)]
 
 
 def as_numbers(shares: SharingBounds) -> dict[str, Any]:

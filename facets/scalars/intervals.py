@@ -7,6 +7,7 @@ ones is wider than need be where a quantity occurs twice; that costs sharpness, 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from math import inf, isfinite
 from typing import Any
 
 from flint import arb
@@ -42,9 +43,9 @@ def ends(x: Ball) -> tuple[float, float]:
 
 
 def magnitude(x: Ball) -> float:
-    """The largest absolute value in an interval, rounded up."""
+    """The largest absolute value in an interval, rounded up; infinite where there is none."""
     low, high = ends(x)
-    return max(abs(low), abs(high))
+    return max(abs(low), abs(high)) if isfinite(low) and isfinite(high) else inf
 
 
 def square(x: Ball) -> Ball:

@@ -10,14 +10,17 @@ import sys
 from fractions import Fraction
 
 import pytest
+from facets.experiments.certificate_optics import Rig
+from facets.experiments.certificate_range import check_range
 from facets.experiments.certificate_schema import SCHEMA, Refused, conform
 from facets.experiments.check_certificate import check, main, told
 from sensors import SENSORS
 
 import facets
-from facets.characterization.state_box import parse_box
+from facets.characterization.state_box import box_of_poses, least_share, parse_box
 from facets.files import provenance
 from facets.proof.certificate import write_certificate
+from facets.proof.range_cover import cover_range
 from facets.proof.reach import find_reach
 from facets.proof.uniqueness import certify
 
@@ -269,3 +272,74 @@ def test_the_reach_has_a_certificate_that_is_checked(tmp_path):
     assert factor == 2.0
     write_certificate(tmp_path / "a.json", sensor, found, {"config": "paper"})
     assert check(tmp_path / "a.json").margin > 0
+
+
+#: Poses among which a test looks for the range: quicker than all that a certificate looks among.
+NEAR = [18.0, 18.0, 10.0, 0.025, 0.025, 0.04]
+
+
+@pytest.fixture(scope="module")
+def whole_range(tmp_path_factory):
+    """A certificate of the whole range of the paper's sensor."""
+    path = tmp_path_factory.mktemp("range") / "certificate.json"
+    config = facets.load("paper")
+    share = least_share(config.sensor, config.range)
+    cover = cover_range(config.sensor, config.range, share)
+    found = certify(config.sensor, box_of_poses(cover.low, cover.high), share)
+    about = provenance.about(config)
+    write_certificate(path, config.sensor, found, about, config.resolved, cover)
+    content = json.loads(path.read_text())
+    content["range"]["farthest"] = NEAR
+    return content
+
+
+def check_only_range(content):
+    return check_range(Rig(content["parameters"], content["tolerances"]), content)
+
+
+def test_that_the_box_holds_the_range_is_found_again(whole_range, tmp_path):
+    path = tmp_path / "certificate.json"
+    path.write_text(json.dumps(whole_range))
+    found = check(path)
+    assert "every pose of the range, of those within 18, 18, 10 mm and 25, 25, 40" in told(found)
+    assert not any("range" in line for line in found.not_verified)
+
+
+def half_the_box(content):
+    content |= {"low": [x / 2 for x in content["low"]], "high": [x / 2 for x in content["high"]]}
+
+
+def one_face_moved_in(content):
+    content["high"][5] /= 3
+
+
+SPOILT_RANGES = {
+    "half the box": (half_the_box, "may keep the rules"),
+    "one face of the box moved in": (one_face_moved_in, "may keep the rules"),
+    "smaller detectors": (put(6.0, "range", "halves_mm", 1, 0), "half the detectors"),
+    "centroids for whole spots": (put("centroid", "resolved", "range", "spot"), "whole_spot"),
+    "a share that is too large": (put(0.2, "least_share"), "least_share is more"),
+    "a lower ratio in the rules": (put(100, "resolved", "range", "snr"), "least_share is more"),
+    "no rules": (lambda c: c["resolved"].pop("range"), "no rules"),
+    "a ratio of text": (put("much", "resolved", "range", "snr"), "no rules"),
+    "two sizes for three": (change(lambda sizes: sizes[:1], *("resolved", "sensor", "psd", "a",
+                                                              "size_mm")), "no rules"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SPOILT_RANGES)
+def test_a_range_that_the_box_does_not_hold_is_refused(whole_range, name):
+    spoil, reason = SPOILT_RANGES[name]
+    spoilt = copy.deepcopy(whole_range)
+    spoil(spoilt)
+    with pytest.raises(Refused, match=reason):
+        check_only_range(spoilt)
+
+
+def test_what_the_electronics_make_of_the_least_share_is_not_found_again(whole_range):
+    content = copy.deepcopy(whole_range)
+    content["resolved"]["sensor"]["noise"]["model"] = "electronics"
+    content |= {"low": [-99.0] * 6, "high": [99.0] * 6}
+    assert "electronics" in check_only_range(content)[1][0]
+    content["resolved"] = None
+    assert "any configuration" in check_only_range(content)[1][0]

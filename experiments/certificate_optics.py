@@ -1,0 +1,209 @@
+"""A sensor as a checker of certificates sees it: rays and edges by dual numbers of intervals.
+
+None of this is the package's: see check_certificate.py, which says what is trusted.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+from flint import arb
+
+from .certificate_schema import refuse_unless
+
+#: How far the apex is looked for, sigmas, and in what steps the square is made smaller.
+FARTHEST, STEPS = 8, 32
+
+
+def span(low: Any, high: Any) -> Any:
+    """The interval between two exact numbers."""
+    return arb(low).union(arb(high))
+
+
+class Dual:
+    """A value and its derivatives by tx, ty, tz, roll, pitch, yaw; intervals.
+
+    The value may be such a number too, and the derivatives then carry theirs. It compares by it.
+    """
+
+    def __init__(self, value: Any, slope: list[Any] | None = None) -> None:
+        self.value, self.slope = value, [arb(0)] * 6 if slope is None else slope
+
+    def __add__(self, other: Any) -> Dual:
+        b = other if isinstance(other, Dual) else Dual(other)
+        return Dual(self.value + b.value, [x + y for x, y in zip(self.slope, b.slope, strict=True)])
+
+    def __mul__(self, other: Any) -> Dual:
+        b = other if isinstance(other, Dual) else Dual(other)
+        both = zip(self.slope, b.slope, strict=True)
+        return Dual(self.value * b.value, [x * b.value + self.value * y for x, y in both])
+
+    def __truediv__(self, other: Dual) -> Dual:
+        ratio = self.value / other.value
+        both = zip(self.slope, other.slope, strict=True)
+        return Dual(ratio, [(x - ratio * y) / other.value for x, y in both])
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __neg__(self) -> Dual:
+        return self * arb(-1)
+
+    def __rsub__(self, other: Any) -> Dual:
+        return -self + other
+
+    def __rtruediv__(self, other: Any) -> Dual:
+        return Dual(other) / self
+
+    def __lt__(self, other: Any) -> bool:
+        return bool(self.value < other)
+
+    def __gt__(self, other: Any) -> bool:
+        return bool(self.value > other)
+
+    def sin(self) -> Dual:
+        return Dual(self.value.sin(), [self.value.cos() * d for d in self.slope])
+
+    def cos(self) -> Dual:
+        return Dual(self.value.cos(), [-self.value.sin() * d for d in self.slope])
+
+    def __sub__(self, other: Any) -> Dual:
+        difference: Dual = self + other * arb(-1)
+        return difference
+
+
+def inner(a: Any, b: Any) -> Any:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def product_of(a: Any, b: Any) -> Any:
+    return [[inner(row, [b[0][j], b[1][j], b[2][j]]) for j in range(3)] for row in a]
+
+
+def turned(angles: Any, one: Any) -> Any:
+    """Rz(yaw) Ry(pitch) Rx(roll), as three rows."""
+    roll, pitch, yaw = angles
+    none = one * arb(0)
+    x = [[one, none, none], [none, roll.cos(), -roll.sin()], [none, roll.sin(), roll.cos()]]
+    y = [[pitch.cos(), none, pitch.sin()], [none, one, none], [-pitch.sin(), none, pitch.cos()]]
+    z = [[yaw.cos(), -yaw.sin(), none], [yaw.sin(), yaw.cos(), none], [none, none, one]]
+    return product_of(z, product_of(y, x))
+
+
+def turned_by(roll: Any, pitch: Any, yaw: Any) -> Any:
+    return turned((roll, pitch, yaw), arb(1))
+
+
+class Rig:
+    """All sensors whose 30 parameters, in the order of `facets.PARAMETERS`, are off so much."""
+
+    def __init__(self, parameters: list[float], tolerances: list[float]) -> None:
+        p = [
+            arb(value) if off == 0 else (arb(value) - off).lower().union((arb(value) + off).upper())
+            for value, off in zip(parameters, tolerances, strict=True)
+        ]
+        self.power = p[0]
+        tilt = turned_by(p[4], p[5], arb(0))
+        x, y, back = ([row[i] for row in tilt] for i in range(3))
+        c, s = p[3].cos(), p[3].sin()
+        self.down = [-value for value in back]
+        self.across = [[c * a + s * b for a, b in zip(x, y, strict=True)],
+                       [c * b - s * a for a, b in zip(x, y, strict=True)]]  # fmt: skip
+        self.sigma = [p[1] / 4, p[2] / 4]
+        self.normals = [
+            [p[i].sin() * p[i + 1].cos(), p[i].sin() * p[i + 1].sin(), p[i].cos()]
+            for i in (6, 8, 10)
+        ]
+        self.centres, self.axes = [], []
+        for i in (12, 18, 24):
+            self.centres.append([p[i] * p[i + 1].cos(), p[i] * p[i + 1].sin(), p[i + 2]])
+            rows = turned_by(p[i + 3], p[i + 4], p[i + 1] + p[i + 5])
+            self.axes.append([[row[j] for row in rows] for j in range(3)])
+
+    def flat(self, v: Any) -> Any:
+        """A vector seen along the beam, sigmas."""
+        return [inner(v, a) * (1 / s) for a, s in zip(self.across, self.sigma, strict=True)]
+
+
+def unknown(box: list[Any]) -> list[Dual]:
+    """The pose, by itself."""
+    return [Dual(x, [arb(i == j) for j in range(6)]) for i, x in enumerate(box)]
+
+
+def spots(rig: Rig, box: list[Any], light: Any) -> list[Dual]:
+    """psi and zeta of the three detectors, with their derivatives at fixed shares of the light."""
+    pose = unknown(box)
+    turn = turned(pose[3:], Dual(arb(1)))
+    apex, out = pose[:3], []
+    for k in range(3):
+        normal = [inner(row, rig.normals[k]) for row in turn]
+        middle = [
+            Dual(span(*light["from_point"][k][i]),
+                 [arb(0)] * 3 + [span(*d) for d in light["turns"][k][i]])
+            for i in range(2)
+        ]  # fmt: skip
+        beside = [
+            sum((middle[i] * (rig.sigma[i] * rig.across[i][c]) for i in range(2)), Dual(arb(0)))
+            for c in range(3)
+        ]
+        down = inner(normal, rig.down)
+        drop = -inner(normal, beside) / down
+        start = [apex[c] + beside[c] + drop * rig.down[c] for c in range(3)]
+        away = [normal[c] * (down * arb(-2)) + rig.down[c] for c in range(3)]
+        x, y, z = rig.axes[k]
+        reach = inner([Dual(m) - s for m, s in zip(rig.centres[k], start, strict=True)], x)
+        facing = inner(away, x)
+        refuse_unless(down.value < 0, f"facet {'abc'[k]} may not face the beam in the box")
+        refuse_unless(facing.value > 0, f"detector {'abc'[k]} may not face its sub-beam in the box")
+        refuse_unless(reach.value > 0, f"detector {'abc'[k]} may stand behind the mirror")
+        place = [start[c] + away[c] * (reach / facing) - rig.centres[k][c] for c in range(3)]
+        out += [inner(place, y), inner(place, z)]
+    return out
+
+
+def edges_of(rig: Rig, angles: list[Any]) -> list[tuple[Any, list[Any]]]:
+    """Of each edge, its angle seen along the beam and how that changes with roll, pitch and yaw."""
+    own = [Dual(x, [arb(0)] * 3 + [arb(i == j) for j in range(3)]) for i, x in enumerate(angles)]
+    turn = turned((own[0], own[1], own[2]), Dual(arb(1)))
+    found = []
+    for k in range(3):
+        a, b = rig.normals[k], rig.normals[k - 1]
+        edge = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        x, y = rig.flat([inner(row, edge) for row in turn])
+        c, s = x.value.mid(), y.value.mid()
+        angle = arb.atan2(s, c) + arb.atan2(c * y.value - s * x.value, c * x.value + s * y.value)
+        slopes = [
+            (x.value * y.slope[j] - y.value * x.slope[j]) / (x.value**2 + y.value**2)
+            for j in (3, 4, 5)
+        ]
+        found.append((angle, slopes))
+    return found
+
+
+def openings_between(edges: list[tuple[Any, list[Any]]]) -> list[Any]:
+    """From each edge on to the next, rad."""
+    turn = 2 * arb.pi()
+    gaps = [edges[(k + 1) % 3][0] - edges[k][0] for k in range(3)]
+    openings = [gap - turn * (gap / turn).mid().floor() for gap in gaps]
+    for gap in openings:
+        refuse_unless(gap > 0 and gap < arb.pi(), "a facet may be as wide as half a turn")
+    return openings
+
+
+def farthest_offset(openings: list[Any], least: float) -> Fraction:
+    """Sigmas past which some facet lacks its least share, wherever the apex is."""
+    found = None
+    for step in range(STEPS, 0, -1):
+        distance = Fraction(FARTHEST * step, STEPS)
+        far = arb(distance.numerator) / distance.denominator
+        shares = [(far * least_sine(gap) / arb(2).sqrt()).erfc() / 2 for gap in openings]
+        if not all(share < least for share in shares):
+            break
+        found = distance
+    refuse_unless(found is not None, "a facet may have its least share of light with the apex far")
+    return found or Fraction(0)
+
+
+def least_sine(opening: Any) -> Any:
+    """Between a right angle and the opening; 1 where that is acute."""
+    return arb(1) if opening <= arb.pi() / 2 else opening.upper().sin()

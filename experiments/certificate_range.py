@@ -1,0 +1,245 @@
+"""Does the box of a certificate hold every pose that keeps the rules of the range?
+
+Found again by cutting: a part of the poses that are looked at lies in the box, or at none of its
+poses can all three spots be on their detectors, or it is made smaller or cut in two. Rays are those
+of certificate_optics.py; docs/uniqueness.md, Eq. (6), says why that proves it.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from flint import arb, arb_mat
+
+from .certificate_optics import (
+    Rig,
+    edges_of,
+    farthest_offset,
+    inner,
+    openings_between,
+    span,
+    spots,
+    turned_by,
+)
+from .certificate_schema import Refused, refuse_unless
+
+#: So many parts are looked at, and one that keeps more than this of its width is cut.
+MOST, KEPT = 60_000, 0.8
+#: A part less than so much of the box in every axis that still may hold poses is the end.
+SMALLEST = 0.2
+#: Into how many parts a facet's angle is cut to bound the points on it.
+PARTS = 6
+#: Half the beam's 1/e^2 diameter, sigmas.
+ELLIPSE = 2
+#: Levers by which axes are compared, mm and mm/rad.
+LEVERS = (1, 1, 1, 250, 250, 250)
+
+#: A side of a box of poses: two exact numbers.
+Side = tuple[Any, Any]
+#: What of the poses a part keeps, or None where it keeps none.
+Sides = list[Side]
+
+
+def check_range(rig: Rig, content: dict[str, Any]) -> tuple[list[str], list[str]]:
+    """What of the claim about the range was found again, and what was not: sentences."""
+    unverified = check_rules(content)
+    claim = content["range"]
+    box = [(arb(a), arb(b)) for a, b in zip(content["low"], content["high"], strict=True)]
+    parts = 0
+    todo = [[(-arb(x), arb(x)) for x in claim["farthest"]]]
+    while todo:
+        part = todo.pop()
+        if all(a >= low and b <= high for (a, b), (low, high) in zip(part, box, strict=True)):
+            continue
+        parts += 1
+        refuse_unless(parts <= MOST, f"that the box holds the range takes more than {MOST} parts:"
+                      f" not found near {[float(a.mid()) for a, _ in part]}")  # fmt: skip
+        todo += smaller_parts(rig, content, part, box)
+    x, y, z, *angles = claim["farthest"]
+    far = f"{x:g}, {y:g}, {z:g} mm and " + ", ".join(f"{1e3 * a:g}" for a in angles) + " mrad"
+    return [f"the box holds every pose of the range, of those within {far}"], unverified
+
+
+def smaller_parts(rig: Rig, content: dict[str, Any], part: Sides, box: Sides) -> list[Sides]:
+    """What is left to be looked at of a part."""
+    claim = content["range"]
+    try:
+        points = points_of_spots(rig, part, content["least_share"], claim["whole_spot"])
+        if no_way(rig, part, points, claim["halves_mm"]):
+            return []
+        kept = contracted(rig, part, points, claim["halves_mm"])
+    except Refused:  # too wide to tell
+        return halves(part, (0, 0, 0, 1, 1, 1))
+    if kept is None:
+        return []
+    sides = zip(part, kept, strict=True)
+    if any(new[1] - new[0] < KEPT * (old[1] - old[0]) for old, new in sides):
+        return [kept]
+    refuse_unless_large(kept, box)
+    return cut_off(kept, box) or halves(kept, LEVERS)
+
+
+def refuse_unless_large(part: Sides, box: Sides) -> None:
+    """A part that is small beside the box and still holds something is no matter of cutting."""
+    sides = zip(part, box, strict=True)
+    large = any(b - a > SMALLEST * (high - low) for (a, b), (low, high) in sides)
+    near = [float(f"{float(a.mid()):.4g}") for a, _ in part]
+    refuse_unless(large, f"a pose near {near} may keep the rules of the range, outside of the box")
+
+
+def cut_off(part: Sides, box: Sides) -> list[Sides]:
+    """What sticks out of the box, where a part lies across one face of it and no other."""
+    sides = zip(part, box, strict=True)
+    out = [i for i, ((a, b), (low, high)) in enumerate(sides) if a < low or b > high]
+    if len(out) != 1:
+        return []
+    axis = out[0]
+    (a, b), (low, high) = part[axis], box[axis]
+    if b <= low or a >= high:
+        return []
+    ends = [(a, low)] * (a < low) + [(high, b)] * (b > high)
+    return [[*part[:axis], end, *part[axis + 1 :]] for end in ends]
+
+
+def halves(part: Sides, levers: tuple[int, ...]) -> list[Sides]:
+    widths = [(b - a) * lever for (a, b), lever in zip(part, levers, strict=True)]
+    axis = max(range(6), key=lambda i: float(widths[i].mid()))
+    a, b = part[axis]
+    middle = ((a + b) / 2).mid()
+    refuse_unless(a < middle < b, "a part of the range is too small to be cut")
+    return [[*part[:axis], side, *part[axis + 1 :]] for side in ((a, middle), (middle, b))]
+
+
+def points_of_spots(rig: Rig, part: Sides, least: float, whole: bool) -> list[list[Any]]:
+    """(3, 2) sigmas from the apex, seen along the beam: a point of each facet whose ray lands on
+    its detector if the pose keeps the rules."""
+    edges = edges_of(rig, [span(*side) for side in part[3:]])
+    openings = openings_between(edges)
+    offset = farthest_offset(openings, least)
+    if whole and offset <= ELLIPSE:
+        return [[arb(0), arb(0)]] * 3
+    reach = arb(offset.numerator) / offset.denominator + (ELLIPSE if whole else 0)
+    reach = (reach + farthest_centroid(least)).upper()
+    points = []
+    for k in range(3):
+        turns = [edges[k][0] + openings[k] * (span(0, 1) + n) / PARTS for n in range(PARTS)]
+        x, y = ([span(0, reach) * f(turn) for turn in turns] for f in (arb.cos, arb.sin))
+        points.append([hull(x), hull(y)])
+    return points
+
+
+def hull(values: list[Any]) -> Any:
+    whole = values[0]
+    for value in values[1:]:
+        whole = whole.union(value)
+    return whole
+
+
+def farthest_centroid(least: float) -> Any:
+    """Of light that is a part `least` or more of the beam, from the beam's centre, sigmas.
+
+    |c| = E[x | part] along c <= z + E[(x - z)+] / least for every z, and E[(x - z)+] is at most the
+    density of the normal distribution at z.
+    """
+    root = (2 * arb.pi()).sqrt()
+    bounds = [z + (-(z * z) / 2).exp() / root / arb(least) for z in (arb(n) / 8 for n in range(49))]
+    return min((bound.upper() for bound in bounds), key=float)
+
+
+def no_way(rig: Rig, part: Sides, points: list[list[Any]], sizes: list[list[float]]) -> bool:
+    """Whether at no pose of a part the three rays can land on their detectors' areas.
+
+    Where a ray lands is taken times what it goes towards the detector in a unit of its way, so that
+    nothing is divided by what may be zero.
+    """
+    pose = [span(*side) for side in part]
+    turn = turned_by(*pose[3:])
+    for k in range(3):
+        normal = [inner(row, rig.normals[k]) for row in turn]
+        down = inner(normal, rig.down)
+        if down >= 0:
+            return True
+        if not down < 0:
+            continue
+        beside = [
+            sum(points[k][i] * rig.sigma[i] * rig.across[i][c] for i in range(2)) for c in range(3)
+        ]
+        drop = -inner(normal, beside) / down
+        away = [rig.down[c] - 2 * down * normal[c] for c in range(3)]
+        start = [pose[c] + beside[c] + drop * rig.down[c] - rig.centres[k][c] for c in range(3)]
+        x, *across = rig.axes[k]
+        facing, gap = inner(away, x), -inner(start, x)
+        if (facing > 0 and gap < 0) or (facing < 0 and gap > 0):
+            return True
+        for axis, half in zip(across, sizes[k], strict=True):
+            landing = inner(start, axis) * facing + gap * inner(away, axis)
+            if not (landing + span(-half, half) * facing).contains(arb(0)):
+                return True
+    return False
+
+
+def contracted(
+    rig: Rig, part: Sides, points: list[list[Any]], sizes: list[list[float]]
+) -> Sides | None:
+    """What of a part can keep the rules; None where nothing. Raises `Refused` where it is too wide.
+
+    G(p) - G(x) = slopes (p - x) with slopes at the middle place and all angles of the part, since G
+    is linear in the apex; so p = x + C (G(p) - G(x)) + (1 - C slopes) (p - x).
+    """
+    middle = [((a + b) / 2).mid() for a, b in part]
+    pose = [span(*side) for side in part]
+    light = {"from_point": [[(p.lower(), p.upper()) for p in row] for row in points],
+             "turns": [[[(0, 0)] * 3] * 2] * 3}  # fmt: skip
+    slopes = arb_mat([spot.slope for spot in spots(rig, [*middle[:3], *pose[3:]], light)])
+    places = [spot.value for spot in spots(rig, middle, light)]
+    near = arb_mat(inverted(slopes))
+    limits = [span(-half, half) for size in sizes for half in size]
+    step = near * arb_mat([[a - b] for a, b in zip(limits, places, strict=True)])
+    rest = near * slopes
+    kept = []
+    for i, (a, b) in enumerate(part):
+        off = sum(((i == j) - rest[i, j]) * (pose[j] - middle[j]) for j in range(6))
+        bounds = middle[i] + step[i, 0] + off
+        low, high = max(a, bounds.lower()), min(b, bounds.upper())
+        if not low <= high:
+            refuse_unless(bool(low > high), "no bounds")
+            return None
+        kept.append((low, high))
+    return kept
+
+
+def inverted(slopes: Any) -> list[list[float]]:
+    """Any matrix would do; one that nearly inverts the middles makes the part small."""
+    middles = np.array([[float(slopes[i, j].mid()) for j in range(6)] for i in range(6)])
+    refuse_unless(bool(np.isfinite(middles).all()), "no bounds of the Jacobian")
+    found: list[list[float]] = np.linalg.pinv(middles).tolist()
+    return found
+
+
+def check_rules(content: dict[str, Any]) -> list[str]:
+    """The claim's rules are those of the configuration; what of them is not found again."""
+    resolved, claim = content["resolved"], content["range"]
+    if resolved is None:
+        return ["that the rules of the range are those of any configuration"]
+    try:
+        sensor, rules = resolved["sensor"], resolved["range"]
+        sizes = [sensor["psd"][letter]["size_mm"] for letter in "abc"]
+        enough = all(
+            Fraction(half) * 2 >= Fraction(size)
+            for mine, its in zip(claim["halves_mm"], sizes, strict=True)
+            for half, size in zip(mine, its, strict=True)
+        )
+        refuse_unless(enough, "range: halves_mm are less than half the detectors' sizes")
+        whole = not claim["whole_spot"] or rules["spot"] == "whole"
+        refuse_unless(whole, "range: whole_spot is true, and not so in the configuration's rules")
+        if sensor["noise"]["model"] != "simple":
+            return ["that the least share is that of the range's rules, which take the electronics"]
+        least = Fraction(rules["snr"]) * Fraction(sensor["noise"]["power_uw"]) / 1000
+        power = Fraction(content["parameters"][0]) + Fraction(content["tolerances"][0])
+        low = Fraction(content["least_share"]) * power <= least
+        refuse_unless(low, "least_share is more than the rules of the range ask for")
+    except (KeyError, TypeError, ValueError) as error:
+        raise Refused(f"the configuration has no rules of the range: {error!r}") from None
+    return []

@@ -1,0 +1,126 @@
+"""Two states with the same readings, told apart by the Jacobian about the middle of their way.
+
+With the shares held, G(p') - G(p) = M (p' - p), where M is the mean of dG over the straight way.
+For any function L that is affine in the pose, the mean of L is its value in the middle of the way.
+So with dG - L in a rest E everywhere in the box, M lies in L(middle) + E; and the middle lies in
+the box, since it is convex. Where L follows dG, E holds only its curvature and what is not known of
+the light. So it takes that L(piece) + E is regular for pieces that fill the box, where the hull of
+all dG is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from flint import arb
+
+from ..characterization.state_box import StateBox
+from ..core.units import Floats
+from ..optics.forward import Geometry
+from ..scalars.intervals import Ball
+from .interval_matrix import Matrix, determinant_bound, hull_of_matrices, middles, regularity
+from .light_sharing import SharingBounds
+from .pieces import Piece, cut_in_two, pieces_of, shares_of
+from .spot_jacobian import Centred, centred_jacobian, intervals
+
+#: So many pieces are looked at for the middle of the way, and each is halved so many times.
+WORK, DEPTH = 4000, 12
+
+
+class Affine(NamedTuple):
+    """A matrix (6, 6) that is affine in the pose: value at `place` (6,), slopes (6, 6, 6), the
+    first index the axis of the pose. Any will do; it proves more the nearer it is to dG."""
+
+    place: Floats
+    value: Floats
+    slopes: Floats
+
+    def as_numbers(self) -> dict[str, Any]:
+        """For a certificate's file; a checker finds the rest again."""
+        return {name: values.tolist() for name, values in self._asdict().items()}
+
+    def over(self, pose: Sequence[Ball]) -> Matrix:
+        off = [side - float(x) for side, x in zip(pose, self.place, strict=True)]
+        return [
+            [
+                arb(float(self.value[i, j]))
+                + sum(arb(float(self.slopes[m, i, j])) * off[m] for m in range(6))
+                for j in range(6)
+            ]
+            for i in range(6)
+        ]
+
+
+class ByMiddles(NamedTuple):
+    """affine: L.  rest: E.  pieces: that fill the box, L + E being regular over each.
+
+    margin: the least of theirs, a lower bound; 0 or less where one is not regular.  A state is the
+    middle of the way to itself, so none in the box is singular either; the pieces' `at_least` is
+    of its determinant.
+    """
+
+    affine: Affine
+    rest: Matrix
+    pieces: list[Piece]
+    margin: float
+
+
+def prove_by_middles(
+    sensor: Geometry,
+    shares: SharingBounds,
+    box: StateBox,
+    jacobians: Sequence[Centred],
+    slope: float,
+) -> ByMiddles:
+    """jacobians: over pieces that fill the box.  slope: of the powers, a lower bound."""
+    affine = affine_part(sensor, shares, box)
+    rest = hull_of_matrices([rest_of(affine, jacobian) for jacobian in jacobians])
+    pieces, margin, todo = [], 1.0, [(*piece, 0) for piece in pieces_of(box)]
+    for _ in range(WORK):
+        if not todo:
+            return ByMiddles(affine, rest, pieces, margin)
+        low, high, depth = todo.pop()
+        matrix = added(affine.over(intervals(low, high)), rest)
+        found = regularity(matrix)[0]
+        if found > 0:
+            margin = min(margin, found)
+            least = determinant_bound(matrix, slope, found)
+            pieces.append(Piece(tuple(low.tolist()), tuple(high.tolist()), least))
+        elif depth == DEPTH:
+            break
+        else:
+            todo += [(*part, depth + 1) for part in cut_in_two(low, high, shares_of(box))]
+    return ByMiddles(affine, rest, pieces, -np.inf)
+
+
+def affine_part(sensor: Geometry, shares: SharingBounds, box: StateBox) -> Affine:
+    """The Jacobian and its slopes in the middle of the box."""
+    place = (box.low + box.high)[:6] / 2
+    found = centred_jacobian(sensor, shares, place, place)
+    slopes = np.array([middles(slope) for slope in found.slopes])
+    return Affine(place, middles(found.middle), slopes)
+
+
+def rest_of(affine: Affine, found: Centred) -> Matrix:
+    """What the Jacobian is more than L over a piece."""
+    at = affine.over(found.place)
+    return [
+        [
+            found.middle[i][j]
+            - at[i][j]
+            + sum(
+                (found.slopes[m][i][j] - float(affine.slopes[m, i, j])) * found.half[m]
+                for m in range(6)
+            )
+            for j in range(6)
+        ]
+        for i in range(6)
+    ]
+
+
+def added(a: Matrix, b: Matrix) -> Matrix:
+    return [
+        [x + y for x, y in zip(row, other, strict=True)] for row, other in zip(a, b, strict=True)
+    ]

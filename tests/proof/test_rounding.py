@@ -1,0 +1,109 @@
+"""Where rounding or a wide interval once let an untrue bound through, it does no more."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from facets.cli import certificates
+from facets.experiments import certificate_optics, certificate_pieces
+from facets.experiments import check_certificate as checker
+from flint import arb
+from sensors import SENSORS
+
+import facets
+from facets.characterization.state_box import parse_box
+from facets.proof import light_sharing, pieces
+from facets.proof.interval_matrix import determinant, distance_from_zero, regularity
+from facets.proof.uniqueness import certify
+from facets.scalars.intervals import around, between, ends, magnitude, positive
+
+
+@pytest.mark.parametrize("least_sine", [light_sharing.least_sine, certificate_optics.least_sine])
+def test_the_sine_of_an_opening_about_a_right_angle_is_not_taken_as_1(least_sine):
+    right = math.pi / 2
+    assert least_sine(between(right - 0.3, right + 0.4)) <= math.sin(right + 0.4) + 1e-12
+    assert least_sine(between(right + 0.1, right + 0.2)) <= math.sin(right + 0.2) + 1e-12
+    assert least_sine(between(right - 0.3, right - 0.1)) == 1
+
+
+def test_a_product_whose_factors_may_be_below_zero_is_not_above_it():
+    """-1 times -2 is 2, which bounds nothing from below."""
+    low, high = ends(positive(between(-1, 2), between(-2, 3)))
+    assert low <= 0
+    assert high >= 6
+    assert checker.not_below_zero(between(-1, 2)) == 0
+
+
+@pytest.mark.parametrize("value", [4575461.9, 4579999.9, 0.99999, 1.0, 0.3, 9.995e-7])
+def test_a_bound_is_told_rounded_down(value):
+    assert float(certificates.rounded_down(value)) <= value
+    assert float(checker.rounded_down(Fraction(value))) <= value
+
+
+def test_the_checker_takes_a_ball_s_end_as_it_is():
+    assert certificate_pieces.exactly((arb(1) / 3).lower()) < Fraction(1, 3)
+    assert certificate_pieces.exactly((arb(1) / 3).upper()) > Fraction(1, 3)
+
+
+def test_parts_of_a_side_reach_its_ends_to_the_last_digit():
+    for high in (0.0243, 0.0486, 0.1 + 0.2, 1.1):
+        box = parse_box(f"yaw_mrad=-7:{1e3 * high}")
+        places = [(low[5], top[5]) for low, top in pieces.pieces_of(box)]
+        assert min(places)[0] == box.low[5]
+        assert max(places)[1] == box.high[5]
+        assert sorted(places)[0][1] == sorted(places)[1][0]
+
+
+def test_the_checker_s_parts_of_the_yaw_reach_its_end(monkeypatch):
+    """low + (high - low) 3 / 3 is below high by the last digit for these."""
+    low, high = -0.0343, 0.034297
+    seen = []
+
+    def keep(rig, angles):
+        seen.append(angles[2])
+        raise checker.Refused("enough")
+
+    monkeypatch.setattr(checker, "edges_of", keep)
+    places = checker.parts_of(low, high, 3)
+    assert len(places) == 4
+    assert places[0] == low
+    assert places[-1] == high
+    content = {"low": [0.0] * 5 + [low], "high": [0.0] * 5 + [high], "least_share": 0.1}
+    with pytest.raises(checker.Refused, match="enough"):
+        checker.check_light(None, content)
+    assert seen[0].contains(arb(low))
+
+
+def test_no_number_is_no_bound():
+    nan = arb("nan")
+    assert magnitude(nan) == np.inf
+    assert distance_from_zero(nan) == 0
+    eye = [[arb(float(i == j)) for j in range(6)] for i in range(6)]
+    eye[2][3] = nan
+    assert not regularity(eye)[0] > 0
+    assert distance_from_zero(determinant(eye)) == 0
+
+
+def test_a_tolerance_holds_both_ends():
+    low, high = (around(0.3, 0.1).lower(), around(0.3, 0.1).upper())
+    assert low <= arb(0.3) - arb(0.1)
+    assert high >= arb(0.3) + arb(0.1)
+
+
+def test_imperfections_and_what_is_taken_for_granted_are_told():
+    sensor = SENSORS["paper"]
+    gains = replace(sensor.imperfections, tip=0.01)
+    config = facets.load("paper")
+    box = parse_box("tx_mm=1")
+    claim = certificates.Claim(
+        replace(config, sensor=replace(sensor, imperfections=gains)), box, 0.3, False, None, None
+    )
+    found = certify(sensor, box, 0.3)
+    text = "\n".join(certificates.describe_set(claim, found, None))
+    assert "imperfections" in text
+    assert "every facet faces the beam and every sub-beam meets" in text
+    assert " or more" in "\n".join(certificates.verdict(found, None))
