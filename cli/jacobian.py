@@ -140,7 +140,8 @@ def survey_box(
     if not search:
         return found, None, None
     worst = search_worst(asked, found)
-    pair = None if found.one_sign else find_ambiguous_pair(asked.settings.sensor, worst.state)
+    alike = found.one_sign_where_lit
+    pair = None if alike else find_ambiguous_pair(asked.settings.sensor, worst.state)
     show_pair(pair)
     return found, worst, pair
 
@@ -297,8 +298,13 @@ def search_worst(asked: Asked, found: Survey) -> Worst:
             f"determinant drawn, {weakest.values[1] / found.weakest.values[1]:.3g} times the least "
             "singular value"
         )
-    else:
+    elif not found.one_sign_where_lit:
         typer.echo("the determinant has both signs in the box: between them it is zero")
+    else:
+        typer.echo(
+            f"no word on the whole box: {100 * found.dark / found.states:.3g} % of its states leave a "
+            "detector without a reading"
+        )
     return weakest
 
 

@@ -102,7 +102,12 @@ class Survey:
     @property
     def one_sign(self) -> bool:
         """Whether every determinant is above zero, or every one below."""
-        return self.dark == 0 and self.states in (self.signs[0], self.signs[2])
+        return self.dark == 0 and self.one_sign_where_lit
+
+    @property
+    def one_sign_where_lit(self) -> bool:
+        """Whether the states in which all detectors have light have determinants of one sign."""
+        return self.states - self.dark in (self.signs[0], self.signs[2])
 
 
 OFFSETS, LEVELS = 120, 160

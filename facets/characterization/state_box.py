@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..config.section import MAX_LENGTH
 from ..core.errors import InputError
 from ..core.names import ANGLES, POSE
 from ..core.rules import Rules
@@ -96,6 +97,11 @@ def parse_box(text: str) -> StateBox:
             ) from None
         if len(ends) > 2 or (len(ends) == 1 and ends[0] < 0):
             raise InputError(f"--box has {part.strip()!r}; allowed: a half width, or LOW:HIGH")
+        most = np.pi if UNITS[number] < 1 else MAX_LENGTH
+        if not all(abs(end) * UNITS[number] <= most for end in ends):
+            raise InputError(
+                f"--box has {part.strip()!r}; allowed: up to {most / UNITS[number]:.5g} either way"
+            )
         first, last = (-ends[0], ends[0]) if len(ends) == 1 else ends
         low[number], high[number] = first * UNITS[number], last * UNITS[number]
     return StateBox(low, high)
