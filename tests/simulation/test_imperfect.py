@@ -115,8 +115,8 @@ def test_the_nodes_hold_all_the_light():
 
 DEPTHS = (6e-5, 3e-5, 5e-5, 7e-5, 2e-5, 4e-5)
 #: One effect each, told by rays and by the model, and how far apart they may be: um, and share of
-#: the power. Rays know an edge's whole light, a roll-off's whole profile and a tip's whole disc; the
-#: model some moments.
+#: the power. Rays know an edge's whole light, a roll-off's whole profile and a tip's whole disc,
+#: the model some moments.
 EFFECTS = {
     "curvature": ({"wavefront_radius": 2100.0}, 1e-5, 1e-10),
     "diffraction": ({"wavelength": 632.8e-6}, 0.1, 1e-5),
