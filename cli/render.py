@@ -141,7 +141,7 @@ def film_states(settings: Config, motion: str | None, recording: Path | None, fr
 
 
 #: A motion of less than this share of what a film shows is not seen in it: a few pixels.
-SEEN = 0.01
+SEEN = 0.02
 
 
 def motion_note(states: Any, sensor: Any, view: View) -> str:
