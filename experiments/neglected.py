@@ -96,8 +96,8 @@ def cases() -> dict[str, Case]:
 
 
 def choice() -> Choice:
-    """What `rigs` lets vary, the beam's diameters, and detectors that are not linear."""
-    known = rigs.hidden() | {"beam.diameter_x": 0.04, "beam.diameter_y": 0.04}
+    """What `rigs` lets vary, the beam's cross-section, and detectors that are not linear."""
+    known = rigs.hidden() | {"beam.sigma_xx": 4e-3, "beam.sigma_yy": 4e-3, "beam.sigma_xy": 2e-3}
     known |= {f"correction_{k}.{a}{p}": 0.05 for k in "abc" for a in "yz" for p in BENT}
     return Choice(tuple(known), np.array(list(known.values())))
 
