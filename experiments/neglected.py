@@ -153,7 +153,7 @@ def diffracted(offset: float, places: Floats, count: int = 4096, step: float = 0
     light = np.abs(np.fft.ifft2(np.fft.fft2(field) * filtered)) ** 2
     shifts = []
     for place in places:
-        on = (np.abs(along + place) < 6.5) & (np.abs(across) < 6.5)
+        on = (np.abs(along - inside + place) < 6.5) & (np.abs(across) < 6.5)
         shifts.append((along[on] * light[on]).sum() / light[on].sum() - inside)
     return np.array(shifts)
 

@@ -78,14 +78,15 @@ def test_diffraction_is_that_of_a_propagated_field():
 
     The detector is moved under the spot of A, so that it lies 2 and 4 mm off its middle; z of the
     spot is the direction along the facet. Told from the middle, where the field's own shift falls
-    with its grid: 0.65, 0.45, 0.26 um at cells of 7.5, 6, 4.5 um.
+    with its grid, which is coarse: by quadrature (`make_diffraction`) the field's shifts are the
+    closed form's to 0.01 um.
     """
     places = np.array([0.0, 2.0, 4.0])
     for offset in (-0.1, 0.1):
         fields, shifts = diffracted(offset, places), closed(offset, places)
         for shift, field in zip(shifts[1:] - shifts[0], fields[1:] - fields[0], strict=True):
             assert shift < 0  # towards the middle
-            assert shift == pytest.approx(field, rel=0.06)
+            assert shift == pytest.approx(field, rel=0.02)
 
 
 def test_simulations_have_it_and_the_solver_does_not():
