@@ -73,6 +73,8 @@ def render(
     elif film:
         states = film_states(settings, motion, recording, frames)
         shoot(settings, states, view.value, (width, height), path, rate)
+        if note := motion_note(states, settings.sensor, view):
+            typer.echo(note, err=True)
     else:
         draw(settings, state, view.value, (width, height), None if show else path)
     if not show:
@@ -136,6 +138,30 @@ def film_states(settings: Config, motion: str | None, recording: Path | None, fr
 
         _, states = states_of(named(settings, motion or ""), np.random.default_rng(settings.seed))
     return states[np.linspace(0, len(states) - 1, frames).round().astype(int)]
+
+
+#: A motion of less than this share of what a film shows is not seen in it: a few pixels.
+SEEN = 0.02
+
+
+def motion_note(states: Any, sensor: Any, view: View) -> str:
+    """What to say of a motion that is too small to be seen in its film, else nothing."""
+    import numpy as np
+
+    from facets.pictures.scene import rim_of
+
+    span = float(np.ptp(states[:, :3], axis=0).max())
+    turn = float(np.ptp(states[:, 3:6], axis=0).max())
+    shown = 2 * max(psd.radius for psd in sensor.psds)
+    if view is not View.rig:
+        shown = 2 * rim_of(sensor)
+    if max(span / shown, turn) >= SEEN:
+        return ""
+    return (
+        f"The mirror moves by {1e3 * span:.3g} µm and turns by {1e3 * turn:.3g} mrad in this film, "
+        f"whose picture is {shown:.3g} mm wide: too little to be seen. The pose is written in each "
+        "frame, and `facets simulate` draws it over time."
+    )
 
 
 def shoot(

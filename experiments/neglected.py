@@ -96,7 +96,7 @@ def cases() -> dict[str, Case]:
 
 
 def choice() -> Choice:
-    """What `rigs` lets vary, the beam's shape, and detectors that are not linear."""
+    """What `rigs` lets vary, the beam's cross-section, and detectors that are not linear."""
     known = rigs.hidden() | {"beam.sigma_xx": 4e-3, "beam.sigma_yy": 4e-3, "beam.sigma_xy": 2e-3}
     known |= {f"correction_{k}.{a}{p}": 0.05 for k in "abc" for a in "yz" for p in BENT}
     return Choice(tuple(known), np.array(list(known.values())))
@@ -153,7 +153,7 @@ def diffracted(offset: float, places: Floats, count: int = 4096, step: float = 0
     light = np.abs(np.fft.ifft2(np.fft.fft2(field) * filtered)) ** 2
     shifts = []
     for place in places:
-        on = (np.abs(along + place) < 6.5) & (np.abs(across) < 6.5)
+        on = (np.abs(along - inside + place) < 6.5) & (np.abs(across) < 6.5)
         shifts.append((along[on] * light[on]).sum() / light[on].sum() - inside)
     return np.array(shifts)
 

@@ -277,12 +277,17 @@ class LightKeys(Section):
         "and bc, of c at bc and ca",
     )
     rolloff_width_um: float = Field(
-        0.0, ge=0, le=1000, description="width of the strip over which a facet falls off"
+        0.0,
+        ge=0,
+        le=1000,
+        description="width of the strip over which a facet falls off, from where a lost strip ends",
     )
     strips_um: Widths = Field(
         (0.0, 0.0, 0.0), description="width of the strips lost along the edges ca, ab, bc"
     )
-    tip_um2: float = Field(0.0, ge=-1e6, le=1e6, description="area lost at a worn tip")
+    tip_um2: float = Field(
+        0.0, ge=-1e6, le=1e6, description="area lost at a worn tip, beside what strips take"
+    )
     background_uw: Powers = Field(
         (0.0, 0.0, 0.0), description="other light on detectors A, B and C"
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,7 @@ def _resolved(tree: Marked) -> dict[str, Any]:
         *(
             _aperture_conflicts(tree, resolved["sensor"])
             or _light_conflicts(tree, resolved["sensor"])
+            or _wide_edges(tree, resolved["sensor"])
             or alignment_check.problems(resolved["sensor"], tree)
         ),
         *_find_tables(tree, resolved["motions"]),
@@ -187,6 +189,28 @@ def _light_conflicts(tree: Marked, sensor: dict[str, Any]) -> list[str]:
             problems.append(
                 f"{mark.place}: sensor.light.{name} does not go with sensor.apertures."
                 f"{cuts[0]} ({cutting.place}): {remedy}; leave one of the two out"
+            )
+    return problems
+
+
+def _wide_edges(tree: Marked, sensor: dict[str, Any]) -> list[str]:
+    """What is lost or rolls off at edges and tip is narrow beside the beam: the model has its first
+    orders."""
+    diameter = sensor["beam"]["diameter_mm"]
+    narrow = 1e3 * (min(diameter) if isinstance(diameter, list | tuple) else diameter)
+    light = sensor["light"]
+    problems = []
+    for name, widest, most, unit in (
+        ("strips_um", max(map(abs, light["strips_um"])), narrow / 4, "µm"),
+        ("rolloff_width_um", light["rolloff_width_um"], narrow / 4, "µm"),
+        ("tip_um2", abs(light["tip_um2"]), pi * (narrow / 8) ** 2, "µm²"),
+    ):
+        if widest > most:
+            mark, _ = tree.find(("sensor", "light", name))
+            problems.append(
+                f"{mark.place}: sensor.light.{name} is not small beside the beam, which the model "
+                f"needs (got {widest:g}; allowed: up to {most:.3g} {unit} with a beam of "
+                f"{narrow / 1e3:g} mm)"
             )
     return problems
 

@@ -302,8 +302,8 @@ class BenchLight:
         _require(sound, "background", self.background, "power, y and z of three detectors")
         if self.index is not None:
             n, k = self.index
-            sound = math.isfinite(n) and math.isfinite(k) and n > 0
-            _require(sound, "index", self.index, "n above 0, and k")
+            sound = math.isfinite(n) and math.isfinite(k) and n > 0 and (n, k) != (1, 0)
+            _require(sound, "index", self.index, "n above 0, and k, but not those of air")
 
     @cached_property
     def of_edges(self) -> tuple[str, ...]:

@@ -20,7 +20,9 @@ To second order in the spot's size over S, an edge's light is as wide as it is (
 facet's point, where both edges end, spreads light of its own (`at_point`).
 
 A surface that rolls off by a depth d sends the strip's light outward: the spot moves by
-2 d cos(incidence) path x light / P across the edge. A lost strip moves the wedge's point inward.
+2 d cos(incidence) path x light / P across the edge. A lost strip moves the wedge's point inward,
+and with it where the surface begins to roll off. Where more light is lost than there is, or the
+numbers are so large that these first orders say so, the readings are NaN.
 
 All functions take any number type whose `moments` a scene holds; `carried` gives those of complex
 numbers, whose imaginary parts carry a derivative. Masses are shares of the beam's power.
@@ -47,6 +49,9 @@ from .vectors import (
     subtract,
 )
 from .wedge import Moments, Plane, Side, moments_closed, turned
+
+#: A number's derivatives by the eight components of a state.
+Row = tuple[Any, ...]
 
 
 def cross2(a: Plane, b: Plane) -> Number:
@@ -228,8 +233,9 @@ def step_across(geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], 
 
 def worn(
     geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], steps: Three, k: int
-) -> tuple[Number, Plane]:
-    """Mass and centroid of the light on facet k less what strips along its edges and the tip lose.
+) -> tuple[Number, Plane, Plane]:
+    """Mass and centroid of the light on facet k less what strips along its edges and the tip lose,
+    and by how much the strips move its point, in sigmas.
 
     A strip moves an edge inward by w, and both move the facet's point by d:
     mass (1 - C.d - (d.P d - (C.d)^2) / 2) and C + P d, with centroid C and P one less the
@@ -255,10 +261,11 @@ def worn(
     rest = left - lost
     moved = centroid[0] + pd[0], centroid[1] + pd[1]
     share = 1 / rest
-    return rest, (
+    centroid = (
         (left * moved[0] - lost * place[0]) * share,
         (left * moved[1] - lost * place[1]) * share,
     )
+    return rest, centroid, d
 
 
 def at_tip(
@@ -444,25 +451,28 @@ def push(
     step: Step,
     light: Streak,
     depth: Number,
+    moved: Plane,
     total: Sum,
 ) -> Sum:
     """`total` and where an edge of facet k that rolls off sends its light.
 
     depth: mm, positive for the facet that begins at the edge where it falls off; its negative for
-    the one that ends there.
+    the one that ends there.  moved: by how much lost strips move the facet's point, in sigmas.
     """
     facing = -dot(geometry.direction, at.normals[k])
     width = geometry.light.rolloff_width * facing / step.sine
-    far = -2 * depth * facing * image.path * step.light * strip_mean(at, k, edge, step, width)
+    mean = strip_mean(at, k, edge, step, moved, width)
+    far = -2 * depth * facing * image.path * step.light * mean
     return Sum(total.lost, (total.moment[0] + light.v[0] * far, total.moment[1] + light.v[1] * far))
 
 
-def strip_mean(at: Scene, k: int, edge: int, step: Step, width: Number) -> Number:
+def strip_mean(at: Scene, k: int, edge: int, step: Step, moved: Plane, width: Number) -> Number:
     """The light along a strip of facet k beside its edge, over the light along the edge itself.
 
-    width: of the strip, across the beam, mm.  With D from the strip's start at the apex to its
-    inner side's, which lies on the other edge, and the light L(a, h) along a line from q,
-    a = q.u, h = q x u: 1 + (dL.D / 2 + D.d2L D / 6) / L.
+    moved: where the strip begins, from the apex, in sigmas.  width: of the strip, across the beam,
+    mm.  With D from there to where its inner side begins, along the other edge, and the light
+    L(a, h) along a line from q, a = q.u, h = q x u: the mean of 1 + (dL.x + x.d2L x / 2) / L over x
+    from `moved` to `moved` + D.
     """
     u = at.sides[edge]
     if edge == k:
@@ -472,12 +482,14 @@ def strip_mean(at: Scene, k: int, edge: int, step: Step, width: Number) -> Numbe
         w = at.sides[k]
         far = width * step.away / cross2(w, u)
     a, h = dot2(at.q, u), cross2(at.q, u)
-    along, across = far * dot2(w, u), far * cross2(w, u)
+    wide, deep = far * dot2(w, u), far * cross2(w, u)
+    along, across = dot2(moved, u) + wide / 2, cross2(moved, u) + deep / 2
     ratio = step.far + a
     rise = -ratio * along - h * across
-    bow = a * ratio * along * along + 2 * h * ratio * along * across
-    bow += (h * h - 1) * across * across
-    return 1 + rise / 2 + bow / 6
+    bow = a * ratio * (along * along + wide * wide / 12)
+    bow += 2 * h * ratio * (along * across + wide * deep / 12)
+    bow += (h * h - 1) * (across * across + deep * deep / 12)
+    return 1 + rise + bow / 2
 
 
 def rates(spot: Plane, v: Plane, halves: Plane, nearest: Number) -> tuple[Number, Number]:
@@ -526,7 +538,7 @@ def reading(
     following = (k + 1) % 3
     light = geometry.light
     image = mirrored(geometry, at, k)
-    mass, centroid = worn(geometry, at, back, steps, k)
+    mass, centroid, moved = worn(geometry, at, back, steps, k)
     ray = ray_at(image, centroid)
     bow = bowed(image, ray, at.moments[k][2])
     centre = ray.spot[0] + bow[0], ray.spot[1] + bow[1]
@@ -537,13 +549,13 @@ def reading(
     circle = 2 * pi(mass)
     scatter = light.wavelength * image.path / (circle * circle)
     one, other = streak(image, step, scatter), streak(image, after, scatter)
-    total = push(geometry, at, image, k, k, step, one, first, total)
-    total = push(geometry, at, image, k, following, after, other, -second, total)
+    total = push(geometry, at, image, k, k, step, one, first, moved, total)
+    total = push(geometry, at, image, k, following, after, other, -second, moved, total)
     total = beyond(geometry, image, one, centre, total)
     total = beyond(geometry, image, other, centre, total)
     streaks = one, other
     total = at_point(geometry, at, back, image, k, (step, after), streaks, scatter, centre, total)
-    rest = mass - total.lost
+    rest = defined(mass - total.lost, mass - total.lost, mass, ray.facing)
     share = 1 / rest
     spot = centre[0] + total.moment[0] * share, centre[1] + total.moment[1] * share
     bend = combine(centroid[0], light.fan[0], centroid[1], light.fan[1])
@@ -795,8 +807,42 @@ def near_rows(
     parallel = bundle(geometry, direction, own, spread, whitening)
     of_psi, of_zeta, of_power = gradients(parallel, at, k, ray)
     normal, both = at.normals[k], (turns[k], turns[(k + 1) % 3])
-    return (
+    return drawn(
+        values,
+        light.background[k],
         by_state(parallel, of_psi, normal, both, axes),
         by_state(parallel, of_zeta, normal, both, axes),
         by_state(parallel, of_power, normal, both, axes),
+    )
+
+
+def drawn(values: Three, other: Three, of_psi: Row, of_zeta: Row, of_power: Row) -> Three:
+    """The eight derivatives of each of a detector's readings, from those of its spot alone.
+
+    values: (psi, zeta, power) as read, with the other light in them.  other: its power and place.
+    """
+    whole = values[2]
+    share = 1 / whole
+    own = (whole - other[0]) * share
+    draws = other[0] * share / (whole - other[0])
+    return (
+        draws_place(of_psi, of_power, own, (values[0] - other[1]) * draws),
+        draws_place(of_zeta, of_power, own, (values[1] - other[2]) * draws),
+        of_power,
+    )
+
+
+def draws_place(of_place: Row, of_power: Row, own: Number, lever: Number) -> Row:
+    """own: the spot's part of the power.  lever: what more of its power does to the place."""
+    a, b, c, d, e, f, g, h = of_place
+    p, q, r, s, t, u, v, w = of_power
+    return (
+        own * a + lever * p,
+        own * b + lever * q,
+        own * c + lever * r,
+        own * d + lever * s,
+        own * e + lever * t,
+        own * f + lever * u,
+        own * g + lever * v,
+        own * h + lever * w,
     )

@@ -9,13 +9,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from .bench_light import STEP, reflectance, with_background
+from .bench_light import STEP, drawn, reflectance, with_background
 from .detected import cut_scene, linearised_where_cut
 from .forward import Geometry, Scene, Three, readings_of
 from .region import Array
 from .vectors import Vector, cross, rotation_axes
-
-Row = tuple[Any, ...]
 
 
 def readings(
@@ -71,27 +69,7 @@ def linearised_one(
         share * of_power[7],
     )
     whole = lit(geometry, at, k, values)
-    own = bare * share / whole[2]
-    psi = placed_row(of_psi, power, own, (values[0] - whole[0]) / whole[2])
-    zeta = placed_row(of_zeta, power, own, (values[1] - whole[1]) / whole[2])
-    return whole, (psi, zeta, power)
-
-
-def placed_row(of_place: Row, of_power: Row, own: float, lever: float) -> Row:
-    """The derivatives of a place that other light draws. own: the spot's part of the power.
-    lever: by how much more of the spot's power moves the place."""
-    a, b, c, d, e, f, g, h = of_place
-    p, q, r, s, t, u, v, w = of_power
-    return (
-        own * a + lever * p,
-        own * b + lever * q,
-        own * c + lever * r,
-        own * d + lever * s,
-        own * e + lever * t,
-        own * f + lever * u,
-        own * g + lever * v,
-        own * h + lever * w,
-    )
+    return whole, drawn(whole, geometry.light.background[k], of_psi, of_zeta, power)
 
 
 def of_turn(geometry: Geometry, normal: Vector, axis: Vector) -> float:

@@ -28,8 +28,7 @@ def spots_picture(sensor: Sensor, state: Floats) -> Figure:
         for k, letter in enumerate("ABC"):
             spot, centroid = scene.spot(stand, k), reading[3 * k : 3 * k + 2]
             face(panels[0, k], sensor.psds[k], spot, centroid)
-            power = 1e3 * reading[3 * k + 2]
-            panels[0, k].set_title(f"PSD {letter}: {power:.1f} µW")
+            panels[0, k].set_title(f"PSD {letter}: {light_on(sensor.psds[k], reading[3 * k :])}")
             image = large(panels[1, k], spot, centroid)
         if image is not None:
             bar = picture.colorbar(image, ax=panels[1, :].tolist(), shrink=0.8)
@@ -37,6 +36,15 @@ def spots_picture(sensor: Sensor, state: Floats) -> Figure:
         handles, names = panels[1, 0].get_legend_handles_labels()
         picture.legend(handles, names, loc="outside lower center", ncols=len(names))
     return picture
+
+
+def light_on(psd: Psd, reading: Floats) -> str:
+    """What a detector's title says of its (psi, zeta, power)."""
+    psi, zeta, power = reading[:3]
+    if np.isnan(power):
+        return "no light"
+    beside = abs(psi) > psd.size_y / 2 or abs(zeta) > psd.size_z / 2
+    return f"{1e3 * power:.1f} µW" + (" beside it" if beside else "")
 
 
 def face(panel: Axes, psd: Psd, spot: Spot, centroid: Floats) -> None:

@@ -222,7 +222,7 @@ def landed(fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[Edge]) 
     parts = [spots(fixed, at, k, flaws, *nodes(fixed, at, flaws, k, edges))]
     for which in (0, 1):
         if flaws.rolloff[k, which]:
-            weights, places = strip(fixed, at, flaws, edges, which)
+            weights, places = strip(fixed, at, k, flaws, edges, which)
             slope = flaws.rolloff[k, which] / flaws.rolloff_width
             tilt = -slope * edges[which].inward
             parts.append(spots(fixed, at, k, flaws, weights, places, tilt))
@@ -234,12 +234,14 @@ def landed(fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[Edge]) 
 
 
 def strip(
-    fixed: Geometry, at: Scene, flaws: Flaws, edges: list[Edge], which: int
+    fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[Edge], which: int
 ) -> tuple[Floats, Floats]:
-    """Nodes over the strip along one edge that rolls off."""
+    """Nodes over the strip along one edge of facet k that rolls off, from where it is lost on."""
     apex = origin(fixed, at, flaws, np.array(at.apex))
     own, other = edges[which].seen_along, edges[1 - which].seen_along
     rise = float(other @ edges[which].seen_inward)
+    lost = [flaws.strips[(k + n) % 3] / 2 * edges[n].across for n in (0, 1)]
+    apex = apex + np.linalg.solve(np.array([edge.seen_inward for edge in edges]), lost)
     wide = flaws.rolloff_width * edges[which].across / rise
     far = float(np.hypot(*apex)) + FAR * size_of(fixed)
     x, wx = gauss(RADII)
@@ -257,13 +259,13 @@ def worn(fixed: Geometry, at: Scene, flaws: Flaws, edges: list[Edge]) -> tuple[F
     first, last = (v / np.linalg.norm(v) for v in level)
     beside = np.cross(axis, first)
     opening = np.arctan2(last @ beside, last @ first) % (2 * np.pi)
-    radius = np.sqrt(flaws.tip / np.pi)
+    radius = np.sqrt(abs(flaws.tip) / np.pi)
     x, wx = gauss(ACROSS)
     angle, r = (x + 1) / 2 * opening, (x + 1) / 2 * radius
     unit = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * beside
     points = (np.array(at.apex) + r[:, None, None] * unit).reshape(-1, 3)
     area = np.outer(wx * radius / 2 * r, wx * opening / 2).ravel()
-    area = -area * abs(axis @ np.array(fixed.direction))
+    area = -np.sign(flaws.tip) * area * abs(axis @ np.array(fixed.direction))
     places = origin(fixed, at, flaws, points)
     return shares(fixed, flaws, places) * area, places
 

@@ -20,8 +20,8 @@ class Bench:
     """What the rays meet. curvature: (2, 2) of the wavefront, 1/mm, along the beam's axes.
 
     strips: width lost along edges ca, ab, bc, mm.  depths: of the roll-off at the first and second
-    edge of each facet, mm, linear over `width` (mm), counted on the facet.  tip: radius of a flat
-    disc at the apex, mm.
+    edge of each facet, mm, linear over `width` (mm) from the lost strip on, counted on the facet.
+    tip: radius of a flat disc at the apex, mm.
     """
 
     curvature: np.ndarray = field(default_factory=lambda: np.zeros((2, 2)))
@@ -89,7 +89,8 @@ class Side:
     def nodes(self) -> tuple[np.ndarray, np.ndarray]:
         """Places and shares over the whole facet, in bands along its edges."""
         strips = [self.bench.strips[(self.k + i) % 3] / 2 for i in (0, 1)]
-        breaks = [[w / self.leads_away(i) for w in (strips[i], self.bench.width)] for i in (0, 1)]
+        ends = [(strip, strip + self.bench.width) for strip in strips]
+        breaks = [[w / self.leads_away(i) for w in ends[i]] for i in (0, 1)]
         far = (np.hypot(*self.apex) + 9.5 * self.at.sigmas.max()) / self.spread
         s, ws = bands(breaks[1], far)
         t, wt = bands(breaks[0], far)
@@ -119,8 +120,8 @@ class Side:
         hits, aim = hits_and_aim
         normal = np.repeat(self.normal[None], len(x), axis=0)
         for i in (0, 1):
-            depth = (hits - self.at.apex) @ self.inward[i]
-            share = np.where(depth < bench.strips[(self.k + i) % 3] / 2, 0.0, share)
+            depth = (hits - self.at.apex) @ self.inward[i] - bench.strips[(self.k + i) % 3] / 2
+            share = np.where(depth < 0, 0.0, share)
             slope = np.where(depth < bench.width, bench.depths[self.k][i] / bench.width, 0.0)
             normal = normal - slope[:, None] * self.inward[i]
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)

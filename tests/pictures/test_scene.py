@@ -11,12 +11,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from commands import command
+from facets.cli.render import View, motion_note
 from gltf_page import page_of
 from sensors import SENSORS, states
 
 import facets
 from facets.pictures import scene
 from facets.pictures.scene import Stand
+from facets.pictures.spots import light_on
 
 TILTED = "tx_mm=0.08,ty_mm=0.05,roll_mrad=8,pitch_mrad=6,yaw_mrad=10"
 
@@ -207,6 +209,24 @@ def test_films_and_flat_pictures(tmp_path):
         result = command("render", "paper", kind, "-o", name, cwd=tmp_path)
         assert result.returncode == 0, result.stderr
         assert (tmp_path / name).stat().st_size > 5000
+
+
+@pytest.mark.parametrize(("span", "view", "told"), [(0.05, "both", True), (2.0, "both", False),
+                                                    (2.0, "rig", True)])  # fmt: skip
+def test_a_film_says_what_is_too_small_to_be_seen(span, view, told):
+    states = np.zeros((5, 8))
+    states[:, 0] = np.linspace(0, span, 5)
+    note = motion_note(states, facets.Sensor(), View(view))
+    assert ("too little to be seen" in note) == told
+    assert not told or f"{1e3 * span:.3g} µm" in note
+
+
+def test_titles_say_where_no_light_falls():
+    """No number of watts where there are none, and none without a word where the spot is beside."""
+    psd = facets.Sensor().psds[0]
+    assert light_on(psd, np.array([1.0, -2.0, 0.1])) == "100.0 µW"
+    assert light_on(psd, np.array([1.0, -7.0, 0.1])) == "100.0 µW beside it"
+    assert light_on(psd, np.full(3, np.nan)) == "no light"
 
 
 @pytest.mark.parametrize(
