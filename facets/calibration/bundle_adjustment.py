@@ -24,6 +24,7 @@ from ..detectors.correction import NAMES, corrected, slopes
 from ..detectors.noise import standard_deviations
 from ..model.arrays import EFFECTS, effect_jacobian, effects, jacobian, readings, with_effects
 from ..model.beam_shape import SHAPE
+from .spline import SPLINE, spline_slopes
 from .unknowns import (
     ALL,
     DELAY,
@@ -307,7 +308,10 @@ def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: 
     pose = pose_of(data, opening, values)
     turning = Turning.at(pose, seating(data, values[block(MOUNTING)]), state)
     own = own_columns(by_state, turning, seen, light[:, 0])
-    every = np.zeros((len(state), 9, len(ALL)))
+    bent = any(name in SPLINE for name in choice.names)
+    every = np.zeros((len(state), 9, len(ALL) if bent else block(SPLINE).start))
+    if bent:
+        every[:, :, block(SPLINE)] = -spline_slopes(sensor, data.raw)
     every[:, :, : len(GEOMETRY) + len(SHAPE)] = in_the_mirror(
         by_thirds(sensor, data, state, by_sensor), (*GEOMETRY, *SHAPE), data
     )
