@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -332,9 +331,20 @@ def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: 
 
 
 def wanted_effects(data: Data, choice: Choice) -> Callable[[Sensor, Floats], Floats]:
-    """The derivatives by the effects of a choice; by all where the mirror was turned."""
+    """The derivatives by the effects of a choice; by all where the mirror was turned.
+
+    NaN where a fit that has gone astray makes a sensor that has none, as a beam without width.
+    """
     whole = data.thirds is not None and bool(data.thirds.any())
-    return partial(effect_jacobian, names=None if whole else choice.names)
+    names = None if whole else choice.names
+
+    def columns(sensor: Sensor, state: Floats) -> Floats:
+        try:
+            return effect_jacobian(sensor, state, names=names)
+        except ZeroDivisionError:
+            return np.full((len(state), 9, len(EFFECTS)), np.nan)
+
+    return columns
 
 
 class Turning(NamedTuple):
