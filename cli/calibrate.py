@@ -171,7 +171,8 @@ def write_results(settings: Config, found: Verdict, files: list[Path]) -> None:
         trial = Path(folder) / path.name
         matrix = trial.with_name(covariance.name)
         write_covariance(matrix, found.found, about)
-        trial.write_text(as_yaml(settings, found.found, matrix, about), "utf-8")
+        bent = write_grids(settings, trial, found.found, about)
+        trial.write_text(as_yaml(settings, found.found, matrix, bent, about), "utf-8")
         try:
             load(trial)
         except FacetsError as error:
@@ -181,7 +182,8 @@ def write_results(settings: Config, found: Verdict, files: list[Path]) -> None:
                 err=True,
             )
             raise typer.Exit(FINDING) from None
-        for source, target in ((matrix, covariance), (trial, path)):
+        beside = [(source, path.with_name(source.name)) for source in bent.values()]
+        for source, target in ((matrix, covariance), *beside, (trial, path)):
             with tables.Whole(target) as temporary:
                 copyfile(source, temporary)
     tables.write_table(table, found_table(found.search.sensor, found.found), about)
@@ -284,7 +286,25 @@ def write_covariance(path: Path, found: Fit, about: dict[str, str]) -> None:
     write_table(path, columns(found.sensor.calibration), about)
 
 
-def as_yaml(settings: Config, found: Fit, covariance: Path, about: dict[str, str]) -> str:
+def write_grids(
+    settings: Config, beside: Path, found: Fit, about: dict[str, str]
+) -> dict[str, Path]:
+    """Tables of detectors that were found to be bent beyond third order, by letter."""
+    from facets.config.grid import columns
+    from facets.core.names import DETECTORS
+    from facets.files.tables import write_table
+
+    written = {}
+    for letter, old, new in zip(DETECTORS, settings.sensor.psds, found.sensor.psds, strict=True):
+        if new.correction.grid is not None and new.correction.grid != old.correction.grid:
+            written[letter] = beside.with_name(f"{beside.stem}-detector-{letter}.csv")
+            write_table(written[letter], columns(new.correction.grid), about)
+    return written
+
+
+def as_yaml(
+    settings: Config, found: Fit, covariance: Path, bent: dict[str, Path], about: dict[str, str]
+) -> str:
     from hashlib import sha256
 
     from facets.config.geometry import written
@@ -295,6 +315,11 @@ def as_yaml(settings: Config, found: Fit, covariance: Path, about: dict[str, str
         "file": covariance.name,
         "sha256": sha256(covariance.read_bytes()).hexdigest(),
     }
+    for letter, table in bent.items():
+        keys["psd"][letter]["correction"] |= {
+            "table": table.name,
+            "table_sha256": sha256(table.read_bytes()).hexdigest(),
+        }
     return configuration(with_power(settings), keys, about)
 
 

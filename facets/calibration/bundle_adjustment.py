@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +23,7 @@ from ..detectors.correction import NAMES, corrected, slopes
 from ..detectors.noise import standard_deviations
 from ..model.arrays import EFFECTS, effect_jacobian, effects, jacobian, readings, with_effects
 from ..model.beam_shape import SHAPE
+from .spline import SPLINE, spline_slopes
 from .unknowns import (
     ALL,
     DELAY,
@@ -307,7 +307,10 @@ def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: 
     pose = pose_of(data, opening, values)
     turning = Turning.at(pose, seating(data, values[block(MOUNTING)]), state)
     own = own_columns(by_state, turning, seen, light[:, 0])
-    every = np.zeros((len(state), 9, len(ALL)))
+    bent = any(name in SPLINE for name in choice.names)
+    every = np.zeros((len(state), 9, len(ALL) if bent else block(SPLINE).start))
+    if bent:
+        every[:, :, block(SPLINE)] = -spline_slopes(sensor, data.raw)
     every[:, :, : len(GEOMETRY) + len(SHAPE)] = in_the_mirror(
         by_thirds(sensor, data, state, by_sensor), (*GEOMETRY, *SHAPE), data
     )
@@ -328,9 +331,20 @@ def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: 
 
 
 def wanted_effects(data: Data, choice: Choice) -> Callable[[Sensor, Floats], Floats]:
-    """The derivatives by the effects of a choice; by all where the mirror was turned."""
+    """The derivatives by the effects of a choice; by all where the mirror was turned.
+
+    NaN where a fit that has gone astray makes a sensor that has none, as a beam without width.
+    """
     whole = data.thirds is not None and bool(data.thirds.any())
-    return partial(effect_jacobian, names=None if whole else choice.names)
+    names = None if whole else choice.names
+
+    def columns(sensor: Sensor, state: Floats) -> Floats:
+        try:
+            return effect_jacobian(sensor, state, names=names)
+        except ZeroDivisionError:
+            return np.full((len(state), 9, len(EFFECTS)), np.nan)
+
+    return columns
 
 
 class Turning(NamedTuple):

@@ -21,6 +21,7 @@ from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, Linear, Normal, deviations, eliminated, linear, own_sigma
 from .fit import NORMAL_MEDIAN, Fit, fit, prior_information
 from .laser import steadied
+from .spline import SPLINE
 from .table import bends
 from .unknowns import DELAY, OF_DRIFT, PLACE, SKEW, Choice, assigned, values_of
 
@@ -87,6 +88,8 @@ WORDS = {
 BLUR = 3.0
 #: How often at most the laser's steadiness is asked for, and the candidates again.
 ROUNDS = 4
+#: By how much detectors are bent beyond third order, mm, 1 sigma.
+BENT = 1e-2
 #: How far apart a converter may read its channels, s, 1 sigma.
 SKEWED = 1e-4
 #: A fit on the way ends after so many steps, or where another is worth less than this.
@@ -113,6 +116,10 @@ def candidates(sensor: Sensor, data: Data | None, settings: Calibrate) -> list[C
     if "bend_um" not in settings.before:
         sigma = {name: size for k in DETECTORS for name, size in bends(k, 0.03).items()}
         found.append(Candidate("bend", "detectors bent in second and third order", sigma))
+    if not any(psd.correction.grid for psd in sensor.psds):  # a table that was given stays
+        sigma = {name: size for k in DETECTORS for name, size in bends(k, 0.03).items()}
+        sigma |= dict.fromkeys(SPLINE, BENT)
+        found.append(Candidate("spline", "detectors bent beyond third order", sigma))
     if data is not None and data.velocity is not None:
         found.append(Candidate("delay", WORDS["delay"], {DELAY: 0.01}))
         skew = dict.fromkeys(SKEW[1:], SKEWED)  # beside A: what all have is the reference's delay
@@ -380,8 +387,11 @@ class Searcher:
         """Takes what is good of what is left, if any is."""
         done = self.taken() | self.refused
         rest = [one for one in self.every if not one.beam and one.key not in done]
-        for coated in (False, True):  # a coating is tried at several angles: last, for its cost
-            group = [one for one in rest if one.coated == coated]
+        late = [one.key for one in self.every if one.coated or one.key == "spline"]
+        for keys in (None, *late):  # what costs most is tried last: a coating, at several angles
+            group = [
+                one for one in rest if (one.key not in late if keys is None else one.key == keys)
+            ]
             tried = worths(self.sensor, self.data, self.found, group)
             self.rows |= {row.key: row._replace(taken=False) for row in tried}
             good = [row for row in tried if row.taken]
@@ -467,7 +477,8 @@ def blurred(sensor: Sensor, data: Data, plain: Fit) -> Data:
 def with_all(sensor: Sensor, data: Data | None, settings: Calibrate, chosen: Choice) -> Choice:
     """A choice with all candidates beside, but for a coating and a beam that moves."""
     for one in candidates(sensor, data, settings):
-        chosen = chosen if one.coated or one.beam else with_candidate(chosen, one)
+        late = one.coated or one.beam or one.key == "spline"
+        chosen = chosen if late else with_candidate(chosen, one)
     return chosen
 
 

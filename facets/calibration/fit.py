@@ -250,8 +250,12 @@ class Task:
         covariance: Floats = np.linalg.inv(matrix).astype(float)
         redundancy = redundancies(found, weights, normal, covariance)
         chi_square, freedom = self.misfit(at, limit, redundancy)
+        try:
+            sensor = written_to_sensor(self, at, normal, covariance)
+        except InputError as error:  # the mirror's turn, put into its facets, may leave no pyramid
+            sensor, cause = self.nominal, f"what it found makes no sensor ({error})"
         return Fit(
-            sensor=written_to_sensor(self, at, normal, covariance),
+            sensor=sensor,
             choice=self.choice,
             values=at.values[self.choice.places],
             covariance=covariance,

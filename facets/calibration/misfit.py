@@ -19,6 +19,7 @@ from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, deviations, light_of
 from .candidates import beyond_chance
 from .fit import Fit
+from .spline import spline_error
 from .unknowns import MOUNTING, values_of
 
 KINDS = ("psi", "zeta", "power")
@@ -280,6 +281,7 @@ def model_error(found: Fit, data: Data, sensor: Sensor) -> dict[str, float]:
         holds = np.full(9, PLACE_HOLDS)
         holds[2::3] = POWER_HOLDS * np.nanmedian(data.raw[:, 2::3], axis=0)
         missed = np.hypot(missed, holds)
+    missed = np.hypot(missed, spline_error(sensor, data.raw, found.choice.names, found.covariance))
     return {name: float(size) for name, size in zip(MISFIT, missed, strict=True) if size > 0}
 
 

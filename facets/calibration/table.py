@@ -236,7 +236,7 @@ def unit_of(name: str, sensor: Sensor) -> tuple[str, float]:
         return ("mW", 1.0) if head == "beam" else ("%", 100.0)
     if part == "dark":
         return "uW", 1e3
-    return ("um", 1e3) if head.startswith("correction") else ("mrad", 1e3)
+    return ("um", 1e3) if head.startswith(("correction", "spline")) else ("mrad", 1e3)
 
 
 def found_table(nominal: Sensor, found: Fit) -> dict[str, NDArray[Any]]:

@@ -26,6 +26,7 @@ from ..model.beam_shape import (
     shape_of,
 )
 from ..optics.parameters import PARAMETERS
+from .spline import SPLINE, with_spline
 
 #: Of one seating: the apex from the reference's pivot; the apex from the beam while the reference
 #: is at zero; how the mirror is turned on the reference.
@@ -48,7 +49,8 @@ POWER_DRIFT = tuple(f"time.power_{n}" for n in range(1, 6))
 
 GEOMETRY = tuple(name for name in PARAMETERS if name not in OF_SHAPE)
 OF_SENSOR = (*GEOMETRY, *SHAPE, *NAMES, *EFFECTS)
-ALL = (*OF_SENSOR, *MOUNTING, DELAY, *SKEW, *DRIFTS, *POWER_DRIFT)
+#: The splines come last: only where one is chosen are their columns made.
+ALL = (*OF_SENSOR, *MOUNTING, DELAY, *SKEW, *DRIFTS, *POWER_DRIFT, *SPLINE)
 PLACE = {name: n for n, name in enumerate(ALL)}
 
 
@@ -106,6 +108,7 @@ def assigned(sensor: Sensor, values: Floats) -> Sensor:
     made = sensor_with(sensor, [geometry[name] for name in PARAMETERS])
     made = with_corrections(made, values[block(NAMES)])
     made = with_effects(made, values[block(EFFECTS)])
+    made = with_spline(made, values[block(SPLINE)])
     a, b, c = values[block(SKEW)].tolist()
     return replace(made, light=replace(made.light, delays=(a, b, c)), calibration=None)
 

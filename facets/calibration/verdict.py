@@ -81,6 +81,7 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
         plain = plain if hopeless or plain.ended else late
     else:
         hopeless = suspicious(sensor, plain)
+    astray = [] if plain.ended else pulls(sensor, plain)
     promising = (
         hopeless
         and plain.ended
@@ -89,6 +90,9 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
     )
     if hopeless and not promising and (told := explanation(sensor, fitted, chosen)):
         return Verdict(fitted, held, plain, None, None, None, [told.finding, *early])
+    if hopeless and astray:  # at a sensor that can not be, no effect of light can be told
+        said = [unsettled(plain), *astray, *early]
+        return Verdict(fitted, held, plain, None, None, None, said)
     plain = steadied(sensor, fitted, plain, settings.outliers)
     done = search(sensor, fitted, settings, plain)
     found = done.found

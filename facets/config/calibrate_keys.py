@@ -75,6 +75,7 @@ class Effects(Section):
     background: Decision = Field("auto", description="light that reaches a detector otherwise")
     coating: Decision = Field("auto", description="reflectance by incidence and polarisation")
     bend: Decision = Field("auto", description="detectors that are not linear: 2nd and 3rd order")
+    spline: Decision = Field("auto", description="the same beyond, as a smooth spline")
     beam_moves: Decision = Field("auto", description="the beam's place, sample by sample")
     delay: Decision = Field("auto", description="a reference that is late, or early")
     channel_skew: Decision = Field("auto", description="detectors read one after the other")

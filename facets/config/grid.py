@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,3 +40,11 @@ def read(path: Path) -> Grid:
         return Grid(tuple(y.tolist()), tuple(z.tolist()), *tuples)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+
+
+def columns(grid: Grid) -> dict[str, Any]:
+    """The same as columns of a table."""
+    y, z = np.meshgrid(grid.y, grid.z, indexing="ij")
+    added = (1e3 * np.array(values) for values in (grid.add_y, grid.add_z))
+    parts = (part.ravel() for part in (y, z, *added))
+    return dict(zip(COLUMNS, parts, strict=True))

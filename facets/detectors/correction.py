@@ -61,11 +61,14 @@ def corrected(sensor: Sensor, raw: Floats) -> Floats:
 
 
 def looked_up(grid: Grid, places: Floats) -> Floats:
-    """What a grid adds at places (n, 2), mm; past its edge what it adds there."""
+    """What a grid adds at places (n, 2), mm; past its edge what it adds there.
+
+    Anything finite where a place is NaN, which stays NaN when that is added to it.
+    """
     from scipy.interpolate import RegularGridInterpolator
 
     added = np.stack([grid.add_y, grid.add_z], axis=-1)
-    nearest = np.clip(places, (grid.y[0], grid.z[0]), (grid.y[-1], grid.z[-1]))
+    nearest = np.clip(np.nan_to_num(places), (grid.y[0], grid.z[0]), (grid.y[-1], grid.z[-1]))
     found: Floats = RegularGridInterpolator((grid.y, grid.z), added)(nearest)
     return found
 

@@ -176,6 +176,8 @@ def test_derivatives_are_those_of_differences(sensor):
     for n, name in enumerate(ALL):
         if name.startswith("seat_") or (sensor is NOMINAL and name in study.EFFECTS):
             continue
+        if name in study.SPLINE:  # written as straight lines between fine places: test_spline
+            continue
         step = np.zeros(len(ALL))
         step[n] = 1e-6 if "wavelength" not in name else 1e-8
         slope = (seen(values + step, opening) - seen(values - step, opening)) / (2 * step[n])

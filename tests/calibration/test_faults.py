@@ -14,7 +14,7 @@ from facets.calibration.verdict import verdict
 
 CONFIG = facets.load("paper")
 NOMINAL, SETTINGS = CONFIG.sensor, CONFIG.calibrate
-COUNT = 150
+COUNT = 100
 
 
 def measured(seed=1, count=COUNT):
@@ -118,7 +118,7 @@ def test_spikes_weigh_less_and_are_told(samples):
     assert "spikes" in said(found)
 
 
-def slow(seed=2, late=0.0, count=300):
+def slow(seed=2, late=0.0, count=150):
     """A motion in time, sampled at 1 kHz, the reference late by some seconds."""
     rng = np.random.default_rng(seed)
     rig = rigs.drawn(NOMINAL, rng)
