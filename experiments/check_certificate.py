@@ -41,6 +41,9 @@ from .certificate_schema import SCHEMA, Refused, conform, refuse_unless
 CELLS, RAYS, PARTS = 8, 24, 3
 #: A cell is quartered so many times until the bounds of the light hold in it.
 DEPTH = 8
+#: What a sensor's configuration may have.
+BLOCKS = ("beam", "mirror", "psd", "noise", "electronics", "apertures", "imperfections", "light",
+          "calibration")  # fmt: skip
 #: What a parameter can be off its key by rounding.
 ROUNDED = 1e-12
 
@@ -201,6 +204,8 @@ def best_cut(low: Ends, high: Ends, pieces: list[Any]) -> tuple[int, float]:
         if low[axis] < end[axis] < high[axis]
     }
 
+    refuse_unless(bool(edges), f"the pieces leave a hole from {low} to {high}")
+
     def cost(edge: tuple[int, float]) -> tuple[int, int]:
         axis, place = edge
         below = sum(piece[0][axis] < place for piece in pieces)
@@ -226,6 +231,8 @@ def check_configuration(content: dict[str, Any], found: Finding) -> None:
         parameters = parameters_of(resolved["sensor"])
     except (KeyError, TypeError, ValueError) as error:
         raise Refused(f"the configuration's sensor is no sensor: {error!r}") from None
+    unknown = sorted(set(resolved["sensor"]) - set(BLOCKS))
+    refuse_unless(not unknown, f"the sensor has {', '.join(unknown)}, of which nothing is known")
     same = all(
         abs(a - b) <= ROUNDED * max(1.0, abs(b))
         for a, b in zip(content["parameters"], parameters, strict=True)
@@ -257,6 +264,8 @@ def parameters_of(sensor: dict[str, Any]) -> list[float]:
         keys = psd[letter]
         values += [keys["radius_mm"], radians(keys["azimuth_deg"]), keys["height_mm"]]
         values += [keys[f"{name}_mrad"] / 1000 for name in ("roll", "pitch", "yaw")]
+    if any(type(value) not in (int, float) for value in values):
+        raise TypeError("a parameter is no number")
     return [float(value) for value in values]
 
 
@@ -286,7 +295,17 @@ def no_number(text: str) -> float:
 
 def check(path: Path) -> Finding:
     """What of a certificate is found again; raises `Refused` where that is no proof."""
-    content, found = read(path), Finding()
+    content = read(path)
+    try:
+        return find_again(content)
+    except Refused:
+        raise
+    except Exception as error:
+        raise Refused(f"it can not be checked: {error!r:.200}") from None
+
+
+def find_again(content: dict[str, Any]) -> Finding:
+    found = Finding()
     check_configuration(content, found)
     check_cover(content)
     for claims in intervals_of(content["light"]):
