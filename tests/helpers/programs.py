@@ -25,13 +25,18 @@ def await_true(true: Callable[[], object], what: str) -> None:
         time.sleep(0.01)
 
 
+def heed_hangup() -> None:
+    """SIGHUP ends a program again, where a shell's nohup has it ignored."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
 class Program:
     """`facets WORDS` in a folder; its output is read as it comes. Ended at the end of a `with`."""
 
     def __init__(self, *words: str, cwd: Path, env: dict[str, str] | None = None) -> None:
         self.process = subprocess.Popen(
             [*PROGRAM, *words], cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            env={**os.environ, **(env or {})},
+            env={**os.environ, **(env or {})}, preexec_fn=heed_hangup,
         )  # fmt: skip
         self.lines: dict[str, list[str]] = {"stdout": [], "stderr": []}
         self.threads = [threading.Thread(target=self.read, args=(name,)) for name in self.lines]
