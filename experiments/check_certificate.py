@@ -8,14 +8,15 @@ What it trusts, all of it:
 2. that the sensor is as that page says: ideal light, flat facets, nothing else that cuts light;
 3. the outward rounding of python-flint's intervals (Arb), and Python's comparison of floats;
 4. JSON as Python reads it, after which the file has to fit the schema, every number finite;
-5. this file and certificate_schema.py, some four hundred lines, and nothing else of the project.
+5. this file and certificate_schema.py, _optics.py, _pieces.py and _range.py beside it, some nine
+   hundred lines, and numpy for matrices that need not be right; nothing else of the project.
 
 It trusts no number of the file: it traces rays itself, takes derivatives by dual numbers instead of
 closed formulas, bounds the light on its own grid, compares the pieces' edges as they are, and asks:
 does the configuration have this checksum and these parameters, do the pieces fill the box, do the
-bounds of the light hold, and is the hull of all Jacobians regular with the file's inverse and
-weights? What of the file it did not find again, it says. Every test is one that NaN fails; none is
-an assert.
+bounds of the light hold, is the hull of all Jacobians regular with the file's inverse and weights,
+or about the middle of every way, and does the box hold the range? What of the file it did not find
+again, it says. Every test is one that NaN fails; none is an assert.
 """
 
 from __future__ import annotations
