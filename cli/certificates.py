@@ -81,6 +81,8 @@ def prove(
     }
     if reach and found.unique:
         results["reach"] = prove_reach(claim, found, file, about)
+    elif reach and found.share:
+        results["reach"] = prove_core(claim, found, file, about)
     return results
 
 
@@ -147,6 +149,25 @@ def prove_reach(claim: Claim, found: Certificate, file: Path, about: dict[str, s
     return factor
 
 
+def prove_core(claim: Claim, found: Certificate, file: Path, about: dict[str, str]) -> float:
+    """How much smaller a box of poses is proved; its certificate beside the other."""
+    from facets.proof.certificate import write_certificate
+    from facets.proof.reach import find_core
+
+    settings = claim.settings
+    factor, smaller = find_core(settings.sensor, found.box, found.share, claim.off)
+    if smaller is None:
+        typer.echo("no smaller box of poses is proved either, down to a twelfth")
+        return factor
+    beside = reach_file(file)
+    write_certificate(beside, settings.sensor, smaller, about, settings.resolved)
+    typer.echo(
+        f"proved: a box of poses {rounded_down(factor)} times as large about its middle, with the"
+        f" same least light ({beside.name})"
+    )
+    return factor
+
+
 def reach_file(file: Path) -> Path:
     return file.with_name(f"{file.stem}-reach{file.suffix}")
 
@@ -173,7 +194,8 @@ def describe_set(claim: Claim, found: Certificate, cover: RangeCover | None) -> 
     lines.append(
         "  of the model that poses are solved with: collimated light, flat facets, no other light\n"
         "  and nothing that cuts it; that every facet faces the beam and every sub-beam meets its\n"
-        "  detector's plane is part of what is proved"
+        "  detector's plane is part of what is proved; the laser's power may be known or not, the\n"
+        "  beam's place is free"
     )
     if claim.settings.sensor.imperfections != Imperfections():
         lines.append(
@@ -236,10 +258,17 @@ def verdict(found: Certificate, pair: PairSearch | None) -> list[str]:
 
 
 def describe_pair(pair: PairSearch | None) -> list[str]:
+    from facets.characterization.ambiguity import STEP, STEPS
     from facets.core.names import STATE_COLUMNS, STATE_UNITS
 
-    if pair is None or pair.pair is None:
-        return ["undecided: no two states with the same readings were found, which proves nothing"]
+    if pair is None:
+        return ["undecided: two states with the same readings were not looked for"]
+    if pair.pair is None:
+        return [
+            "undecided: no two states with the same readings were found, which proves nothing;\n"
+            "  the way of which the readings tell least was followed from the weakest state for"
+            f" {STEPS * STEP / 1000:.0f} mm or mrad"
+        ]
     if pair.outside > 0:
         by = f"{pair.outside:.3g} of its half width, or of a power's logarithm"
         lines = [f"undecided: the nearest two states with the same readings lie outside by {by}"]

@@ -15,7 +15,7 @@ from .options import ConfigName, Plot, PlotKind, TableKind, folder_option, outpu
 
 if TYPE_CHECKING:
     from facets.characterization.sensitivity import Index
-    from facets.core.units import Booleans
+    from facets.core.units import Booleans, Floats
     from facets.design.exploration import Space
 
 GOALS = ("head_mm", "u_roll_urad", "range_roll_mrad")
@@ -39,6 +39,14 @@ Required = Annotated[
 Scheduler = Annotated[
     str | None, typer.Option(help="Address of a Dask cluster, else all cores here.")
 ]
+Certify = Annotated[
+    int,
+    typer.Option(
+        min=0,
+        help="Pieces that a proof may look at, that readings determine states, of each design on "
+        "the front: some seconds each, for the column proof_margin. 0: no proof.",
+    ),
+]
 Anew = Annotated[bool, typer.Option("--force", help="Begin anew in an old folder.")]
 
 
@@ -55,6 +63,7 @@ def explore(
     force: Anew = False,
     table: Annotated[TableKind, typer.Option(help="Kind of the designs.")] = TableKind.parquet,
     plot: Plot = PlotKind.png,
+    certify: Certify = 0,
 ) -> None:
     """Explore a design space: ranges and resolutions of many layouts, and the best of them.
 
@@ -77,7 +86,7 @@ def explore(
     begin(space, folder, files, about, force)
     start = time.perf_counter()
     with_progress(lambda tell: exploration.explore(space, folder, about, scheduler, tell))
-    best = write(space, folder, files, about, time.perf_counter() - start)
+    best = write(space, folder, files, about, time.perf_counter() - start, certify)
     name_files(folder, files)
     if not best.any():
         raise typer.Exit(FINDING)
@@ -96,9 +105,17 @@ def begin(
 
 
 def write(
-    space: Space, folder: Path, files: list[Path], about: dict[str, str], seconds: float
+    space: Space,
+    folder: Path,
+    files: list[Path],
+    about: dict[str, str],
+    seconds: float,
+    certify: int,
 ) -> Booleans:
-    """Designs, their front and its picture; returns which designs are on the front."""
+    """Designs, their front and its picture; returns which designs are on the front.
+
+    certify: pieces that the proof of each of these may look at; 0 for none.
+    """
     from facets.characterization.sensitivity import sensitivity
     from facets.design.exploration import collect, front
     from facets.files import tables
@@ -112,7 +129,10 @@ def write(
     pilot = {name: column[: space.pilot] for name, column in table.items()}
     indices = sensitivity(pilot, space.names, goals)
     tables.write_table(designs, table, about)
-    tables.write_table(front_table, {n: c[best] for n, c in table.items()}, about)
+    beaten_by_none = {n: c[best] for n, c in table.items()}
+    if certify:
+        beaten_by_none["proof_margin"] = proof_margins(space, beaten_by_none, certify)
+    tables.write_table(front_table, beaten_by_none, about)
     report(table, best, goals, indices, seconds)
     drawing = front_picture(table, best, goals, indices)
     if drawing is None:
@@ -120,6 +140,23 @@ def write(
     else:
         style.save(drawing, picture)
     return best
+
+
+def proof_margins(space: Space, table: dict[str, Any], work: int) -> Floats:
+    """(n,) the margin of each design's proof that readings determine states; NaN without one."""
+    import numpy as np
+
+    from facets.design.variables import sensor_of
+    from facets.proof.designs import proof_margin
+
+    designs = np.stack([table[name] for name in space.names], axis=1)
+    margins = [
+        proof_margin(sensor_of(space.sensor, space.names, x), space.rules, work) for x in designs
+    ]
+    proved = int(np.isfinite(margins).sum())
+    typer.echo(f"of the front's {len(margins)} designs, {proved} are proved: readings determine"
+               " states within the ranges of their axes (proof_margin)")  # fmt: skip
+    return np.array(margins)
 
 
 def with_progress(run: Callable[[Callable[[int, int], None]], None]) -> None:

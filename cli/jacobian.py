@@ -41,6 +41,9 @@ TOLERANCES = (
 )
 
 
+REACH = "And for how much larger a box; where it is not proved, how much smaller."
+
+
 class Sampling(StrEnum):
     sobol = "sobol"
     uniform = "uniform"
@@ -94,7 +97,9 @@ def jacobian(
     left_out: Annotated[str, typer.Option(help="The reading the determinant lacks.")] = "power_c",
     search: Search = True,
     certify: Annotated[bool, typer.Option("--certify", help="Prove it for the whole box.")] = False,
-    reach: Annotated[bool, typer.Option("--reach", help="And for how much larger a box.")] = False,
+    reach: Annotated[
+        bool, typer.Option("--reach", help="And for how much larger a box; or smaller.")
+    ] = False,
     tolerances: Annotated[float | None, typer.Option(min=0, help=TOLERANCES)] = None,
     limit: Annotated[float, typer.Option(min=1, help="Seconds for a proof.")] = 300.0,
     threads: Annotated[int, typer.Option(min=0, help="0: all cores.")] = 1,

@@ -15,6 +15,11 @@ if TYPE_CHECKING:
     from facets.design.search import Optimum
 
 
+CERTIFY = (
+    "Pieces that a proof may look at, that readings determine states; some seconds. 0: no proof."
+)
+
+
 def optimize(
     config: ConfigName,
     output: Annotated[
@@ -25,6 +30,7 @@ def optimize(
     ] = None,
     force: Force = False,
     plot: Plot = PlotKind.png,
+    certify: Annotated[int, typer.Option(min=0, help=CERTIFY)] = 400,
 ) -> None:
     """Find the best layout by the config's block `optimize`.
 
@@ -53,6 +59,8 @@ def optimize(
     table = write_comparison(settings, better, csv, picture)
     show_result(settings, better, found, table)
     show_reasons(settings, found)
+    if certify:
+        show_proof(better, certify)
     typer.echo(f"{path}, {csv.name}, {picture.name}")
 
 
@@ -141,6 +149,28 @@ def show_comparison(table: dict[str, Any]) -> None:
     title = "before and after: the worst over the volume (1 sigma), and ranges in all"
     typer.echo("")
     show_table(title, headings, rows)
+
+
+def show_proof(better: Config, work: int) -> None:
+    """Whether readings are proved to determine states, within so much work."""
+    from facets.proof.designs import certify_design
+
+    from .certificates import rounded_down
+
+    found = certify_design(better.sensor, better.range, work)
+    if isinstance(found, str):
+        typer.echo(f"not proved that readings determine states: {found}\n")
+    elif found.unique:
+        typer.echo(
+            "proved: within the ranges of its axes no two states have the same readings; margin"
+            f" {rounded_down(found.margin)} or more, of 1 ({found.seconds:.1f} s)\n"
+        )
+    else:
+        typer.echo(
+            "not proved that readings determine states within the ranges of its axes, in the work"
+            f" allowed: {found.reason or 'the inequality fails'} ({found.seconds:.1f} s);\n"
+            "`facets jacobian --certify` says more\n"
+        )
 
 
 def show_reasons(settings: Config, found: Optimum) -> None:

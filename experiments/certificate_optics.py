@@ -50,7 +50,8 @@ class Dual:
         return self * arb(-1)
 
     def __rsub__(self, other: Any) -> Dual:
-        return -self + other
+        difference: Dual = -self + other
+        return difference
 
     def __rtruediv__(self, other: Any) -> Dual:
         return Dual(other) / self

@@ -232,8 +232,8 @@ def check_rules(content: dict[str, Any]) -> list[str]:
             for half, size in zip(mine, its, strict=True)
         )
         refuse_unless(enough, "range: halves_mm are less than half the detectors' sizes")
-        whole = not claim["whole_spot"] or rules["spot"] == "whole"
-        refuse_unless(whole, "range: whole_spot is true, and not so in the configuration's rules")
+        whole = claim["whole_spot"] == (rules["spot"] == "whole")
+        refuse_unless(whole, "range: whole_spot is not as in the configuration's rules")
         if sensor["noise"]["model"] != "simple":
             return ["that the least share is that of the range's rules, which take the electronics"]
         least = Fraction(rules["snr"]) * Fraction(sensor["noise"]["power_uw"]) / 1000

@@ -8,14 +8,15 @@ What it trusts, all of it:
 2. that the sensor is as that page says: ideal light, flat facets, nothing else that cuts light;
 3. the outward rounding of python-flint's intervals (Arb), and Python's comparison of floats;
 4. JSON as Python reads it, after which the file has to fit the schema, every number finite;
-5. this file and certificate_schema.py, some four hundred lines, and nothing else of the project.
+5. this file and certificate_schema.py, _optics.py, _pieces.py and _range.py beside it, some nine
+   hundred lines, and numpy for matrices that need not be right; nothing else of the project.
 
 It trusts no number of the file: it traces rays itself, takes derivatives by dual numbers instead of
 closed formulas, bounds the light on its own grid, compares the pieces' edges as they are, and asks:
 does the configuration have this checksum and these parameters, do the pieces fill the box, do the
-bounds of the light hold, and is the hull of all Jacobians regular with the file's inverse and
-weights? What of the file it did not find again, it says. Every test is one that NaN fails; none is
-an assert.
+bounds of the light hold, is the hull of all Jacobians regular with the file's inverse and weights,
+or about the middle of every way, and does the box hold the range? What of the file it did not find
+again, it says. Every test is one that NaN fails; none is an assert.
 """
 
 from __future__ import annotations
@@ -41,6 +42,9 @@ from .certificate_schema import SCHEMA, Refused, conform, refuse_unless
 CELLS, RAYS, PARTS = 8, 24, 3
 #: A cell is quartered so many times until the bounds of the light hold in it.
 DEPTH = 8
+#: What a sensor's configuration may have.
+BLOCKS = ("beam", "mirror", "psd", "noise", "electronics", "apertures", "imperfections", "light",
+          "calibration")  # fmt: skip
 #: What a parameter can be off its key by rounding.
 ROUNDED = 1e-12
 
@@ -201,6 +205,8 @@ def best_cut(low: Ends, high: Ends, pieces: list[Any]) -> tuple[int, float]:
         if low[axis] < end[axis] < high[axis]
     }
 
+    refuse_unless(bool(edges), f"the pieces leave a hole from {low} to {high}")
+
     def cost(edge: tuple[int, float]) -> tuple[int, int]:
         axis, place = edge
         below = sum(piece[0][axis] < place for piece in pieces)
@@ -226,6 +232,8 @@ def check_configuration(content: dict[str, Any], found: Finding) -> None:
         parameters = parameters_of(resolved["sensor"])
     except (KeyError, TypeError, ValueError) as error:
         raise Refused(f"the configuration's sensor is no sensor: {error!r}") from None
+    unknown = sorted(set(resolved["sensor"]) - set(BLOCKS))
+    refuse_unless(not unknown, f"the sensor has {', '.join(unknown)}, of which nothing is known")
     same = all(
         abs(a - b) <= ROUNDED * max(1.0, abs(b))
         for a, b in zip(content["parameters"], parameters, strict=True)
@@ -257,6 +265,8 @@ def parameters_of(sensor: dict[str, Any]) -> list[float]:
         keys = psd[letter]
         values += [keys["radius_mm"], radians(keys["azimuth_deg"]), keys["height_mm"]]
         values += [keys[f"{name}_mrad"] / 1000 for name in ("roll", "pitch", "yaw")]
+    if any(type(value) not in (int, float) for value in values):
+        raise TypeError("a parameter is no number")
     return [float(value) for value in values]
 
 
@@ -286,7 +296,17 @@ def no_number(text: str) -> float:
 
 def check(path: Path) -> Finding:
     """What of a certificate is found again; raises `Refused` where that is no proof."""
-    content, found = read(path), Finding()
+    content = read(path)
+    try:
+        return find_again(content)
+    except Refused:
+        raise
+    except Exception as error:
+        raise Refused(f"it can not be checked: {error!r:.200}") from None
+
+
+def find_again(content: dict[str, Any]) -> Finding:
+    found = Finding()
     check_configuration(content, found)
     check_cover(content)
     for claims in intervals_of(content["light"]):

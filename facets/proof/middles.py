@@ -77,7 +77,8 @@ def prove_by_middles(
     """jacobians: over pieces that fill the box.  slope: of the powers, a lower bound."""
     affine = affine_part(sensor, shares, box)
     rest = hull_of_matrices([rest_of(affine, jacobian) for jacobian in jacobians])
-    pieces, margin, todo = [], 1.0, [(*piece, 0) for piece in pieces_of(box)]
+    pieces: list[Piece] = []
+    margin, todo = 1.0, [(*piece, 0) for piece in pieces_of(box)]
     for _ in range(WORK):
         if not todo:
             return ByMiddles(affine, rest, pieces, margin)

@@ -1,4 +1,7 @@
-"""By how much the box of poses can grow and still be proved: the same on every machine."""
+"""By how much the box of poses can grow and still be proved, or has to shrink until it is.
+
+The same on every machine: what is limited is the work, not the time.
+"""
 
 from __future__ import annotations
 
@@ -41,3 +44,26 @@ def find_reach(
                 continue
         step = step**0.5
     return proved
+
+
+#: By what the box shrinks until it is proved, at most so many times, and the work for each.
+SHRINK, SHRINKS, SHRUNK_WORK = 0.7, 7, 300
+
+
+def find_core(
+    sensor: Sensor,
+    box: StateBox,
+    share: float,
+    tolerances: Sequence[float] | None = None,
+    work: int = SHRUNK_WORK,
+) -> tuple[float, Certificate | None]:
+    """The largest factor tried below 1 at which the box of poses is proved unique, and its
+    certificate; 0.0 and none where none is. The box shrinks about its middle."""
+    middle = (box.low + box.high) / 2
+    for step in range(1, SHRINKS + 1):
+        factor = SHRINK**step
+        low, high = (middle + factor * (end - middle) for end in (box.low, box.high))
+        found = certify(sensor, StateBox(low, high), share, tolerances=tolerances, work=work)
+        if found.unique:
+            return factor, found
+    return 0.0, None

@@ -48,7 +48,8 @@ class Sloped:
         return difference
 
     def __rsub__(self, other: Any) -> Sloped:
-        return -self + other
+        difference: Sloped = -self + other
+        return difference
 
     def __truediv__(self, other: Any) -> Sloped:
         if not isinstance(other, Sloped):

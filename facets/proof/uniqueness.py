@@ -183,9 +183,11 @@ def conclude(
 ) -> None:
     """From the Jacobians over the pieces to what no two states share; by their hull, where that is
     regular, else by the middle of the way."""
-    found.at_least = min(piece.at_least for piece in found.pieces)
     whole = hull_of_matrices([jacobian.whole() for jacobian in jacobians])
     found.margin, found.inverse, found.weights = regularity(whole)
+    bound = determinant_bound(whole, slope, found.margin)
+    found.pieces = [p._replace(at_least=max(p.at_least, bound)) for p in found.pieces]
+    found.at_least = min(piece.at_least for piece in found.pieces)
     if not (found.margin > SMALL and found.at_least > 0):
         by_middles = prove_by_middles(sensor, shares, found.box, jacobians, slope)
         if by_middles.margin > max(found.margin, 0):

@@ -17,6 +17,7 @@ from facets.model.arrays import parameters, sensor_with
 from facets.proof import middles
 from facets.proof.certificate import write_certificate
 from facets.proof.light_sharing import bounds_at_fixed_shares, hull_of_bounds
+from facets.proof.reach import find_core
 from facets.proof.slopes import Sloped
 from facets.proof.spot_jacobian import centred_jacobian, interval_geometry, spot_jacobian
 from facets.proof.uniqueness import certify, edges_over_rotations
@@ -202,3 +203,10 @@ def test_numbers_with_slopes():
     assert (x / 4).slope[2] == 0.75
     assert x > 1
     assert x < 3
+
+
+def test_where_a_box_is_not_proved_a_smaller_one_is():
+    factor, found = find_core(on_the_way(0.93), box_of_poses(-HALF, HALF), SHARE, work=50)
+    assert 0 < factor < 1
+    assert found.unique
+    np.testing.assert_allclose(found.box.high[:6], factor * HALF)

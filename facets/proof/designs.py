@@ -1,0 +1,27 @@
+"""The proof for a design that a search has found, within a stated amount of work."""
+
+from __future__ import annotations
+
+from ..characterization.state_box import least_share, range_box
+from ..core.errors import InputError
+from ..core.rules import Rules
+from ..core.sensor import Sensor
+from .uniqueness import Certificate, certify
+
+#: Pieces that are looked at by default: some seconds.
+WORK = 400
+
+
+def certify_design(sensor: Sensor, rules: Rules, work: int = WORK) -> Certificate | str:
+    """For the box of the ranges of its axes; why not, where it has no range."""
+    try:
+        box = range_box(sensor, rules)
+    except InputError as error:
+        return str(error)
+    return certify(sensor, box, least_share(sensor, rules), work=work)
+
+
+def proof_margin(sensor: Sensor, rules: Rules, work: int = WORK) -> float:
+    """The margin of that proof, NaN where nothing was proved."""
+    found = certify_design(sensor, rules, work)
+    return found.margin if isinstance(found, Certificate) and found.unique else float("nan")
