@@ -110,5 +110,10 @@ def report(count: Count, output: Path) -> None:
         lines = ", ".join(map(str, count.unparsable_lines))
         more = " ..." if count.statuses["unparsable"] > len(count.unparsable_lines) else ""
         typer.echo(f"  not numbers in line {lines}{more}")
+    if count.pairs:
+        typer.echo(
+            f"  {count.pairs} of the poses from two detectors only (column used): no reading is\n"
+            "  left to check them, and another pose, far away, may give the same ones"
+        )
     if count.misfit.sentence:
         typer.echo(fill(count.misfit.sentence, 98, initial_indent="  ", subsequent_indent="  "))

@@ -145,6 +145,7 @@ def acquire(keys: dict[str, Any]) -> Acquire:
         delay=keys["delay_ms"] / 1000,
         wait=keys["wait_seconds"],
         sync=keys["sync_seconds"],
+        detectors=keys["detectors"],
     )
 
 

@@ -46,6 +46,12 @@ class Acquire(Section):
         description="a power failure costs a recording no more than its last so many seconds; "
         "0: the system writes back when it likes",
     )  # fmt: skip
+    detectors: int = Field(
+        3,
+        ge=2,
+        le=3,
+        description="fewest that a pose is made from; with 2 no reading is left to check it",
+    )
 
 
 class Stage(Section):

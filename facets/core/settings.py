@@ -108,7 +108,8 @@ class Acquire:
     """The detector board's stream.
 
     dark: counts without light.  delay: s.  wait: for a port that is not there yet, s.  sync: what a
-    power failure may cost a recording, s; 0 for whatever the system leaves.
+    power failure may cost a recording, s; 0 for whatever the system leaves.  detectors: the fewest
+    that a pose is made from.
     """
 
     port: str | None
@@ -119,6 +120,7 @@ class Acquire:
     delay: float
     wait: float
     sync: float
+    detectors: int
 
 
 @dataclass(frozen=True)

@@ -31,14 +31,11 @@ def counts_of(
     sensor: Sensor, electronics: Electronics, exact: Floats, rng: np.random.Generator | None = None
 ) -> NDArray[np.int32]:
     """What the converters say to exact readings (n, 9), with noise if rng is given: (n, 12)."""
-    parts = []
-    for k in range(3):
-        currents = np.nan_to_num(currents_of(sensor, electronics, exact, k))
-        if rng is not None:
-            var = current_variances(electronics, currents)[..., :-1].sum(axis=-1)
-            currents = currents + np.sqrt(var) * rng.standard_normal(currents.shape)
-        parts.append(currents)
-    counts = np.round(np.concatenate(parts, axis=-1) * per_ampere(electronics))
+    currents = np.nan_to_num(currents_of(sensor, electronics, exact.reshape(-1, 3, 3)))
+    if rng is not None:
+        var = current_variances(electronics, currents)[..., :-1].sum(axis=-1)
+        currents = currents + np.sqrt(var) * rng.standard_normal(currents.shape)
+    counts = np.round(currents.reshape(-1, 12) * per_ampere(electronics))
     top = 2**electronics.adc_bits - 1
     return np.clip(counts, -top, top).astype(np.int32)
 

@@ -66,8 +66,8 @@ def variances(sensor: Sensor, reading: ArrayLike) -> Floats:
         out[..., 0::3, 0] = out[..., 1::3, 0] = place
         out[..., 2::3, 1] = sensor.noise.power**2 + 0 * exact[..., 2::3]
         return out
-    parts = [detector_variances(sensor, sensor.electronics, exact, k) for k in range(3)]
-    return np.concatenate(parts, axis=-2)
+    parts = electric_variances(sensor, sensor.electronics, exact.reshape(*exact.shape[:-1], 3, 3))
+    return parts.reshape(*exact.shape, len(ELECTRIC))
 
 
 def current_variances(electronics: Electronics, currents: Floats) -> Floats:
@@ -93,32 +93,39 @@ def two_layers(electronics: Electronics) -> bool:
     return electronics.kind == "duo-lateral"
 
 
-def currents_of(sensor: Sensor, electronics: Electronics, exact: Floats, k: int) -> Floats:
-    """The electrodes' currents (..., 4) of detector k, A, of its light alone."""
-    half = half_sizes(sensor)[k]
-    y, z = (np.clip(exact[..., 3 * k + i] / half[i], -0.999, 0.999) for i in range(2))
-    light = 1e-3 * electronics.responsivity * exact[..., 3 * k + 2]
-    share = electrodes.fractions(electronics.kind, y, z, half[1] / half[0])
+def currents_of(sensor: Sensor, electronics: Electronics, exact: Floats) -> Floats:
+    """The electrodes' currents (..., 3, 4), A, of the detectors' light (..., 3, 3) alone."""
+    half = half_sizes(sensor)
+    place = np.clip(exact[..., :2] / half, -0.999, 0.999)
+    light = 1e-3 * electronics.responsivity * exact[..., 2]
+    if electronics.kind == "tetra-lateral":  # each detector has a shape of its own
+        share = np.stack([
+            electrodes.fractions(electronics.kind, place[..., k, 0], place[..., k, 1], tall)
+            for k, tall in enumerate(half[:, 1] / half[:, 0])
+        ], axis=-2)  # fmt: skip
+    else:
+        share = electrodes.fractions(electronics.kind, place[..., 0], place[..., 1])
     currents: Floats = light[..., None] * share
     return currents
 
 
-def detector_variances(sensor: Sensor, electronics: Electronics, exact: Floats, k: int) -> Floats:
-    """Variances (..., 3, 5) of psi, zeta and power of detector k."""
-    kind, half = electronics.kind, half_sizes(sensor)[k]
-    currents = currents_of(sensor, electronics, exact, k)
+def electric_variances(sensor: Sensor, electronics: Electronics, exact: Floats) -> Floats:
+    """Variances (..., 3, 3, 5) of psi, zeta and power of each detector, (..., 3, 3)."""
+    kind, half = electronics.kind, half_sizes(sensor)
+    currents = currents_of(sensor, electronics, exact)
     var = current_variances(electronics, currents)
-    out = np.empty((*exact.shape[:-1], 3, len(ELECTRIC)))
+    out = np.empty((*exact.shape, len(ELECTRIC)))
     for axis, (low, high) in enumerate(electrode_pairs(kind)):
         below, above = currents[..., low].sum(-1), currents[..., high].sum(-1)
         noise_below, noise_above = var[..., low, :].sum(-2), var[..., high, :].sum(-2)
         square = above[..., None] ** 2 * noise_below + below[..., None] ** 2 * noise_above
-        out[..., axis, :] = half[axis] ** 2 * 4 * square / (below + above)[..., None] ** 4
+        scale = 4 * half[:, axis] ** 2 / (below + above) ** 4
+        out[..., axis, :] = scale[..., None] * square
     if kind == "tetra-lateral":
-        place = np.stack([exact[..., 3 * k + i] / half[i] for i in range(2)], axis=-1)
-        slope = electrodes.slopes(np.clip(place, -0.97, 0.97), half[1] / half[0])
-        out[..., 0, :] /= slope[..., 0, 0, None] ** 2
-        out[..., 1, :] /= slope[..., 1, 1, None] ** 2
+        for k, tall in enumerate(half[:, 1] / half[:, 0]):
+            place = np.clip(exact[..., k, :2] / half[k], -0.97, 0.97)
+            slope = electrodes.slopes(place, tall)
+            out[..., k, :2, :] /= np.diagonal(slope, axis1=-2, axis2=-1)[..., None] ** 2
     whole = var.sum(axis=-2) / (4 if two_layers(electronics) else 1)
     out[..., 2, :] = whole / (1e-3 * electronics.responsivity) ** 2
     return out
@@ -153,22 +160,25 @@ def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> F
         sigma = standard_deviations(sensor, exact)
         noisy: Floats = exact + sigma * rng.standard_normal(sigma.shape)
         return noisy
-    parts = [sample_detector(sensor, sensor.electronics, exact, k, rng) for k in range(3)]
+    currents = currents_of(sensor, sensor.electronics, exact.reshape(*exact.shape[:-1], 3, 3))
+    parts = [
+        sample_detector(sensor.electronics, half, currents[..., k, :], rng)
+        for k, half in enumerate(half_sizes(sensor))
+    ]
     return np.concatenate(parts, axis=-1)
 
 
 def sample_detector(
-    sensor: Sensor, electronics: Electronics, exact: Floats, k: int, rng: np.random.Generator
+    electronics: Electronics, half: Floats, currents: Floats, rng: np.random.Generator
 ) -> Floats:
-    """(..., 3): psi, zeta, power of detector k from its electrodes' sampled currents."""
-    kind, half = electronics.kind, half_sizes(sensor)[k]
-    currents = currents_of(sensor, electronics, exact, k)
+    """(..., 3): psi, zeta, power of a detector of half size (2,) from its sampled currents."""
+    kind = electronics.kind
     var = current_variances(electronics, currents)[..., :-1].sum(axis=-1)  # all but the ADC
     drawn = currents + np.sqrt(var) * rng.standard_normal(currents.shape)
     full = electronics.adc_range / electronics.transimpedance
     step = full / 2**electronics.adc_bits
     read = step * np.round(drawn / step)
-    out = np.empty((*exact.shape[:-1], 3))
+    out = np.empty((*currents.shape[:-1], 3))
     with np.errstate(divide="ignore", invalid="ignore"):
         place = electrodes.places(kind, read, half[1] / half[0])
         out[..., :2] = half * place

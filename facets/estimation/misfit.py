@@ -85,11 +85,15 @@ def widening(sensor: Sensor) -> float:
 
 @dataclass
 class Misfit:
-    """How many readings were judged, and flagged.  sizes: of residuals over what noise leaves."""
+    """How many readings were judged, and flagged.  sizes: of residuals over what noise leaves.
+
+    carried: whether a stage carries the beam, whose place is known by its encoder.
+    """
 
     judged: int = 0
     flagged: int = 0
     sizes: Floats | None = None
+    carried: bool = False
 
     def add(self, flags: NDArray[np.bool_], solution: Solution, options: Solve) -> None:
         count = redundancy(solution.used, options)
@@ -128,7 +132,10 @@ class Misfit:
                 f"{told}: the model misses something of this sensor. Calibrate it again; if the "
                 "laser's power or the beam may have moved, solve with power: unknown or beam: free."
             )
+        causes = "dust, a cable, a shutter, a passing reflection"
+        if self.carried:
+            causes += ", or a stage whose place came too late to be that of the sample"
         return (
-            f"{told}: single readings are spoilt (dust, a cable, a shutter, a passing reflection); "
-            "tables of poses mark them in the column misfit."
+            f"{told}: single readings are spoilt ({causes}); the column residual of the poses "
+            "says which."
         )

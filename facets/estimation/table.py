@@ -35,12 +35,13 @@ class Count:
     """What became of the rows.
 
     unparsable_lines: of the first few that are no numbers.  misfit: rows that were solved, but
-    with a residual beyond chance.
+    with a residual beyond chance.  pairs: rows that were solved from two detectors.
     """
 
     statuses: Counter[str] = field(default_factory=Counter)
     unparsable_lines: list[int] = field(default_factory=list)
     misfit: Misfit = field(default_factory=Misfit)
+    pairs: int = 0
 
     @property
     def rows(self) -> int:
@@ -196,6 +197,7 @@ def solve_table(
                 writer.write({**time, **columns})
                 count.statuses.update(status.tolist())
                 count.misfit.add(beyond, solution, options)
+                count.pairs += int((solution.ok & (solution.used.sum(axis=-1) < 3)).sum())
                 bad = chunk.lines[chunk.unparsable][: 5 - len(count.unparsable_lines)]
                 count.unparsable_lines += bad.tolist()
                 progress(chunk.bytes_read)

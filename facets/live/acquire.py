@@ -48,6 +48,8 @@ TOO_OLD = 10.0
 FINISH = 2.0
 #: A source that waits is asked for no more while so many batches do.
 ENOUGH = 50
+#: Bytes are passed on to a busy loop after so long, s.
+HOLD = 0.015
 INTERRUPTED = "interrupted"
 
 
@@ -113,7 +115,12 @@ class Live:
 
 
 class Reader(threading.Thread):
-    """Reads and records. Ends by itself at the port's end, or with an error in `error`."""
+    """Reads and records. Ends by itself at the port's end, or with an error in `error`.
+
+    A block goes on at once where the loop waits for it. Where the loop is busy it grows for up to
+    HOLD: each block has a cost of its own, beside that of its samples, so that few large ones let a
+    loop catch up on a busy machine.
+    """
 
     def __init__(
         self,
@@ -137,6 +144,8 @@ class Reader(threading.Thread):
         else:
             self.port = await_port(name, config.acquire.baud, config.acquire.wait, tell)
         self.queue: SimpleQueue[Block] = SimpleQueue()
+        self.held = bytearray()  # bytes that came since the last block
+        self.since = self.arrival = 0.0  # when the first and the last of them came
         self.ending = threading.Event()
         self.error: FacetsError | None = None
 
@@ -152,6 +161,7 @@ class Reader(threading.Thread):
                 f"{self.port_name}: reading ended: {type(error).__name__}: {error}"
             )
         finally:
+            self.pass_on()
             self.close_port()
 
     def close_port(self) -> None:
@@ -177,6 +187,7 @@ class Reader(threading.Thread):
         try:
             data = self.port.read()
         except PortError as error:
+            self.pass_on()
             self.event("unplugged", reason=str(error))
             self.close_port()
             if not self.reconnect:
@@ -184,11 +195,24 @@ class Reader(threading.Thread):
             self.live.note = "unplugged; waiting for it to come back"
             return
         if data:
-            self.take(data)
+            self.arrival = time.monotonic()
+            self.since = self.since if self.held else self.arrival
+            self.held += data
+        if self.port.waits or self.loop_waits() or time.monotonic() - self.since > HOLD:
+            self.pass_on()
 
-    def take(self, data: bytes) -> None:
+    def loop_waits(self) -> bool:
+        """Whether the loop has nothing to do but to wait for the next block."""
+        return self.queue.empty() and not self.live.backlog
+
+    def pass_on(self) -> None:
+        """What came since the last block, as a block: to the recording and to the loop."""
+        if not self.held:
+            return
+        data = bytes(self.held)
+        self.held.clear()
         tracker = self.live.tracker
-        block = Block(data, time.monotonic(), tracker.encoder if tracker else None)
+        block = Block(data, self.arrival, tracker.encoder if tracker else None)
         if self.recording:
             self.recording.block(block)
         self.live.bytes += len(data)

@@ -38,14 +38,20 @@ TIMING = 1e-3
 FLAGS = {SATURATED: "saturated", UNEQUAL: "unequal sums", 4: "board overrun"}
 #: Samples that are solved together, the first from rest, each other from the one before it. No
 #: newer sample waits longer than for one batch.
-BATCH = 50
+BATCH = 100
 #: Steps of the estimator for a live sample, at most. Where a pose can be found it takes three from
 #: a neighbour, and up to sixteen from rest, 1 mm off the beam.
 STEPS = 20
 #: The status of a sample that was recorded and not solved, since the loop had fallen behind. It is
 #: none of the estimator's: a replay solves the sample.
 SKIPPED = 64
-LABELS = {status.value: status.label for status in Status} | {SKIPPED: "skipped"}
+#: The status of a sample with a pose that only two detectors gave: no reading is left to check it,
+#: and another pose, far away, may give the same ones.
+UNCHECKED = 65
+LABELS = {status.value: status.label for status in Status} | {
+    SKIPPED: "skipped",
+    UNCHECKED: "two detectors only",
+}
 
 
 @dataclass(frozen=True)
@@ -82,7 +88,7 @@ class Batch:
 class Poses:
     """What became of some samples: the columns of `Batch`, and solution (n).
 
-    The solution's status is one of `Status`, or SKIPPED; see LABELS.
+    The solution's status is one of `Status`, or SKIPPED, or UNCHECKED; see LABELS.
     """
 
     seq: NDArray[np.int64]
@@ -200,7 +206,10 @@ class Pipeline:
             start="previous",
             max_steps=min(options.max_steps, STEPS),
         )
+        if self.config.acquire.detectors == 3:
+            solution = without_unchecked(solution)
         known = replace(options, beam="free" if beam == "free" else "prior")
+        self.tally.misfit.carried |= batch.encoder is not None
         beyond = beyond_chance(self.config.sensor, known, solution)
         self.tally.misfit.add(beyond, solution, known)
         return self.finish(batch, solution)
@@ -249,6 +258,23 @@ class Pipeline:
         if flags.any():
             for bit, name in FLAGS.items():
                 self.tally.flags[name] += int((flags & bit > 0).sum())
+
+
+def without_unchecked(solution: Solution) -> Solution:
+    """The same with no pose where less than three detectors gave it, but the status UNCHECKED."""
+    doubtful = solution.ok & (solution.used.sum(axis=-1) < 3)
+    if not doubtful.any():
+        return solution
+    keep = ~doubtful
+    assert solution.covariance is not None
+    return replace(
+        solution,
+        state=np.where(keep[:, None], solution.state, np.nan),
+        status=np.where(keep, solution.status, np.int8(UNCHECKED)),
+        power=np.where(keep, solution.power, np.nan),
+        residual=np.where(keep, solution.residual, np.nan),
+        covariance=np.where(keep[:, None, None], solution.covariance, np.nan),
+    )
 
 
 def join_poses(parts: list[Poses]) -> Poses:

@@ -16,6 +16,7 @@ from ..estimation.solver import Status
 from ..model.arrays import half_sizes
 from ..tracking.control import tracking_error
 from .acquire import Live
+from .pipeline import LABELS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -71,7 +72,7 @@ def sample(live: Live) -> dict[str, Any]:
     assert poses is not None
     solution, reading = poses.solution, poses.readings[-1]
     state, sigma = solution.state[-1], solution.uncertainty[-1]
-    found: dict[str, Any] = {"status": Status(int(solution.status[-1])).label}
+    found: dict[str, Any] = {"status": LABELS[int(solution.status[-1])]}
     for i, name in enumerate(STATE):
         angle = name in ANGLES
         key = f"{name}_mrad" if angle else f"{name}_mm"

@@ -127,7 +127,7 @@ class Tracker:
         if not came - self.settings.stale <= taken <= came + AHEAD:
             doubt = "no fresh sample"
         elif not (np.isfinite(powers).all() and (powers > 0).all()):
-            doubt = "no light on all detectors"
+            doubt = "not every detector has light"
         elif not LIT * self.law.power <= powers.max() <= BRIGHT * self.law.power:
             doubt = "light that is not the beam's"
         elif needs_pose and not np.isfinite(apex).all():

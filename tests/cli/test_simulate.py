@@ -99,7 +99,9 @@ def test_bad_rows_are_counted_and_keep_their_place(tmp_path):
 def test_a_known_beam_saves_a_row_without_a_detector(tmp_path):
     write_readings(tmp_path / "readings.csv")
     words = ("solve", "paper", "readings.csv", "-o", "poses.csv", "--beam", "known")
-    assert "3 of 5 rows solved" in command(*words, cwd=tmp_path).stdout
+    told = command(*words, cwd=tmp_path).stdout
+    assert "3 of 5 rows solved" in told
+    assert "1 of the poses from two detectors" in told
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,11 @@ def await_true(true: Callable[[], object], what: str) -> None:
         time.sleep(0.01)
 
 
+def heed_hangup() -> None:
+    """SIGHUP ends a program again, where a shell's nohup has it ignored."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
 class Program:
     """`facets WORDS` in a folder; its output is read as it comes. Ended at the end of a `with`.
 
@@ -41,7 +46,7 @@ class Program:
             else:
                 self.process = subprocess.Popen(
                     [*PROGRAM, *words], cwd=cwd, stdout=to_out, stderr=to_err,
-                    env={**os.environ, **env},
+                    env={**os.environ, **env}, preexec_fn=heed_hangup,
                 )  # fmt: skip
         finally:
             os.close(to_out)

@@ -198,6 +198,33 @@ def test_a_sample_without_light_takes_no_step(light):
     assert (pipeline.solve(replace(batch, readings=far)).solution.iterations == 0).all()
 
 
+def test_two_detectors_give_no_pose_that_nothing_checks():
+    """Though they have one: of a mirror that stands far away here, and fits to the last digit."""
+    from dataclasses import replace
+
+    far = np.array([-3.6924, -6.3704, 0, 0, 0, 0, 0, 0])
+    reading = facets.readings(CONFIG.sensor, far)
+    found = facets.solve(CONFIG.sensor, reading, beam="known")
+    assert found.ok
+    assert found.used.tolist() == [True, True, False]
+    assert found.residual < 1e-6
+    assert np.abs(found.state - far).max() > 1.0
+    statuses = {}
+    for detectors in (2, 3):
+        pipeline = Pipeline(replace(
+            CONFIG, solve=replace(CONFIG.solve, beam="known"),
+            acquire=replace(CONFIG.acquire, detectors=detectors),
+        ))  # fmt: skip
+        (batch,) = pipeline.take(stream(40), 1.0)
+        batch.readings[10:30, 3:6] = np.nan
+        solution = pipeline.solve(batch).solution
+        assert (solution.ok == np.isfinite(solution.state).all(axis=1)).all()
+        assert (solution.ok == np.isfinite(solution.covariance).all(axis=(1, 2))).all()
+        statuses[detectors] = pipeline.tally.statuses
+    assert statuses[2] == {"converged": 40}
+    assert statuses[3] == {"converged": 20, "two detectors only": 20}
+
+
 def test_poses_of_another_geometry_are_not_believed_without_a_word():
     """Detectors that stand elsewhere than the configuration says: solved, counted, and told."""
     from dataclasses import replace

@@ -18,6 +18,7 @@ from facets.live.disk import Disk
 from facets.live.frames import SIZE
 from facets.live.index import Block, Damage
 from facets.live.pipeline import Pipeline
+from facets.live.ports import PortError
 from facets.live.pose_table import recorded_poses
 from facets.live.recording import DiskError, Recording, blocks
 from facets.live.replay import replay
@@ -216,6 +217,42 @@ def begin(folder, tmp_path, tracker=None, disk=None):
     reader.port.close()
     reader.port = Source()
     return live, recording, reader
+
+
+class Pieces:
+    """A port that gives a stream in pieces, and then is gone, or at its end."""
+
+    waits = ended = False
+
+    def __init__(self, pieces, error=None):
+        self.pieces, self.error = list(pieces), error
+
+    def read(self):
+        if not self.pieces and self.error:
+            raise self.error
+        piece = self.pieces.pop(0)
+        self.ended = not self.pieces and not self.error
+        return piece
+
+    def close(self):
+        pass
+
+
+@pytest.mark.parametrize("busy", [True, False])
+@pytest.mark.parametrize("error", [None, PortError("gone")])
+def test_the_reader_keeps_every_byte_in_however_large_blocks(tmp_path, monkeypatch, busy, error):
+    monkeypatch.setattr("facets.live.acquire.HOLD", np.inf)
+    live, recording, reader = begin(tmp_path / "r", tmp_path)
+    live.backlog = 100 if busy else 0  # the loop has its hands full, or nothing to do
+    pieces = [bytes([n]) * 100 for n in range(50)]
+    reader.port = Pieces(pieces, error)
+    monkeypatch.setattr(reader, "loop_waits", reader.loop_waits if busy else lambda: True)
+    reader.run()
+    recording.close()
+    found = [block.data for block in blocks(tmp_path / "r")]
+    assert b"".join(found) == b"".join(pieces)
+    assert len(found) == (1 if busy else 50)
+    assert (reader.error is None) == (error is None)
 
 
 @pytest.mark.parametrize("where", ["tracker", "poses", "flush", "sync", "show"])

@@ -31,6 +31,8 @@ ROUND = 1e-3
 BEAM = 0.3
 #: Making samples may keep the stage waiting no longer than about this, s.
 PATIENCE = 0.01
+#: Samples are made and sent for so long at once, s, as the packets of a USB board are.
+PACKET = 2e-3
 #: The fewest samples that are made at once, however long they take.
 FEWEST = 10
 #: The bench's time goes on by no more than this at once, s, and by no more than its samples can be
@@ -115,7 +117,7 @@ class Bench:
         self.model.jammed = self.schedule.is_on("jam", now)
         self.device.refuse = self.schedule.is_on("refuse", now)
         due = int(now * self.rate) - self.count.made
-        if due > 0:
+        if due >= max(1, int(PACKET * self.rate)):
             self.make(due, now)
         self.board.flush()
         self.answer()

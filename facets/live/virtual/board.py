@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,6 +29,8 @@ TRUTH = np.dtype([("seq", "<u4"), ("fate", "u1"), ("host", "<f8"), ("state", "<f
 SENT, DROPPED, SPOILT = range(3)
 #: What a board can hold back while the host does not read, bytes: then it loses samples.
 BUFFER = 1 << 16
+#: A board whose line takes nothing for so long has no reader, and keeps nothing for it, s.
+UNREAD = 1.0
 
 
 @dataclass
@@ -59,6 +62,7 @@ class Board:
         self.rng = schedule.rng
         self.port = Pty(link)
         self.pending = bytearray()
+        self.read_at = time.monotonic()  # when the line last took something
         self.overrun = self.unplugged = self.booting = False
         self.born = 0
 
@@ -110,8 +114,8 @@ class Board:
             counts, kind = xy_sum_of(electronics, counts), XY_SUM
         kinds = np.full(len(seq), kind, np.uint8)
         number = seq.astype(np.int64) - self.born
-        time = (np.round(1e6 * number / self.rate).astype(np.int64) % 2**32).astype(np.uint32)
-        return Samples(kinds, flags, (number % 2**32).astype(np.uint32), time, counts)
+        clock = (np.round(1e6 * number / self.rate).astype(np.int64) % 2**32).astype(np.uint32)
+        return Samples(kinds, flags, (number % 2**32).astype(np.uint32), clock, counts)
 
     def lose(self, count: int) -> None:
         """Counts samples that are never sent; the next one says so."""
@@ -167,6 +171,10 @@ class Board:
             if done == 0:
                 break
             del self.pending[:done]
+            self.read_at = time.monotonic()
+        if self.pending and time.monotonic() - self.read_at > UNREAD:
+            self.pending.clear()
+            self.overrun = True
 
     def close(self) -> None:
         if not self.unplugged:

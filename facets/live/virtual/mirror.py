@@ -28,6 +28,8 @@ class Mirror:
         self.times = times - times[0]
         step = self.times[-1] / (len(times) - 1) if len(times) > 1 else 1.0
         self.period = float(self.times[-1] + step)
+        self.nodes = np.append(self.times, self.period)  # at the end as at the beginning
+        self.there = np.vstack([self.states, self.states[:1]])
         self.begin = np.inf
 
     @property
@@ -40,7 +42,8 @@ class Mirror:
         passed = np.maximum(time_ - self.begin, 0.0)
         ramped = np.where(passed < RAMP, passed**2 / (2 * RAMP), passed - RAMP / 2)
         phase = np.mod(ramped, self.period)
-        columns = [
-            np.interp(phase, self.times, column, period=self.period) for column in self.states.T
-        ]
-        return np.stack(columns, axis=1)
+        last = np.searchsorted(self.nodes, phase, side="right") - 1
+        share = (phase - self.nodes[last]) / (self.nodes[last + 1] - self.nodes[last])
+        here: Floats = self.there[last]
+        there: Floats = here + share[:, None] * (self.there[last + 1] - here)
+        return there
