@@ -30,22 +30,22 @@ from .clock import Contender
 SENSOR = rivals.SENSOR
 #: Ratios to the reference loop on an AMD EPYC, whose loop takes 5.7 us.
 STORED = {
-    "reference loop, 1000 steps": 1.0,
-    "readings, batch": 0.066,
-    "Jacobians, batch": 0.12,
-    "poses from zero, batch": 0.97,
-    "poses from near, batch": 0.41,
-    "readings, one call": 1.54,
-    "facets.solve, one call": 3.3,
-    "Solver.solve, one call": 2.3,
-    "Solver.solve, one call on": 2.5,
-    "first reading, nothing compiled": 4.0e5,
-    "first pose, nothing compiled": 1.58e6,
+    "reference loop: 1000 steps": 1.0,
+    "readings: batch": 0.066,
+    "Jacobians: batch": 0.12,
+    "poses from zero: batch": 0.97,
+    "poses from near: batch": 0.41,
+    "readings: one call": 1.54,
+    "facets.solve: one call": 3.3,
+    "Solver.solve: one call": 2.3,
+    "Solver.solve: one call on": 2.5,
+    "first reading: nothing compiled": 4.0e5,
+    "first pose: nothing compiled": 1.58e6,
 }
 #: Left out of a quick run, because they compile all anew.
 FIRST = {
-    "first reading, nothing compiled": "facets.readings(sensor, [0.0] * 8)",
-    "first pose, nothing compiled": "facets.solve(sensor, facets.readings(sensor, [0.0] * 8))",
+    "first reading: nothing compiled": "facets.readings(sensor, [0.0] * 8)",
+    "first pose: nothing compiled": "facets.solve(sensor, facets.readings(sensor, [0.0] * 8))",
 }
 
 
@@ -76,15 +76,15 @@ def contenders(poses: int, few: int) -> list[Contender]:
     """Inputs are readings, then states: (n, 17)."""
     zero, near = Solver(SENSOR), Solver(SENSOR, start="previous")
     return [
-        Contender("reference loop, 1000 steps", lambda rows: loop()(len(rows)), few),
-        Contender("readings, batch", lambda rows: readings(SENSOR, rows[:, 9:]), poses),
-        Contender("Jacobians, batch", lambda rows: jacobian(SENSOR, rows[:, 9:]), poses),
-        Contender("poses from zero, batch", lambda rows: solve(SENSOR, rows[:, :9]), poses),
-        Contender("poses from near, batch", from_near, poses),
-        Contender("readings, one call", one_by_one(lambda r: readings(SENSOR, r[9:])), few),
-        Contender("facets.solve, one call", one_by_one(lambda r: solve(SENSOR, r[:9])), few),
-        Contender("Solver.solve, one call", one_by_one(lambda r: zero.solve(r[:9])), few),
-        Contender("Solver.solve, one call on", one_by_one(lambda r: near.solve(r[:9])), few),
+        Contender("reference loop: 1000 steps", lambda rows: loop()(len(rows)), few),
+        Contender("readings: batch", lambda rows: readings(SENSOR, rows[:, 9:]), poses),
+        Contender("Jacobians: batch", lambda rows: jacobian(SENSOR, rows[:, 9:]), poses),
+        Contender("poses from zero: batch", lambda rows: solve(SENSOR, rows[:, :9]), poses),
+        Contender("poses from near: batch", from_near, poses),
+        Contender("readings: one call", one_by_one(lambda r: readings(SENSOR, r[9:])), few),
+        Contender("facets.solve: one call", one_by_one(lambda r: solve(SENSOR, r[:9])), few),
+        Contender("Solver.solve: one call", one_by_one(lambda r: zero.solve(r[:9])), few),
+        Contender("Solver.solve: one call on", one_by_one(lambda r: near.solve(r[:9])), few),
     ]
 
 
