@@ -15,6 +15,7 @@ from .options import Force, folder_option
 STUDIES = {
     "forward": ("studies", "readings: time a pose against error"),
     "inverse": ("studies", "poses: time against error, eight unknowns from nine readings"),
+    "calls": ("calls", "what a call costs, beside a reference loop and the ratio stored for it"),
     "scaling": ("studies", "batch size and threads: time a pose"),
     "apertures": ("apertures", "cut light: time a pose, beside that of uncut light"),
     "maps": ("maps", "range maps: outlines to 0.1 um and 0.1 urad, beside grids as fine"),

@@ -62,6 +62,7 @@ class Solver:
         from ..model import evaluators
         from .kernels import kernel
 
+        self._asked = (sensor, beam, power, start, method, max_steps, covariance)
         self._sensor, self._warm, self._kernel = sensor, start == "previous", kernel()
         self._plan = plan(sensor, beam, power, method, ())
         self._values, self._found = np.empty((1, 9)), empty_results(1, covariance)
@@ -82,6 +83,10 @@ class Solver:
         self._memory = workspace()
         self._task = self._task_of(evaluators.nearly_linearised(sensor))
         self._last: Floats | None = None
+
+    def __reduce__(self) -> Any:
+        """A copy is a solver of its own, which begins anew: its memory has other addresses."""
+        return _solver, self._asked
 
     def solve(self, reading: ArrayLike) -> Solution:
         """The pose of one reading (9,): psi, zeta (mm), power (mW) of detectors A, B, C.
@@ -148,6 +153,15 @@ class Solver:
         self._kernel((task or self._task).address)
 
 
+def _solver(
+    sensor: Sensor, beam: Any, power: Any, start: Any, method: Any, max_steps: int, covariance: bool
+) -> Solver:
+    return Solver(
+        sensor, beam=beam, power=power, start=start, method=method, max_steps=max_steps,
+        covariance=covariance,
+    )  # fmt: skip
+
+
 #: Solvers are kept for so many questions a thread.
 MOST_KEPT = 8
 _kept = threading.local()
@@ -168,12 +182,6 @@ def kept_solver(
     if found is None:
         if len(solvers) >= MOST_KEPT:
             solvers.clear()
-        found = solvers[key] = Solver(
-            sensor,
-            beam=beam,  # type: ignore[arg-type]
-            power=power,  # type: ignore[arg-type]
-            method=method,  # type: ignore[arg-type]
-            max_steps=max_steps,
-            covariance=covariance,
-        )
+        found = _solver(sensor, beam, power, "zero", method, max_steps, covariance)
+        solvers[key] = found
     return found

@@ -329,8 +329,9 @@ def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     >>> f"spot A spans {largest - least:.2f} mm along y"
     'spot A spans 0.74 mm along y'
     """
-    from .kernels import outline
+    from . import kernels
 
+    outline = kernels.outline_light if sensor.light.on else kernels.outline
     rows, shape = as_rows(state, 8, "state")
     vectors, out = packed(sensor), np.empty((len(rows), 3, 5))
     share(lambda part: outline(vectors, rows[part], out[part]), len(rows), threads)

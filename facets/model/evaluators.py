@@ -24,7 +24,7 @@ from ..scalars import machine
 from ..scalars.machine import Value
 from . import kernels, machine_code
 from .jit import callback, compilable
-from .kernels import EXAMPLE, unpack, unpacking
+from .kernels import EXAMPLE, unpack, unpack_cut
 from .machine_code import leaves, straight
 
 Pointer = Any
@@ -34,7 +34,6 @@ Numbered = Iterable[tuple[int, Any]]
 PACKED = len(list(leaves(EXAMPLE)))
 
 PLAIN = EXAMPLE._replace(openings=None, light=None)  # type: ignore[arg-type]
-unpack_cut = unpacking(EXAMPLE._replace(light=None))  # type: ignore[arg-type]
 
 
 @compilable

@@ -120,7 +120,7 @@ TEXT = (
 BARE: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 #: What is left to be called, because it is long and called from many places, or seldom.
 LONG = (tail_quadrature,)
-CALLED = (bench_light.varied,)
+CALLED = (bench_light.varied, footprint.reach)
 
 
 def register(module: ModuleType, inline: bool = True) -> None:

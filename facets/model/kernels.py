@@ -16,7 +16,7 @@ from ..optics import bench_light
 from ..optics.cut_parameters import cut_by_parameter
 from ..optics.detected import cut_scene
 from ..optics.effects import Light, Options
-from ..optics.footprint import footprint
+from ..optics.footprint import footprint, slopes, spreading
 from ..optics.forward import Geometry, Openings, geometry, placed
 from ..optics.forward import scene as uncut_scene
 from ..optics.limits import COLUMNS, MOST
@@ -75,6 +75,7 @@ def unpacking(example: Geometry) -> Callable[[Array], Geometry]:
 
 
 unpack = unpacking(EXAMPLE)
+unpack_cut = unpacking(EXAMPLE._replace(light=None))  # type: ignore[arg-type]
 
 
 @compilable
@@ -97,18 +98,30 @@ def read(model: int, packed: Array, states: Array, out: Array) -> None:
         call_address(model, packed, states[n], out[n], memory)
 
 
+@compilable
+def put_footprint(ends: Any, out: Array) -> None:
+    for i in range(5):
+        out[i] = ends[i]
+
+
 @compiled
 def outline(packed: Array, states: Array, out: Array) -> None:
     """out (n, 3, 5): the footprints of the spots at states (n, 8)."""
-    geometry = unpack(packed)
+    geometry = unpack_cut(packed)
     for n in range(len(states)):
         at = placed(geometry, state_of(states, n))
-        if geometry.light.options.on:
-            at = bench_light.curved(geometry, at)
         for k in range(3):
-            ends = footprint(geometry, at, k)
-            for i in range(5):
-                out[n, k, i] = ends[i]
+            put_footprint(footprint(geometry, at, k, slopes(geometry, at, k)), out[n, k])
+
+
+@compiled
+def outline_light(packed: Array, states: Array, out: Array) -> None:
+    """The same under the light of a bench."""
+    geometry = unpack(packed)
+    for n in range(len(states)):
+        at = bench_light.curved(geometry, placed(geometry, state_of(states, n)))
+        for k in range(3):
+            put_footprint(footprint(geometry, at, k, spreading(geometry, at, k)), out[n, k])
 
 
 @compilable

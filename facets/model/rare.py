@@ -68,7 +68,14 @@ def _compile_and_call(name: str, *pointers: Any) -> None:
 
 #: What the table leads to at first, kept for as long as the process lives.
 _FIRST = [KIND(partial(_compile_and_call, name)) for name in NAMES]
-TABLE = np.array([ctypes.cast(first, ctypes.c_void_p).value for first in _FIRST], dtype=np.intp)
+
+
+def address_of_first(number: int) -> int:
+    """Where the way through Python to one of the functions begins."""
+    return ctypes.cast(_FIRST[number], ctypes.c_void_p).value or 0
+
+
+TABLE = np.array([address_of_first(number) for number in range(len(NAMES))], dtype=np.intp)
 
 #: The table's address, as a float of the same bits, to be put beside a sensor's numbers.
 ADDRESS = np.array([TABLE.ctypes.data], dtype=np.int64).view(np.float64)

@@ -13,7 +13,7 @@ from math import inf, nan, sqrt
 from .bench_light import mirrored, ray_at
 from .forward import Geometry, Scene
 from .limits import central_landing, outward, seen
-from .rays import gradient_of_shift, slanted
+from .rays import gradient_of_shift, reflect, slanted
 from .vectors import dot, subtract
 from .wedge import Plane
 
@@ -84,19 +84,30 @@ def spreading(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, Plane]:
     )
 
 
-def footprint(geometry: Geometry, at: Scene, k: int) -> tuple[float, float, float, float, float]:
-    """(least psi, largest psi, least zeta, largest zeta) of the spot on detector k, and how far
-    from the mirror's axis its light meets facet k at most; mm. NaN as `extent` and `reading`."""
+def slopes(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, Plane]:
+    """How psi and zeta change a sigma across a collimated beam, mm."""
     beam, normal = geometry.direction, at.normals[k]
     x, y, z = geometry.axes[k]
-    leaving, (psi, zeta) = central_landing(geometry, at, k)
+    leaving = reflect(beam, normal)
     along_y, along_z = slanted(y, leaving, x), slanted(z, leaving, x)
-    of_psi = seen(geometry, gradient_of_shift(along_y, beam, normal))
-    of_zeta = seen(geometry, gradient_of_shift(along_z, beam, normal))
-    if geometry.light.options.on:
-        of_psi, of_zeta = spreading(geometry, at, k)
-    left, right = extent(geometry, at, k, of_psi, psi)
-    low, high = extent(geometry, at, k, of_zeta, zeta)
+    return (
+        seen(geometry, gradient_of_shift(along_y, beam, normal)),
+        seen(geometry, gradient_of_shift(along_z, beam, normal)),
+    )
+
+
+def footprint(
+    geometry: Geometry, at: Scene, k: int, across: tuple[Plane, Plane]
+) -> tuple[float, float, float, float, float]:
+    """(least psi, largest psi, least zeta, largest zeta) of the spot on detector k, and how far
+    from the mirror's axis its light meets facet k at most; mm. NaN as `extent` and `reading`.
+
+    across: what `slopes` gives, or `spreading` where the wavefront is curved.
+    """
+    beam, normal = geometry.direction, at.normals[k]
+    _, (psi, zeta) = central_landing(geometry, at, k)
+    left, right = extent(geometry, at, k, across[0], psi)
+    low, high = extent(geometry, at, k, across[1], zeta)
     away = slanted(outward(geometry, at, k), beam, normal)
     _, out = extent(geometry, at, k, seen(geometry, away), dot(subtract(at.place, at.apex), away))
     return left, right, low, high, out if psi == psi else nan

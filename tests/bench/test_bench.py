@@ -44,13 +44,19 @@ def test_errors_are_those_of_rounding(results):
 def test_everything_is_written_with_the_machine(results):
     names = {file.name for file in results.iterdir()}
     assert names == {
-        "forward.csv", "inverse.csv", "scaling.csv", "apertures.csv", "maps.csv",
+        "forward.csv", "inverse.csv", "calls.csv", "scaling.csv", "apertures.csv", "maps.csv",
         "layouts.csv", "drawing.csv", "profile.csv",
         "special.csv", "stability.csv", "digits.csv", "steps.csv",
         "machine.json", "work_precision.svg", "stability.png", "histograms.svg",
     }  # fmt: skip
     about = json.loads((results / "machine.json").read_text())["about"]
     assert {"processor", "cores", "numpy", "seed", "command"} <= set(about)
+
+
+def test_every_call_has_a_stored_ratio(results):
+    calls = read(results, "calls")
+    assert calls.stored.notna().all()
+    assert calls.ratio.iloc[0] == calls.stored.iloc[0] == 1
 
 
 def test_nothing_is_lost_but_the_last_bit(results):

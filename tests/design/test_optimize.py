@@ -214,7 +214,9 @@ def test_contradictions_are_told(tmp_path, text, words):
 
 
 def test_what_can_not_be_met_is_named():
-    layout = replace(CONFIG.layout, limit=(np.inf, np.inf, 0.1, np.inf, np.inf, np.inf), starts=1)
+    two = {name: CONFIG.layout.variables[name] for name in ("radius_mm", "diameter_mm")}
+    limit = (np.inf, np.inf, 0.1, np.inf, np.inf, np.inf)
+    layout = replace(CONFIG.layout, limit=limit, starts=1, variables=two)
     found = optimize(CONFIG.sensor, layout)
     assert not found.best.found
     assert "uncertainty of tz" in found.best.shortfalls
@@ -245,7 +247,8 @@ def test_the_volume_has_its_corners():
 
 
 def test_the_command_writes_a_configuration(tmp_path):
-    result = command("optimize", "layout", "-o", "better.yaml", cwd=tmp_path)
+    (tmp_path / "once.yaml").write_text("extends: layout\noptimize: {starts: 1}\n")
+    result = command("optimize", "once.yaml", "-o", "better.yaml", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "what holds it back" in result.stdout
     assert "proved: within the ranges of its axes" in result.stdout
@@ -254,7 +257,7 @@ def test_the_command_writes_a_configuration(tmp_path):
     better = facets.load(tmp_path / "better.yaml")
     old, new = (worst_over(c.sensor, CONFIG.layout) for c in (CONFIG, better))
     assert (new < old).all()
-    again = command("optimize", "layout", "-o", "better.yaml", cwd=tmp_path)
+    again = command("optimize", "once.yaml", "-o", "better.yaml", cwd=tmp_path)
     assert again.returncode == 2
     assert "--force" in again.stderr
 

@@ -1,5 +1,8 @@
 """The estimator: exact on exact readings, honest on everything else."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
@@ -274,10 +277,31 @@ def test_bad_shapes_are_named():
 def test_a_prepared_solver_gives_the_same_bits(states, readings, options):
     solver = facets.Solver(SENSOR, **options)
     for reading in (*readings[:5], np.full(9, np.nan), readings[5]):
-        one, other = solver.solve(reading), facets.solve(SENSOR, reading, **options)
-        assert one.status == other.status
-        np.testing.assert_array_equal(one.state, other.state)
-        np.testing.assert_array_equal(one.covariance, other.covariance)
+        batch = facets.solve(SENSOR, reading[None], **options)
+        for one in (solver.solve(reading), facets.solve(SENSOR, reading, **options)):
+            assert one.status.shape == ()
+            assert one.status == batch.status[0]
+            for name in ("state", "covariance", "power", "residual", "iterations", "used"):
+                np.testing.assert_array_equal(getattr(one, name), getattr(batch, name)[0])
+
+
+def test_a_copy_of_a_prepared_solver_has_memory_of_its_own(states, readings):
+    solver = facets.Solver(SENSOR, beam="known")
+    expected = [facets.solve(SENSOR, reading, beam="known").state for reading in readings[:3]]
+    for other in (copy.deepcopy(solver), pickle.loads(pickle.dumps(solver))):
+        for reading, state in zip(readings[:3], expected, strict=True):
+            solver.solve(readings[4])
+            np.testing.assert_array_equal(other.solve(reading).state, state)
+
+
+def test_one_reading_from_where_it_is_said_to_start(readings):
+    there = facets.solve(SENSOR, readings[0])
+    again = facets.solve(SENSOR, readings[0], start=there.state)
+    assert again.iterations < there.iterations
+    with pytest.raises(InputError, match="start"):
+        facets.solve(SENSOR, readings[0], start="there")
+    with pytest.raises(InputError, match="threads"):
+        facets.solve(SENSOR, readings[0], threads=-1)
 
 
 def test_a_prepared_solver_goes_on_from_the_last_pose_and_finds_back():

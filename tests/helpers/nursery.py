@@ -55,8 +55,12 @@ def prepare() -> None:
 
 
 def become(asked: dict[str, Any], streams: list[int]) -> None:
-    """Makes this process, just forked, the command's."""
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it was ignored
+    """Makes this process, just forked, the command's.
+
+    SIGHUP ends it, also where a shell's nohup has it ignored.
+    """
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     devnull = os.open(os.devnull, os.O_RDONLY)
     for number, stream in enumerate((devnull, *streams)):
         os.dup2(stream, number)

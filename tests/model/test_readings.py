@@ -21,18 +21,16 @@ def worst(sensor: facets.Sensor, some_states: np.ndarray) -> tuple[float, float]
     return error[:, :, :2].max(), error[:, :, 2].max() / sensor.beam.power
 
 
+COUNTS = pytest.mark.parametrize("count", [100, pytest.param(1000, marks=pytest.mark.study)])
+
+
 @NAMED
-def test_readings_are_those_of_traced_rays(name, count=100):
+@COUNTS
+def test_readings_are_those_of_traced_rays(name, count):
     """1e-12 mm and 1e-12 of the power; both sides carry roundings of 300 mm, 6e-14 mm each."""
     place, power = worst(SENSORS[name], states(count, seed=12))
     assert place < 1e-12
     assert power < 1e-12
-
-
-@pytest.mark.study
-@NAMED
-def test_readings_are_those_of_traced_rays_at_1000_states(name):
-    test_readings_are_those_of_traced_rays(name, 1000)
 
 
 def test_the_oracle_has_converged():

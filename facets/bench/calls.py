@@ -1,0 +1,140 @@
+"""What a call costs: a batch, one pose at a time, and the first result of all, beside a loop.
+
+Times are of the processor, so that what else the machine does counts for little; but they belong to
+the processor. So each row has a ratio, too: to a reference loop of a thousand additions,
+multiplications and divisions that wait for each other, timed in turn with it; and the ratio that
+was stored when the row was last measured, so that a run says what has become slower.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from ..core.units import Floats
+from ..estimation.prepared import Solver
+from ..estimation.solver import solve
+from ..model.arrays import jacobian, readings
+from . import rivals
+from .clock import Contender
+
+SENSOR = rivals.SENSOR
+#: Ratios to the reference loop on an AMD EPYC, whose loop takes 5.7 us.
+STORED = {
+    "reference loop: 1000 steps": 1.0,
+    "readings: batch": 0.066,
+    "Jacobians: batch": 0.12,
+    "poses from zero: batch": 0.97,
+    "poses from near: batch": 0.41,
+    "readings: one call": 1.54,
+    "facets.solve: one call": 3.3,
+    "Solver.solve: one call": 2.3,
+    "Solver.solve: one call on": 2.5,
+    "first reading: nothing compiled": 4.0e5,
+    "first pose: nothing compiled": 1.58e6,
+}
+#: Left out of a quick run, because they compile all anew.
+FIRST = {
+    "first reading: nothing compiled": "facets.readings(sensor, [0.0] * 8)",
+    "first pose: nothing compiled": "facets.solve(sensor, facets.readings(sensor, [0.0] * 8))",
+}
+
+
+@cache
+def loop() -> Callable[[int], float]:
+    """The reference: `loop()(n)` takes a thousand steps n times."""
+    import numba
+
+    def run(times: int) -> float:
+        x = 1.0
+        for _ in range(1000 * times):
+            x = x * 0.999 + 1.0 / (x + 1.0)
+        return x
+
+    compiled: Any = numba.njit(run)
+    return compiled  # type: ignore[no-any-return]
+
+
+def one_by_one(function: Callable[[Floats], Any]) -> Callable[[Floats], None]:
+    def each(inputs: Floats) -> None:
+        for one in inputs:
+            function(one)
+
+    return each
+
+
+def contenders(poses: int, few: int) -> list[Contender]:
+    """Inputs are readings, then states: (n, 17)."""
+    zero, near = Solver(SENSOR), Solver(SENSOR, start="previous")
+    return [
+        Contender("reference loop: 1000 steps", lambda rows: loop()(len(rows)), few),
+        Contender("readings: batch", lambda rows: readings(SENSOR, rows[:, 9:]), poses),
+        Contender("Jacobians: batch", lambda rows: jacobian(SENSOR, rows[:, 9:]), poses),
+        Contender("poses from zero: batch", lambda rows: solve(SENSOR, rows[:, :9]), poses),
+        Contender("poses from near: batch", from_near, poses),
+        Contender("readings: one call", one_by_one(lambda r: readings(SENSOR, r[9:])), few),
+        Contender("facets.solve: one call", one_by_one(lambda r: solve(SENSOR, r[:9])), few),
+        Contender("Solver.solve: one call", one_by_one(lambda r: zero.solve(r[:9])), few),
+        Contender("Solver.solve: one call on", one_by_one(lambda r: near.solve(r[:9])), few),
+    ]
+
+
+def from_near(rows: Floats) -> None:
+    solve(SENSOR, rows[:, :9], start=rows[:, 9:] + 1e-6, covariance=False)
+
+
+def least(contenders: list[Contender], rows: Floats, rounds: int) -> list[float]:
+    """Seconds of CPU time a pose of each, the least of some rounds in turn."""
+    for contender in contenders:
+        contender.work(rows[: contender.poses])
+    best = [np.inf] * len(contenders)
+    for _ in range(rounds):
+        for n, contender in enumerate(contenders):
+            start = time.process_time()
+            contender.work(rows[: contender.poses])
+            best[n] = min(best[n], (time.process_time() - start) / contender.poses)
+    return best
+
+
+def first(expression: str) -> float:
+    """Seconds of CPU time of a fresh process, imports included, with nothing compiled before."""
+    code = f"import facets; sensor = facets.Sensor(); {expression}"
+    with tempfile.TemporaryDirectory() as empty:
+        before = children()
+        subprocess.run(
+            [sys.executable, "-c", code], env={**os.environ, "NUMBA_CACHE_DIR": empty},
+            stderr=subprocess.DEVNULL, check=True,
+        )  # fmt: skip
+        return children() - before
+
+
+def children() -> float:
+    """CPU time of the processes that have ended, s."""
+    spent = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return spent.ru_utime + spent.ru_stime
+
+
+def calls(quick: bool, seed: int) -> list[dict[str, Any]]:
+    """A row for each way to call: us, the ratio to the reference loop, and the stored ratio."""
+    poses, few = (5_000, 200) if quick else (50_000, 2_000)
+    states = rivals.states_in_range(poses, seed)
+    rows = np.hstack([readings(SENSOR, states), states])
+    timed = contenders(poses, few)
+    times = least(timed, rows, 5 if quick else 15)
+    seconds = {each.name: took for each, took in zip(timed, times, strict=True)}
+    if not quick:
+        seconds |= {name: first(expression) for name, expression in FIRST.items()}
+    unit = times[0]
+    return [
+        {"call": name, "us": 1e6 * took, "ratio": took / unit, "stored": STORED.get(name, np.nan)}
+        for name, took in seconds.items()
+    ]
