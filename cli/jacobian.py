@@ -307,8 +307,8 @@ def search_worst(asked: Asked, found: Survey) -> Worst:
         typer.echo("the determinant has both signs in the box: between them it is zero")
     else:
         typer.echo(
-            f"no word on the whole box: {100 * found.dark / found.states:.3g} % of its states leave a "
-            "detector without a reading"
+            f"no word on the whole box: {100 * found.dark / found.states:.3g} % of its states "
+            "leave a detector without a reading"
         )
     return weakest
 

@@ -41,7 +41,7 @@ class Program:
             else:
                 self.process = subprocess.Popen(
                     [*PROGRAM, *words], cwd=cwd, stdout=to_out, stderr=to_err,
-                    env={**os.environ, **env}, preexec_fn=heed_hangup,
+                    env={**os.environ, **env},
                 )  # fmt: skip
         finally:
             os.close(to_out)
