@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cache
+from math import nan
 from typing import Any
 
 from numba import carray  # type: ignore[attr-defined]  # noqa: TID253
@@ -67,6 +68,14 @@ def put_by_power(found: Any, power: float) -> None:
         found[1 + row, 8] = found[0, row] / power if row % 3 == 2 else 0.0
 
 
+@compilable
+def put_nothing(found: Any, count: int) -> None:
+    """NaN for each result. Dividing complex numbers by zero, as where a facet has no light at all,
+    is an error even in compiled code, which could not pass it on to who has called."""
+    for n in range(count):
+        found[n] = nan
+
+
 def plain_readings(vectors: Geometry, state: list[Value]) -> Numbered:
     detectors = readings_uncut(vectors, tuple(state))
     return enumerate(leaves(detectors))
@@ -101,13 +110,19 @@ def readings_cut(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -
 
 def readings_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
     vectors = unpack(carray(packed, (PACKED,)))
-    put_readings(found, bench_light.readings(vectors, state_at(x)))
+    try:
+        put_readings(found, bench_light.readings(vectors, state_at(x)))
+    except Exception:
+        put_nothing(found, 9)
 
 
 def readings_cut_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
     vectors = unpack(carray(packed, (PACKED,)))
     outlines = carray(memory, (3, MOST, COLUMNS))
-    put_readings(found, cut_light.readings(vectors, state_at(x), outlines))
+    try:
+        put_readings(found, cut_light.readings(vectors, state_at(x), outlines))
+    except Exception:
+        put_nothing(found, 9)
 
 
 def linearised_plain(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
@@ -135,20 +150,29 @@ def put_light(found: Any, vectors: Any, detectors: Any) -> None:
 
 def linearised_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
     vectors = with_power(unpack(carray(packed, (PACKED,))), x[8])
-    put_light(carray(found, (10, 10)), vectors, bench_light.linearised(vectors, state_at(x)))
+    try:
+        put_light(carray(found, (10, 10)), vectors, bench_light.linearised(vectors, state_at(x)))
+    except Exception:
+        put_nothing(found, 100)
 
 
 def linearised_cut_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
     vectors = with_power(unpack(carray(packed, (PACKED,))), x[8])
     outlines = carray(memory, (3, MOST, COLUMNS))
-    detectors = cut_light.linearised(vectors, state_at(x), outlines)
-    put_light(carray(found, (10, 10)), vectors, detectors)
+    try:
+        detectors = cut_light.linearised(vectors, state_at(x), outlines)
+        put_light(carray(found, (10, 10)), vectors, detectors)
+    except Exception:
+        put_nothing(found, 100)
 
 
 def nearly_linearised_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
     vectors = with_power(unpack(carray(packed, (PACKED,))), x[8])
-    detectors = bench_light.nearly_linearised(vectors, state_at(x))
-    put_light(carray(found, (10, 10)), vectors, detectors)
+    try:
+        detectors = bench_light.nearly_linearised(vectors, state_at(x))
+        put_light(carray(found, (10, 10)), vectors, detectors)
+    except Exception:
+        put_nothing(found, 100)
 
 
 MODELS = {

@@ -405,3 +405,15 @@ def test_background_is_weighed_against_the_unknown_power():
 def test_impossible_light_is_refused(wrong):
     with pytest.raises(InputError, match="allowed"):
         BenchLight(**wrong)
+
+
+def test_states_without_light_read_nan_and_say_nothing(capfd):
+    """Also where a facet has so little that a division by its power fails in compiled code."""
+    sensor = facets.load("bench-light").sensor
+    far = np.random.default_rng(0).standard_normal((500, 8)) * [2, 2, 5, 0.3, 0.3, 0.3, 2, 2]
+    found, slopes = facets.readings(sensor, far), facets.jacobian(sensor, far)
+    assert "Exception" not in capfd.readouterr().err
+    dark = np.isnan(found).any(axis=1)
+    assert 100 < dark.sum() < 500
+    assert np.isnan(slopes[dark]).any(axis=(1, 2)).all()
+    assert np.isfinite(slopes[~dark]).all()
