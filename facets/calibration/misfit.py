@@ -204,12 +204,12 @@ def spikes(found: Fit) -> Finding | None:
     ))  # fmt: skip
 
 
-def pulls(sensor: Sensor, found: Fit) -> list[Finding]:
-    """Unknowns that end far from where they could be."""
+def pulls(sensor: Sensor, found: Fit, far: float = FAR) -> list[Finding]:
+    """Unknowns that end far from where they could be: by `far` times their uncertainty."""
     change = found.values - values_of(sensor)[found.choice.places]
     over = np.abs(change) / found.choice.sigma
     rig = [n for n, name in enumerate(found.choice.names)
-           if name not in MOUNTING and over[n] > FAR]  # fmt: skip
+           if name not in MOUNTING and over[n] > far]  # fmt: skip
     if not rig:
         return []
     worst = sorted(rig, key=lambda n: -over[n])[:3]

@@ -36,6 +36,10 @@ WIDER, WRONG = 1.5, 4.0
 PROMISING = 2.0
 #: Chi-square for each degree of freedom that no light of a bench makes.
 LIGHT = 300.0
+#: How far a fit without the effects of light that has not settled goes from the configuration, in
+#: standard uncertainties, where it is of no use to look for these effects beside it. On twenty rigs
+#: that had them all it went up to 17.
+ASTRAY = 50.0
 #: Samples that a fit needs.
 LEAST = 10
 #: How late a reference may be, s, before faults of the data are looked for.
@@ -81,7 +85,7 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
         plain = plain if hopeless or plain.ended else late
     else:
         hopeless = suspicious(sensor, plain)
-    astray = [] if plain.ended else pulls(sensor, plain)
+    astray = [] if plain.ended else pulls(sensor, plain, ASTRAY)
     promising = (
         hopeless
         and plain.ended
