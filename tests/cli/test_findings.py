@@ -129,7 +129,8 @@ def test_states_without_number_are_estimated_and_refused(run):
 
 
 def test_a_box_without_light_is_an_error(run, tmp_path):
-    status, _, err = run("jacobian", "paper", "--box", "tx_mm=8000:9000", "--states", "100", "-o", "out")
+    words = ("jacobian", "paper", "--box", "tx_mm=8000:9000", "--states", "100", "-o", "out")
+    status, _, err = run(*words)
     assert status == 2
     assert "gives every detector a reading" in err
     assert not (tmp_path / "out").exists()
