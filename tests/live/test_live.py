@@ -12,12 +12,13 @@ import sys
 import numpy as np
 import pytest
 from commands import PROGRAM, command
-from facets.experiments.kills import kill, stream
+from facets.experiments.kills import BLOCK, RATE, kill, stream
 from facets.experiments.soak import soak
 from programs import Program, count_lines, size_of
 
 import facets
 from facets.core.errors import InputError
+from facets.live.acquire import HOLD
 from facets.live.frames import SIZE
 from facets.live.pipeline import Pipeline
 from facets.live.pose_table import join_columns, pose_columns, recorded_poses
@@ -90,10 +91,12 @@ def test_a_replay_is_the_run_again(tmp_path):
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
 def test_a_killed_recording_loses_no_more_than_its_last_block(tmp_path, number):
+    """A block is what came within HOLD, and the read that was under way."""
     data = stream(20_000)
+    pieces = int(HOLD * RATE) + 2  # the source waits before it gives one
     for n, after in enumerate((0.05, 0.45)):
         row = kill(tmp_path / str(n), data, after, number)
-        assert row["lost"] <= 50 * SIZE
+        assert row["lost"] <= pieces * BLOCK * SIZE
         assert row["unrecovered"] == row["different"] == 0
         if number != signal.SIGKILL:
             assert row["closed"] == 1
