@@ -115,7 +115,8 @@ if __name__ == "__main__":
             after, number = rng.uniform(0, 0.8), numbers[n % len(numbers)]
             rows.append(kill(Path(place) / "recording", data, after, number))
     print(f"{times} kills, {sum(row['kept'] for row in rows) // SIZE} samples kept in all")
-    print(f"most lost: {max(row['lost'] for row in rows) / SIZE:g} samples; the source gives {BLOCK} at once")
+    most = max(row["lost"] for row in rows) / SIZE
+    print(f"most lost: {most:g} samples; the source gives {BLOCK} at once")
     print(f"kept but not recovered: {max(row['unrecovered'] for row in rows)}")
     print(f"with poses on disk as well: {sum(row['poses'] > 0 for row in rows)}")
     print(f"poses on disk that a replay does not repeat: {sum(row['different'] for row in rows)}")
