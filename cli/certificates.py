@@ -128,18 +128,24 @@ def look_for_pair(claim: Claim, found: Certificate) -> PairSearch | None:
     return find_pair_in_box(claim.settings.sensor, found.box, found.share, claim.weakest)
 
 
+def write_beside(claim: Claim, proved: Certificate, file: Path, about: dict[str, str]) -> Path:
+    """The certificate of another box of the same sensor, beside the first."""
+    from facets.proof.certificate import write_certificate
+
+    beside = reach_file(file)
+    write_certificate(beside, claim.settings.sensor, proved, about, claim.settings.resolved)
+    return beside
+
+
 def prove_reach(claim: Claim, found: Certificate, file: Path, about: dict[str, str]) -> float:
     """How much larger a box of poses is proved too; its certificate beside the other."""
-    from facets.proof.certificate import write_certificate
     from facets.proof.reach import FARTHEST, find_reach
 
-    settings = claim.settings
-    factor, larger = find_reach(settings.sensor, found.box, found.share, claim.off)
+    factor, larger = find_reach(claim.settings.sensor, found.box, found.share, claim.off)
     if larger is None:
         typer.echo("no larger box of poses is proved, down to one 5 per cent larger")
         return factor
-    beside = reach_file(file)
-    write_certificate(beside, settings.sensor, larger, about, settings.resolved)
+    beside = write_beside(claim, larger, file, about)
     typer.echo(
         f"proved too: a box of poses {rounded_down(factor)} times as large about zero, with the"
         f" same least light"
@@ -151,16 +157,13 @@ def prove_reach(claim: Claim, found: Certificate, file: Path, about: dict[str, s
 
 def prove_core(claim: Claim, found: Certificate, file: Path, about: dict[str, str]) -> float:
     """How much smaller a box of poses is proved; its certificate beside the other."""
-    from facets.proof.certificate import write_certificate
     from facets.proof.reach import find_core
 
-    settings = claim.settings
-    factor, smaller = find_core(settings.sensor, found.box, found.share, claim.off)
+    factor, smaller = find_core(claim.settings.sensor, found.box, found.share, claim.off)
     if smaller is None:
         typer.echo("no smaller box of poses is proved either, down to a twelfth")
         return factor
-    beside = reach_file(file)
-    write_certificate(beside, settings.sensor, smaller, about, settings.resolved)
+    beside = write_beside(claim, smaller, file, about)
     typer.echo(
         f"proved: a box of poses {rounded_down(factor)} times as large about its middle, with the"
         f" same least light ({beside.name})"
