@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -235,9 +235,40 @@ def readings(
     from . import evaluators
     from .kernels import read
 
-    model, vectors, out = evaluators.readings(sensor), packed(sensor), np.empty((len(rows), 9))
-    share(lambda part: read(model, vectors, rows[part], out[part]), len(rows), threads)
+    vectors, out = packed(sensor), np.empty((len(rows), 9))
+
+    def one_by_one(states: Floats, found: Floats) -> None:
+        read(evaluators.readings(sensor), vectors, states, found)
+
+    share(by_blocks(sensor, "readings", rows, out, one_by_one), len(rows), threads)
     return out.reshape(*shape, 9)
+
+
+def by_blocks(
+    sensor: Sensor,
+    name: str,
+    states: Floats,
+    out: Floats,
+    one_by_one: Callable[[Floats, Floats], None],
+) -> Callable[[slice], None]:
+    """Fills a part of `out` for states (n, 8), by blocks where the light is plain.
+
+    name: of the block's results, see `blocks.LOOPS`.  one_by_one: what fills the rest.
+    """
+    from . import blocks, evaluators
+
+    def run(part: slice) -> None:
+        rows, found = states[part], out[part]
+        if evaluators.kind_of(sensor) != "plain":
+            one_by_one(rows, found)
+            return
+        left = blocks.run(name, packed(sensor), rows, found)
+        if len(left):
+            rest = np.empty((len(left), *found.shape[1:]))
+            one_by_one(rows[left], rest)
+            found[left] = rest
+
+    return run
 
 
 def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
@@ -255,13 +286,13 @@ def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     from .kernels import differentiate
 
     rows, shape = as_rows(state, 8, "state")
-    model, power = evaluators.linearised(sensor), float(sensor.beam.power)
     vectors, out = packed(sensor), np.empty((len(rows), 9, 8))
 
-    def run(part: slice) -> None:
-        differentiate(model, vectors, rows[part], power, out[part])
+    def one_by_one(states: Floats, found: Floats) -> None:
+        power = float(sensor.beam.power)
+        differentiate(evaluators.linearised(sensor), vectors, states, power, found)
 
-    share(run, len(rows), threads)
+    share(by_blocks(sensor, "derivatives", rows, out, one_by_one), len(rows), threads)
     return out.reshape(*shape, 9, 8)
 
 

@@ -15,8 +15,10 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types  # noqa: TID253
+from numba.core import cgutils  # noqa: TID253
 from numba.extending import intrinsic  # noqa: TID253
 
+from ..scalars.lanes import LaneWriter
 from ..scalars.machine import DOUBLE, LONG, Numbers, Value, Writer
 from . import rare
 
@@ -138,5 +140,45 @@ def straight(formula: Formula, example: Any, size: int, numbers: int) -> Any:
             return context.get_dummy_value()
 
         return types.void(packed, given, found), code
+
+    return intrinsic(write)
+
+
+#: Writes what a block of poses needs: with the sensor's vectors, from and to memory by pointers.
+LaneFormula = Callable[[LaneWriter, Any, Any, Any], None]
+
+
+def straight_lanes(formula: LaneFormula, example: Any, lanes: int, given: int, found: int) -> Any:
+    """Machine code for `formula`, block after block, as a function of addresses for compiled code.
+
+    They are those of a sensor's vectors, of what is asked, of where results go, and of where a
+    64-bit integer for each block tells by its bits in which lanes numbers mean nothing; and how
+    many blocks there are.  example: as for `straight`.  given, found: numbers that a block is
+    asked, and that it gives.
+    """
+
+    def write(_: Any, packed: Any, asked: Any, results: Any, left: Any, blocks: Any) -> Any:
+        def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            packed, asked, results = (
+                builder.inttoptr(value, ir.PointerType(DOUBLE)) for value in values[:3]
+            )
+            left = builder.inttoptr(values[3], ir.PointerType(LONG))
+            with cgutils.for_range(builder, values[4]) as loop:
+                writer, places = LaneWriter(builder, lanes), count()
+                vectors = [
+                    part
+                    if part is None
+                    else nested(part, (writer.load(packed, next(places)) for _ in leaves(part)))
+                    for part in example
+                ]
+                here, there = (
+                    builder.gep(pointer, [builder.mul(loop.index, ir.Constant(LONG, numbers))])
+                    for pointer, numbers in ((asked, given), (results, found))
+                )
+                formula(writer, type(example)(*vectors), here, there)
+                builder.store(writer.bits(writer.left), builder.gep(left, [loop.index]))
+            return context.get_dummy_value()
+
+        return types.void(packed, asked, results, left, blocks), code
 
     return intrinsic(write)

@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 
 from ..scalars.dispatch import Number, atan2, erf, erfc, exp, integral, is_float, pi, sqrt
+from .central import REACH, side_central
 from .compensated import gauss, gauss_of_point, normalised
 from .half_normal import half_normal
 from .tail_quadrature import AWAY, faint, no_light
@@ -63,8 +64,11 @@ def side_float(q: Plane, u: Plane, a: float, h: float) -> Side:
 
 
 def side_code(q: Plane, u: Plane, a: Number, h: Number) -> Side:
-    """`side_float` where machine code is written."""
+    """`side_float` where machine code is written; of several poses at once near the centre only."""
     code, like = a.writer, (a, a, a, a)
+    if code.lanes > 1:
+        code.leave(~(q[0] * q[0] + q[1] * q[1] < REACH))
+        return side_central(q, a, h)
     return code.choose(  # type: ignore[no-any-return]
         a * a + h * h > FAR,
         lambda: code.rarely(side_far, like, q, u, a),

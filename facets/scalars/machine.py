@@ -54,13 +54,16 @@ class Value:
         return self.writer.two("fdiv", other, self)
 
     def __neg__(self) -> Value:
-        return Value(self.writer, self.writer.builder.fneg(self.ir))
+        return self.writer.negative(self)
 
     def __abs__(self) -> Value:
         return self.writer.function("fabs", self)
 
     def __gt__(self, other: Any) -> Condition:
         return self.writer.compare(">", self, other)
+
+    def __lt__(self, other: Any) -> Condition:
+        return self.writer.compare("<", self, other)
 
 
 class Condition:
@@ -77,22 +80,36 @@ class Condition:
     def __and__(self, other: Condition) -> Condition:
         return Condition(self.writer, self.writer.builder.and_(self.ir, other.ir))
 
+    def __invert__(self) -> Condition:
+        return Condition(self.writer, self.writer.builder.not_(self.ir))
+
     def __bool__(self) -> bool:
         raise TypeError("a formula asks what only its machine code will know; use Writer.choose")
 
 
 class Writer:
-    """Where instructions are written: with an `llvmlite` builder."""
+    """Where instructions are written: with an `llvmlite` builder.
+
+    lanes: how many numbers each instruction works on; see `lanes.LaneWriter`.
+    """
+
+    lanes = 1
 
     def __init__(self, builder: Any) -> None:
         self.builder = builder
 
     def value(self, number: Value | float) -> Any:
         """A number as LLVM has it."""
-        return number.ir if isinstance(number, Value) else ir.Constant(DOUBLE, float(number))
+        return number.ir if isinstance(number, Value) else self.constant(number)
+
+    def constant(self, number: float) -> Any:
+        return ir.Constant(DOUBLE, float(number))
 
     def two(self, operation: str, a: Value | float, b: Value | float) -> Value:
         return Value(self, getattr(self.builder, operation)(self.value(a), self.value(b)))
+
+    def negative(self, number: Value) -> Value:
+        return Value(self, self.builder.fneg(number.ir))
 
     def compare(self, how: str, a: Value | float, b: Value | float) -> Condition:
         """False where one of them is NaN."""

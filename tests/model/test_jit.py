@@ -21,7 +21,7 @@ def run(code: str, cache: str) -> subprocess.CompletedProcess:
 
 def test_the_first_use_says_that_it_compiles_and_the_second_does_not(tmp_path):
     first, second = run(READ, str(tmp_path)), run(READ, str(tmp_path))
-    assert "compiling read, once" in first.stderr
+    assert "compiling readings, once" in first.stderr
     assert second.stderr == ""
     assert first.stdout == second.stdout
 

@@ -1,0 +1,285 @@
+"""Numbers of several poses at once that write machine code: each instruction works on all of them.
+
+A `LaneWriter` runs the optics' text as `machine.Writer` does, once, but its numbers are LLVM's
+vectors with a lane for each pose. There are no branches: both ways are computed, and each lane
+takes its own. Where a formula is only right for most poses, as a polynomial on its interval, the
+lanes for which it is not are noted (`leave`), to be computed anew by other code. What a lane gives
+depends on no other lane, and on no processor: nothing but additions, multiplications, divisions and
+roots, each rounded as IEEE 754 has it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from llvmlite import ir
+
+from . import polynomials
+from .machine import DOUBLE, LONG, Condition, Numbers, Value, Writer
+
+SHORT = ir.IntType(32)
+BIT = ir.IntType(1)
+#: Beyond the eighth part of a half-turn the arc tangent is that of what is left to a quarter turn.
+TAN_1, TAN_3 = math.sqrt(2) - 1, math.sqrt(2) + 1
+
+
+class Left:
+    """In place of numbers that other code has to find."""
+
+
+LEFT = Left()
+
+
+def known_by(number: Value | float) -> tuple[int, float]:
+    """What tells numbers apart, in an order."""
+    return (id(number), 0.0) if isinstance(number, Value) else (0, number)
+
+
+def added(a: Any, b: Any) -> Any:
+    """The sum where nothing need be added; else None."""
+    return b if is_plain(a, 0) else a if is_plain(b, 0) else None
+
+
+def subtracted(a: Any, b: Any) -> Any:
+    return -b if is_plain(a, 0) else a if is_plain(b, 0) else None
+
+
+def multiplied(a: Any, b: Any) -> Any:
+    if is_plain(a, 0) or is_plain(b, 0):
+        return 0.0
+    return b if is_plain(a, 1) else a if is_plain(b, 1) else None
+
+
+def divided(a: Any, b: Any) -> Any:
+    return 0.0 if is_plain(a, 0) else a if is_plain(b, 1) else None
+
+
+def is_plain(x: Any, number: float) -> bool:
+    return not isinstance(x, Value) and x == number
+
+
+def shuffled(builder: Any, a: Any, b: Any, places: Iterable[int]) -> Any:
+    """The numbers of two vectors, one behind the other, at some places."""
+    wanted = list(places)
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(SHORT, len(wanted)), wanted))
+
+
+def transposed(builder: Any, rows: list[Any]) -> list[Any]:
+    """The columns of four vectors of four."""
+    a, b, c, d = rows
+    low, high = (0, 4, 2, 6), (1, 5, 3, 7)
+    ab, cd = shuffled(builder, a, b, low), shuffled(builder, c, d, low)
+    ab_high, cd_high = shuffled(builder, a, b, high), shuffled(builder, c, d, high)
+    front, back = (0, 1, 4, 5), (2, 3, 6, 7)
+    return [
+        shuffled(builder, ab, cd, front),
+        shuffled(builder, ab_high, cd_high, front),
+        shuffled(builder, ab, cd, back),
+        shuffled(builder, ab_high, cd_high, back),
+    ]
+
+
+#: What an operation on a and the negative of b is, of a and b.
+NEGATED: dict[str, Callable[[Any, Any], Any]] = {
+    "fadd": lambda a, b: a - b,
+    "fsub": lambda a, b: a + b,
+    "fmul": lambda a, b: -(a * b),
+}
+
+
+class LaneWriter(Writer):
+    """lanes: how many poses.  `left`: in which of them the numbers mean nothing."""
+
+    def __init__(self, builder: Any, lanes: int) -> None:
+        super().__init__(builder)
+        self.lanes = lanes
+        self.kind = ir.VectorType(DOUBLE, lanes)
+        self.left = self.same(False)
+        self._here: list[Condition] = []
+        self._negatives: dict[int, tuple[Value, Value]] = {}
+        self._known: dict[tuple[Any, ...], tuple[Value, Any, Any]] = {}
+
+    def two(self, operation: str, a: Value | float, b: Value | float) -> Any:
+        """Writes no operation twice, none with a zero or a one, and one division a divisor.
+
+        Zero times what is not finite is zero here: such lanes are left.
+        """
+        if a is b and operation == "fsub":
+            return 0.0
+        if operation in NEGATED:
+            positive, negative = self._positive(a), self._positive(b)
+            if negative is not None:
+                return NEGATED[operation](a, negative)
+            if positive is not None and operation != "fsub":
+                return NEGATED[operation](b, positive)
+        plain: dict[str, Callable[..., Any]] = {
+            "fadd": added, "fsub": subtracted, "fmul": multiplied, "fdiv": divided
+        }  # fmt: skip
+        found = plain[operation](a, b)
+        if found is not None:
+            return found
+        if operation == "fdiv" and a != 1:
+            return self.two("fmul", a, self.two("fdiv", 1.0, b))
+        key = (operation, known_by(a), known_by(b))
+        if operation in ("fadd", "fmul"):
+            key = (operation, *sorted(key[1:]))
+        if key not in self._known:
+            self._known[key] = (super().two(operation, a, b), a, b)  # kept, so that ids stay theirs
+        return self._known[key][0]
+
+    def negative(self, number: Value) -> Value:
+        if id(number) in self._negatives:  # of a negative
+            return self._negatives[id(number)][0]
+        key = ("fneg", known_by(number))
+        if key not in self._known:
+            found = super().negative(number)
+            self._known[key] = (found, number, number)
+            self._negatives[id(found)] = (number, found)
+        return self._known[key][0]
+
+    def _positive(self, number: Any) -> Value | None:
+        """What a number is the negative of."""
+        return self._negatives[id(number)][0] if id(number) in self._negatives else None
+
+    def same(self, truth: bool) -> Condition:
+        """What is so in all lanes, or in none."""
+        kind = ir.VectorType(BIT, self.lanes)
+        return Condition(self, ir.Constant(kind, [int(truth)] * self.lanes))
+
+    def constant(self, number: float) -> Any:
+        return ir.Constant(self.kind, [float(number)] * self.lanes)
+
+    def spread(self, number: Any) -> Value:
+        """One number for all lanes."""
+        empty = ir.Constant(self.kind, ir.Undefined)
+        first = self.builder.insert_element(empty, number, ir.Constant(SHORT, 0))
+        places = ir.Constant(ir.VectorType(SHORT, self.lanes), [0] * self.lanes)
+        return Value(self, self.builder.shuffle_vector(first, empty, places))
+
+    def load(self, pointer: Any, index: int) -> Value:
+        """A number that all lanes have in common."""
+        place = self.builder.gep(pointer, [ir.Constant(LONG, index)])
+        return self.spread(self.builder.load(place))
+
+    def load_lanes(self, pointer: Any, index: int) -> Value:
+        """The number `index` of memory that has a number for each lane at each place."""
+        return Value(self, self.builder.load(self._lanes_at(pointer, index), align=8))
+
+    def store_lanes(self, number: Value | float, pointer: Any, index: int) -> None:
+        self.builder.store(self.value(number), self._lanes_at(pointer, index), align=8)
+
+    def _lanes_at(self, pointer: Any, index: int) -> Any:
+        place = self.builder.gep(pointer, [ir.Constant(LONG, index * self.lanes)])
+        return self.builder.bitcast(place, ir.PointerType(self.kind))
+
+    def load_rows(self, pointer: Any, stride: int, count: int) -> list[Value]:
+        """`count` numbers of each lane, whose rows are `stride` numbers apart."""
+        found = []
+        for column in range(count):
+            vector: Any = ir.Constant(self.kind, ir.Undefined)
+            for lane in range(self.lanes):
+                place = self.builder.gep(pointer, [ir.Constant(LONG, lane * stride + column)])
+                number = self.builder.load(place)
+                vector = self.builder.insert_element(vector, number, ir.Constant(SHORT, lane))
+            found.append(Value(self, vector))
+        return found
+
+    def store_rows(self, numbers: list[Value | float], pointer: Any, stride: int) -> None:
+        """Numbers of each lane, into rows that are `stride` numbers apart."""
+        vectors = [self.value(number) for number in numbers]
+        for first in range(0, len(vectors), 4):
+            some = vectors[first : first + 4]
+            if len(some) < 4:
+                self._store_one_by_one(some, pointer, stride, first)
+                continue
+            for quarter in range(0, self.lanes, 4):
+                rows = transposed(self.builder, [self._four(each, quarter) for each in some])
+                for lane, row in enumerate(rows):
+                    place = (quarter + lane) * stride + first
+                    at = self.builder.gep(pointer, [ir.Constant(LONG, place)])
+                    at = self.builder.bitcast(at, ir.PointerType(row.type))
+                    self.builder.store(row, at, align=8)
+
+    def _four(self, vector: Any, first: int) -> Any:
+        return shuffled(self.builder, vector, vector, range(first, first + 4))
+
+    def _store_one_by_one(self, vectors: list[Any], pointer: Any, stride: int, first: int) -> None:
+        for column, vector in enumerate(vectors):
+            for lane in range(self.lanes):
+                place = ir.Constant(LONG, lane * stride + first + column)
+                one = self.builder.extract_element(vector, ir.Constant(SHORT, lane))
+                self.builder.store(one, self.builder.gep(pointer, [place]))
+
+    def bits(self, condition: Condition) -> Any:
+        """A 64-bit integer with a bit for each lane in which something is so."""
+        bits = self.builder.bitcast(condition.ir, ir.IntType(self.lanes))
+        return self.builder.zext(bits, LONG)
+
+    def leave(self, condition: Condition) -> None:
+        """Notes the lanes in which something is so, and in which its way is taken, as `left`."""
+        for other in self._here:
+            condition = condition & other
+        self.left = self.left | condition
+
+    def choose(
+        self, condition: Condition, then: Callable[[], Numbers], other: Callable[[], Numbers]
+    ) -> Numbers:
+        """In each lane what one of two functions gives; both are computed."""
+        ways = [self._along(condition, then), self._along(~condition, other)]
+        return self._merge_lanes(condition, *ways)
+
+    def _along(self, condition: Condition, way: Callable[[], Numbers]) -> Numbers:
+        self._here.append(condition)
+        try:
+            return way()
+        finally:
+            self._here.pop()
+
+    def _merge_lanes(self, condition: Condition, then: Numbers, other: Numbers) -> Numbers:
+        if then is LEFT or other is LEFT:
+            return other if then is LEFT else then
+        if isinstance(then, tuple):
+            pairs = zip(then, other, strict=True)
+            return tuple(self._merge_lanes(condition, a, b) for a, b in pairs)
+        return self.select(condition, then, other)
+
+    def rarely(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
+        """What is seldom needed is left to other code."""
+        self.leave(self.same(True))
+        return LEFT
+
+    def function(self, name: str, *arguments: Value | float) -> Value:
+        written: Callable[..., Value] = getattr(self, f"_{name}")
+        return written(*arguments)
+
+    def _sqrt(self, x: Value) -> Value:
+        return self._intrinsic("sqrt", x)
+
+    def _fabs(self, x: Value) -> Value:
+        return self._intrinsic("fabs", x)
+
+    def _intrinsic(self, name: str, x: Value) -> Value:
+        module, full = self.builder.module, f"llvm.{name}.v{self.lanes}f64"
+        known = module.globals.get(full)
+        kind = ir.FunctionType(self.kind, [self.kind])
+        return Value(self, self.builder.call(known or ir.Function(module, kind, full), [x.ir]))
+
+    def _sin(self, x: Value) -> Value:
+        self.leave(~(abs(x) < 1))
+        return polynomials.sine(x)  # type: ignore[no-any-return]
+
+    def _cos(self, x: Value) -> Value:
+        self.leave(~(abs(x) < 1))
+        return polynomials.cosine(x)  # type: ignore[no-any-return]
+
+    def _atan2(self, y: Value, x: Value) -> Value:
+        high, wide = abs(y), abs(x)
+        steep, middle = high > wide * TAN_3, high > wide * TAN_1
+        above = self.select(steep, -wide, self.select(middle, high - wide, high))
+        below = self.select(steep, high, self.select(middle, high + wide, wide))
+        turn = self.select(steep, math.pi / 2, self.select(middle, math.pi / 4, 0.0))
+        angle = turn + polynomials.arc_tangent(above / below)
+        angle = self.select(x > 0, angle, math.pi - angle)
+        return self.select(y < 0, -angle, angle)

@@ -1,0 +1,83 @@
+"""Blocks of poses: equal to one pose at a time, whatever stands beside it."""
+
+import numpy as np
+import pytest
+from sensors import SENSORS, states
+
+import facets
+from facets.model import blocks, evaluators, kernels
+from facets.model.arrays import packed
+
+NAMED = pytest.mark.parametrize("name", ["paper", "skewed0", "skewed2", "skewed4"])
+BOTH = pytest.mark.parametrize("function", [facets.readings, facets.jacobian])
+
+
+def one_by_one(sensor: facets.Sensor, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Readings and Jacobians by the code for one pose, which shares the text but no function."""
+    values, slopes = np.empty((len(some), 9)), np.empty((len(some), 9, 8))
+    vectors, power = packed(sensor), sensor.beam.power
+    kernels.read(evaluators.readings(sensor), vectors, some, values)
+    kernels.differentiate(evaluators.linearised(sensor), vectors, some, power, slopes)
+    return values, slopes
+
+
+@NAMED
+def test_blocks_agree_with_one_pose_at_a_time(name):
+    """Both carry roundings of 300 mm, 6e-14 mm each."""
+    sensor, some = SENSORS[name], states(400, seed=3)
+    values, slopes = one_by_one(sensor, some)
+    found = np.empty_like(values)
+    left = blocks.run("readings", packed(sensor), some, found)
+    assert len(left) < len(some) / 4
+    assert np.abs(facets.readings(sensor, some) - values).max() < 1e-12
+    scale = np.abs(slopes).max(axis=(0, 1))
+    assert (np.abs(facets.jacobian(sensor, some) - slopes).max(axis=(0, 1)) < 1e-13 * scale).all()
+
+
+@BOTH
+def test_a_pose_gives_the_same_bits_wherever_it_stands(function):
+    """In any lane, beside any other, in batches of any length; among them what leaves its block."""
+    sensor, some = SENSORS["skewed2"], states(40, seed=4)
+    some[7], some[12, 0], some[20, 0] = np.nan, 1.0, 1e6
+    some[28, 4] = some[33, 3] = 1.2
+    whole = function(sensor, some)
+    order = np.random.default_rng(1).permutation(40)
+    np.testing.assert_array_equal(function(sensor, some[order]), whole[order])
+    for length in range(1, 18):
+        np.testing.assert_array_equal(function(sensor, some[:length]), whole[:length])
+        np.testing.assert_array_equal(function(sensor, some[-length:]), whole[-length:])
+    for state, row in zip(some, whole, strict=True):
+        np.testing.assert_array_equal(function(sensor, state), row)
+
+
+@BOTH
+def test_threads_do_not_change_bits(function):
+    some = states(2100, seed=5)
+    one, two = (function(SENSORS["paper"], some, threads=n) for n in (1, 2))
+    np.testing.assert_array_equal(one, two)
+
+
+def test_what_does_not_fit_a_block_is_left():
+    """Faint facets, an apex far off, a mirror far turned, and what is no number."""
+    sensor, some = facets.Sensor(), np.zeros((9, 8))
+    some[1, 0], some[2, 0], some[3, 0] = 0.5, 2.0, np.inf
+    some[5, 4], some[6, 2], some[7, 5] = 1.1, np.nan, -1.0
+    left = blocks.run("readings", packed(sensor), some, np.empty((9, 9)))
+    assert list(left) == [1, 2, 3, 5, 6, 7]
+    values = one_by_one(sensor, some)[0]
+    np.testing.assert_allclose(facets.readings(sensor, some), values, rtol=1e-13, atol=1e-13)
+
+
+def test_a_facet_that_meets_no_beam_reads_nan_within_a_block():
+    some = np.zeros((8, 8))
+    some[3, 4], some[5, 4] = 0.79, -0.79
+    found = np.empty((8, 9, 8))
+    assert len(blocks.run("derivatives", packed(facets.Sensor()), some, found)) == 0
+    values, slopes = one_by_one(facets.Sensor(), some)
+    assert np.isnan(values[[3, 5], 0]).all()
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(slopes))
+
+
+def test_no_poses_give_nothing():
+    assert facets.readings(facets.Sensor(), np.empty((0, 8))).shape == (0, 9)
+    assert facets.jacobian(facets.Sensor(), np.empty((0, 8))).shape == (0, 9, 8)
