@@ -12,6 +12,7 @@ import ctypes
 import threading
 from collections.abc import Callable
 from functools import cache
+from math import nan
 from types import ModuleType
 from typing import Any
 
@@ -48,7 +49,8 @@ def write_derivatives(code: LaneWriter, vectors: Geometry, states: Any, found: A
     derivatives: list[Value] = []
     for values, rows in linearised_uncut(vectors, tuple(state)):
         for value, row in zip(values, rows, strict=True):
-            derivatives += [each + (value - value) for each in row]
+            lit = code.compare("==", value, value)
+            derivatives += [code.select(lit, each, nan) for each in row]
     code.store_rows(derivatives, found, 72)
 
 
