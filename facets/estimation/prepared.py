@@ -15,6 +15,7 @@ from ..detectors.noise import standard_deviations
 from ..model.arrays import packed
 from . import problem
 from .solver import (
+    Plan,
     Prior,
     Solution,
     Status,
@@ -59,11 +60,8 @@ class Solver:
             raise InputError(f"max_steps is {max_steps}; allowed: 1 or more")
         if start not in ("zero", "previous"):
             raise InputError(f'start is {start!r}; allowed: "zero" or "previous"')
-        from ..model import evaluators
-        from .kernels import kernel
-
         self._asked = (sensor, beam, power, start, method, max_steps, covariance)
-        self._sensor, self._warm, self._kernel = sensor, start == "previous", kernel()
+        self._sensor, self._warm = sensor, start == "previous"
         self._plan = plan(sensor, beam, power, method, ())
         self._values, self._found = np.empty((1, 9)), empty_results(1, covariance)
         self._zero = starting("zero", self._plan, np.zeros((1, 9)), ())
@@ -80,8 +78,11 @@ class Solver:
             max_steps=max_steps,
             damped=method != "paper",
         )
-        self._memory = workspace()
-        self._task = self._task_of(evaluators.nearly_linearised(sensor))
+        self._task: problem.Task | None = None
+        self._exact: problem.Task | None = None
+        self._block = block_of(sensor, self._plan, self._problem, self._found)
+        if self._block is None:
+            self._one_by_one()
         self._last: Floats | None = None
 
     def __reduce__(self) -> Any:
@@ -114,7 +115,7 @@ class Solver:
             start = self._from_zero()
             self._run(start)
         if self._sensor.light.on and status[0] == Status.STALLED:
-            self._run(start, self._exact_task())
+            self._run_exactly(start)
         if self._warm and status[0] == converged:
             self._last = self._found.states.copy()
         if self._sensor.calibration is not None and len(self._found.covariances) > 0:
@@ -139,18 +140,43 @@ class Solver:
             self._plan.limits,
             self._problem,
             self._found,
-            self._memory,
+            workspace(),
         )
 
-    def _exact_task(self) -> problem.Task:
+    def _one_by_one(self) -> None:
+        """The estimate of one reading alone, compiled when it is first needed."""
+        from ..model import evaluators
+        from .kernels import kernel
+
+        if self._task is None:
+            self._task = self._task_of(evaluators.nearly_linearised(self._sensor))
+            self._kernel = kernel()
+        self._kernel(self._task.address)
+
+    def _run(self, start: Floats) -> None:
+        self._starts[:] = start
+        if self._block is None or not self._block.estimate(self._values, self._sigmas, start):
+            self._one_by_one()
+
+    def _run_exactly(self, start: Floats) -> None:
         """With derivatives that leave nothing out, for where steps without them stall."""
         from ..model import evaluators
 
-        return self._task_of(evaluators.linearised(self._sensor))
-
-    def _run(self, start: Floats, task: problem.Task | None = None) -> None:
+        if self._exact is None:
+            self._exact = self._task_of(evaluators.linearised(self._sensor))
         self._starts[:] = start
-        self._kernel((task or self._task).address)
+        self._kernel(self._exact.address)
+
+
+def block_of(sensor: Sensor, todo: Plan, asked: problem.Problem, found: problem.Results) -> Any:
+    """A block that estimates one reading at a time, where blocks know what is asked; else None."""
+    from ..model import evaluators
+
+    if evaluators.kind_of(sensor) != "plain":
+        return None
+    from . import blocks
+
+    return blocks.One(packed(sensor), todo.limits, asked, found) if blocks.fits(asked) else None
 
 
 def _solver(

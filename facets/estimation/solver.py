@@ -258,44 +258,93 @@ def solution_of_one(found: problem.Results) -> Solution:
     )
 
 
-def solve_stalled_again(
+def estimate(
     sensor: Sensor,
-    todo: Plan,
-    values: Floats,
-    sigmas: Floats,
-    starts: Floats,
+    readings: problem.Readings,
+    limits: problem.Limits,
+    asked: problem.Problem,
     found: problem.Results,
-    max_steps: int,
-    method: str,
+) -> None:
+    """Fills `found`: by blocks where the light is plain, and one by one what these leave."""
+    from ..model import evaluators
+
+    if evaluators.kind_of(sensor) != "plain":
+        one_by_one(evaluators.nearly_linearised(sensor), sensor, readings, limits, asked, found)
+        return
+    from . import blocks
+
+    if not blocks.fits(asked):
+        one_by_one(evaluators.linearised(sensor), sensor, readings, limits, asked, found)
+        return
+    left = blocks.estimate(packed(sensor), readings, limits, asked, found)
+    if len(left):
+        estimate_some(evaluators.linearised(sensor), left, sensor, readings, limits, asked, found)
+
+
+def one_by_one(
+    model: int,
+    sensor: Sensor,
+    readings: problem.Readings,
+    limits: problem.Limits,
+    asked: problem.Problem,
+    found: problem.Results,
+) -> None:
+    """model: address of one of `evaluators`."""
+    from .kernels import kernel
+
+    given = problem.Model(model, packed(sensor))
+    task = problem.Task(given, readings, limits, asked, found, workspace())
+    kernel()(task.address)
+
+
+def estimate_some(
+    model: int,
+    which: NDArray[np.intp],
+    sensor: Sensor,
+    readings: problem.Readings,
+    limits: problem.Limits,
+    asked: problem.Problem,
+    found: problem.Results,
+) -> None:
+    """Estimates some readings one by one, anew, and puts what is found in its places."""
+    n = len(readings.values)
+    again = empty_results(len(which), len(found.covariances) > 0)
+    one_by_one(
+        model,
+        sensor,
+        problem.Readings(readings.values[which], some_of(readings.sigmas, which, n)),
+        limits,
+        asked._replace(
+            means=some_of(asked.means, which, n),
+            starts=some_of(asked.starts, which, n),
+            previous=False,
+        ),
+        again,
+    )
+    for whole, part in zip(found, again, strict=True):
+        if len(whole):
+            whole[which] = part
+
+
+def some_of(array: Floats, which: NDArray[np.intp], rows: int) -> Floats:
+    """The rows of an array that has one a reading; an array that all share as it is."""
+    return array[which] if len(array) == rows else array
+
+
+def estimate_stalled_again(
+    sensor: Sensor,
+    readings: problem.Readings,
+    limits: problem.Limits,
+    asked: problem.Problem,
+    found: problem.Results,
 ) -> None:
     """Under the light of a bench: what stalled, by the derivatives that leave nothing out."""
     from ..model import evaluators
-    from .kernels import kernel
 
-    n, stalled = len(values), np.flatnonzero(found.status == Status.STALLED)
-    if not len(stalled):
-        return
-    again = empty_results(len(stalled), len(found.covariances) > 0)
-    task = problem.Task(
-        problem.Model(evaluators.linearised(sensor), packed(sensor)),
-        problem.Readings(values[stalled], sigmas[stalled] if len(sigmas) else sigmas),
-        todo.limits,
-        problem.Problem(
-            means=todo.means[stalled] if len(todo.means) == n else todo.means,
-            weight=todo.weights,
-            free=todo.free,
-            starts=starts[stalled] if len(starts) == n else starts,
-            previous=False,
-            max_steps=max_steps,
-            damped=method != "paper",
-        ),
-        again,
-        workspace(),
-    )
-    kernel()(task.address)
-    for whole, part in zip(found, again, strict=True):
-        if len(whole):
-            whole[stalled] = part
+    stalled = np.flatnonzero(found.status == Status.STALLED)
+    if len(stalled):
+        model = evaluators.linearised(sensor)
+        estimate_some(model, stalled, sensor, readings, limits, asked, found)
 
 
 def solve(
@@ -346,37 +395,32 @@ def solve(
         return solver.solve_from(values[0], solver.starting(start, values))
     todo = plan_kept(sensor, beam, power, method, shape)
     starts = starting(start, todo, values, shape)
-    warm = isinstance(start, str) and start == "previous"
     found = empty_results(len(values), covariance)
-    from ..model import evaluators
-    from .kernels import kernel
-
-    model = problem.Model(evaluators.nearly_linearised(sensor), packed(sensor))
     sigmas = np.empty((0, 9)) if sensor.electronics is None else standard_deviations(sensor, values)
-    n, solve_rows = len(values), kernel()
+    n = len(values)
+    asked = problem.Problem(
+        means=todo.means,
+        weight=todo.weights,
+        free=todo.free,
+        starts=starts,
+        previous=isinstance(start, str) and start == "previous",
+        max_steps=max_steps,
+        damped=method != "paper",
+    )
 
     def run(part: slice) -> None:
-        task = problem.Task(
-            model,
+        estimate(
+            sensor,
             problem.Readings(values[part], part_of(sigmas, part, n)),
             todo.limits,
-            problem.Problem(
-                means=part_of(todo.means, part, n),
-                weight=todo.weights,
-                free=todo.free,
-                starts=part_of(starts, part, n),
-                previous=warm,
-                max_steps=max_steps,
-                damped=method != "paper",
-            ),
+            asked._replace(means=part_of(todo.means, part, n), starts=part_of(starts, part, n)),
             problem.Results(*(part_of(array, part, n) for array in found)),
-            workspace(),
         )
-        solve_rows(task.address)
 
     share(run, n, threads)
     if sensor.light.on:
-        solve_stalled_again(sensor, todo, values, sigmas, starts, found, max_steps, method)
+        given = problem.Readings(values, sigmas)
+        estimate_stalled_again(sensor, given, todo.limits, asked, found)
     if covariance:
         add_calibration(sensor, todo, found)
     return solution(found, shape)

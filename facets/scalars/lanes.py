@@ -174,13 +174,17 @@ class LaneWriter(Writer):
         place = self.builder.gep(pointer, [ir.Constant(LONG, index * self.lanes)])
         return self.builder.bitcast(place, ir.PointerType(self.kind))
 
-    def load_rows(self, pointer: Any, stride: int, count: int) -> list[Value]:
-        """`count` numbers of each lane, whose rows are `stride` numbers apart."""
+    def load_rows(self, pointer: Any, stride: Any, count: int) -> list[Value]:
+        """`count` numbers of each lane, whose rows are `stride` numbers apart; an integer, or one
+        that the code will know."""
+        wide = ir.Constant(LONG, stride) if isinstance(stride, int) else stride
         found = []
         for column in range(count):
             vector: Any = ir.Constant(self.kind, ir.Undefined)
             for lane in range(self.lanes):
-                place = self.builder.gep(pointer, [ir.Constant(LONG, lane * stride + column)])
+                row = self.builder.mul(wide, ir.Constant(LONG, lane))
+                at = self.builder.add(row, ir.Constant(LONG, column))
+                place = self.builder.gep(pointer, [at])
                 number = self.builder.load(place)
                 vector = self.builder.insert_element(vector, number, ir.Constant(SHORT, lane))
             found.append(Value(self, vector))

@@ -1,0 +1,430 @@
+"""Estimates of several poses at once: undamped Gauss-Newton steps on blocks of readings.
+
+What `gauss_newton.estimate` does where all goes well, written as straight code with a lane for each
+reading (`scalars.lanes`): all detectors lit, each step better than the one before, normal equations
+that hold their digits, an end within a few steps. A lane where it does not go well is left, and
+estimated anew by `kernels`. What a reading gives does not depend on the others in its block.
+Importing this imports Numba.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from itertools import count
+from math import inf
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import types  # noqa: TID253
+from numba.core import cgutils  # noqa: TID253
+from numba.extending import intrinsic  # noqa: TID253
+
+from ..model.blocks import LANES, address_of, compiled, lanes_of
+from ..model.evaluators import PLAIN
+from ..model.machine_code import leaves, nested
+from ..optics.forward import with_power
+from ..optics.gradient import linearised
+from ..scalars.lanes import LaneWriter
+from ..scalars.machine import DOUBLE, LONG, Condition, Value
+from . import normal_equations, straight
+from . import problem as problems
+from .problem import (
+    CONVERGED,
+    DARK,
+    FAINTEST,
+    PATIENCE,
+    SMALL,
+    UNKNOWNS,
+    Limits,
+    Problem,
+    Readings,
+    Results,
+)
+
+Array = Any
+Numbers = list[Any]
+
+#: Steps after which a lane is left: before the slowness of a fit is looked at.
+MOST = PATIENCE - 1
+#: Which unknowns can be asked for: the beam free or known, its power known or not.
+QUESTIONS = ((0, 1, 2, 3, 4, 5, 6, 7), (0, 1, 2, 3, 4, 5), tuple(range(9)), (0, 1, 2, 3, 4, 5, 8))
+#: Where the numbers of a question are in its table.
+NOISE, HALF_SIZES, ROUNDING, WEIGHT, NUMBERS = 0, 3, 9, 11, 14
+
+
+class Memory:
+    """Numbers of all lanes that a loop hands to its next round."""
+
+    def __init__(self, code: LaneWriter, size: int) -> None:
+        self.code = code
+        with code.builder.goto_entry_block():
+            self.place = code.builder.alloca(code.kind, size)
+
+    def __getitem__(self, index: int) -> Value:
+        return Value(self.code, self.code.builder.load(self._at(index)))
+
+    def __setitem__(self, index: int, number: Any) -> None:
+        self.code.builder.store(self.code.value(number), self._at(index))
+
+    def _at(self, index: int) -> Any:
+        return self.code.builder.gep(self.place, [ir.Constant(LONG, index)])
+
+
+class Question:
+    """What a block is asked: its readings, and what is known of their errors and beside them.
+
+    Lanes whose readings lack light, or are out of range, are left.
+    """
+
+    def __init__(self, code: LaneWriter, table: Any, values: Numbers, means: Numbers) -> None:
+        self.values, self.means = values, means
+        noise = [code.load(table, NOISE + i) for i in range(3)]
+        self.weight = [code.load(table, WEIGHT + i) for i in range(3)]
+        self.darkness = noise[2] * DARK
+        place, power = 1 / (noise[0] * noise[1]), 1 / noise[2]
+        self.weights: Numbers = []
+        for k in range(3):
+            psi, zeta, light = values[3 * k : 3 * k + 3]
+            halves = [code.load(table, HALF_SIZES + 2 * k + i) for i in range(2)]
+            seen = (light > noise[2] * FAINTEST) & (light < inf)
+            for at, half in zip((psi, zeta), halves, strict=True):
+                seen = seen & ~(abs(at) > half) & (abs(at) < inf)
+            code.leave(~seen)
+            self.weights += [light * place, light * place, power]
+        self.rounding = [code.load(table, ROUNDING + i) for i in range(2)]
+
+    def smallest(self) -> Value:
+        """The sum of squares that rounding of the readings alone can make."""
+        total: Any = SMALL
+        for k in range(3):
+            place = self.rounding[0] * self.weights[3 * k]
+            power = self.rounding[1] * self.weights[3 * k + 2]
+            total = total + 2 * (place * place) + power * power
+        return total  # type: ignore[no-any-return]
+
+
+def weighted(
+    code: LaneWriter, vectors: Any, x: Numbers, asked: Question, free: Sequence[int]
+) -> tuple[list[Numbers], Numbers]:
+    """The Jacobian's columns and the residuals, in standard deviations, at a state and a power.
+
+    Lanes where a detector would be dark are left.
+    """
+    rows: list[Numbers] = []
+    residuals: Numbers = []
+    power = x[8]
+    for values, derivatives in linearised(with_power(vectors, power), tuple(x[:8])):
+        code.leave(~(values[2] > asked.darkness))
+        for i in range(3):
+            n = len(rows)
+            weight = asked.weights[n]
+            by_power = values[2] / power if i == 2 else 0.0
+            row = [*derivatives[i], by_power]
+            rows.append([weight * row[c] for c in free])
+            residuals.append(weight * (asked.values[n] - values[i]))
+    return [list(column) for column in zip(*rows, strict=True)], residuals
+
+
+def write_step(
+    code: LaneWriter, vectors: Any, asked: Question, free: Sequence[int], memory: dict[str, Memory]
+) -> tuple[Any, Any]:
+    """One step from where each lane is. Returns in which lanes it is the last, and the gain.
+
+    Fills memory: the step's end, the sum of squares here, and the factor.
+    """
+    x = [memory["here"][c] for c in range(UNKNOWNS)]
+    small, before = memory["small"][0], memory["cost"][0]
+    columns, residuals = weighted(code, vectors, x, asked, free)
+    matrix, right = straight.normal_equations(columns, residuals)
+    total: Any = 0.0
+    for residual in residuals:
+        total = total + residual * residual
+    for j, c in enumerate(free):
+        if c >= 6:
+            weight = asked.weight[c - 6]
+            residual = weight * (asked.means[c - 6] - x[c])
+            matrix[j][j] = matrix[j][j] + weight * weight
+            right[j] = right[j] + weight * residual
+            total = total + residual * residual
+    slack = small + 2 * code.function("sqrt", before * small)
+    code.leave(~(total < before + slack))
+    factor, worst = straight.cholesky(code, matrix)
+    code.leave(~worst)
+    step, gain = straight.solution(factor, right)
+    end = list(x)
+    for j, c in enumerate(free):
+        end[c] = x[c] + step[j]
+    for c in range(UNKNOWNS):
+        memory["end"][c] = end[c]
+    memory["cost"][0] = total
+    memory["gain"][0] = gain
+    for n, number in enumerate(each for row in factor for each in row):
+        memory["factor"][n] = number
+    return gain < small, gain
+
+
+def write_covariance(code: LaneWriter, factor: Memory, free: Sequence[int], found: Any) -> None:
+    """The covariance of the free unknowns at their places in that of the state, (8, 8) each."""
+    size = len(free)
+    numbers = iter([factor[n] for n in range(size * (size + 1) // 2)])
+    triangle = [[next(numbers) for _ in range(i + 1)] for i in range(size)]
+    covariance = straight.inverse(triangle)
+    places = {c: j for j, c in enumerate(free)}
+    rows: Numbers = []
+    for a in range(8):
+        for b in range(8):
+            known = a in places and b in places
+            rows.append(covariance[places[a]][places[b]] if known else 0.0)
+    code.store_rows(rows, found, 64)
+
+
+def estimating(free: tuple[int, ...]) -> Any:
+    """Machine code that estimates blocks of readings, as a function of addresses and counts.
+
+    They are those of the sensor's vectors, the table of `table_of`, the arrays of `Readings`,
+    `Problem` and `Results`, and bits for each block that tell which lanes are left; then how far
+    the rows of weights, means and starts are apart, the most steps, and how many blocks there are.
+    A zero stands for no covariances.
+    """
+
+    def write(
+        _: Any, packed: Any, table: Any, values: Any, weights: Any, means: Any, starts: Any,
+        states: Any, steps: Any, residuals: Any, covariances: Any, left: Any,
+        weighed: Any, apart: Any, begun: Any, most: Any, blocks: Any,
+    ) -> Any:  # fmt: skip
+        def code(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+            numbers = [builder.inttoptr(a, ir.PointerType(DOUBLE)) for a in given[:11]]
+            with cgutils.for_range(builder, given[15]) as loop:
+                write_block(builder, free, numbers, given[11:], loop.index, given[9])
+            return context.get_dummy_value()
+
+        names = (
+            packed, table, values, weights, means, starts, states, steps, residuals, covariances,
+            left, weighed, apart, begun, most, blocks,
+        )  # fmt: skip
+        return types.void(*names), code
+
+    return intrinsic(write)
+
+
+def write_block(
+    builder: Any, free: tuple[int, ...], pointers: list[Any], flags: Any, index: Any, wanted: Any
+) -> None:
+    """pointers, and flags: weighed, apart, begun, most.  wanted: 0 where no
+    covariances are."""
+    code = LaneWriter(builder, LANES)
+    packed, table, values, weights, means, starts, states, steps, residuals, covs, left = pointers
+    weighed, apart, begun, most = flags[:4]
+
+    def here(pointer: Any, width: Any) -> Any:
+        """Where the block's rows begin; width: numbers a row, known now or then."""
+        wide = ir.Constant(LONG, width) if isinstance(width, int) else width
+        first = builder.mul(index, ir.Constant(LONG, LANES))
+        return builder.gep(pointer, [builder.mul(first, wide)])
+
+    places = count()
+    vectors = type(PLAIN)(
+        *(
+            part
+            if part is None
+            else nested(part, (code.load(packed, next(places)) for _ in leaves(part)))
+            for part in PLAIN
+        )
+    )
+    asked = Question(
+        code, table,
+        code.load_rows(here(values, 9), 9, 9),
+        code.load_rows(here(means, apart), apart, 3),
+    )  # fmt: skip
+    own = code.load_rows(here(weights, weighed), weighed, 9)
+    with_own = builder.icmp_signed("!=", weighed, ir.Constant(LONG, 0))
+    asked.weights = [
+        Value(code, builder.select(with_own, a.ir, b.ir))
+        for a, b in zip(own, asked.weights, strict=True)
+    ]
+    size = len(free)
+    sizes = {"here": 9, "end": 9, "cost": 1, "gain": 1, "small": 1, "steps": 1}
+    memory = {name: Memory(code, each) for name, each in sizes.items()}
+    memory["factor"] = Memory(code, size * (size + 1) // 2)
+    for c, number in enumerate(code.load_rows(here(starts, begun), begun, UNKNOWNS)):
+        memory["here"][c] = number
+    memory["cost"][0], memory["small"][0], memory["steps"][0] = inf, asked.smallest(), 0.0
+    masks = builder.alloca  # placed by hand below, where the function begins
+    with builder.goto_entry_block():
+        kind = code.left.ir.type
+        gone, active, round_ = masks(kind), masks(kind), masks(LONG)
+    builder.store(code.left.ir, gone)
+    builder.store((~code.left).ir, active)
+    builder.store(ir.Constant(LONG, 0), round_)
+    body, after = builder.append_basic_block("step"), builder.append_basic_block("end")
+    builder.branch(body)
+    builder.position_at_end(body)
+    code.left = Condition(code, builder.load(gone))
+    going = Condition(code, builder.load(active))
+    memory["steps"][0] = memory["steps"][0] + code.select(going, 1.0, 0.0)
+    last, _ = write_step(code, vectors, asked, free, memory)
+    going = going & ~last & ~code.left
+    for c in range(UNKNOWNS):
+        memory["here"][c] = code.select(going, memory["end"][c], memory["here"][c])
+    builder.store(code.left.ir, gone)
+    builder.store(going.ir, active)
+    done = builder.add(builder.load(round_), ir.Constant(LONG, 1))
+    builder.store(done, round_)
+    some = builder.icmp_signed("!=", code.bits(going), ir.Constant(LONG, 0))
+    again = builder.and_(some, builder.icmp_signed("<", done, most))
+    builder.cbranch(again, body, after)
+    builder.position_at_end(after)
+    code.store_rows([memory["end"][c] for c in range(UNKNOWNS)], here(states, 9), 9)
+    rest = memory["cost"][0] - memory["gain"][0]
+    root = code.function("sqrt", code.select(rest > 0, rest, 0.0))
+    code.store_lanes(root, here(residuals, 1), 0)
+    code.store_lanes(memory["steps"][0], here(steps, 1), 0)
+    bits = code.bits(Condition(code, builder.load(gone)) | Condition(code, builder.load(active)))
+    builder.store(bits, builder.gep(builder.bitcast(left, ir.PointerType(LONG)), [index]))
+    with builder.if_then(builder.icmp_signed("!=", wanted, ir.Constant(LONG, 0))):
+        write_covariance(code, memory["factor"], free, here(covs, 64))
+
+
+free_8, free_6, free_9, free_7 = map(estimating, QUESTIONS)
+
+
+def estimate_8(
+    packed: int, table: int, values: int, weights: int, means: int, starts: int, states: int,
+    steps: int, residuals: int, covariances: int, left: int,
+    weighed: int, apart: int, begun: int, most: int, blocks: int,
+) -> None:  # fmt: skip
+    free_8(packed, table, values, weights, means, starts, states, steps, residuals, covariances,
+           left, weighed, apart, begun, most, blocks)  # fmt: skip
+
+
+def estimate_6(
+    packed: int, table: int, values: int, weights: int, means: int, starts: int, states: int,
+    steps: int, residuals: int, covariances: int, left: int,
+    weighed: int, apart: int, begun: int, most: int, blocks: int,
+) -> None:  # fmt: skip
+    free_6(packed, table, values, weights, means, starts, states, steps, residuals, covariances,
+           left, weighed, apart, begun, most, blocks)  # fmt: skip
+
+
+def estimate_9(
+    packed: int, table: int, values: int, weights: int, means: int, starts: int, states: int,
+    steps: int, residuals: int, covariances: int, left: int,
+    weighed: int, apart: int, begun: int, most: int, blocks: int,
+) -> None:  # fmt: skip
+    free_9(packed, table, values, weights, means, starts, states, steps, residuals, covariances,
+           left, weighed, apart, begun, most, blocks)  # fmt: skip
+
+
+def estimate_7(
+    packed: int, table: int, values: int, weights: int, means: int, starts: int, states: int,
+    steps: int, residuals: int, covariances: int, left: int,
+    weighed: int, apart: int, begun: int, most: int, blocks: int,
+) -> None:  # fmt: skip
+    free_7(packed, table, values, weights, means, starts, states, steps, residuals, covariances,
+           left, weighed, apart, begun, most, blocks)  # fmt: skip
+
+
+WAYS = dict(zip(QUESTIONS, (estimate_8, estimate_6, estimate_9, estimate_7), strict=True))
+
+
+@cache
+def kernel(free: tuple[int, ...]) -> Callable[..., None]:
+    """The compiled function for a question, compiled now if need be."""
+    return compiled(WAYS[free], straight, problems, normal_equations)
+
+
+def fits(problem: Problem) -> bool:
+    """Whether blocks know what is asked: damped steps, each reading by itself."""
+    return problem.damped and not problem.previous and tuple(problem.free.tolist()) in WAYS
+
+
+def table_of(limits: Limits, problem: Problem) -> Array:
+    table = np.empty(NUMBERS)
+    table[NOISE:HALF_SIZES], table[HALF_SIZES:ROUNDING] = limits.noise, limits.half_sizes.ravel()
+    table[ROUNDING:WEIGHT], table[WEIGHT:] = limits.rounding, problem.weight
+    return table
+
+
+def estimate(
+    packed: Array, readings: Readings, limits: Limits, problem: Problem, results: Results
+) -> Array:
+    """Fills `results`; returns the numbers of the readings that are left, whose results mean
+    nothing. The arrays are those of `kernels.solve_rows`."""
+    n = len(readings.values)
+    whole = n // LANES * LANES
+    weights = 1 / readings.sigmas if len(readings.sigmas) else readings.sigmas
+    table, left = table_of(limits, problem), np.zeros(n // LANES + 1, np.int64)
+    steps, given = np.empty(n), (readings.values, weights, problem.means, problem.starts)
+    found = (results.states, steps, results.residuals, results.covariances)
+    if whole:
+        run(packed, table, problem, whole, given, found, left)
+    if n > whole:
+        parts = tuple(padded(array, whole, n) for array in given)
+        rest = tuple(np.empty((LANES if len(a) else 0, *a.shape[1:])) for a in found)
+        run(packed, table, problem, LANES, parts, rest, left[-1:])
+        for array, part in zip(found, rest, strict=True):
+            array[whole:] = part[: len(array[whole:])]
+    results.steps[:], results.status[:], results.used[:] = steps, CONVERGED, True
+    return lanes_of(left, n) if left.any() else ()
+
+
+def padded(rows: Array, first: int, n: int) -> Array:
+    """A block of the rows from the first on; what all readings share as it is."""
+    if len(rows) != n:
+        return rows
+    return rows[np.minimum(np.arange(first, first + LANES), n - 1)]
+
+
+def run(
+    packed: Array, table: Array, problem: Problem, count: int, given: Any, found: Any, left: Array
+) -> None:
+    values, weights, means, starts = given
+    states, steps, residuals, covariances = found
+    kernel(tuple(problem.free.tolist()))(
+        *map(address_of, (packed, table, values, weights if len(weights) else values)),
+        *map(address_of, (means, starts, states, steps, residuals)),
+        address_of(covariances) if len(covariances) else 0,
+        address_of(left),
+        9 if len(weights) else 0,
+        3 if len(means) >= count > 1 else 0,
+        9 if len(starts) >= count > 1 else 0,
+        min(problem.max_steps, MOST),
+        count // LANES,
+    )
+
+
+class One:
+    """A block for one reading at a time, whose memory is kept; all lanes have the same."""
+
+    def __init__(self, packed: Array, limits: Limits, problem: Problem, results: Results) -> None:
+        self.kernel, self.results = kernel(tuple(problem.free.tolist())), results
+        self.values, self.weights = np.empty((LANES, 9)), np.empty((LANES, 9))
+        self.states, self.steps = np.empty((LANES, 9)), np.empty(LANES)
+        self.residuals, self.left = np.empty(LANES), np.empty(1, np.int64)
+        self.covariances = np.empty((LANES if len(results.covariances) else 0, 8, 8))
+        self.table, self.starts, self.packed = table_of(limits, problem), np.empty((1, 9)), packed
+        self.means = problem.means
+        arrays = (
+            packed, self.table, self.values, self.weights, self.means, self.starts, self.states,
+            self.steps, self.residuals, self.covariances, self.left,
+        )  # fmt: skip
+        self.addresses = [address_of(array) if array.size else 0 for array in arrays]
+        self.most = min(problem.max_steps, MOST)
+
+    def estimate(self, values: Array, sigmas: Array, start: Array) -> bool:
+        """Fills the results of a reading (1, 9) from `start`; whether it could."""
+        self.values[:], self.starts[:] = values, start
+        weighed = len(sigmas) > 0
+        if weighed:
+            self.weights[:] = 1 / sigmas
+        self.kernel(*self.addresses, 9 if weighed else 0, 0, 0, self.most, 1)
+        if self.left[0]:
+            return False
+        found = self.results
+        found.states[0], found.residuals[0] = self.states[0], self.residuals[0]
+        found.steps[0], found.status[0], found.used[0] = self.steps[0], CONVERGED, True
+        if len(found.covariances):
+            found.covariances[0] = self.covariances[0]
+        return True
