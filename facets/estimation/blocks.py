@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from itertools import count
 from math import inf
 from typing import Any
 
@@ -23,7 +22,7 @@ from numba.extending import intrinsic  # noqa: TID253
 
 from ..model.blocks import LANES, address_of, compiled, lanes_of
 from ..model.evaluators import PLAIN
-from ..model.machine_code import leaves, nested
+from ..model.machine_code import vectors_at
 from ..optics.forward import with_power
 from ..optics.gradient import linearised
 from ..scalars.lanes import LaneWriter
@@ -224,15 +223,7 @@ def write_block(
         first = builder.mul(index, ir.Constant(LONG, LANES))
         return builder.gep(pointer, [builder.mul(first, wide)])
 
-    places = count()
-    vectors = type(PLAIN)(
-        *(
-            part
-            if part is None
-            else nested(part, (code.load(packed, next(places)) for _ in leaves(part)))
-            for part in PLAIN
-        )
-    )
+    vectors = vectors_at(code, packed, PLAIN)
     asked = Question(
         code, table,
         code.load_rows(here(values, 9), 9, 9),
@@ -354,7 +345,7 @@ def estimate(
     nothing. The arrays are those of `kernels.solve_rows`."""
     n = len(readings.values)
     whole = n // LANES * LANES
-    weights = 1 / readings.sigmas if len(readings.sigmas) else readings.sigmas
+    weights = inverse_of(readings.sigmas)
     table, left = table_of(limits, problem), np.zeros(n // LANES + 1, np.int64)
     steps, given = np.empty(n), (readings.values, weights, problem.means, problem.starts)
     found = (results.states, steps, results.residuals, results.covariances)
@@ -368,6 +359,12 @@ def estimate(
             array[whole:] = part[: len(array[whole:])]
     results.steps[:], results.status[:], results.used[:] = steps, CONVERGED, True
     return lanes_of(left, n) if left.any() else ()
+
+
+def inverse_of(sigmas: Array) -> Array:
+    """Weights from standard deviations; of a spoilt reading these can be anything."""
+    with np.errstate(all="ignore"):
+        return 1 / sigmas
 
 
 def padded(rows: Array, first: int, n: int) -> Array:
@@ -418,7 +415,7 @@ class One:
         self.values[:], self.starts[:] = values, start
         weighed = len(sigmas) > 0
         if weighed:
-            self.weights[:] = 1 / sigmas
+            self.weights[:] = inverse_of(sigmas)
         self.kernel(*self.addresses, 9 if weighed else 0, 0, 0, self.most, 1)
         if self.left[0]:
             return False

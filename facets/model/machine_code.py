@@ -114,6 +114,18 @@ def nested(like: Numbers, numbers: Iterator[Any]) -> Numbers:
     return type(like)(*inner) if hasattr(like, "_fields") else tuple(inner)
 
 
+def vectors_at(writer: Writer, pointer: Any, example: Any) -> Any:
+    """A sensor's vectors from memory, arranged like `example`, without the parts that are None."""
+    places = count()
+    vectors = [
+        part
+        if part is None
+        else nested(part, (writer.load(pointer, next(places)) for _ in leaves(part)))
+        for part in example
+    ]
+    return type(example)(*vectors)
+
+
 def straight(formula: Formula, example: Any, size: int, numbers: int) -> Any:
     """Machine code for `formula`, as a function of three pointers for compiled code.
 
@@ -127,15 +139,8 @@ def straight(formula: Formula, example: Any, size: int, numbers: int) -> Any:
             at = builder.gep(pointers[0], [ir.Constant(LONG, size)])
             address = builder.load(builder.bitcast(at, ir.PointerType(LONG)))
             writer = NumbaWriter(context, builder, builder.inttoptr(address, ir.PointerType(LONG)))
-            places = count()
-            vectors = [
-                part
-                if part is None
-                else nested(part, (writer.load(pointers[0], next(places)) for _ in leaves(part)))
-                for part in example
-            ]
             asked = [writer.load(pointers[1], n) for n in range(numbers)]
-            for place, number in formula(type(example)(*vectors), asked):
+            for place, number in formula(vectors_at(writer, pointers[0], example), asked):
                 writer.store(number, pointers[2], place)
             return context.get_dummy_value()
 
@@ -164,18 +169,12 @@ def straight_lanes(formula: LaneFormula, example: Any, lanes: int, given: int, f
             )
             left = builder.inttoptr(values[3], ir.PointerType(LONG))
             with cgutils.for_range(builder, values[4]) as loop:
-                writer, places = LaneWriter(builder, lanes), count()
-                vectors = [
-                    part
-                    if part is None
-                    else nested(part, (writer.load(packed, next(places)) for _ in leaves(part)))
-                    for part in example
-                ]
+                writer = LaneWriter(builder, lanes)
                 here, there = (
                     builder.gep(pointer, [builder.mul(loop.index, ir.Constant(LONG, numbers))])
                     for pointer, numbers in ((asked, given), (results, found))
                 )
-                formula(writer, type(example)(*vectors), here, there)
+                formula(writer, vectors_at(writer, packed, example), here, there)
                 builder.store(writer.bits(writer.left), builder.gep(left, [loop.index]))
             return context.get_dummy_value()
 

@@ -11,7 +11,7 @@ roots, each rounded as IEEE 754 has it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from llvmlite import ir
@@ -122,7 +122,7 @@ class LaneWriter(Writer):
             return found
         if operation == "fdiv" and a != 1:
             return self.two("fmul", a, self.two("fdiv", 1.0, b))
-        key = (operation, known_by(a), known_by(b))
+        key: tuple[Any, ...] = (operation, known_by(a), known_by(b))
         if operation in ("fadd", "fmul"):
             key = (operation, *sorted(key[1:]))
         if key not in self._known:
@@ -190,7 +190,7 @@ class LaneWriter(Writer):
             found.append(Value(self, vector))
         return found
 
-    def store_rows(self, numbers: list[Value | float], pointer: Any, stride: int) -> None:
+    def store_rows(self, numbers: Sequence[Value | float], pointer: Any, stride: int) -> None:
         """Numbers of each lane, into rows that are `stride` numbers apart."""
         vectors = [self.value(number) for number in numbers]
         for first in range(0, len(vectors), 4):
