@@ -393,14 +393,25 @@ def run(
 
 
 class One:
-    """A block for one reading at a time, whose memory is kept; all lanes have the same."""
+    """A block for one reading at a time, whose memory is kept; all lanes have the same.
 
-    def __init__(self, packed: Array, limits: Limits, problem: Problem, results: Results) -> None:
-        self.kernel, self.results = kernel(tuple(problem.free.tolist())), results
+    results: of one reading, overwritten by the next.
+    """
+
+    def __init__(self, packed: Array, limits: Limits, problem: Problem, covariance: bool) -> None:
+        self.kernel = kernel(tuple(problem.free.tolist()))
         self.values, self.weights = np.empty((LANES, 9)), np.empty((LANES, 9))
         self.states, self.steps = np.empty((LANES, 9)), np.empty(LANES)
         self.residuals, self.left = np.empty(LANES), np.empty(1, np.int64)
-        self.covariances = np.empty((LANES if len(results.covariances) else 0, 8, 8))
+        self.covariances = np.empty((LANES if covariance else 0, 8, 8))
+        self.results = Results(
+            states=self.states[:1],
+            used=np.empty((1, 3), bool),
+            status=np.empty(1, np.int8),
+            steps=np.empty(1, np.int32),
+            residuals=self.residuals[:1],
+            covariances=self.covariances[:1],
+        )
         self.table, self.starts, self.packed = table_of(limits, problem), np.empty((1, 9)), packed
         self.means = problem.means
         arrays = (
@@ -420,8 +431,5 @@ class One:
         if self.left[0]:
             return False
         found = self.results
-        found.states[0], found.residuals[0] = self.states[0], self.residuals[0]
-        found.steps[0], found.status[0], found.used[0] = self.steps[0], CONVERGED, True
-        if len(found.covariances):
-            found.covariances[0] = self.covariances[0]
+        found.steps[0], found.status[0], found.used[:] = self.steps[0], CONVERGED, True
         return True

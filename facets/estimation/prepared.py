@@ -80,9 +80,9 @@ class Solver:
         )
         self._task: problem.Task | None = None
         self._exact: problem.Task | None = None
-        self._block = block_of(sensor, self._plan, self._problem, self._found)
-        if self._block is None:
-            self._one_by_one()
+        self._block = block_of(sensor, self._plan, self._problem, covariance)
+        if self._block is not None:
+            self._found = self._block.results
         self._last: Floats | None = None
 
     def __reduce__(self) -> Any:
@@ -168,7 +168,7 @@ class Solver:
         self._kernel(self._exact.address)
 
 
-def block_of(sensor: Sensor, todo: Plan, asked: problem.Problem, found: problem.Results) -> Any:
+def block_of(sensor: Sensor, todo: Plan, asked: problem.Problem, covariance: bool) -> Any:
     """A block that estimates one reading at a time, where blocks know what is asked; else None."""
     from ..model import evaluators
 
@@ -176,7 +176,9 @@ def block_of(sensor: Sensor, todo: Plan, asked: problem.Problem, found: problem.
         return None
     from . import blocks
 
-    return blocks.One(packed(sensor), todo.limits, asked, found) if blocks.fits(asked) else None
+    return (
+        blocks.One(packed(sensor), todo.limits, asked, covariance) if blocks.fits(asked) else None
+    )
 
 
 def _solver(

@@ -232,21 +232,22 @@ def readings(
         return paper_readings(geometry_of(sensor), rows).reshape(*shape, 9)
     if irradiance != "exact":
         raise InputError(f'irradiance is {irradiance!r}; allowed: "exact", "paper"')
-    from . import evaluators
-    from .kernels import read
-
     vectors, out = packed(sensor), np.empty((len(rows), 9))
 
     def one_by_one(states: Floats, found: Floats) -> None:
+        from . import evaluators
+        from .kernels import read
+
         read(evaluators.readings(sensor), vectors, states, found)
 
-    share(by_blocks(sensor, "readings", rows, out, one_by_one), len(rows), threads)
+    share(by_blocks(sensor, "readings", vectors, rows, out, one_by_one), len(rows), threads)
     return out.reshape(*shape, 9)
 
 
 def by_blocks(
     sensor: Sensor,
     name: str,
+    vectors: Floats,
     states: Floats,
     out: Floats,
     one_by_one: Callable[[Floats, Floats], None],
@@ -257,16 +258,19 @@ def by_blocks(
     """
     from . import blocks, evaluators
 
+    plain = evaluators.kind_of(sensor) == "plain"
+
     def run(part: slice) -> None:
         rows, found = states[part], out[part]
-        if evaluators.kind_of(sensor) != "plain":
+        if not plain:
             one_by_one(rows, found)
             return
-        left = blocks.run(name, packed(sensor), rows, found)
+        left = blocks.run(name, vectors, rows, found)
         if len(left):
-            rest = np.empty((len(left), *found.shape[1:]))
-            one_by_one(rows[left], rest)
-            found[left] = rest
+            which = np.asarray(left)
+            rest = np.empty((len(which), *found.shape[1:]))
+            one_by_one(rows[which], rest)
+            found[which] = rest
 
     return run
 
@@ -282,17 +286,17 @@ def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     >>> f"psi_a moves {slopes[0, 5]:.0f} mm per rad of yaw"
     'psi_a moves 250 mm per rad of yaw'
     """
-    from . import evaluators
-    from .kernels import differentiate
-
     rows, shape = as_rows(state, 8, "state")
     vectors, out = packed(sensor), np.empty((len(rows), 9, 8))
 
     def one_by_one(states: Floats, found: Floats) -> None:
+        from . import evaluators
+        from .kernels import differentiate
+
         power = float(sensor.beam.power)
         differentiate(evaluators.linearised(sensor), vectors, states, power, found)
 
-    share(by_blocks(sensor, "derivatives", rows, out, one_by_one), len(rows), threads)
+    share(by_blocks(sensor, "derivatives", vectors, rows, out, one_by_one), len(rows), threads)
     return out.reshape(*shape, 9, 8)
 
 

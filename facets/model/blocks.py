@@ -93,25 +93,38 @@ class Padding(threading.local):
 
     def __init__(self) -> None:
         self.rows, self.left = np.empty((LANES, 8)), np.empty(1, np.int64)
-        self.found = np.empty((LANES, 72))
-        self.addresses = [address_of(array) for array in (self.rows, self.found, self.left)]
+        found = np.empty(72 * LANES)
+        self.found = {
+            "readings": found[: 9 * LANES].reshape(LANES, 9),
+            "derivatives": found.reshape(LANES, 9, 8),
+        }
+        self.addresses = [address_of(array) for array in (self.rows, found, self.left)]
+        self.vectors: Any = None
+        self.where = 0
+
+    def run(self, name: str, vectors: Floats, states: Floats, found: Floats) -> int:
+        """Fills `found` for less than a block of states; returns a bit for each that is left."""
+        if vectors is not self.vectors:
+            self.vectors, self.where = vectors, address_of(vectors)
+        short = len(states)
+        self.rows[:short] = states
+        self.rows[short:] = states[-1]
+        kernel(name)(self.where, *self.addresses, 1)
+        found[:] = self.found[name][:short]
+        return int(self.left[0]) & ((1 << short) - 1)
 
 
 def run(name: str, vectors: Floats, states: Floats, found: Floats) -> Any:
     """Fills `found` for states (n, 8); returns the numbers of those that are left."""
-    code, n, where = kernel(name), len(states), address_of(vectors)
-    whole, short = divmod(n, LANES)
-    left = np.zeros(whole + 1, np.int64) if whole else PADDING.left
+    if len(states) == 1:
+        return (0,) if PADDING.run(name, vectors, states, found) else ()
+    whole, short = divmod(len(states), LANES)
+    left = np.zeros(whole + 1, np.int64)
     if whole:
-        code(where, *map(address_of, (states, found, left)), whole)
+        kernel(name)(*map(address_of, (vectors, states, found, left)), whole)
     if short:
-        rows, width = PADDING.rows, found[0].size
-        rows[:short], rows[short:] = states[-short:], states[-1]
-        code(where, *PADDING.addresses, 1)
-        got = PADDING.found.ravel()[: short * width]
-        found[-short:] = got.reshape(short, *found.shape[1:])
-        left[-1] = PADDING.left[0]
-    return lanes_of(left, n) if left.any() else ()
+        left[-1] = PADDING.run(name, vectors, states[-short:], found[-short:])
+    return lanes_of(left, len(states)) if left.any() else ()
 
 
 def lanes_of(bits: Any, count: int) -> Any:
