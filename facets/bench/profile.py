@@ -17,22 +17,28 @@ Row = dict[str, Any]
 
 
 def profile(quick: bool, seed: int) -> list[Row]:
-    """Nanoseconds a pose up to each stage of readings and Jacobian, and of a warm solve."""
+    """Nanoseconds a pose up to each stage of readings and Jacobian, and of a warm solve; and what
+    the special functions alone take, which none of them can do without."""
     poses = 5_000 if quick else 50_000
     states = rivals.states_in_range(poses, seed)
     vectors, out = packed(rivals.SENSOR), np.empty(poses)
     contenders = [
-        Contender(name, partial(run, work, vectors, out), poses)
+        Contender(name, partial(run, stages.stage(work), vectors, out), poses)
         for name, work in stages.CHAIN.items()
     ]
     xi = readings(rivals.SENSOR, states)
     contenders.append(Contender("a warm solve", partial(warm, xi), poses))
+    alone = partial(run, stages.stage(stages.alone), vectors, out)
+    contenders.append(Contender(stages.FLOOR, alone, poses))
     timings = alternate(contenders, states, 3 if quick else 15)
     rows, before = [], 0.0
+    floor = timings.pop().median
+    contenders.pop()
     for contender, timing in zip(contenders, timings, strict=True):
         total = 1e9 * timing.median
         rows.append({"stage": contender.name, "ns_up_to_here": total, "ns": total - before})
         before = total
+    rows.append({"stage": stages.FLOOR, "ns_up_to_here": np.nan, "ns": 1e9 * floor})
     return rows
 
 

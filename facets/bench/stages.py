@@ -5,79 +5,93 @@ Importing this imports Numba.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from math import erf, erfc, exp, pi, sqrt
 from typing import Any
 
 import numpy as np
 
-from ..model import kernels
+from ..model import blocks, kernels
+from ..model.blocks import LANES
+from ..model.evaluators import PLAIN
 from ..model.jit import compiler
-from ..model.kernels import state_of, unpack
-from ..optics.forward import placed, readings_of, shone_on
+from ..model.machine_code import leaves, straight_lanes
+from ..optics.central import side_central
+from ..optics.forward import Geometry, placed, readings, shone_on
 from ..optics.gradient import linearised
-from ..optics.wedge import side, swept_series
+from ..optics.wedge import swept_series
+from ..scalars.lanes import LaneWriter
 
 Array = Any
 
 compiled = compiler(__file__, calls=(kernels,))
 
 
-@compiled
-def up_to_placed(packed: Array, states: Array, out: Array) -> None:
-    sensor = unpack(packed)
-    for n in range(len(states)):
-        at = placed(sensor, state_of(states, n))
-        out[n] = at.q[0] + at.sides[0][0] + at.sides[1][0] + at.sides[2][0]
+def staged(formula: Callable[[LaneWriter, Any, tuple[Any, ...]], Iterable[Any]]) -> Any:
+    """Blocks' code that puts the sum of some numbers of a state into one place a pose."""
+
+    def write(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
+        state = tuple(code.load_rows(states, 8, 8))
+        total: Any = 0.0
+        for number in formula(code, vectors, state):
+            total = total + number
+        code.store_lanes(total, found, 0)
+
+    return straight_lanes(write, PLAIN, LANES, 8 * LANES, LANES)
 
 
-@compiled
-def up_to_sides(packed: Array, states: Array, out: Array) -> None:
-    sensor = unpack(packed)
-    for n in range(len(states)):
-        at = placed(sensor, state_of(states, n))
-        total = 0.0
-        for k in range(3):
-            length, first, second, swept = side(at.q, at.sides[k])
-            total += length + first + second + swept
-        out[n] = total
+def special(code: LaneWriter, vectors: Geometry, state: tuple[Any, ...]) -> Iterator[Any]:
+    """Nothing but the functions of three edges: a Gaussian of the point; of each edge a Gaussian,
+    two error functions, a triangle's mass, a root and an arc tangent; of each angle its sine and
+    cosine. What readings can not do without."""
+    q = state[:2]
+    for k in range(3):
+        a, h, angle = state[k], state[k + 1], state[3 + k]
+        yield from side_central(q, a, h)
+        yield code.function("sqrt", a * a + angle)
+        yield code.function("atan2", a, h)
+        yield code.function("sin", angle) + code.function("cos", angle)
 
 
-@compiled
-def up_to_light(packed: Array, states: Array, out: Array) -> None:
-    sensor = unpack(packed)
-    for n in range(len(states)):
-        at = shone_on(placed(sensor, state_of(states, n)))
-        total = 0.0
-        for k in range(3):
-            mass, centroid, shift, _ = at.moments[k]
-            total += mass + centroid[0] + centroid[1] + shift[0] + shift[1] + shift[2]
-        out[n] = total
+block_special = staged(special)
+block_placed = staged(
+    lambda code, vectors, state: leaves((placed(vectors, state).q, placed(vectors, state).sides))
+)
+block_sides = staged(
+    lambda code, vectors, state: leaves(shone_on(placed(vectors, state)).integrals)
+)
+block_light = staged(lambda code, vectors, state: leaves(shone_on(placed(vectors, state)).moments))
+block_readings = staged(lambda code, vectors, state: leaves(readings(vectors, state)))
+block_jacobian = staged(lambda code, vectors, state: leaves(linearised(vectors, state)))
 
 
-@compiled
-def up_to_readings(packed: Array, states: Array, out: Array) -> None:
-    sensor = unpack(packed)
-    for n in range(len(states)):
-        detectors = readings_of(sensor, shone_on(placed(sensor, state_of(states, n))))
-        total = 0.0
-        for k in range(3):
-            total += detectors[k][0] + detectors[k][1] + detectors[k][2]
-        out[n] = total
+def alone(packed: int, states: int, found: int, left: int, blocks: int) -> None:
+    block_special(packed, states, found, left, blocks)
 
 
-@compiled
-def up_to_jacobian(packed: Array, states: Array, out: Array) -> None:
-    sensor = unpack(packed)
-    for n in range(len(states)):
-        detectors = linearised(sensor, state_of(states, n))
-        total = 0.0
-        for k in range(3):
-            for i in range(3):
-                for c in range(8):
-                    total += detectors[k][1][i][c]
-        out[n] = total
+def up_to_placed(packed: int, states: int, found: int, left: int, blocks: int) -> None:
+    block_placed(packed, states, found, left, blocks)
 
 
+def up_to_sides(packed: int, states: int, found: int, left: int, blocks: int) -> None:
+    block_sides(packed, states, found, left, blocks)
+
+
+def up_to_light(packed: int, states: int, found: int, left: int, blocks: int) -> None:
+    block_light(packed, states, found, left, blocks)
+
+
+def up_to_readings(packed: int, states: int, found: int, left: int, blocks: int) -> None:
+    block_readings(packed, states, found, left, blocks)
+
+
+def up_to_jacobian(packed: int, states: int, found: int, left: int, blocks: int) -> None:
+    block_jacobian(packed, states, found, left, blocks)
+
+
+#: The functions alone, from numbers at hand: the floor of what follows.
+FLOOR = "functions of three edges alone"
 #: In the order of the chain: each does what the one before does, and more.
 CHAIN = {
     "mirror turned; its edges seen along the beam": up_to_placed,
@@ -86,6 +100,19 @@ CHAIN = {
     "three rays to the detectors": up_to_readings,
     "their 72 derivatives": up_to_jacobian,
 }
+
+
+@cache
+def stage(function: Callable[..., None]) -> Callable[[Array, Array, Array], None]:
+    """`function` as one of arrays: a sensor's vectors, (n, 8) states, (n,) results; n in blocks."""
+    code = blocks.compiled(function)
+
+    def work(vectors: Array, states: Array, out: Array) -> None:
+        count = len(states) // LANES
+        left = np.empty(count, np.int64)
+        code(*map(blocks.address_of, (vectors, states, out, left)), count)
+
+    return work
 
 
 @compiled
