@@ -1,9 +1,10 @@
 """What a call costs: a batch, one pose at a time, and the first result of all, beside a loop.
 
 Times are of the processor, so that what else the machine does counts for little; but they belong to
-the processor. So each row has a ratio, too: to a reference loop of a thousand additions,
-multiplications and divisions that wait for each other, timed in turn with it; and the ratio that
-was stored when the row was last measured, so that a run says what has become slower.
+the processor. The floor of a batch is what the special functions of the light alone take, by the
+same instructions on numbers at hand. Each row has a ratio, too: to a reference loop of a thousand
+additions, multiplications and divisions that wait for each other, timed in turn with it; and the
+ratio that was stored when the row was last measured, so that a run says what has become slower.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import numpy as np
 from ..core.units import Floats
 from ..estimation.prepared import Solver
 from ..estimation.solver import solve
-from ..model.arrays import jacobian, readings
+from ..model.arrays import jacobian, packed, readings
 from . import rivals
 from .clock import Contender
 
@@ -31,6 +32,7 @@ SENSOR = rivals.SENSOR
 #: Ratios to the reference loop on an AMD EPYC, whose loop takes 5.7 us.
 STORED = {
     "reference loop: 1000 steps": 1.0,
+    "functions of three edges alone: batch": 0.0063,
     "readings: batch": 0.066,
     "Jacobians: batch": 0.12,
     "poses from zero: batch": 0.97,
@@ -74,9 +76,17 @@ def one_by_one(function: Callable[[Floats], Any]) -> Callable[[Floats], None]:
 
 def contenders(poses: int, few: int) -> list[Contender]:
     """Inputs are readings, then states: (n, 17)."""
+    from . import stages
+
     zero, near = Solver(SENSOR), Solver(SENSOR, start="previous")
+    alone, vectors, out = stages.stage(stages.alone), packed(SENSOR), np.empty(poses)
+
+    def floor(rows: Floats) -> None:
+        alone(vectors, np.ascontiguousarray(rows[:, 9:]), out)
+
     return [
         Contender("reference loop: 1000 steps", lambda rows: loop()(len(rows)), few),
+        Contender(f"{stages.FLOOR}: batch", floor, poses),
         Contender("readings: batch", lambda rows: readings(SENSOR, rows[:, 9:]), poses),
         Contender("Jacobians: batch", lambda rows: jacobian(SENSOR, rows[:, 9:]), poses),
         Contender("poses from zero: batch", lambda rows: solve(SENSOR, rows[:, :9]), poses),
