@@ -26,7 +26,7 @@ from typing import IO, Any
 #: What commands import, and what takes its time.
 HEAVY = (
     "numpy", "scipy.optimize", "scipy.stats", "scipy.special", "numba", "pandas", "pyarrow.parquet",
-    "pyarrow.csv", "matplotlib.pyplot", "pydantic", "ruamel.yaml", "rich.table", "facets.cli",
+    "pyarrow.csv", "matplotlib.pyplot", "pydantic", "ruamel.yaml", "rich.table", "typer.main",
 )  # fmt: skip
 
 
@@ -47,7 +47,10 @@ def prepare() -> None:
     for name in HEAVY:
         importlib.import_module(name)
     import facets
+    import facets.cli
 
+    for module in facets.cli.COMMANDS.values():
+        importlib.import_module(f"facets.cli.{module}")
     sensor = facets.Sensor()
     facets.solve(sensor, facets.readings(sensor, [0.0] * 8))
     gc.collect()
