@@ -142,7 +142,7 @@ def leave() -> None:
 
 
 def main() -> None:
-    """Runs the program and exits: an expected error becomes a message on stderr and exit status 2."""
+    """Runs the program and exits; an expected error is a message on stderr and exit status 2."""
     with signals.interrupting(), Guarded() as streams:
         status = signals.status_of(run_app())
         if failure := streams.failure():

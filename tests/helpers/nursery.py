@@ -54,8 +54,9 @@ def prepare() -> None:
     os.environ.setdefault("MPLBACKEND", "agg")
     for name in HEAVY:
         importlib.import_module(name)
-    import facets
     import facets.cli
+
+    import facets
 
     for module in facets.cli.COMMANDS.values():
         importlib.import_module(f"facets.cli.{module}")
