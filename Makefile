@@ -29,9 +29,10 @@ types: .venv/developed tree
 layers: .venv/developed tree
 	cd build/tree && ../../$(BIN)/lint-imports --config ../../.importlinter --no-cache
 
-# A file of tests stays in one process, so that what its tests share is made once.
+# A file of tests stays in one process, so that what its tests share is made once; the order is that
+# of tests/conftest.py.
 unit: .venv/developed
-	$(BIN)/pytest -n auto --dist loadfile
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder
 
 # What takes minutes, and of which the suite has a shorter case.
 studies: .venv/developed
@@ -41,7 +42,7 @@ studies: .venv/developed
 # instructions, another order of sums, other rounding.
 portable: .venv/developed
 	OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=x86-64 NUMBA_CACHE_DIR=build/portable \
-	  $(BIN)/pytest tests/optics/test_wedge.py tests/estimation/test_solver.py \
+	  $(BIN)/pytest -n auto --dist loadfile tests/optics/test_wedge.py tests/estimation/test_solver.py \
 	  tests/characterization/test_singularity.py
 
 bench: .venv/installed

@@ -171,13 +171,24 @@ def closed(offset: float, places: Floats) -> Floats:
 
 
 def covered(along: Floats, across: Floats, offset: float, step: float, parts: int = 4) -> Floats:
-    """What share of each cell the facet covers."""
+    """What share of each cell the facet covers; only cells that an edge may cross are cut up."""
+
+    def inside(x: Floats, y: Floats) -> Floats:
+        turned: Floats = np.abs(np.arctan2(y, x - offset)) < np.pi / 3
+        return turned
+
+    share = inside(along, across).astype(float)
+    slope = np.tan(np.pi / 3)
+    off = np.abs(np.abs(across) - slope * (along - offset)) / np.hypot(1, slope)
+    crossed = off < step
+    x, y = along[crossed], across[crossed]
     shares = (np.arange(parts) + 0.5) / parts - 0.5
-    share = np.zeros_like(along)
+    cut = np.zeros_like(x)
     for a in shares * step:
         for b in shares * step:
-            share += np.abs(np.arctan2(across + b, along + a - offset)) < np.pi / 3
-    return share / parts**2
+            cut += inside(x + a, y + b)
+    share[crossed] = cut / parts**2
+    return share
 
 
 def main() -> None:

@@ -9,6 +9,7 @@ import signal
 import sys
 from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
 settings.register_profile("same", derandomize=True, deadline=None, max_examples=300)
@@ -19,3 +20,25 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 sys.path.insert(0, str(Path(__file__).parent / "helpers"))
+
+#: Files that take long, the longest first. They are begun with, so that at the end no process works
+#: on one of them while the others have nothing left to do.
+LONG = (
+    "bench/test_bench.py",
+    "calibration/test_bench_rigs.py",
+    "calibration/test_calibration.py",
+    "design/test_optimize.py",
+    "optics/test_bench_light.py",
+    "experiments/test_reproduce.py",
+    "design/test_explore.py",
+    "proof/test_check_certificate.py",
+    "live/test_live.py",
+    "cli/test_streams.py",
+    "pictures/test_scene.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    root = Path(__file__).parent
+    order = {root / name: place for place, name in enumerate(LONG)}
+    items.sort(key=lambda item: order.get(item.path, len(LONG)))

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 from facets.config import load, shipped
@@ -49,13 +50,18 @@ def on_page_markdown(markdown: str, **_: Any) -> str:
     return text
 
 
-def command_of(name: str) -> tuple[Any, Any]:
-    """The command `facets NAME`, and the context that it is called in."""
+@cache
+def whole_program() -> Any:
+    """The program as what parses its arguments."""
     import typer
     from facets.cli import app
 
-    command: Any = typer.main.get_command(app)
-    context: Any = None
+    return typer.main.get_command(app)
+
+
+def command_of(name: str) -> tuple[Any, Any]:
+    """The command `facets NAME`, and the context that it is called in."""
+    command, context = whole_program(), None
     whole = "facets"
     for word in name.split():
         context = context_of(command, whole, context)
@@ -79,6 +85,7 @@ def help_of(name: str) -> str:
     return "\n".join(line.rstrip() for line in text.strip().splitlines())
 
 
+@cache
 def run(line: str, count: int) -> str:
     """A quick command as it is typed, and what it prints; only the first lines, or all for 0."""
     from facets.cli import app
@@ -94,11 +101,8 @@ def run(line: str, count: int) -> str:
 
 def command_names() -> list[str]:
     """Every command of the program, those of a group as two words."""
-    import typer
-    from facets.cli import app
-
     names = []
-    for name, command in typer.main.get_command(app).commands.items():
+    for name, command in whole_program().commands.items():
         names += [f"{name} {inner}" for inner in getattr(command, "commands", {})] or [name]
     return names
 

@@ -80,7 +80,7 @@ def forward_contenders(quick: bool, poses: int, seed: int) -> list[Contender]:
 
 def forward(quick: bool, seed: int) -> list[Row]:
     """Readings: time a pose against error."""
-    poses = 20_000 if quick else 200_000
+    poses = 5_000 if quick else 200_000
     states = rivals.states_in_range(poses, seed)
     contenders = forward_contenders(quick, poses, seed)
     checked = 5 if quick else 50
@@ -128,7 +128,7 @@ def by_least_squares(residual: Callable[[Floats], Floats]) -> Floats:
 
 def inverse(quick: bool, seed: int) -> list[Row]:
     """Poses, eight unknowns: time a pose against error."""
-    poses = 20_000 if quick else 100_000
+    poses = 5_000 if quick else 100_000
     states = rivals.states_in_range(poses, seed)
     xi = readings(SENSOR, states)
     index = np.column_stack([xi, states])  # readings with their true states, for warm starts
@@ -197,7 +197,7 @@ def chunked(total: int, size: int) -> Iterator[int]:
 
 def scaling(quick: bool, seed: int) -> list[Row]:
     """Batch size and threads: time a pose; batches over a million go by chunks in flat memory."""
-    largest = 10**5 if quick else 10**7
+    largest = 10**4 if quick else 10**7
     states = rivals.states_in_range(min(largest, 10**6), seed)
     rows = []
     for threads in sorted({1, cores()}):

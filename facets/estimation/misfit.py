@@ -25,6 +25,12 @@ if TYPE_CHECKING:
 
 #: The chance that a reading is flagged though nothing is wrong with it.
 LEVEL = 1e-4
+#: That many standard deviations of a residual with 0 to 9 degrees of freedom are beyond `LEVEL`:
+#: kept, because the library that has the distribution takes longer to load than to solve a table.
+LIMITS = (
+    np.inf, 3.8905918864130937, 4.291932052578694, 4.594291399787372, 4.848993962152442,
+    5.073936534787943, 5.277910688521919, 5.466031824754125, 5.641598000678736, 5.806888016740519,
+)  # fmt: skip
 #: Flagged readings over those that chance flags, from which on the model is doubted; and the median
 #: residual, over the noise's, from which on it is not the model of this sensor.
 DOUBT, WRONG = 10.0, 5.0
@@ -64,6 +70,8 @@ def limit_of(count: int, level: float) -> float:
     """Of a residual with so many degrees of freedom, in standard deviations."""
     if not count:
         return np.inf
+    if level == LEVEL:
+        return LIMITS[count]
     from scipy.special import chdtri
 
     return float(np.sqrt(chdtri(count, level)))

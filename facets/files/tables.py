@@ -279,6 +279,27 @@ def require_numbers(path: Path, schema: Any, names: Sequence[str]) -> None:
             )
 
 
+def arrow_column(values: Any) -> Any:
+    """A column for Arrow: its numbers as they lie in memory, its texts one after the other.
+
+    `pyarrow.array` would first import pandas, to ask whether the values are a series of it; that
+    takes longer than solving a small table.
+    """
+    import pyarrow as pa
+
+    array = np.asarray(values)
+    if array.ndim == 1 and array.size and array.dtype in (np.float64, np.int64):
+        memory = pa.py_buffer(np.ascontiguousarray(array))
+        return pa.Array.from_buffers(pa.from_numpy_dtype(array.dtype), array.size, [None, memory])
+    if array.ndim == 1 and array.size and array.dtype.kind == "U":
+        texts = [text.encode() for text in array.tolist()]
+        ends = np.cumsum([0, *map(len, texts)])
+        if ends[-1] < 2**31:
+            parts = [None, pa.py_buffer(ends.astype(np.int32)), pa.py_buffer(b"".join(texts))]
+            return pa.Array.from_buffers(pa.string(), array.size, parts)
+    return pa.array(values)
+
+
 class Writer:
     """Appends blocks of rows to a table; by its ending CSV or Parquet. See `written`."""
 
@@ -291,7 +312,8 @@ class Writer:
     def write(self, columns: Columns) -> None:
         import pyarrow as pa
 
-        batch = pa.RecordBatch.from_pydict(dict(columns))
+        arrays = [arrow_column(values) for values in columns.values()]
+        batch = pa.RecordBatch.from_arrays(arrays, names=list(columns))
         if self.file is None:
             self.open(batch.schema)
         self.file.write_batch(batch)

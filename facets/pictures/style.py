@@ -41,6 +41,12 @@ STYLE: dict[Any, Any] = {
     "svg.hashsalt": "facets",
 }
 ENDINGS = (".png", ".svg", ".pdf")
+#: What SVG and PDF count in: points.
+VECTOR_DPI = 72
+#: Margins of a page of panels one above the other, inches: left, right, above, below, and between.
+MARGINS = (0.95, 0.1, 0.55, 0.85, 0.95)
+#: Where a panel's label stands, in widths of the panel.
+LABEL = -0.155
 
 
 def figure(width: float, height: float, **options: Any) -> Figure:
@@ -49,7 +55,7 @@ def figure(width: float, height: float, **options: Any) -> Figure:
     from matplotlib.figure import Figure
 
     with mpl.rc_context(STYLE):
-        return Figure(figsize=(width, height), layout="constrained", **options)
+        return Figure(figsize=(width, height), **{"layout": "constrained", **options})
 
 
 def save(picture: Figure, path: Path) -> None:
@@ -58,8 +64,22 @@ def save(picture: Figure, path: Path) -> None:
 
     if path.suffix.lower() not in ENDINGS:
         raise InputError(f"{path}: a picture's name ends in {', '.join(ENDINGS)}")
+    kind = path.suffix[1:].lower()
     with mpl.rc_context(STYLE), Whole(path) as temporary:
-        picture.savefig(temporary, format=path.suffix[1:].lower())
+        lay_out(picture, STYLE["savefig.dpi"] if kind == "png" else VECTOR_DPI)
+        picture.savefig(temporary, format=kind, dpi="figure")
+
+
+def lay_out(picture: Figure, dpi: int) -> None:
+    """Puts the parts of a picture where its layout has them, once.
+
+    Saving would do so and draw the picture to nowhere first, which takes as long as drawing it.
+    """
+    picture.set_dpi(dpi)
+    layout = picture.get_layout_engine()
+    if layout is not None:
+        layout.execute(picture)
+        picture.set_layout_engine("none")
 
 
 def motion_picture(segments: Sequence[Segment]) -> Figure:
@@ -67,8 +87,7 @@ def motion_picture(segments: Sequence[Segment]) -> Figure:
     import matplotlib as mpl
 
     with mpl.rc_context(STYLE):
-        picture = figure(10, 11)
-        panels = picture.subplots(6, 2, sharex=True)
+        picture, panels = page_of_panels(10, 11, 6)
         clock = Clock(segments)
         for i, name in enumerate(POSE):
             place_panel(panels[i, 0], clock, segments, i, name)
@@ -79,8 +98,22 @@ def motion_picture(segments: Sequence[Segment]) -> Figure:
             clock.mark(panels[:, column])
         parts = [panels[0, column].get_legend_handles_labels() for column in (0, 1)]
         handles, texts = (a + b for a, b in zip(*parts, strict=True))
-        picture.legend(handles, texts, loc="outside lower center", ncols=4, markerscale=4)
+        picture.legend(handles, texts, loc="lower center", ncols=4, markerscale=4)
     return picture
+
+
+def page_of_panels(width: float, height: float, rows: int) -> tuple[Figure, NDArray[Any]]:
+    """A picture of two columns of panels at fixed places, inches, and the panels.
+
+    Their labels are alike from one to the next, so that nothing has to be measured: measuring all
+    of them takes as long as drawing them.
+    """
+    left, right, above, below, between = MARGINS
+    picture = figure(width, height, layout="none")
+    across = (width - left - right - between) / 2
+    places = {"left": left / width, "right": 1 - right / width, "top": 1 - above / height,
+              "bottom": below / height, "wspace": between / across, "hspace": 0.12}  # fmt: skip
+    return picture, picture.subplots(rows, 2, sharex=True, gridspec_kw=places)
 
 
 class Clock:
@@ -121,7 +154,13 @@ def place_panel(panel: Axes, clock: Clock, segments: Sequence[Segment], i: int, 
         panel.plot(time, factor * segment.truth[:, i], color=INK, lw=0.8, zorder=3, label=labels[0])
         estimate = factor * segment.solution.state[:, i]
         panel.plot(time, estimate, ".", ms=1.5, color=BLUE, label=labels[1], rasterized=True)
-    panel.set_ylabel(f"{name}, {unit}")
+    label(panel, f"{name}, {unit}")
+
+
+def label(panel: Axes, text: str) -> None:
+    """Names what a panel shows, at a fixed place beside it: one below the other, not measured."""
+    panel.set_ylabel(text)
+    panel.yaxis.set_label_coords(LABEL, 0.5)
 
 
 def error_panel(panel: Axes, clock: Clock, segments: Sequence[Segment], i: int, name: str) -> None:
@@ -132,4 +171,4 @@ def error_panel(panel: Axes, clock: Clock, segments: Sequence[Segment], i: int, 
         panel.fill_between(time, -band, band, color=ORANGE, alpha=0.25, lw=0, label=labels[1])
         error = factor * segment.error[:, i]
         panel.plot(time, error, ".", ms=1.5, color=BLUE, label=labels[0], rasterized=True)
-    panel.set_ylabel(f"error of {name}, {unit}")
+    label(panel, f"error of {name}, {unit}")

@@ -53,16 +53,18 @@ def test_propagation_gives_the_solvers_own_covariance(how, way, name):
     assert solution.uncertainty[:, :6] == pytest.approx(ours, rel=1e-9)
 
 
+@pytest.mark.parametrize("count", [20_000, pytest.param(100_000, marks=pytest.mark.study)])
 @pytest.mark.parametrize(("how", "way"), WAYS.values(), ids=WAYS)
-def test_estimates_of_noisy_readings_reach_the_bound(how, way):
-    """100,000 readings at each of five poses: spreads within 3 % of the bound (their own sampling
-    error is 0.2 %), biases below 5 % of it, normalised errors distributed as chi-squares."""
+def test_estimates_of_noisy_readings_reach_the_bound(how, way, count):
+    """20,000 readings at each of five poses: spreads within 3 % of the bound (their own sampling
+    error is 0.5 %, so that one in 1e7 is out by chance, and 5 % too much is always found), biases
+    below 5 % of it (0.7 %), normalised errors distributed as chi-squares (means to 0.4 %)."""
     rng = np.random.default_rng(8)
     bound = uncertainties(SENSOR, PLACES, how)
     for state, sigma in zip(PLACES, bound, strict=True):
-        states = np.repeat(state[None], 100_000, axis=0)
+        states = np.repeat(state[None], count, axis=0)
         noisy = add_noise(SENSOR, facets.readings(SENSOR, states), rng)
-        start = np.repeat(state[None], 100_000, axis=0)
+        start = np.repeat(state[None], count, axis=0)
         given = options(way, states, rng)
         solution = facets.solve(SENSOR, noisy, start=start, threads=0, **given)
         assert solution.ok.all()

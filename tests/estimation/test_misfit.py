@@ -9,6 +9,7 @@ import pytest
 
 import facets
 from facets.detectors.noise import add_noise
+from facets.estimation import misfit
 from facets.estimation.misfit import LEVEL, Misfit, beyond_chance, redundancy
 from facets.estimation.table import solve_readings
 
@@ -64,3 +65,12 @@ def test_another_geometry_is_told():
     wrong = replace(CONFIG.sensor, psds=(psds[0], psds[1], psds[2]))
     found = flags(wrong, read())[1]
     assert "not the geometry of the sensor" in found.sentence
+
+
+def test_the_limits_that_are_kept_are_those_of_the_distribution():
+    from scipy.stats import chi2
+
+    exact = np.sqrt(chi2.isf(misfit.LEVEL, np.arange(1, 10)))
+    assert misfit.LIMITS[1:] == pytest.approx(exact, rel=1e-12)
+    assert misfit.limit_of(3, misfit.LEVEL) == misfit.LIMITS[3]
+    assert misfit.limit_of(3, 1e-3) == pytest.approx(np.sqrt(chi2.isf(1e-3, 3)))

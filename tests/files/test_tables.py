@@ -1,5 +1,8 @@
 """Tables: every row accounted for, every file whole or absent."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -250,3 +253,20 @@ def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
     with tables.Whole(path) as temporary:
         temporary.write_text("a\n")
     assert seen == [False, True]  # the file, then the folder that has its name
+
+
+def test_columns_of_all_kinds_are_written_without_pandas(tmp_path):
+    """As `pyarrow.array` would have them, which imports pandas to look at what it is given."""
+    code = (
+        "import sys, numpy as np, pathlib\n"
+        "from facets.files import tables\n"
+        "columns = {'a': np.array([1.0, np.nan, -0.0, 9.0])[::2], 'b': [1, 2],\n"
+        "           'c': ['x', 'µm, y'], 'd': np.array([3, 4, 5])[:0:-1]}\n"
+        "tables.write_table(pathlib.Path('t.parquet'), columns, {})\n"
+        "assert 'pandas' not in sys.modules\n"
+        "import pyarrow as pa, pyarrow.parquet as pq\n"
+        "written, plain = pq.read_table('t.parquet'), pa.table(columns)\n"
+        "assert written.schema.equals(plain.schema)\n"
+        "assert written.equals(plain)\n"
+    )
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 from nursery import Forked, nursery
 
 #: The program in a fresh interpreter, for what is said about that.
-PROGRAM = [sys.executable, "-c", "from facets.cli import main; main()"]
+PROGRAM = [sys.executable, "-c", "from facets.cli import program; program()"]
 
 
 def start(*words: str, cwd: Path, out: int, err: int) -> Forked:

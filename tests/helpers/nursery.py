@@ -26,8 +26,15 @@ from typing import IO, Any
 #: What commands import, and what takes its time.
 HEAVY = (
     "numpy", "scipy.optimize", "scipy.stats", "scipy.special", "numba", "pandas", "pyarrow.parquet",
-    "pyarrow.csv", "matplotlib.pyplot", "pydantic", "ruamel.yaml", "rich.table", "facets.cli",
+    "pyarrow.csv", "matplotlib.pyplot", "pydantic", "ruamel.yaml", "rich.table", "typer.main",
 )  # fmt: skip
+#: What a command needs beside that; imported when the first command of its name is asked for.
+OF_COMMANDS = {
+    "render": ("pyvista", "facets.pictures.render", "facets.pictures.spots"),
+    "optimize": ("casadi",),
+}
+#: Parts of the package that are only loaded where a command needs them.
+LATE = ("facets.bench", "facets.cli", "facets.experiments", "facets.scalars", "facets.pictures.r")
 
 
 def as_status(waited: int) -> int:
@@ -42,16 +49,32 @@ def prepare() -> None:
     """Imports what commands need, and loads the kernels that most of them call."""
     import gc
     import importlib
+    import pkgutil
 
     os.environ.setdefault("MPLBACKEND", "agg")
     for name in HEAVY:
         importlib.import_module(name)
+    import facets.cli
+
     import facets
 
-    sensor = facets.Sensor()
+    for module in facets.cli.COMMANDS.values():
+        importlib.import_module(f"facets.cli.{module}")
+    for part in pkgutil.walk_packages(facets.__path__, "facets."):
+        if not part.name.startswith(LATE):
+            importlib.import_module(part.name)
+    sensor = facets.load("bench").sensor
     facets.solve(sensor, facets.readings(sensor, [0.0] * 8))
     gc.collect()
     gc.freeze()
+
+
+def prepare_for(words: list[str]) -> None:
+    """Imports what the command alone needs that is asked for."""
+    import importlib
+
+    for name in OF_COMMANDS.get(words[0] if words else "", ()):
+        importlib.import_module(name)
 
 
 def become(asked: dict[str, Any], streams: list[int]) -> None:
@@ -115,12 +138,14 @@ def serve() -> None:
         with contextlib.suppress(ChildProcessError):
             while os.waitpid(-1, os.WNOHANG)[0]:
                 pass
+        request = json.loads(text)
+        prepare_for(request["words"])
         if os.fork() == 0:
             asked.close()
-            if keep(json.loads(text), list(fds)):
-                from facets.cli import main
+            if keep(request, list(fds)):
+                from facets.cli import program
 
-                main()
+                program()
             return
         for fd in fds:
             os.close(fd)

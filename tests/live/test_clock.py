@@ -17,13 +17,21 @@ def samples(seqs, times=None, seed=1):
     """Samples with these numbers and times (us, PERIOD a number if left out), and any light."""
     raw = np.array(seqs, dtype=np.int64)
     at = PERIOD * raw if times is None else np.array(times, dtype=np.int64)
-    # the same number has the same light, as a sample that comes again has
-    counts = np.array([np.random.default_rng([seed, n]).integers(0, 1000, 12) for n in raw % WRAP])
+    counts = light_of(raw % WRAP, seed)
     none = np.zeros(len(raw), np.uint8)
     return Samples(
         none + np.uint8(ELECTRODES), none, (raw % WRAP).astype(np.uint32),
-        (at % WRAP).astype(np.uint32), counts.astype(np.int32).reshape(len(raw), 12),
+        (at % WRAP).astype(np.uint32), counts,
     )  # fmt: skip
+
+
+def light_of(numbers, seed):
+    """Any light, (n, 12): the same number has the same, as a sample that comes again has."""
+    places = np.arange(12, dtype=np.uint64) + np.uint64(12 * seed)
+    mixed = numbers.astype(np.uint64)[:, None] * np.uint64(0x9E3779B97F4A7C15)
+    mixed = (mixed + places * np.uint64(0xD1B54A32D192ED03)) * np.uint64(0x94D049BB133111EB)
+    mixed = (mixed ^ (mixed >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9)
+    return ((mixed >> np.uint64(40)) % np.uint64(1000)).astype(np.int32)
 
 
 def test_counters_wrap_and_gaps_are_counted():

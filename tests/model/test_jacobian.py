@@ -1,15 +1,13 @@
-"""The derivatives, against central differences of the forward text at 50 digits."""
+"""The derivatives, against differences of the forward text at many digits."""
 
-import mpmath as mp
 import numpy as np
 import pytest
+from digits import differences, many_digits, precise
 from sensors import SENSORS, states
 
 import facets
 from facets.model.arrays import parameters
 from facets.optics.forward import geometry, readings
-
-STEP = mp.mpf(10) ** -14  # error of a central difference: some 1e-28, of its rounding 1e-36
 
 NOMINAL = np.zeros(8)
 ON_AN_EDGE = np.array([-0.1, 0, 0.3, 0, 0, 0, 0, 0])
@@ -25,16 +23,6 @@ FEW = 6
 def forward(sensor_parameters: list, state: list) -> np.ndarray:
     rows = readings(geometry(tuple(sensor_parameters)), tuple(state))
     return np.array(rows, dtype=object).ravel()
-
-
-def differences(values: list, function) -> np.ndarray:
-    """Central differences with respect to each of the values: (9, len(values))."""
-    columns = []
-    for i in range(len(values)):
-        up, down = list(values), list(values)
-        up[i], down[i] = up[i] + STEP, down[i] - STEP
-        columns.append((function(up) - function(down)) / (2 * STEP))
-    return np.array(columns).T.astype(float)
 
 
 def assert_close(closed: np.ndarray, exact: np.ndarray) -> None:
@@ -53,9 +41,8 @@ def assert_close(closed: np.ndarray, exact: np.ndarray) -> None:
 )
 def test_derivatives_by_state_and_by_parameters(name, state):
     sensor = SENSORS[name]
-    with mp.workdps(50):
-        given = [mp.mpf(x) for x in parameters(sensor)]
-        at = [mp.mpf(float(x)) for x in state]
+    with many_digits():
+        given, at = precise(parameters(sensor)), precise(state)
         by_state = differences(at, lambda moved: forward(given, moved))
         by_parameters = differences(given, lambda moved: forward(moved, at))
     assert_close(facets.jacobian(sensor, state), by_state)

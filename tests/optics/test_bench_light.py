@@ -1,4 +1,4 @@
-"""The light of a bench in the model: against rays, a propagated field, and 50 digits."""
+"""The light of a bench in the model: against rays, a propagated field, and many digits."""
 
 import hashlib
 import json
@@ -7,10 +7,10 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import mpmath as mp
 import numpy as np
 import pytest
 from bench_oracle import Bench, by_rays
+from digits import differences, many_digits, precise
 from hypothesis import given, settings
 from hypothesis.strategies import floats, integers, lists
 from sensors import SENSORS, states
@@ -278,32 +278,18 @@ def test_light_that_is_all_but_off_is_the_plain_model():
         )
 
 
-STEP = mp.mpf(10) ** -14
-
-
 def forward(sensor, given, values, state):
     effect = Effects(tuple(values), options(sensor))
     rows = readings(geometry(tuple(given), OPEN, effect), tuple(state))
     return np.array(rows, dtype=object).ravel()
 
 
-def differences(values: list, function) -> np.ndarray:
-    columns = []
-    for i in range(len(values)):
-        up, down = list(values), list(values)
-        up[i], down[i] = up[i] + STEP, down[i] - STEP
-        columns.append((function(up) - function(down)) / (2 * STEP))
-    return np.array(columns).T.astype(float)
-
-
 @pytest.mark.parametrize("name", ["paper", "skewed2"])
-def test_derivatives_against_differences_at_50_digits(name):
+def test_derivatives_against_differences_at_many_digits(name):
     """By the state, the 30 parameters and the light's own numbers, everything on."""
     sensor, state = replace(SENSORS[name], light=ALL), states(1, seed=8)[0]
-    with mp.workdps(50):
-        given = [mp.mpf(x) for x in parameters(sensor)]
-        at = [mp.mpf(float(x)) for x in state]
-        values = [mp.mpf(float(x)) for x in effects(sensor)]
+    with many_digits():
+        given, at, values = (precise(x) for x in (parameters(sensor), state, effects(sensor)))
         plain = forward(sensor, given, values, at).astype(float)
         by_state = differences(at, lambda moved: forward(sensor, given, values, moved))
         by_parameters = differences(given, lambda moved: forward(sensor, moved, values, at))
