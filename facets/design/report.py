@@ -46,8 +46,7 @@ def gains(sensor: Sensor, layout: Layout, best: Floats) -> dict[str, float]:
         tried["10 mm more head"] = (sensor, replace(layout, head=layout.head + 10))
     found = {}
     for what, (other, asked) in tried.items():
-        problem = problem_of(other, asked)
-        result = solve_from(problem, problem.solver(), best)
+        result = solve_from(problem_of(other, asked), best)
         if result.found:
             found[what] = result.objective
     return found
