@@ -47,6 +47,15 @@ Certify = Annotated[
         "the front: some seconds each, for the column proof_margin. 0: no proof.",
     ),
 ]
+Front = Annotated[
+    bool,
+    typer.Option(
+        "--front",
+        help="Follow the front itself, with what one objective costs in the other, instead of "
+        "drawing designs; designs that the folder has already are compared with it.",
+    ),
+]
+Points = Annotated[int, typer.Option(min=3, max=10_000, help="On the front, about.")]
 Anew = Annotated[bool, typer.Option("--force", help="Begin anew in an old folder.")]
 
 
@@ -64,6 +73,8 @@ def explore(
     table: Annotated[TableKind, typer.Option(help="Kind of the designs.")] = TableKind.parquet,
     plot: Plot = PlotKind.png,
     certify: Certify = 0,
+    front: Front = False,
+    points: Points = 100,
 ) -> None:
     """Explore a design space: ranges and resolutions of many layouts, and the best of them.
 
@@ -83,6 +94,9 @@ def explore(
     folder = output_folder(output, settings.name, "explore")
     files = [folder / n for n in (f"designs.{table.value}", "front.csv", f"front.{plot.value}")]
     about = provenance.about(settings, seed)
+    if front:
+        follow_front(space, folder, points, about, plot)
+        return
     begin(space, folder, files, about, force)
     start = time.perf_counter()
     with_progress(lambda tell: exploration.explore(space, folder, about, scheduler, tell))
@@ -159,13 +173,92 @@ def proof_margins(space: Space, table: dict[str, Any], work: int) -> Floats:
     return np.array(margins)
 
 
-def with_progress(run: Callable[[Callable[[int, int], None]], None]) -> None:
+def follow_front(
+    space: Space, folder: Path, points: int, about: dict[str, str], plot: PlotKind
+) -> None:
+    """The front by continuation, as pareto.csv and a picture; exit status 1 where there is none."""
+    from facets.design import front as fronts
+    from facets.files import tables
+    from facets.pictures import style
+    from facets.pictures.exploration import pareto_picture
+
+    files = [folder / "pareto.csv", folder / f"pareto.{plot.value}"]
+    tables.refuse_to_overwrite(files, force=True)
+    start = time.perf_counter()
+    made: list[fronts.Front] = []
+    with_progress(lambda tell: made.append(fronts.pareto_front(space, points, space.seed, tell)),
+                  "following the front")  # fmt: skip
+    found, seconds = made[0], time.perf_counter() - start
+    if not len(found.designs):
+        typer.echo("no design keeps all that is asked for, as far as the search can tell")
+        raise typer.Exit(FINDING)
+    table = fronts.columns(found)
+    tables.write_table(files[0], table, about)
+    cloud = older_designs(space, folder)
+    report_front(found, seconds)
+    if cloud is not None:
+        report_against(fronts.against(found, cloud), len(cloud["design"]), space.objectives[0])
+    style.save(pareto_picture(table, list(space.objectives), cloud), files[1])
+    name_files(folder, files)
+
+
+def older_designs(space: Space, folder: Path) -> dict[str, Any] | None:
+    """The designs that an earlier run of the same configuration has left in a folder."""
+    from facets.design.exploration import collect
+
+    if not any((folder / "parts").glob("*.parquet")):
+        return None
+    table = collect(folder)
+    names = [*space.names, *space.objectives]
+    return table if all(name in table for name in names) else None
+
+
+def report_front(found: Any, seconds: float) -> None:
+    from facets.design.front import aimed
+    from facets.design.exploration import MEASURES
+
+    from .console import show_table
+
+    first = found.objectives[found.walk.first]
+    others = [name for name in found.objectives if name != first]
+    headings = [*found.walk.trade.problem.names, first, *others,
+                *(f"{first} per {name}" for name in others), "held back most by"]  # fmt: skip
+    rows = []
+    count = len(found.designs)
+    for n in sorted({round(k * (count - 1) / 10) for k in range(11)}):
+        measures = [found.measures[n][MEASURES.index(name)] for name in (first, *others)]
+        prices = [found.prices[n][found.objectives.index(name)] for name in others]
+        holds = next((group for group in found.active[n] if not aimed(group)), "")
+        rows.append([*(f"{value:.4g}" for value in (*found.designs[n], *measures)),
+                     *(f"{price:.3g}" for price in prices), holds])  # fmt: skip
+    show_table(f"{count} points on the front, {seconds:.1f} s; some of them", headings, rows,
+               left=(len(headings) - 1,))  # fmt: skip
+    if found.left_out:
+        typer.echo(f"{found.left_out} more are left out: measured again, they are not what was found")
+
+
+def report_against(found: Any, count: int, first: str) -> None:
+    import numpy as np
+
+    who = "none of them beats" if not found.beaten else f"they beat {found.beaten} points of"
+    typer.echo(f"beside the {count} designs in the folder: {who} the front")
+    if len(found.gains):
+        typer.echo(
+            f"  at what the best {len(found.gains)} of these have in all else, the front's {first} "
+            f"is better by {np.median(found.gains):.2g} % (median; {found.gains.min():.2g} to "
+            f"{found.gains.max():.2g} %)"
+        )
+
+
+def with_progress(
+    run: Callable[[Callable[[int, int], None]], None], what: str = "exploring"
+) -> None:
     from rich.console import Console
     from rich.progress import Progress
 
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("exploring", total=None)
+        task = progress.add_task(what, total=None)
         run(lambda done, whole: progress.update(task, completed=done, total=whole))
 
 

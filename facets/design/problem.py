@@ -11,6 +11,7 @@ tape at one state; the search holds only those that matter (`search`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -39,13 +40,13 @@ class Wanted(NamedTuple):
     """One output of the tape that must not fall below zero, or below that less a slack.
 
     group: what it is about.  value: in casadi's symbols.  slack: the aim whose unknown is added,
-    "" for none.  once: whether it is the same at every state.
+    "" for none.  states: at which of the problem's states, by their numbers; None for all.
     """
 
     group: str
     value: Any
     slack: str = ""
-    once: bool = False
+    states: Sequence[int] | None = None
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class Problem:
     names: of the variables.  low, high: their bounds, in the units of their names.
     extras: the aims that have an unknown of their own, a slack or the scale of the volume. The
     unknowns are the variables as shares of their bounds, then these.
-    tape: of the shares, and of the scale where there is one, at a state.  states (m, 8).
+    tape: of some of the unknowns, those whose places are `on_tape`, at a state.  states (m, ...).
     groups: names of the constraints.  rows: all of them.  averaged: outputs whose mean over the
     states is an aim.  aims: how much each counts; `weighted` where they are added up.
     """
@@ -84,6 +85,7 @@ class Problem:
     high: Floats
     extras: list[str]
     tape: Tape
+    on_tape: Integers
     states: Floats
     groups: list[str]
     rows: Rows
@@ -95,12 +97,6 @@ class Problem:
     def count(self) -> int:
         """Of the unknowns."""
         return len(self.names) + len(self.extras)
-
-    @property
-    def on_tape(self) -> Integers:
-        """The unknowns that the tape knows: the variables, and the scale of the volume."""
-        scale = [len(self.names) + n for n, aim in enumerate(self.extras) if aim == "range"]
-        return np.array([*range(len(self.names)), *scale])
 
     def first_guess(self, start: Floats) -> Floats:
         """The unknowns at a start: each slack just above what it has to be, the scale small."""
@@ -116,7 +112,7 @@ class Problem:
             if mine.any():
                 short = unknowns[len(self.names) + n] - values[mine].min()
                 known = np.isfinite(short)
-                found[len(self.names) + n] = max(short, 0.0) * spare if known else GUESS[aim]
+                found[len(self.names) + n] = max(short, 0.0) * spare if known else GUESS.get(aim, 1.0)
         return found
 
     def values_at(self, unknowns: Floats) -> Floats:
@@ -179,17 +175,17 @@ class Problem:
             value, gradient, hessian = self.expanded(mean)
             return float(value[0]), gradient[0], hessian[0]
         place = len(self.names) + self.extras.index(aim)
-        sign = -1.0 if aim == "range" else 1.0
+        sign = -1.0 if aim.startswith("range") else 1.0
         gradient = np.zeros(self.count)
         gradient[place] = sign
         return sign * float(unknowns[place]), gradient, np.zeros((self.count, self.count))
 
 
-def require_supported(sensor: Sensor, layout: Layout) -> None:
+def require_supported(sensor: Sensor, layout: Layout, command: str = "optimize") -> None:
     """Raises `InputError` where the problem would leave out something that the sensor has."""
     if sensor.electronics is not None or sensor.apertures.cut or sensor.light.on:
         raise InputError(
-            "facets optimize knows no sensor.apertures, no sensor.light and no `noise.model: "
+            f"facets {command} knows no sensor.apertures, no sensor.light and no `noise.model: "
             "electronics`; "
             "leave them out to find a layout, then see what they change by facets resolution"
         )
@@ -224,11 +220,17 @@ def problem_of(sensor: Sensor, layout: Layout) -> Problem:
     states = np.array(states_of(layout, 1.0), dtype=float)
     groups = list(dict.fromkeys(each.group for each in wanted))
     return Problem(
-        sensor, names, low, high, extras, tape_of(unknown, at_one, outputs), states, groups,
+        sensor, names, low, high, extras,
+        tape_of(unknown, at_one, outputs), known_to_tape(names, extras), states, groups,
         rows_of(wanted, groups, extras, len(names), len(states)),
         np.arange(len(wanted), len(wanted) + len(means)),
         layout.aims, layout.aim == "weighted",
     )  # fmt: skip
+
+
+def known_to_tape(names: list[str], extras: list[str]) -> Integers:
+    """The places of the variables, and of the scale of the volume."""
+    return np.array([n for n, aim in enumerate([*names, *extras]) if n < len(names) or aim == "range"])
 
 
 def rows_of(
@@ -239,7 +241,7 @@ def rows_of(
         (state, output, groups.index(each.group),
          variables + extras.index(each.slack) if each.slack else -1)
         for output, each in enumerate(wanted)
-        for state in range(1 if each.once else states)
+        for state in (range(states) if each.states is None else each.states)
     ]  # fmt: skip
     return Rows(*np.array(rows, dtype=np.int64).T)
 
@@ -263,7 +265,7 @@ def requirements(
             kept.append(Wanted(f"uncertainty of {name}", 1 - found[i] / limit**2))
     if np.isfinite(layout.head):
         kept += [
-            Wanted("size of the head", 1 - head / layout.head, once=True) for head in heads
+            Wanted("size of the head", 1 - head / layout.head, states=(0,)) for head in heads
         ]
     return kept
 
@@ -279,7 +281,7 @@ def aimed_at(layout: Layout, found: list[Any], heads: list[Any]) -> list[Wanted]
             below.append(Wanted(what, -part, "resolution"))
     if "size" in layout.aims:
         what = "size of the head as low as it can be"
-        below += [Wanted(what, -head / 100, "size", once=True) for head in heads]
+        below += [Wanted(what, -head / 100, "size", states=(0,)) for head in heads]
     if "condition" in layout.aims:
         decades = ca.log(found[Outcome.CONDITION.start]) / np.log(10) / 2
         below.append(Wanted("conditioning as good as it can be", -decades, "condition"))

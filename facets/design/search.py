@@ -176,13 +176,24 @@ def nearest(problem: Problem, values: Floats, most: int) -> NDArray[np.int64]:
 
 
 def solve(
-    problem: Problem, guess: Floats, low: Floats, high: Floats, elastic: bool = False
-) -> tuple[Result, Rows]:
-    """Where IPOPT ends from a guess with all constraints, and those that it had to be given."""
+    problem: Problem,
+    guess: Floats,
+    low: Floats,
+    high: Floats,
+    elastic: bool = False,
+    known: NDArray[np.int64] | None = None,
+) -> tuple[Result, NDArray[np.int64]]:
+    """Where IPOPT ends from a guess with all constraints, and the numbers of those that it was
+    given.
+
+    known: numbers of rows that a neighbour's problem was solved with, whose end the guess is.
+    """
     from .ipopt import minimise
 
-    n, near = problem.count, False
+    n, near = problem.count, known is not None
     rows = nearest(problem, problem.values(guess[:n]), NEAREST)
+    if known is not None:
+        rows = np.union1d(rows, known)
     for _ in range(ROUNDS):
         held = Held(problem, problem.rows.of(rows), elastic)
         found = minimise(held, guess, low, high, near)
@@ -193,12 +204,18 @@ def solve(
         worst = nearest(problem, values, NEAREST)
         new = np.setdiff1d(np.intersect1d(worst, broken), rows)
         if not found.success or not len(new):
-            return found, problem.rows.of(rows)
+            return found, rows
         rows = np.concatenate([rows, new])
         guess, near = found.x.copy(), True
         guess[:n] = problem.with_slacks(found.x[:n])
     held = Held(problem, problem.rows, elastic)
-    return minimise(held, guess, low, high), problem.rows
+    return minimise(held, guess, low, high), np.arange(len(problem.rows))
+
+
+def pressing(problem: Problem, rows: NDArray[np.int64], found: Result) -> NDArray[np.int64]:
+    """Numbers of the constraints that hold a result back, of those that it was found with."""
+    top = found.limits.max(initial=0.0)
+    return rows[found.limits > ACTIVE * top]
 
 
 def solve_from(problem: Problem, start: Floats) -> StartResult:
@@ -215,7 +232,7 @@ def solve_from(problem: Problem, start: Floats) -> StartResult:
         found=found.success and bool(values.min() > -SLACK),
         status=found.status,
         seconds=time.perf_counter() - begin,
-        active_constraints=active_constraints(problem, rows, found),
+        active_constraints=active_constraints(problem, problem.rows.of(rows), found),
     )
 
 
