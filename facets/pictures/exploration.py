@@ -53,10 +53,13 @@ def front_picture(
 
 
 def pareto_picture(
-    table: dict[str, NDArray[Any]], objectives: list[str], cloud: dict[str, NDArray[Any]] | None
+    table: dict[str, NDArray[Any]],
+    objectives: list[str],
+    cloud: dict[str, NDArray[Any]] | None,
+    own: dict[str, float],
 ) -> Figure:
-    """The front's objectives against one another, with what the first costs below; and a cloud of
-    designs behind it, where there is one."""
+    """The front's objectives against one another, with what the first costs below; a cloud of
+    designs behind it, where there is one; and the design as it is."""
     import matplotlib as mpl
 
     pairs = list(pairwise(objectives))
@@ -71,6 +74,7 @@ def pareto_picture(
                 panel.plot(cloud[one], cloud[other], ".", ms=1.5, color=style.GREY, rasterized=True,
                            label="designs drawn")  # fmt: skip
             panel.plot(table[one], table[other], mark, ms=3, color=style.BLUE, label="front")
+            panel.plot(own[one], own[other], "*", ms=10, color=style.ORANGE, label="as it is")
             panel.set(xlabel=column_label(one), ylabel=column_label(other))
         above[0].legend(loc="best", fontsize=7)
         others = [name for name in objectives if name != objectives[0]]
