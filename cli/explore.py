@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .console import FINDING, leave_out_picture, load_config, name_files
+from .console import FINDING, leave_out_picture, load_config, name_files, with_progress
 from .options import ConfigName, Plot, PlotKind, TableKind, folder_option, output_folder
 
 if TYPE_CHECKING:
@@ -396,18 +396,6 @@ def report_against(found: Any, count: int, first: str) -> None:
             f"is better by {np.median(found.gains):.2g} % (median; {found.gains.min():.2g} to "
             f"{found.gains.max():.2g} %)"
         )
-
-
-def with_progress(
-    run: Callable[[Callable[[int, int], None]], None], what: str = "exploring"
-) -> None:
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task(what, total=None)
-        run(lambda done, whole: progress.update(task, completed=done, total=whole))
 
 
 def report(

@@ -8,6 +8,7 @@ others until none is: the end is the same, as no constraint that was left out wo
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -75,11 +76,14 @@ class Optimum:
         return self.results[0]
 
 
-def optimize(sensor: Sensor, layout: Layout) -> Optimum:
+def optimize(
+    sensor: Sensor, layout: Layout, tell: Callable[[int, int], None] = lambda done, whole: None
+) -> Optimum:
     """The best layout that several starts find.
 
     sensor: as it is now.  layout: what may vary, the volume, the limits and the aim; a
-    configuration's block `optimize`, `Config.layout`.  With a catalogue each choice of parts is
+    configuration's block `optimize`, `Config.layout`.  tell: is called with how many searches have
+    ended, and of how many.  With a catalogue each choice of parts is
     tried from the sensor as it is, and the best of them from all starts. Where no start keeps all
     limits, `best.found` is false and `best.shortfalls` says which stand against each other.
     Raises `InputError` where nothing may vary, or the sensor has what the problem can not hold.
@@ -97,10 +101,15 @@ def optimize(sensor: Sensor, layout: Layout) -> Optimum:
     before = objective_at(problem)
     if layout.psds or layout.lasers:
         made = dict(choices(sensor, layout))
-        tried = [(choice, solve_from_present(other, layout)) for choice, other in made.items()]
+        for choice, other in made.items():
+            tell(len(tried), len(made) + layout.starts)
+            tried.append((choice, solve_from_present(other, layout)))
         tried.sort(key=lambda pair: (not pair[1].found, pair[1].objective, pair[0].price or 0))
         problem = problem_of(made[tried[0][0]], layout)
-    results = [solve_from(problem, start) for start in starts_of(problem, layout)]
+    results: list[StartResult] = []
+    for start in starts_of(problem, layout):
+        tell(len(tried) + len(results), len(tried) + layout.starts)
+        results.append(solve_from(problem, start))
     results.sort(key=lambda result: (not result.found, result.objective))
     if not results[0].found:
         results[0].shortfalls = shortfalls_of(problem, results[0].start)
