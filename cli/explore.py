@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -72,7 +71,8 @@ Pick = Annotated[
     ),
 ]
 Source = Annotated[
-    Path | None, typer.Option("--from", help="Folder of that run.  [default: results/CONFIG-explore]")
+    Path | None,
+    typer.Option("--from", help="Folder of that run.  [default: results/CONFIG-explore]"),
 ]
 Points = Annotated[int, typer.Option(min=3, max=10_000, help="On the front, about.")]
 Anew = Annotated[bool, typer.Option("--force", help="Begin anew in an old folder.")]
@@ -121,17 +121,17 @@ def explore(
     files = [folder / n for n in (f"designs.{table.value}", "front.csv", f"front.{plot.value}")]
     about = provenance.about(settings, seed)
     if front:
-        table = follow_front(space, folder, points, about, plot)
+        followed = follow_front(space, folder, points, about, plot)
         if report:
-            write_page(settings, space, table, older_designs(space, folder), report)
+            write_page(settings, space, followed, older_designs(space, folder), report)
         return
     begin(space, folder, files, about, force)
     start = time.perf_counter()
     with_progress(lambda tell: exploration.explore(space, folder, about, scheduler, tell))
     best = write(space, folder, files, about, time.perf_counter() - start, certify)
     if report and best.any():
-        every = exploration.collect(folder)
-        write_page(settings, space, gallery.best_of(every, goals, best), every, report)
+        drawn = exploration.collect(folder)
+        write_page(settings, space, gallery.best_of(drawn, goals, best), drawn, report)
     name_files(folder, files)
     if not best.any():
         raise typer.Exit(FINDING)
@@ -276,8 +276,11 @@ def write_page(
     texts = texts_of(settings, sensors, path.parent)
     count = int((table["kind"] == "front").sum())
     some = f"Shown are {count} of the {len(front[space.names[0]])} designs on the front"
-    some += f", and {int((table['kind'] == 'other').sum())} of {len(others['design'])} others." \
-        if others is not None else "."
+    some += (
+        f", and {int((table['kind'] == 'other').sum())} of {len(others['design'])} others."
+        if others is not None
+        else "."
+    )
     goals = list(space.objectives)
     with Whole(path) as temporary:
         temporary.write_text(page(settings.name, space.names, goals, table, sensors, texts, some),
@@ -304,7 +307,9 @@ def write_pick(
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{path}: a configuration's name ends in .yaml")
     tables.refuse_to_overwrite([path], force)
-    file = output_folder(source, settings.name, "explore") / ("pareto.csv" if front else "front.csv")
+    file = output_folder(source, settings.name, "explore") / (
+        "pareto.csv" if front else "front.csv"
+    )
     x = makeable(space, design_in(file, "point" if front else "design", number, space.names))
     sensor = sensor_of(space.sensor, space.names, x)
     about = provenance.about(settings) | {"design": f"{number} of {file.name}"}
@@ -362,8 +367,8 @@ def older_designs(space: Space, folder: Path) -> dict[str, Any] | None:
 
 
 def report_front(found: Any, seconds: float) -> None:
-    from facets.design.front import aimed
     from facets.design.exploration import MEASURES
+    from facets.design.front import aimed
 
     from .console import show_table
 
@@ -382,7 +387,9 @@ def report_front(found: Any, seconds: float) -> None:
     show_table(f"{count} points on the front, {seconds:.1f} s; some of them", headings, rows,
                left=(len(headings) - 1,))  # fmt: skip
     if found.left_out:
-        typer.echo(f"{found.left_out} more are left out: measured again, they are not what was found")
+        typer.echo(
+            f"{found.left_out} more are left out: measured again, they are not what was found"
+        )
 
 
 def report_against(found: Any, count: int, first: str) -> None:

@@ -318,7 +318,8 @@ def write_report(story: Story, page: Path, scene: Path) -> None:
     picture.save(scene)
     picture.close()
     best = story.found.best.objective if story.made is None else story.made.objective
-    summary = f"{in_words(story.settings.layout.aim, best).capitalize()}. {story.proof}."
+    words = in_words(story.settings.layout.aim, best)
+    summary = f"{words[0].upper()}{words[1:]}."
     origin = f"{command_line()}; sha256 of the configuration {story.settings.sha256[:12]}"
     with Whole(page) as temporary:
         text = report(story.settings.name, summary, sections(story, scene), origin)
@@ -332,11 +333,12 @@ def sections(story: Story, scene: Path) -> list[Section]:
 
     asked = Section("What was asked for", rows=requirement(story.settings))
     changed = Section(
-        "What changes", (), *changes(story.settings, story.better, story.made, story.found.names)
-    )
+        "What changes", (), *changes(story.settings, story.better, story.made, story.found.names),
+        wide=True,
+    )  # fmt: skip
     head = Section(
         "The head", (f"Lengths in mm. {scene.name} has it in three dimensions, with beams.",),
-        drawing=drawing(story.better.sensor), wide=True,
+        drawing=drawing(story.better.sensor),
     )  # fmt: skip
     compared = Section(
         "Before and after", ("The worst over the volume (1 sigma), and symmetric ranges.",),
@@ -344,7 +346,7 @@ def sections(story: Story, scene: Path) -> list[Section]:
     )  # fmt: skip
     bars = Section("The same, drawn", drawing=inline(layout_picture(story.table), "bars"))
     reasons = Section("What holds it back, and what more would give", rows=story.reasons)
-    found = [asked, changed, head, compared, bars, reasons]
+    found = [asked, head, changed, compared, bars, reasons]
     if story.found.tried:
         found.append(Section("Parts", (), *parts(story.found)))
     found.append(Section("Are readings unique?", (story.proof,)))

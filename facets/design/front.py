@@ -272,7 +272,9 @@ def against(found: Front, table: dict[str, NDArray[Any]]) -> Comparison:
     costs = costs[np.isfinite(costs).all(axis=1)]
     mine = trade.measured(found.measures)
     beaten = sum(bool((costs < cost - CLOUDY * np.abs(cost)).all(axis=1).any()) for cost in mine)
-    best = costs[front({str(n): c for n, c in enumerate(costs.T)}, list(map(str, range(costs.shape[1]))))]
+    best = costs[
+        front({str(n): c for n, c in enumerate(costs.T)}, list(map(str, range(costs.shape[1]))))
+    ]
     some = best[np.linspace(0, len(best) - 1, min(COMPARED, len(best))).astype(int)]
     gains = []
     for cost in some:

@@ -50,7 +50,7 @@ class Result:
     iterations: int
 
 
-class Given(ca.Callback):  # type: ignore[misc]
+class Given(ca.Callback):
     """A function for casadi from one for arrays.
 
     rows: how many numbers each input has.  shapes: the sparsity of each output.

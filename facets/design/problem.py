@@ -112,7 +112,9 @@ class Problem:
             if mine.any():
                 short = unknowns[len(self.names) + n] - values[mine].min()
                 known = np.isfinite(short)
-                found[len(self.names) + n] = max(short, 0.0) * spare if known else GUESS.get(aim, 1.0)
+                found[len(self.names) + n] = (
+                    max(short, 0.0) * spare if known else GUESS.get(aim, 1.0)
+                )
         return found
 
     def values_at(self, unknowns: Floats) -> Floats:
@@ -128,7 +130,8 @@ class Problem:
     def values(self, unknowns: Floats) -> Floats:
         """What all constraints are; those that are kept are not below zero."""
         found = self.tape(unknowns[self.on_tape], self.states)[self.rows.state, self.rows.output, 0]
-        return found + np.where(self.rows.slack >= 0, unknowns[self.rows.slack], 0.0)
+        values: Floats = found + np.where(self.rows.slack >= 0, unknowns[self.rows.slack], 0.0)
+        return values
 
     def at(self, unknowns: Floats, rows: Rows) -> tuple[Floats, Floats, Floats]:
         """Values (r,) of some rows, gradients (r, count) and Hessians (r, count, count)."""
@@ -230,7 +233,8 @@ def problem_of(sensor: Sensor, layout: Layout) -> Problem:
 
 def known_to_tape(names: list[str], extras: list[str]) -> Integers:
     """The places of the variables, and of the scale of the volume."""
-    return np.array([n for n, aim in enumerate([*names, *extras]) if n < len(names) or aim == "range"])
+    scale = [len(names) + n for n, aim in enumerate(extras) if aim == "range"]
+    return np.array([*range(len(names)), *scale])
 
 
 def rows_of(
@@ -264,9 +268,7 @@ def requirements(
         if np.isfinite(limit):
             kept.append(Wanted(f"uncertainty of {name}", 1 - found[i] / limit**2))
     if np.isfinite(layout.head):
-        kept += [
-            Wanted("size of the head", 1 - head / layout.head, states=(0,)) for head in heads
-        ]
+        kept += [Wanted("size of the head", 1 - head / layout.head, states=(0,)) for head in heads]
     return kept
 
 

@@ -63,7 +63,9 @@ def round_design(problem: Problem, x: Floats) -> Rounded | None:
                 break
         else:
             low[n] = high[n] = guess[n]
-    x = np.array([v if s == 0 else round(round(v / s) * s, 9) for v, s in zip(here, steps, strict=True)])
+    x = np.array(
+        [v if s == 0 else round(round(v / s) * s, 9) for v, s in zip(here, steps, strict=True)]
+    )
     objective = objective_of(problem, x)
     if not np.isfinite(objective):
         return None
@@ -118,5 +120,3 @@ def costs_of(problem: Problem, x: Floats, steps: Floats, objective: float) -> Fl
             worse = 100 * (value - objective) / max(abs(objective), 1e-300)
             costs[n] = max(costs[n], np.inf if np.isnan(worse) else worse)
     return costs
-
-

@@ -224,7 +224,8 @@ def solve(
 def pressing(problem: Problem, rows: NDArray[np.int64], found: Result) -> NDArray[np.int64]:
     """Numbers of the constraints that hold a result back, of those that it was found with."""
     top = found.limits.max(initial=0.0)
-    return rows[found.limits > ACTIVE * top]
+    held: NDArray[np.int64] = rows[found.limits > ACTIVE * top]
+    return held
 
 
 def solve_from(problem: Problem, start: Floats) -> StartResult:

@@ -69,7 +69,7 @@ class Builder:
 
     def __init__(self, function: Any) -> None:
         self.function = function
-        self.steps: list[tuple[int, int, int, int, int, int]] = []
+        self.steps: list[tuple[int, ...]] = []
         self.constants: list[float] = []
         #: Of a place of casadi's: the number of what is in it, in the order of making.
         self.holds: dict[int, int] = {}
@@ -92,7 +92,11 @@ class Builder:
         f, known = self.function, operations()
         outputs = []
         for k in range(f.n_instructions()):
-            code, into, out_of = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+            code, into, out_of = (
+                f.instruction_id(k),
+                f.instruction_input(k),
+                f.instruction_output(k),
+            )
             a, b = (self.holds.get(i, -1) for i in (*into, -1, -1)[:2])
             if code == ca.OP_OUTPUT:
                 outputs.append((out_of[1], a))
@@ -114,7 +118,7 @@ class Builder:
     def number(self, kind: int, index: int) -> int:
         """A variable or a part of the state, whose index stands where an operand would."""
         made = self.add(kind)
-        code, new, *_ = self.steps[-1]
+        code, new = self.steps[-1][:2]
         self.steps[-1] = (code, new, index, -1, 0, 0)
         return made
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.units import Floats
 from ..model.jit import compilable, compiler, doubles_at
@@ -219,7 +220,7 @@ def run(steps, constants, slots, x, second, states, found):  # type: ignore[no-u
                     scaled(w, o, a, b, 0, count)
                 else:
                     scaled(w, o, b, a, 0, count)
-            elif code == ADD or code == SUBTRACT:
+            elif code in (ADD, SUBTRACT):
                 sign = 1.0 if code == ADD else -1.0
                 if of_a == of_b:
                     linear(w, o, a, b, 1.0, sign, count)
@@ -280,7 +281,13 @@ def run(steps, constants, slots, x, second, states, found):  # type: ignore[no-u
 
 
 def evaluate(
-    steps: Floats, constants: Floats, slots: int, x: Floats, states: Floats, outputs: int, order: int
+    steps: NDArray[np.int64],
+    constants: Floats,
+    slots: int,
+    x: Floats,
+    states: Floats,
+    outputs: int,
+    order: int,
 ) -> Floats:
     """(states, outputs, coefficients): values, then gradients, then the Hessians' upper triangles,
     row by row, as far as the order (0, 1 or 2) asks for."""

@@ -46,4 +46,6 @@ def inline(picture: Figure, words: str) -> str:
 
     stream = BytesIO()
     picture.savefig(stream, format="png", dpi=130)
-    return f"<img alt='{words}' src='data:image/png;base64,{b64encode(stream.getvalue()).decode()}'>"
+    return (
+        f"<img alt='{words}' src='data:image/png;base64,{b64encode(stream.getvalue()).decode()}'>"
+    )

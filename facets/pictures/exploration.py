@@ -82,7 +82,9 @@ def pareto_picture(
             if not other:
                 panel.set_axis_off()
                 continue
-            prices = table[f"{objectives[0]}_per_{other}"][1:-1]  # at its ends the front is vertical
+            prices = table[f"{objectives[0]}_per_{other}"][
+                1:-1
+            ]  # at its ends the front is vertical
             panel.semilogy(table[other][1:-1], np.where(prices > 1e-9, prices, np.nan), mark, ms=3,
                            color=style.ORANGE)  # fmt: skip
             panel.set(xlabel=column_label(other), ylabel="its price")

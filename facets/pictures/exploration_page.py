@@ -27,9 +27,7 @@ def plotly_text() -> str:
     try:
         from plotly.offline import get_plotlyjs
     except ImportError:
-        raise InputError(
-            "--report needs plotly: pip install 'facets-6dof[pages]'"
-        ) from None
+        raise InputError("--report needs plotly: pip install 'facets-6dof[pages]'") from None
     return str(get_plotlyjs())
 
 

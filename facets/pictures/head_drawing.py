@@ -34,13 +34,14 @@ def drawing(sensor: Sensor) -> str:
 
 
 def places(sensor: Sensor) -> tuple[Floats, Floats, Floats]:
-    """Of each detector its middle (3, 3), its axes y and z (3, 2, 3), and the spot at rest (3, 3)."""
+    """Of each detector its middle (3, 3), axes y and z (3, 2, 3), and spot at rest (3, 3)."""
     centres, sides = [], []
     for psd in sensor.psds:
         axes = psd_axes(psd.azimuth, psd.roll, psd.pitch, psd.yaw)
         centres.append(psd_centre(psd.radius, psd.azimuth, psd.height))
         sides.append(axes[1:])
-    middle, across = np.array(centres), np.array(sides)
+    middle: Floats = np.array(centres)
+    across: Floats = np.array(sides)
     spots = np.nan_to_num(readings(sensor, np.zeros(8))).reshape(3, 3)[:, :2]
     return middle, across, middle + (spots[:, :, None] * across).sum(axis=1)
 
@@ -50,7 +51,9 @@ def heights(sensor: Sensor, centres: Floats) -> tuple[float, float]:
     return min(0.0, float(centres[:, 2].min()) - half), max(0.0, float(centres[:, 2].max()) + half)
 
 
-def line(a: Iterable[float], b: Iterable[float], colour: str, width: float, dashes: str = "") -> str:
+def line(
+    a: Iterable[float], b: Iterable[float], colour: str, width: float, dashes: str = ""
+) -> str:
     (x1, y1), (x2, y2) = a, b
     dash = f" stroke-dasharray='{dashes}'" if dashes else ""
     return (
@@ -60,7 +63,8 @@ def line(a: Iterable[float], b: Iterable[float], colour: str, width: float, dash
 
 
 def text(x: float, y: float, words: str, anchor: str = "middle", colour: str = INK) -> str:
-    return f"<text x='{x:.1f}' y='{y:.1f}' {FONT} text-anchor='{anchor}' fill='{colour}'>{words}</text>"
+    place = f"x='{x:.1f}' y='{y:.1f}' text-anchor='{anchor}'"
+    return f"<text {place} {FONT} fill='{colour}'>{words}</text>"
 
 
 def plan(sensor: Sensor, centres: Floats, sides: Floats, spots: Floats, scale: float) -> list[str]:
@@ -94,7 +98,8 @@ def plan(sensor: Sensor, centres: Floats, sides: Floats, spots: Floats, scale: f
 def section(sensor: Sensor, centres: Floats, spots: Floats, scale: float) -> list[str]:
     """Each detector's own half plane through the axis, outward to the right and z up."""
     left, middle = SIZE + EDGE, SIZE / 2
-    found = [line((left, 14), (left, middle), ORANGE, 1.4), text(left + 6, 22, "beam", "start", ORANGE)]
+    found = [line((left, 14), (left, middle), ORANGE, 1.4)]
+    found.append(text(left + 6, 22, "beam", "start", ORANGE))
     told: set[tuple[float, ...]] = set()
     different = len({(p.radius, p.height, p.pitch, p.size_z) for p in sensor.psds}) > 1
     for k, (facet, psd) in enumerate(zip(sensor.facets, sensor.psds, strict=True)):
@@ -117,6 +122,7 @@ def section(sensor: Sensor, centres: Floats, spots: Floats, scale: float) -> lis
                  f"area {psd.size_y:.4g} x {psd.size_z:.4g} mm",
                  f"facet at {degrees(facet.inclination):.4g}\u00b0"]  # fmt: skip
         top = 40 + 70 * (len(told) - 1)
-        found += [text(left + SIZE - EDGE, top + 13 * n, word, "end") for n, word in enumerate(words)]
+        right = left + SIZE - EDGE
+        found += [text(right, top + 13 * n, word, "end") for n, word in enumerate(words)]
     found.append(line((left, middle), (left + SIZE - EDGE, middle), GREY, 0.6, "4 3"))
     return found
