@@ -28,8 +28,8 @@ from .trade import Trade, trade_of
 STARTS, AGAIN = 6, 10
 #: By how much of an objective's scale one end must be better than another to take its place.
 BETTER = 1e-7
-#: Sweeps along the front, at most.
-SWEEPS = 6
+#: Sweeps along the front, at most; and steps of IPOPT, since what takes more is mostly not there.
+SWEEPS, STEPS = 6, 60
 #: To what a range is measured, over `ranges.FARTHEST`; and how far a measure may be from what was
 #: found, over its scale, before the point is left out.
 EXACT, BELIEVED = 1e-10, 1e-5
@@ -76,6 +76,8 @@ class Walk:
     def __init__(self, trade: Trade, first: int, seed: int) -> None:
         self.trade, self.first = trade, first
         self.rng = np.random.default_rng(seed)
+        #: Which point was looked for from which neighbour's end, so that it is not done twice.
+        self.asked: set[tuple[int, bytes]] = set()
 
     def least(self, objective: int, most: Floats, start: Floats | End) -> End | None:
         """The least of one objective where no cost is above `most`; None where there is none."""
@@ -83,7 +85,7 @@ class Walk:
         problem = replace(trade.problem, aims={trade.objectives[objective]: 1.0})
         low, high = trade.bounds(most)
         guess, known = (start.unknowns, start.rows) if isinstance(start, End) else (start, None)
-        found, rows = solve(problem, guess, low, high, known=known)
+        found, rows = solve(problem, guess, low, high, known=known, steps=STEPS)
         unknowns = problem.with_slacks(found.x, spare=1.0)
         costs = trade.costs(unknowns)
         kept = problem.values(unknowns).min() > -1e-7
@@ -143,7 +145,10 @@ class Walk:
         look: whether some points are looked for from elsewhere, too.
         """
         near = found[other] if 0 <= other < len(found) else None
-        starts: list[Floats | End] = [near] if near is not None else []
+        starts: list[Floats | End] = []
+        if near is not None and (n, near.unknowns.tobytes()) not in self.asked:
+            self.asked.add((n, near.unknowns.tobytes()))
+            starts.append(near)
         if look and n % AGAIN == AGAIN // 2:
             starts.append(self.anywhere())
         tried = [self.least(self.first, bounds[n], start) for start in starts]

@@ -19,6 +19,8 @@ from .interruption import run_solver
 TOLERANCE = 1e-8
 #: What its barrier begins with where the start is nearly the end.
 NEAR = 1e-5
+#: How many steps it may take.
+STEPS = 300
 
 
 class Nonlinear(Protocol):
@@ -128,18 +130,23 @@ class Pieces:
 
 
 def minimise(
-    problem: Nonlinear, start: Floats, low: Floats, high: Floats, near: bool = False
+    problem: Nonlinear,
+    start: Floats,
+    low: Floats,
+    high: Floats,
+    near: bool = False,
+    steps: int = STEPS,
 ) -> Result:
     """The least objective that IPOPT finds from a start, within bounds.
 
-    near: whether the start is nearly where it will end.
+    near: whether the start is nearly where it will end.  steps: that it may take.
     """
     pieces = Pieces(problem)
     x = ca.MX.sym("x", problem.unknowns)
     f, g = pieces.both(x)
     options: dict[str, Any] = {
         "ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.tol": TOLERANCE,
-        "ipopt.max_iter": 300, "ipopt.bound_relax_factor": 0.0, "error_on_fail": False,
+        "ipopt.max_iter": steps, "ipopt.bound_relax_factor": 0.0, "error_on_fail": False,
         "ipopt.hessian_approximation": "exact", "no_nlp_grad": True,
         "grad_f": pieces.slope, "jac_g": pieces.slopes, "hess_lag": pieces.bend,
     }  # fmt: skip

@@ -191,11 +191,13 @@ def solve(
     high: Floats,
     elastic: bool = False,
     known: NDArray[np.int64] | None = None,
+    steps: int = 300,
 ) -> tuple[Result, NDArray[np.int64]]:
     """Where IPOPT ends from a guess with all constraints, and the numbers of those that it was
     given.
 
     known: numbers of rows that a neighbour's problem was solved with, whose end the guess is.
+    steps: that IPOPT may take each time.
     """
     from .ipopt import minimise
 
@@ -205,9 +207,9 @@ def solve(
         rows = np.union1d(rows, known)
     for _ in range(ROUNDS):
         held = Held(problem, problem.rows.of(rows), elastic)
-        found = minimise(held, guess, low, high, near)
+        found = minimise(held, guess, low, high, near, steps)
         if not found.success and near:
-            found = minimise(held, guess, low, high)
+            found = minimise(held, guess, low, high, steps=steps)
         values = held.values(found.x)
         broken = np.flatnonzero(~(values > -UNNOTICED))
         worst = nearest(problem, values, NEAREST)
@@ -218,7 +220,7 @@ def solve(
         guess, near = found.x.copy(), True
         guess[:n] = problem.with_slacks(found.x[:n])
     held = Held(problem, problem.rows, elastic)
-    return minimise(held, guess, low, high), np.arange(len(problem.rows))
+    return minimise(held, guess, low, high, steps=steps), np.arange(len(problem.rows))
 
 
 def pressing(problem: Problem, rows: NDArray[np.int64], found: Result) -> NDArray[np.int64]:
