@@ -86,10 +86,18 @@ def in_steps(settings: Config, found: Optimum) -> Rounded | None:
     from facets.design.problem import problem_of
     from facets.design.rounding import round_design
 
-    made = round_design(problem_of(found.sensor, settings.layout), found.best.x)
+    problem = problem_of(found.sensor, settings.layout, price_of(settings, found))
+    made = round_design(problem, found.best.x)
     if made is None:
         typer.echo("not rounded to what can be made: nothing near keeps all that is asked for")
     return made
+
+
+def price_of(settings: Config, found: Optimum) -> float:
+    """What the price of the parts adds to the objective."""
+    from facets.design.branching import priced
+
+    return priced(settings.layout, found.tried[0][0].price) if found.tried else 0.0
 
 
 def write_config(settings: Config, found: Optimum, made: Rounded | None, path: Path) -> Config:
@@ -126,18 +134,27 @@ def show_parts(found: Optimum) -> None:
     """Each choice from the catalogue, the best first."""
     if found.tried:
         headings, rows = parts(found)
-        show_table("parts, the best first", headings, rows, left=(0, 1, len(headings) - 1))
+        left = (0, 1, 2, len(headings) - 1)
+        show_table("parts, the best first", headings, rows[:SHOWN], left=left)
+        if len(rows) < found.choices or len(rows) > SHOWN:
+            typer.echo(
+                f"{len(rows)} of {found.choices} choices were tried; bounds of the others are worse "
+                "or keep not all that is asked for\n"
+            )
 
 
 def parts(found: Optimum) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of the choices that were tried."""
-    headings = ["detectors", "laser", "price", *found.names, "objective", "end"]
+    headings = ["detectors", "laser", "amplifiers", "price", "weeks", *found.names, "objective",
+                "end"]  # fmt: skip
     rows = []
     for choice, end in found.tried:
         price = "" if choice.price is None else f"{choice.price:.0f}"
+        weeks = "" if choice.delivery is None else f"{choice.delivery:g}"
         values = [f"{value:.4g}" for value in end.x]
         objective = f"{end.objective:.4g}" if end.found else "-"
-        rows.append([choice.psd, choice.laser, price, *values, objective, end.status])
+        parted = [choice.psd, choice.laser, choice.amplifier or "-", price, weeks]
+        rows.append([*parted, *values, objective, end.status])
     return headings, rows
 
 
@@ -267,7 +284,7 @@ def show_reasons(settings: Config, found: Optimum) -> list[list[str]]:
     typer.echo("what holds it back, over the strongest:")
     for size, group in active:
         typer.echo(f"  {size:>5}  {group}")
-    more = gains(found.sensor, settings.layout, found.best.x)
+    more = gains(found.sensor, settings.layout, found.best.x, price_of(settings, found))
     if more:
         typer.echo("\nwhat more would give:")
     given = [[what, in_words(settings.layout.aim, value)] for what, value in more.items()]
@@ -287,8 +304,12 @@ def as_yaml(
     best = sensor_of(found.sensor, found.names, found.best.x if made is None else made.x)
     if found.tried:
         choice = found.tried[0][0]
-        about = {**about, "parts": f"{choice.psd} {choice.laser}"}
+        about = {**about, "parts": choice.names}
     return as_extension(settings, best, folder, about, tolerances(made, found.names))
+
+
+#: Choices of parts in a table, at most.
+SHOWN = 24
 
 
 @dataclass(frozen=True)

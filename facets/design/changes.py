@@ -24,6 +24,7 @@ def changed_keys(settings: Config, sensor: Sensor) -> dict[str, Any]:
     """The keys below `sensor` that differ from the configuration's, nested, per detector."""
     keys = written(settings.resolved["sensor"], sensor)
     keys["noise"]["position_um"] = 1000 * sensor.noise.position
+    keys["noise"]["power_uw"] = 1000 * sensor.noise.power
     for letter in DETECTORS:  # it follows from an inclination, to a micrometre
         keys["psd"][letter]["height_mm"] = round(keys["psd"][letter]["height_mm"], DECIMALS)
     found: dict[str, Any] = differences(settings.resolved["sensor"], keys)

@@ -77,6 +77,7 @@ class Problem:
     tape: of some of the unknowns, those whose places are `on_tape`, at a state.  states (m, ...).
     groups: names of the constraints.  rows: all of them.  averaged: outputs whose mean over the
     states is an aim.  aims: how much each counts; `weighted` where they are added up.
+    constant: what the parts' price adds to the objective.
     """
 
     sensor: Sensor
@@ -92,6 +93,7 @@ class Problem:
     averaged: Integers
     aims: dict[str, float]
     weighted: bool
+    constant: float = 0.0
 
     @property
     def count(self) -> int:
@@ -156,7 +158,7 @@ class Problem:
 
     def objective(self, unknowns: Floats) -> tuple[float, Floats, Floats]:
         """What is made small, its gradient and its Hessian."""
-        value, gradient = 0.0, np.zeros(self.count)
+        value, gradient = self.constant, np.zeros(self.count)
         hessian = np.zeros((self.count, self.count))
         for aim, weight in self.aims.items():
             cost, slope, bend = self.cost(aim, unknowns)
@@ -201,8 +203,11 @@ def require_supported(sensor: Sensor, layout: Layout, command: str = "optimize")
         raise InputError("optimize.variables is empty: nothing may change")
 
 
-def problem_of(sensor: Sensor, layout: Layout) -> Problem:
-    """The problem that a configuration's block `optimize` states; raises `InputError`."""
+def problem_of(sensor: Sensor, layout: Layout, constant: float = 0.0) -> Problem:
+    """The problem that a configuration's block `optimize` states; raises `InputError`.
+
+    constant: what the parts' price adds to the objective.
+    """
     import casadi as ca
 
     require_supported(sensor, layout)
@@ -227,7 +232,8 @@ def problem_of(sensor: Sensor, layout: Layout) -> Problem:
         tape_of(unknown, at_one, outputs), known_to_tape(names, extras), states, groups,
         rows_of(wanted, groups, extras, len(names), len(states)),
         np.arange(len(wanted), len(wanted) + len(means)),
-        layout.aims, layout.aim == "weighted",
+        {aim: weight for aim, weight in layout.aims.items() if aim != "price"},
+        layout.aim == "weighted", constant,
     )  # fmt: skip
 
 

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from .catalogue import Choice, choices
+from .branching import best_parts, priced
+from .catalogue import Choice, choices, with_parts
 from .problem import Problem, Rows, problem_of
 from .variables import present_values
 
@@ -34,6 +35,8 @@ SLACK = 1e-6
 UNNOTICED = 1e-9
 #: Constraints of a group that IPOPT is given at first, and each time; and how many times at most.
 NEAREST, ROUNDS = 3, 40
+#: A catalogue of no more choices is tried whole.
+TRIED = 24
 
 
 @dataclass
@@ -62,7 +65,7 @@ class Optimum:
 
     names: of the variables.  before: the objective as it was, or NaN where the sensor did not keep
     the constraints.  sensor: with the best of the parts.  tried: each choice of parts and where it
-    ended, the best first; empty without a catalogue.
+    ended, the best first; empty without a catalogue.  choices: how many there are.
     """
 
     names: list[str]
@@ -70,6 +73,7 @@ class Optimum:
     before: float
     sensor: Sensor
     tried: list[tuple[Choice, StartResult]] = field(default_factory=list)
+    choices: int = 0
 
     @property
     def best(self) -> StartResult:
@@ -99,21 +103,46 @@ def optimize(
     tried: list[tuple[Choice, StartResult]] = []
     problem = problem_of(sensor, layout)
     before = objective_at(problem)
-    if layout.psds or layout.lasers:
-        made = dict(choices(sensor, layout))
-        for choice, other in made.items():
-            tell(len(tried), len(made) + layout.starts)
-            tried.append((choice, solve_from_present(other, layout)))
-        tried.sort(key=lambda pair: (not pair[1].found, pair[1].objective, pair[0].price or 0))
-        problem = problem_of(made[tried[0][0]], layout)
+    looked_at = count_of_choices = 0
+    if layout.has_parts:
+        tried, count_of_choices = choose(sensor, layout, tell)
+        looked_at, best = len(tried), tried[0][0]
+        parted = with_parts(sensor, layout, best.psd, best.laser, best.amplifier)
+        problem = problem_of(parted, layout, priced(layout, best.price))
     results: list[StartResult] = []
     for start in starts_of(problem, layout):
-        tell(len(tried) + len(results), len(tried) + layout.starts)
+        tell(looked_at + len(results), looked_at + layout.starts)
         results.append(solve_from(problem, start))
     results.sort(key=lambda result: (not result.found, result.objective))
     if not results[0].found:
         results[0].shortfalls = shortfalls_of(problem, results[0].start)
-    return Optimum(problem.names, results, before, problem.sensor, tried)
+    return Optimum(problem.names, results, before, problem.sensor, tried, count_of_choices)
+
+
+def choose(
+    sensor: Sensor, layout: Layout, tell: Callable[[int, int], None]
+) -> tuple[list[tuple[Choice, StartResult]], int]:
+    """The choices of parts that were tried, the best first, and how many there are in all.
+
+    A small catalogue is tried whole, so that all of it can be seen; of a large one those are left
+    out that can not be the best.
+    """
+    made = dict(choices(sensor, layout))
+    if len(made) > TRIED:
+        found = best_parts(sensor, layout, solve_from_present, tell)
+        if found.tried:
+            return found.tried, len(made)
+        # nothing keeps all that is asked for, not even parts as good as any: the best of them tell
+        largest = max(made, key=lambda c: layout.psds[c.psd].size if c.psd else 0.0)
+        return [(largest, solve_from_present(made[largest], layout))], len(made)
+    tried = []
+    for choice, other in made.items():
+        tell(len(tried), len(made) + layout.starts)
+        end = solve_from_present(other, layout)
+        end.objective += priced(layout, choice.price)
+        tried.append((choice, end))
+    tried.sort(key=lambda pair: (not pair[1].found, pair[1].objective, pair[0].price or 0))
+    return tried, len(made)
 
 
 def starts_of(problem: Problem, layout: Layout) -> Floats:
