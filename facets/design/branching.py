@@ -66,7 +66,9 @@ class Found:
 def whole(layout: Layout) -> Branch:
     """All parts of the catalogue."""
     psds = sorted(layout.psds, key=lambda n: (layout.psds[n].size, layout.psds[n].position or 0))
-    lasers = sorted(layout.lasers, key=lambda n: (layout.lasers[n].diameter, layout.lasers[n].power))
+    lasers = sorted(
+        layout.lasers, key=lambda n: (layout.lasers[n].diameter, layout.lasers[n].power)
+    )
     amplifiers = sorted(layout.amplifiers, key=lambda name: layout.amplifiers[name].power)
     return Branch(tuple(psds or [""]), tuple(lasers or [""]), tuple(amplifiers or [""]))
 

@@ -40,8 +40,9 @@ def choices(sensor: Sensor, layout: Layout) -> Iterator[tuple[Choice, Sensor]]:
     """Every choice of parts and the sensor with it."""
     kinds = (layout.psds or [""], layout.lasers or [""], layout.amplifiers or [""])
     for psd, laser, amplifier in product(*kinds):
-        yield choice_of(layout, psd, laser, amplifier), with_parts(
-            sensor, layout, psd, laser, amplifier
+        yield (
+            choice_of(layout, psd, laser, amplifier),
+            with_parts(sensor, layout, psd, laser, amplifier),
         )
 
 

@@ -32,9 +32,7 @@ def in_words(aim: str, objective: float) -> str:
     return f"a head of {100 * objective:.4g} mm"
 
 
-def gains(
-    sensor: Sensor, layout: Layout, best: Floats, constant: float = 0.0
-) -> dict[str, float]:
+def gains(sensor: Sensor, layout: Layout, best: Floats, constant: float = 0.0) -> dict[str, float]:
     """The objective if what may not vary were a little more, solved again from the optimum.
 
     constant: what the parts' price adds to it.
