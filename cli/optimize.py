@@ -138,7 +138,7 @@ def show_parts(found: Optimum) -> None:
         show_table("parts, the best first", headings, rows[:SHOWN], left=left)
         if len(rows) < found.choices or len(rows) > SHOWN:
             typer.echo(
-                f"{len(rows)} of {found.choices} choices were tried; bounds of the others are worse "
+                f"{len(rows)} of {found.choices} choices were tried; the others can not be better, "
                 "or keep not all that is asked for\n"
             )
 

@@ -87,7 +87,7 @@ def clocked(function: Any, drawn: Floats) -> float:
 
 
 def by_scipy(sensor: Any, layout: Any, names: list[str]) -> tuple[float, float]:
-    """Processor seconds, and the worst uncertainty over the units asked for, by the usual minimax."""
+    """Processor seconds, and the worst uncertainty over its unit, by the usual minimax."""
     from scipy.optimize import minimize
 
     states = np.array(states_of(layout, 1.0), dtype=float)
