@@ -11,7 +11,7 @@ import codecs
 import io
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -92,6 +92,19 @@ def stacked(headings: Sequence[str], row: Sequence[str]) -> list[str]:
         elif cell:
             lines[-1] += f" {cell}"
     return lines
+
+
+def with_progress(
+    run: Callable[[Callable[[int, int], None]], None], what: str = "exploring"
+) -> None:
+    """Runs what tells how far it is, with a bar on a terminal.  what: it does."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(what, total=None)
+        run(lambda done, whole: progress.update(task, completed=done, total=whole))
 
 
 class Stream(io.RawIOBase):

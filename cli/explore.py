@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .console import FINDING, leave_out_picture, load_config, name_files
+from .console import FINDING, leave_out_picture, load_config, name_files, with_progress
 from .options import ConfigName, Plot, PlotKind, TableKind, folder_option, output_folder
 
 if TYPE_CHECKING:
     from facets.characterization.sensitivity import Index
+    from facets.config import Config
     from facets.core.units import Booleans, Floats
     from facets.design.exploration import Space
 
@@ -47,6 +47,34 @@ Certify = Annotated[
         "the front: some seconds each, for the column proof_margin. 0: no proof.",
     ),
 ]
+Front = Annotated[
+    bool,
+    typer.Option(
+        "--front",
+        help="Follow the front itself, with what one objective costs in the other, instead of "
+        "drawing designs; designs that the folder has already are compared with it.",
+    ),
+]
+Report = Annotated[
+    Path | None,
+    typer.Option(
+        help="A page of the designs, one HTML file: plots that can be brushed, and each design's "
+        "drawing and YAML. Needs the extra `pages`."
+    ),
+]
+Pick = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        help="Write design number N of an earlier run, `design` of front.csv or `point` of "
+        "pareto.csv with --front, as a configuration: -o DESIGN.yaml.",
+    ),
+]
+Source = Annotated[
+    Path | None,
+    typer.Option("--from", help="Folder of that run.  [default: results/CONFIG-explore]"),
+]
+Points = Annotated[int, typer.Option(min=3, max=10_000, help="On the front, about.")]
 Anew = Annotated[bool, typer.Option("--force", help="Begin anew in an old folder.")]
 
 
@@ -64,6 +92,11 @@ def explore(
     table: Annotated[TableKind, typer.Option(help="Kind of the designs.")] = TableKind.parquet,
     plot: Plot = PlotKind.png,
     certify: Certify = 0,
+    front: Front = False,
+    points: Points = 100,
+    report: Report = None,
+    pick: Pick = None,
+    source: Source = None,
 ) -> None:
     """Explore a design space: ranges and resolutions of many layouts, and the best of them.
 
@@ -71,7 +104,7 @@ def explore(
     command goes on where a run was cut off. A design that cannot be on the front any more is not
     asked for its ranges, which take most of the time. Exit status 1 where no design has them all.
     """
-    from facets.design import exploration
+    from facets.design import exploration, gallery
     from facets.files import provenance
 
     settings = load_config(config)
@@ -80,13 +113,25 @@ def explore(
         settings.sensor, settings.range, settings.layout, sampling.value, designs, seed,
         tuple(goals), every, required,
     )  # fmt: skip
+    if pick is not None:
+        write_pick(settings, space, source, front, pick, output, force)
+        return
     folder = output_folder(output, settings.name, "explore")
+    require_page(report)
     files = [folder / n for n in (f"designs.{table.value}", "front.csv", f"front.{plot.value}")]
     about = provenance.about(settings, seed)
+    if front:
+        followed = follow_front(space, folder, points, about, plot)
+        if report:
+            write_page(settings, space, followed, older_designs(space, folder), report)
+        return
     begin(space, folder, files, about, force)
     start = time.perf_counter()
     with_progress(lambda tell: exploration.explore(space, folder, about, scheduler, tell))
     best = write(space, folder, files, about, time.perf_counter() - start, certify)
+    if report and best.any():
+        drawn = exploration.collect(folder)
+        write_page(settings, space, gallery.best_of(drawn, goals, best), drawn, report)
     name_files(folder, files)
     if not best.any():
         raise typer.Exit(FINDING)
@@ -159,14 +204,205 @@ def proof_margins(space: Space, table: dict[str, Any], work: int) -> Floats:
     return np.array(margins)
 
 
-def with_progress(run: Callable[[Callable[[int, int], None]], None]) -> None:
-    from rich.console import Console
-    from rich.progress import Progress
+def follow_front(
+    space: Space, folder: Path, points: int, about: dict[str, str], plot: PlotKind
+) -> dict[str, Any]:
+    """The front by continuation, as pareto.csv and a picture; exit status 1 where there is none."""
+    from facets.design import front as fronts
+    from facets.files import tables
+    from facets.pictures import style
+    from facets.pictures.exploration import pareto_picture
 
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task("exploring", total=None)
-        run(lambda done, whole: progress.update(task, completed=done, total=whole))
+    files = [folder / "pareto.csv", folder / f"pareto.{plot.value}"]
+    tables.refuse_to_overwrite(files, force=True)
+    start = time.perf_counter()
+    made: list[fronts.Front] = []
+    with_progress(lambda tell: made.append(fronts.pareto_front(space, points, space.seed, tell)),
+                  "following the front")  # fmt: skip
+    found, seconds = made[0], time.perf_counter() - start
+    if not len(found.designs):
+        typer.echo("no design keeps all that is asked for, as far as the search can tell")
+        raise typer.Exit(FINDING)
+    table = fronts.columns(found)
+    tables.write_table(files[0], table, about)
+    cloud = older_designs(space, folder)
+    report_front(found, seconds)
+    if cloud is not None:
+        report_against(fronts.against(found, cloud), len(cloud["design"]), space.objectives[0])
+    style.save(pareto_picture(table, list(space.objectives), cloud, own_measures(space)), files[1])
+    name_files(folder, files)
+    return table
+
+
+def own_measures(space: Space) -> dict[str, float]:
+    """The sensor as it is, by the measures of designs, and said in one line."""
+    from facets.design.exploration import MEASURES
+    from facets.design.gallery import own_design
+
+    _, values, why = own_design(space)
+    own = dict(zip(MEASURES, values.tolist(), strict=True))
+    shown = ", ".join(f"{name} {own[name]:.4g}" for name in space.objectives)
+    typer.echo(f"as it is: {why or shown}")
+    return own
+
+
+def require_page(report: Path | None) -> None:
+    """Refuses what can not be written before anything is computed."""
+    from facets.core.errors import InputError
+    from facets.files import tables
+    from facets.pictures.exploration_page import plotly_text
+
+    if report is None:
+        return
+    if report.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"{report}: a page's name ends in .html")
+    tables.refuse_to_overwrite([report], force=True)
+    plotly_text()
+
+
+def write_page(
+    settings: Config,
+    space: Space,
+    front: dict[str, Any],
+    others: dict[str, Any] | None,
+    path: Path,
+) -> None:
+    """The page of the front's designs, and of some others."""
+    from facets.design.gallery import gallery, texts_of
+    from facets.files.tables import Whole
+    from facets.pictures.exploration_page import page
+
+    table, sensors = gallery(space, front, others)
+    texts = texts_of(settings, sensors, path.parent)
+    count = int((table["kind"] == "front").sum())
+    some = f"Shown are {count} of the {len(front[space.names[0]])} designs on the front"
+    some += (
+        f", and {int((table['kind'] == 'other').sum())} of {len(others['design'])} others."
+        if others is not None
+        else "."
+    )
+    goals = list(space.objectives)
+    with Whole(path) as temporary:
+        temporary.write_text(page(settings.name, space.names, goals, table, sensors, texts, some),
+                             "utf-8")  # fmt: skip
+    typer.echo(f"{path}: the designs as a page")
+
+
+def write_pick(
+    settings: Config,
+    space: Space,
+    source: Path | None,
+    front: bool,
+    number: int,
+    output: Path | None,
+    force: bool,
+) -> None:
+    """One design of an earlier run, as a configuration that extends the one it is made from."""
+    from facets.core.errors import InputError
+    from facets.design.changes import as_extension, moved
+    from facets.design.variables import sensor_of
+    from facets.files import provenance, tables
+
+    path = output or Path(f"{settings.name}-{number}.yaml")
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        raise InputError(f"{path}: a configuration's name ends in .yaml")
+    tables.refuse_to_overwrite([path], force)
+    file = output_folder(source, settings.name, "explore") / (
+        "pareto.csv" if front else "front.csv"
+    )
+    x = makeable(space, design_in(file, "point" if front else "design", number, space.names))
+    sensor = sensor_of(space.sensor, space.names, x)
+    about = provenance.about(settings) | {"design": f"{number} of {file.name}"}
+    with tables.Whole(path) as temporary:
+        temporary.write_text(as_extension(settings, sensor, path.parent, about), "utf-8")
+    for key, before, after in moved(settings, sensor):
+        typer.echo(f"  {key:<24} {before} -> {after}")
+    typer.echo(f"{path}: design {number} of {file}")
+
+
+def makeable(space: Space, x: Floats) -> Floats:
+    """The design in numbers that can be made, where it is still one, with what that costs."""
+    from facets.design.exploration import MEASURES, SKIPPED, looked_at
+    from facets.design.gallery import rounded
+
+    made = rounded(space, x)
+    (_, exact), (why, values) = looked_at(space, x), looked_at(space, made)
+    if why:
+        typer.echo(f"not rounded to what can be made: {SKIPPED[why]}")
+        return x
+    for name in space.objectives:
+        place = MEASURES.index(name)
+        typer.echo(f"{name}: {exact[place]:.4g} as found, {values[place]:.4g} rounded")
+    return made
+
+
+def design_in(file: Path, key: str, number: int, names: list[str]) -> Floats:
+    """The variables of one design of a table that an earlier run has written."""
+    import numpy as np
+
+    from facets.core.errors import InputError
+    from facets.files.tables import read_chunks
+
+    if not file.is_file():
+        raise InputError(f"{file}: no such file; run `facets explore` first, or name its folder "
+                         "by --from")  # fmt: skip
+    chunks = [chunk.columns for chunk in read_chunks(file, [key, *names])]
+    table = {name: np.concatenate([chunk[name] for chunk in chunks]) for name in (key, *names)}
+    rows = np.flatnonzero(table[key] == number)
+    if not len(rows):
+        some = ", ".join(f"{n:.0f}" for n in table[key][:8])
+        raise InputError(f"{file}: has no {key} {number}; it has {some} and so on")
+    return np.array([table[name][rows[0]] for name in names])
+
+
+def older_designs(space: Space, folder: Path) -> dict[str, Any] | None:
+    """The designs that an earlier run of the same configuration has left in a folder."""
+    from facets.design.exploration import collect
+
+    if not any((folder / "parts").glob("*.parquet")):
+        return None
+    table = collect(folder)
+    names = [*space.names, *space.objectives]
+    return table if all(name in table for name in names) else None
+
+
+def report_front(found: Any, seconds: float) -> None:
+    from facets.design.exploration import MEASURES
+    from facets.design.front import aimed
+
+    from .console import show_table
+
+    first = found.objectives[found.walk.first]
+    others = [name for name in found.objectives if name != first]
+    headings = [*found.walk.trade.problem.names, first, *others,
+                *(f"{first} per {name}" for name in others), "held back most by"]  # fmt: skip
+    rows = []
+    count = len(found.designs)
+    for n in sorted({round(k * (count - 1) / 10) for k in range(11)}):
+        measures = [found.measures[n][MEASURES.index(name)] for name in (first, *others)]
+        prices = [found.prices[n][found.objectives.index(name)] for name in others]
+        holds = next((group for group in found.active[n] if not aimed(group)), "")
+        rows.append([*(f"{value:.4g}" for value in (*found.designs[n], *measures)),
+                     *(f"{price:.3g}" for price in prices), holds])  # fmt: skip
+    show_table(f"{count} points on the front, {seconds:.1f} s; some of them", headings, rows,
+               left=(len(headings) - 1,))  # fmt: skip
+    if found.left_out:
+        typer.echo(
+            f"{found.left_out} more are left out: measured again, they are not what was found"
+        )
+
+
+def report_against(found: Any, count: int, first: str) -> None:
+    import numpy as np
+
+    who = "none of them beats" if not found.beaten else f"they beat {found.beaten} points of"
+    typer.echo(f"beside the {count} designs in the folder: {who} the front")
+    if len(found.gains):
+        typer.echo(
+            f"  at what the best {len(found.gains)} of these have in all else, the front's {first} "
+            f"is better by {np.median(found.gains):.2g} % (median; {found.gains.min():.2g} to "
+            f"{found.gains.max():.2g} %)"
+        )
 
 
 def report(

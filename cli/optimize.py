@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .console import FINDING, load_config, show_table
+from .console import FINDING, load_config, show_table, with_progress
 from .options import ConfigName, Force, Plot, PlotKind
 
 if TYPE_CHECKING:
     from facets.config import Config
+    from facets.design.rounding import Rounded
     from facets.design.search import Optimum
+    from facets.pictures.design_report import Section
 
 
+EXACT = "The layout as it was found, not rounded to what can be made."
+REPORT = "Also a page on the layout, HTML, and its scene as glTF."
 CERTIFY = (
     "Pieces that a proof may look at, that readings determine states; some seconds. 0: no proof."
 )
@@ -31,13 +36,16 @@ def optimize(
     force: Force = False,
     plot: Plot = PlotKind.png,
     certify: Annotated[int, typer.Option(min=0, help=CERTIFY)] = 400,
+    exact: Annotated[bool, typer.Option("--exact", help=EXACT)] = False,
+    report: Annotated[bool, typer.Option("--report", help=REPORT)] = False,
 ) -> None:
     """Find the best layout by the config's block `optimize`.
 
     Varies what may vary, within bounds, from several starts, with each choice of parts from a
     catalogue; tells what holds the best one back, or which requirements can not be met together,
-    with exit status 1. The result is a configuration for every command. Beside it a table and a
-    picture compare it with what was, by the range, by the float model and by simulated readings.
+    with exit status 1. The result extends the configuration by what has changed, in numbers that
+    can be made, and is a configuration for every command. Beside it a table and a picture compare
+    it with what was, by the range, by the float model and by simulated readings.
     """
     from facets.core.errors import InputError
     from facets.design.search import optimize as run
@@ -47,24 +55,52 @@ def optimize(
     path = output or Path(f"{settings.name}-optimum.yaml")
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{path}: a configuration's name ends in .yaml")
-    csv, picture = path.with_suffix(".csv"), path.with_suffix(f".{plot.value}")
-    tables.refuse_to_overwrite([path, csv, picture], force)
-    found = run(settings.sensor, settings.layout)
+    files = [path.with_suffix(ending) for ending in (".csv", f".{plot.value}")]
+    pages = [path.with_suffix(ending) for ending in (".html", ".gltf")] if report else []
+    tables.refuse_to_overwrite([path, *files, *pages], force)
+    ended: list[Optimum] = []
+    with_progress(
+        lambda tell: ended.append(run(settings.sensor, settings.layout, tell)), "searching"
+    )
+    found = ended[0]
     show_parts(found)
     show_starts(found)
     if not found.best.found:
         refuse(found)
         raise typer.Exit(FINDING)
-    better = write_config(settings, found, path)
-    table = write_comparison(settings, better, csv, picture)
-    show_result(settings, better, found, table)
-    show_reasons(settings, found)
-    if certify:
-        show_proof(better, certify)
-    typer.echo(f"{path}, {csv.name}, {picture.name}")
+    made = None if exact else in_steps(settings, found)
+    better = write_config(settings, found, made, path)
+    table = write_comparison(settings, better, *files)
+    show_result(settings, better, found, made, table)
+    reasons = show_reasons(settings, found)
+    proof = prove(better, certify)
+    typer.echo(f"{proof}\n")
+    if report:
+        story = Story(settings, better, found, made, table, reasons, proof)
+        write_report(story, *pages)
+    typer.echo(", ".join([str(path), *(file.name for file in (*files, *pages))]))
 
 
-def write_config(settings: Config, found: Optimum, path: Path) -> Config:
+def in_steps(settings: Config, found: Optimum) -> Rounded | None:
+    """The layout in numbers that can be made; None where only the exact one keeps all."""
+    from facets.design.problem import problem_of
+    from facets.design.rounding import round_design
+
+    problem = problem_of(found.sensor, settings.layout, price_of(settings, found))
+    made = round_design(problem, found.best.x)
+    if made is None:
+        typer.echo("not rounded to what can be made: nothing near keeps all that is asked for")
+    return made
+
+
+def price_of(settings: Config, found: Optimum) -> float:
+    """What the price of the parts adds to the objective."""
+    from facets.design.branching import priced
+
+    return priced(settings.layout, found.tried[0][0].price) if found.tried else 0.0
+
+
+def write_config(settings: Config, found: Optimum, made: Rounded | None, path: Path) -> Config:
     """The layout found, written and loaded again. Exits where it does not load."""
     from facets import load
     from facets.core.errors import ConfigError
@@ -72,7 +108,7 @@ def write_config(settings: Config, found: Optimum, path: Path) -> Config:
 
     about = provenance.about(settings, settings.layout.seed)
     with tables.Whole(path) as temporary:
-        temporary.write_text(as_yaml(settings, found, about), "utf-8")
+        temporary.write_text(as_yaml(settings, found, made, path.parent, about), "utf-8")
     try:
         return load(path)
     except ConfigError as error:  # a sub-beam may miss a detector elsewhere than in the volume
@@ -96,16 +132,30 @@ def write_comparison(settings: Config, better: Config, csv: Path, picture: Path)
 
 def show_parts(found: Optimum) -> None:
     """Each choice from the catalogue, the best first."""
-    if not found.tried:
-        return
-    headings = ("detectors", "laser", "price", *found.names, "objective", "end")
+    if found.tried:
+        headings, rows = parts(found)
+        left = (0, 1, 2, len(headings) - 1)
+        show_table("parts, the best first", headings, rows[:SHOWN], left=left)
+        if len(rows) < found.choices or len(rows) > SHOWN:
+            typer.echo(
+                f"{len(rows)} of {found.choices} choices were tried; the others can not be better, "
+                "or keep not all that is asked for\n"
+            )
+
+
+def parts(found: Optimum) -> tuple[list[str], list[list[str]]]:
+    """Headings and rows of the choices that were tried."""
+    headings = ["detectors", "laser", "amplifiers", "price", "weeks", *found.names, "objective",
+                "end"]  # fmt: skip
     rows = []
     for choice, end in found.tried:
         price = "" if choice.price is None else f"{choice.price:.0f}"
+        weeks = "" if choice.delivery is None else f"{choice.delivery:g}"
         values = [f"{value:.4g}" for value in end.x]
         objective = f"{end.objective:.4g}" if end.found else "-"
-        rows.append([choice.psd, choice.laser, price, *values, objective, end.status])
-    show_table("parts, the best first", headings, rows, left=(0, 1, len(headings) - 1))
+        parted = [choice.psd, choice.laser, choice.amplifier or "-", price, weeks]
+        rows.append([*parted, *values, objective, end.status])
+    return headings, rows
 
 
 def show_starts(found: Optimum) -> None:
@@ -123,80 +173,218 @@ def refuse(found: Optimum) -> None:
         typer.echo(f"  {group}: would have to give way by {100 * gap:.3g} % of its limit")
 
 
-def show_result(settings: Config, better: Config, found: Optimum, table: dict[str, Any]) -> None:
+def show_result(
+    settings: Config,
+    better: Config,
+    found: Optimum,
+    made: Rounded | None,
+    table: dict[str, Any],
+) -> None:
     from facets.design.report import in_words
-    from facets.design.variables import present_values
 
     aim = settings.layout.aim
     if found.before == found.before:
         typer.echo(f"before: {in_words(aim, found.before)}")
     else:
         typer.echo("before: not all that is asked for is kept")
-    typer.echo(f"after:  {in_words(aim, found.best.objective)}\n")
-    now, then = present_values(settings.sensor), present_values(better.sensor)
-    for name in found.names:
-        typer.echo(f"  {name:<16} {now[name]:10.4g} -> {then[name]:.6g}")
+    typer.echo(f"after:  {in_words(aim, found.best.objective)}")
+    if made is not None:
+        typer.echo(f"        {in_words(aim, made.objective)}, in numbers that can be made")
+    typer.echo("")
+    show_table("what changes", *changes(settings, better, made, found.names), left=(0, 3))
     show_comparison(table)
 
 
+def changes(
+    settings: Config, better: Config, made: Rounded | None, names: list[str]
+) -> tuple[list[str], list[list[str]]]:
+    """Headings and rows of all keys that changed, with what each may be off by."""
+    from facets.design.changes import moved
+
+    allowed = tolerances(made, names)
+    rows = []
+    for key, before, after in moved(settings, better.sensor):
+        rows.append([key, shown(before), shown(after), allowed.get(key.rpartition(".")[2], "")])
+    return ["sensor.", "before", "after", "made to"], rows
+
+
+def shown(value: Any) -> str:
+    return f"{value:.7g}" if isinstance(value, float) else str(value)
+
+
+def tolerances(made: Rounded | None, names: list[str]) -> dict[str, str]:
+    """By the last part of a key: to what it is made, and what an error of that costs."""
+    if made is None:
+        return {}
+    found = {}
+    for name, step, cost in zip(names, made.steps, made.costs, strict=True):
+        if step:
+            worse = "breaks a limit" if cost == float("inf") else f"costs up to {cost:.2g} %"
+            found[KEYS.get(name, name)] = f"+- {step / 2:g}, which {worse}"
+    return found
+
+
+#: Variables whose key has another name.
+KEYS = {"azimuth_b_deg": "azimuth_deg"} | {
+    f"{kind}_{letter}_{key}": key
+    for kind, keys in (
+        ("facet", ("inclination_deg", "azimuth_deg")),
+        ("psd", ("radius_mm", "azimuth_deg", "height_mm", "roll_mrad", "pitch_mrad", "yaw_mrad")),
+    )
+    for letter in "abc"
+    for key in keys
+}
+
+
 def show_comparison(table: dict[str, Any]) -> None:
-    headings = ("quantity", "before", "after", "after / before", "simulated")
+    show_table("before and after: the worst over the volume (1 sigma), and symmetric ranges",
+               *comparison(table))  # fmt: skip
+
+
+def comparison(table: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
+    headings = ["quantity", "before", "after", "after / before", "simulated"]
     rows = []
     for quantity, before, after, drawn in zip(*table.values(), strict=True):
         simulated = "" if drawn != drawn else f"{drawn:.3g}"
         ratio = f"{after / before:.2f}" if before > 0 < after else ""
-        rows.append([quantity, f"{before:.3g}", f"{after:.3g}", ratio, simulated])
-    title = "before and after: the worst over the volume (1 sigma), and ranges in all"
-    typer.echo("")
-    show_table(title, headings, rows)
+        rows.append([str(quantity), f"{before:.3g}", f"{after:.3g}", ratio, simulated])
+    return headings, rows
 
 
-def show_proof(better: Config, work: int) -> None:
-    """Whether readings are proved to determine states, within so much work."""
+def prove(better: Config, work: int) -> str:
+    """In words, whether readings are proved to determine states, within so much work."""
     from facets.proof.designs import certify_design
 
     from .certificates import rounded_down
 
+    if not work:
+        return "not looked for: whether readings determine states (--certify)"
     found = certify_design(better.sensor, better.range, work)
     if isinstance(found, str):
-        typer.echo(f"not proved that readings determine states: {found}\n")
-    elif found.unique:
-        typer.echo(
+        return f"not proved that readings determine states: {found}"
+    if found.unique:
+        return (
             "proved: within the ranges of its axes no two states have the same readings; margin"
-            f" {rounded_down(found.margin)} or more, of 1 ({found.seconds:.1f} s)\n"
+            f" {rounded_down(found.margin)} or more, of 1 ({found.seconds:.1f} s)"
         )
-    else:
-        typer.echo(
-            "not proved that readings determine states within the ranges of its axes, in the work"
-            f" allowed: {found.reason or 'the inequality fails'} ({found.seconds:.1f} s);\n"
-            "`facets jacobian --certify` says more\n"
-        )
+    return (
+        "not proved that readings determine states within the ranges of its axes, in the work"
+        f" allowed: {found.reason or 'the inequality fails'} ({found.seconds:.1f} s);\n"
+        "`facets jacobian --certify` says more"
+    )
 
 
-def show_reasons(settings: Config, found: Optimum) -> None:
+def show_reasons(settings: Config, found: Optimum) -> list[list[str]]:
+    """What holds the layout back and what more would give, printed, and as rows."""
     from facets.design.report import gains, in_words
 
+    active = [
+        [f"{size:.2f}", group] for group, size in list(found.best.active_constraints.items())[:8]
+    ]
     typer.echo("what holds it back, over the strongest:")
-    for group, size in list(found.best.active_constraints.items())[:8]:
-        typer.echo(f"  {size:5.2f}  {group}")
-    more = gains(found.sensor, settings.layout, found.best.x)
+    for size, group in active:
+        typer.echo(f"  {size:>5}  {group}")
+    more = gains(found.sensor, settings.layout, found.best.x, price_of(settings, found))
     if more:
         typer.echo("\nwhat more would give:")
-    for what, objective in more.items():
-        typer.echo(f"  {what}: {in_words(settings.layout.aim, objective)}")
+    given = [[what, in_words(settings.layout.aim, value)] for what, value in more.items()]
+    for what, words in given:
+        typer.echo(f"  {what}: {words}")
     typer.echo("")
+    return [*([group, f"holds it back, {size} of the strongest"] for size, group in active), *given]
 
 
-def as_yaml(settings: Config, found: Optimum, about: dict[str, str]) -> str:
-    """The configuration it came from, with what was changed."""
-    from facets.config.geometry import written
+def as_yaml(
+    settings: Config, found: Optimum, made: Rounded | None, folder: Path, about: dict[str, str]
+) -> str:
+    """The configuration it came from, extended by what was changed."""
+    from facets.design.changes import as_extension
     from facets.design.variables import sensor_of
-    from facets.files.provenance import configuration
 
-    best = sensor_of(found.sensor, found.names, found.best.x)
-    keys = written(settings.resolved["sensor"], best)
-    keys["noise"]["position_um"] = 1000 * best.noise.position
+    best = sensor_of(found.sensor, found.names, found.best.x if made is None else made.x)
     if found.tried:
         choice = found.tried[0][0]
-        about = {**about, "parts": f"{choice.psd} {choice.laser}"}
-    return configuration(settings, keys, about)
+        about = {**about, "parts": choice.names}
+    return as_extension(settings, best, folder, about, tolerances(made, found.names))
+
+
+#: Choices of parts in a table, at most.
+SHOWN = 24
+
+
+@dataclass(frozen=True)
+class Story:
+    """All that the report tells."""
+
+    settings: Config
+    better: Config
+    found: Optimum
+    made: Rounded | None
+    table: dict[str, Any]
+    reasons: list[list[str]]
+    proof: str
+
+
+def write_report(story: Story, page: Path, scene: Path) -> None:
+    """The page, and the scene for a mechanical designer."""
+    import numpy as np
+
+    from facets.design.report import in_words
+    from facets.files.provenance import command_line
+    from facets.files.tables import Whole
+    from facets.pictures.design_report import report
+    from facets.pictures.render import Picture
+
+    picture = Picture(story.better.sensor, np.zeros(8), "rig")
+    picture.save(scene)
+    picture.close()
+    best = story.found.best.objective if story.made is None else story.made.objective
+    words = in_words(story.settings.layout.aim, best)
+    summary = f"{words[0].upper()}{words[1:]}."
+    origin = f"{command_line()}; sha256 of the configuration {story.settings.sha256[:12]}"
+    with Whole(page) as temporary:
+        text = report(story.settings.name, summary, sections(story, scene), origin)
+        temporary.write_text(text, "utf-8")
+
+
+def sections(story: Story, scene: Path) -> list[Section]:
+    from facets.pictures.design_report import Section, inline
+    from facets.pictures.head_drawing import drawing
+    from facets.pictures.layout import layout_picture
+
+    asked = Section("What was asked for", rows=requirement(story.settings))
+    changed = Section(
+        "What changes", (), *changes(story.settings, story.better, story.made, story.found.names),
+        wide=True,
+    )  # fmt: skip
+    head = Section(
+        "The head", (f"Lengths in mm. {scene.name} has it in three dimensions, with beams.",),
+        drawing=drawing(story.better.sensor),
+    )  # fmt: skip
+    compared = Section(
+        "Before and after", ("The worst over the volume (1 sigma), and symmetric ranges.",),
+        *comparison(story.table),
+    )  # fmt: skip
+    bars = Section("The same, drawn", drawing=inline(layout_picture(story.table), "bars"))
+    reasons = Section("What holds it back, and what more would give", rows=story.reasons)
+    found = [asked, head, changed, compared, bars, reasons]
+    if story.found.tried:
+        found.append(Section("Parts", (), *parts(story.found)))
+    found.append(Section("Are readings unique?", (story.proof,)))
+    return found
+
+
+def requirement(settings: Config) -> list[list[str]]:
+    """What the block `optimize` asks for, as rows."""
+    asked = settings.resolved["optimize"]
+    rows = [["aim", str(asked["aim"])], ["the beam", str(asked["beam"])]]
+    for block, words in (("volume", "volume, +-"), ("unit", "counts as 1"), ("limit", "at most")):
+        values = [f"{key} {value:g}" for key, value in asked[block].items() if value]
+        if values:
+            rows.append([words, ", ".join(values)])
+    if asked["head_mm"]:
+        rows.append(["head, mm", f"at most {asked['head_mm']:g}"])
+    rows.append(["power on a detector, uW", f"at least {asked['least_power_uw']:g}"])
+    bounds = [f"{key} {low:g} to {high:g}" for key, (low, high) in
+              ((k, v) for k, v in asked["variables"].items() if v)]  # fmt: skip
+    return [*rows, ["may vary", ", ".join(bounds)]]

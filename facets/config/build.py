@@ -12,6 +12,7 @@ from ..core.rules import Rules
 from ..core.sensor import Apertures, Electronics, Imperfections, Noise, Sensor
 from ..core.settings import (
     Acquire,
+    AmplifierPart,
     Calibrate,
     LaserPart,
     Layout,
@@ -181,12 +182,19 @@ def layout(keys: dict[str, Any]) -> Layout:
                 part["size_mm"],
                 None if part["position_um"] is None else part["position_um"] / 1000,
                 part["price"],
+                part["delivery_weeks"],
             )
             for name, part in keys["parts"]["psds"].items()
         },
         lasers={
-            name: LaserPart(part["power_mw"], part["diameter_mm"], part["price"])
+            name: LaserPart(
+                part["power_mw"], part["diameter_mm"], part["price"], part["delivery_weeks"]
+            )
             for name, part in keys["parts"]["lasers"].items()
+        },
+        amplifiers={
+            name: AmplifierPart(part["power_uw"] / 1000, part["price"], part["delivery_weeks"])
+            for name, part in keys["parts"]["amplifiers"].items()
         },
         aim=keys["aim"],
         weights={name.replace("_", "-"): w for name, w in keys["weights"].items() if w},

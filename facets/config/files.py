@@ -10,7 +10,10 @@ from .yaml_positions import Marked, read, shown
 
 SUFFIXES = (".yaml", ".yml", ".json")
 #: Blocks whose keys are names that the user gives.
-NAMED = (("motions",), ("optimize", "parts", "psds"), ("optimize", "parts", "lasers"))
+NAMED = (
+    ("motions",),
+    *(("optimize", "parts", kind) for kind in ("psds", "lasers", "amplifiers")),
+)
 
 
 def shipped() -> dict[str, Path]:

@@ -70,6 +70,7 @@ class PsdPart(Section):
         None, gt=0, le=1000, description="its noise, as sensor.noise.position_um; if left out that"
     )
     price: float | None = Field(None, ge=0, le=1e9, description="of one, in any money")
+    delivery_weeks: float | None = Field(None, ge=0, le=1000, description="until it is there")
 
 
 class LaserPart(Section):
@@ -78,16 +79,28 @@ class LaserPart(Section):
     power_mw: float = Field(gt=0, le=1000, description="laser power")
     diameter_mm: float = Field(gt=0, le=1000, description="1/e^2 diameter of its round beam")
     price: float | None = Field(None, ge=0, le=1e9, description="in the same money")
+    delivery_weeks: float | None = Field(None, ge=0, le=1000, description="until it is there")
+
+
+class AmplifierPart(Section):
+    """Amplifiers and converter that can be had, for all three detectors."""
+
+    power_uw: float = Field(gt=0, le=1e6, description="noise of a power, as sensor.noise.power_uw")
+    price: float | None = Field(None, ge=0, le=1e9, description="of all, in the same money")
+    delivery_weeks: float | None = Field(None, ge=0, le=1000, description="until they are there")
 
 
 class Parts(Section):
-    """A catalogue: where detectors or lasers are listed, the best of them are taken."""
+    """A catalogue: of each kind that is listed, the best is taken."""
 
     psds: Annotated[dict[Name, PsdPart], BeforeValidator(empty_if_none)] = Field(
         {}, description="name: detector; three of the same"
     )
     lasers: Annotated[dict[Name, LaserPart], BeforeValidator(empty_if_none)] = Field(
         {}, description="name: laser"
+    )
+    amplifiers: Annotated[dict[Name, AmplifierPart], BeforeValidator(empty_if_none)] = Field(
+        {}, description="name: amplifiers"
     )
 
 
@@ -99,6 +112,7 @@ class Weights(Section):
     range: float = Field(0, ge=0, le=1e6, description="how many times as large the volume is")
     size: float = Field(0, ge=0, le=1e6, description="diameter of the head, 100 mm")
     condition: float = Field(0, ge=0, le=1e6, description="worst condition number, decades")
+    price: float = Field(0, ge=0, le=1e6, description="of the parts, thousands; none for unknown")
 
 
 class Optimize(Section):

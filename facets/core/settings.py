@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -153,11 +153,15 @@ class Stage:
 
 @dataclass(frozen=True)
 class PsdPart:
-    """A detector that can be had.  size: mm.  position: noise, mm, None as the sensor's."""
+    """A detector that can be had.  size: mm.  position: noise, mm, None as the sensor's.
+
+    price: of one, None where it is not known; as of all parts.  delivery: weeks, likewise.
+    """
 
     size: float
     position: float | None
     price: float | None
+    delivery: float | None = None
 
 
 @dataclass(frozen=True)
@@ -167,6 +171,16 @@ class LaserPart:
     power: float
     diameter: float
     price: float | None
+    delivery: float | None = None
+
+
+@dataclass(frozen=True)
+class AmplifierPart:
+    """Amplifiers that can be had, for all detectors.  power: noise of a power, mW."""
+
+    power: float
+    price: float | None
+    delivery: float | None = None
 
 
 @dataclass(frozen=True)
@@ -177,7 +191,7 @@ class Layout:
     of the beam's offset (8,), mm and rad.  unit, limit: (6,) um and urad, infinite where not given.
     head: mm, infinite where it may be any.  least_power: mW.  weights: of the aims, where they
     are weighted.
-    psds, lasers: the parts that can be had, by name; empty where any can.
+    psds, lasers, amplifiers: the parts that can be had, by name; empty where any can.
     """
 
     variables: dict[str, tuple[float, float]]
@@ -193,6 +207,12 @@ class Layout:
     following: bool
     starts: int
     seed: int
+    amplifiers: dict[str, AmplifierPart] = field(default_factory=dict)
+
+    @property
+    def has_parts(self) -> bool:
+        """Whether a catalogue is laid under the search."""
+        return bool(self.psds or self.lasers or self.amplifiers)
 
     @property
     def aims(self) -> dict[str, float]:

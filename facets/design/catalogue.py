@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING
@@ -15,30 +15,68 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Choice:
-    """Parts from the catalogue, "" where it has none of the kind.  price: of three detectors and
-    the laser, None where one is not known."""
+    """Parts from the catalogue, "" where it has none of the kind.  price: of three detectors, the
+    laser and the amplifiers, None where one is not known.  delivery: weeks until all are there,
+    None where one is not known."""
 
     psd: str
     laser: str
     price: float | None
+    amplifier: str = ""
+    delivery: float | None = None
+
+    @property
+    def names(self) -> str:
+        return " ".join(name for name in (self.psd, self.laser, self.amplifier) if name)
+
+
+def total(prices: Iterable[float | None]) -> float | None:
+    """The sum; None where one is not known, or there is none."""
+    known = list(prices)
+    return None if not known or None in known else sum(price for price in known if price)
 
 
 def choices(sensor: Sensor, layout: Layout) -> Iterator[tuple[Choice, Sensor]]:
     """Every choice of parts and the sensor with it."""
-    for psd, laser in product(layout.psds or [""], layout.lasers or [""]):
-        made, prices = sensor, []
-        if psd:
-            part = layout.psds[psd]
-            prices.append(None if part.price is None else 3 * part.price)
-            a, b, c = (replace(p, size_y=part.size, size_z=part.size) for p in made.psds)
-            position = made.noise.position if part.position is None else part.position
-            made = replace(made, psds=(a, b, c), noise=replace(made.noise, position=position))
-        if laser:
-            source = layout.lasers[laser]
-            prices.append(source.price)
-            beam = replace(made.beam, power=source.power)
-            if "diameter_mm" not in layout.variables:  # else a telescope makes it
-                beam = replace(beam, diameter_x=source.diameter, diameter_y=source.diameter)
-            made = replace(made, beam=beam)
-        known = [price for price in prices if price is not None]
-        yield Choice(psd, laser, sum(known) if len(known) == len(prices) else None), made
+    kinds = (layout.psds or [""], layout.lasers or [""], layout.amplifiers or [""])
+    for psd, laser, amplifier in product(*kinds):
+        yield (
+            choice_of(layout, psd, laser, amplifier),
+            with_parts(sensor, layout, psd, laser, amplifier),
+        )
+
+
+def choice_of(layout: Layout, psd: str, laser: str, amplifier: str) -> Choice:
+    prices: list[float | None] = []
+    waits: list[float | None] = []
+    if psd:
+        one = layout.psds[psd]
+        prices.append(None if one.price is None else 3 * one.price)
+        waits.append(one.delivery)
+    for name, parts in ((laser, layout.lasers), (amplifier, layout.amplifiers)):
+        if name:
+            prices.append(parts[name].price)
+            waits.append(parts[name].delivery)
+    known = [wait for wait in waits if wait is not None]
+    latest = max(known) if known and len(known) == len(waits) else None
+    return Choice(psd, laser, total(prices), amplifier, latest)
+
+
+def with_parts(sensor: Sensor, layout: Layout, psd: str, laser: str, amplifier: str) -> Sensor:
+    """The sensor with the named parts, "" for what it has."""
+    made = sensor
+    if psd:
+        part = layout.psds[psd]
+        a, b, c = (replace(p, size_y=part.size, size_z=part.size) for p in made.psds)
+        position = made.noise.position if part.position is None else part.position
+        made = replace(made, psds=(a, b, c), noise=replace(made.noise, position=position))
+    if amplifier:
+        power = layout.amplifiers[amplifier].power
+        made = replace(made, noise=replace(made.noise, power=power))
+    if laser:
+        source = layout.lasers[laser]
+        beam = replace(made.beam, power=source.power)
+        if "diameter_mm" not in layout.variables:  # else a telescope makes it
+            beam = replace(beam, diameter_x=source.diameter, diameter_y=source.diameter)
+        made = replace(made, beam=beam)
+    return made

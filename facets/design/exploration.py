@@ -187,10 +187,13 @@ def meets(sensor: Sensor, layout: Layout, states: Floats) -> bool:
     return bool((sigma <= layout.limit).all())
 
 
-def looked_at(space: Space, x: Floats, rivals: Floats = NO_RIVALS) -> tuple[int, Floats]:
+def looked_at(
+    space: Space, x: Floats, rivals: Floats = NO_RIVALS, tolerance: float = FINE_ENOUGH
+) -> tuple[int, Floats]:
     """Why a design is skipped, by its place in SKIPPED, and its measures, NaN where it is.
 
     rivals: measures (n, MEASURES) of designs that it is held against; none to look at it in full.
+    tolerance: of its ranges, in units of `ranges.FARTHEST`.
     """
     why, values, sensor = at_rest(space, x)
     if sensor is None:
@@ -201,7 +204,7 @@ def looked_at(space: Space, x: Floats, rivals: Floats = NO_RIVALS) -> tuple[int,
         return OUTSIDE[int(clear.argmin())], values
     if len(rivals) and is_beaten(space, sensor, rules, values, rivals):
         return 5, values
-    found = axis_ranges(sensor, rules, np.zeros(6), FINE_ENOUGH)
+    found = axis_ranges(sensor, rules, np.zeros(6), tolerance)
     values[AT_RANGES] = FAR * np.array([axis.symmetric for axis in found])
     return 0, values
 

@@ -1,51 +1,83 @@
-"""A layout problem as casadi takes it: variables, constraints with names, and what is made small.
+"""A layout problem: variables, constraints with names, and what is made small.
 
 The largest of what is asked for over the volume is pushed down by a slack variable (minimax). What
 a layout must keep are constraints with names, so that the search can say in words what holds the
 best layout back, or what can not be met.
+
+The model's text is written down once with casadi's symbols and run from then on as a tape, which
+gives values with their first and second derivatives (`tape`). A constraint is one output of the
+tape at one state; the search holds only those that matter (`search`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.names import POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from .variables import Outcome, heads_of, outcome, with_values
+from .tape import Tape, tape_of
+from .variables import Outcome, heads_of, outcome_of, with_values
 from .volume import states_of
 
 if TYPE_CHECKING:
     from ..core.settings import Layout
 
 
-#: IPOPT's own tolerance.
-TOLERANCE = 1e-8
 EDGES = ("-y", "+y", "-z", "+z")
 #: What the slack of an aim, or the scale of the volume, starts from; for an aim that needs one.
 GUESS = {"resolution": 100.0, "condition": 10.0, "size": 100.0, "range": 0.3}
+Integers = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class Limit:
-    """One group of constraints: what it is about, and values that must not fall below zero."""
+class Wanted(NamedTuple):
+    """One output of the tape that must not fall below zero, or below that less a slack.
+
+    group: what it is about.  value: in casadi's symbols.  slack: the aim whose unknown is added,
+    "" for none.  states: at which of the problem's states, by their numbers; None for all.
+    """
 
     group: str
     value: Any
+    slack: str = ""
+    states: Sequence[int] | None = None
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Constraints, one a row: which output of the tape at which state, in which group, and which
+    unknown is added to it, -1 for none."""
+
+    state: Integers
+    output: Integers
+    group: Integers
+    slack: Integers
+
+    def __len__(self) -> int:
+        return len(self.state)
+
+    def of(self, which: Any) -> Rows:
+        """Some of them."""
+        return Rows(self.state[which], self.output[which], self.group[which], self.slack[which])
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What is to be found, in casadi's symbols; from `problem_of`.
+    """What is to be found; from `problem_of`.
 
     names: of the variables.  low, high: their bounds, in the units of their names.
-    extras: the aims that have an unknown of their own, a slack or the scale of the volume.
-    unknown: the variables as shares of their bounds, then the extras.
-    limits: what must be kept.  objective: what is made small.
+    extras: the aims that have an unknown of their own, a slack or the scale of the volume. The
+    unknowns are the variables as shares of their bounds, then these.
+    tape: of some of the unknowns, those whose places are `on_tape`, at a state.  states (m, ...).
+    groups: names of the constraints.  rows: all of them.  averaged: outputs whose mean over the
+    states is an aim.  aims: how much each counts; `weighted` where they are added up.
+    constant: what the parts' price adds to the objective.
     """
 
     sensor: Sensor
@@ -53,14 +85,39 @@ class Problem:
     low: Floats
     high: Floats
     extras: list[str]
-    unknown: Any
-    limits: list[Limit]
-    objective: Any
+    tape: Tape
+    on_tape: Integers
+    states: Floats
+    groups: list[str]
+    rows: Rows
+    averaged: Integers
+    aims: dict[str, float]
+    weighted: bool
+    constant: float = 0.0
+
+    @property
+    def count(self) -> int:
+        """Of the unknowns."""
+        return len(self.names) + len(self.extras)
 
     def first_guess(self, start: Floats) -> Floats:
-        """The unknowns at a start: the slack above what it has to be above, the scale small."""
+        """The unknowns at a start: each slack just above what it has to be, the scale small."""
         shares = (start - self.low) / (self.high - self.low)
-        return np.append(shares, [GUESS[aim] for aim in self.extras])
+        return self.with_slacks(np.append(shares, [GUESS[aim] for aim in self.extras]))
+
+    def with_slacks(self, unknowns: Floats, spare: float = 1.1) -> Floats:
+        """The unknowns with slacks that keep what they are for, `spare` times what they have to."""
+        found = unknowns.copy()
+        values = self.values(unknowns)
+        for n, aim in enumerate(self.extras):
+            mine = self.rows.slack == len(self.names) + n
+            if mine.any():
+                short = unknowns[len(self.names) + n] - values[mine].min()
+                known = np.isfinite(short)
+                found[len(self.names) + n] = (
+                    max(short, 0.0) * spare if known else GUESS.get(aim, 1.0)
+                )
+        return found
 
     def values_at(self, unknowns: Floats) -> Floats:
         """The variables, in the units of their names."""
@@ -68,43 +125,72 @@ class Problem:
 
     def bounds(self) -> tuple[Floats, Floats]:
         """Of the unknowns."""
-        low, high = np.zeros(self.unknown.numel()), np.ones(self.unknown.numel())
+        low, high = np.zeros(self.count), np.ones(self.count)
         high[len(self.names) :] = np.inf
         return low, high
 
-    def solver(self) -> Any:
-        """IPOPT for the problem."""
-        import casadi as ca
+    def values(self, unknowns: Floats) -> Floats:
+        """What all constraints are; those that are kept are not below zero."""
+        found = self.tape(unknowns[self.on_tape], self.states)[self.rows.state, self.rows.output, 0]
+        values: Floats = found + np.where(self.rows.slack >= 0, unknowns[self.rows.slack], 0.0)
+        return values
 
-        options: dict[str, Any] = {
-            "ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.tol": TOLERANCE,
-            "ipopt.max_iter": 300, "ipopt.bound_relax_factor": 0.0,
-            "ipopt.hessian_approximation": "exact", "error_on_fail": False,
-        }  # fmt: skip
-        constraints = ca.vertcat(*[limit.value for limit in self.limits])
-        problem = {"x": self.unknown, "f": self.objective, "g": constraints}
-        return ca.nlpsol("layout", "ipopt", problem, options)
+    def at(self, unknowns: Floats, rows: Rows) -> tuple[Floats, Floats, Floats]:
+        """Values (r,) of some rows, gradients (r, count) and Hessians (r, count, count)."""
+        which, place = np.unique(rows.state, return_inverse=True)
+        found = self.tape(unknowns[self.on_tape], self.states[which], 2)[place, rows.output]
+        values, gradients, hessians = self.expanded(found)
+        bound = rows.slack >= 0
+        values += np.where(bound, unknowns[rows.slack], 0.0)
+        gradients[np.flatnonzero(bound), rows.slack[bound]] = 1.0
+        return values, gradients, hessians
 
-    def elastic_solver(self) -> Any:
-        """IPOPT for how far each group has to give way: the least sum of shortfalls."""
-        import casadi as ca
+    def expanded(self, found: Floats) -> tuple[Floats, Floats, Floats]:
+        """Coefficients (r, ...) of the tape, as values, gradients and Hessians by all unknowns."""
+        known = self.on_tape
+        n = len(known)
+        gradients = np.zeros((len(found), self.count))
+        gradients[:, known] = found[:, 1 : n + 1]
+        hessians = np.zeros((len(found), self.count, self.count))
+        one, other = (known[i] for i in np.triu_indices(n))
+        hessians[:, one, other] = hessians[:, other, one] = found[:, n + 1 :]
+        return found[:, 0].copy(), gradients, hessians
 
-        shortfall = ca.MX.sym("e", len(self.limits))
-        parts = [limit.value + shortfall[n] for n, limit in enumerate(self.limits)]
-        problem = {
-            "x": ca.vertcat(self.unknown, shortfall),
-            "f": ca.sum1(shortfall),
-            "g": ca.vertcat(*parts),
-        }
-        options: dict[str, Any] = {"ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes"}
-        return ca.nlpsol("elastic", "ipopt", problem, options)
+    def objective(self, unknowns: Floats) -> tuple[float, Floats, Floats]:
+        """What is made small, its gradient and its Hessian."""
+        value, gradient = self.constant, np.zeros(self.count)
+        hessian = np.zeros((self.count, self.count))
+        for aim, weight in self.aims.items():
+            cost, slope, bend = self.cost(aim, unknowns)
+            if self.weighted and aim in ("resolution", "mean-resolution"):
+                # what is added up is uncertainty, not variance
+                root = np.sqrt(max(cost, 1e-300))
+                bend = bend / (2 * root) - np.outer(slope, slope) / (4 * root**3)
+                cost, slope = root, slope / (2 * root)
+            value += weight * cost
+            gradient += weight * slope
+            hessian += weight * bend
+        return value, gradient, hessian
+
+    def cost(self, aim: str, unknowns: Floats) -> tuple[float, Floats, Floats]:
+        """What one aim makes small, its gradient and its Hessian."""
+        if aim == "mean-resolution":
+            found = self.tape(unknowns[self.on_tape], self.states, 2)[:, self.averaged]
+            mean = found.mean(axis=(0, 1))[None]
+            value, gradient, hessian = self.expanded(mean)
+            return float(value[0]), gradient[0], hessian[0]
+        place = len(self.names) + self.extras.index(aim)
+        sign = -1.0 if aim.startswith("range") else 1.0
+        gradient = np.zeros(self.count)
+        gradient[place] = sign
+        return sign * float(unknowns[place]), gradient, np.zeros((self.count, self.count))
 
 
-def require_supported(sensor: Sensor, layout: Layout) -> None:
+def require_supported(sensor: Sensor, layout: Layout, command: str = "optimize") -> None:
     """Raises `InputError` where the problem would leave out something that the sensor has."""
     if sensor.electronics is not None or sensor.apertures.cut or sensor.light.on:
         raise InputError(
-            "facets optimize knows no sensor.apertures, no sensor.light and no `noise.model: "
+            f"facets {command} knows no sensor.apertures, no sensor.light and no `noise.model: "
             "electronics`; "
             "leave them out to find a layout, then see what they change by facets resolution"
         )
@@ -117,97 +203,102 @@ def require_supported(sensor: Sensor, layout: Layout) -> None:
         raise InputError("optimize.variables is empty: nothing may change")
 
 
-def problem_of(sensor: Sensor, layout: Layout) -> Problem:
-    """The problem that a configuration's block `optimize` states; raises `InputError`."""
+def problem_of(sensor: Sensor, layout: Layout, constant: float = 0.0) -> Problem:
+    """The problem that a configuration's block `optimize` states; raises `InputError`.
+
+    constant: what the parts' price adds to the objective.
+    """
     import casadi as ca
 
     require_supported(sensor, layout)
     names = list(layout.variables)
     low, high = np.array([layout.variables[name] for name in names]).T
     extras = [aim for aim in GUESS if aim in layout.aims]
-    unknown = ca.MX.sym("x", len(names) + len(extras))
+    unknown = ca.SX.sym("x", len(names) + ("range" in extras))
+    at_one = ca.SX.sym("s", 8)
+    scale = unknown[len(names)] if "range" in extras else 1.0
     x = [low[i] + (high[i] - low[i]) * unknown[i] for i in range(len(names))]
-    extra = {aim: unknown[len(names) + n] for n, aim in enumerate(extras)}
     parameters, sizes = with_values(sensor, names, x)
-    states = states_of(layout, extra.get("range", 1.0))
-    results = outcome(sensor).map(len(states))(
-        ca.repmat(ca.vertcat(*parameters), 1, len(states)),
-        ca.repmat(ca.vertcat(*sizes), 1, len(states)),
-        ca.horzcat(*[ca.vertcat(*state) for state in states]),
-        0.0,
-    )
+    state = tuple(at_one[i] * scale for i in range(8))
+    found = outcome_of(sensor, tuple(map(ca.SX, parameters)), sizes, state, 0.0)
     heads = heads_of(parameters)
-    limits = requirements(layout, results, heads, sizes)
-    costs, below = costs_of(layout, results, heads, extra)
-    objective = weighted(layout, costs)
-    return Problem(sensor, names, low, high, extras, unknown, [*limits, *below], objective)
+    wanted = [*requirements(layout, found, heads, sizes), *aimed_at(layout, found, heads)]
+    means = variances_over_units(layout, found) if "mean-resolution" in layout.aims else {}
+    outputs = ca.vertcat(*[each.value for each in wanted], *means.values())
+    states = np.array(states_of(layout, 1.0), dtype=float)
+    groups = list(dict.fromkeys(each.group for each in wanted))
+    return Problem(
+        sensor, names, low, high, extras,
+        tape_of(unknown, at_one, outputs), known_to_tape(names, extras), states, groups,
+        rows_of(wanted, groups, extras, len(names), len(states)),
+        np.arange(len(wanted), len(wanted) + len(means)),
+        {aim: weight for aim, weight in layout.aims.items() if aim != "price"},
+        layout.aim == "weighted", constant,
+    )  # fmt: skip
 
 
-def requirements(layout: Layout, results: Any, heads: list[Any], sizes: Any) -> list[Limit]:
+def known_to_tape(names: list[str], extras: list[str]) -> Integers:
+    """The places of the variables, and of the scale of the volume."""
+    scale = [len(names) + n for n, aim in enumerate(extras) if aim == "range"]
+    return np.array([*range(len(names)), *scale])
+
+
+def rows_of(
+    wanted: list[Wanted], groups: list[str], extras: list[str], variables: int, states: int
+) -> Rows:
+    """A row for each output and state; for an output that is the same at every state, one."""
+    rows = [
+        (state, output, groups.index(each.group),
+         variables + extras.index(each.slack) if each.slack else -1)
+        for output, each in enumerate(wanted)
+        for state in (range(states) if each.states is None else each.states)
+    ]  # fmt: skip
+    return Rows(*np.array(rows, dtype=np.int64).T)
+
+
+def requirements(
+    layout: Layout, found: list[Any], heads: list[Any], sizes: list[Any]
+) -> list[Wanted]:
     """What every layout must keep: each value at least zero, all of order one."""
-    import casadi as ca
-
-    power = results[Outcome.POWERS, :].T / layout.least_power - 1
-    kept = [Limit("power on a detector", ca.reshape(power, power.numel(), 1))]
+    kept = [
+        Wanted("power on a detector", power / layout.least_power - 1)
+        for power in found[Outcome.POWERS]
+    ]
     half = np.mean([size for size in sizes if isinstance(size, float)] or [1.0]) / 2
     for k, letter in enumerate("ABC"):
         for e, edge in enumerate(EDGES):
-            clearance = results[Outcome.CLEARANCES.start + 4 * k + e, :].T / half
-            kept.append(Limit(f"spot on PSD {letter}, {edge} edge", clearance))
+            clearance = found[Outcome.CLEARANCES.start + 4 * k + e] / half
+            kept.append(Wanted(f"spot on PSD {letter}, {edge} edge", clearance))
     for i, name in enumerate(POSE):
         limit = layout.limit[i]
         if np.isfinite(limit):
-            fine = 1 - results[i, :].T / limit**2
-            kept.append(Limit(f"uncertainty of {name}", fine))
+            kept.append(Wanted(f"uncertainty of {name}", 1 - found[i] / limit**2))
     if np.isfinite(layout.head):
-        kept.append(Limit("size of the head", 1 - ca.vertcat(*heads) / layout.head))
+        kept += [Wanted("size of the head", 1 - head / layout.head, states=(0,)) for head in heads]
     return kept
 
 
-def costs_of(
-    layout: Layout, results: Any, heads: list[Any], extra: dict[str, Any]
-) -> tuple[dict[str, Any], list[Limit]]:
-    """What each aim makes small, by its name; and what must stay below the slacks for that."""
+def aimed_at(layout: Layout, found: list[Any], heads: list[Any]) -> list[Wanted]:
+    """What must stay below the slack of each aim."""
     import casadi as ca
 
-    costs, below = {}, []
-    if layout.aims.keys() & {"resolution", "mean-resolution"}:
-        parts = variances_over_units(layout, results)
+    below = []
     if "resolution" in layout.aims:
-        for i, part in parts.items():
+        for i, part in variances_over_units(layout, found).items():
             what = f"uncertainty of {POSE[i]} as low as it can be"
-            below.append(Limit(what, extra["resolution"] - part))
-        costs["resolution"] = extra["resolution"]
-    if "mean-resolution" in layout.aims:
-        every = ca.vertcat(*parts.values())
-        costs["mean-resolution"] = ca.sum1(every) / every.numel()
+            below.append(Wanted(what, -part, "resolution"))
     if "size" in layout.aims:
-        for head in heads:
-            what = "size of the head as low as it can be"
-            below.append(Limit(what, extra["size"] - head / 100))
-        costs["size"] = extra["size"]
+        what = "size of the head as low as it can be"
+        below += [Wanted(what, -head / 100, "size", states=(0,)) for head in heads]
     if "condition" in layout.aims:
-        decades = ca.log(results[Outcome.CONDITION, :].T) / np.log(10) / 2
-        what = "conditioning as good as it can be"
-        below.append(Limit(what, extra["condition"] - decades))
-        costs["condition"] = extra["condition"]
-    if "range" in layout.aims:
-        costs["range"] = -extra["range"]
-    return costs, below
+        decades = ca.log(found[Outcome.CONDITION.start]) / np.log(10) / 2
+        below.append(Wanted("conditioning as good as it can be", -decades, "condition"))
+    return below
 
 
-def variances_over_units(layout: Layout, results: Any) -> dict[int, Any]:
-    """By axis of the pose, its variance at each state over the square of the unit asked for."""
+def variances_over_units(layout: Layout, found: list[Any]) -> dict[int, Any]:
+    """By axis of the pose, its variance over the square of the unit asked for."""
     axes = [i for i in range(6) if np.isfinite(layout.unit[i])]
-    if not axes:
+    if not axes and layout.aims.keys() & {"resolution", "mean-resolution"}:
         raise InputError("optimize.unit names no axis: there is nothing to be made fine")
-    return {i: results[i, :].T / layout.unit[i] ** 2 for i in axes}
-
-
-def weighted(layout: Layout, costs: dict[str, Any]) -> Any:
-    """The one cost, or the sum of several by their weights."""
-    if layout.aim != "weighted":
-        return costs[layout.aim]
-    for squared in costs.keys() & {"resolution", "mean-resolution"}:
-        costs[squared] = costs[squared] ** 0.5  # what is added up is uncertainty, not variance
-    return sum(layout.aims[aim] * cost for aim, cost in costs.items())
+    return {i: found[i] / layout.unit[i] ** 2 for i in axes}

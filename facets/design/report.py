@@ -32,8 +32,11 @@ def in_words(aim: str, objective: float) -> str:
     return f"a head of {100 * objective:.4g} mm"
 
 
-def gains(sensor: Sensor, layout: Layout, best: Floats) -> dict[str, float]:
-    """The objective if what may not vary were a little more, solved again from the optimum."""
+def gains(sensor: Sensor, layout: Layout, best: Floats, constant: float = 0.0) -> dict[str, float]:
+    """The objective if what may not vary were a little more, solved again from the optimum.
+
+    constant: what the parts' price adds to it.
+    """
     tried: dict[str, tuple[Sensor, Layout]] = {}
     if "size_mm" not in layout.variables and not layout.psds:
         wider = [replace(p, size_y=p.size_y + 1, size_z=p.size_z + 1) for p in sensor.psds]
@@ -46,8 +49,7 @@ def gains(sensor: Sensor, layout: Layout, best: Floats) -> dict[str, float]:
         tried["10 mm more head"] = (sensor, replace(layout, head=layout.head + 10))
     found = {}
     for what, (other, asked) in tried.items():
-        problem = problem_of(other, asked)
-        result = solve_from(problem, problem.solver(), best)
+        result = solve_from(problem_of(other, asked, constant), best)
         if result.found:
             found[what] = result.objective
     return found

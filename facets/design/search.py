@@ -1,28 +1,42 @@
-"""The best layout over a volume, by casadi's IPOPT from several starts, and why it is no better."""
+"""The best layout over a volume, by casadi's IPOPT from several starts, and why it is no better.
+
+Of some thousand constraints a handful hold the best layout back. So IPOPT is given those that are
+nearest to being broken, all are asked where it ends, and those that are broken there join the
+others until none is: the end is the same, as no constraint that was left out would press on it.
+"""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from .catalogue import Choice, choices
-from .interruption import run_solver
-from .problem import Problem, problem_of
+from .branching import best_parts, priced
+from .catalogue import Choice, choices, with_parts
+from .problem import Problem, Rows, problem_of
 from .variables import present_values
 
 if TYPE_CHECKING:
     from ..core.settings import Layout
+    from .ipopt import Result
 
 
 #: A multiplier smaller than this, over the largest, holds nothing back.
 ACTIVE = 1e-4
 #: How far below zero a constraint may be: IPOPT's tolerance, with a margin for its scaling.
 SLACK = 1e-6
+#: By how much a constraint that IPOPT does not know may be broken before it is told.
+UNNOTICED = 1e-9
+#: Constraints of a group that IPOPT is given at first, and each time; and how many times at most.
+NEAREST, ROUNDS = 3, 40
+#: A catalogue of no more choices is tried whole.
+TRIED = 24
 
 
 @dataclass
@@ -51,7 +65,7 @@ class Optimum:
 
     names: of the variables.  before: the objective as it was, or NaN where the sensor did not keep
     the constraints.  sensor: with the best of the parts.  tried: each choice of parts and where it
-    ended, the best first; empty without a catalogue.
+    ended, the best first; empty without a catalogue.  choices: how many there are.
     """
 
     names: list[str]
@@ -59,17 +73,21 @@ class Optimum:
     before: float
     sensor: Sensor
     tried: list[tuple[Choice, StartResult]] = field(default_factory=list)
+    choices: int = 0
 
     @property
     def best(self) -> StartResult:
         return self.results[0]
 
 
-def optimize(sensor: Sensor, layout: Layout) -> Optimum:
+def optimize(
+    sensor: Sensor, layout: Layout, tell: Callable[[int, int], None] = lambda done, whole: None
+) -> Optimum:
     """The best layout that several starts find.
 
     sensor: as it is now.  layout: what may vary, the volume, the limits and the aim; a
-    configuration's block `optimize`, `Config.layout`.  With a catalogue each choice of parts is
+    configuration's block `optimize`, `Config.layout`.  tell: is called with how many searches have
+    ended, and of how many.  With a catalogue each choice of parts is
     tried from the sensor as it is, and the best of them from all starts. Where no start keeps all
     limits, `best.found` is false and `best.shortfalls` says which stand against each other.
     Raises `InputError` where nothing may vary, or the sensor has what the problem can not hold.
@@ -84,19 +102,47 @@ def optimize(sensor: Sensor, layout: Layout) -> Optimum:
     """
     tried: list[tuple[Choice, StartResult]] = []
     problem = problem_of(sensor, layout)
-    solver = problem.solver()
-    before = objective_at(problem, solver)
-    if layout.psds or layout.lasers:
-        made = dict(choices(sensor, layout))
-        tried = [(choice, solve_from_present(other, layout)) for choice, other in made.items()]
-        tried.sort(key=lambda pair: (not pair[1].found, pair[1].objective, pair[0].price or 0))
-        problem = problem_of(made[tried[0][0]], layout)
-        solver = problem.solver()
-    results = [solve_from(problem, solver, start) for start in starts_of(problem, layout)]
+    before = objective_at(problem)
+    looked_at = count_of_choices = 0
+    if layout.has_parts:
+        tried, count_of_choices = choose(sensor, layout, tell)
+        looked_at, best = len(tried), tried[0][0]
+        parted = with_parts(sensor, layout, best.psd, best.laser, best.amplifier)
+        problem = problem_of(parted, layout, priced(layout, best.price))
+    results: list[StartResult] = []
+    for start in starts_of(problem, layout):
+        tell(looked_at + len(results), looked_at + layout.starts)
+        results.append(solve_from(problem, start))
     results.sort(key=lambda result: (not result.found, result.objective))
     if not results[0].found:
         results[0].shortfalls = shortfalls_of(problem, results[0].start)
-    return Optimum(problem.names, results, before, problem.sensor, tried)
+    return Optimum(problem.names, results, before, problem.sensor, tried, count_of_choices)
+
+
+def choose(
+    sensor: Sensor, layout: Layout, tell: Callable[[int, int], None]
+) -> tuple[list[tuple[Choice, StartResult]], int]:
+    """The choices of parts that were tried, the best first, and how many there are in all.
+
+    A small catalogue is tried whole, so that all of it can be seen; of a large one those are left
+    out that can not be the best.
+    """
+    made = dict(choices(sensor, layout))
+    if len(made) > TRIED:
+        found = best_parts(sensor, layout, solve_from_present, tell)
+        if found.tried:
+            return found.tried, len(made)
+        # nothing keeps all that is asked for, not even parts as good as any: the best of them tell
+        largest = max(made, key=lambda c: layout.psds[c.psd].size if c.psd else 0.0)
+        return [(largest, solve_from_present(made[largest], layout))], len(made)
+    tried = []
+    for choice, other in made.items():
+        tell(len(tried), len(made) + layout.starts)
+        end = solve_from_present(other, layout)
+        end.objective += priced(layout, choice.price)
+        tried.append((choice, end))
+    tried.sort(key=lambda pair: (not pair[1].found, pair[1].objective, pair[0].price or 0))
+    return tried, len(made)
 
 
 def starts_of(problem: Problem, layout: Layout) -> Floats:
@@ -111,78 +157,166 @@ def starts_of(problem: Problem, layout: Layout) -> Floats:
 def solve_from_present(sensor: Sensor, layout: Layout) -> StartResult:
     """Where the sensor as it is ends."""
     problem = problem_of(sensor, layout)
-    return solve_from(problem, problem.solver(), starts_of(problem, layout)[0])
+    return solve_from(problem, starts_of(problem, layout)[0])
 
 
-def solve_from(problem: Problem, solver: Any, start: Floats) -> StartResult:
+@dataclass(frozen=True)
+class Held:
+    """A problem with some of its constraints, as IPOPT takes it.
+
+    elastic: whether each group may be broken by an unknown of its own, whose sum is made small
+    instead.
+    """
+
+    problem: Problem
+    rows: Rows
+    elastic: bool = False
+
+    @property
+    def unknowns(self) -> int:
+        return self.problem.count + self.elastic * len(self.problem.groups)
+
+    @property
+    def constraints(self) -> int:
+        return len(self.rows)
+
+    def objective(self, x: Floats) -> tuple[float, Floats, Floats]:
+        if not self.elastic:
+            return self.problem.objective(x)
+        n = self.problem.count
+        gradient = np.concatenate([np.zeros(n), np.ones(len(x) - n)])
+        return float(x[n:].sum()), gradient, np.zeros((len(x), len(x)))
+
+    def kept(self, x: Floats) -> tuple[Floats, Floats, Floats]:
+        n = self.problem.count
+        values, gradients, hessians = self.problem.at(x[:n], self.rows)
+        if not self.elastic:
+            return values, gradients, hessians
+        own = np.arange(len(x) - n) == self.rows.group[:, None]
+        more = len(x) - n
+        wider = np.pad(hessians, ((0, 0), (0, more), (0, more)))
+        return values + x[n:][self.rows.group], np.hstack([gradients, own]), wider
+
+    def values(self, x: Floats) -> Floats:
+        """Of all constraints of the problem."""
+        found = self.problem.values(x[: self.problem.count])
+        return found + x[self.problem.count :][self.problem.rows.group] if self.elastic else found
+
+
+def nearest(problem: Problem, values: Floats, most: int) -> NDArray[np.int64]:
+    """Of each group and slack the rows with the least values, NaN first."""
+    least = np.where(np.isnan(values), -np.inf, values)
+    found = []
+    for group in range(len(problem.groups)):
+        mine = np.flatnonzero(problem.rows.group == group)
+        found.append(mine[np.argsort(least[mine], kind="stable")[:most]])
+    return np.concatenate(found)
+
+
+def solve(
+    problem: Problem,
+    guess: Floats,
+    low: Floats,
+    high: Floats,
+    elastic: bool = False,
+    known: NDArray[np.int64] | None = None,
+    steps: int = 300,
+) -> tuple[Result, NDArray[np.int64]]:
+    """Where IPOPT ends from a guess with all constraints, and the numbers of those that it was
+    given.
+
+    known: numbers of rows that a neighbour's problem was solved with, whose end the guess is.
+    steps: that IPOPT may take each time.
+    """
+    from .ipopt import minimise
+
+    n, near = problem.count, known is not None
+    rows = nearest(problem, problem.values(guess[:n]), NEAREST)
+    if known is not None:
+        rows = np.union1d(rows, known)
+    for _ in range(ROUNDS):
+        held = Held(problem, problem.rows.of(rows), elastic)
+        found = minimise(held, guess, low, high, near, steps)
+        if not found.success and near:
+            found = minimise(held, guess, low, high, steps=steps)
+        values = held.values(found.x)
+        broken = np.flatnonzero(~(values > -UNNOTICED))
+        worst = nearest(problem, values, NEAREST)
+        new = np.setdiff1d(np.intersect1d(worst, broken), rows)
+        if not found.success or not len(new):
+            return found, rows
+        rows = np.concatenate([rows, new])
+        guess, near = found.x.copy(), True
+        guess[:n] = problem.with_slacks(found.x[:n])
+    held = Held(problem, problem.rows, elastic)
+    return minimise(held, guess, low, high, steps=steps), np.arange(len(problem.rows))
+
+
+def pressing(problem: Problem, rows: NDArray[np.int64], found: Result) -> NDArray[np.int64]:
+    """Numbers of the constraints that hold a result back, of those that it was found with."""
+    top = found.limits.max(initial=0.0)
+    held: NDArray[np.int64] = rows[found.limits > ACTIVE * top]
+    return held
+
+
+def solve_from(problem: Problem, start: Floats) -> StartResult:
     """Where a start (in the units of the variables' names) ends."""
     begin = time.perf_counter()
-    low, high = problem.bounds()
-    found = run_solver(
-        solver, x0=problem.first_guess(start), lbx=low, ubx=high, lbg=0.0, ubg=np.inf
-    )
-    unknowns = np.array(found["x"]).ravel()
-    values, multipliers = np.array(found["g"]).ravel(), np.array(found["lam_g"]).ravel()
+    guess, (low, high) = problem.first_guess(start), problem.bounds()
+    found, rows = solve(problem, guess, low, high)
+    exact = problem.with_slacks(found.x, spare=1.0)
+    values = problem.values(exact)
     return StartResult(
         start=start,
-        x=problem.values_at(unknowns),
-        objective=float(found["f"]),
-        found=bool(solver.stats()["success"]) and bool(values.min() > -SLACK),
-        status=str(solver.stats()["return_status"]).replace("_", " ").lower(),
+        x=problem.values_at(exact),
+        objective=problem.objective(exact)[0],
+        found=found.success and bool(values.min() > -SLACK),
+        status=found.status,
         seconds=time.perf_counter() - begin,
-        active_constraints=active_constraints(
-            problem, np.abs(multipliers), np.array(found["lam_x"]).ravel(), unknowns
-        ),
+        active_constraints=active_constraints(problem, problem.rows.of(rows), found),
     )
 
 
-def active_constraints(
-    problem: Problem, of_limits: Floats, of_bounds: Floats, unknowns: Floats
-) -> dict[str, float]:
+def active_constraints(problem: Problem, rows: Rows, found: Result) -> dict[str, float]:
     """The multipliers, summed by group of constraints and by end of a variable, over the largest;
     those that hold the result back, the strongest first."""
-    sums: dict[str, float] = {}
-    place = 0
-    for limit in problem.limits:
-        count = limit.value.numel()
-        sums[limit.group] = float(of_limits[place : place + count].sum())
-        place += count
+    of_groups = np.bincount(rows.group, found.limits, len(problem.groups))
+    sums = dict(zip(problem.groups, of_groups.tolist(), strict=True))
     for i, name in enumerate(problem.names):
-        end = "least" if unknowns[i] < 0.5 else "most"
-        sums[f"{name} at its {end}"] = abs(float(of_bounds[i]))
+        end = "least" if found.x[i] < 0.5 else "most"
+        sums[f"{name} at its {end}"] = abs(float(found.bounds[i]))
     top = max(sums.values(), default=0.0)
-    found = {name: size / top for name, size in sums.items() if top and size > ACTIVE * top}
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
+    active = {name: size / top for name, size in sums.items() if top and size > ACTIVE * top}
+    return dict(sorted(active.items(), key=lambda item: -item[1]))
 
 
 def shortfalls_of(problem: Problem, start: Floats) -> dict[str, float]:
     """Groups that can not all be kept, and by what share of its limit each would have to give."""
-    solver = problem.elastic_solver()
     low, high = problem.bounds()
-    count = len(problem.limits)
-    found = run_solver(
-        solver,
-        x0=np.append(problem.first_guess(start), np.ones(count)),
-        lbx=np.append(low, np.zeros(count)),
-        ubx=np.append(high, np.full(count, np.inf)),
-        lbg=0.0,
-        ubg=np.inf,
-    )
-    short = np.array(found["x"]).ravel()[-count:]
+    count = len(problem.groups)
+    guess = np.append(problem.first_guess(start), np.ones(count))
+    found, _ = solve(
+        problem, guess, np.append(low, np.zeros(count)), np.append(high, np.full(count, np.inf)),
+        elastic=True,
+    )  # fmt: skip
     shares = {}
-    for limit, gap in zip(problem.limits, short.tolist(), strict=True):
-        squared = limit.group.startswith("uncertainty")  # which is kept by its square
+    for group, gap in zip(problem.groups, found.x[-count:].tolist(), strict=True):
+        squared = group.startswith("uncertainty")  # which is kept by its square
         if gap > 1e-4:
-            shares[limit.group] = np.sqrt(1 + gap) - 1 if squared else gap
+            shares[group] = np.sqrt(1 + gap) - 1 if squared else gap
     return shares
 
 
-def objective_at(problem: Problem, solver: Any) -> float:
+def objective_at(problem: Problem) -> float:
     """The objective of the sensor as it is, its variables held; NaN where it can not be."""
     now = present_values(problem.sensor)
     guess = problem.first_guess(np.array([now[name] for name in problem.names]))
     (low, high), count = problem.bounds(), len(problem.names)
     low[:count] = high[:count] = guess[:count]
-    found = run_solver(solver, x0=guess, lbx=low, ubx=high, lbg=0.0, ubg=np.inf)
-    values = np.array(found["g"]).ravel()
-    return float(found["f"]) if values.min() > -SLACK else float("nan")
+    if "range" in problem.extras:
+        unknowns = solve(problem, guess, low, high)[0].x
+    else:
+        unknowns = problem.with_slacks(guess, spare=1.0)
+    if not problem.values(unknowns).min() > -SLACK:
+        return float("nan")
+    return problem.objective(unknowns)[0]

@@ -53,6 +53,14 @@ def outcome(sensor: Sensor) -> Any:
 
     p, sizes, s, prior = (ca.SX.sym(n, k) for n, k in (("p", 30), ("d", 3), ("s", 8), ("w", 1)))
     given, state = tuple(p[i] for i in range(30)), tuple(s[i] for i in range(8))
+    found = ca.vertcat(*outcome_of(sensor, given, sizes, state, prior))
+    return ca.Function("outcome", [p, sizes, s, prior], [found])
+
+
+def outcome_of(sensor: Sensor, given: Any, sizes: Any, state: Any, prior: Any) -> list[Any]:
+    """The 22 numbers of `Outcome` in casadi's symbols, for 30 parameters `given`."""
+    import casadi as ca
+
     fixed = geometry(given)
     detectors = linearised(fixed, state)
     rows = []
@@ -69,9 +77,7 @@ def outcome(sensor: Sensor) -> Any:
     condition = ca.trace(information) * ca.trace(inverse)
     variances = [inverse[i, i] for i in range(6)]
     powers = [values[2] for values, _ in detectors]
-    clearances = clearances_of(fixed, state, sizes)
-    found = ca.vertcat(*variances, *powers, *clearances, condition)
-    return ca.Function("outcome", [p, sizes, s, prior], [found])
+    return [*variances, *powers, *clearances_of(fixed, state, sizes), condition]
 
 
 def clearances_of(fixed: Any, state: Any, sizes: Any) -> list[Any]:

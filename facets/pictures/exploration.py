@@ -52,6 +52,46 @@ def front_picture(
     return picture
 
 
+def pareto_picture(
+    table: dict[str, NDArray[Any]],
+    objectives: list[str],
+    cloud: dict[str, NDArray[Any]] | None,
+    own: dict[str, float],
+) -> Figure:
+    """The front's objectives against one another, with what the first costs below; a cloud of
+    designs behind it, where there is one; and the design as it is."""
+    import matplotlib as mpl
+
+    pairs = list(pairwise(objectives))
+    if len(objectives) > 2:
+        pairs.append((objectives[0], objectives[-1]))
+    with mpl.rc_context(style.STYLE):
+        picture = style.figure(4.2 * len(pairs), 5.4)
+        above, below = picture.subplots(2, len(pairs), squeeze=False, height_ratios=(2, 1))
+        mark = "o-" if len(objectives) == 2 else "o"
+        for panel, (one, other) in zip(above, pairs, strict=True):
+            if cloud is not None:
+                panel.plot(cloud[one], cloud[other], ".", ms=1.5, color=style.GREY, rasterized=True,
+                           label="designs drawn")  # fmt: skip
+            panel.plot(table[one], table[other], mark, ms=3, color=style.BLUE, label="front")
+            panel.plot(own[one], own[other], "*", ms=10, color=style.ORANGE, label="as it is")
+            panel.set(xlabel=column_label(one), ylabel=column_label(other))
+        above[0].legend(loc="best", fontsize=7)
+        others = [name for name in objectives if name != objectives[0]]
+        for panel, other in zip(below, [*others, *[""] * len(pairs)], strict=False):
+            if not other:
+                panel.set_axis_off()
+                continue
+            prices = table[f"{objectives[0]}_per_{other}"][
+                1:-1
+            ]  # at its ends the front is vertical
+            panel.semilogy(table[other][1:-1], np.where(prices > 1e-9, prices, np.nan), mark, ms=3,
+                           color=style.ORANGE)  # fmt: skip
+            panel.set(xlabel=column_label(other), ylabel="its price")
+            panel.set_title(f"{objectives[0]} for one unit of {other}", fontsize=7, loc="left")
+    return picture
+
+
 def bars(panel: Axes, indices: dict[str, dict[str, Index]]) -> None:
     """Indices by variable, a colour for each objective, with their intervals."""
     variables = list(next(iter(indices.values())))

@@ -15,7 +15,9 @@ from facets.characterization.resolution import Estimator, uncertainties
 from facets.characterization.singularity import measures
 from facets.core.errors import ConfigError, InputError
 from facets.core.settings import LaserPart, PsdPart
+from facets.design.problem import problem_of
 from facets.design.report import worst_over
+from facets.design.rounding import round_design, step_of
 from facets.design.search import optimize
 from facets.design.variables import Outcome, outcome, present_values, sensor_of, with_values
 from facets.design.verification import compare
@@ -115,6 +117,50 @@ def test_an_independent_optimiser_finds_no_better():
     found = minimize(objective, [200, 1.0], method="Nelder-Mead", options={"xatol": 1e-4})
     assert found.fun > 0.999 * np.sqrt(best.objective)
     assert found.fun == pytest.approx(np.sqrt(best.objective), rel=5e-3)
+
+
+def test_the_optimum_is_that_of_all_constraints_with_casadis_own_derivatives(optimum):
+    from facets.bench.casadi_layout import CasadiLayout
+
+    x, objective = CasadiLayout(CONFIG.sensor, CONFIG.layout).solve()
+    assert optimum.best.objective == pytest.approx(objective, rel=1e-6)
+    np.testing.assert_allclose(optimum.best.x, x, rtol=1e-4)
+
+
+@pytest.mark.study
+def test_a_long_global_search_finds_no_better(optimum):
+    """Differential evolution over all five variables, uncertainties by the float model."""
+    from scipy.optimize import differential_evolution
+
+    layout, names = CONFIG.layout, optimum.names
+    function = outcome(CONFIG.sensor)
+    places = np.array(states_of(layout, 1.0), dtype=float)
+    many = function.map(len(places))
+
+    def cost(x):
+        p, sizes = with_values(CONFIG.sensor, names, list(x))
+        found = np.array(many(p, sizes, places.T, 0.0))
+        short = min(
+            found[Outcome.CLEARANCES].min(), found[Outcome.POWERS].min() / layout.least_power - 1
+        )
+        return worst(x, names, layout)[0] + 100 * max(-short, 0)
+
+    bounds = [layout.variables[name] for name in names]
+    rival = differential_evolution(cost, bounds, seed=1, popsize=12, maxiter=150, tol=1e-7)
+    assert np.sqrt(optimum.best.objective) < rival.fun * (1 + 1e-4)
+
+
+def test_a_design_in_numbers_that_can_be_made_keeps_what_is_asked_for(optimum):
+    problem = problem_of(CONFIG.sensor, CONFIG.layout)
+    made = round_design(problem, optimum.best.x)
+    assert made is not None
+    for name, value, step in zip(optimum.names, made.x, made.steps, strict=True):
+        assert step == pytest.approx(step_of(name))
+        assert value / step == pytest.approx(round(value / step), abs=1e-6)
+    value, room = worst(made.x, optimum.names)
+    assert room > -1e-6
+    assert value == pytest.approx(np.sqrt(made.objective), rel=1e-6)
+    assert optimum.best.objective - 1e-7 < made.objective < 1.02 * optimum.best.objective
 
 
 def test_a_larger_volume_is_found():

@@ -1,0 +1,59 @@
+"""The best layout by casadi alone: its own derivatives, of all constraints at once.
+
+What `facets optimize` did before it had its own derivatives, kept to be measured against, and as an
+optimum that shares neither derivatives nor the choice of constraints with it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..core.sensor import Sensor
+from ..core.settings import Layout
+from ..core.units import Floats
+from ..design.variables import Outcome, heads_of, outcome, present_values, with_values
+from ..design.volume import states_of
+
+
+class CasadiLayout:
+    """The problem of `aim: resolution` with a largest head, from `build` on."""
+
+    def __init__(self, sensor: Sensor, layout: Layout) -> None:
+        import casadi as ca
+
+        self.names = list(layout.variables)
+        self.low, self.high = np.array([layout.variables[name] for name in self.names]).T
+        count = len(self.names)
+        unknown = ca.MX.sym("x", count + 1)
+        x = [self.low[i] + (self.high[i] - self.low[i]) * unknown[i] for i in range(count)]
+        parameters, sizes = with_values(sensor, self.names, x)
+        states = np.array(states_of(layout, 1.0), dtype=float).T
+        found = outcome(sensor).map(states.shape[1])(
+            ca.repmat(ca.vertcat(*parameters), 1, states.shape[1]),
+            ca.repmat(ca.vertcat(*sizes), 1, states.shape[1]), states, 0.0,
+        )  # fmt: skip
+        half = float(np.mean([psd.size_z for psd in sensor.psds])) / 2
+        kept = [ca.vec(found[Outcome.POWERS, :] / layout.least_power - 1)]
+        kept.append(ca.vec(found[Outcome.CLEARANCES, :] / half))
+        kept.append(1 - ca.vertcat(*heads_of(parameters)) / layout.head)
+        kept += [unknown[count] - found[i, :].T / layout.unit[i] ** 2 for i in range(6)]
+        options: dict[str, Any] = {
+            "ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.tol": 1e-8,
+            "ipopt.bound_relax_factor": 0.0,
+        }  # fmt: skip
+        problem = {"x": unknown, "f": unknown[count], "g": ca.vertcat(*kept)}
+        self.solver = ca.nlpsol("layout", "ipopt", problem, options)
+        now = present_values(sensor)
+        self.start = np.clip([now[name] for name in self.names], self.low, self.high)
+
+    def solve(self) -> tuple[Floats, float]:
+        """The variables, and the square of the worst uncertainty over its unit."""
+        shares = (self.start - self.low) / (self.high - self.low)
+        found = self.solver(
+            x0=np.append(shares, 100.0), lbx=0.0, ubx=np.append(np.ones(len(shares)), np.inf),
+            lbg=0.0, ubg=np.inf,
+        )  # fmt: skip
+        x = self.low + (self.high - self.low) * np.array(found["x"]).ravel()[:-1]
+        return x, float(found["f"])

@@ -1,0 +1,160 @@
+"""The best parts of a large catalogue by branch and bound, without trying all.
+
+A branch is a set of parts of each kind. Its bound is the best layout with parts that are as good as
+any of them in everything at once: the largest detector with the least noise, the strongest laser
+with any of the diameters, the lowest price. No choice of the branch can be better than that, so a
+branch whose bound is worse than a choice that is known already, or that keeps not even so what is
+asked for, is left as it is; others are parted in two. The bound is as sure as one search is to find
+the best layout.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from itertools import count
+from typing import TYPE_CHECKING
+
+from ..core.sensor import Sensor
+from .catalogue import Choice, choice_of, with_parts
+
+if TYPE_CHECKING:
+    from ..core.settings import Layout
+    from .search import StartResult
+
+#: By how much a bound must be worse than what is known, over that, before a branch is left.
+WORSE = 1e-6
+#: Prices are counted in thousands in a weighted sum.
+THOUSAND = 1000.0
+Search = Callable[[Sensor, "Layout"], "StartResult"]
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Names of the parts that it holds, sorted, so that halves are alike."""
+
+    psds: tuple[str, ...]
+    lasers: tuple[str, ...]
+    amplifiers: tuple[str, ...]
+
+    @property
+    def choices(self) -> int:
+        return len(self.psds) * len(self.lasers) * len(self.amplifiers)
+
+    def halves(self) -> tuple[Branch, Branch]:
+        """Parted by the kind of which it has most."""
+        kinds = {"psds": self.psds, "lasers": self.lasers, "amplifiers": self.amplifiers}
+        kind = max(kinds, key=lambda name: len(kinds[name]))
+        middle = len(kinds[kind]) // 2
+        return (
+            replace(self, **{kind: kinds[kind][:middle]}),
+            replace(self, **{kind: kinds[kind][middle:]}),
+        )
+
+
+@dataclass
+class Found:
+    """tried: single choices that were looked at and where they ended, the best first.
+    bounds: branches of several that were.  choices: how many there are in all."""
+
+    tried: list[tuple[Choice, StartResult]] = field(default_factory=list)
+    bounds: int = 0
+    choices: int = 0
+
+
+def whole(layout: Layout) -> Branch:
+    """All parts of the catalogue."""
+    psds = sorted(layout.psds, key=lambda n: (layout.psds[n].size, layout.psds[n].position or 0))
+    lasers = sorted(
+        layout.lasers, key=lambda n: (layout.lasers[n].diameter, layout.lasers[n].power)
+    )
+    amplifiers = sorted(layout.amplifiers, key=lambda name: layout.amplifiers[name].power)
+    return Branch(tuple(psds or [""]), tuple(lasers or [""]), tuple(amplifiers or [""]))
+
+
+def relaxed(sensor: Sensor, layout: Layout, branch: Branch) -> tuple[Sensor, Layout]:
+    """The sensor with parts as good as any of the branch, and what may vary of it."""
+    asked, noise, psds = layout, sensor.noise, sensor.psds
+    if branch.psds[0]:
+        parts = [layout.psds[name] for name in branch.psds]
+        size = max(part.size for part in parts)
+        quiet = [noise.position if p.position is None else p.position for p in parts]
+        noise = replace(noise, position=min(quiet))
+        a, b, c = (replace(p, size_y=size, size_z=size) for p in psds)
+        psds = (a, b, c)
+    if branch.amplifiers[0]:
+        noise = replace(noise, power=min(layout.amplifiers[n].power for n in branch.amplifiers))
+    beam = sensor.beam
+    if branch.lasers[0]:
+        sources = [layout.lasers[name] for name in branch.lasers]
+        beam = replace(beam, power=max(source.power for source in sources))
+        widths = [source.diameter for source in sources]
+        if "diameter_mm" not in layout.variables:
+            beam = replace(beam, diameter_x=min(widths), diameter_y=min(widths))
+            if min(widths) < max(widths):
+                asked = replace(
+                    asked, variables={**asked.variables, "diameter_mm": (min(widths), max(widths))}
+                )
+    made = replace(sensor, psds=psds, noise=noise, beam=beam)
+    return made, replace(asked, psds={}, lasers={}, amplifiers={})
+
+
+def lowest_price(layout: Layout, branch: Branch) -> float:
+    """Of any choice of the branch; what has no price counts as none."""
+    total = 0.0
+    for names, parts, times in (
+        (branch.psds, layout.psds, 3), (branch.lasers, layout.lasers, 1),
+        (branch.amplifiers, layout.amplifiers, 1),
+    ):  # fmt: skip
+        if names[0]:
+            known: dict[str, float | None] = {name: part.price for name, part in parts.items()}
+            total += times * min(known[name] or 0.0 for name in names)
+    return total
+
+
+def priced(layout: Layout, price: float | None) -> float:
+    """What a price adds to the objective."""
+    weight = layout.weights.get("price", 0.0) if layout.aim == "weighted" else 0.0
+    return weight * (price or 0.0) / THOUSAND
+
+
+def best_parts(
+    sensor: Sensor,
+    layout: Layout,
+    search: Search,
+    tell: Callable[[int, int], None] = lambda done, whole: None,
+) -> Found:
+    """The best choice of parts, and those that were looked at on the way.
+
+    search: the best layout of a sensor from where it is.  tell: is called with how many choices are
+    settled, of how many.
+    """
+    root = whole(layout)
+    found = Found(choices=root.choices)
+    queue: list[tuple[float, int, Branch]] = [(float("-inf"), 0, root)]
+    number, settled, best = count(1), 0, float("inf")
+    while queue:
+        bound, _, branch = heapq.heappop(queue)
+        if bound > best + WORSE * abs(best):
+            break  # and so are all that are left
+        tell(settled, found.choices)
+        if branch.choices == 1:
+            settled += 1
+            names = (branch.psds[0], branch.lasers[0], branch.amplifiers[0])
+            choice = choice_of(layout, *names)
+            end = search(with_parts(sensor, layout, *names), layout)
+            end.objective += priced(layout, choice.price)
+            found.tried.append((choice, end))
+            best = min(best, end.objective) if end.found else best
+            continue
+        found.bounds += 1
+        end = search(*relaxed(sensor, layout, branch))
+        value = end.objective + priced(layout, lowest_price(layout, branch))
+        if not end.found or value > best + WORSE * abs(best):
+            settled += branch.choices
+            continue
+        for half in branch.halves():
+            heapq.heappush(queue, (value, next(number), half))
+    found.tried.sort(key=lambda pair: (not pair[1].found, pair[1].objective, pair[0].price or 0))
+    return found

@@ -1,0 +1,184 @@
+"""A design as a configuration that extends the one it came from, with only what changed."""
+
+from __future__ import annotations
+
+import os
+from copy import deepcopy
+from io import StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..config.files import shipped
+from ..config.geometry import written
+from ..core.names import DETECTORS
+from ..core.sensor import Sensor
+
+if TYPE_CHECKING:
+    from ..core.settings import Config
+
+#: Decimals of what follows from the variables, such as a detector's height.
+DECIMALS = 3
+
+
+def changed_keys(settings: Config, sensor: Sensor) -> dict[str, Any]:
+    """The keys below `sensor` that differ from the configuration's, nested, per detector."""
+    keys = written(settings.resolved["sensor"], sensor)
+    keys["noise"]["position_um"] = 1000 * sensor.noise.position
+    keys["noise"]["power_uw"] = 1000 * sensor.noise.power
+    for letter in DETECTORS:  # it follows from an inclination, to a micrometre
+        keys["psd"][letter]["height_mm"] = round(keys["psd"][letter]["height_mm"], DECIMALS)
+    found: dict[str, Any] = differences(settings.resolved["sensor"], keys)
+    return found
+
+
+def differences(old: Any, new: Any) -> Any:
+    """What of nested keys is not the same; numbers as they are written."""
+    found = {}
+    for key, value in new.items():
+        before = old.get(key)
+        if isinstance(value, dict) and isinstance(before, dict):
+            if inner := differences(before, value):
+                found[key] = inner
+        elif tidy(value) != tidy(before):
+            found[key] = tidy(value)
+    return found
+
+
+def tidy(value: Any) -> Any:
+    """Without what the way from one unit to another has left in the last digits."""
+    if isinstance(value, float):
+        return float(f"{round(value, 9):.12g}")
+    if isinstance(value, list):
+        return [tidy(item) for item in value]
+    return value
+
+
+def in_common(block: dict[str, Any]) -> dict[str, Any]:
+    """Keys that a, b and c all change to the same, said once for all three."""
+    singles = [block.get(letter, {}) for letter in DETECTORS]
+    shared = {
+        key: value
+        for key, value in singles[0].items()
+        if all(key in each and each[key] == value for each in singles)
+    }
+    rest = {
+        letter: {key: value for key, value in each.items() if key not in shared}
+        for letter, each in zip(DETECTORS, singles, strict=True)
+    }
+    return shared | {letter: keys for letter, keys in rest.items() if keys}
+
+
+def moved(settings: Config, sensor: Sensor) -> list[tuple[str, Any, Any]]:
+    """Every key that changed, by its path: (key, before, after); the same of three told once."""
+    return list(paths(said_once(changed_keys(settings, sensor)), settings.resolved["sensor"]))
+
+
+def paths(new: dict[str, Any], old: Any, prefix: str = "") -> Any:
+    for key, value in new.items():
+        # a key that is said for all three was that of a
+        before = old.get(key, old["a"].get(key) if "a" in old else None)
+        if isinstance(value, dict):
+            yield from paths(value, before, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", shown(before), shown(value)
+
+
+def shown(value: Any) -> Any:
+    """A value as a configuration says it."""
+    value = tidy(value)
+    same = isinstance(value, list) and len(value) == 2 and value[0] == value[1]
+    return value[0] if same else value
+
+
+def said_once(keys: dict[str, Any]) -> dict[str, Any]:
+    found = deepcopy(keys)
+    for block in ("mirror", "psd"):
+        if block in found:
+            found[block] = in_common(found[block])
+    return found
+
+
+def base_of(settings: Config, folder: Path) -> str:
+    """What `extends` has to say in a file of that folder."""
+    if shipped().get(settings.name) == settings.path:
+        return settings.name
+    try:
+        return Path(os.path.relpath(settings.path, folder.resolve())).as_posix()
+    except ValueError:  # on another drive
+        return settings.path.as_posix()
+
+
+def is_said_once(settings: Config, sensor: Sensor, folder: Path) -> bool:
+    """Whether what is said once for all three detectors or facets holds for each of them: it does
+    not where the configuration says something else of a single one."""
+    keys = changed_keys(settings, sensor)
+    text = document(base_of(settings, folder), said_once(keys), {})
+    return loads_to(text, folder, keys, settings)
+
+
+def as_extension(
+    settings: Config,
+    sensor: Sensor,
+    folder: Path,
+    about: dict[str, str],
+    beside: dict[str, str] | None = None,
+) -> str:
+    """YAML of a configuration in `folder` that loads to the design.
+
+    beside: remarks by variable, such as radius_mm, put beside the keys of that name.
+    """
+    head = [f"# {key}: {' '.join(value.split())}" for key, value in about.items()]
+    keys = changed_keys(settings, sensor)
+    if is_said_once(settings, sensor, folder):
+        keys = said_once(keys)
+    return "\n".join([*head, "", document(base_of(settings, folder), keys, beside or {})])
+
+
+def document(base: str, keys: dict[str, Any], beside: dict[str, str]) -> str:
+    from ruamel.yaml import YAML
+
+    stream = StringIO()
+    yaml = YAML()
+    yaml.width = 4096
+    yaml.dump({"extends": base, **({"sensor": plainly(keys)} if keys else {})}, stream)
+    lines = []
+    for line in stream.getvalue().splitlines():
+        key = line.strip().partition(":")[0]
+        remark = beside.get(key, "")
+        lines.append(f"{line:<32}  # {remark}" if remark and not line.endswith(":") else line)
+    return "\n".join(lines) + "\n"
+
+
+def plainly(value: Any) -> Any:
+    """Pairs of the same number as one, other lists in one line."""
+    from ruamel.yaml.comments import CommentedSeq
+
+    if isinstance(value, dict):
+        return {key: plainly(each) for key, each in value.items()}
+    if not isinstance(value, list):
+        return value
+    if len(value) == 2 and value[0] == value[1]:
+        return value[0]
+    row = CommentedSeq(value)
+    row.fa.set_flow_style()
+    return row
+
+
+def loads_to(text: str, folder: Path, keys: dict[str, Any], settings: Config) -> bool:
+    """Whether the text, as a file of the folder, is the configuration with those keys."""
+    import tempfile
+
+    from ..config.loading import load
+    from ..core.errors import ConfigError
+
+    with tempfile.NamedTemporaryFile(
+        "w", suffix=".yaml", dir=folder, encoding="utf-8", delete=False
+    ) as file:
+        file.write(text)
+    try:
+        found = load(file.name).resolved["sensor"]
+    except ConfigError:
+        return True  # why is told where the file itself is loaded
+    finally:
+        Path(file.name).unlink()
+    return bool(differences(settings.resolved["sensor"], found) == keys)

@@ -1,0 +1,317 @@
+"""The Pareto front itself, point by point, instead of what a cloud of designs leaves of it.
+
+One objective is made small while the others are held to bounds (the epsilon-constraint method). The
+bounds walk along the front, there and back, and each point begins where its neighbour ended; now
+and then a point is looked for from somewhere else as well, so that a front of several pieces is
+found, and what is found so is carried on to its neighbours. At a point the multiplier of a bound is
+what that objective costs in the first: so many urad for a millimetre of head.
+
+What is found is measured again by `exploration.looked_at`, as the designs of a cloud are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.units import Floats
+from .exploration import MEASURES, NO_RIVALS, Space, front, looked_at
+from .search import active_constraints, pressing, solve
+from .trade import Trade, trade_of
+
+#: Starts for the least of each objective; and every which point is looked for from elsewhere, too.
+STARTS, AGAIN = 6, 10
+#: By how much of an objective's scale one end must be better than another to take its place.
+BETTER = 1e-7
+#: Sweeps along the front, at most; and steps of IPOPT, since what takes more is mostly not there.
+SWEEPS, STEPS = 6, 60
+#: To what a range is measured, over `ranges.FARTHEST`; and how far a measure may be from what was
+#: found, over its scale, before the point is left out.
+EXACT, BELIEVED = 1e-10, 1e-5
+Tell = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class End:
+    """Where a search ended: unknowns, costs, multipliers of the costs' bounds, the constraints that
+    it was given, and what holds it back."""
+
+    unknowns: Floats
+    costs: Floats
+    multipliers: Floats
+    rows: NDArray[np.int64]
+    active: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Front:
+    """Points on the front, the first objective from its best on.
+
+    designs (n, variables), in the units of the variables' names.  measures (n, MEASURES).
+    prices (n, objectives): by how many of its units the first objective gets better where the
+    bound of each other one is eased by one of its units; NaN for the first.
+    active: of each point what holds it back, over the strongest.
+    left_out: points whose measures are not what was found.
+    walk, ends: how it was found, and what can be gone on from.
+    """
+
+    walk: Walk
+    ends: list[End]
+    objectives: list[str]
+    designs: Floats
+    measures: Floats
+    prices: Floats
+    active: list[dict[str, float]]
+    left_out: int
+
+
+class Walk:
+    """A search along the front of a `Trade`.  first: which objective is made small."""
+
+    def __init__(self, trade: Trade, first: int, seed: int) -> None:
+        self.trade, self.first = trade, first
+        self.rng = np.random.default_rng(seed)
+        #: Which point was looked for from which neighbour's end, so that it is not done twice.
+        self.asked: set[tuple[int, bytes]] = set()
+
+    def least(self, objective: int, most: Floats, start: Floats | End) -> End | None:
+        """The least of one objective where no cost is above `most`; None where there is none."""
+        trade = self.trade
+        problem = replace(trade.problem, aims={trade.objectives[objective]: 1.0})
+        low, high = trade.bounds(most)
+        guess, known = (start.unknowns, start.rows) if isinstance(start, End) else (start, None)
+        found, rows = solve(problem, guess, low, high, known=known, steps=STEPS)
+        unknowns = problem.with_slacks(found.x, spare=1.0)
+        costs = trade.costs(unknowns)
+        kept = problem.values(unknowns).min() > -1e-7
+        if not found.success or not kept or not (costs <= most + BETTER).all():
+            return None
+        multipliers = np.abs(found.bounds[len(problem.names) :])
+        return End(unknowns, costs, multipliers, pressing(problem, rows, found),
+                   active_constraints(problem, problem.rows.of(rows), found))  # fmt: skip
+
+    def anywhere(self) -> Floats:
+        """Unknowns at a design drawn within the bounds."""
+        problem = self.trade.problem
+        share = self.rng.random(len(problem.names))
+        return self.trade.guess(problem.low + share * (problem.high - problem.low))
+
+    def end_of(self, objective: int) -> End | None:
+        """The best of one objective, and of those that have it, the best of the others."""
+        count = len(self.trade.objectives)
+        free = np.full(count, np.inf)
+        found = [self.least(objective, free, self.anywhere()) for _ in range(STARTS)]
+        best = best_of(found, objective)
+        if best is None:
+            return None
+        for other in range(count):
+            if other != objective:
+                most = free.copy()
+                most[objective] = best.costs[objective] + BETTER
+                best = self.least(other, most, best) or best
+        return best
+
+    def along(self, bounds: Floats, ends: list[End], tell: Tell) -> list[End | None]:
+        """The best of the first objective for each row of bounds."""
+        found: list[End | None] = [None] * len(bounds)
+        sources: list[Floats | End] = list(ends)
+        for n, most in enumerate(bounds):
+            tell(n, 2 * len(bounds))
+            near = found[n - 1] if n and found[n - 1] is not None else None
+            starts = [near] if near is not None else sources
+            found[n] = best_of([self.least(self.first, most, s) for s in starts], self.first)
+        new = True
+        for sweep in range(SWEEPS):
+            order = range(len(bounds)) if sweep % 2 else range(len(bounds) - 1, -1, -1)
+            step = -1 if sweep % 2 else 1
+            new = False
+            for count, n in enumerate(order):
+                tell(min(len(bounds) + count, 2 * len(bounds)), 2 * len(bounds))
+                new |= self.from_neighbour(found, bounds, n, n + step, sweep == 0)
+            if sweep > 0 and not new:
+                break
+        return found
+
+    def from_neighbour(
+        self, found: list[End | None], bounds: Floats, n: int, other: int, look: bool
+    ) -> bool:
+        """Looks for point n from its neighbour's end; whether that is better than what was found.
+
+        look: whether some points are looked for from elsewhere, too.
+        """
+        near = found[other] if 0 <= other < len(found) else None
+        starts: list[Floats | End] = []
+        if near is not None and (n, near.unknowns.tobytes()) not in self.asked:
+            self.asked.add((n, near.unknowns.tobytes()))
+            starts.append(near)
+        if look and n % AGAIN == AGAIN // 2:
+            starts.append(self.anywhere())
+        tried = [self.least(self.first, bounds[n], start) for start in starts]
+        best = best_of([found[n], *tried], self.first)
+        new = best is not found[n]
+        found[n] = best
+        return new
+
+
+def best_of(ends: list[End | None], objective: int) -> End | None:
+    """The end with the least of an objective; of those alike, the first."""
+    best = None
+    for end in ends:
+        if end is not None and (
+            best is None or end.costs[objective] < best.costs[objective] - BETTER
+        ):
+            best = end
+    return best
+
+
+def pareto_front(
+    space: Space, count: int, seed: int, tell: Tell = lambda done, whole: None
+) -> Front:
+    """About `count` points of the front of a space's two or three objectives.
+
+    Raises `InputError` where an objective has no slopes.
+    """
+    trade = trade_of(space)
+    first = trade.objectives.index(space.objectives[0])
+    walk = Walk(trade, first, seed)
+    ends = [walk.end_of(objective) for objective in range(len(trade.objectives))]
+    known = [end for end in ends if end is not None]
+    if len(known) < len(ends):
+        return measured(walk, [])
+    bounds = bounds_between(known, first, count)
+    found = walk.along(bounds, known, tell)
+    return measured(walk, [*(end for end in found if end is not None), *known])
+
+
+def bounds_between(ends: list[End], first: int, count: int) -> Floats:
+    """Rows of bounds, even over the front's extent in all objectives but the first, whose bound is
+    infinite; neighbours follow one another."""
+    costs = np.array([end.costs for end in ends])
+    others = [n for n in range(costs.shape[1]) if n != first]
+    side = round(count ** (1 / len(others)))
+    lines = [np.linspace(costs[:, n].max(), costs[:, n].min(), side) for n in others]
+    rows = []
+    for turn, outer in enumerate(product(*lines[:-1])):
+        line = lines[-1] if turn % 2 == 0 else lines[-1][::-1]
+        rows += [(*outer, last) for last in line]
+    bounds = np.full((len(rows), costs.shape[1]), np.inf)
+    bounds[:, others] = np.array(rows)
+    return bounds
+
+
+def measured(walk: Walk, ends: list[End]) -> Front:
+    """The ends that are on the front by their measures."""
+    trade, first = walk.trade, walk.first
+    names = trade.objectives
+    designs, measures, prices, ends_kept, left_out = [], [], [], [], 0
+    for end in ends:
+        x = trade.problem.values_at(end.unknowns)
+        why, values = looked_at(trade.space, x, NO_RIVALS, EXACT)
+        if why or (trade.measured(values) > end.costs + BELIEVED).any():
+            left_out += 1
+            continue
+        price = end.multipliers * trade.scales[first] / trade.scales
+        price[first] = np.nan
+        designs.append(x)
+        measures.append(values)
+        prices.append(price)
+        ends_kept.append(end)
+    table: dict[str, Any] = {
+        name: np.array([values[n] for values in measures]) for n, name in enumerate(MEASURES)
+    }
+    best: list[int] = []
+    if designs:
+        best = np.flatnonzero(distinct(trade, np.array(measures)) & front(table, names)).tolist()
+        best.sort(key=lambda n: float(trade.measured(measures[n])[first]))
+    return Front(
+        walk,
+        [ends_kept[n] for n in best],
+        names,
+        np.array([designs[n] for n in best]).reshape(-1, len(trade.problem.names)),
+        np.array([measures[n] for n in best]).reshape(-1, len(MEASURES)),
+        np.array([prices[n] for n in best]).reshape(-1, len(names)),
+        [ends_kept[n].active for n in best],
+        left_out,
+    )
+
+
+def distinct(trade: Trade, measures: Floats) -> NDArray[np.bool_]:
+    """Which designs are no better than, and not the same as, one before them."""
+    costs = trade.measured(measures)
+    keep = np.ones(len(costs), dtype=bool)
+    for n in range(len(costs)):
+        others = np.delete(np.arange(len(costs)), n)
+        worse = (costs[others] <= costs[n] + 10 * BETTER).all(axis=1)
+        clear = (costs[others] < costs[n] - 10 * BETTER).any(axis=1)
+        same = worse & ~clear & (others < n) & keep[others]
+        keep[n] = not (same | (worse & clear)).any()
+    return keep
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A front beside the designs of a cloud.
+
+    beaten: points that a design of the cloud beats, by more than what its ranges are measured to.
+    gains: by how many hundredths the front's first objective is better than that of designs that
+    none of the cloud beats, at what these have in the others.
+    """
+
+    beaten: int
+    gains: Floats
+
+
+#: How many designs of a cloud are compared; to what share their ranges are known.
+COMPARED, CLOUDY = 40, 1e-3
+
+
+def against(found: Front, table: dict[str, NDArray[Any]]) -> Comparison:
+    """The front beside a table of designs, `exploration.collect`."""
+    trade, first = found.walk.trade, found.walk.first
+    costs = trade.measured(np.stack([table[name] for name in MEASURES], axis=1))
+    costs = costs[np.isfinite(costs).all(axis=1)]
+    mine = trade.measured(found.measures)
+    beaten = sum(bool((costs < cost - CLOUDY * np.abs(cost)).all(axis=1).any()) for cost in mine)
+    best = costs[
+        front({str(n): c for n, c in enumerate(costs.T)}, list(map(str, range(costs.shape[1]))))
+    ]
+    some = best[np.linspace(0, len(best) - 1, min(COMPARED, len(best))).astype(int)]
+    gains = []
+    for cost in some:
+        most = cost.copy()
+        most[first] = np.inf
+        near = found.ends[int(np.abs(mine - cost).sum(axis=1).argmin())]
+        end = found.walk.least(first, most, near)
+        if end is not None:
+            gains.append(100 * (cost[first] - end.costs[first]) / abs(cost[first]))
+    return Comparison(beaten, np.array(gains))
+
+
+def columns(found: Front) -> dict[str, NDArray[Any]]:
+    """The front as a table: variables, measures, what the others cost in the first, what presses.
+
+    A price is in the units of the first objective for one unit of the other: the column
+    u_roll_urad_per_head_mm says how many urad a millimetre more of head takes away.
+    """
+    names, first = found.objectives, found.walk.first
+    table: dict[str, NDArray[Any]] = {"point": np.arange(len(found.designs))}
+    table |= dict(zip(found.walk.trade.problem.names, found.designs.T, strict=True))
+    table |= dict(zip(MEASURES, found.measures.T, strict=True))
+    for n, name in enumerate(names):
+        if n != first:
+            table[f"{names[first]}_per_{name}"] = found.prices[:, n]
+    active = [
+        "; ".join(f"{group} {size:.2g}" for group, size in each.items() if not aimed(group))
+        for each in found.active
+    ]
+    return table | {"holds_it_back": np.array(active, dtype=str)}
+
+
+def aimed(group: str) -> bool:
+    """Whether a group of constraints is only the objective itself."""
+    return group.endswith("as low as it can be")

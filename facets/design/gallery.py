@@ -1,0 +1,89 @@
+"""The designs that a page or a choice shows: the sensor as it is, the front, and some others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.sensor import Sensor
+from ..core.units import Booleans, Floats
+from .exploration import MEASURES, NO_RIVALS, SKIPPED, Space, looked_at
+from .rounding import nearest_steps
+from .variables import present_values, sensor_of
+
+if TYPE_CHECKING:
+    from ..core.settings import Config
+
+#: Designs of the front, and others, that a page has.
+FRONT, OTHERS = 200, 400
+Table = dict[str, NDArray[Any]]
+
+
+def own_design(space: Space) -> tuple[Floats, Floats, str]:
+    """The sensor as it is: its variables, its measures, and why it has not all of them."""
+    fixed = replace(space, layout=replace(space.layout, variables={}))
+    why, values = looked_at(fixed, np.empty(0), NO_RIVALS)
+    now = present_values(space.sensor)
+    return np.array([now[name] for name in space.names]), values, SKIPPED[why]
+
+
+def picked(count: int, most: int) -> NDArray[np.int64]:
+    """Numbers of at most so many of some designs, spread evenly."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
+
+
+def gallery(space: Space, front: Table, others: Table | None) -> tuple[Table, list[Sensor]]:
+    """A table of the design as it is, the front's and some others, and the sensors of all, those of
+    designs in numbers that can be made.
+
+    front, others: tables with the variables and measures; the front may say in `holds_it_back`
+    what does.
+    """
+    names = [*space.names, *MEASURES]
+    x, values, _ = own_design(space)
+    parts = [(np.append(x, values)[None], "own", ["as it is"], [""])]
+    shown = picked(len(front[names[0]]), FRONT)
+    rows = np.stack([front[name][shown] for name in names], axis=1)
+    remarks = front.get("holds_it_back", np.full(len(front[names[0]]), ""))[shown].tolist()
+    titles = [f"front {n}" for n in front.get("point", front.get("design", shown))[shown]]
+    parts.append((rows, "front", titles, remarks))
+    if others is not None:
+        known = np.flatnonzero(np.all([np.isfinite(others[n]) for n in space.objectives], axis=0))
+        some = known[picked(len(known), OTHERS)] if len(known) else known
+        rows = np.stack([others[name][some] for name in names], axis=1)
+        parts.append((rows, "other", [f"design {n}" for n in others["design"][some]],
+                      [""] * len(some)))  # fmt: skip
+    every = np.concatenate([part[0] for part in parts])
+    table: Table = {name: every[:, n].astype(float) for n, name in enumerate(names)}
+    table["kind"] = np.array([part[1] for part in parts for _ in part[0]])
+    table["title"] = np.array([title for part in parts for title in part[2]])
+    table["remark"] = np.array([remark for part in parts for remark in part[3]])
+    count = len(space.names)
+    made = [rounded(space, row[:count]) for row in every[1:]]
+    return table, [space.sensor, *(sensor_of(space.sensor, space.names, x) for x in made)]
+
+
+def rounded(space: Space, x: Floats) -> Floats:
+    """A design in numbers that can be made."""
+    low, high = np.array([space.layout.variables[name] for name in space.names]).T
+    return nearest_steps(space.names, x, low, high)
+
+
+def texts_of(settings: Config, sensors: list[Sensor], folder: Any) -> list[str]:
+    """The YAML of each, as an extension of the configuration, in numbers that can be made."""
+    from .changes import base_of, changed_keys, document, is_said_once, said_once
+
+    base = base_of(settings, folder)
+    once = is_said_once(settings, sensors[-1], folder)
+    keys = [changed_keys(settings, sensor) for sensor in sensors]
+    return [document(base, said_once(each) if once else each, {}) for each in keys]
+
+
+def best_of(table: Table, objectives: list[str], mask: Booleans) -> Table:
+    """The designs of a table that a mask names, by their first objective."""
+    some = {name: column[mask] for name, column in table.items()}
+    order = np.argsort(some[objectives[0]], kind="stable")
+    return {name: column[order] for name, column in some.items()}

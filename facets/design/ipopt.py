@@ -1,0 +1,166 @@
+"""IPOPT, as casadi brings it, for problems whose derivatives are numbers computed here.
+
+Importing this imports casadi.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import casadi as ca  # noqa: TID253
+import numpy as np
+
+from ..core.units import Floats
+from .interruption import run_solver
+
+#: IPOPT's own tolerance.
+TOLERANCE = 1e-8
+#: What its barrier begins with where the start is nearly the end.
+NEAR = 1e-5
+#: How many steps it may take.
+STEPS = 300
+
+
+class Nonlinear(Protocol):
+    """What is to be made small, and constraints that must not fall below zero."""
+
+    @property
+    def unknowns(self) -> int: ...
+
+    @property
+    def constraints(self) -> int: ...
+
+    def objective(self, x: Floats) -> tuple[float, Floats, Floats]:
+        """Value, gradient (n,) and Hessian (n, n)."""
+
+    def kept(self, x: Floats) -> tuple[Floats, Floats, Floats]:
+        """Values (m,), gradients (m, n) and Hessians (m, n, n)."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """Where IPOPT ended.  limits, bounds: the multipliers of the constraints and of the bounds."""
+
+    x: Floats
+    objective: float
+    success: bool
+    status: str
+    limits: Floats
+    bounds: Floats
+    iterations: int
+
+
+class Given(ca.Callback):
+    """A function for casadi from one for arrays.
+
+    rows: how many numbers each input has.  shapes: the sparsity of each output.
+    compute: from the inputs to each output's numbers, by columns.
+    """
+
+    def __init__(
+        self, name: str, rows: list[int], shapes: list[Any], compute: Callable[..., list[Any]]
+    ) -> None:
+        super().__init__()
+        self.rows, self.shapes, self.compute = rows, shapes, compute
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        return len(self.rows)
+
+    def get_n_out(self) -> int:
+        return len(self.shapes)
+
+    def get_sparsity_in(self, i: int) -> Any:
+        return ca.Sparsity.dense(self.rows[i], 1)
+
+    def get_sparsity_out(self, i: int) -> Any:
+        return self.shapes[i]
+
+    def has_eval_buffer(self) -> bool:
+        return True
+
+    def eval_buffer(self, given: Any, wanted: Any) -> int:
+        inputs = [np.frombuffer(each) if each is not None else np.empty(0) for each in given]
+        for place, numbers in zip(wanted, self.compute(*inputs), strict=True):
+            if place is not None:
+                np.frombuffer(place)[:] = numbers
+        return 0
+
+
+class Pieces:
+    """A problem's functions as IPOPT asks for them, each computed once for one place."""
+
+    def __init__(self, problem: Nonlinear) -> None:
+        self.problem = problem
+        self.where: bytes = b""
+        self.upper = np.triu_indices(problem.unknowns)
+        n, m = problem.unknowns, problem.constraints
+        one, all_, triangle = ca.Sparsity.dense(1, 1), ca.Sparsity.dense, ca.Sparsity.upper(n)
+        self.both = Given("both", [n], [one, all_(m, 1)], self.values)
+        self.slope = Given("slope", [n, 0], [one, all_(1, n)], self.gradient)
+        self.slopes = Given("slopes", [n, 0], [all_(m, 1), all_(m, n)], self.jacobian)
+        self.bend = Given("bend", [n, 0, 1, m], [triangle], self.hessian)
+
+    def at(self, x: Floats) -> None:
+        if (where := x.tobytes()) != self.where:
+            self.cost = self.problem.objective(x)
+            self.kept = self.problem.kept(x)
+            self.where = where
+
+    def values(self, x: Floats) -> list[Any]:
+        self.at(x)
+        return [self.cost[0], self.kept[0]]
+
+    def gradient(self, x: Floats, _: Floats) -> list[Any]:
+        self.at(x)
+        return [self.cost[0], self.cost[1]]
+
+    def jacobian(self, x: Floats, _: Floats) -> list[Any]:
+        self.at(x)
+        return [self.kept[0], self.kept[1].T.ravel()]
+
+    def hessian(self, x: Floats, _: Floats, of_cost: Floats, of_kept: Floats) -> list[Any]:
+        self.at(x)
+        total = of_cost[0] * self.cost[2] + np.tensordot(of_kept, self.kept[2], 1)
+        row, column = self.upper
+        order = np.lexsort((row, column))  # casadi has them by columns
+        return [total[row[order], column[order]]]
+
+
+def minimise(
+    problem: Nonlinear,
+    start: Floats,
+    low: Floats,
+    high: Floats,
+    near: bool = False,
+    steps: int = STEPS,
+) -> Result:
+    """The least objective that IPOPT finds from a start, within bounds.
+
+    near: whether the start is nearly where it will end.  steps: that it may take.
+    """
+    pieces = Pieces(problem)
+    x = ca.MX.sym("x", problem.unknowns)
+    f, g = pieces.both(x)
+    options: dict[str, Any] = {
+        "ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.tol": TOLERANCE,
+        "ipopt.max_iter": steps, "ipopt.bound_relax_factor": 0.0, "error_on_fail": False,
+        "ipopt.hessian_approximation": "exact", "no_nlp_grad": True,
+        "grad_f": pieces.slope, "jac_g": pieces.slopes, "hess_lag": pieces.bend,
+    }  # fmt: skip
+    if near:
+        options |= {"ipopt.mu_init": NEAR, "ipopt.bound_push": 1e-8, "ipopt.bound_frac": 1e-8}
+    solver = ca.nlpsol("layout", "ipopt", {"x": x, "f": f, "g": g}, options)
+    found = run_solver(solver, x0=start, lbx=low, ubx=high, lbg=0.0, ubg=np.inf)
+    stats = solver.stats()
+    return Result(
+        x=np.array(found["x"]).ravel(),
+        objective=float(found["f"]),
+        success=bool(stats["success"]),
+        status=str(stats["return_status"]).replace("_", " ").lower(),
+        limits=np.abs(np.array(found["lam_g"]).ravel()),
+        bounds=np.array(found["lam_x"]).ravel(),
+        iterations=int(stats["iter_count"]),
+    )

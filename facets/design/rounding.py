@@ -1,0 +1,122 @@
+"""A design in numbers that a workshop can make, which still keeps what is asked for.
+
+One variable after the other goes to the nearest step, and the rest is searched again with it held;
+where that leaves nothing that keeps all, the other neighbour is tried, then a finer step.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.units import Floats
+from .problem import Problem
+from .search import SLACK, solve
+
+#: What can be set or made without effort, by the ending of a name, and of some names by itself.
+STEPS = {"mm": 0.1, "mrad": 1.0, "deg": 0.05, "mw": 0.01}
+OWN = {"diameter_mm": 0.01}
+#: How many times a step is made ten times finer before a number stays as it was found.
+FINER = 3
+
+
+@dataclass(frozen=True)
+class Rounded:
+    """x: the variables.  steps: what each is a multiple of, 0 where it is none.
+    costs: by how many hundredths the objective gets worse where one is off by half its step, or
+    infinite where what is asked for is then no longer kept by more than a thousandth."""
+
+    x: Floats
+    objective: float
+    steps: Floats
+    costs: Floats
+
+
+def step_of(name: str) -> float:
+    return OWN.get(name, STEPS[name.rpartition("_")[2]])
+
+
+def round_design(problem: Problem, x: Floats) -> Rounded | None:
+    """The design rounded; None where not even the design itself keeps all."""
+    low, high = problem.bounds()
+    width = problem.high - problem.low
+    here, steps = x.copy(), np.zeros(len(x))
+    guess = problem.first_guess(x)
+    for n, name in enumerate(problem.names):
+        for finer in range(FINER):
+            step = step_of(name) / 10**finer
+            found = None
+            below, above = np.floor(here[n] / step) * step, np.ceil(here[n] / step) * step
+            for value in sorted((below, above), key=lambda v: abs(v - here[n])):
+                share = (value - problem.low[n]) / width[n]
+                if not -1e-9 <= share <= 1 + 1e-9:
+                    continue
+                found = held(problem, guess, low, high, n, float(np.clip(share, 0, 1)))
+                if found is not None:
+                    break
+            if found is not None:
+                guess, steps[n] = found, step
+                low[n] = high[n] = found[n]
+                here = problem.values_at(guess)
+                here[n] = round(value, 9)
+                break
+        else:
+            low[n] = high[n] = guess[n]
+    x = np.array(
+        [v if s == 0 else round(round(v / s) * s, 9) for v, s in zip(here, steps, strict=True)]
+    )
+    objective = objective_of(problem, x)
+    if not np.isfinite(objective):
+        return None
+    return Rounded(x, objective, steps, costs_of(problem, x, steps, objective))
+
+
+def nearest_steps(names: list[str], x: Floats, low: Floats, high: Floats) -> Floats:
+    """The nearest multiples of the steps that are within the bounds; what has none stays."""
+    found = x.copy()
+    for n, name in enumerate(names):
+        step = step_of(name)
+        near = round(round(float(np.clip(x[n], low[n], high[n])) / step) * step, 9)
+        if low[n] <= near <= high[n]:
+            found[n] = near
+    return found
+
+
+def held(
+    problem: Problem, guess: Floats, low: Floats, high: Floats, n: int, share: float
+) -> Floats | None:
+    """Where the search ends with one variable held; None where nothing keeps all."""
+    low, high, guess = low.copy(), high.copy(), guess.copy()
+    low[n] = high[n] = guess[n] = share
+    free = low[: len(problem.names)] < high[: len(problem.names)]
+    if free.any() or "range" in problem.extras:
+        found, _ = solve(problem, problem.with_slacks(guess), low, high)
+        guess = np.clip(found.x, low, high)
+    guess = problem.with_slacks(guess, spare=1.0)
+    return guess if problem.values(guess).min() > -SLACK else None
+
+
+def objective_of(problem: Problem, x: Floats, slack: float = SLACK) -> float:
+    """The objective at a design; NaN where it does not keep all, by more than `slack`."""
+    low, high = problem.bounds()
+    guess = problem.first_guess(x)
+    low[: len(x)] = high[: len(x)] = guess[: len(x)]
+    if "range" in problem.extras:
+        guess = solve(problem, guess, low, high)[0].x
+    guess = problem.with_slacks(guess, spare=1.0)
+    if not problem.values(guess).min() > -slack:
+        return float("nan")
+    return problem.objective(guess)[0]
+
+
+def costs_of(problem: Problem, x: Floats, steps: Floats, objective: float) -> Floats:
+    costs = np.zeros(len(x))
+    for n, step in enumerate(steps):
+        for side in (-0.5, 0.5):
+            moved = x.copy()
+            moved[n] += side * step
+            value = objective_of(problem, moved, slack=1e-3)
+            worse = 100 * (value - objective) / max(abs(objective), 1e-300)
+            costs[n] = max(costs[n], np.inf if np.isnan(worse) else worse)
+    return costs

@@ -1,0 +1,219 @@
+"""The problem of designs that trade one objective of `exploration` against another.
+
+Its unknowns are the variables and the objectives themselves. Ranges are as far as the spots stay on
+their detectors and enough light falls on these, at both ends and at a few places before them;
+uncertainties and the head are slacks above what they have to be.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.names import FINE_COLUMNS, POSE, RANGE_COLUMNS
+from ..core.units import Floats
+from ..detectors.noise import power_floor
+from ..optics.forward import geometry
+from .exploration import FAR, MEASURES, NO_RIVALS, Space, looked_at
+from .footprint import edge_clearances, within_circle
+from .problem import EDGES, Problem, Wanted, require_supported, rows_of
+from .tape import tape_of
+from .variables import Outcome, heads_of, outcome_of, present_values, with_values
+
+#: What can be traded: what has slopes.
+OBJECTIVES = ("head_mm", *FINE_COLUMNS[:6], *RANGE_COLUMNS)
+#: Where between rest and the end of a range its limits are asked for.
+SHARES = (0.25, 0.5, 0.75, 1.0)
+#: What an objective is counted in where the sensor as it is does not say, mm, um, urad, mrad.
+USUAL = 10.0
+
+
+@dataclass(frozen=True)
+class Trade:
+    """The problem, whose last unknowns are the objectives over their `scales`.
+
+    objectives: in the order of the unknowns.  signs: -1 for those that are to be large.
+    """
+
+    space: Space
+    problem: Problem
+    objectives: list[str]
+    scales: Floats
+    signs: Floats
+
+    def costs(self, unknowns: Floats) -> Floats:
+        """The objectives, all to be small, over their scales."""
+        found: Floats = self.signs * unknowns[len(self.problem.names) :]
+        return found
+
+    def measured(self, values: Floats) -> Floats:
+        """The same of a design's measures."""
+        places = [MEASURES.index(name) for name in self.objectives]
+        found: Floats = self.signs * values[..., places] / self.scales
+        return found
+
+    def bounds(self, most: Floats) -> tuple[Floats, Floats]:
+        """Of the unknowns where no cost may be above `most`, infinite for any."""
+        low, high = self.problem.bounds()
+        n = len(self.problem.names)
+        high[n:] = np.where(self.signs > 0, most, np.inf)
+        low[n:] = np.where(self.signs < 0, np.maximum(-most, 0.0), 0.0)
+        return low, high
+
+    def guess(self, x: Floats) -> Floats:
+        """The unknowns at a design, in the units of the variables' names."""
+        _, values = looked_at(self.space, x, NO_RIVALS)
+        known = np.abs(self.measured(values))
+        shares = (x - self.problem.low) / (self.problem.high - self.problem.low)
+        start = np.append(shares, np.where(np.isfinite(known), known, 0.1))
+        return self.problem.with_slacks(start)
+
+
+def require_smooth(space: Space) -> None:
+    """Raises `InputError` where an objective has no slope that a front could follow."""
+    unable = [name for name in space.objectives if name not in OBJECTIVES]
+    if unable:
+        raise InputError(
+            f"--front can not follow {', '.join(unable)}; it knows {', '.join(OBJECTIVES)}"
+        )
+    if not 2 <= len(set(space.objectives)) <= 3:
+        raise InputError("--front takes two or three objectives: give --objective again")
+    require_supported(space.sensor, space.layout, "explore --front")
+    if not space.rules.whole_spot:
+        raise InputError("--front follows ranges of whole spots only: set range.spot to whole")
+
+
+def trade_of(space: Space) -> Trade:
+    """The problem of a space's objectives; raises `InputError`."""
+    import casadi as ca
+
+    require_smooth(space)
+    names, count = space.names, len(space.names)
+    low, high = np.array([space.layout.variables[name] for name in names]).T
+    ranges = [name for name in RANGE_COLUMNS if name in space.objectives]
+    objectives = [*ranges, *(name for name in space.objectives if name not in ranges)]
+    scales = dict(zip(objectives, scales_of(space, objectives), strict=True))
+    unknown, given = ca.SX.sym("x", count + len(ranges)), ca.SX.sym("s", 16)
+    x = [low[i] + (high[i] - low[i]) * unknown[i] for i in range(count)]
+    halves = {name: scales[name] * unknown[count + n] / 2 for n, name in enumerate(ranges)}
+    states = states_of(space, ranges)
+    wanted = wanted_of(space, x, at_state(space, given, halves), scales, states)
+    groups = list(dict.fromkeys(each.group for each in wanted))
+    problem = Problem(
+        space.sensor, names, low, high, objectives,
+        tape_of(unknown, given, ca.vertcat(*[each.value for each in wanted])),
+        np.arange(count + len(ranges)), states, groups,
+        rows_of(wanted, groups, objectives, count, len(states)),
+        np.empty(0, dtype=np.int64), {}, False,
+    )  # fmt: skip
+    signs = np.array([-1.0 if name in ranges else 1.0 for name in objectives])
+    return Trade(space, problem, objectives, np.array(list(scales.values())), signs)
+
+
+def scales_of(space: Space, objectives: list[str]) -> list[float]:
+    """What each objective is counted in: what it is of the sensor as it is, within the bounds."""
+    now = present_values(space.sensor)
+    low, high = np.array([space.layout.variables[name] for name in space.names]).T
+    x = np.clip([now[name] for name in space.names], low, high)
+    values = looked_at(space, x, NO_RIVALS)[1][[MEASURES.index(name) for name in objectives]]
+    usual: list[float] = np.where(np.isfinite(values) & (values > 0), values, USUAL).tolist()
+    return usual
+
+
+def states_of(space: Space, ranges: list[str]) -> Floats:
+    """(m, 16): of each state what is of the volume (8), and what goes with the ranges (8).
+
+    The first is rest; then those on the way to both ends of each range; then the volume's, where it
+    is required.
+    """
+    rows = [np.zeros(16)]
+    for name in ranges:
+        axis = RANGE_COLUMNS.index(name)
+        for share in (*SHARES, *(-share for share in SHARES)):
+            row = np.zeros(16)
+            row[8 + axis] = share
+            if space.rules.tracking and axis < 2:
+                row[14 + axis] = share
+            rows.append(row)
+    if space.required:
+        rows += [np.append(state, np.zeros(8)) for state in space.volume]
+    return np.array(rows)
+
+
+def at_state(space: Space, given: Any, halves: dict[str, Any]) -> tuple[Any, ...]:
+    """A state in symbols: of the volume, or at a share of the ranges' halves (mm, mrad)."""
+    ends: list[Any] = [0.0] * 8
+    for name, half in halves.items():
+        axis = RANGE_COLUMNS.index(name)
+        ends[axis] = half / FAR[axis]
+        if axis < 2:
+            ends[6 + axis] = ends[axis]
+    return tuple(given[i] + given[8 + i] * ends[i] for i in range(8))
+
+
+def wanted_of(
+    space: Space, x: list[Any], state: Any, scales: dict[str, float], states: Floats
+) -> list[Wanted]:
+    """All that a design must keep, and what must stay below the objectives."""
+    import casadi as ca
+
+    parameters, square = with_values(space.sensor, space.names, x)
+    own = [(psd.size_y, psd.size_z) for psd in space.sensor.psds]
+    sizes = [(d, d) for d in square] if "size_mm" in space.names else own
+    given = tuple(map(ca.SX, parameters))
+    fixed = geometry(given)
+    found = outcome_of(space.sensor, given, square, state, 0.0)
+    heads = heads_of(parameters)
+    outside = [n for n, row in enumerate(states) if row[:8].any()]
+    reached = [n for n in range(len(states)) if n not in outside]
+    # a volume that is a point is at rest
+    volume = (outside or [0]) if space.required else []
+    wanted = [Wanted("mirror's tip in the beam", within_circle(fixed, state))]
+    wanted += spots(edge_clearances(fixed, state, sizes), float(np.mean(own)) / 2)
+    wanted += lit_and_fine(space, found, reached, volume)
+    if space.required and np.isfinite(space.layout.head):
+        limit = space.layout.head
+        wanted += [Wanted("size of the head", 1 - h / limit, states=(0,)) for h in heads]
+    for name, scale in scales.items():
+        if name in FINE_COLUMNS:
+            sigma = ca.sqrt(found[FINE_COLUMNS.index(name)])
+            what = f"{name} as low as it can be"
+            wanted.append(Wanted(what, -sigma / scale, name, (0,)))
+        elif name == "head_mm":
+            what = "size of the head as low as it can be"
+            wanted += [Wanted(what, -head / scale, name, (0,)) for head in heads]
+    return wanted
+
+
+def spots(clearances: dict[tuple[int, int], list[Any]], half: float) -> list[Wanted]:
+    return [
+        Wanted(f"spot on PSD {'ABC'[k]} {EDGES[edge]} edge", each / half)
+        for (k, edge), several in clearances.items()
+        for each in several
+    ]
+
+
+def lit_and_fine(
+    space: Space, found: list[Any], reached: list[int], volume: list[int]
+) -> list[Wanted]:
+    """Power and resolution: where the ranges reach by the rules of ranges, over the volume by what
+    is required, and at rest by what every design must have."""
+    layout, rules = space.layout, space.rules
+    weakest = rules.snr * power_floor(space.sensor)
+    wanted = []
+    for power in found[Outcome.POWERS]:
+        wanted.append(Wanted("power on a detector", power / weakest - 1, states=reached))
+        least = power / layout.least_power - 1
+        wanted.append(Wanted("power on a detector", least, states=sorted({0, *volume})))
+    for i, name in enumerate(POSE):
+        coarsest = rules.coarsest[i] * (1e3 if i < 3 else 1e6)  # mm and rad to um and urad
+        if np.isfinite(coarsest):
+            fine = 1 - found[i] / coarsest**2
+            wanted.append(Wanted(f"range.coarsest of {name}", fine, states=reached))
+        if volume and np.isfinite(layout.limit[i]):
+            fine = 1 - found[i] / layout.limit[i] ** 2
+            wanted.append(Wanted(f"uncertainty of {name}", fine, states=volume))
+    return wanted

@@ -1,0 +1,51 @@
+"""One page on a layout that was found: what was asked, what was found, and how far to believe it.
+
+The page is one file that asks nothing of a network and prints on a sheet or two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from importlib.resources import files
+from io import BytesIO
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page: sentences, a table, a drawing (SVG or HTML), and text as it is.
+
+    wide: over both columns.
+    """
+
+    title: str
+    words: Sequence[str] = ()
+    headings: Sequence[str] = ()
+    rows: Sequence[Sequence[str]] = field(default_factory=list)
+    drawing: str = ""
+    text: str = ""
+    wide: bool = False
+
+
+def report(name: str, summary: str, sections: Sequence[Section], origin: str) -> str:
+    """The page as HTML."""
+    from jinja2 import Environment
+
+    text = files("facets.pictures").joinpath("design_report.html").read_text("utf-8")
+    page = Environment(autoescape=True).from_string(text)
+    return page.render(name=name, summary=summary, sections=sections, origin=origin)
+
+
+def inline(picture: Figure, words: str) -> str:
+    """A picture as an element of a page."""
+    from base64 import b64encode
+
+    stream = BytesIO()
+    picture.savefig(stream, format="png", dpi=130)
+    return (
+        f"<img alt='{words}' src='data:image/png;base64,{b64encode(stream.getvalue()).decode()}'>"
+    )

@@ -1,0 +1,96 @@
+"""Designs on a page of their own: scatter matrix, parallel coordinates, and each design's drawing.
+
+The page is one file that asks nothing of a network; plotly draws in it.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError
+from ..core.sensor import Sensor
+from ..core.units import column_label
+from .head_drawing import drawing
+
+#: Columns that the plots have room for.
+MOST = 9
+
+
+def plotly_text() -> str:
+    """plotly's own JavaScript. Raises `InputError` where plotly is not installed."""
+    try:
+        from plotly.offline import get_plotlyjs
+    except ImportError:
+        raise InputError("--report needs plotly: pip install 'facets-6dof[pages]'") from None
+    return str(get_plotlyjs())
+
+
+def page(
+    name: str,
+    variables: list[str],
+    objectives: list[str],
+    table: dict[str, NDArray[Any]],
+    sensors: list[Sensor],
+    texts: list[str],
+    summary: str,
+) -> str:
+    """The page as HTML.
+
+    table: columns of the variables, the objectives and other measures, and `kind` ("own", "front"
+    or "other"), `title` and `remark` of each design; `texts` are their YAML.
+    """
+    measures = [key for key, values in table.items() if values.dtype.kind == "f"]
+    plotted = [*objectives, *variables][:MOST]
+    columns = [
+        {
+            "label": label(key),
+            "values": rounded(table[key]),
+            "plotted": key in plotted,
+            "listed": key in plotted,
+        }
+        for key in sorted(measures, key=lambda key: (key not in plotted, order(key, plotted)))
+    ]
+    kinds = table["kind"].tolist()
+    data = {
+        "kind": kinds,
+        "title": table["title"].tolist(),
+        "remark": table["remark"].tolist(),
+        "columns": columns,
+        "yaml": texts,
+        "drawing": [drawing(sensor) for sensor in sensors],
+        "first": kinds.index("front") if "front" in kinds else 0,
+    }
+    text = files("facets.pictures").joinpath("exploration_page.html").read_text("utf-8")
+    # what ends a script must not stand in one
+    content = json.dumps(data, ensure_ascii=False, allow_nan=False).replace("</", "<\\/")
+    for mark, value in (
+        ("NAME", html.escape(name)), ("OBJECTIVES", ", ".join(map(html.escape, objectives))),
+        ("SUMMARY", html.escape(summary)),
+    ):  # fmt: skip
+        text = text.replace(mark, value)
+    before, after = text.split("PLOTLY", 1)
+    start, end = after.split("= DATA;", 1)
+    return f"{before}{plotly_text()}{start}= {content};{end}"
+
+
+#: What a column's name ends in where it has a unit.
+UNITS = ("mm", "um", "mrad", "urad", "deg", "mw")
+
+
+def label(key: str) -> str:
+    return column_label(key) if key.rpartition("_")[2] in UNITS else key.replace("_", " ")
+
+
+def order(key: str, plotted: list[str]) -> int:
+    return plotted.index(key) if key in plotted else 0
+
+
+def rounded(values: NDArray[Any]) -> list[float | None]:
+    """To seven digits; None where there is none."""
+    return [float(f"{v:.7g}") if np.isfinite(v) else None for v in values.tolist()]
