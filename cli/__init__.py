@@ -30,6 +30,7 @@ from .calibrate import calibrate
 from .console import BAD_INPUT, INTERRUPTED, Guarded, message
 from .emulate import emulate
 from .explore import explore
+from .export_c import export_c
 from .jacobian import jacobian
 from .optimize import optimize
 from .range_map import range_map
@@ -123,6 +124,7 @@ app.command()(replay)
 app.command()(recover)
 app.command()(emulate)
 app.command()(render)
+app.command("export-c")(export_c)
 app.command()(bench)
 app.command()(reproduce)
 app.add_typer(config.app, name="config")
