@@ -17,12 +17,15 @@ Numbers = Any
 
 
 class Value:
-    """A number that the C function will compute, by its name there."""
+    """A number that the C function will compute, by its name there.
 
-    __slots__ = ("name", "writer")
+    wide: whether it is of the type `facets_wide`, which has double precision in either build.
+    """
 
-    def __init__(self, writer: Writer, name: str) -> None:
-        self.writer, self.name = writer, name
+    __slots__ = ("name", "wide", "writer")
+
+    def __init__(self, writer: Writer, name: str, wide: bool = False) -> None:
+        self.writer, self.name, self.wide = writer, name, wide
 
     def __add__(self, other: Any) -> Numbers:
         return self.writer.sum(self, other)
@@ -55,7 +58,10 @@ class Value:
         return self.writer.function("fabs", self)
 
     def __gt__(self, other: Any) -> Condition:
-        return Condition(self.writer, f"{self.name} > {self.writer.text(other)}")
+        wide = is_wide(self, other)
+        return Condition(
+            self.writer, f"{self.writer.text(self, wide)} > {self.writer.text(other, wide)}"
+        )
 
 
 class Condition:
@@ -76,11 +82,15 @@ class Condition:
         raise TypeError("a formula asks what only its C code will know; use Writer.choose")
 
 
-def number(value: float) -> str:
+def number(value: float, wide: bool = False) -> str:
     """A constant in C, to its last digit."""
     if math.isnan(value):
         return "FACETS_NAN"
-    return f"R({float(value)!r})"
+    return f"{'W' if wide else 'R'}({float(value)!r})"
+
+
+def is_wide(*parts: Numbers) -> bool:
+    return any(isinstance(part, Value) and part.wide for part in parts)
 
 
 class Writer:
@@ -92,26 +102,36 @@ class Writer:
         self._count = 0
         self._indent = "    "
 
-    def value(self, name: str) -> Value:
+    def value(self, name: str, wide: bool = False) -> Value:
         """An argument of the function."""
-        return Value(self, name)
+        return Value(self, name, wide)
 
-    def text(self, part: Numbers) -> str:
-        return part.name if isinstance(part, Value) else number(part)
+    def text(self, part: Numbers, wide: bool = False) -> str:
+        """A number as an operand among wide ones, or among others."""
+        if not isinstance(part, Value):
+            return number(part, wide)
+        return f"(facets_wide){part.name}" if wide and not part.wide else part.name
+
+    def narrow(self, part: Numbers) -> Numbers:
+        """Wide numbers, in nested tuples, as others."""
+        if isinstance(part, tuple):
+            inner = [self.narrow(each) for each in part]
+            return type(part)(*inner) if hasattr(part, "_fields") else tuple(inner)
+        return self._compute("(facets_real){}", False, part) if is_wide(part) else part
 
     def sum(self, a: Numbers, b: Numbers) -> Numbers:
         if is_known(a, 0):
             return b
         if is_known(b, 0):
             return a
-        return self._compute(f"{self.text(a)} + {self.text(b)}")
+        return self._compute("{} + {}", is_wide(a, b), a, b)
 
     def difference(self, a: Numbers, b: Numbers) -> Numbers:
         if is_known(b, 0):
             return a
         if is_known(a, 0):
             return -b
-        return self._compute(f"{self.text(a)} - {self.text(b)}")
+        return self._compute("{} - {}", is_wide(a, b), a, b)
 
     def product(self, a: Numbers, b: Numbers) -> Numbers:
         """Zero times what is finite is zero, and the function is asked with finite numbers."""
@@ -122,7 +142,7 @@ class Writer:
                 return other
             if is_known(one, -1):
                 return -other
-        return self._compute(f"{self.text(a)} * {self.text(b)}")
+        return self._compute("{} * {}", is_wide(a, b), a, b)
 
     def quotient(self, a: Numbers, b: Numbers) -> Numbers:
         if is_known(a, 0):
@@ -131,19 +151,21 @@ class Writer:
             return a
         if isinstance(b, float | int) and math.frexp(b)[0] == 0.5:  # a power of two, exactly
             return self.product(a, 1 / b)
-        return self._compute(f"{self.text(a)} / {self.text(b)}")
+        return self._compute("{} / {}", is_wide(a, b), a, b)
 
     def negative(self, a: Value) -> Value:
-        return self._compute(f"-{a.name}")
+        return self._compute("-{}", a.wide, a)
 
     def function(self, name: str, *arguments: Numbers) -> Numbers:
         """An elementary function of `math`."""
         if all(isinstance(each, float | int) for each in arguments):
             return getattr(math, name)(*arguments)
-        return self._compute(f"facets_{name}({', '.join(map(self.text, arguments))})")
+        wide = is_wide(*arguments)
+        call = f"facets_{'wide_' * wide}{name}({', '.join('{}' for _ in arguments)})"
+        return self._compute(call, wide, *arguments)
 
     def select(self, condition: Condition, a: Numbers, b: Numbers) -> Value:
-        return self._compute(f"({condition.text}) ? {self.text(a)} : {self.text(b)}")
+        return self._compute(f"({condition.text}) ? {{}} : {{}}", is_wide(a, b), a, b)
 
     def called(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
         """What a C function of the same name gives, in tuples nested like `like`."""
@@ -186,12 +208,14 @@ class Writer:
         """A result of the function."""
         self._write(f"{place} = {self.text(part)};")
 
-    def _compute(self, expression: str) -> Value:
+    def _compute(self, form: str, wide: bool, *operands: Numbers) -> Value:
+        """form: the expression, with a place for each operand."""
+        expression = form.format(*(self.text(each, wide) for each in operands))
         name = self._known.get(expression)
         if name is None:
             name = self._known[expression] = self._new("t")
-            self._write(f"const facets_real {name} = {expression};")
-        return Value(self, name)
+            self._write(f"const facets_{'wide' if wide else 'real'} {name} = {expression};")
+        return Value(self, name, wide)
 
     def _new(self, letter: str) -> str:
         self._count += 1
@@ -202,7 +226,7 @@ class Writer:
 
 
 #: A statement that computes one number, and its name.
-CONSTANT = re.compile(r"\s*const facets_real (\w+) = ")
+CONSTANT = re.compile(r"\s*const facets_(?:real|wide) (\w+) = ")
 
 
 def needed(statements: list[str]) -> list[str]:
