@@ -42,7 +42,7 @@ class FirmwareLibrary:
                 f"{path} can not be used as the exported solver: {error}; "
                 "make it with `make library` in a folder that `facets export-c` has written"
             ) from None
-        self.kind: type[np.floating[np.generic]] = np.float64 if size == 8 else np.float32
+        self.kind = np.dtype(np.float64 if size == 8 else np.float32)
         self._code.facets_solve_plain.restype = ctypes.c_int32
         self._code.facets_from_counts.restype = ctypes.c_int32
 

@@ -125,8 +125,8 @@ def grid_data(grids: list[Grid | None]) -> str:
             rows.append("    {0, 0, NULL, NULL, NULL, NULL},")
             continue
         names = [f"GRID_{letter}_{name}" for name in ("Y", "Z", "ADD_Y", "ADD_Z")]
-        parts = (grid.y, grid.z, grid.add_y, grid.add_z)
-        lines += [array(n, np.ravel(part)) for n, part in zip(names, parts, strict=True)]
+        parts = [np.array(part) for part in (grid.y, grid.z, grid.add_y, grid.add_z)]
+        lines += [array(n, part.ravel()) for n, part in zip(names, parts, strict=True)]
         rows.append(f"    {{{len(grid.y)}, {len(grid.z)}, {', '.join(names)}}},")
     return "\n".join([*lines, "static const Grid GRID[3] = {", *rows, "};"])
 

@@ -62,7 +62,9 @@ def source(sensor: Sensor, about: Provenance) -> Source:
     """The C of a sensor. Raises `InputError` for one whose readings it would not give."""
     refuse_unsupported(sensor)
     model = model_text(sensor)
-    head = filled('/* Written by facets @VERSION@ for "@NAME@", hash @HASH@; see facets.h. */', about)
+    head = filled(
+        '/* Written by facets @VERSION@ for "@NAME@", hash @HASH@; see facets.h. */', about
+    )
     code = [
         head,
         '#include "facets.h"',

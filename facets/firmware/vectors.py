@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import add_noise
@@ -28,7 +29,15 @@ class Vectors(NamedTuple):
 
 
 def states_within(sensor: Sensor, count: int, rng: np.random.Generator) -> Floats:
-    """States (count, 8) at which every spot reaches its detector, drawn about zero."""
+    """States (count, 8) at which every spot reaches its detector, drawn about zero.
+
+    Raises `InputError` where a spot misses its detector at zero already.
+    """
+    if not reaches(sensor, np.zeros((1, 8))).all():
+        raise InputError(
+            "at the mirror's zero pose a spot misses its detector, so that there is nothing to "
+            "test the C code with; see `facets render`"
+        )
     half, distance = half_sizes(sensor), max(psd.radius for psd in sensor.psds)
     across = 0.15 * min(sensor.beam.diameter_x, sensor.beam.diameter_y)
     along, turn = half.min() / 2, half.min() / (4 * distance)
@@ -63,7 +72,9 @@ def vectors(sensor: Sensor) -> Vectors:
             states[:, 6:] = 0
         exact = readings(sensor, states)
         bad = spoilt(exact[0], half_sizes(sensor))
-        parts.append(solved(sensor, np.concatenate([exact, add_noise(sensor, exact, rng), bad]), beam))
+        parts.append(
+            solved(sensor, np.concatenate([exact, add_noise(sensor, exact, rng), bad]), beam)
+        )
     return Vectors(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
