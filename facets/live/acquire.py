@@ -105,8 +105,9 @@ class Live:
             found.append(
                 f"{self.recording.trouble}; {self.recording.lost} bytes that came are not recorded"
             )
-        if self.pipeline.tally.misfit.mostly:
+        if not self.pipeline.doubts.said and self.pipeline.tally.misfit.mostly:
             found.append("most poses have a residual beyond chance: they can not be believed")
+        found += self.pipeline.doubts.said
         if self.stage_error:
             found.append(f"the stage is stopped, the recording goes on: {self.stage_error}")
         elif self.tracker and self.tracker.note:

@@ -51,7 +51,8 @@ def values(live: Live) -> dict[str, Any]:
         "latency_p99_ms": rounded(1e3 * live.ninety_nine()),
         "backlog": live.backlog,
         "behind_s": round(live.age, 3) if live.behind else 0.0,
-        "clock_ppm": rounded(live.pipeline.drift.ppm),
+        "clock_ppm": rounded(live.pipeline.host_time.ppm),
+        "u_time_us": rounded(1e6 * live.pipeline.host_time.uncertainty),
         "note": "; ".join(live.messages()),
     }
     if live.recording:
@@ -129,8 +130,24 @@ def summary(live: Live) -> Iterator[str]:
             f"  the loop fell behind: {live.late} samples were solved after newer ones, "
             f"{tally.skipped} were not; `facets replay` solves them"
         )
+    yield from times(live)
     if live.pipeline.sequence.restarts:
         yield f"  the board restarted {live.pipeline.sequence.restarts} times"
+
+
+def times(live: Live) -> Iterator[str]:
+    """How well the samples' times are known, and how the board's clock runs."""
+    clock = live.pipeline.host_time
+    if live.pipeline.config.acquire.timing == "envelope" and np.isfinite(clock.uncertainty):
+        yield (
+            f"  the samples' times are known to {1e6 * clock.uncertainty:.2g} us (1 sigma), beside "
+            "what acquire.least_delay_ms is off"
+        )
+    if np.isfinite(clock.ppm):
+        yield (
+            f"  the board's clock is {abs(clock.ppm):.3g} ppm {'slow' if clock.ppm > 0 else 'fast'}"
+            f", +- {1e6 * clock.rate_sigma:.2g}"
+        )
 
 
 class Screen:
