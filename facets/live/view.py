@@ -55,6 +55,8 @@ def values(live: Live) -> dict[str, Any]:
         "u_time_us": rounded(1e6 * live.pipeline.host_time.uncertainty),
         "note": "; ".join(live.messages()),
     }
+    if live.publications:
+        found["published"] = live.publications.counts()
     if live.recording:
         found["not_recorded_bytes"] = live.recording.lost
     if live.newest is not None:
@@ -112,6 +114,8 @@ def plain_line(live: Live) -> str:
         text += f"  p99 {now['latency_p99_ms']:.1f} ms"
     if "stage" in now:
         text += f"  stage {now['stage']}"
+    if dropped := sum(one["dropped"] for one in now.get("published", ())):
+        text += f"  not published {dropped}"
     return text + (f"  [{now['note']}]" if now["note"] else "")
 
 
@@ -131,6 +135,8 @@ def summary(live: Live) -> Iterator[str]:
             f"{tally.skipped} were not; `facets replay` solves them"
         )
     yield from times(live)
+    for text in live.publications.sentences() if live.publications else ():
+        yield f"  {text}"
     if live.pipeline.sequence.restarts:
         yield f"  the board restarted {live.pipeline.sequence.restarts} times"
 
@@ -239,6 +245,8 @@ def stream(now: dict[str, Any]) -> str:
         shown = ", ".join("-" if x is None else f"{x:+.4f}" for x in error)
         text += f"\nstage {now['stage_mm']} mm, {now['stage']}, {now['moves']} moves"
         text += f"   Eq. (14): {shown}"
+    for one in now.get("published", ()):
+        text += f"\n{one['address']}: {one['sent']} published, {one['dropped']} dropped"
     if now["flags"]:
         text += "\n" + ", ".join(f"{count} {name}" for name, count in now["flags"].items())
     return text + (f"\n{now['note']}" if now["note"] else "")
