@@ -42,6 +42,13 @@ MaxLoss = Annotated[
 ]
 AsLines = Annotated[bool, typer.Option("--plain", help="Lines of text, for a log.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Lines of JSON, for a program.")]
+Publish = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Give every sample to other programs, at udp://HOST:PORT (JSON), "
+        "udp+binary://HOST:PORT, tcp://HOST:PORT or lsl:NAME; can be given several times."
+    ),
+]
 Rate = Annotated[float | None, typer.Option(min=0.1, max=50, help="Of the display, Hz.")]
 
 
@@ -60,6 +67,7 @@ def acquire(
     plain: AsLines = False,
     json: AsJson = False,
     rate: Rate = None,
+    publish: Publish = None,
 ) -> None:
     """Acquire a stream of detector counts and solve every sample.
 
@@ -80,6 +88,11 @@ def acquire(
     live.pipeline.warm_up()
     recording = started(settings, output) if record else None
     try:
+        if publish:
+            from facets.live.publication import Publications
+
+            live.publications = Publications(publish, settings)
+            tell(f"publishing at {', '.join(live.publications.places())}")
         if track:
             live.tracker = tracker_of(settings, stage_port, search, recording)
         reader = reader_of(settings, name, recording, reconnect, live)
@@ -175,6 +188,8 @@ def abandon(live: Live, recording: Recording | None) -> None:
             closing.callback(recording.discard)
         if live.tracker is not None:
             closing.callback(live.tracker.close)
+        if live.publications is not None:
+            closing.callback(live.publications.close)
 
 
 def required(value: str | None, option: str, key: str) -> str:

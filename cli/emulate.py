@@ -23,7 +23,8 @@ def emulate(
         str,
         typer.Option(
             help="Chances a sample of flip, lose, double, drop, and a second of stall, block, "
-            "saturate, unplug, restart, refuse, jam: flip=1e-4,stall=0.1."
+            "saturate, unplug, restart, refuse, jam: flip=1e-4,stall=0.1. Of the board's time: "
+            "jitter_ms, drift_ppm, uptime_s."
         ),
     ] = "",
     seed: Annotated[int, typer.Option(min=0, help="Of noise and faults.")] = 1,

@@ -74,6 +74,7 @@ class Bench:
     def run(self, seconds: float, tell: Callable[[Bench], None] = lambda _: None) -> None:
         """For so many seconds; ends quietly on ^C. tell: called each round."""
         self.begin = time.monotonic()
+        self.board.switch_on(self.begin)
         try:
             while self.last < seconds:
                 self.round()
@@ -134,15 +135,20 @@ class Bench:
         states[:, 6:] = here + share * (self.model.place - here)
         seq = (first + np.arange(due)).astype(np.uint32)
         self.count.made += due
-        self.write_truth(seq, states, self.board.take(states, seq, now))
+        host = self.begin + seq / self.rate
+        self.write_truth(seq, host, states, self.board.take(states, seq, host, now))
         self.cost += 0.2 * ((time.perf_counter() - start) / due - self.cost)
 
     def write_truth(
-        self, seq: NDArray[np.uint32], states: NDArray[np.float64], fate: NDArray[np.uint8]
+        self,
+        seq: NDArray[np.uint32],
+        host: NDArray[np.float64],
+        states: NDArray[np.float64],
+        fate: NDArray[np.uint8],
     ) -> None:
         rows = np.zeros(len(seq), TRUTH)
         rows["seq"], rows["fate"], rows["state"] = seq, fate, states
-        rows["host"] = self.begin + seq / self.rate
+        rows["host"] = host
         self.truth.write(rows.tobytes())
 
     def answer(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -51,8 +52,9 @@ class Count:
 class Board:
     """Samples the light, numbers the samples, and sends them.
 
-    born: number of the bench's sample at which the board was last switched on: it counts samples
-    and microseconds from there.
+    born: number of the bench's sample at which the board was last switched on, and the host's time
+    then, s: it counts samples and microseconds from there. Its clock goes on where a busy machine
+    makes the bench's time stand still, as a quartz does.
     """
 
     def __init__(
@@ -65,37 +67,50 @@ class Board:
         self.read_at = time.monotonic()  # when the line last took something
         self.overrun = self.unplugged = self.booting = False
         self.born = 0
+        self.born_at: float | None = None
+        self.released: deque[tuple[float, int]] = deque()  # when so many bytes leave the port
+
+    def switch_on(self, host: float) -> None:
+        """At the host's time; it may have been on for a while."""
+        self.born_at = host - self.schedule.faults.uptime_s
 
     def suffer(self, now: float) -> None:
         """Pulls the cable, puts it back, restarts, as the schedule has it at the time `now`, s."""
         gone = self.schedule.is_on("unplug", now)
         if gone and not self.unplugged:
             self.port.close()
-            self.pending.clear()
+            self.clear()
         if self.unplugged and not gone:
             self.port.open()
         self.unplugged = gone
         booting = self.schedule.is_on("restart", now)
         if booting and not self.booting:
-            self.pending.clear()
+            self.clear()
             self.overrun = False
         if self.booting and not booting:
-            self.born = self.count.made
+            self.born, self.born_at = self.count.made, None
             self.count.restarts += 1
         self.booting = booting
 
-    def take(self, states: Floats, seq: NDArray[np.uint32], now: float) -> NDArray[np.uint8]:
-        """Samples the light of states (n, 8) with the bench's numbers (n,); returns their fates."""
+    def take(
+        self, states: Floats, seq: NDArray[np.uint32], host: Floats, now: float
+    ) -> NDArray[np.uint8]:
+        """Samples the light of states (n, 8) with the bench's numbers (n,); returns their fates.
+
+        host: the host's times (n,) at which they are taken, s.
+        """
+        if self.born_at is None:
+            self.born_at = float(host[0])
         lost = self.rng.random(len(seq)) < self.schedule.faults.drop
         if self.unplugged or self.booting or self.schedule.is_on("stall", now):
             lost[:] = True
         fate = np.where(lost, DROPPED, SENT).astype(np.uint8)
         self.lose(int(lost.sum()))
         if not lost.all():
-            fate[~lost] = self.send(self.sample(states[~lost], seq[~lost], now))
+            fate[~lost] = self.send(self.sample(states[~lost], seq[~lost], host[~lost], now))
         return fate
 
-    def sample(self, states: Floats, seq: NDArray[np.uint32], now: float) -> Samples:
+    def sample(self, states: Floats, seq: NDArray[np.uint32], host: Floats, now: float) -> Samples:
         """What the board makes of the light: counts, with its own numbers and times."""
         sensor, electronics = self.config.sensor, self.config.electronics
         exact = uncorrected(sensor, seen_late(sensor, seq / self.rate, states, states))
@@ -114,8 +129,18 @@ class Board:
             counts, kind = xy_sum_of(electronics, counts), XY_SUM
         kinds = np.full(len(seq), kind, np.uint8)
         number = seq.astype(np.int64) - self.born
-        clock = (np.round(1e6 * number / self.rate).astype(np.int64) % 2**32).astype(np.uint32)
-        return Samples(kinds, flags, (number % 2**32).astype(np.uint32), clock, counts)
+        return Samples(kinds, flags, (number % 2**32).astype(np.uint32), self.clock(host), counts)
+
+    def clock(self, host: Floats) -> NDArray[np.uint32]:
+        """What the board's clock says at the host's times, us."""
+        assert self.born_at is not None
+        passed = (host - self.born_at) / (1 + 1e-6 * self.schedule.faults.drift_ppm)
+        return (np.round(1e6 * passed).astype(np.int64) % 2**32).astype(np.uint32)
+
+    def clear(self) -> None:
+        """Throws away what waits."""
+        self.pending.clear()
+        self.released.clear()
 
     def lose(self, count: int) -> None:
         """Counts samples that are never sent; the next one says so."""
@@ -140,7 +165,29 @@ class Board:
         broken, bad = self.spoil(data, len(samples))
         fate[bad] = SPOILT
         self.pending += broken
+        jitter = 1e-3 * self.schedule.faults.jitter_ms
+        if jitter:
+            last = self.released[-1][0] if self.released else 0.0
+            self.released.append(
+                (max(last, time.monotonic() + self.rng.uniform(0, jitter)), len(broken))
+            )
         return fate
+
+    def ready(self) -> int:
+        """How many of the bytes that wait may leave the port now."""
+        if not self.schedule.faults.jitter_ms:
+            return len(self.pending)
+        now = time.monotonic()
+        return sum(size for due, size in self.released if due <= now)
+
+    def forget(self, count: int) -> None:
+        """Takes so many bytes off those that wait."""
+        del self.pending[:count]
+        while count and self.released:
+            due, size = self.released.popleft()
+            if size > count:
+                self.released.appendleft((due, size - count))
+            count -= min(size, count)
 
     def spoil(self, data: bytes, count: int) -> tuple[bytes | bytearray, NDArray[np.int64]]:
         """The bytes with their faults, and which samples have one."""
@@ -166,14 +213,16 @@ class Board:
         """Sends what the port takes."""
         if self.unplugged:
             return
-        while self.pending:
-            done = self.port.write(self.pending[:65_536])
+        while ready := min(65_536, self.ready()):
+            done = self.port.write(self.pending[:ready])
             if done == 0:
                 break
-            del self.pending[:done]
+            self.forget(done)
+            self.read_at = time.monotonic()
+        if not self.ready():
             self.read_at = time.monotonic()
         if self.pending and time.monotonic() - self.read_at > UNREAD:
-            self.pending.clear()
+            self.clear()
             self.overrun = True
 
     def close(self) -> None:
