@@ -49,6 +49,10 @@ Publish = Annotated[
         "udp+binary://HOST:PORT, tcp://HOST:PORT or lsl:NAME; can be given several times."
     ),
 ]
+Compare = Annotated[
+    bool,
+    typer.Option("--compare", help="Exit status 1 unless the board's own poses are the same."),
+]
 Rate = Annotated[float | None, typer.Option(min=0.1, max=50, help="Of the display, Hz.")]
 
 
@@ -68,6 +72,7 @@ def acquire(
     json: AsJson = False,
     rate: Rate = None,
     publish: Publish = None,
+    compare: Compare = False,
 ) -> None:
     """Acquire a stream of detector counts and solve every sample.
 
@@ -101,7 +106,7 @@ def acquire(
         raise
     ending = Ending(seconds or float("inf"), samples or float("inf"))
     stream(live, reader, recording, ending, display(live, plain, json, rate))
-    reasons = complaints(live, max_loss)
+    reasons = complaints(live, max_loss, compare)
     for reason in reasons:
         tell(f"exit status 1: {reason}")
     if reasons:
@@ -158,7 +163,7 @@ def tell(text: str) -> None:
         typer.echo(text, err=True)
 
 
-def complaints(live: Live, max_loss: float) -> list[str]:
+def complaints(live: Live, max_loss: float, compare: bool = False) -> list[str]:
     """Why a run that came to its end is not a good one, in sentences."""
     found = []
     if not live.pipeline.tally.samples:
@@ -170,6 +175,11 @@ def complaints(live: Live, max_loss: float) -> list[str]:
         )
     if live.pipeline.tally.misfit.mostly:
         found.append(live.pipeline.tally.misfit.sentence)
+    board = live.pipeline.board
+    if compare and not board.compared:
+        found.append("the board sent no pose of its own that could be compared.")
+    elif compare and board.trouble():
+        found.append(board.trouble())
     if live.stage_error:
         found.append(f"the stage failed and was stopped: {live.stage_error}")
     if live.recording and live.recording.trouble:

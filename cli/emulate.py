@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from facets.firmware.library import FirmwareLibrary
     from facets.live.virtual import Bench
 
 
@@ -28,6 +29,10 @@ def emulate(
         ),
     ] = "",
     seed: Annotated[int, typer.Option(min=0, help="Of noise and faults.")] = 1,
+    firmware: Annotated[
+        Path | None,
+        typer.Option(help="A library of `facets export-c`: the board solves with it, too."),
+    ] = None,
 ) -> None:
     """Run a virtual bench: moving mirror, detectors, and a stage that carries the beam.
 
@@ -51,7 +56,8 @@ def emulate(
     from facets.live.virtual import Bench, Faults
 
     settings = load(config)
-    bench = Bench(settings, motion, rate, Faults.of(faults), seed, folder)
+    code = library_of(firmware, settings.acquire.format) if firmware else None
+    bench = Bench(settings, motion, rate, Faults.of(faults), seed, folder, code)
     warm_up(bench)
     typer.echo(
         f"board: {bench.board.port.link}   stage: {bench.stage.link} ({settings.stage.driver})"
@@ -60,6 +66,16 @@ def emulate(
     bench.run(seconds or float("inf"))
     with suppress(OSError):  # the terminal may be gone
         typer.echo(json.dumps(bench.count.__dict__))
+
+
+def library_of(path: Path, form: str) -> FirmwareLibrary:
+    """The exported solver; its poses need frames, which lines of text have not."""
+    from facets.core.errors import InputError
+    from facets.firmware.library import FirmwareLibrary
+
+    if form == "text":
+        raise InputError("--firmware sends poses as frames; acquire.format is text: have it frames")
+    return FirmwareLibrary(path)
 
 
 def warm_up(bench: Bench) -> None:

@@ -138,6 +138,9 @@ def tell(pipeline: Any, recording: Path, damage: Any) -> None:
             typer.echo(f"  {count} {label}")
     if tally.misfit.sentence:
         typer.echo(f"  {tally.misfit.sentence}")
+    for text in (pipeline.board.sentence(), pipeline.board.trouble()):
+        if text:
+            typer.echo(f"  {text}")
 
 
 def compared(recording: Path, found: list[Any]) -> None:

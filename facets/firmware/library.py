@@ -17,10 +17,11 @@ NUMBERS = 77
 
 
 class Solved(NamedTuple):
-    """state: (n, 8) mm, rad, NaN where not converged.  status: (n,) of `facets.Status`.
+    """state: (n, 8) mm, rad, power: (n,) mW, NaN where not converged.  status: (n,).
     covariance: (n, 8, 8).  residual: (n,).  used: (n, 3) the detectors that took part."""
 
     state: Floats
+    power: Floats
     status: NDArray[np.int32]
     covariance: Floats
     residual: Floats
@@ -67,6 +68,7 @@ class FirmwareLibrary:
         wide = numbers.astype(float)
         return Solved(
             wide[:, :8],
+            wide[:, 8],
             status,
             wide[:, 10:74].reshape(-1, 8, 8),
             wide[:, 9],

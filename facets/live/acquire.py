@@ -114,6 +114,8 @@ class Live:
         for one in self.publications.all if self.publications else ():
             if one.trouble:
                 found.append(f"{one.address}: nothing is published any more: {one.trouble}")
+        if self.pipeline.board.trouble():
+            found.append(self.pipeline.board.trouble())
         if self.stage_error:
             found.append(f"the stage is stopped, the recording goes on: {self.stage_error}")
         elif self.tracker and self.tracker.note:

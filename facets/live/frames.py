@@ -26,8 +26,9 @@ FRAME = np.dtype(
     ]
 )
 SIZE = FRAME.itemsize
-#: Kinds of frames: the counts of four electrodes a detector, or X, Y, SUM and one spare.
-ELECTRODES, XY_SUM = 1, 2
+#: Kinds of frames: the counts of four electrodes a detector, or X, Y, SUM and one spare; or a pose
+#: that the board has solved (`board_poses`), with the number of the sample that it belongs to.
+ELECTRODES, XY_SUM, POSE = 1, 2, 3
 #: Bits of `flags`: the board lost samples before this one; a converter was at its end; its input
 #: for a trigger or a pulse per second had an edge since the sample before.
 OVERRUN, SATURATED, MARK = 1, 2, 4

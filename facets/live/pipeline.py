@@ -27,6 +27,7 @@ from ..estimation.problem import FAINTEST
 from ..estimation.solver import Prior, Solution, Status, solve
 from ..estimation.table import power_known
 from ..tracking.encoder import REACH, Encoder
+from .board_poses import BoardPoses, is_pose
 from .clock import Sequence
 from .doubts import Doubts
 from .frames import MARK, OVERRUN, XY_SUM, Samples, parser
@@ -147,6 +148,7 @@ class Pipeline:
         self.sequence = Sequence()
         self.host_time = HostTime()
         self.tally = Tally()
+        self.board = BoardPoses()
         self.doubts = Doubts(FAINTEST * power_floor(config.sensor))
         self.dark = np.full(12, config.acquire.dark)
         self.last = (float("nan"), 0)  # arrival, s, and board's time, us, of the last sample
@@ -163,7 +165,11 @@ class Pipeline:
     def take(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> list[Batch]:
         """The samples that a block completes, ready to be solved, in batches, in order."""
         restarts = self.sequence.restarts
-        samples, seq, time = self.sequence.follow(self.parser.feed(block), arrival)
+        came = self.parser.feed(block)
+        solved = is_pose(came)
+        samples, seq, time = self.sequence.follow(came.where(~solved), arrival)
+        if solved.any():
+            self.board.add(came.where(solved), self.sequence, self.sequence.restarts > restarts)
         if not len(samples):
             return []
         host = self.host_times(time, arrival, self.sequence.restarts > restarts)
@@ -252,6 +258,7 @@ class Pipeline:
         beyond = beyond_chance(self.config.sensor, known, solution)
         self.tally.misfit.add(beyond, solution, known)
         self.doubts.add(batch.readings, batch.flags, beyond)
+        self.board.compare(batch.seq, solution)
         return self.finish(batch, with_causes(solution, batch.flags))
 
     def skip(self, batch: Batch) -> Poses:

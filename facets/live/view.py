@@ -55,6 +55,8 @@ def values(live: Live) -> dict[str, Any]:
         "u_time_us": rounded(1e6 * live.pipeline.host_time.uncertainty),
         "note": "; ".join(live.messages()),
     }
+    if live.pipeline.board.came:
+        found["board"] = live.pipeline.board.values()
     if live.publications:
         found["published"] = live.publications.counts()
     if live.recording:
@@ -134,6 +136,8 @@ def summary(live: Live) -> Iterator[str]:
             f"  the loop fell behind: {live.late} samples were solved after newer ones, "
             f"{tally.skipped} were not; `facets replay` solves them"
         )
+    if live.pipeline.board.came:
+        yield f"  {live.pipeline.board.sentence()}"
     yield from times(live)
     for text in live.publications.sentences() if live.publications else ():
         yield f"  {text}"
@@ -245,6 +249,11 @@ def stream(now: dict[str, Any]) -> str:
         shown = ", ".join("-" if x is None else f"{x:+.4f}" for x in error)
         text += f"\nstage {now['stage_mm']} mm, {now['stage']}, {now['moves']} moves"
         text += f"   Eq. (14): {shown}"
+    if "board" in now:
+        text += (
+            f"\nboard: {now['board']['came']} poses of its own, at most "
+            f"{now['board']['worst_u']:.2g} u from these"
+        )
     for one in now.get("published", ()):
         text += f"\n{one['address']}: {one['sent']} published, {one['dropped']} dropped"
     if now["flags"]:

@@ -24,6 +24,7 @@ from .stages import PiController, ZaberDevice
 
 if TYPE_CHECKING:
     from ...core.settings import Config
+    from ...firmware.library import FirmwareLibrary
 
 #: How often the bench goes round, s.
 ROUND = 1e-3
@@ -48,7 +49,14 @@ class Bench:
     """
 
     def __init__(
-        self, config: Config, motion: str, rate: float, faults: Faults, seed: int, folder: Path
+        self,
+        config: Config,
+        motion: str,
+        rate: float,
+        faults: Faults,
+        seed: int,
+        folder: Path,
+        firmware: FirmwareLibrary | None = None,
     ) -> None:
         self.config, self.rate, self.folder = config, rate, folder
         self.mirror = Mirror(config, motion, seed)
@@ -66,7 +74,7 @@ class Bench:
             self.truth = (folder / "truth.bin").open("wb", buffering=0)
         except OSError as error:
             raise OutputError(f"{folder}: is no folder to write in: {error.strerror}") from None
-        self.board = Board(config, rate, self.schedule, self.count, folder / "board")
+        self.board = Board(config, rate, self.schedule, self.count, folder / "board", firmware)
         self.stage = Pty(folder / "stage")
         self.cost = 1e-5
         self.last = 0.0

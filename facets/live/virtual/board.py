@@ -6,7 +6,7 @@ import time
 from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,15 @@ from ...detectors.correction import uncorrected
 from ...detectors.counts import counts_of, xy_sum_of
 from ...model.arrays import on_detectors
 from ...simulation.imperfect_optics import seen_late
-from ..frames import ELECTRODES, OVERRUN, XY_SUM, Samples, encode
+from ..board_poses import SOLVED
+from ..frames import ELECTRODES, OVERRUN, POSE, XY_SUM, Samples, encode
 from ..frames import SATURATED as FULL
 from .faults import Schedule
 from .pty import Pty
 
 if TYPE_CHECKING:
     from ...core.settings import Config
+    from ...firmware.library import FirmwareLibrary
 
 
 TRUTH = np.dtype([("seq", "<u4"), ("fate", "u1"), ("host", "<f8"), ("state", "<f8", 8)])
@@ -49,6 +51,31 @@ class Count:
     slipped: float = 0.0
 
 
+def with_poses(samples: Samples, firmware: FirmwareLibrary, dark: Floats) -> Samples:
+    """Samples (n,), each followed by a frame of the kind POSE: (2 n,)."""
+    xy_sum = bool(samples.kind[0] == XY_SUM)
+    begin = time.perf_counter()
+    found = firmware.solve(firmware.readings_of_counts(samples.counts, dark, xy_sum))
+    took = 1e6 * (time.perf_counter() - begin) / len(samples)
+    solved = np.zeros(len(samples), SOLVED)
+    solved["state"], solved["status"] = found.state, found.status
+    solved["power"], solved["residual"] = found.power, found.residual
+    solved["used"] = found.used @ np.array([1, 2, 4])
+    solved["microseconds"] = min(took, 65_535)
+    payload = solved.view("<i4").reshape(-1, 12).astype(np.int32)
+
+    def alternating(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
+        return np.stack([first, second], axis=1).reshape(-1, *first.shape[1:])
+
+    return Samples(
+        alternating(samples.kind, np.full_like(samples.kind, POSE)),
+        alternating(samples.flags, np.zeros_like(samples.flags)),
+        alternating(samples.seq, samples.seq),
+        alternating(samples.time, samples.time),
+        alternating(samples.counts, payload),
+    )
+
+
 class Board:
     """Samples the light, numbers the samples, and sends them.
 
@@ -58,9 +85,17 @@ class Board:
     """
 
     def __init__(
-        self, config: Config, rate: float, schedule: Schedule, count: Count, link: Path
+        self,
+        config: Config,
+        rate: float,
+        schedule: Schedule,
+        count: Count,
+        link: Path,
+        firmware: FirmwareLibrary | None = None,
     ) -> None:
+        """firmware: with which the board solves each sample itself, and sends the pose after it."""
         self.config, self.rate, self.schedule, self.count = config, rate, schedule, count
+        self.firmware = firmware
         self.rng = schedule.rng
         self.port = Pty(link)
         self.pending = bytearray()
@@ -137,6 +172,13 @@ class Board:
         passed = (host - self.born_at) / (1 + 1e-6 * self.schedule.faults.drift_ppm)
         return (np.round(1e6 * passed).astype(np.int64) % 2**32).astype(np.uint32)
 
+    def encode(self, samples: Samples) -> bytes:
+        """As bytes, each with the pose that the board's own solver finds where it has one."""
+        if self.firmware is not None:
+            dark = np.full(12, float(self.config.acquire.dark))
+            samples = with_poses(samples, self.firmware, dark)
+        return encode(self.config.acquire.format, samples)
+
     def clear(self) -> None:
         """Throws away what waits."""
         self.pending.clear()
@@ -153,14 +195,14 @@ class Board:
         if self.overrun:
             samples.flags[0] |= OVERRUN
             self.overrun = False
-        data = encode(self.config.acquire.format, samples)
+        data = self.encode(samples)
         size = len(data) // len(samples)
         space = max(0, (BUFFER - len(self.pending)) // max(size, 1))
         if space < len(samples):
             self.lose(len(samples) - space)
             fate[space:] = DROPPED
             samples = samples.where(np.arange(len(samples)) < space)
-            data = encode(self.config.acquire.format, samples) if len(samples) else b""
+            data = self.encode(samples) if len(samples) else b""
         self.count.sent += len(samples)
         broken, bad = self.spoil(data, len(samples))
         fate[bad] = SPOILT
