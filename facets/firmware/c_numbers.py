@@ -85,7 +85,7 @@ class Condition:
 def number(value: float, wide: bool = False) -> str:
     """A constant in C, to its last digit."""
     if math.isnan(value):
-        return "FACETS_NAN"
+        return "W(FACETS_NAN)" if wide else "FACETS_NAN"
     return f"{'W' if wide else 'R'}({float(value)!r})"
 
 

@@ -20,8 +20,8 @@ For the shipped configuration `bench` (GCC 12.2, `-O2`; instructions as QEMU cou
 | core | precision | code | stack | a step | from the last pose | from zero |
 | --- | --- | --- | --- | --- | --- | --- |
 | Cortex-M7 | double | 20 kB | 5.8 kB | 10,800 | 11,000 | 62,000 in 6 steps |
-| Cortex-M7 | single | 21 kB | 2.9 kB | 10,800 | 11,000 | 53,000 in 5 steps |
-| Cortex-M4F | single | 21 kB | 2.9 kB | 31,000 | 31,000 | 150,000 in 5 steps |
+| Cortex-M7 | single | 19 kB | 3.0 kB | 10,800 | 11,000 | 53,000 in 5 steps |
+| Cortex-M4F | single | 21 kB | 3.0 kB | 32,000 | 32,000 | 154,000 in 5 steps |
 
 Without the C library's `erf`, `exp` and their like, which add some 20 kB. The Cortex-M4F has no
 double precision, in which the last part of each reading is computed in either build."""

@@ -55,15 +55,23 @@ class FirmwareLibrary:
             self._code.facets_readings(pointer(state), pointer(reading))
         return out.astype(float)
 
-    def solve(self, readings: ArrayLike, beam: str = "free") -> Solved:
-        """The poses of readings (n, 9), each from zero; beam: "free" or "known"."""
+    def solve(
+        self, readings: ArrayLike, beam: str = "free", start: ArrayLike | None = None
+    ) -> Solved:
+        """The poses of readings (n, 9).
+
+        start: a state and the power (9,) that each starts from; None for zero.  beam: "free", or
+        "known" to be where the start has it.
+        """
         rows = np.ascontiguousarray(readings, self.kind)
         numbers = np.empty((len(rows), NUMBERS), self.kind)
         status = np.empty(len(rows), np.int32)
         known = int(beam == "known")
+        first = None if start is None else np.ascontiguousarray(start, self.kind)
+        begin = None if first is None else pointer(first)
         for n, row in enumerate(rows):
             status[n] = self._code.facets_solve_plain(
-                pointer(row), None, known, pointer(numbers[n])
+                pointer(row), begin, known, pointer(numbers[n])
             )
         wide = numbers.astype(float)
         return Solved(

@@ -27,9 +27,8 @@ def model_text(sensor: Sensor) -> ModelText:
     round them by some 50 nm. The light and the derivatives do not need that.
     """
     writer = Writer()
-    x = [writer.value(f"x[{c}]") for c in range(9)]
-    exact = tuple(writer.value(f"(facets_wide)x[{c}]", wide=True) for c in range(8))
-    vectors = with_power(geometry_of(sensor), x[8])
+    exact = tuple(writer.value(f"x[{c}]", wide=True) for c in range(8))
+    vectors = with_power(geometry_of(sensor), writer.value("(facets_real)x[8]"))
     standing = placed(vectors, exact)
     at = shone_on(writer.narrow(standing))
     lit = with_light(standing, at.integrals, at.moments)

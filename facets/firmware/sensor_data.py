@@ -32,6 +32,11 @@ def refuse_unsupported(sensor: Sensor) -> None:
             "the sensor has `light` of a bench (wavefront, diffraction, coating, edges), which is "
             "not part of the C code; calibrate without it, or solve on a PC"
         )
+    if any(sensor.light.delays):
+        raise InputError(
+            "the detectors are read at different times (`light.delays`), which the C code does not "
+            "allow for; read them together, or solve on a PC"
+        )
     if sensor.electronics is not None and sensor.electronics.kind == "tetra-lateral":
         raise InputError(
             "the detectors are tetra-lateral, whose places follow from an iteration that is not "

@@ -51,7 +51,7 @@ LICENCE = "MIT"
 MODEL = """\
 /* found: in the first row the readings at x, a state and the power; below, their derivatives by
  * each of these, a reading a row. Generated from the text of the optics. */
-static void facets_linearise(const facets_real x[9], facets_real found[10][10])
+static void facets_linearise(const facets_wide x[9], facets_real found[10][10])
 {{
 {statements}
 }}

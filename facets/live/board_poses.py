@@ -38,7 +38,8 @@ ALIKE = 0.1
 
 
 def is_pose(samples: Samples) -> NDArray[np.bool_]:
-    return samples.kind == POSE
+    found: NDArray[np.bool_] = samples.kind == POSE
+    return found
 
 
 def solved_on_board(samples: Samples) -> NDArray[np.void]:
@@ -133,9 +134,9 @@ class BoardPoses:
         if self.alike:
             return ""
         return (
-            f"{self.apart + self.statuses} of {self.compared} poses of the board are not those that "
-            "are solved here: is its code that of another sensor or calibration, or is solve.beam "
-            "not `free`, as the board has it?"
+            f"{self.apart + self.statuses} of {self.compared} poses of the board are not those "
+            "that are solved here: is its code that of another sensor or calibration, or does "
+            "`solve` know more of the beam or its power than the board does?"
         )
 
     def values(self) -> dict[str, Any]:

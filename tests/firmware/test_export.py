@@ -23,7 +23,8 @@ from facets.firmware.vectors import states_within
 from ..helpers.pages import ROOT
 
 COMPILERS = [each for each in ("gcc", "clang") if shutil.which(each)]
-STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic"]
+WARNINGS = ["-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-pedantic"]
+STRICT = ["-std=c99", *WARNINGS, "-Werror"]
 SINGLE, DOUBLE = "-DFACETS_FLOAT", "-DFACETS_DOUBLE"
 GUARDS = ["-g", "-fsanitize=undefined,address", "-fno-sanitize-recover=all"]
 HELPERS = ROOT / "tests" / "helpers"
@@ -122,6 +123,27 @@ def test_poses_are_those_of_facets(folders: dict[str, Path], name: str) -> None:
 
 
 @needs_compiler
+@pytest.mark.parametrize("precision", [SINGLE, DOUBLE])
+def test_a_beam_that_has_followed_is_known_where_it_is(
+    folders: dict[str, Path], precision: str
+) -> None:
+    """Millimetres off: a reading then tells x and y to 2 nm, single precision's step being 0.2."""
+    sensor, rng = sensor_of("bench"), np.random.default_rng(9)
+    for place in rng.uniform(-4, 4, (25, 2)):
+        state = np.zeros(8)
+        state[:2] = state[6:] = place
+        state[:2] += rng.uniform(-0.05, 0.05, 2)
+        reading = facets.add_noise(sensor, facets.readings(sensor, state)[None], rng)
+        start = np.append(state, sensor.beam.power)
+        start[:2] = place
+        found = library(folders["bench"], precision).solve(reading, "known", start)
+        known = facets.solve(sensor, reading, beam=facets.Prior(state[6:], 0.0), start=start[:8])
+        assert found.status == known.status == 0
+        off = np.abs(found.state - known.state)[0, :6]
+        assert (off < (1e-4 if precision == DOUBLE else 0.3) * known.uncertainty[0, :6]).all()
+
+
+@needs_compiler
 @pytest.mark.parametrize("case", [case for case in CASES if not case.start], ids=lambda c: c.name)
 def test_statuses_are_those_of_facets(folders: dict[str, Path], case) -> None:  # type: ignore[no-untyped-def]
     """Far, noisy and spoilt readings, and those that can not be solved: none converges wrongly."""
@@ -214,7 +236,7 @@ def test_a_controller_finds_the_same_poses(folders: dict[str, Path], core: list[
     folder, arm = folders["bench"], HELPERS / "cortex_m7"
     for program in (folder / "facets_test.c", arm / "count.c"):
         done = subprocess.run(
-            ["arm-none-eabi-gcc", "-O2", *STRICT[:-2], "-mthumb", "-mfloat-abi=hard", *core, "-I.",
+            ["arm-none-eabi-gcc", "-O2", "-std=c99", "-mthumb", "-mfloat-abi=hard", *core, "-I.",
              "-T", str(arm / "mps2.ld"), "--specs=rdimon.specs", "facets.c", str(program),
              str(arm / "start.c"), "-o", "m.elf", "-lm"],
             cwd=folder, capture_output=True, text=True, check=False,
@@ -234,6 +256,7 @@ def test_a_controller_finds_the_same_poses(folders: dict[str, Path], core: list[
     [
         ({"apertures": facets.Apertures(detectors=True)}, "apertures"),
         ({"light": BenchLight(wavelength=6.3e-4)}, "light"),
+        ({"light": BenchLight(delays=(0.0, 1e-5, 0.0))}, "delays"),
         ({"electronics": facets.Electronics(kind="tetra-lateral")}, "tetra-lateral"),
         ({"psds": tuple(replace(psd, height=20.0) for psd in facets.Sensor().psds)}, "misses"),
         (

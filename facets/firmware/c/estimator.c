@@ -91,7 +91,7 @@ static int is_dark(const Work *work)
 }
 
 /* The normal equations at x. Returns the sum of squares. */
-static facets_real evaluate(Work *work, const facets_real x[UNKNOWNS], const facets_real *reading,
+static facets_real evaluate(Work *work, const facets_wide x[UNKNOWNS], const facets_real *reading,
                             const facets_options *options, int where)
 {
     facets_real(*normal)[10] = work->normal[where];
@@ -110,7 +110,7 @@ static facets_real evaluate(Work *work, const facets_real x[UNKNOWNS], const fac
     for (j = 6; j < work->count; j++) {
         const int c = work->free[j];
         const facets_real weight = work->prior[c - 6];
-        const facets_real residual = weight * (options->mean[c - 6] - x[c]);
+        const facets_real residual = weight * R(W(options->mean[c - 6]) - x[c]);
         normal[j][j] += weight * weight;
         normal[j][9] += weight * residual;
         total += residual * residual;
@@ -188,7 +188,7 @@ static int triangularise(facets_real rows[ROWS][10], int high, int columns)
 }
 
 /* The step by reflections, as `solve_factored` leaves it. Returns -1 where the readings tell none. */
-static facets_real reflect(Work *work, const facets_real x[UNKNOWNS], const facets_real *reading,
+static facets_real reflect(Work *work, const facets_wide x[UNKNOWNS], const facets_real *reading,
                            const facets_options *options, int where, facets_real damping)
 {
     facets_real(*rows)[10] = work->rows;
@@ -207,7 +207,7 @@ static facets_real reflect(Work *work, const facets_real x[UNKNOWNS], const face
         const int c = work->free[j];
         if (c >= 6) {
             rows[3 + c][j] = work->prior[c - 6];
-            rows[3 + c][columns] = work->prior[c - 6] * (options->mean[c - 6] - x[c]);
+            rows[3 + c][columns] = work->prior[c - 6] * R(W(options->mean[c - 6]) - x[c]);
         }
         rows[12 + j][j] = facets_sqrt(damping * work->normal[where][j][j]);
     }
@@ -238,25 +238,26 @@ static facets_real rounding_floor(const facets_real weights[9])
     return total;
 }
 
-static void move(const Work *work, const facets_real from[UNKNOWNS], facets_real to[UNKNOWNS])
+static void move(const Work *work, const facets_wide from[UNKNOWNS], facets_wide to[UNKNOWNS])
 {
     int c, j;
     for (c = 0; c < UNKNOWNS; c++) to[c] = from[c];
-    for (j = 0; j < work->count; j++) to[work->free[j]] += work->factor[9][j];
+    for (j = 0; j < work->count; j++) to[work->free[j]] += W(work->factor[9][j]);
 }
 
-static void copy(const facets_real from[UNKNOWNS], facets_real to[UNKNOWNS])
+static void copy(const facets_wide from[UNKNOWNS], facets_wide to[UNKNOWNS])
 {
     int c;
     for (c = 0; c < UNKNOWNS; c++) to[c] = from[c];
 }
 
 /* Improves x until the sum of squares is least. Returns the status. */
-static int estimate(Work *work, facets_real x[UNKNOWNS], const facets_real *reading,
+static int estimate(Work *work, facets_wide x[UNKNOWNS], const facets_real *reading,
                     const facets_options *options, int32_t *steps, facets_real *left)
 {
     const facets_real small = rounding_floor(work->weights);
-    facets_real trial[UNKNOWNS], damping = R(0.0), earlier, gain;
+    facets_wide trial[UNKNOWNS];
+    facets_real damping = R(0.0), earlier, gain;
     facets_real cost = evaluate(work, x, reading, options, 0);
     int here = 0, dark, blind = 0;
     *steps = 0;
@@ -347,25 +348,25 @@ static void void_solution(facets_solution *solution)
 
 /* Where to begin: what is asked for from `start`, what is known from the means. */
 static void begin(const facets_real *reading, const facets_real *start,
-                  const facets_options *options, facets_real x[UNKNOWNS])
+                  const facets_options *options, facets_wide x[UNKNOWNS])
 {
     int c, k;
-    for (c = 0; c < 8; c++) x[c] = start ? start[c] : R(0.0);
+    for (c = 0; c < 8; c++) x[c] = start ? W(start[c]) : W(0.0);
     if (!start) {
-        x[0] = x[6] = options->mean[0]; /* there is light to read only near the beam */
-        x[1] = x[7] = options->mean[1];
+        x[0] = x[6] = W(options->mean[0]); /* there is light to read only near the beam */
+        x[1] = x[7] = W(options->mean[1]);
     }
     for (k = 0; k < 2; k++)
-        if (known(options->sigma[k])) x[6 + k] = options->mean[k];
-    x[8] = options->mean[2];
+        if (known(options->sigma[k])) x[6 + k] = W(options->mean[k]);
+    x[8] = W(options->mean[2]);
     if (known(options->sigma[2])) return;
     if (start) {
-        x[8] = start[8];
+        x[8] = W(start[8]);
     } else if (options->sigma[2] > R(1e30)) { /* an unknown power starts from the light seen */
         facets_real seen = R(0.0);
         for (k = 0; k < 3; k++)
             if (finite_number(reading[3 * k + 2])) seen += reading[3 * k + 2];
-        if (seen > R(0.0) && finite_number(seen)) x[8] = seen;
+        if (seen > R(0.0) && finite_number(seen)) x[8] = W(seen);
     }
 }
 
@@ -381,11 +382,12 @@ void facets_default_options(facets_options *options)
 
 int32_t facets_readings(const facets_real *state, facets_real *reading)
 {
-    facets_real x[UNKNOWNS], found[10][10];
+    facets_wide x[UNKNOWNS];
+    facets_real found[10][10];
     int32_t lit = 0;
     int c, k;
-    for (c = 0; c < 8; c++) x[c] = state[c];
-    x[8] = BEAM_POWER;
+    for (c = 0; c < 8; c++) x[c] = W(state[c]);
+    x[8] = W(BEAM_POWER);
     facets_linearise(x, found);
     for (k = 0; k < 9; k++) reading[k] = found[0][k];
     for (k = 0; k < 3; k++) {
@@ -404,7 +406,8 @@ int32_t facets_solve(const facets_real *reading, const facets_real *start,
                      const facets_options *options, facets_solution *solution)
 {
     Work work;
-    facets_real x[UNKNOWNS], left = R(0.0);
+    facets_wide x[UNKNOWNS];
+    facets_real left = R(0.0);
     int status, n;
     solution->steps = 0;
     ask(&work, options);
@@ -418,8 +421,8 @@ int32_t facets_solve(const facets_real *reading, const facets_real *start,
         void_solution(solution);
         return status;
     }
-    for (n = 0; n < 8; n++) solution->state[n] = x[n];
-    solution->power = x[8];
+    for (n = 0; n < 8; n++) solution->state[n] = R(x[n]);
+    solution->power = R(x[8]);
     solution->residual = facets_sqrt(left);
     for (n = 0; n < 64; n++) solution->covariance[n] = options->covariance ? R(0.0) : FACETS_NAN;
     if (options->covariance) put_covariance(&work, solution->covariance);
@@ -429,7 +432,8 @@ int32_t facets_solve(const facets_real *reading, const facets_real *start,
 int32_t facets_step(const facets_real *reading, facets_real *state, const facets_options *options)
 {
     Work work;
-    facets_real x[UNKNOWNS], trial[UNKNOWNS], cost, gain;
+    facets_wide x[UNKNOWNS], trial[UNKNOWNS];
+    facets_real cost, gain;
     int32_t used[3];
     int status, c, dark;
     ask(&work, options);
@@ -444,9 +448,9 @@ int32_t facets_step(const facets_real *reading, facets_real *state, const facets
     if (gain < R(0.0)) return FACETS_SINGULAR;
     move(&work, x, trial);
     for (c = 0; c < UNKNOWNS; c++)
-        if (!finite_number(trial[c])) return FACETS_OUT_OF_RANGE;
+        if (!finite_number(R(trial[c]))) return FACETS_OUT_OF_RANGE;
     if (dark) return FACETS_STALLED;
-    for (c = 0; c < UNKNOWNS; c++) state[c] = trial[c];
+    for (c = 0; c < UNKNOWNS; c++) state[c] = R(trial[c]);
     return gain < rounding_floor(work.weights) ? FACETS_CONVERGED : FACETS_MAX_STEPS;
 }
 
@@ -473,7 +477,11 @@ int32_t facets_solve_plain(const facets_real *reading, const facets_real *start,
     facets_solution solution;
     int n;
     facets_default_options(&options);
-    if (beam == 1) options.sigma[0] = options.sigma[1] = R(0.0);
+    if (beam == 1) {
+        options.sigma[0] = options.sigma[1] = R(0.0);
+        options.mean[0] = start ? start[6] : R(0.0);
+        options.mean[1] = start ? start[7] : R(0.0);
+    }
     (void)facets_solve(reading, start, &options, &solution);
     for (n = 0; n < 8; n++) numbers[n] = solution.state[n];
     numbers[8] = solution.power;
