@@ -42,6 +42,17 @@ MaxLoss = Annotated[
 ]
 AsLines = Annotated[bool, typer.Option("--plain", help="Lines of text, for a log.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Lines of JSON, for a program.")]
+Publish = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Give every sample to other programs, at udp://HOST:PORT (JSON), "
+        "udp+binary://HOST:PORT, tcp://HOST:PORT or lsl:NAME; can be given several times."
+    ),
+]
+Compare = Annotated[
+    bool,
+    typer.Option("--compare", help="Exit status 1 unless the board's own poses are the same."),
+]
 Rate = Annotated[float | None, typer.Option(min=0.1, max=50, help="Of the display, Hz.")]
 
 
@@ -60,6 +71,8 @@ def acquire(
     plain: AsLines = False,
     json: AsJson = False,
     rate: Rate = None,
+    publish: Publish = None,
+    compare: Compare = False,
 ) -> None:
     """Acquire a stream of detector counts and solve every sample.
 
@@ -80,6 +93,11 @@ def acquire(
     live.pipeline.warm_up()
     recording = started(settings, output) if record else None
     try:
+        if publish:
+            from facets.live.publication import Publications
+
+            live.publications = Publications(publish, settings)
+            tell(f"publishing at {', '.join(live.publications.places())}")
         if track:
             live.tracker = tracker_of(settings, stage_port, search, recording)
         reader = reader_of(settings, name, recording, reconnect, live)
@@ -88,7 +106,7 @@ def acquire(
         raise
     ending = Ending(seconds or float("inf"), samples or float("inf"))
     stream(live, reader, recording, ending, display(live, plain, json, rate))
-    reasons = complaints(live, max_loss)
+    reasons = complaints(live, max_loss, compare)
     for reason in reasons:
         tell(f"exit status 1: {reason}")
     if reasons:
@@ -145,7 +163,7 @@ def tell(text: str) -> None:
         typer.echo(text, err=True)
 
 
-def complaints(live: Live, max_loss: float) -> list[str]:
+def complaints(live: Live, max_loss: float, compare: bool = False) -> list[str]:
     """Why a run that came to its end is not a good one, in sentences."""
     found = []
     if not live.pipeline.tally.samples:
@@ -157,6 +175,11 @@ def complaints(live: Live, max_loss: float) -> list[str]:
         )
     if live.pipeline.tally.misfit.mostly:
         found.append(live.pipeline.tally.misfit.sentence)
+    board = live.pipeline.board
+    if compare and not board.compared:
+        found.append("the board sent no pose of its own that could be compared.")
+    elif compare and board.trouble():
+        found.append(board.trouble())
     if live.stage_error:
         found.append(f"the stage failed and was stopped: {live.stage_error}")
     if live.recording and live.recording.trouble:
@@ -175,6 +198,8 @@ def abandon(live: Live, recording: Recording | None) -> None:
             closing.callback(recording.discard)
         if live.tracker is not None:
             closing.callback(live.tracker.close)
+        if live.publications is not None:
+            closing.callback(live.publications.close)
 
 
 def required(value: str | None, option: str, key: str) -> str:

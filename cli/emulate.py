@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from facets.firmware.library import FirmwareLibrary
     from facets.live.virtual import Bench
 
 
@@ -23,10 +24,15 @@ def emulate(
         str,
         typer.Option(
             help="Chances a sample of flip, lose, double, drop, and a second of stall, block, "
-            "saturate, unplug, restart, refuse, jam: flip=1e-4,stall=0.1."
+            "saturate, unplug, restart, refuse, jam: flip=1e-4,stall=0.1. Of the board's time: "
+            "jitter_ms, drift_ppm, uptime_s."
         ),
     ] = "",
     seed: Annotated[int, typer.Option(min=0, help="Of noise and faults.")] = 1,
+    firmware: Annotated[
+        Path | None,
+        typer.Option(help="A library of `facets export-c`: the board solves with it, too."),
+    ] = None,
 ) -> None:
     """Run a virtual bench: moving mirror, detectors, and a stage that carries the beam.
 
@@ -50,7 +56,8 @@ def emulate(
     from facets.live.virtual import Bench, Faults
 
     settings = load(config)
-    bench = Bench(settings, motion, rate, Faults.of(faults), seed, folder)
+    code = library_of(firmware, settings.acquire.format) if firmware else None
+    bench = Bench(settings, motion, rate, Faults.of(faults), seed, folder, code)
     warm_up(bench)
     typer.echo(
         f"board: {bench.board.port.link}   stage: {bench.stage.link} ({settings.stage.driver})"
@@ -59,6 +66,16 @@ def emulate(
     bench.run(seconds or float("inf"))
     with suppress(OSError):  # the terminal may be gone
         typer.echo(json.dumps(bench.count.__dict__))
+
+
+def library_of(path: Path, form: str) -> FirmwareLibrary:
+    """The exported solver; its poses need frames, which lines of text have not."""
+    from facets.core.errors import InputError
+    from facets.firmware.library import FirmwareLibrary
+
+    if form == "text":
+        raise InputError("--firmware sends poses as frames; acquire.format is text: have it frames")
+    return FirmwareLibrary(path)
 
 
 def warm_up(bench: Bench) -> None:

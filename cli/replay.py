@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
 
 
 def replay(
@@ -26,6 +26,10 @@ def replay(
     compare: Annotated[
         bool, typer.Option("--compare", help="With the poses that were recorded.")
     ] = False,
+    publish: Annotated[
+        list[str] | None,
+        typer.Option(help="Give every sample to other programs, as `facets acquire` does."),
+    ] = None,
 ) -> None:
     """Run a recording through the parser and the solver again.
 
@@ -46,12 +50,29 @@ def replay(
         tables.ending(output)
         tables.refuse_to_overwrite([output], force)
     pipeline, damage = Pipeline(settings), Damage()
-    found = list(run(recording, pipeline, real_time, damage))
+    replayed = run(recording, pipeline, real_time, damage)
+    found = list(published(replayed, recording, settings, publish) if publish else replayed)
     tell(pipeline, recording, damage)
     if output:
         write(output, found, provenance.about(settings))
     if compare:
         compared(recording, found)
+
+
+def published(
+    replayed: Iterable[Any], recording: Path, settings: Any, addresses: list[str]
+) -> Iterator[Any]:
+    """The same poses; each is given to other programs on its way."""
+    from facets.live.publication import Publications
+    from facets.live.recording import utc_offset
+
+    with Publications(addresses, settings, True, utc_offset(recording)) as publications:
+        typer.echo(f"publishing at {', '.join(publications.places())}", err=True)
+        for poses in replayed:
+            publications.send(poses)
+            yield poses
+    for text in publications.sentences():
+        typer.echo(text)
 
 
 def recover(
@@ -117,6 +138,9 @@ def tell(pipeline: Any, recording: Path, damage: Any) -> None:
             typer.echo(f"  {count} {label}")
     if tally.misfit.sentence:
         typer.echo(f"  {tally.misfit.sentence}")
+    for text in (pipeline.board.sentence(), pipeline.board.trouble()):
+        if text:
+            typer.echo(f"  {text}")
 
 
 def compared(recording: Path, found: list[Any]) -> None:

@@ -6,7 +6,8 @@
 
 constexpr uint32_t PERIOD_US = 100;      // 10 kHz
 constexpr uint8_t ELECTRODES = 1;        // kind: counts of the electrodes; 2 is X, Y, SUM, spare
-constexpr uint8_t OVERRUN = 1, SATURATED = 2;
+constexpr uint8_t OVERRUN = 1, SATURATED = 2, MARK = 4;
+constexpr int MARK_PIN = 2;              // a pulse per second, or a trigger; -1 for none
 constexpr int32_t TOP = 65535;           // of a 16-bit converter
 
 struct __attribute__((packed)) Frame {   // little-endian, as ARM is
@@ -21,6 +22,9 @@ static_assert(sizeof(Frame) == 64, "a frame has 64 bytes");
 static uint32_t table[256];
 static uint32_t next_us, seq;
 static bool lost;
+static volatile bool marked;
+
+static void on_mark() { marked = true; }
 
 static void make_table() {
   for (uint32_t n = 0; n < 256; n++) {
@@ -43,6 +47,7 @@ static int32_t convert(int channel) {    // your converter here
 void setup() {
   make_table();
   Serial.begin(3000000);
+  if (MARK_PIN >= 0) attachInterrupt(digitalPinToInterrupt(MARK_PIN), on_mark, RISING);
   next_us = micros() + PERIOD_US;
 }
 
@@ -53,6 +58,10 @@ void loop() {
   for (int k = 0; k < 12; k++) {
     f.counts[k] = convert(k);
     if (f.counts[k] >= TOP) f.flags |= SATURATED;
+  }
+  if (marked) {                          // an edge since the sample before this one
+    marked = false;
+    f.flags |= MARK;
   }
   if (lost) f.flags |= OVERRUN;
   f.crc = crc32(reinterpret_cast<uint8_t *>(&f), 60);

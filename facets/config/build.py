@@ -143,6 +143,8 @@ def acquire(keys: dict[str, Any]) -> Acquire:
         format=keys["format"],
         content=keys["content"],
         dark=keys["dark_counts"],
+        timing=keys["timing"],
+        least_delay=keys["least_delay_ms"] / 1000,
         delay=keys["delay_ms"] / 1000,
         wait=keys["wait_seconds"],
         sync=keys["sync_seconds"],

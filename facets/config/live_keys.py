@@ -35,8 +35,22 @@ class Acquire(Section):
     dark_counts: float = Field(
         0.0, ge=-1e9, le=1e9, description="what an electrode reads without light"
     )
+    timing: Literal["envelope", "arrival"] = Field(
+        "envelope",
+        description="how samples get the host's time: by the soonest arrivals of a minute, which "
+        "know the board's clock best, or each block by its own arrival, as versions before did",
+    )
+    least_delay_ms: float = Field(
+        0.2,
+        ge=0,
+        le=1000,
+        description="from a sample to its bytes at the host, at the soonest; for `envelope`",
+    )
     delay_ms: float = Field(
-        1.5, ge=0, le=1000, description="from a sample to its bytes at the host, on average"
+        1.5,
+        ge=0,
+        le=1000,
+        description="from a sample to its bytes at the host, on average; for `arrival`",
     )
     wait_seconds: float = Field(
         5.0, ge=0, le=3600, description="for a port that is not there yet, since a board boots"

@@ -107,9 +107,9 @@ class Solve:
 class Acquire:
     """The detector board's stream.
 
-    dark: counts without light.  delay: s.  wait: for a port that is not there yet, s.  sync: what a
-    power failure may cost a recording, s; 0 for whatever the system leaves.  detectors: the fewest
-    that a pose is made from.
+    dark: counts without light.  timing: "envelope" or "arrival".  least_delay, delay: s.  wait: for
+    a port that is not there yet, s.  sync: what a power failure may cost a recording, s; 0 for
+    whatever the system leaves.  detectors: the fewest that a pose is made from.
     """
 
     port: str | None
@@ -117,6 +117,8 @@ class Acquire:
     format: str
     content: str
     dark: float
+    timing: str
+    least_delay: float
     delay: float
     wait: float
     sync: float

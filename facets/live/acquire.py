@@ -31,6 +31,7 @@ from .recording import Block, Recording
 
 if TYPE_CHECKING:
     from ..core.settings import Config
+    from .publication import Publications
 
 #: After so long with bytes but without a sample something is set wrongly, s.
 PATIENCE = 2.0
@@ -61,6 +62,7 @@ class Live:
     was solved, from its last byte to its poses.  backlog: samples that wait, and the most that did.
     age: how long the oldest of them has waited, s.  behind: whether the loop has fallen behind.
     late: samples that were solved after newer ones.  recording: what is written, if anything.
+    publications: who else gets the samples, if anybody.
     """
 
     pipeline: Pipeline
@@ -76,6 +78,7 @@ class Live:
     reconnects: int = 0
     tracker: Tracker | None = None
     recording: Recording | None = None
+    publications: Publications | None = None
     note: str = ""
 
     @property
@@ -105,8 +108,14 @@ class Live:
             found.append(
                 f"{self.recording.trouble}; {self.recording.lost} bytes that came are not recorded"
             )
-        if self.pipeline.tally.misfit.mostly:
+        if not self.pipeline.doubts.said and self.pipeline.tally.misfit.mostly:
             found.append("most poses have a residual beyond chance: they can not be believed")
+        found += self.pipeline.doubts.said
+        for one in self.publications.all if self.publications else ():
+            if one.trouble:
+                found.append(f"{one.address}: nothing is published any more: {one.trouble}")
+        if self.pipeline.board.trouble():
+            found.append(self.pipeline.board.trouble())
         if self.stage_error:
             found.append(f"the stage is stopped, the recording goes on: {self.stage_error}")
         elif self.tracker and self.tracker.note:
@@ -344,6 +353,9 @@ class Loop:
         self.record(poses)
 
     def record(self, poses: Poses) -> None:
+        """Passes poses on to other programs and to the recording."""
+        if self.live.publications:
+            self.live.publications.send(poses)
         if self.recording:
             self.recording.poses(poses)
 
@@ -404,6 +416,8 @@ def acquire(
     with deferring() as signals, ExitStack() as closing:
         if recording:
             closing.callback(recording.close)
+        if live.publications:
+            closing.callback(live.publications.close)
         closing.callback(loop.finish)
         closing.callback(reader.finish)
         if live.tracker:

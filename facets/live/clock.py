@@ -1,4 +1,4 @@
-"""Sequence numbers and a board's clock, which wrap, skip, drift, and begin again.
+"""Sequence numbers and a board's clock, which wrap, skip, and begin again.
 
 A board's two counters, of samples and of microseconds, are 32 bits each: the second wraps every
 71.6 minutes. A counter that is suddenly small has wrapped, or the board was switched off and on.
@@ -30,7 +30,8 @@ class Sequence:
 
     lost: samples that never came.  doubled: that came again, or too late, and were dropped.
     restarts: of the board, whose counters then begin anew; what was lost meanwhile is not known.
-    period: between samples, us, 0 while it is not known.
+    period: between samples, us, 0 while it is not known.  fresh: of the samples that were followed
+    last, the first after a restart; 0 where there was none.
     """
 
     #: A step back by no more than this can be a sample that comes again or late.
@@ -39,7 +40,7 @@ class Sequence:
     AHEAD = 10_000_000
 
     def __init__(self) -> None:
-        self.lost = self.doubled = self.restarts = 0
+        self.lost = self.doubled = self.restarts = self.fresh = 0
         self.seq = self.time = -1
         self.raw_seq = self.raw_time = 0
         self.period = 0.0
@@ -54,6 +55,7 @@ class Sequence:
         arrival: of the bytes at the host, s, on a clock that is never set; NaN where not known.
         After a restart time goes on by what the host's clock says.
         """
+        self.fresh = 0
         if not len(samples):
             return samples, np.zeros(0, np.int64), np.zeros(0, np.int64)
         if self.seq < 0:
@@ -107,6 +109,7 @@ class Sequence:
             whole = self.time_passed(step, passed, gap, first=not seqs)
             if whole is None:
                 self.restarts += 1
+                self.fresh = len(seqs)
                 known.clear()
                 oldest = number
                 waited = gap if isfinite(gap) and not seqs else 0.0
@@ -175,42 +178,3 @@ def steps_of(last: int, values: NDArray[np.uint32]) -> NDArray[np.int64]:
     whole = np.concatenate([[last], values.astype(np.int64)])
     steps: NDArray[np.int64] = np.diff(whole) % WRAP
     return steps
-
-
-class Drift:
-    """How fast the board's clock runs against the host's, by least squares over all blocks.
-
-    After a restart the two clocks are set anew: one slope is then common to all lives of the board,
-    each with an offset of its own.
-    """
-
-    def __init__(self) -> None:
-        self.count = 0
-        self.before = np.zeros(2)
-        self.begin_anew()
-
-    def begin_anew(self) -> None:
-        """The clocks are apart by another amount from here on."""
-        if self.count:
-            self.before += self.centred()
-        self.sums = np.zeros(5)  # n, x, y, xx, xy of this life
-        self.origin: tuple[float, float] | None = None
-
-    def add(self, device: float, host: float) -> None:
-        """One block: times of its last sample, s."""
-        if self.origin is None:
-            self.origin = device, host
-        x, y = device - self.origin[0], host - self.origin[1] - (device - self.origin[0])
-        self.sums += (1, x, y, x * x, x * y)
-        self.count += 1
-
-    def centred(self) -> NDArray[np.float64]:
-        """Sums of squares and of products about this life's means."""
-        n, x, y, xx, xy = self.sums
-        return np.array([xx - x * x / n, xy - x * y / n]) if n else np.zeros(2)
-
-    @property
-    def ppm(self) -> float:
-        """By how much the host's clock runs faster, 1e-6; NaN until there is something to say."""
-        square, product = self.before + self.centred()
-        return float(1e6 * product / square) if self.count > 10 and square > 0 else nan

@@ -26,10 +26,12 @@ FRAME = np.dtype(
     ]
 )
 SIZE = FRAME.itemsize
-#: Kinds of frames: the counts of four electrodes a detector, or X, Y, SUM and one spare.
-ELECTRODES, XY_SUM = 1, 2
-#: Bits of `flags`: the board lost samples before this one; a converter was at its end.
-OVERRUN, SATURATED = 1, 2
+#: Kinds of frames: the counts of four electrodes a detector, or X, Y, SUM and one spare; or a pose
+#: that the board has solved (`board_poses`), with the number of the sample that it belongs to.
+ELECTRODES, XY_SUM, POSE = 1, 2, 3
+#: Bits of `flags`: the board lost samples before this one; a converter was at its end; its input
+#: for a trigger or a pulse per second had an edge since the sample before.
+OVERRUN, SATURATED, MARK = 1, 2, 4
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class Samples:
     def __len__(self) -> int:
         return len(self.seq)
 
-    def where(self, keep: NDArray[np.bool_]) -> Samples:
+    def where(self, keep: NDArray[np.bool_] | slice) -> Samples:
         return Samples(
             self.kind[keep], self.flags[keep], self.seq[keep], self.time[keep], self.counts[keep]
         )

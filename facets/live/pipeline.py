@@ -20,13 +20,18 @@ from numpy.typing import NDArray
 from ..core.units import Floats
 from ..detectors.correction import corrected
 from ..detectors.counts import SATURATED, UNEQUAL, readings_of
+from ..detectors.noise import power_floor
 from ..detectors.skew import align
 from ..estimation.misfit import Misfit, beyond_chance
+from ..estimation.problem import FAINTEST
 from ..estimation.solver import Prior, Solution, Status, solve
 from ..estimation.table import power_known
 from ..tracking.encoder import REACH, Encoder
-from .clock import Drift, Sequence
-from .frames import OVERRUN, XY_SUM, Samples, parser
+from .board_poses import BoardPoses, is_pose
+from .clock import Sequence
+from .doubts import Doubts
+from .frames import MARK, OVERRUN, XY_SUM, Samples, parser
+from .host_time import HostTime
 
 if TYPE_CHECKING:
     from ..core.settings import Config
@@ -34,8 +39,14 @@ if TYPE_CHECKING:
 
 #: How well a sample's time and a stage's are known to each other, 1 sigma, s.
 TIMING = 1e-3
-#: Why a sample is doubtful, by the bits of `counts`, and of the board.
-FLAGS = {SATURATED: "saturated", UNEQUAL: "unequal sums", 4: "board overrun"}
+#: What is to be known of a sample, by the bits of `counts`, and of the board.
+LOST_BEFORE, MARKED = 4, 8
+FLAGS = {
+    SATURATED: "saturated",
+    UNEQUAL: "unequal sums",
+    LOST_BEFORE: "board overrun",
+    MARKED: "marked by the board's input",
+}
 #: Samples that are solved together, the first from rest, each other from the one before it. No
 #: newer sample waits longer than for one batch.
 BATCH = 100
@@ -48,9 +59,12 @@ SKIPPED = 64
 #: The status of a sample with a pose that only two detectors gave: no reading is left to check it,
 #: and another pose, far away, may give the same ones.
 UNCHECKED = 65
+#: The status of a sample that the estimator calls "non finite" since a converter was at its end.
+FULL = 66
 LABELS = {status.value: status.label for status in Status} | {
     SKIPPED: "skipped",
     UNCHECKED: "two detectors only",
+    FULL: "saturated",
 }
 
 
@@ -88,7 +102,7 @@ class Batch:
 class Poses:
     """What became of some samples: the columns of `Batch`, and solution (n).
 
-    The solution's status is one of `Status`, or SKIPPED, or UNCHECKED; see LABELS.
+    The solution's status is one of `Status`, or SKIPPED, UNCHECKED or FULL; see LABELS.
     """
 
     seq: NDArray[np.int64]
@@ -132,10 +146,13 @@ class Pipeline:
         self.config = config
         self.parser = parser(config.acquire.format, config.acquire.content)
         self.sequence = Sequence()
-        self.drift = Drift()
+        self.host_time = HostTime()
         self.tally = Tally()
+        self.board = BoardPoses()
+        self.doubts = Doubts(FAINTEST * power_floor(config.sensor))
         self.dark = np.full(12, config.acquire.dark)
         self.last = (float("nan"), 0)  # arrival, s, and board's time, us, of the last sample
+        self.latest = -float("inf")  # host's time of the last sample, s
 
     def feed(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> Poses | None:
         """The poses of all samples that a block completes; None where it completes none.
@@ -148,22 +165,49 @@ class Pipeline:
     def take(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> list[Batch]:
         """The samples that a block completes, ready to be solved, in batches, in order."""
         restarts = self.sequence.restarts
-        samples, seq, time = self.sequence.follow(self.parser.feed(block), arrival)
+        came = self.parser.feed(block)
+        solved = is_pose(came)
+        samples, seq, time = self.sequence.follow(came.where(~solved), arrival)
+        if solved.any():
+            self.board.add(came.where(solved), self.sequence, self.sequence.restarts > restarts)
         if not len(samples):
             return []
+        host = self.host_times(time, arrival, self.sequence.restarts > restarts)
         if isnan(arrival):  # as late after its sample as the last that is known
             arrival = self.last[0] + 1e-6 * (int(time[-1]) - self.last[1])
-        else:
-            if self.sequence.restarts > restarts:
-                self.drift.begin_anew()
-            self.drift.add(1e-6 * int(time[-1]), arrival)
         self.last = arrival, int(time[-1])
-        host = arrival - self.config.acquire.delay - 1e-6 * (time[-1] - time)
         readings, flags = self.convert(samples)
-        flags |= np.where(samples.flags & OVERRUN, 4, 0).astype(np.uint8)
+        flags |= np.where(samples.flags & OVERRUN, LOST_BEFORE, 0).astype(np.uint8)
+        flags |= np.where(samples.flags & MARK, MARKED, 0).astype(np.uint8)
         self.count(flags)
         whole = Batch(seq, time, host, readings, flags, arrival, encoder)
         return list(whole.split())
+
+    def host_times(self, time: NDArray[np.int64], arrival: float, restarted: bool) -> Floats:
+        """The samples' times on the host's clock (n,), s, which only grow.
+
+        time: the board's, us.  restarted: whether the board was, before one of these samples.
+        """
+        device: Floats = 1e-6 * time.astype(np.float64)
+        before = self.host_time.line
+        if restarted:
+            self.host_time.begin_anew()
+        if not isnan(arrival):
+            self.host_time.add(float(device[-1]), arrival)
+        if self.config.acquire.timing == "arrival" or self.host_time.line is None:
+            known = arrival
+            if isnan(arrival):
+                known = self.last[0] + 1e-6 * (int(time[-1]) - self.last[1])
+            return known - self.config.acquire.delay - 1e-6 * (time[-1] - time)  # type: ignore[no-any-return]
+        host = self.host_time.line.at(device)
+        if restarted and before is not None:
+            host[: self.sequence.fresh] = before.at(device[: self.sequence.fresh])
+        host -= self.config.acquire.least_delay
+        # the line moves as it is known better, and later samples are not earlier for that
+        host = np.maximum(host, self.latest + 1e-9 * np.arange(1, len(host) + 1))
+        host = np.maximum.accumulate(host)
+        self.latest = float(host[-1])
+        return host
 
     def warm_up(self) -> None:
         """Compiles, or loads, what the stream will need, before it runs."""
@@ -173,6 +217,7 @@ class Pipeline:
         )  # fmt: skip
         self.solve(nobody)
         self.tally = Tally()
+        self.doubts = Doubts(self.doubts.floor)
 
     def convert(self, samples: Samples) -> tuple[Floats, NDArray[np.uint8]]:
         """Readings (n, 9) and flags (n,) of counts."""
@@ -212,7 +257,9 @@ class Pipeline:
         self.tally.misfit.carried |= batch.encoder is not None
         beyond = beyond_chance(self.config.sensor, known, solution)
         self.tally.misfit.add(beyond, solution, known)
-        return self.finish(batch, solution)
+        self.doubts.add(batch.readings, batch.flags, beyond)
+        self.board.compare(batch.seq, solution)
+        return self.finish(batch, with_causes(solution, batch.flags))
 
     def skip(self, batch: Batch) -> Poses:
         """The batch without poses, for want of time."""
@@ -275,6 +322,14 @@ def without_unchecked(solution: Solution) -> Solution:
         residual=np.where(keep, solution.residual, np.nan),
         covariance=np.where(keep[:, None, None], solution.covariance, np.nan),
     )
+
+
+def with_causes(solution: Solution, flags: NDArray[np.uint8]) -> Solution:
+    """The same with the status FULL for what is not finite since a converter was at its end."""
+    full = (flags & SATURATED > 0) & (solution.status == Status.NON_FINITE)
+    if not full.any():
+        return solution
+    return replace(solution, status=np.where(full, np.int8(FULL), solution.status))
 
 
 def join_poses(parts: list[Poses]) -> Poses:

@@ -302,6 +302,13 @@ def blocks(folder: Path, damage: Damage | None = None) -> Iterator[Block]:
             yield Block(rest, float("nan"), nowhere, doubtful=True)
 
 
+def utc_offset(folder: Path) -> float | None:
+    """Of the wall clock over the host's monotonic one, s, at the recording's beginning."""
+    rows, _, _ = read_rows((folder / "index.bin").read_bytes())
+    known = rows[np.isfinite(rows["monotonic"])]
+    return float(known["utc"][0] - known["monotonic"][0]) if len(known) else None
+
+
 def kept(total: str) -> str:
     """The name in a recording of a file with that SHA-256."""
     return f"measured-{total[:12]}.csv"

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .pipeline import LABELS, SKIPPED, Pipeline, Poses
+from ..estimation.solver import Status
+from .pipeline import FULL, LABELS, SKIPPED, Pipeline, Poses
 from .pose_table import Columns, pose_columns
 from .recording import Damage, blocks, kept, meta_of
 
@@ -19,7 +20,10 @@ if TYPE_CHECKING:
 
 
 def recorded_config(folder: Path) -> Config:
-    """The configuration that a recording was made with, as it keeps it."""
+    """The configuration that a recording was made with, as it keeps it.
+
+    One of a version that knew no `acquire.timing` has its times by arrival, as they were.
+    """
     import tempfile
 
     from ruamel.yaml import YAML
@@ -27,6 +31,8 @@ def recorded_config(folder: Path) -> Config:
     from ..config.loading import load, measured
 
     meta = meta_of(folder)
+    if "timing" not in meta["resolved"].get("acquire", {}):  # of a version that had no other
+        meta["resolved"].setdefault("acquire", {})["timing"] = "arrival"
     for keys, name, total in measured(meta["resolved"]):
         keys[name] = str((folder / kept(total)).resolve())
     with tempfile.TemporaryDirectory() as place:
@@ -91,7 +97,10 @@ class Comparison:
 
 
 def compare(old: Columns, new: Columns) -> Comparison:
-    """old: what a recording holds, new: what its replay gives; both by `pose_columns`."""
+    """old: what a recording holds, new: what its replay gives; both by `pose_columns`.
+
+    A sample that an older version called "non finite" and this one "saturated" is the same.
+    """
     if not old or not new:
         count = len(old["seq"]) if old else 0
         return Comparison(count, 0, count, 0, 0.0)
@@ -102,6 +111,8 @@ def compare(old: Columns, new: Columns) -> Comparison:
     apart = np.zeros(len(rows), bool)
     for name in old:
         one, other = old[name][solved], new[name][rows]
+        if name == "status":
+            other = np.where((one == Status.NON_FINITE) & (other == FULL), one, other)
         apart |= (one != other) & ~(is_nan(one) & is_nan(other))
     return Comparison(
         len(old["seq"]), int(skipped.sum()), int((~there & ~skipped).sum()), int(apart.sum()),

@@ -51,9 +51,14 @@ def values(live: Live) -> dict[str, Any]:
         "latency_p99_ms": rounded(1e3 * live.ninety_nine()),
         "backlog": live.backlog,
         "behind_s": round(live.age, 3) if live.behind else 0.0,
-        "clock_ppm": rounded(live.pipeline.drift.ppm),
+        "clock_ppm": rounded(live.pipeline.host_time.ppm),
+        "u_time_us": rounded(1e6 * live.pipeline.host_time.uncertainty),
         "note": "; ".join(live.messages()),
     }
+    if live.pipeline.board.came:
+        found["board"] = live.pipeline.board.values()
+    if live.publications:
+        found["published"] = live.publications.counts()
     if live.recording:
         found["not_recorded_bytes"] = live.recording.lost
     if live.newest is not None:
@@ -111,6 +116,8 @@ def plain_line(live: Live) -> str:
         text += f"  p99 {now['latency_p99_ms']:.1f} ms"
     if "stage" in now:
         text += f"  stage {now['stage']}"
+    if dropped := sum(one["dropped"] for one in now.get("published", ())):
+        text += f"  not published {dropped}"
     return text + (f"  [{now['note']}]" if now["note"] else "")
 
 
@@ -129,8 +136,28 @@ def summary(live: Live) -> Iterator[str]:
             f"  the loop fell behind: {live.late} samples were solved after newer ones, "
             f"{tally.skipped} were not; `facets replay` solves them"
         )
+    if live.pipeline.board.came:
+        yield f"  {live.pipeline.board.sentence()}"
+    yield from times(live)
+    for text in live.publications.sentences() if live.publications else ():
+        yield f"  {text}"
     if live.pipeline.sequence.restarts:
         yield f"  the board restarted {live.pipeline.sequence.restarts} times"
+
+
+def times(live: Live) -> Iterator[str]:
+    """How well the samples' times are known, and how the board's clock runs."""
+    clock = live.pipeline.host_time
+    if live.pipeline.config.acquire.timing == "envelope" and np.isfinite(clock.uncertainty):
+        yield (
+            f"  the samples' times are known to {1e6 * clock.uncertainty:.2g} us (1 sigma), beside "
+            "what acquire.least_delay_ms is off"
+        )
+    if np.isfinite(clock.ppm):
+        yield (
+            f"  the board's clock is {abs(clock.ppm):.3g} ppm {'slow' if clock.ppm > 0 else 'fast'}"
+            f", +- {1e6 * clock.rate_sigma:.2g}"
+        )
 
 
 class Screen:
@@ -222,6 +249,13 @@ def stream(now: dict[str, Any]) -> str:
         shown = ", ".join("-" if x is None else f"{x:+.4f}" for x in error)
         text += f"\nstage {now['stage_mm']} mm, {now['stage']}, {now['moves']} moves"
         text += f"   Eq. (14): {shown}"
+    if "board" in now:
+        text += (
+            f"\nboard: {now['board']['came']} poses of its own, at most "
+            f"{now['board']['worst_u']:.2g} u from these"
+        )
+    for one in now.get("published", ()):
+        text += f"\n{one['address']}: {one['sent']} published, {one['dropped']} dropped"
     if now["flags"]:
         text += "\n" + ", ".join(f"{count} {name}" for name, count in now["flags"].items())
     return text + (f"\n{now['note']}" if now["note"] else "")

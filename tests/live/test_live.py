@@ -8,6 +8,7 @@ import resource
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from facets.live.frames import SIZE
 from facets.live.pipeline import Pipeline
 from facets.live.pose_table import join_columns, pose_columns, recorded_poses
 from facets.live.recording import blocks
+from facets.live.replay import recorded_config, replay
 from facets.live.virtual import Faults, truth_of
 
 CONFIG = facets.load("bench")
@@ -195,6 +197,37 @@ def test_reconnect_goes_on(tmp_path, emulator):
     assert (np.diff(poses["board_us"]) > 0).all()
     apart = np.diff(poses["board_us"]) - 1e6 * np.diff(poses["host_s"])
     assert np.abs(apart).max() < 60e6  # no jump by an hour; a busy machine may read late
+
+
+def test_times_do_not_follow_the_ports_jitter(tmp_path, emulator):
+    """A port that is looked at every 20 ms, a clock that is slow and wraps after a second."""
+    faults = "jitter_ms=20,drift_ppm=50,uptime_s=4294"
+    bench = emulator("bench", "--motion", "wobble", "--rate", "500", "--faults", faults)
+    result = command("acquire", "bench", "--port", "bench/board", "--plain", "-o", "rec",
+                     "--samples", "3000", "--max-loss=1", cwd=tmp_path)  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert "the samples' times are known to" in result.stdout
+    assert bench.end() == 0
+    truth, error = truth_of(tmp_path / "bench"), {}
+    for timing in ("envelope", "arrival"):
+        acquire = replace(CONFIG.acquire, timing=timing)
+        poses = replay(tmp_path / "rec", Pipeline(replace(CONFIG, acquire=acquire)))
+        parts = join_columns([pose_columns(part) for part in poses])
+        true = truth["host"][parts["seq"]]
+        assert (truth["seq"][parts["seq"]] == parts["seq"]).all()
+        error[timing] = (parts["host_s"] - true)[1500:]
+    assert error["envelope"].std() < 0.3 * error["arrival"].std()
+    assert command("replay", "rec", "--compare", cwd=tmp_path).returncode == 0
+
+
+def test_a_recording_of_a_version_without_timing_is_replayed_by_arrival(tmp_path):
+    kill(tmp_path / "r", stream(2000), 0.2, signal.SIGTERM)
+    meta = tmp_path / "r" / "meta.yaml"
+    text = meta.read_text()
+    assert "    timing: envelope\n" in text
+    assert recorded_config(tmp_path / "r").acquire.timing == "envelope"
+    meta.write_text(text.replace("    timing: envelope\n", ""))
+    assert recorded_config(tmp_path / "r").acquire.timing == "arrival"
 
 
 def test_a_board_that_is_not_there_yet_is_waited_for(tmp_path, emulator):

@@ -9,11 +9,12 @@ import pytest
 from facets.experiments.kills import stream
 
 import facets
+from facets.estimation.solver import Status
 from facets.live import acquire as module
 from facets.live.acquire import Ending, Live, Loop
 from facets.live.frames import SIZE
 from facets.live.index import Block
-from facets.live.pipeline import SKIPPED, Pipeline
+from facets.live.pipeline import FULL, SKIPPED, Pipeline
 from facets.live.pose_table import join_columns, pose_columns
 from facets.live.replay import compare
 
@@ -243,3 +244,50 @@ def test_poses_of_another_geometry_are_not_believed_without_a_word():
     assert found["right"].sentence == ""
     assert found["wrong"].mostly
     assert "residual beyond chance" in found["wrong"].sentence
+
+
+def test_what_can_not_be_believed_is_said_in_a_line_each_while_it_lasts():
+    """Saturation, lost light and a residual beyond chance, each in one of three runs."""
+    from facets.live.doubts import LOOKED_AT
+
+    rounds = LOOKED_AT // 40 + 1
+    spoils = {
+        "are saturated": lambda batch: spoil(batch.readings, batch.flags, full=True),
+        "light is lost on detector B": lambda batch: spoil(batch.readings, batch.flags, full=False),
+        "": lambda batch: None,
+    }
+    for words, spoilt in spoils.items():
+        pipeline = Pipeline(CONFIG)
+        (batch,) = pipeline.take(stream(40), 1.0)
+        spoilt(batch)
+        status = pipeline.solve(batch).solution.status
+        for _ in range(rounds):
+            pipeline.doubts.add(batch.readings, batch.flags, np.zeros(40, bool))
+        live = Live(pipeline)
+        assert [words in text for text in live.messages()] == ([True] if words else [])
+        if words == "are saturated":
+            assert pipeline.tally.statuses["saturated"] == 20
+            assert (status[::2] == FULL).all()
+        for _ in range(rounds):  # and no longer than it lasts
+            pipeline.doubts.add(np.ones((40, 9)), np.zeros(40, np.uint8), np.zeros(40, bool))
+        assert live.messages() == []
+        for _ in range(rounds):
+            pipeline.doubts.add(np.ones((40, 9)), np.zeros(40, np.uint8), np.arange(40) < 4)
+        (text,) = live.messages()
+        assert "10 % of the newest poses have a residual beyond chance" in text
+
+
+def spoil(readings, flags, full):
+    """Every other sample: with two converters at their end, or with a dark detector B."""
+    readings[::2, 3:6] = np.nan if full else 0.0
+    if full:
+        readings[::2, 6:9] = np.nan
+        flags[::2] |= 1
+
+
+def test_a_sample_that_was_called_non_finite_is_the_same_as_one_called_saturated():
+    old, new = in_turn(2), in_turn(2)
+    old["status"][:5], new["status"][:5] = Status.NON_FINITE, FULL
+    assert compare(old, new).same
+    new["status"][9] = FULL
+    assert compare(old, new).different == 1

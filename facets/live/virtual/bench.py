@@ -24,6 +24,7 @@ from .stages import PiController, ZaberDevice
 
 if TYPE_CHECKING:
     from ...core.settings import Config
+    from ...firmware.library import FirmwareLibrary
 
 #: How often the bench goes round, s.
 ROUND = 1e-3
@@ -48,7 +49,14 @@ class Bench:
     """
 
     def __init__(
-        self, config: Config, motion: str, rate: float, faults: Faults, seed: int, folder: Path
+        self,
+        config: Config,
+        motion: str,
+        rate: float,
+        faults: Faults,
+        seed: int,
+        folder: Path,
+        firmware: FirmwareLibrary | None = None,
     ) -> None:
         self.config, self.rate, self.folder = config, rate, folder
         self.mirror = Mirror(config, motion, seed)
@@ -66,7 +74,7 @@ class Bench:
             self.truth = (folder / "truth.bin").open("wb", buffering=0)
         except OSError as error:
             raise OutputError(f"{folder}: is no folder to write in: {error.strerror}") from None
-        self.board = Board(config, rate, self.schedule, self.count, folder / "board")
+        self.board = Board(config, rate, self.schedule, self.count, folder / "board", firmware)
         self.stage = Pty(folder / "stage")
         self.cost = 1e-5
         self.last = 0.0
@@ -74,6 +82,7 @@ class Bench:
     def run(self, seconds: float, tell: Callable[[Bench], None] = lambda _: None) -> None:
         """For so many seconds; ends quietly on ^C. tell: called each round."""
         self.begin = time.monotonic()
+        self.board.switch_on(self.begin)
         try:
             while self.last < seconds:
                 self.round()
@@ -134,15 +143,20 @@ class Bench:
         states[:, 6:] = here + share * (self.model.place - here)
         seq = (first + np.arange(due)).astype(np.uint32)
         self.count.made += due
-        self.write_truth(seq, states, self.board.take(states, seq, now))
+        host = self.begin + seq / self.rate
+        self.write_truth(seq, host, states, self.board.take(states, seq, host, now))
         self.cost += 0.2 * ((time.perf_counter() - start) / due - self.cost)
 
     def write_truth(
-        self, seq: NDArray[np.uint32], states: NDArray[np.float64], fate: NDArray[np.uint8]
+        self,
+        seq: NDArray[np.uint32],
+        host: NDArray[np.float64],
+        states: NDArray[np.float64],
+        fate: NDArray[np.uint8],
     ) -> None:
         rows = np.zeros(len(seq), TRUTH)
         rows["seq"], rows["fate"], rows["state"] = seq, fate, states
-        rows["host"] = self.begin + seq / self.rate
+        rows["host"] = host
         self.truth.write(rows.tobytes())
 
     def answer(self) -> None:

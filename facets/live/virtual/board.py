@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +16,15 @@ from ...detectors.correction import uncorrected
 from ...detectors.counts import counts_of, xy_sum_of
 from ...model.arrays import on_detectors
 from ...simulation.imperfect_optics import seen_late
-from ..frames import ELECTRODES, OVERRUN, XY_SUM, Samples, encode
+from ..board_poses import SOLVED
+from ..frames import ELECTRODES, OVERRUN, POSE, XY_SUM, Samples, encode
 from ..frames import SATURATED as FULL
 from .faults import Schedule
 from .pty import Pty
 
 if TYPE_CHECKING:
     from ...core.settings import Config
+    from ...firmware.library import FirmwareLibrary
 
 
 TRUTH = np.dtype([("seq", "<u4"), ("fate", "u1"), ("host", "<f8"), ("state", "<f8", 8)])
@@ -48,54 +51,101 @@ class Count:
     slipped: float = 0.0
 
 
+def with_poses(samples: Samples, firmware: FirmwareLibrary, dark: Floats) -> Samples:
+    """Samples (n,), each followed by a frame of the kind POSE: (2 n,)."""
+    xy_sum = bool(samples.kind[0] == XY_SUM)
+    begin = time.perf_counter()
+    found = firmware.solve(firmware.readings_of_counts(samples.counts, dark, xy_sum))
+    took = 1e6 * (time.perf_counter() - begin) / len(samples)
+    solved = np.zeros(len(samples), SOLVED)
+    solved["state"], solved["status"] = found.state, found.status
+    solved["power"], solved["residual"] = found.power, found.residual
+    solved["used"] = found.used @ np.array([1, 2, 4])
+    solved["microseconds"] = min(took, 65_535)
+    payload = solved.view("<i4").reshape(-1, 12).astype(np.int32)
+
+    def alternating(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:
+        return np.stack([first, second], axis=1).reshape(-1, *first.shape[1:])
+
+    return Samples(
+        alternating(samples.kind, np.full_like(samples.kind, POSE)),
+        alternating(samples.flags, np.zeros_like(samples.flags)),
+        alternating(samples.seq, samples.seq),
+        alternating(samples.time, samples.time),
+        alternating(samples.counts, payload),
+    )
+
+
 class Board:
     """Samples the light, numbers the samples, and sends them.
 
-    born: number of the bench's sample at which the board was last switched on: it counts samples
-    and microseconds from there.
+    born: number of the bench's sample at which the board was last switched on, and the host's time
+    then, s: it counts samples and microseconds from there. Its clock goes on where a busy machine
+    makes the bench's time stand still, as a quartz does.
     """
 
     def __init__(
-        self, config: Config, rate: float, schedule: Schedule, count: Count, link: Path
+        self,
+        config: Config,
+        rate: float,
+        schedule: Schedule,
+        count: Count,
+        link: Path,
+        firmware: FirmwareLibrary | None = None,
     ) -> None:
+        """firmware: with which the board solves each sample itself, and sends the pose after it."""
         self.config, self.rate, self.schedule, self.count = config, rate, schedule, count
+        self.firmware = firmware
         self.rng = schedule.rng
         self.port = Pty(link)
         self.pending = bytearray()
         self.read_at = time.monotonic()  # when the line last took something
         self.overrun = self.unplugged = self.booting = False
         self.born = 0
+        self.born_at: float | None = None
+        self.released: deque[tuple[float, int]] = deque()  # when so many bytes leave the port
+
+    def switch_on(self, host: float) -> None:
+        """At the host's time; it may have been on for a while."""
+        self.born_at = host - self.schedule.faults.uptime_s
 
     def suffer(self, now: float) -> None:
         """Pulls the cable, puts it back, restarts, as the schedule has it at the time `now`, s."""
         gone = self.schedule.is_on("unplug", now)
         if gone and not self.unplugged:
             self.port.close()
-            self.pending.clear()
+            self.clear()
         if self.unplugged and not gone:
             self.port.open()
         self.unplugged = gone
         booting = self.schedule.is_on("restart", now)
         if booting and not self.booting:
-            self.pending.clear()
+            self.clear()
             self.overrun = False
         if self.booting and not booting:
-            self.born = self.count.made
+            self.born, self.born_at = self.count.made, None
             self.count.restarts += 1
         self.booting = booting
 
-    def take(self, states: Floats, seq: NDArray[np.uint32], now: float) -> NDArray[np.uint8]:
-        """Samples the light of states (n, 8) with the bench's numbers (n,); returns their fates."""
+    def take(
+        self, states: Floats, seq: NDArray[np.uint32], host: Floats, now: float
+    ) -> NDArray[np.uint8]:
+        """Samples the light of states (n, 8) with the bench's numbers (n,); returns their fates.
+
+        host: the host's times (n,) at which they are taken, s.
+        """
+        if self.born_at is None:
+            self.born_at = float(host[0])
         lost = self.rng.random(len(seq)) < self.schedule.faults.drop
         if self.unplugged or self.booting or self.schedule.is_on("stall", now):
             lost[:] = True
         fate = np.where(lost, DROPPED, SENT).astype(np.uint8)
         self.lose(int(lost.sum()))
         if not lost.all():
-            fate[~lost] = self.send(self.sample(states[~lost], seq[~lost], now))
+            fate[~lost] = self.send(self.sample(states[~lost], seq[~lost], host[~lost], now))
         return fate
 
-    def sample(self, states: Floats, seq: NDArray[np.uint32], now: float) -> Samples:
+    def sample(self, states: Floats, seq: NDArray[np.uint32], host: Floats, now: float) -> Samples:
         """What the board makes of the light: counts, with its own numbers and times."""
         sensor, electronics = self.config.sensor, self.config.electronics
         exact = uncorrected(sensor, seen_late(sensor, seq / self.rate, states, states))
@@ -114,8 +164,25 @@ class Board:
             counts, kind = xy_sum_of(electronics, counts), XY_SUM
         kinds = np.full(len(seq), kind, np.uint8)
         number = seq.astype(np.int64) - self.born
-        clock = (np.round(1e6 * number / self.rate).astype(np.int64) % 2**32).astype(np.uint32)
-        return Samples(kinds, flags, (number % 2**32).astype(np.uint32), clock, counts)
+        return Samples(kinds, flags, (number % 2**32).astype(np.uint32), self.clock(host), counts)
+
+    def clock(self, host: Floats) -> NDArray[np.uint32]:
+        """What the board's clock says at the host's times, us."""
+        assert self.born_at is not None
+        passed = (host - self.born_at) / (1 + 1e-6 * self.schedule.faults.drift_ppm)
+        return (np.round(1e6 * passed).astype(np.int64) % 2**32).astype(np.uint32)
+
+    def encode(self, samples: Samples) -> bytes:
+        """As bytes, each with the pose that the board's own solver finds where it has one."""
+        if self.firmware is not None:
+            dark = np.full(12, float(self.config.acquire.dark))
+            samples = with_poses(samples, self.firmware, dark)
+        return encode(self.config.acquire.format, samples)
+
+    def clear(self) -> None:
+        """Throws away what waits."""
+        self.pending.clear()
+        self.released.clear()
 
     def lose(self, count: int) -> None:
         """Counts samples that are never sent; the next one says so."""
@@ -128,19 +195,41 @@ class Board:
         if self.overrun:
             samples.flags[0] |= OVERRUN
             self.overrun = False
-        data = encode(self.config.acquire.format, samples)
+        data = self.encode(samples)
         size = len(data) // len(samples)
         space = max(0, (BUFFER - len(self.pending)) // max(size, 1))
         if space < len(samples):
             self.lose(len(samples) - space)
             fate[space:] = DROPPED
             samples = samples.where(np.arange(len(samples)) < space)
-            data = encode(self.config.acquire.format, samples) if len(samples) else b""
+            data = self.encode(samples) if len(samples) else b""
         self.count.sent += len(samples)
         broken, bad = self.spoil(data, len(samples))
         fate[bad] = SPOILT
         self.pending += broken
+        jitter = 1e-3 * self.schedule.faults.jitter_ms
+        if jitter:
+            last = self.released[-1][0] if self.released else 0.0
+            self.released.append(
+                (max(last, time.monotonic() + self.rng.uniform(0, jitter)), len(broken))
+            )
         return fate
+
+    def ready(self) -> int:
+        """How many of the bytes that wait may leave the port now."""
+        if not self.schedule.faults.jitter_ms:
+            return len(self.pending)
+        now = time.monotonic()
+        return sum(size for due, size in self.released if due <= now)
+
+    def forget(self, count: int) -> None:
+        """Takes so many bytes off those that wait."""
+        del self.pending[:count]
+        while count and self.released:
+            due, size = self.released.popleft()
+            if size > count:
+                self.released.appendleft((due, size - count))
+            count -= min(size, count)
 
     def spoil(self, data: bytes, count: int) -> tuple[bytes | bytearray, NDArray[np.int64]]:
         """The bytes with their faults, and which samples have one."""
@@ -166,14 +255,16 @@ class Board:
         """Sends what the port takes."""
         if self.unplugged:
             return
-        while self.pending:
-            done = self.port.write(self.pending[:65_536])
+        while ready := min(65_536, self.ready()):
+            done = self.port.write(self.pending[:ready])
             if done == 0:
                 break
-            del self.pending[:done]
+            self.forget(done)
+            self.read_at = time.monotonic()
+        if not self.ready():
             self.read_at = time.monotonic()
         if self.pending and time.monotonic() - self.read_at > UNREAD:
-            self.pending.clear()
+            self.clear()
             self.overrun = True
 
     def close(self) -> None:

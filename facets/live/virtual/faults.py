@@ -20,6 +20,10 @@ class Faults:
     unplug: per second, the port goes away for 300 ms.  restart: per second, the board restarts and
     counts from zero again after 300 ms.  refuse: per second, the stage refuses for 100 ms.  jam:
     per second, the stage does not move for 100 ms.
+
+    Of the board's time: jitter_ms: by up to which the port keeps each packet; none overtakes
+    another.  drift_ppm: by which its clock is slow.
+    uptime_s: how long it has been on when the bench begins; its clock wraps every 4294.967296 s.
     """
 
     flip: float = 0.0
@@ -33,6 +37,9 @@ class Faults:
     restart: float = 0.0
     refuse: float = 0.0
     jam: float = 0.0
+    jitter_ms: float = 0.0
+    drift_ppm: float = 0.0
+    uptime_s: float = 0.0
 
     #: How long each fault lasts that comes per second, s.
     LASTING: ClassVar[dict[str, float]] = {

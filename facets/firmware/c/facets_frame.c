@@ -1,0 +1,66 @@
+#include "facets_frame.h"
+
+#include <string.h>
+
+static void put32(uint8_t *place, uint32_t value)
+{
+    int n;
+    for (n = 0; n < 4; n++) place[n] = (uint8_t)(value >> (8 * n));
+}
+
+static void put_float(uint8_t *place, facets_real value)
+{
+    const float narrow = (float)value;
+    uint32_t bits;
+    memcpy(&bits, &narrow, sizeof bits);
+    put32(place, bits);
+}
+
+/* The CRC-32 of Ethernet, ZIP and PNG. */
+static uint32_t crc32(const uint8_t *bytes, int count)
+{
+    uint32_t crc = 0xffffffffu;
+    int n, bit;
+    for (n = 0; n < count; n++) {
+        crc ^= bytes[n];
+        for (bit = 0; bit < 8; bit++) crc = (crc >> 1) ^ (0xedb88320u & (0u - (crc & 1u)));
+    }
+    return ~crc;
+}
+
+static void begin(uint8_t *frame, uint8_t kind, uint8_t flags, uint32_t seq, uint32_t time)
+{
+    frame[0] = 0xa5;
+    frame[1] = 0x5a;
+    frame[2] = kind;
+    frame[3] = flags;
+    put32(frame + 4, seq);
+    put32(frame + 8, time);
+}
+
+void facets_frame_counts(uint8_t *frame, uint8_t kind, uint8_t flags, uint32_t seq, uint32_t time,
+                         const int32_t *counts)
+{
+    int n;
+    begin(frame, kind, flags, seq, time);
+    for (n = 0; n < 12; n++) put32(frame + 12 + 4 * n, (uint32_t)counts[n]);
+    put32(frame + 60, crc32(frame, 60));
+}
+
+void facets_frame_pose(uint8_t *frame, uint32_t seq, uint32_t time,
+                       const facets_solution *solution, uint16_t microseconds)
+{
+    int n;
+    begin(frame, FACETS_FRAME_POSE, 0, seq, time);
+    for (n = 0; n < 8; n++) put_float(frame + 12 + 4 * n, solution->state[n]);
+    put_float(frame + 44, solution->power);
+    put_float(frame + 48, solution->residual);
+    frame[52] = (uint8_t)solution->status;
+    frame[53] = (uint8_t)(solution->used[0] | solution->used[1] << 1 | solution->used[2] << 2);
+    frame[54] = (uint8_t)solution->steps;
+    frame[55] = 0;
+    frame[56] = (uint8_t)(microseconds & 0xff);
+    frame[57] = (uint8_t)(microseconds >> 8);
+    frame[58] = frame[59] = 0;
+    put32(frame + 60, crc32(frame, 60));
+}

@@ -1,0 +1,46 @@
+"""The C function of the readings and their derivatives, from the text of the optics."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ..core.sensor import Sensor
+from ..model.arrays import geometry_of
+from ..optics.forward import by_power, path, placed, reading, shone_on, with_light, with_power
+from ..optics.gradient import linearised_detector, turns_of_edges
+from ..optics.vectors import rotation_axes
+from .c_numbers import CONSTANT, Writer, needed
+
+
+class ModelText(NamedTuple):
+    """statements: of `facets_linearise`.  operations: how many numbers they compute."""
+
+    statements: str
+    operations: int
+
+
+def model_text(sensor: Sensor) -> ModelText:
+    """The statements that fill found[10][10] from x[9]: a state (mm, rad) and the power (mW).
+
+    The first row holds the nine readings, each further row one reading's derivatives. Where the
+    spots land is computed in wide numbers: over the detector's distance, single precision would
+    round them by some 50 nm. The light and the derivatives do not need that.
+    """
+    writer = Writer()
+    exact = tuple(writer.value(f"x[{c}]", wide=True) for c in range(8))
+    vectors = with_power(geometry_of(sensor), writer.value("(facets_real)x[8]"))
+    standing = placed(vectors, exact)
+    at = shone_on(writer.narrow(standing))
+    lit = with_light(standing, at.integrals, at.moments)
+    turns, axes = turns_of_edges(vectors, at), writer.narrow(rotation_axes(exact[4], exact[5]))
+    for k in range(3):
+        values, derivatives = linearised_detector(vectors, at, k, turns, axes)
+        psi, zeta, _ = writer.narrow(reading(vectors, lit, k, path(vectors, lit, k)))
+        for i, value in enumerate((psi, zeta, values[2])):
+            row = 3 * k + i
+            writer.put(f"found[0][{row}]", value)
+            for c in range(8):
+                writer.put(f"found[{1 + row}][{c}]", derivatives[i][c])
+            writer.put(f"found[{1 + row}][8]", by_power(vectors, values, k, i))
+    statements = needed(writer.statements)
+    return ModelText("\n".join(statements), sum(map(bool, map(CONSTANT.match, statements))))

@@ -1,0 +1,154 @@
+"""A sensor's numbers as C, and which sensors C code is written for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.sensor import Grid, Sensor
+from ..detectors.correction import coefficients, is_corrected
+from ..detectors.counts import per_ampere
+from ..detectors.noise import CHARGE, current_variances, power_floor, two_layers
+from ..model.arrays import half_sizes, parameters
+from ..optics.forward import edges, geometry, in_sigmas, unit
+from ..optics.half_normal import TABLE
+from ..optics.tail_quadrature import NARROW, SLICES
+from .c_numbers import number
+
+#: Facets seen along the beam must open by this much more than the narrowest wedge that the C code's
+#: sums hold for, rad, so that the mirror may tilt.
+TILT = 0.1
+
+
+def refuse_unsupported(sensor: Sensor) -> None:
+    """Raises `InputError` for a sensor whose readings the C code would not give, and why."""
+    if sensor.apertures.cut:
+        raise InputError(
+            "the sensor has apertures, and light that is cut is not part of the C code; "
+            "leave `apertures` out where no spot reaches an edge"
+        )
+    if sensor.light.on:
+        raise InputError(
+            "the sensor has `light` of a bench (wavefront, diffraction, coating, edges), which is "
+            "not part of the C code; calibrate without it, or solve on a PC"
+        )
+    if any(sensor.light.delays):
+        raise InputError(
+            "the detectors are read at different times (`light.delays`), which the C code does not "
+            "allow for; read them together, or solve on a PC"
+        )
+    if sensor.electronics is not None and sensor.electronics.kind == "tetra-lateral":
+        raise InputError(
+            "the detectors are tetra-lateral, whose places follow from an iteration that is not "
+            "part of the C code; use duo-lateral or pincushion detectors"
+        )
+    narrowest = float(np.min(openings(sensor)))
+    if narrowest < NARROW + TILT:
+        raise InputError(
+            f"a facet's opening, seen along the beam, is {np.degrees(narrowest):.0f} degrees; "
+            f"the C code is for {np.degrees(NARROW + TILT):.0f} degrees or more"
+        )
+
+
+def openings(sensor: Sensor) -> list[float]:
+    """The angles between the edges of each facet, seen along the beam in its sigmas, rad."""
+    vectors = geometry(parameters(sensor))
+    seen = [complex(*unit(in_sigmas(vectors, edge))) for edge in edges(vectors.normals)]
+    return [float(np.angle(seen[(k + 1) % 3] / seen[k]) % (2 * np.pi)) for k in range(3)]
+
+
+def sensor_data(sensor: Sensor) -> str:
+    """The constants that the C sources ask for."""
+    distance = max(float(np.hypot(psd.radius, psd.height)) for psd in sensor.psds)
+    parts = [
+        define("BEAM_POWER", sensor.beam.power, "mW"),
+        define("FARTHEST", distance, "mm, of a detector"),
+        define("POWER_FLOOR", power_floor(sensor), "mW, standard deviation without light"),
+        array("HALF_SIZES", half_sizes(sensor), "mm, along y and z"),
+        array("HALF_NORMAL", TABLE),
+        array("SLICES", SLICES, "nodes and weights"),
+        noise_data(sensor),
+        correction_data(sensor),
+    ]
+    return "\n".join(parts)
+
+
+def noise_data(sensor: Sensor) -> str:
+    e = sensor.electronics
+    if e is None:
+        place = sensor.noise.position * sensor.noise.at_power
+        return "#define ELECTRODES 0\n" + define(
+            "NOISE_OF_PLACES", place, "mm mW: a place's standard deviation times the power"
+        )
+    even = float(current_variances(e, np.zeros(4))[0].sum())
+    lines = [
+        "#define ELECTRODES 1",
+        f"#define PINCUSHION {int(not two_layers(e))}",
+        define("RESPONSIVITY", 1e-3 * e.responsivity, "A/mW"),
+        define("SHOT_NOISE", 2 * CHARGE * e.bandwidth, "A^2 for each A"),
+        define("EVEN_NOISE", even, "A^2, of an electrode without light"),
+        define("COUNTS_PER_MILLIWATT", 1e-3 * e.responsivity * per_ampere(e)),
+        f"#define CONVERTER_TOP {top(e.adc_bits)} /* counts at the converter's end */",
+    ]
+    return "\n".join(lines)
+
+
+def top(bits: int) -> int:
+    """The largest count of a converter that fits the 32 bits of a frame."""
+    return int(min(2**bits - 1, 2**31 - 1))
+
+
+def correction_data(sensor: Sensor) -> str:
+    grids = [psd.correction.grid for psd in sensor.psds]
+    lines = [
+        f"#define CORRECTED {int(is_corrected(sensor))}",
+        f"#define GRIDS {int(any(grid is not None for grid in grids))}",
+    ]
+    if is_corrected(sensor):
+        lines.append(
+            array(
+                "CORRECTIONS",
+                coefficients(sensor).reshape(3, -1),
+                "share of the power, dark power (mW), then of y and of z (mm) by monomials",
+            )
+        )
+    if any(grid is not None for grid in grids):
+        lines.append(grid_data(grids))
+    return "\n".join(lines)
+
+
+def grid_data(grids: list[Grid | None]) -> str:
+    lines = [
+        "typedef struct {",
+        "    int rows, columns;",
+        "    const facets_real *y, *z, *add_y, *add_z;",
+        "} Grid;",
+    ]
+    rows = []
+    for letter, grid in zip("ABC", grids, strict=True):
+        if grid is None:
+            rows.append("    {0, 0, NULL, NULL, NULL, NULL},")
+            continue
+        names = [f"GRID_{letter}_{name}" for name in ("Y", "Z", "ADD_Y", "ADD_Z")]
+        parts = [np.array(part) for part in (grid.y, grid.z, grid.add_y, grid.add_z)]
+        lines += [array(n, part.ravel()) for n, part in zip(names, parts, strict=True)]
+        rows.append(f"    {{{len(grid.y)}, {len(grid.z)}, {', '.join(names)}}},")
+    return "\n".join([*lines, "static const Grid GRID[3] = {", *rows, "};"])
+
+
+def define(name: str, value: float, unit: str = "") -> str:
+    return f"#define {name} {number(value)}" + (f" /* {unit} */" if unit else "")
+
+
+def array(name: str, values: np.ndarray, unit: str = "") -> str:
+    """A constant array of one or two dimensions."""
+    comment = f" /* {unit} */" if unit else ""
+    size = "".join(f"[{n}]" for n in values.shape)
+    if values.ndim == 1:
+        return f"static const facets_real {name}{size} = {{{row(values)}}};{comment}"
+    lines = [f"    {{{row(each)}}}," for each in values]
+    return "\n".join([f"static const facets_real {name}{size} = {{{comment}", *lines, "};"])
+
+
+def row(values: np.ndarray) -> str:
+    return ", ".join(number(float(value)) for value in values)

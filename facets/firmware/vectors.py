@@ -1,0 +1,92 @@
+"""Readings with the poses that facets gives for them, by which the C code is tested."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.sensor import Sensor
+from ..core.units import Floats
+from ..detectors.noise import add_noise
+from ..estimation.solver import solve
+from ..model.arrays import half_sizes, reaches, readings
+
+#: Poses with the beam free, and with the beam known; each once exact and once with noise.
+FREE, KNOWN = 16, 8
+SEED = 1
+
+
+class Vectors(NamedTuple):
+    """reading: (n, 9).  beam_known: (n,).  status: (n,).  state, uncertainty: (n, 8)."""
+
+    reading: Floats
+    beam_known: np.ndarray
+    status: np.ndarray
+    state: Floats
+    uncertainty: Floats
+
+
+def states_within(sensor: Sensor, count: int, rng: np.random.Generator) -> Floats:
+    """States (count, 8) at which every spot reaches its detector, drawn about zero.
+
+    Raises `InputError` where a spot misses its detector at zero already.
+    """
+    if not reaches(sensor, np.zeros((1, 8))).all():
+        raise InputError(
+            "at the mirror's zero pose a spot misses its detector, so that there is nothing to "
+            "test the C code with; see `facets render`"
+        )
+    half, distance = half_sizes(sensor), max(psd.radius for psd in sensor.psds)
+    across = 0.15 * min(sensor.beam.diameter_x, sensor.beam.diameter_y)
+    along, turn = half.min() / 2, half.min() / (4 * distance)
+    sizes = np.array([across, across, along, turn, turn, turn, across, across])
+    found = np.zeros((0, 8))
+    while len(found) < count:
+        drawn = sizes * rng.uniform(-1, 1, (4 * count, 8))
+        found = np.concatenate([found, drawn[reaches(sensor, drawn).all(axis=1)]])
+        sizes *= 0.9
+    return found[:count]
+
+
+def spoilt(reading: Floats, half: Floats) -> Floats:
+    """Readings (6, 9) that can not be solved, or by two detectors only."""
+    rows = np.tile(reading, (6, 1))
+    rows[0] = 0.0
+    rows[1, 2::3] *= 1e-9
+    rows[2, 4] = np.nan
+    rows[3, 0] = 3 * half[0, 0]
+    rows[4, 6:9] = np.inf
+    rows[5] = -rows[5]
+    return rows
+
+
+def vectors(sensor: Sensor) -> Vectors:
+    """For a sensor; the same ones each time."""
+    rng = np.random.default_rng(SEED)
+    parts = []
+    for count, beam in ((FREE, "free"), (KNOWN, "known")):
+        states = states_within(sensor, count, rng)
+        if beam == "known":
+            states[:, 6:] = 0
+        exact = readings(sensor, states)
+        bad = spoilt(exact[0], half_sizes(sensor))
+        parts.append(
+            solved(sensor, np.concatenate([exact, add_noise(sensor, exact, rng), bad]), beam)
+        )
+    return Vectors(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def solved(sensor: Sensor, rows: Floats, beam: str) -> Vectors:
+    plain = sensor if sensor.calibration is None else uncalibrated(sensor)
+    found = solve(plain, rows, beam=beam)  # type: ignore[arg-type]
+    known = np.full(len(rows), beam == "known")
+    return Vectors(rows, known, found.status, found.state, found.uncertainty)
+
+
+def uncalibrated(sensor: Sensor) -> Sensor:
+    """The same parameters without their uncertainty, which the C code does not know of."""
+    from dataclasses import replace
+
+    return replace(sensor, calibration=None)

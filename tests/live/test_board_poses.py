@@ -1,0 +1,147 @@
+"""A board that solves poses itself: its frames beside what is solved here."""
+
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from programs import Program
+
+import facets
+from facets.firmware.export import export
+from facets.firmware.library import FirmwareLibrary
+from facets.firmware.source import Provenance
+from facets.live.board_poses import SOLVED, solved_on_board
+from facets.live.frames import POSE, SIZE, FixedFrames
+from facets.live.pipeline import Pipeline
+from facets.live.virtual import Faults
+from facets.live.virtual.board import Board, Count
+from facets.live.virtual.faults import Schedule
+
+CONFIG = facets.load("bench")
+pytestmark = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler")
+
+
+def compiled(folder, sensor):
+    for path, text in export(sensor, Provenance("test", "0", "test")).items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_text(text)
+    command = ["gcc", "-O1", "-shared", "-fPIC", "facets.c", "facets_frame.c", "-o", "l.so", "-lm"]
+    subprocess.run(command, cwd=folder, check=True)
+    return folder / "l.so"
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    return compiled(tmp_path_factory.mktemp("firmware"), CONFIG.sensor)
+
+
+def sent(tmp_path, library, count=600, restart_at=None):
+    """What a virtual board with a solver of its own sends: bytes."""
+    schedule = Schedule(Faults(), np.random.default_rng(1))
+    board = Board(CONFIG, 10_000, schedule, Count(), tmp_path / "p", FirmwareLibrary(library))
+    seq = np.arange(count)
+    states = np.zeros((count, 8))
+    states[:, 5] = 1e-3 * np.sin(seq / 50)
+    board.switch_on(0.0)
+    if restart_at is None:
+        data = board.encode(board.sample(states, seq, 1e-4 * seq, 0.0))
+    else:
+        first, rest = slice(0, restart_at), slice(restart_at, count)
+        data = board.encode(board.sample(states[first], seq[first], 1e-4 * seq[first], 0.0))
+        board.born, board.born_at = restart_at, 1e-4 * restart_at
+        data += board.encode(board.sample(states[rest], seq[rest], 1e-4 * seq[rest], 0.0))
+    board.close()
+    return data
+
+
+def fed(data, config=CONFIG, block=777):
+    pipeline = Pipeline(config)
+    for n in range(0, len(data), block):
+        pipeline.feed(data[n : n + block], 1e-4 * n / (2 * SIZE))
+    return pipeline
+
+
+def test_the_boards_poses_are_those_solved_here(tmp_path, library):
+    """Frames hold single precision: their rounding is far under the noise."""
+    pipeline = fed(sent(tmp_path, library))
+    board = pipeline.board
+    assert pipeline.tally.samples == board.came == board.compared == 600
+    assert board.statuses == board.apart == 0
+    assert 0 < board.worst < 0.01
+    assert "600 compared" in board.sentence()
+    assert board.trouble() == ""
+
+
+def test_a_board_with_the_code_of_another_sensor_is_told(tmp_path):
+    """A detector 0.05 mm further out than the board knows."""
+    first, *others = CONFIG.sensor.psds
+    psds = (replace(first, radius=first.radius + 0.05), *others)
+    other = compiled(tmp_path, replace(CONFIG.sensor, psds=psds))
+    board = fed(sent(tmp_path, other)).board
+    assert not board.alike
+    assert "another sensor" in board.trouble()
+
+
+def test_after_a_restart_samples_are_not_compared_with_others(tmp_path, library):
+    board = fed(sent(tmp_path, library, 600, restart_at=300)).board
+    assert board.statuses == board.apart == 0
+    assert 500 < board.compared <= 600
+
+
+def test_the_exported_frames_are_read(tmp_path, library):
+    """Bytes that the C code itself writes."""
+    program = tmp_path / "frames.c"
+    program.write_text(
+        """
+        #include <stdio.h>
+        #include "facets_frame.h"
+        int main(void) {
+            uint8_t frame[FACETS_FRAME_SIZE];
+            int32_t counts[12] = {1, -2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 2147483647};
+            facets_solution solution = {{0}};
+            int n;
+            for (n = 0; n < 8; n++) solution.state[n] = 0.5 * n;
+            solution.power = 0.25; solution.residual = 1.5; solution.status = 3;
+            solution.steps = 7; solution.used[0] = 1; solution.used[2] = 1;
+            facets_frame_counts(frame, FACETS_FRAME_ELECTRODES, FACETS_FRAME_OVERRUN, 4000000000u,
+                                17, counts);
+            fwrite(frame, 1, sizeof frame, stdout);
+            facets_frame_pose(frame, 4000000000u, 18, &solution, 65000);
+            fwrite(frame, 1, sizeof frame, stdout);
+            return 0;
+        }
+        """
+    )
+    folder = library.parent
+    command = ["gcc", "-I", str(folder), str(program), str(folder / "facets_frame.c"), "-o", "f"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    data = subprocess.run([tmp_path / "f"], capture_output=True, check=True).stdout
+    parser = FixedFrames()
+    samples = parser.feed(data)
+    assert parser.corrupt == parser.skipped == 0
+    assert samples.kind.tolist() == [1, POSE]
+    assert samples.seq.tolist() == [4000000000] * 2
+    assert samples.time.tolist() == [17, 18]
+    assert samples.flags.tolist() == [1, 0]
+    assert samples.counts[0].tolist() == [1, -2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 2147483647]
+    one = solved_on_board(samples.where(samples.kind == POSE))[0]
+    assert SOLVED.itemsize == 48
+    assert one["state"].tolist() == [0.5 * n for n in range(8)]
+    assert (one["power"], one["residual"]) == (0.25, 1.5)
+    assert (one["status"], one["used"], one["steps"], one["microseconds"]) == (3, 5, 7, 65000)
+
+
+def test_acquire_compares(tmp_path, library):
+    words = ("--motion", "wobble", "--rate", "1000", "--firmware", str(library))
+    with Program("emulate", "bench", *words, cwd=tmp_path) as bench:
+        bench.await_output("running")
+        with Program(
+            "acquire", "bench", "--port", "bench/board", "--samples", "2000", "--compare",
+            "--max-loss", "1", cwd=tmp_path,
+        ) as run:  # fmt: skip
+            status = run.end(None)
+            said = run.stdout + run.stderr
+    assert status == 0, said
+    assert "the board solved" in said

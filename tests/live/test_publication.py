@@ -1,0 +1,277 @@
+"""Samples for other programs: all of them arrive, and none of the record waits for them."""
+
+from __future__ import annotations
+
+import json
+import socket
+import threading
+
+import numpy as np
+import pytest
+from commands import command
+from facets.experiments.kills import stream
+from programs import GUARD, Program, await_true
+
+import facets
+from facets.core.errors import InputError
+from facets.live import publication as module
+from facets.live.pipeline import Pipeline
+from facets.live.pose_table import join_columns, pose_columns
+from facets.live.publication import Publication, Publications
+from facets.live.sample_rows import MAGIC, SAMPLE, rows_of
+from facets.live.senders import Udp, json_of
+from facets.live.subscription import Subscription
+
+CONFIG = facets.load("bench")
+
+
+def solved(count, spoil=False):
+    """Poses of a stream, one block after the other; every tenth without light, if so wanted."""
+    pipeline, data = Pipeline(CONFIG), stream(count)
+    parts = []
+    for n in range(0, len(data), 6400):
+        for batch in pipeline.take(data[n : n + 6400], 1_000.0 + n * 1e-6):
+            if spoil:
+                batch.readings[::10] = np.nan
+            parts.append(pipeline.solve(batch))
+    return parts
+
+
+class Udps:
+    """A socket that keeps what comes to it."""
+
+    def __init__(self):
+        self.line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 22)
+        self.line.bind(("127.0.0.1", 0))
+        self.line.settimeout(0.2)
+        self.port = self.line.getsockname()[1]
+        self.came, self.ending = [], threading.Event()
+        self.thread = threading.Thread(target=self.listen)
+        self.thread.start()
+
+    def listen(self):
+        while not self.ending.is_set():
+            try:
+                self.came.append(self.line.recv(65_536))
+            except TimeoutError:
+                continue
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.ending.set()
+        self.thread.join()
+        self.line.close()
+
+
+def plotted(message):
+    """What PlotJuggler's JSON parser makes of a message, by its rules: name -> (time, value).
+
+    An array at the top is a batch. A member `timestamp` that is a number is the sample's time.
+    Objects are followed, their keys joined by a slash; what is no number is passed over. What is no
+    JSON, as NaN is not, stops its server.
+    """
+
+    def refuse(word):
+        raise AssertionError(f"{word} is no JSON")
+
+    def flatten(prefix, value):
+        if isinstance(value, dict):
+            for key, inner in value.items():
+                yield from flatten(f"{prefix}/{key}", inner)
+        elif isinstance(value, (int, float)):
+            yield prefix, value
+
+    whole = json.loads(message, parse_constant=refuse)
+    found = []
+    for one in whole if isinstance(whole, list) else [whole]:
+        found += [(name, one["timestamp"], value) for name, value in flatten("", one)]
+    return found
+
+
+def test_rows_have_the_columns_of_the_recording():
+    parts = solved(300, spoil=True)
+    rows = np.concatenate([rows_of(part, 5.0) for part in parts])
+    columns = join_columns([pose_columns(part) for part in parts])
+    assert SAMPLE.itemsize == 242
+    for name, column in columns.items():
+        np.testing.assert_array_equal(rows[name], column)
+    np.testing.assert_array_equal(rows["utc_s"], columns["host_s"] + 5.0)
+
+
+@pytest.mark.parametrize("single", [False, True])
+def test_plotjuggler_takes_the_json(single):
+    rows = np.concatenate([rows_of(part, 1.7e9) for part in solved(300, spoil=True)])
+    options = {"single": ""} if single else {}
+    udp = Udp("127.0.0.1", 9, options, binary=False)
+    lots = udp.datagrams(rows)
+    udp.close()
+    assert sum(count for _, count in lots) == len(rows)
+    assert max(len(data) for data, _ in lots) <= (2048 if single else 8192)
+    assert (len(lots) == len(rows)) == single
+    found = [entry for data, _ in lots for entry in plotted(data)]
+    yaw = [(at, value) for name, at, value in found if name == "/pose/yaw_mrad"]
+    known = np.isfinite(rows["yaw_mrad"])
+    assert 0 < known.sum() < len(rows)
+    np.testing.assert_allclose([at for at, _ in yaw], rows["utc_s"][known], rtol=0, atol=1e-6)
+    np.testing.assert_allclose([v for _, v in yaw], rows["yaw_mrad"][known], rtol=1e-8)
+    assert sum(name == "/seq" for name, _, _ in found) == len(rows)
+
+
+def test_json_says_what_the_rows_say():
+    rows = rows_of(solved(40)[0], 0.0)
+    for text, row in zip(json_of(rows), rows, strict=True):
+        found = json.loads(text)
+        for group, names in (("reading", ["psi_a_mm"]), ("u", ["u_tx_mm"]), ("pose", ["by_mm"])):
+            for name in names:
+                assert found[group][name] == pytest.approx(row[name], rel=1e-8)
+
+
+def test_a_local_reader_gets_every_sample_at_full_rate():
+    parts = solved(3_000)
+    with Publications(["tcp://127.0.0.1:0"], CONFIG, True, utc_offset=0.0) as publications:
+        (one,) = publications.all
+        with Subscription(f"tcp://127.0.0.1:{one.port}") as subscription:
+            assert subscription.about["units"]["tx_mm"] == "mm"
+            assert subscription.about["config_sha256"] == CONFIG.sha256
+            assert subscription.about["statuses"]["0"] == "converged"
+            for _ in range(10):
+                for part in parts:
+                    publications.send(part)
+            threading.Thread(target=publications.close).start()
+            came = np.concatenate(list(subscription))
+    expected = np.concatenate([rows_of(part, 0.0) for part in parts])
+    assert came.tobytes() == expected.tobytes() * 10
+    assert (one.given, one.sent, one.dropped) == (30_000, 30_000, 0)
+
+
+def test_a_reader_that_takes_nothing_costs_itself_samples_and_nobody_else(monkeypatch):
+    monkeypatch.setattr(module, "MOST", 2_000_000)
+    monkeypatch.setattr(module, "END", 0.2)
+    parts = solved(2_000)
+    with Udps() as other:
+        addresses = ["tcp://127.0.0.1:0", f"udp+binary://127.0.0.1:{other.port}"]
+        publications = Publications(addresses, CONFIG)
+        stuck, free = publications.all
+        with socket.create_connection(("127.0.0.1", stuck.port)) as reader:
+            reader.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            while not stuck.dropped:  # each call returns, whatever the reader does
+                for part in parts:
+                    publications.send(part)
+                given = free.given
+                await_true(lambda given=given: free.sent + free.dropped == given, "all to go")
+            publications.close()
+    assert stuck.sent + stuck.dropped == stuck.given
+    assert stuck.dropped > 0
+    came = sum((len(data) - len(MAGIC)) // SAMPLE.itemsize for data in other.came)
+    assert came <= free.sent
+    assert (free.sent, free.dropped) == (free.given, 0)
+    assert stuck.sent < free.sent
+
+
+def test_nobody_there_is_counted():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
+        line.bind(("127.0.0.1", 0))
+        port = line.getsockname()[1]
+    one = Publication(f"udp://127.0.0.1:{port}", {})
+    for part in solved(2_000):
+        one.send(rows_of(part, 0.0).tobytes())
+    one.close()
+    assert one.given == 2_000
+    assert one.sent + one.dropped == 2_000
+    assert one.dropped > 500  # of a socket that was refused, the next send says so
+
+
+def test_a_process_that_dies_is_told_and_nothing_waits_for_it():
+    one = Publication("tcp://127.0.0.1:0", {})
+    one.process.kill()
+    one.process.wait()
+    data = rows_of(solved(100)[0], 0.0).tobytes()
+    one.send(data)
+    await_true(lambda: one.trouble, "the news")
+    one.send(data)
+    one.close()
+    assert one.dropped == one.given
+    assert "its process has ended" in one.trouble
+
+
+@pytest.mark.parametrize(
+    "address", ["udp://", "udp://here", "tcp://h:x", "http://h:1", "x", "udp://h:1?bytes=x", "lsl"]
+)
+def test_an_address_that_is_none_is_refused(address):
+    with pytest.raises(InputError, match="give udp://HOST:PORT"):
+        Publications([address], CONFIG)
+
+
+def test_a_port_that_is_taken_is_refused():
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        with pytest.raises(InputError, match="in use"):
+            Publication(f"tcp://127.0.0.1:{port}", {})
+
+
+def test_an_inlet_of_the_lab_streaming_layer_gets_every_sample(tmp_path, monkeypatch):
+    pylsl = pytest.importorskip("pylsl")
+    setup = tmp_path / "lsl.cfg"
+    setup.write_text("[multicast]\nResolveScope = machine\n[lab]\nKnownPeers = {127.0.0.1}\n")
+    monkeypatch.setenv("LSLAPICFG", str(setup))
+    parts = solved(1_000)
+    with Publications(["lsl:here"], CONFIG, True, utc_offset=0.0) as publications:
+        found = pylsl.resolve_byprop("source_id", f"facets-{CONFIG.sha256[:16]}", timeout=GUARD)
+        inlet = pylsl.StreamInlet(found[0], max_buflen=60)
+        inlet.open_stream()
+        info = inlet.info(timeout=GUARD)
+        channel, labels = info.desc().child("channels").child("channel"), []
+        while not channel.empty():
+            labels.append((channel.child_value("label"), channel.child_value("unit")))
+            channel = channel.next_sibling()
+        assert ("tx_mm", "mm") in labels
+        assert ("yaw_mrad", "mrad") in labels
+        assert info.name() == "here"
+        for part in parts:
+            publications.send(part)
+        came, times = [], []
+        while len(came) < 1_000:
+            rows, at = inlet.pull_chunk(timeout=5.0)
+            came += rows
+            times += at
+        inlet.close_stream()
+    (one,) = publications.all
+    assert (one.sent, one.dropped) == (1_000, 0)
+    rows = np.concatenate([rows_of(part, 0.0) for part in parts])
+    names = [name for name, _ in labels]
+    np.testing.assert_array_equal(
+        np.array(came)[:, names.index("yaw_mrad")], rows["yaw_mrad"].astype(float)
+    )
+    np.testing.assert_allclose(np.diff(times), np.diff(rows["host_s"]), atol=1e-6)
+
+
+def test_an_acquisition_and_a_replay_publish(tmp_path):
+    """Both to the end, with all that came: at two addresses at once, and one of them of no use."""
+    (tmp_path / "board.bin").write_bytes(stream(2_000))
+    with Udps() as one, Udps() as two:
+        addresses = ("--publish", f"udp://127.0.0.1:{one.port}",
+                     "--publish", f"udp+binary://127.0.0.1:{two.port}")  # fmt: skip
+        result = command("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--plain",
+                         *addresses, cwd=tmp_path)  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert f"udp://127.0.0.1:{one.port}: 2000 samples published, 0 dropped" in result.stdout
+    rows = np.concatenate([np.frombuffer(data[len(MAGIC) :], SAMPLE) for data in two.came])
+    assert np.sort(rows["seq"]).tolist() == list(range(2_000))
+    series = [entry for data in one.came for entry in plotted(data)]
+    assert sum(name == "/pose/tx_mm" for name, _, _ in series) == 2_000
+    with Program("replay", "rec", "--publish", "tcp://127.0.0.1:0", cwd=tmp_path) as replay:
+        replay.await_output("publishing at tcp://127.0.0.1:")
+        address = replay.stderr.partition("publishing at ")[2].split()[0]
+        with Subscription(address) as subscription:
+            again = np.concatenate(list(subscription))
+        assert replay.end(None) == 0
+    for name in ("tx_mm", "u_yaw_mrad", "residual", "host_s", "utc_s"):
+        np.testing.assert_allclose(again[name], rows[np.argsort(rows["seq"])][name], atol=1e-3)
+    bad = command("acquire", "bench", "--port", "file:board.bin", "-o", "other", "--publish", "x",
+                  cwd=tmp_path)  # fmt: skip
+    assert bad.returncode == 2
+    assert "--publish x: is no address" in bad.stderr
+    assert not (tmp_path / "other").exists()
