@@ -31,6 +31,7 @@ from .console import BAD_INPUT, INTERRUPTED, Guarded, message
 from .emulate import emulate
 from .explore import explore
 from .jacobian import jacobian
+from .noise import noise
 from .optimize import optimize
 from .range_map import range_map
 from .render import render
@@ -121,6 +122,7 @@ app.command()(explore)
 app.command()(acquire)
 app.command()(replay)
 app.command()(recover)
+app.command()(noise)
 app.command()(emulate)
 app.command()(render)
 app.command()(bench)
