@@ -26,6 +26,13 @@ def replay(
     compare: Annotated[
         bool, typer.Option("--compare", help="With the poses that were recorded.")
     ] = False,
+    smooth: Annotated[
+        bool, typer.Option("--smooth", help="Columns of smoothed poses beside the raw ones.")
+    ] = False,
+    smooth_by: Annotated[
+        str,
+        typer.Option(help="Motion that is nearly of constant: acceleration, speed or place."),
+    ] = "acceleration",
     publish: Annotated[
         list[str] | None,
         typer.Option(help="Give every sample to other programs, as `facets acquire` does."),
@@ -46,6 +53,8 @@ def replay(
 
     meta_of(recording)
     settings = load(config) if config else recorded_config(recording)
+    if smooth:
+        check_smoothing(output, smooth_by)
     if output:
         tables.ending(output)
         tables.refuse_to_overwrite([output], force)
@@ -53,10 +62,44 @@ def replay(
     replayed = run(recording, pipeline, real_time, damage)
     found = list(published(replayed, recording, settings, publish) if publish else replayed)
     tell(pipeline, recording, damage)
-    if output:
+    if output and smooth:
+        write_smoothed(output, found, pipeline, smooth_by)
+    elif output:
         write(output, found, provenance.about(settings))
     if compare:
         compared(recording, found)
+
+
+def check_smoothing(output: Path | None, model: str) -> None:
+    from facets.core.errors import InputError
+    from facets.live.smoothing import MODELS
+
+    if output is None:
+        raise InputError("--smooth needs -o, a table for the smoothed poses")
+    if model not in MODELS:
+        raise InputError(f"--smooth-by {model}: is no model; give {', '.join(MODELS)}")
+
+
+def write_smoothed(path: Path, found: list[Any], pipeline: Any, model: str) -> None:
+    """The table of poses, with those that all samples together make likeliest beside them."""
+    from facets.core.errors import InputError
+    from facets.files import provenance, tables
+    from facets.live.pipeline import join_poses
+    from facets.live.replay import label
+    from facets.live.smoothing import smoothed_columns
+
+    if not found:
+        raise InputError(f"{path}: not written, the recording holds no whole sample")
+    poses, carried = join_poses(found), pipeline.tally.misfit.carried
+    try:
+        columns, result = smoothed_columns(
+            pipeline.config, 1e-6 * poses.time, poses.solution, carried, model
+        )
+    except ValueError as error:
+        raise InputError(f"{path}: not written: {error}") from None
+    about = provenance.about(pipeline.config) | {"smoothed": f"constant {model}"}
+    tables.write_table(path, {**label(poses), **columns}, about)
+    typer.echo(f"  smoothed by constant {model}; {result.sentence}")
 
 
 def published(
