@@ -93,7 +93,7 @@ def write_smoothed(path: Path, found: list[Any], pipeline: Any, model: str) -> N
     poses, carried = join_poses(found), pipeline.tally.misfit.carried
     try:
         columns, result = smoothed_columns(
-            pipeline.config, 1e-6 * poses.time, poses.solution, carried, model
+            pipeline.config, 1e-6 * poses.time.astype(float), poses.solution, carried, model
         )
     except ValueError as error:
         raise InputError(f"{path}: not written: {error}") from None

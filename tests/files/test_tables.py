@@ -250,3 +250,18 @@ def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
     with tables.Whole(path) as temporary:
         temporary.write_text("a\n")
     assert seen == [False, True]  # the file, then the folder that has its name
+
+
+def test_parquet_says_units_and_reads_as_before(tmp_path):
+    import pyarrow.parquet as pq
+
+    path = tmp_path / "t.parquet"
+    columns = {"tx_mm": np.zeros(3), "u_yaw_mrad": np.ones(3), "status": np.array(["a", "b", "c"])}
+    tables.write_table(path, columns, {"config": "paper"})
+    schema = pq.read_schema(path)
+    assert schema.field("tx_mm").metadata == {b"unit": b"mm"}
+    assert schema.field("u_yaw_mrad").metadata == {b"unit": b"mrad"}
+    assert schema.field("status").metadata is None
+    assert schema.metadata[b"config"] == b"paper"
+    (chunk,) = tables.read_chunks(path, ["tx_mm", "u_yaw_mrad"])
+    assert chunk.columns["u_yaw_mrad"].tolist() == [1, 1, 1]
