@@ -17,7 +17,7 @@ def replay(
         str | None, typer.Option(help="Solve by this one.  [default: the recording's own]")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Poses: a CSV or Parquet file.")
+        Path | None, typer.Option("-o", "--output", help="Poses: a CSV, Parquet or MCAP file.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an older file.")] = False,
     real_time: Annotated[
@@ -56,7 +56,8 @@ def replay(
     if smooth:
         check_smoothing(output, smooth_by)
     if output:
-        tables.ending(output)
+        if not is_mcap(output):
+            tables.ending(output)
         tables.refuse_to_overwrite([output], force)
     pipeline, damage = Pipeline(settings), Damage()
     replayed = run(recording, pipeline, real_time, damage)
@@ -64,6 +65,8 @@ def replay(
     tell(pipeline, recording, damage)
     if output and smooth:
         write_smoothed(output, found, pipeline, smooth_by)
+    elif output and is_mcap(output):
+        write_mcap(output, found, recording, provenance.about(settings))
     elif output:
         write(output, found, provenance.about(settings))
     if compare:
@@ -74,7 +77,7 @@ def check_smoothing(output: Path | None, model: str) -> None:
     from facets.core.errors import InputError
     from facets.live.smoothing import MODELS
 
-    if output is None:
+    if output is None or is_mcap(output):
         raise InputError("--smooth needs -o, a table for the smoothed poses")
     if model not in MODELS:
         raise InputError(f"--smooth-by {model}: is no model; give {', '.join(MODELS)}")
@@ -100,6 +103,20 @@ def write_smoothed(path: Path, found: list[Any], pipeline: Any, model: str) -> N
     about = provenance.about(pipeline.config) | {"smoothed": f"constant {model}"}
     tables.write_table(path, {**label(poses), **columns}, about)
     typer.echo(f"  smoothed by constant {model}; {result.sentence}")
+
+
+def is_mcap(path: Path) -> bool:
+    return path.suffix.lower() == ".mcap"
+
+
+def write_mcap(path: Path, found: list[Any], recording: Path, about: dict[str, str]) -> None:
+    from facets.files.whole import Whole
+    from facets.live.mcap_file import McapFile
+    from facets.live.recording import utc_offset
+
+    with Whole(path) as temporary, McapFile(temporary, about, utc_offset(recording) or 0.0) as file:
+        for poses in found:
+            file.write(poses)
 
 
 def published(

@@ -338,10 +338,26 @@ def noise_of_part(config: Config, states: Floats, used: Booleans, carried: bool)
     return out
 
 
+def dynamic_error(config: Config, time: Floats, states: Floats) -> Floats:
+    """By how much the electronics' bandwidth holds back a pose that moves (n, d), in its unit.
+
+    A low pass of the first order is late by 1 / (2 pi bandwidth). Zero where the configuration says
+    nothing of the electronics. How late a given board is, is not known, so that this counts as an
+    uncertainty, and the poses stay where they are.
+    """
+    electronics = config.sensor.electronics
+    if electronics is None or len(time) < 2:
+        return np.zeros_like(states)
+    speed = np.abs(np.gradient(states, time, axis=0))
+    late: Floats = np.nan_to_num(speed) / (2 * np.pi * electronics.bandwidth)
+    return late
+
+
 def smoothed_columns(
     config: Config, time: Floats, solution: Solution, carried: bool, model: str
 ) -> tuple[dict[str, Floats], Smoothed]:
-    """Columns `smooth_tx_mm` ... and their standard uncertainties, beside the raw poses.
+    """Columns `smooth_tx_mm` ... and their standard uncertainties, beside the raw poses; and what
+    `dynamic_error` says of both, where the electronics are known.
 
     time: (n,) s. The uncertainties hold what smoothing takes no part of, too; see
     `noise_covariance`.
@@ -360,4 +376,7 @@ def smoothed_columns(
     names = [f"{name}_{'mrad' if name in ANGLES else 'mm'}" for name in POSE]
     columns = {f"smooth_{name}": found.states[:, n] for n, name in enumerate(names)}
     columns |= {f"u_smooth_{name}": np.sqrt(variance[:, n]) for n, name in enumerate(names)}
+    if config.sensor.electronics is not None:
+        late = dynamic_error(config, time, found.states)
+        columns |= {f"u_dynamic_{name}": late[:, n] for n, name in enumerate(names)}
     return columns, found

@@ -12,7 +12,14 @@ import facets
 from facets.detectors.counts import counts_of
 from facets.live import smoothing as module
 from facets.live.frames import Samples, pack
-from facets.live.smoothing import MODELS, noise_covariance, process_noise, smooth, transition
+from facets.live.smoothing import (
+    MODELS,
+    dynamic_error,
+    noise_covariance,
+    process_noise,
+    smooth,
+    transition,
+)
 
 AXES = 2
 NOISE = np.array([[1.0, 0.6], [0.6, 2.0]])  # of a sample, as neighbours' axes have it
@@ -156,6 +163,19 @@ def test_noise_is_told_from_what_is_the_same_in_each_sample(beam):
         assert sigma[0] < 0.9 * whole[0]
 
 
+def test_what_the_bandwidth_holds_back_grows_with_the_speed():
+    """Against a low pass of the first order, run on a ramp: its lag when it has settled."""
+    config = facets.load("bench")
+    bandwidth, speed, step = config.sensor.electronics.bandwidth, 7.0, 1e-6
+    ramp = speed * step * np.arange(1_000)
+    passed, share = np.zeros(1_000), 2 * np.pi * bandwidth * step
+    for n in range(1, 1_000):
+        passed[n] = passed[n - 1] + share * (ramp[n] - passed[n - 1])
+    late = dynamic_error(config, step * np.arange(1_000), ramp[:, None])[-1, 0]
+    assert late == pytest.approx(ramp[-1] - passed[-1], rel=0.05)
+    assert dynamic_error(facets.load("paper"), np.arange(3.0), np.ones((3, 1))).max() == 0
+
+
 def wobble(count):
     """The bytes of a mirror that yaws by 1 mrad, with the noise of the electronics; its yaw."""
     config = facets.load("bench")
@@ -184,6 +204,9 @@ def test_a_replay_smooths_beside_the_raw_poses(tmp_path):
     assert found.std() < 0.35 * raw.std()
     over = found / table["u_smooth_yaw_mrad"]
     assert np.sqrt(np.mean(over**2)) < 1.3
+    assert table["u_dynamic_yaw_mrad"].max() == pytest.approx(
+        1 / 0.03 / (2 * np.pi * 5000), rel=0.05
+    )
     assert (table["u_smooth_yaw_mrad"] < 0.5 * table["u_yaw_mrad"]).all()
     bad = command("replay", "rec", "--smooth", cwd=tmp_path)
     assert bad.returncode == 2
