@@ -17,7 +17,7 @@ def replay(
         str | None, typer.Option(help="Solve by this one.  [default: the recording's own]")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Poses: a CSV or Parquet file.")
+        Path | None, typer.Option("-o", "--output", help="Poses: a CSV, Parquet or MCAP file.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an older file.")] = False,
     real_time: Annotated[
@@ -26,6 +26,13 @@ def replay(
     compare: Annotated[
         bool, typer.Option("--compare", help="With the poses that were recorded.")
     ] = False,
+    smooth: Annotated[
+        bool, typer.Option("--smooth", help="Columns of smoothed poses beside the raw ones.")
+    ] = False,
+    smooth_by: Annotated[
+        str,
+        typer.Option(help="Motion that is nearly of constant: acceleration, speed or place."),
+    ] = "acceleration",
     publish: Annotated[
         list[str] | None,
         typer.Option(help="Give every sample to other programs, as `facets acquire` does."),
@@ -46,17 +53,70 @@ def replay(
 
     meta_of(recording)
     settings = load(config) if config else recorded_config(recording)
+    if smooth:
+        check_smoothing(output, smooth_by)
     if output:
-        tables.ending(output)
+        if not is_mcap(output):
+            tables.ending(output)
         tables.refuse_to_overwrite([output], force)
     pipeline, damage = Pipeline(settings), Damage()
     replayed = run(recording, pipeline, real_time, damage)
     found = list(published(replayed, recording, settings, publish) if publish else replayed)
     tell(pipeline, recording, damage)
-    if output:
+    if output and smooth:
+        write_smoothed(output, found, pipeline, smooth_by)
+    elif output and is_mcap(output):
+        write_mcap(output, found, recording, provenance.about(settings))
+    elif output:
         write(output, found, provenance.about(settings))
     if compare:
         compared(recording, found)
+
+
+def check_smoothing(output: Path | None, model: str) -> None:
+    from facets.core.errors import InputError
+    from facets.live.smoothing import MODELS
+
+    if output is None or is_mcap(output):
+        raise InputError("--smooth needs -o, a table for the smoothed poses")
+    if model not in MODELS:
+        raise InputError(f"--smooth-by {model}: is no model; give {', '.join(MODELS)}")
+
+
+def write_smoothed(path: Path, found: list[Any], pipeline: Any, model: str) -> None:
+    """The table of poses, with those that all samples together make likeliest beside them."""
+    from facets.core.errors import InputError
+    from facets.files import provenance, tables
+    from facets.live.pipeline import join_poses
+    from facets.live.replay import label
+    from facets.live.smoothing import smoothed_columns
+
+    if not found:
+        raise InputError(f"{path}: not written, the recording holds no whole sample")
+    poses, carried = join_poses(found), pipeline.tally.misfit.carried
+    try:
+        columns, result = smoothed_columns(
+            pipeline.config, 1e-6 * poses.time.astype(float), poses.solution, carried, model
+        )
+    except ValueError as error:
+        raise InputError(f"{path}: not written: {error}") from None
+    about = provenance.about(pipeline.config) | {"smoothed": f"constant {model}"}
+    tables.write_table(path, {**label(poses), **columns}, about)
+    typer.echo(f"  smoothed by constant {model}; {result.sentence}")
+
+
+def is_mcap(path: Path) -> bool:
+    return path.suffix.lower() == ".mcap"
+
+
+def write_mcap(path: Path, found: list[Any], recording: Path, about: dict[str, str]) -> None:
+    from facets.files.whole import Whole
+    from facets.live.mcap_file import McapFile
+    from facets.live.recording import utc_offset
+
+    with Whole(path) as temporary, McapFile(temporary, about, utc_offset(recording) or 0.0) as file:
+        for poses in found:
+            file.write(poses)
 
 
 def published(

@@ -23,7 +23,9 @@ class Acquire(Section):
     """The detector board's stream; how counts become light is in `sensor.electronics`."""
 
     port: str | None = Field(
-        None, description="device or URL: /dev/ttyACM0, COM3, socket://host:port, file:bytes.bin"
+        None,
+        description="device or URL: /dev/ttyACM0, COM3, socket://host:port, udp://:port, "
+        "file:bytes.bin",
     )
     baud: int = Field(3_000_000, gt=0, le=100_000_000, description="of a serial line")
     format: Literal["frames", "cobs", "text"] = Field(

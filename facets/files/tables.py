@@ -322,7 +322,7 @@ class Writer:
         if self.path.suffix.lower() == ".parquet":
             import pyarrow.parquet as pq
 
-            self.file = pq.ParquetWriter(self.path, schema.with_metadata(dict(self.about)))
+            self.file = pq.ParquetWriter(self.path, with_units(schema, self.about))
             return
         import pyarrow.csv as pc
 
@@ -337,6 +337,26 @@ class Writer:
         for part in (self.file, self.sink):
             if part is not None:
                 part.close()
+
+
+#: Units that the end of a column's name says, as people write them.
+UNITS = {
+    "mm": "mm", "mrad": "mrad", "mw": "mW", "uw": "uW", "um": "um", "urad": "urad", "s": "s",
+    "us": "us", "hz": "Hz", "deg": "deg", "percent": "%",
+}  # fmt: skip
+
+
+def with_units(schema: Any, about: Mapping[str, str]) -> Any:
+    """An Arrow schema whose fields say their units, by the key `unit`, and which says `about`."""
+    import pyarrow as pa
+
+    fields = [
+        field.with_metadata({"unit": UNITS[end]})
+        if (end := field.name.rpartition("_")[2]) in UNITS and "_" in field.name
+        else field
+        for field in schema
+    ]
+    return pa.schema(fields, metadata=dict(about))
 
 
 def write_table(path: Path, columns: Columns, about: Mapping[str, str]) -> None:

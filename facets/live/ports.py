@@ -1,18 +1,28 @@
-"""Where bytes come from: serial ports and sockets by pyserial's URLs, and recorded files."""
+"""Where bytes come from: serial ports and sockets by pyserial's URLs, datagrams, recorded files.
+
+Others come by entry points of the group `facets.sources`: one named `daq` opens the ports that are
+named `daq:...`. It is called with that name and the baud rate, and returns a `Port`.
+"""
 
 from __future__ import annotations
 
+import errno
+import socket
 import time
 from collections.abc import Callable
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol, Self
+from urllib.parse import urlsplit
 
 from ..core.errors import FacetsError
 
 #: A read waits no longer than this for more, s: blocks are then as long.
 POLL = 0.003
 MOST = 65_536
+#: Of the entry points by which other packages bring ports.
+GROUP = "facets.sources"
 #: Between attempts to open a port, s.
 AGAIN = 0.1
 IN_USE = "another program has it; close that first"
@@ -27,15 +37,29 @@ class PortInUse(PortError):
 
 
 class Port(Protocol):
-    """A source of bytes. ended: nothing more will ever come.  waits: nothing is lost while it is
-    not read."""
+    """A source of bytes in one of the formats of `frames`: four parts, and the call that opens it.
 
-    ended: bool
-    waits: bool
+    That call raises `PortError` where there is nothing to open, `PortInUse` where no waiting helps.
+    One thread uses it.
+    """
 
-    def read(self) -> bytes: ...
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more will ever come."""
+        ...
 
-    def close(self) -> None: ...
+    @property
+    def waits(self) -> bool:
+        """Whether nothing is lost while it is not read, as of a file."""
+        ...
+
+    def read(self) -> bytes:
+        """What has come, at once or after POLL; nothing is no error. `PortError` where it went."""
+        ...
+
+    def close(self) -> None:
+        """Lets go of it; again does nothing. Another `read` is not asked for."""
+        ...
 
 
 class Closing:
@@ -68,6 +92,55 @@ class SerialPort(Closing):
         except Exception as error:  # pyserial's own, and what the system's driver raises through it
             raise PortError(f"{self.name}: went away: {error}") from None
         return block
+
+    def close(self) -> None:
+        self.line.close()
+
+
+class DatagramPort(Closing):
+    """A board that sends its frames by UDP to a port of this machine, `udp://:PORT`.
+
+    A host before the colon binds that address alone. Datagrams hold whole frames, as many as the
+    board likes; one that is lost is so many samples lost, which `seq` tells.
+    """
+
+    ended = waits = False
+    #: What the system keeps while nobody reads, bytes.
+    BUFFER = 1 << 22
+
+    def __init__(self, name: str) -> None:
+        parts = urlsplit(name)
+        try:
+            if parts.port is None:
+                raise ValueError
+            self.line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            self.line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, self.BUFFER)
+            self.line.bind((parts.hostname or "", parts.port))
+        except ValueError:
+            raise PortError(f"{name}: is no place to listen at; give udp://:PORT") from None
+        except OSError as error:
+            self.line.close()
+            kind = PortInUse if error.errno == errno.EADDRINUSE else PortError
+            raise kind(f"{name}: can not be opened: {error.strerror or error}") from None
+        self.name = name
+        self.line.settimeout(POLL)
+
+    def read(self) -> bytes:
+        """All datagrams that are there."""
+        parts: list[bytes] = []
+        size = 0
+        try:
+            while size < MOST:
+                parts.append(self.line.recv(MOST))
+                size += len(parts[-1])
+                self.line.settimeout(0.0)
+        except (TimeoutError, BlockingIOError):
+            pass
+        except OSError as error:
+            raise PortError(f"{self.name}: went away: {error.strerror or error}") from None
+        finally:
+            self.line.settimeout(POLL)
+        return b"".join(parts)
 
     def close(self) -> None:
         self.line.close()
@@ -128,7 +201,37 @@ def advice(reason: str) -> str:
 
 def open_port(name: str, baud: int) -> Port:
     """The port of a name, now; raises `PortError` where it can not be opened."""
-    return FilePort(name) if name.startswith("file:") else SerialPort(name, baud)
+    if name.startswith("file:"):
+        return FilePort(name)
+    if name.startswith("udp://"):
+        return DatagramPort(name)
+    if (other := source_of(name)) is not None:
+        return opened_by(other, name, baud)
+    return SerialPort(name, baud)
+
+
+def source_of(name: str) -> EntryPoint | None:
+    """The entry point of `facets.sources` that opens a port of that name, if there is one."""
+    scheme, colon, _ = name.partition(":")
+    if not colon or len(scheme) < 2:  # a letter is a drive
+        return None
+    found = entry_points(group=GROUP, name=scheme)
+    return next(iter(found), None)
+
+
+def opened_by(source: EntryPoint, name: str, baud: int) -> Port:
+    """The port that another package opens; what it raises besides `PortError` names it."""
+    try:
+        port: Port = source.load()(name, baud)
+    except PortError:
+        raise
+    except Exception as error:
+        what = f"{source.value}: {type(error).__name__}: {error}"
+        raise PortError(f"{name}: can not be opened by {what}") from None
+    lacks = [part for part in ("read", "close", "ended", "waits") if not hasattr(port, part)]
+    if lacks:
+        raise PortInUse(f"{name}: {source.value} gives no port: it has no {', '.join(lacks)}")
+    return port
 
 
 def await_port(

@@ -270,3 +270,18 @@ def test_columns_of_all_kinds_are_written_without_pandas(tmp_path):
         "assert written.equals(plain)\n"
     )
     subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
+
+
+def test_parquet_says_units_and_reads_as_before(tmp_path):
+    import pyarrow.parquet as pq
+
+    path = tmp_path / "t.parquet"
+    columns = {"tx_mm": np.zeros(3), "u_yaw_mrad": np.ones(3), "status": np.array(["a", "b", "c"])}
+    tables.write_table(path, columns, {"config": "paper"})
+    schema = pq.read_schema(path)
+    assert schema.field("tx_mm").metadata == {b"unit": b"mm"}
+    assert schema.field("u_yaw_mrad").metadata == {b"unit": b"mrad"}
+    assert schema.field("status").metadata is None
+    assert schema.metadata[b"config"] == b"paper"
+    (chunk,) = tables.read_chunks(path, ["tx_mm", "u_yaw_mrad"])
+    assert chunk.columns["u_yaw_mrad"].tolist() == [1, 1, 1]

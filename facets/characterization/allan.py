@@ -1,0 +1,71 @@
+"""Allan deviation of a signal with gaps, with confidence intervals.
+
+For averages over tau the overlapping estimate (IEEE 1139): half the mean square of the difference
+of neighbouring averages. Its equivalent degrees of freedom are the approximations of NIST SP 1065,
+table 5, for white, flicker and random-walk noise, by the slope that the deviations have there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.units import Floats
+
+#: Averaging times for each factor of ten.
+EACH_DECADE = 6
+
+
+@dataclass(frozen=True)
+class Allan:
+    """Averaging times (n,), s; deviations (n,) and the ends of their 95 % intervals."""
+
+    tau: Floats
+    deviation: Floats
+    low: Floats
+    high: Floats
+
+
+def allan(signal: Floats, rate: float) -> Allan:
+    """signal: (n,) evenly spaced, NaN in gaps, whose averages are not used.  rate: Hz."""
+    from scipy.stats import chi2
+
+    there = np.isfinite(signal)
+    total = np.concatenate([[0.0], np.cumsum(np.where(there, signal - np.nanmean(signal), 0.0))])
+    count = np.concatenate([[0], np.cumsum(there)])
+    decades = np.log10(max(1.0, len(signal) / 4))
+    lengths = np.unique(np.logspace(0, decades, int(EACH_DECADE * decades) + 1).astype(int))
+    rows = []
+    for m in lengths.tolist():
+        mean = (total[m:] - total[:-m]) / m
+        whole = count[m:] - count[:-m] == m
+        apart = (mean[m:] - mean[:-m])[whole[m:] & whole[:-m]]
+        if len(apart) < 2:
+            continue
+        rows.append((m, float(np.sqrt(np.mean(apart**2) / 2)), len(apart)))
+    m, deviation, used = np.array(rows).T
+    slope = np.gradient(np.log(np.maximum(deviation, 1e-300)), np.log(m)) if len(m) > 1 else [-0.5]
+    freedom = np.array([
+        degrees_of_freedom(used_ + 2 * int(m_), int(m_), float(s))
+        for m_, used_, s in zip(m, used, slope, strict=True)
+    ])  # fmt: skip
+    low = deviation * np.sqrt(freedom / chi2.ppf(0.975, freedom))
+    high = deviation * np.sqrt(freedom / chi2.ppf(0.025, freedom))
+    return Allan(m / rate, deviation, low, high)
+
+
+def degrees_of_freedom(points: float, m: int, slope: float) -> float:
+    """Of the overlapping estimate over m samples.
+
+    points: of the summed signal.  slope: of the logarithm of the deviation: -1/2 for white noise, 0
+    for flicker, 1/2 for a random walk.
+    """
+    n = float(points)
+    if slope < -0.25:
+        found = (3 * (n - 1) / (2 * m) - 2 * (n - 2) / n) * 4 * m**2 / (4 * m**2 + 5)
+    elif slope < 0.25:
+        found = 2 * (n - 2) ** 2 / (2.3 * n - 4.9) if m == 1 else 5 * n**2 / (4 * m * (n + 3 * m))
+    else:
+        found = (n - 2) / m * ((n - 1) ** 2 - 3 * m * (n - 1) + 4 * m**2) / (n - 3) ** 2
+    return max(1.0, found)

@@ -1,0 +1,265 @@
+"""What a steady signal's noise is made of: white, flicker, lines, drift; each with its interval.
+
+The one-sided power spectral density is taken as S(f) = white + flicker / f beside lines. It is
+fitted to the periodogram by Whittle's likelihood: the values of a periodogram are independent and
+exponentially distributed about S. Amplitudes of lines and the slope of the drift are least squares,
+their variances those that S gives.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.units import Floats
+
+#: Standard deviations on either side of a 95 % interval.
+NINETY_FIVE = 1.959964
+#: Bands of the fit, evenly spaced in the logarithm of the frequency.
+BANDS = 400
+#: The lowest frequencies, which the drift's removal has changed, in units of one over the length.
+PASSED_OVER = 2
+#: A line must be so unlikely to be chance, over all frequencies.
+CHANCE = 1e-4
+#: Mains, and what may be off a nominal frequency, as a share.
+MAINS, OFF = (50.0, 60.0), 0.005
+#: At most so many lines are looked for.
+MOST = 20
+#: The fewest samples that say anything.
+FEWEST = 64
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number and its standard uncertainty."""
+
+    value: float
+    sigma: float
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 %."""
+        half = NINETY_FIVE * self.sigma
+        return self.value - half, self.value + half
+
+    def holds(self, true: float) -> bool:
+        low, high = self.interval
+        return low <= true <= high
+
+
+@dataclass(frozen=True)
+class Line:
+    """A sinusoid.  frequency: Hz.  amplitude: in the signal's unit.  name: what it may be."""
+
+    frequency: float
+    amplitude: Estimate
+    name: str
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """Of one signal; u is its unit.
+
+    rate: Hz.  length: s.  white: u^2/Hz.  flicker: u^2.  drift: u/s.  spikes: samples that are
+    further off than noise brings them.  filled: share of samples that were not there.
+    """
+
+    rate: float
+    length: float
+    mean: float
+    white: Estimate
+    flicker: Estimate
+    lines: tuple[Line, ...]
+    drift: Estimate
+    spikes: int
+    filled: float
+
+    def density(self, frequency: Floats) -> Floats:
+        """S(f) without the lines, u^2/Hz."""
+        found: Floats = self.white.value + self.flicker.value / frequency
+        return found
+
+    @property
+    def standard_deviation(self) -> float:
+        """Of a sample against the mean of so long a recording, without the drift, 1 sigma."""
+        low, high = 1 / self.length, self.rate / 2
+        steady = self.white.value * (high - low) + self.flicker.value * np.log(high / low)
+        return float(np.sqrt(steady + sum(line.amplitude.value**2 / 2 for line in self.lines)))
+
+    @property
+    def white_deviation(self) -> float:
+        """Of a sample by the white noise alone, 1 sigma."""
+        return float(np.sqrt(max(self.white.value, 0.0) * self.rate / 2))
+
+
+def fit_noise(signal: Floats, rate: float) -> NoiseModel:
+    """signal: (n,) evenly spaced, NaN where a sample is missing.  rate: Hz.
+
+    Raises `ValueError` for fewer than FEWEST numbers.
+    """
+    there = np.isfinite(signal)
+    if there.sum() < FEWEST:
+        raise ValueError(f"{int(there.sum())} samples are too few to say anything of their noise")
+    filled = fill(signal)
+    spiky = spikes_of(filled)
+    clean = fill(np.where(spiky, np.nan, filled))
+    time = np.arange(len(clean)) / rate
+    mean, slope = float(clean.mean()), slope_of(clean, time)
+    rest = clean - mean - slope * (time - time.mean())
+    lines: list[tuple[float, float]] = []
+    for _ in range(3):  # lines hide noise, and noise hides lines
+        frequency, power = periodogram(rest, rate)
+        white, flicker = whittle(frequency, power)
+        new = new_lines(rest, rate, frequency, power, density(frequency, white, flicker))
+        if not new:
+            break
+        lines += new
+        coefficients = sinusoids(clean - mean, time, [f for f, _ in lines])
+        slope = coefficients[-1]
+        rest = clean - mean - with_lines(time, [f for f, _ in lines]) @ coefficients
+        lines = [(f, float(np.hypot(*coefficients[2 * n : 2 * n + 2])))
+                 for n, (f, _) in enumerate(lines)]  # fmt: skip
+    frequency, power = periodogram(rest, rate)
+    white, flicker = whittle(frequency, power)
+    length = len(clean) / rate
+    sigma = slope_sigma(time, rate, white.value, flicker.value)
+    named = tuple(
+        Line(f, Estimate(a, float(np.sqrt(density(f, white, flicker) / length))), name_of(f))
+        for f, a in sorted(lines)
+    )
+    return NoiseModel(
+        rate, length, mean, white, flicker, named, Estimate(float(slope), sigma),
+        int((spiky & there).sum()), 1 - float(there.mean()),
+    )  # fmt: skip
+
+
+def density(frequency: float | Floats, white: Estimate, flicker: Estimate) -> Floats:
+    return np.asarray(white.value + flicker.value / frequency)
+
+
+def fill(signal: Floats) -> Floats:
+    """Missing samples by the line between their neighbours."""
+    there = np.isfinite(signal)
+    if there.all():
+        return signal
+    place = np.arange(len(signal))
+    return np.interp(place, place[there], signal[there])
+
+
+def spikes_of(signal: Floats) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    """Samples (n,) far off the middle of their neighbours: dust, a cable, a spoilt frame."""
+    middle = np.median(np.stack([np.roll(signal, n) for n in (-2, -1, 1, 2)]), axis=0)
+    apart = np.abs(signal - middle)
+    apart[:2] = apart[-2:] = 0.0
+    scale = 1.4826 * float(np.median(apart))
+    return apart > 8 * scale if scale > 0 else np.zeros(len(signal), bool)
+
+
+def slope_of(signal: Floats, time: Floats) -> float:
+    centred = time - time.mean()
+    return float(centred @ signal / (centred @ centred))
+
+
+def slope_sigma(time: Floats, rate: float, white: float, flicker: float) -> float:
+    """Of a line's slope by least squares, where the noise has the given density.
+
+    The variance is the integral of S(f) |W(f)|^2, with W the transform of the weights.
+    """
+    centred = time - time.mean()
+    weights = centred / (centred @ centred)
+    size = 8 * len(time)
+    answer = np.abs(np.fft.rfft(weights, size)[1:]) ** 2
+    frequency = np.fft.rfftfreq(size, 1 / rate)[1:]
+    return float(np.sqrt(((white + flicker / frequency) * answer).sum() * rate / size))
+
+
+def periodogram(signal: Floats, rate: float) -> tuple[Floats, Floats]:
+    """Frequencies, Hz, and the one-sided density at them, u^2/Hz; neither zero nor the last."""
+    power: Floats = 2 * np.abs(np.fft.rfft(signal)[1:]) ** 2 / rate / len(signal)
+    frequency: Floats = np.arange(1.0, len(power) + 1.0) * (rate / len(signal))
+    end = (len(signal) - 1) // 2
+    return frequency[PASSED_OVER:end], power[PASSED_OVER:end]
+
+
+def whittle(frequency: Floats, power: Floats) -> tuple[Estimate, Estimate]:
+    """White and flicker noise of a periodogram, by the likelihood of its bands' means.
+
+    Scoring in the logarithms, so that neither can be negative. Their standard uncertainties are
+    those of Fisher's information; where one is not seen, its is the upper end of what may hide.
+    """
+    edges = np.unique(np.geomspace(1, len(frequency), BANDS).astype(int))
+    starts = np.append(0, edges[:-1])
+    count = np.diff(np.append(starts, len(frequency)))
+    mean = np.add.reduceat(power, starts) / count
+    parts = np.stack([np.ones(len(mean)), np.add.reduceat(1 / frequency, starts) / count], axis=1)
+    high = float(np.median(power[len(power) // 2 :])) / np.log(2)
+    value: Floats = np.array(
+        [high, max(1e-3 * high * frequency[0], float(mean[0]) * frequency[0] / 2)]
+    )
+    floor = np.array([1e-9 * high, 1e-9 * high * frequency[0]])
+    for _ in range(60):
+        model = parts @ value
+        weighted = parts / model[:, None]
+        information = (weighted * count[:, None]).T @ weighted
+        step = np.linalg.solve(information, weighted.T @ (count * (mean / model - 1)))
+        new: Floats = np.maximum(value + step, np.maximum(value / 4, floor))
+        done = np.allclose(new, value, rtol=1e-9)
+        value = new
+        if done:
+            break
+    weighted = parts / (parts @ value)[:, None]
+    covariance = np.linalg.inv((weighted * count[:, None]).T @ weighted)
+    sigma = np.sqrt(np.diagonal(covariance))
+    return Estimate(float(value[0]), float(sigma[0])), Estimate(float(value[1]), float(sigma[1]))
+
+
+def new_lines(
+    rest: Floats, rate: float, frequency: Floats, power: Floats, expected: Floats
+) -> list[tuple[float, float]]:
+    """Frequencies and powers of what stands out of the noise, the strongest first."""
+    over = power / expected
+    limit = np.log(len(over) / CHANCE)
+    found: list[tuple[float, float]] = []
+    step = frequency[1] - frequency[0]
+    for n in np.argsort(over)[::-1][: 8 * MOST]:
+        if over[n] < limit or len(found) == MOST:
+            break
+        if all(abs(frequency[n] - other) > 4 * step for other, _ in found):
+            found.append((peak(rest, rate, float(frequency[n]), step), float(over[n])))
+    return found
+
+
+def peak(signal: Floats, rate: float, about: float, step: float) -> float:
+    """The frequency of the periodogram's peak, between its lines."""
+    from scipy.optimize import minimize_scalar
+
+    turns = 2j * np.pi * np.arange(len(signal)) / rate
+
+    def less(frequency: float) -> float:
+        return -float(np.abs(np.exp(-turns * frequency) @ signal))
+
+    ends = (about - step, about + step)
+    return float(minimize_scalar(less, bounds=ends, method="bounded").x)
+
+
+def with_lines(time: Floats, frequencies: list[float]) -> Floats:
+    """The matrix (n, 2 m + 1) of sinusoids and of a slope."""
+    angle = 2 * np.pi * np.outer(time - time.mean(), frequencies)
+    waves = np.stack([np.cos(angle), np.sin(angle)], axis=-1).reshape(len(time), -1)
+    return np.column_stack([waves, time - time.mean()])
+
+
+def sinusoids(signal: Floats, time: Floats, frequencies: list[float]) -> Floats:
+    """Coefficients of `with_lines` by least squares."""
+    matrix = with_lines(time, frequencies)
+    return np.asarray(np.linalg.solve(matrix.T @ matrix, matrix.T @ signal), dtype=np.float64)
+
+
+def name_of(frequency: float) -> str:
+    """What a line may be, by its frequency."""
+    for mains in MAINS:
+        order = round(frequency / mains)
+        if order >= 1 and abs(frequency - order * mains) < OFF * order * mains:
+            return f"mains, {mains:.0f} Hz" if order == 1 else f"mains, {order} x {mains:.0f} Hz"
+    return "unknown"

@@ -1,0 +1,203 @@
+"""What a recording says of its noise: every reading and pose axis beside the configured model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError
+from ..core.names import READING_COLUMNS, STATE_COLUMNS
+from ..core.units import Floats
+from .allan import Allan, allan
+from .noise_model import FEWEST, NoiseModel, fit_noise
+
+if TYPE_CHECKING:
+    from ..core.settings import Config
+
+Columns = dict[str, NDArray[Any]]
+#: Columns that are looked at, and by how much they are shown larger, in which unit.
+CHANNELS = {
+    **{name: (1e3, "um" if name.endswith("mm") else "uW") for name in READING_COLUMNS},
+    **{name: (1e3, "um" if name.endswith("mm") else "urad") for name in STATE_COLUMNS[:6]},
+}
+#: At most so many samples are looked at, from the beginning: six minutes at 10 kHz.
+MOST = 1 << 22
+#: A jump of the time by more than so many samples ends the piece that is looked at.
+JUMP = 100
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One column.  configured: standard deviation of a sample by the configuration, 1 sigma."""
+
+    name: str
+    unit: str
+    signal: Floats
+    model: NoiseModel
+    allan: Allan
+    configured: float
+
+
+@dataclass(frozen=True)
+class NoiseReport:
+    """rate: Hz.  seconds: of what was looked at.  correlation: of the readings' fast noise (9, 9).
+
+    position, power: noise that the configuration should state, mm at `at_power` and mW.
+    common: of the three powers together, a share; the laser's.
+    """
+
+    rate: float
+    seconds: float
+    samples: int
+    missing: int
+    channels: list[Channel]
+    correlation: Floats
+    position: float
+    at_power: float
+    power: float
+    common: float
+
+    def channel(self, name: str) -> Channel:
+        return next(one for one in self.channels if one.name == name)
+
+
+def report_of(columns: Columns, config: Config, name: str) -> NoiseReport:
+    """Of a recording's columns, as `live.pose_table` has them. name: for messages.
+
+    Raises `InputError` where it says too little.
+    """
+    if not columns or len(columns["seq"]) < FEWEST:
+        raise InputError(f"{name}: holds less than {FEWEST} samples, too few for their noise")
+    rows = longest_piece(columns)
+    seq, time = columns["seq"][rows], 1e-6 * columns["board_us"][rows]
+    rate = (len(seq) - 1) / (time[-1] - time[0]) * (seq[-1] - seq[0]) / (len(seq) - 1)
+    channels = []
+    for column, (scale, unit) in CHANNELS.items():
+        signal = np.full(int(seq[-1] - seq[0]) + 1, np.nan)
+        signal[seq - seq[0]] = scale * columns[column][rows]
+        try:
+            model = fit_noise(signal, float(rate))
+        except ValueError as error:
+            raise InputError(f"{name}: {column}: {error}") from None
+        stated = configured(column, columns, rows, config) * scale
+        channels.append(Channel(column, unit, signal, model, allan(signal, float(rate)), stated))
+    readings = np.stack([columns[column][rows] for column in READING_COLUMNS], axis=1)
+    found = by_name(channels)
+    position, at_power = position_noise(found, readings, config)
+    power, common = power_noise(found, readings)
+    return NoiseReport(
+        float(rate), float(time[-1] - time[0]), len(seq), int(seq[-1] - seq[0]) + 1 - len(seq),
+        channels, correlation(readings), position, at_power, power, common,
+    )  # fmt: skip
+
+
+def by_name(channels: list[Channel]) -> dict[str, Channel]:
+    return {one.name: one for one in channels}
+
+
+def longest_piece(columns: Columns) -> slice:
+    """The rows between two jumps of the time, where most are; no more than MOST."""
+    passed, counted = np.diff(columns["board_us"]), np.diff(columns["seq"])
+    usual = float(np.median(passed / counted))
+    ends = np.flatnonzero(passed > usual * (counted + JUMP)) + 1
+    starts = np.concatenate([[0], ends])
+    stops = np.concatenate([ends, [len(columns["seq"])]])
+    n = int(np.argmax(stops - starts))
+    return slice(int(starts[n]), int(min(stops[n], starts[n] + MOST)))
+
+
+def configured(name: str, columns: Columns, rows: slice, config: Config) -> float:
+    """The standard deviation of one sample that the configuration states, in the column's unit."""
+    from ..detectors.noise import standard_deviations
+
+    if name in READING_COLUMNS:
+        readings = np.stack([columns[column][rows] for column in READING_COLUMNS], axis=1)
+        whole = np.isfinite(readings).all(axis=1)
+        if not whole.any():
+            return float("nan")
+        every = standard_deviations(config.sensor, readings[whole].mean(axis=0))
+        return float(every[READING_COLUMNS.index(name)])
+    known = columns[f"u_{name}"][rows]
+    return float(np.nanmean(known)) if np.isfinite(known).any() else float("nan")
+
+
+def correlation(readings: Floats) -> Floats:
+    """Of the readings' noise from sample to sample, free of what is slow: (9, 9)."""
+    steps = np.diff(readings[np.isfinite(readings).all(axis=1)], axis=0)
+    return np.asarray(np.corrcoef(steps.T), dtype=np.float64)
+
+
+def position_noise(
+    channels: dict[str, Channel], readings: Floats, config: Config
+) -> tuple[float, float]:
+    """The simple model's noise of a centroid, mm, and the power that it is stated at, mW."""
+    at_power = config.sensor.noise.at_power
+    parts = [
+        1e-3 * channels[name].model.standard_deviation
+        * float(np.nanmean(readings[:, 3 * (n // 3) + 2])) / at_power
+        for n, name in enumerate(READING_COLUMNS) if n % 3 != 2
+    ]  # fmt: skip
+    return float(np.sqrt(np.mean(np.square(parts)))), at_power
+
+
+def power_noise(channels: dict[str, Channel], readings: Floats) -> tuple[float, float]:
+    """Noise of a power that is its own, mW, and what the three have in common, as a share."""
+    powers = readings[:, 2::3]
+    powers = powers[np.isfinite(powers).all(axis=1)]
+    mean = powers.mean(axis=0)
+    rest = powers / mean - 1
+    time = np.arange(len(rest)) - (len(rest) - 1) / 2
+    rest = rest - rest.mean(axis=0) - np.outer(time, time @ rest / (time @ time))
+    covariance = np.cov(rest.T)
+    common = max(0.0, float((covariance.sum() - np.trace(covariance)) / 6))
+    own = np.array([
+        (1e-3 * channels[name].model.standard_deviation) ** 2 - common * mean[n] ** 2
+        for n, name in enumerate(READING_COLUMNS[2::3])
+    ])  # fmt: skip
+    least = np.diagonal(covariance) * mean**2 * 1e-6
+    return float(np.sqrt(np.mean(np.maximum(own, least)))), float(np.sqrt(common))
+
+
+def noise_block(report: NoiseReport, resolved: dict[str, Any]) -> dict[str, Any]:
+    """The resolved block `sensor` with the noise that was found, by the simple model."""
+    return {
+        **resolved["sensor"],
+        "noise": {
+            "model": "simple",
+            "position_um": float(f"{1e3 * report.position:.4g}"),
+            "at_power_mw": report.at_power,
+            "power_uw": float(f"{1e3 * report.power:.4g}"),
+        },
+    }
+
+
+HEADINGS = (
+    "channel", "unit", "white_per_rthz", "white_low", "white_high", "flicker_at_1hz_per_rthz",
+    "flicker_low", "flicker_high", "drift_per_s", "drift_low", "drift_high", "sigma_white",
+    "sigma", "sigma_configured", "spikes", "filled_percent", "lines",
+)  # fmt: skip
+
+
+def table_of(report: NoiseReport) -> dict[str, list[Any]]:
+    """The columns of the CSV, a row a channel. Densities are amplitudes, with 95 % intervals."""
+    rows = []
+    for one in report.channels:
+        model = one.model
+        ends = [np.sqrt(np.maximum(0.0, part.interval)) for part in (model.white, model.flicker)]
+        lines = "; ".join(
+            f"{line.frequency:.3f} Hz {line.amplitude.value:.3g} +- "
+            f"{line.amplitude.interval[1] - line.amplitude.value:.2g} ({line.name})"
+            for line in model.lines
+        ).replace(",", "")
+        rows.append([
+            one.name, one.unit, np.sqrt(model.white.value), *ends[0],
+            np.sqrt(model.flicker.value), *ends[1], model.drift.value, *model.drift.interval,
+            model.white_deviation, model.standard_deviation, one.configured, model.spikes,
+            100 * model.filled, lines,
+        ])  # fmt: skip
+    return {
+        name: list(column) for name, column in zip(HEADINGS, zip(*rows, strict=True), strict=True)
+    }

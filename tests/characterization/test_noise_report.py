@@ -1,0 +1,69 @@
+"""A recording with known noise, through the command: found, told, and put to use."""
+
+from __future__ import annotations
+
+import csv
+
+import numpy as np
+import pytest
+from commands import command
+
+import facets
+from facets.detectors.counts import counts_of
+from facets.live.frames import Samples, pack
+
+RATE, COUNT = 1000, 1 << 14
+CENTROID, POWER, MAINS = 5e-3, 1e-4, 2e-3  # mm, mW, mm
+
+
+def stream(rng):
+    """The bytes of a mirror at rest whose readings have white noise, and one of them mains."""
+    config = facets.load("bench")
+    exact = facets.readings(config.sensor, np.zeros(8))
+    sigma = np.tile([CENTROID, CENTROID, POWER], 3) * np.repeat([1, 1, 1], 3)
+    readings = exact + sigma * rng.standard_normal((COUNT, 9))
+    time = np.arange(COUNT) / RATE
+    readings[:, 4] += MAINS * np.sin(2 * np.pi * 50 * time)
+    readings[:, 0] += 1e-3 * time
+    counts = counts_of(config.sensor, config.electronics, readings)
+    number = np.arange(COUNT, dtype=np.uint32)
+    kind = np.ones(COUNT, np.uint8)
+    whole = Samples(kind, 0 * kind, number, (1_000_000 // RATE) * number, counts)
+    return pack(whole.where((number < 5000) | (number >= 5003)))
+
+
+def test_known_noise_is_found_and_the_configuration_takes_it(tmp_path):
+    (tmp_path / "board.bin").write_bytes(stream(np.random.default_rng(8)))
+    acquired = command("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--plain",
+                       cwd=tmp_path)  # fmt: skip
+    assert (tmp_path / "rec").exists(), acquired.stderr
+    result = command("noise", "rec", "-o", "noise", "--write", "noise.yaml", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert f"{COUNT - 3} samples, 16.38 s at 1000 Hz, 3 missing" in result.stdout
+    lines = (tmp_path / "noise" / "noise.csv").read_text().splitlines()
+    rows = {row["channel"]: row for row in csv.DictReader(x for x in lines if x[0] != "#")}
+    assert len(rows) == 15
+    for name in ("psi_b_mm", "zeta_c_mm"):
+        assert float(rows[name]["sigma_white"]) == pytest.approx(1e3 * CENTROID, rel=0.05)
+    assert "mains 50 Hz" in rows["zeta_b_mm"]["lines"]
+    assert float(rows["psi_a_mm"]["drift_low"]) < 1.0 < float(rows["psi_a_mm"]["drift_high"])
+    assert float(rows["psi_b_mm"]["drift_low"]) < 0.0 < float(rows["psi_b_mm"]["drift_high"])
+    page = (tmp_path / "noise" / "noise.html").read_text()
+    assert page.count("<svg") == 3
+    assert "mains, 50 Hz" in page
+    sensor = facets.load(tmp_path / "noise.yaml").sensor
+    assert sensor.electronics is None
+    found = facets.standard_deviations(sensor, facets.readings(sensor, np.zeros(8)))
+    assert found[0] == pytest.approx(CENTROID, rel=0.1)
+    assert found[2] == pytest.approx(POWER, rel=0.1)
+    again = command("noise", "rec", "-o", "noise", cwd=tmp_path)
+    assert again.returncode == 2
+    assert "--force replaces it" in again.stderr
+
+
+def test_a_recording_that_says_nothing_is_refused(tmp_path):
+    (tmp_path / "board.bin").write_bytes(stream(np.random.default_rng(8))[: 64 * 20])
+    command("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--plain", cwd=tmp_path)
+    result = command("noise", "rec", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "too few for their noise" in result.stderr

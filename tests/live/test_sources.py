@@ -1,0 +1,139 @@
+"""What every source of bytes must do: ours, and one that another package brings.
+
+`check_port` is for other packages, too: give it what opens a port, what sends bytes to it, and the
+bytes.
+"""
+
+from __future__ import annotations
+
+import socket
+from importlib.metadata import EntryPoint
+
+import numpy as np
+import pytest
+from facets.experiments.kills import stream
+from programs import await_true
+
+import facets
+from facets.live import ports as module
+from facets.live.frames import SIZE
+from facets.live.pipeline import Pipeline
+from facets.live.ports import DatagramPort, PortError, open_port
+from facets.live.source import poses
+
+DATA = stream(200)
+
+
+def check_port(opened, send, data):
+    """The contract of `facets.live.ports.Port`."""
+    with opened() as port:
+        came = bytearray()
+        assert isinstance(port.ended, bool)
+        assert isinstance(port.waits, bool)
+        send(data)
+
+        def read():
+            part = port.read()
+            assert isinstance(part, bytes)
+            came.extend(part)
+            return len(came) >= len(data)
+
+        await_true(read, "all bytes")
+        assert bytes(came) == data
+        for _ in range(3):  # nothing more is no error, and no end but where there is one
+            assert port.ended or port.read() == b""
+    port.close()  # again does nothing
+
+
+def test_a_file_is_a_port(tmp_path):
+    (tmp_path / "bytes.bin").write_bytes(DATA)
+    check_port(lambda: open_port(f"file:{tmp_path}/bytes.bin", 0), lambda _: None, DATA)
+
+
+def test_datagrams_are_a_port():
+    port = DatagramPort("udp://127.0.0.1:0")
+    there = port.line.getsockname()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
+        check_port(
+            lambda: port,
+            lambda data: [line.sendto(data[n : n + 20 * SIZE], there)
+                          for n in range(0, len(data), 20 * SIZE)],
+            DATA,
+        )  # fmt: skip
+
+
+def test_a_socket_is_a_port():
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = open_port(f"socket://127.0.0.1:{server.getsockname()[1]}", 0)
+        line, _ = server.accept()
+        with line:
+            check_port(lambda: port, line.sendall, DATA)
+
+
+class Other(module.Closing):
+    """A source as another package would write it."""
+
+    ended = False
+    waits = True
+
+    def __init__(self, name, baud):
+        if name == "test:gone":
+            raise PortError(f"{name}: is not plugged in")
+        if name == "test:broken":
+            raise RuntimeError("driver 7")
+        self.data = DATA
+
+    def read(self):
+        part, self.data = self.data[:1000], self.data[1000:]
+        self.ended = not part
+        return part
+
+    def close(self):
+        pass
+
+
+def no_port(name, baud):
+    return object()
+
+
+@pytest.fixture
+def others(monkeypatch):
+    """Entry points as two installed packages would have them."""
+    known = {
+        "test": EntryPoint("test", f"{__name__}:Other", module.GROUP),
+        "none": EntryPoint("none", f"{__name__}:no_port", module.GROUP),
+    }
+    monkeypatch.setattr(
+        EntryPoint, "load", lambda self: {"test": Other, "none": no_port}[self.name]
+    )
+    monkeypatch.setattr(
+        module, "entry_points", lambda group, name: [known[name]] if name in known else []
+    )
+
+
+def test_another_packages_source_is_a_port(others):
+    check_port(lambda: open_port("test:1", 0), lambda _: None, DATA)
+    for name, words in (
+        ("test:gone", "is not plugged in"),
+        ("test:broken", "RuntimeError: driver 7"),
+        ("none:1", "gives no port: it has no read, close, ended, waits"),
+    ):
+        with pytest.raises(PortError, match=words):
+            open_port(name, 0)
+
+
+def test_poses_of_a_source_come_in_a_loop(others):
+    config = facets.load("bench")
+    parts = list(poses(config, "test:1"))
+    assert sum(map(len, parts)) == 200
+    assert all(part.solution.ok.all() for part in parts)
+    assert parts[-1].seq[-1] == 199
+    expected = Pipeline(config).feed(DATA, 1.0).solution.state
+    found = np.concatenate([part.solution.state for part in parts])
+    np.testing.assert_allclose(found, expected, atol=1e-9)  # each block begins from rest
+
+
+@pytest.mark.parametrize("name", ["udp://:x", "udp://", "udp://256.1.1.1:5"])
+def test_a_place_that_nobody_can_listen_at_is_told(name):
+    with pytest.raises(PortError, match="udp://"):
+        open_port(name, 0)
