@@ -111,7 +111,8 @@ def main() -> None:
 
     def on_board(reading: Floats, last: Floats) -> Floats:
         start = np.append(last, config.sensor.beam.power)
-        return library.solve(reading[None], "known", start).state[0]
+        found: Floats = library.solve(reading[None], "known", start).state[0]
+        return found
 
     def on_pc(reading: Floats, last: Floats) -> Floats:
         beam = facets.Prior(last[6:], 0.0)

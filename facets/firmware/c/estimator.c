@@ -293,7 +293,8 @@ static int estimate(Work *work, facets_wide x[UNKNOWNS], const facets_real *read
         }
         {
             const facets_real there = evaluate(work, trial, reading, options, 1 - here);
-            const facets_real slack = small + R(2.0) * facets_sqrt(cost * small);
+            const facets_real slack =
+                small + R(2.0) * facets_sqrt(cost * small) + FACETS_COST_ROUNDING * cost;
             const int into_the_dark = is_dark(work);
             if (there < cost + slack && (dark || !into_the_dark)) {
                 copy(trial, x);
