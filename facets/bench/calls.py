@@ -29,20 +29,20 @@ from . import rivals
 from .clock import Contender
 
 SENSOR = rivals.SENSOR
-#: Ratios to the reference loop on an AMD EPYC, whose loop takes 5.7 us.
+#: Ratios to the reference loop on an AMD EPYC, whose loop takes 6.7 us beside other work.
 STORED = {
     "reference loop: 1000 steps": 1.0,
-    "functions of three edges alone: batch": 0.0063,
-    "readings: batch": 0.066,
-    "Jacobians: batch": 0.12,
-    "poses from zero: batch": 0.97,
-    "poses from near: batch": 0.41,
-    "readings: one call": 1.54,
-    "facets.solve: one call": 3.3,
-    "Solver.solve: one call": 2.3,
-    "Solver.solve: one call on": 2.5,
-    "first reading: nothing compiled": 4.0e5,
-    "first pose: nothing compiled": 1.58e6,
+    "functions of three edges alone: batch": 0.0073,
+    "readings: batch": 0.0117,
+    "Jacobians: batch": 0.0316,
+    "poses from zero: batch": 0.186,
+    "poses from near: batch": 0.081,
+    "readings: one call": 1.94,
+    "facets.solve: one call": 3.8,
+    "Solver.solve: one call": 2.8,
+    "Solver.solve: one call on": 2.9,
+    "first reading: nothing compiled": 2.3e5,
+    "first pose: nothing compiled": 4.3e5,
 }
 #: Left out of a quick run, because they compile all anew.
 FIRST = {

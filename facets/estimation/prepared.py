@@ -20,6 +20,7 @@ from .solver import (
     Solution,
     Status,
     add_calibration,
+    by_blocks,
     empty_results,
     plan,
     solution_of_one,
@@ -170,15 +171,11 @@ class Solver:
 
 def block_of(sensor: Sensor, todo: Plan, asked: problem.Problem, covariance: bool) -> Any:
     """A block that estimates one reading at a time, where blocks know what is asked; else None."""
-    from ..model import evaluators
-
-    if evaluators.kind_of(sensor) != "plain":
+    if not by_blocks(sensor, asked):
         return None
     from . import blocks
 
-    return (
-        blocks.One(packed(sensor), todo.limits, asked, covariance) if blocks.fits(asked) else None
-    )
+    return blocks.One(packed(sensor), todo.limits, asked, covariance)
 
 
 def _solver(

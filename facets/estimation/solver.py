@@ -268,17 +268,25 @@ def estimate(
     """Fills `found`: by blocks where the light is plain, and one by one what these leave."""
     from ..model import evaluators
 
-    if evaluators.kind_of(sensor) != "plain":
+    if not by_blocks(sensor, asked):
         one_by_one(evaluators.nearly_linearised(sensor), sensor, readings, limits, asked, found)
         return
     from . import blocks
 
-    if not blocks.fits(asked):
-        one_by_one(evaluators.linearised(sensor), sensor, readings, limits, asked, found)
-        return
     left = blocks.estimate(packed(sensor), readings, limits, asked, found)
     if len(left):
         estimate_some(evaluators.linearised(sensor), left, sensor, readings, limits, asked, found)
+
+
+def by_blocks(sensor: Sensor, asked: problem.Problem) -> bool:
+    """Whether blocks know what is asked; these are then compiled."""
+    from ..model import evaluators
+
+    if evaluators.kind_of(sensor) != "plain":
+        return False
+    from . import blocks
+
+    return blocks.fits(asked) and blocks.kernel(tuple(asked.free.tolist())) is not None
 
 
 def one_by_one(
@@ -407,6 +415,8 @@ def solve(
         max_steps=max_steps,
         damped=method != "paper",
     )
+
+    by_blocks(sensor, asked)  # compiled once, before threads ask for it
 
     def run(part: slice) -> None:
         estimate(

@@ -259,6 +259,8 @@ def by_blocks(
     from . import blocks, evaluators
 
     plain = evaluators.kind_of(sensor) == "plain"
+    if plain:
+        blocks.kernel(name)  # compiled once, before threads ask for it
 
     def run(part: slice) -> None:
         rows, found = states[part], out[part]

@@ -27,14 +27,14 @@ from ..optics.gradient import linearised as linearised_uncut
 from ..scalars import lanes, machine, polynomials
 from ..scalars.lanes import LaneWriter
 from ..scalars.machine import Value
-from . import evaluators, jit, machine_code
+from . import evaluators, jit, kernels, machine_code
 from .evaluators import PLAIN
 from .machine_code import leaves, straight_lanes
 
 #: Poses in a block.
 LANES = 4
 #: Files that blocks are made of, beside the optics.
-PARTS = (lanes, machine, machine_code, polynomials, central, evaluators)
+PARTS = (lanes, machine, machine_code, polynomials, central, kernels, evaluators)
 
 
 def write_readings(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:

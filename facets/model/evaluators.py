@@ -7,8 +7,8 @@ where compiled code is needed.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterable
-from functools import cache
 from math import nan
 from typing import Any
 
@@ -191,15 +191,18 @@ MODELS = {
 }
 
 
-@cache
 def address(name: str) -> int:
     """Where the compiled function is in this process, compiled now if need be."""
-    _COMPILED[name] = callback(__file__, MODELS[name], kernels, machine, machine_code)
-    found: int = _COMPILED[name].address
-    return found
+    if name not in _COMPILED:
+        with _COMPILING:  # another thread's would be lost, and its address with it
+            if name not in _COMPILED:
+                parts = (kernels, machine, machine_code)
+                _COMPILED[name] = callback(__file__, MODELS[name], *parts)
+    return _COMPILED[name].address  # type: ignore[no-any-return]
 
 
 _COMPILED: dict[str, Any] = {}
+_COMPILING = threading.Lock()
 
 
 def kind_of(sensor: Sensor) -> str:

@@ -1,5 +1,9 @@
 """Blocks of poses: equal to one pose at a time, whatever stands beside it."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from sensors import SENSORS, states
@@ -81,3 +85,28 @@ def test_a_facet_that_meets_no_beam_reads_nan_beside_others():
 def test_no_poses_give_nothing():
     assert facets.readings(facets.Sensor(), np.empty((0, 8))).shape == (0, 9)
     assert facets.jacobian(facets.Sensor(), np.empty((0, 8))).shape == (0, 9, 8)
+
+
+CODE = """
+import hashlib, sys
+import numpy as np
+import facets
+rng = np.random.default_rng(1)
+some = rng.uniform(-1, 1, (64, 8)) * [0.05, 0.05, 2, 5e-3, 5e-3, 5e-3, 0.05, 0.05]
+readings = facets.readings(facets.Sensor(), some)
+found = facets.solve(facets.Sensor(), readings)
+parts = (readings, facets.jacobian(facets.Sensor(), some), found.state, found.covariance)
+print(*(hashlib.sha256(part.tobytes()).hexdigest() for part in parts))
+"""
+
+
+def test_every_processor_gives_the_same_bits():
+    """Code for the least that all have, and for all that this one has."""
+    given = [
+        subprocess.run(
+            [sys.executable, "-c", CODE], env={**os.environ, **more},
+            capture_output=True, text=True, check=True,
+        ).stdout
+        for more in ({}, {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""})
+    ]  # fmt: skip
+    assert given[0] == given[1]
