@@ -57,7 +57,7 @@ COMMANDS = {
 #: Commands that go on for as long as they are let; others are done before there is much to tidy.
 LIVE = ("acquire", "emulate")
 #: What Python collects garbage after: as often it would go through all that is being imported.
-ALLOCATIONS = 100_000
+ALLOCATIONS = 10_000
 #: The exit status, once it is known.
 _ended: list[int] = []
 #: Options as older versions spelt them, and as they are spelt.

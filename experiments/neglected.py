@@ -25,7 +25,7 @@ import facets
 from facets.calibration.bundle_adjustment import Choice, Data
 from facets.calibration.fit import fit
 from facets.core.sensor import BenchLight, Imperfections, Sensor
-from facets.core.units import Floats
+from facets.core.units import Booleans, Floats
 from facets.detectors.correction import corrected
 from facets.files.tables import write_table
 from facets.simulation.imperfect_optics import seen
@@ -173,8 +173,8 @@ def closed(offset: float, places: Floats) -> Floats:
 def covered(along: Floats, across: Floats, offset: float, step: float, parts: int = 4) -> Floats:
     """What share of each cell the facet covers; only cells that an edge may cross are cut up."""
 
-    def inside(x: Floats, y: Floats) -> Floats:
-        turned: Floats = np.abs(np.arctan2(y, x - offset)) < np.pi / 3
+    def inside(x: Floats, y: Floats) -> Booleans:
+        turned: Booleans = np.abs(np.arctan2(y, x - offset)) < np.pi / 3
         return turned
 
     share = inside(along, across).astype(float)

@@ -19,7 +19,7 @@ def drawing(quick: bool, seed: int) -> list[Row]:
     del seed  # nothing is drawn at random
     views = ("both", "rig", "mirror")
     Picture(rivals.SENSOR, np.zeros(8), "mirror", (200, 200)).close()  # imports, graphics
-    return [row(view, 5 if quick else 30) for view in views]
+    return [row(view, 2 if quick else 30) for view in views]
 
 
 def row(view: Any, frames: int) -> Row:

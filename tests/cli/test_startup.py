@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from commands import PROGRAM
 
 import facets
 
@@ -37,16 +38,51 @@ def test_nothing_heavy_is_imported(option, says, tmp_path):
     assert result.stderr.strip() == "[]"
 
 
+def run(*words, cwd):
+    return subprocess.run(words, cwd=cwd, capture_output=True, text=True, check=False)
+
+
 def test_the_version_printed_is_the_package_s(tmp_path):
-    code = "from facets.cli import main; main()"
-    result = subprocess.run(
-        [sys.executable, "-c", code, "--version"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    result = run(*PROGRAM, "--version", cwd=tmp_path)
+    assert result.returncode == 0
     assert result.stdout.strip() == f"facets {facets.__version__}"
+
+
+def test_a_command_does_not_pay_for_the_others(tmp_path):
+    code = (
+        "import sys, atexit\n"
+        "from facets.cli import program\n"
+        "sys.argv = ['facets', 'solve', '--help']\n"
+        "try:\n    program()\n"
+        "finally:\n    print('simulate' in ' '.join(sys.modules), file=sys.stderr)\n"
+    )
+    result = run(sys.executable, "-c", code, cwd=tmp_path)
+    assert result.stdout.startswith("Usage: ")
+    assert result.stderr.strip() == "False"
+
+
+@pytest.mark.parametrize("status", [0, 3])
+def test_the_program_ends_with_its_status_once_all_is_tidied(status, tmp_path):
+    """What was registered to be done at the end is done, and what was printed is out."""
+    code = (
+        "import atexit, sys, facets.cli\n"
+        "def main():\n"
+        "    atexit.register(print, 'tidied')\n"
+        f"    facets.cli._ended.append({status})\n"
+        f"    sys.exit({status})\n"
+        "facets.cli.main = main\n"
+        "facets.cli.program()\n"
+    )
+    result = run(sys.executable, "-c", code, cwd=tmp_path)
+    assert result.stdout == "tidied\n"
+    assert result.returncode == status
+
+
+def test_a_failure_that_nobody_expected_is_a_traceback(tmp_path):
+    code = "import facets.cli\nfacets.cli.main = lambda: 1 / 0\nfacets.cli.program()"
+    result = run(sys.executable, "-c", code, cwd=tmp_path)
+    assert result.returncode == 1
+    assert "ZeroDivisionError" in result.stderr
 
 
 def test_importing_facets_does_not_import_numpy(tmp_path):

@@ -34,7 +34,13 @@ OF_COMMANDS = {
     "optimize": ("casadi",),
 }
 #: Parts of the package that are only loaded where a command needs them.
-LATE = ("facets.bench", "facets.cli", "facets.experiments", "facets.scalars", "facets.pictures.r")
+LATE = (
+    "facets.bench",
+    "facets.cli",
+    "facets.experiments",
+    "facets.scalars",
+    "facets.pictures.render",
+)
 
 
 def as_status(waited: int) -> int:
@@ -51,6 +57,10 @@ def prepare() -> None:
     import importlib
     import pkgutil
 
+    from facets.cli import leave
+
+    # as `facets.cli.program` does it: registered first, called last, in each command's process
+    atexit.register(leave)
     os.environ.setdefault("MPLBACKEND", "agg")
     for name in HEAVY:
         importlib.import_module(name)
@@ -143,9 +153,9 @@ def serve() -> None:
         if os.fork() == 0:
             asked.close()
             if keep(request, list(fds)):
-                from facets.cli import program
+                from facets.cli import main
 
-                program()
+                main()
             return
         for fd in fds:
             os.close(fd)
