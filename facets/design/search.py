@@ -135,7 +135,7 @@ def choose(
         # nothing keeps all that is asked for, not even parts as good as any: the best of them tell
         largest = max(made, key=lambda c: layout.psds[c.psd].size if c.psd else 0.0)
         return [(largest, solve_from_present(made[largest], layout))], len(made)
-    tried = []
+    tried: list[tuple[Choice, StartResult]] = []
     for choice, other in made.items():
         tell(len(tried), len(made) + layout.starts)
         end = solve_from_present(other, layout)

@@ -527,6 +527,7 @@ def test_every_number_has_a_unit_in_its_name_or_is_a_count():
         "_us",
         "_s",
         "_seconds",
+        "_weeks",
         "_ms",
         "_mm_s",
         "_mm_s2",
