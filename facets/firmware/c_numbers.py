@@ -96,6 +96,9 @@ def is_wide(*parts: Numbers) -> bool:
 class Writer:
     """Collects the statements of one C function."""
 
+    #: How many states are computed at once; see `scalars.machine.Writer`.
+    lanes = 1
+
     def __init__(self) -> None:
         self.statements: list[str] = []
         self._known: dict[str, str] = {}
