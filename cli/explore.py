@@ -281,8 +281,8 @@ def write_page(
         some += f", and {shown} others of {len(others['design'])} designs that were drawn"
     goals = list(space.objectives)
     with Whole(path) as temporary:
-        temporary.write_text(page(settings.name, space.names, goals, table, sensors, texts, f"{some}."),
-                             "utf-8")  # fmt: skip
+        text = page(settings.name, space.names, goals, table, sensors, texts, f"{some}.")
+        temporary.write_text(text, "utf-8")
     typer.echo(f"{path}: the designs as a page")
 
 
