@@ -179,7 +179,7 @@ def write(
         beaten_by_none["proof_margin"] = proof_margins(space, beaten_by_none, certify)
     tables.write_table(front_table, beaten_by_none, about)
     report(table, best, goals, indices, seconds)
-    drawing = front_picture(table, best, goals, indices)
+    drawing = front_picture(table, best, goals, indices, own_measures(space))
     if drawing is None:
         leave_out_picture(picture, "it takes two designs that have all objectives")
     else:
@@ -276,15 +276,13 @@ def write_page(
     texts = texts_of(settings, sensors, path.parent)
     count = int((table["kind"] == "front").sum())
     some = f"Shown are {count} of the {len(front[space.names[0]])} designs on the front"
-    some += (
-        f", and {int((table['kind'] == 'other').sum())} of {len(others['design'])} others."
-        if others is not None
-        else "."
-    )
+    if others is not None:
+        shown = int((table["kind"] == "other").sum())
+        some += f", and {shown} others of {len(others['design'])} designs that were drawn"
     goals = list(space.objectives)
     with Whole(path) as temporary:
-        temporary.write_text(page(settings.name, space.names, goals, table, sensors, texts, some),
-                             "utf-8")  # fmt: skip
+        text = page(settings.name, space.names, goals, table, sensors, texts, f"{some}.")
+        temporary.write_text(text, "utf-8")
     typer.echo(f"{path}: the designs as a page")
 
 

@@ -369,7 +369,7 @@ def sections(story: Story, scene: Path) -> list[Section]:
     reasons = Section("What holds it back, and what more would give", rows=story.reasons)
     found = [asked, head, changed, compared, bars, reasons]
     if story.found.tried:
-        found.append(Section("Parts", (), *parts(story.found)))
+        found.append(Section("Parts", (), *parts(story.found), wide=True))
     found.append(Section("Are readings unique?", (story.proof,)))
     return found
 

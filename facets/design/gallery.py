@@ -51,7 +51,8 @@ def gallery(space: Space, front: Table, others: Table | None) -> tuple[Table, li
     titles = [f"front {n}" for n in front.get("point", front.get("design", shown))[shown]]
     parts.append((rows, "front", titles, remarks))
     if others is not None:
-        known = np.flatnonzero(np.all([np.isfinite(others[n]) for n in space.objectives], axis=0))
+        whole = np.all([np.isfinite(others[n]) for n in space.objectives], axis=0)
+        known = np.flatnonzero(whole & ~np.isin(others["design"], front.get("design", [])))
         some = known[picked(len(known), OTHERS)] if len(known) else known
         rows = np.stack([others[name][some] for name in names], axis=1)
         parts.append((rows, "other", [f"design {n}" for n in others["design"][some]],

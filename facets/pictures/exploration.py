@@ -22,8 +22,11 @@ def front_picture(
     best: NDArray[np.bool_],
     objectives: list[str],
     indices: dict[str, dict[str, Index]],
+    own: dict[str, float] | None = None,
 ) -> Figure | None:
     """Objectives against one another, the front marked; and first-order Sobol indices.
+
+    own: the measures of the design as it is, which is marked as well.
 
     None where there is nothing to draw: fewer than two designs with all objectives, or one
     objective and no indices.
@@ -44,6 +47,8 @@ def front_picture(
             panel.plot(
                 table[one][best], table[other][best], "o", ms=3, color=style.BLUE, label=label
             )
+            if own is not None and np.isfinite([own[one], own[other]]).all():
+                panel.plot(own[one], own[other], "*", ms=10, color=style.ORANGE, label="as it is")
             panel.set(xlabel=column_label(one), ylabel=column_label(other))
         if pairs:
             panels[0].legend(loc="best", fontsize=7)

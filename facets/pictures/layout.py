@@ -25,7 +25,7 @@ def layout_picture(table: dict[str, NDArray[Any]]) -> Figure:
         pairs(fine, table, "u_")
         fine.set_title("worst standard uncertainty over the volume", loc="left")
         pairs(far, table, "range_")
-        far.set_title("measurement range, in all", loc="left")
+        far.set_title("symmetric range: twice the nearer end", loc="left")
         handles, texts = fine.get_legend_handles_labels()
         picture.legend(handles, texts, loc="outside lower center", ncols=3)
     return picture
