@@ -155,8 +155,8 @@ class Solver:
         self._kernel(self._task.address)
 
     def _run(self, start: Floats) -> None:
-        self._starts[:] = start
         if self._block is None or not self._block.estimate(self._values, self._sigmas, start):
+            self._starts[:] = start
             self._one_by_one()
 
     def _run_exactly(self, start: Floats) -> None:

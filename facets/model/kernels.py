@@ -46,8 +46,11 @@ def pack(vectors: Geometry) -> np.ndarray:
 
 
 def is_of_this_process(packed: np.ndarray) -> bool:
-    """Whether the address behind a sensor's vectors holds; a copy from elsewhere has another."""
-    return packed[-1:].tobytes() == rare.ADDRESS.tobytes()
+    """Whether the address behind a sensor's vectors holds; a copy from elsewhere has another.
+
+    As a float an address is a very small number, never NaN.
+    """
+    return bool(packed[-1] == rare.ADDRESS[0])
 
 
 def expression(part: Any, numbers: Iterator[int], plain: bool = False) -> str:

@@ -23,7 +23,9 @@ def share(run: Callable[[slice], Any], rows: int, threads: int) -> None:
     """Calls `run` with slices that cover all rows, `threads` of them at once; 0 means all cores."""
     if threads < 0:
         raise InputError(f"threads is {threads}; allowed: 1 or more, or 0 for all cores")
-    count = min(threads or cores(), max(1, rows // WORTHWHILE))
+    count = 1
+    if rows >= 2 * WORTHWHILE:
+        count = min(threads or cores(), rows // WORTHWHILE)
     if count == 1:
         run(slice(0, rows))
         return
