@@ -272,6 +272,7 @@ def write_page(
     from facets.files.tables import Whole
     from facets.pictures.exploration_page import page
 
+    path.parent.mkdir(parents=True, exist_ok=True)
     table, sensors = gallery(space, front, others)
     texts = texts_of(settings, sensors, path.parent)
     count = int((table["kind"] == "front").sum())
