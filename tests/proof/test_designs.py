@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from facets.cli.explore import proof_margins
-from facets.cli.optimize import show_proof
+from facets.cli.optimize import prove
 
 import facets
 from facets.proof.designs import certify_design, proof_margin
@@ -25,31 +25,28 @@ def without_range(config):
     return replace(config, sensor=replace(config.sensor, psds=psds))
 
 
-def test_a_design_is_proved_and_told(capsys):
+def test_a_design_is_proved_and_told():
     config = small_range(facets.load("paper"))
     found = certify_design(config.sensor, config.range)
     assert found.unique
     assert proof_margin(config.sensor, config.range) == found.margin
-    show_proof(config, 400)
-    assert "proved: within the ranges of its axes" in capsys.readouterr().out
+    assert prove(config, 400).startswith("proved: within the ranges of its axes")
 
 
-def test_a_design_that_is_not_proved_is_told(capsys):
+def test_a_design_that_is_not_proved_is_told():
     config = facets.load("singular")
     assert not certify_design(config.sensor, config.range, work=10).unique
     assert np.isnan(proof_margin(config.sensor, config.range, work=10))
-    show_proof(config, 10)
-    out = capsys.readouterr().out
+    out = prove(config, 10)
     assert out.startswith("not proved")
     assert "facets jacobian --certify" in out
 
 
-def test_a_design_without_a_range_is_told(capsys):
+def test_a_design_without_a_range_is_told():
     config = without_range(facets.load("paper"))
     assert "leaves the PSD" in certify_design(config.sensor, config.range)
     assert np.isnan(proof_margin(config.sensor, config.range))
-    show_proof(config, 10)
-    assert "leaves the PSD" in capsys.readouterr().out
+    assert "leaves the PSD" in prove(config, 10)
 
 
 def test_the_front_has_a_margin_of_each_design(capsys):
