@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import ctypes
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError
 from ..core.units import Floats
-
-#: How many numbers `facets_solve_plain` gives: state, power, residual, covariance, used.
-NUMBERS = 77
 
 
 class Solved(NamedTuple):
@@ -44,8 +41,17 @@ class FirmwareLibrary:
                 "make it with `make library` in a folder that `facets export-c` has written"
             ) from None
         self.kind = np.dtype(np.float64 if size == 8 else np.float32)
-        self._code.facets_solve_plain.restype = ctypes.c_int32
-        self._code.facets_from_counts.restype = ctypes.c_int32
+        whole = np.dtype(np.int32)
+        #: `facets_options` and `facets_solution` of the header.
+        self._options = np.dtype(
+            [("mean", self.kind, 3), ("sigma", self.kind, 3), ("max_steps", whole),
+             ("covariance", whole)], align=True,
+        )  # fmt: skip
+        self._solution = np.dtype(
+            [("state", self.kind, 8), ("power", self.kind), ("residual", self.kind),
+             ("covariance", self.kind, (8, 8)), ("status", whole), ("steps", whole),
+             ("used", whole, 3)], align=True,
+        )  # fmt: skip
 
     def readings(self, states: ArrayLike) -> Floats:
         """(n, 9) at states (n, 8), as `facets.readings` gives them."""
@@ -56,32 +62,55 @@ class FirmwareLibrary:
         return out.astype(float)
 
     def solve(
-        self, readings: ArrayLike, beam: str = "free", start: ArrayLike | None = None
+        self,
+        readings: ArrayLike,
+        beam: str = "free",
+        start: ArrayLike | None = None,
+        means: ArrayLike | None = None,
+        sigmas: ArrayLike | None = None,
     ) -> Solved:
         """The poses of readings (n, 9).
 
-        start: a state and the power (9,) that each starts from; None for zero.  beam: "free", or
-        "known" to be where the start has it.
+        start: states and powers (9,) or (n, 9) to start from; None for zero.  beam: "free", or
+        "known" to be where the start has it.  means, sigmas: (3,) what else is known of the beam's
+        place and its power, as `facets_options` has it; None for nothing of the place, and the
+        power.
         """
         rows = np.ascontiguousarray(readings, self.kind)
-        numbers = np.empty((len(rows), NUMBERS), self.kind)
-        status = np.empty(len(rows), np.int32)
-        known = int(beam == "known")
-        first = None if start is None else np.ascontiguousarray(start, self.kind)
-        begin = None if first is None else pointer(first)
-        for n, row in enumerate(rows):
-            status[n] = self._code.facets_solve_plain(
-                pointer(row), begin, known, pointer(numbers[n])
+        found = np.zeros(len(rows), self._solution)
+        begin: NDArray[Any] | None = None
+        if start is not None:
+            begin = np.ascontiguousarray(
+                np.broadcast_to(np.asarray(start, self.kind), (len(rows), 9))
             )
-        wide = numbers.astype(float)
+        options = self._asked(beam, means, sigmas)
+        for n, row in enumerate(rows):
+            first = None if begin is None else pointer(begin[n])
+            if beam == "known" and begin is not None:
+                options["mean"][:2] = begin[n, 6:8]
+            self._code.facets_solve(
+                pointer(row), first, pointer(options), pointer(found[n : n + 1])
+            )
         return Solved(
-            wide[:, :8],
-            wide[:, 8],
-            status,
-            wide[:, 10:74].reshape(-1, 8, 8),
-            wide[:, 9],
-            wide[:, 74:] > 0,
+            found["state"].astype(float),
+            found["power"].astype(float),
+            found["status"].copy(),
+            found["covariance"].astype(float),
+            found["residual"].astype(float),
+            found["used"] > 0,
         )
+
+    def _asked(self, beam: str, means: ArrayLike | None, sigmas: ArrayLike | None) -> Any:
+        """The options of the C code, as an array without dimensions."""
+        options = np.zeros((), self._options)
+        self._code.facets_default_options(pointer(options))
+        if beam == "known":
+            options["sigma"][:2] = 0
+        if means is not None:
+            options["mean"] = means
+        if sigmas is not None:
+            options["sigma"] = sigmas
+        return options
 
     def readings_of_counts(self, counts: ArrayLike, dark: ArrayLike, xy_sum: bool) -> Floats:
         """(n, 9) of counts (n, 12); dark: (12,)."""
@@ -95,5 +124,5 @@ class FirmwareLibrary:
         return out.astype(float)
 
 
-def pointer(array: NDArray[np.generic]) -> ctypes.c_void_p:
+def pointer(array: NDArray[Any]) -> ctypes.c_void_p:
     return ctypes.c_void_p(array.ctypes.data)

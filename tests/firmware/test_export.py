@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from facets.experiments.sensors import SENSORS
-from facets.experiments.solver_stress import CASES, states
+from facets.experiments.solver_stress import CASES, starts, states
 
 import facets
 from facets.core.errors import InputError
@@ -144,18 +144,52 @@ def test_a_beam_that_has_followed_is_known_where_it_is(
 
 
 @needs_compiler
-@pytest.mark.parametrize("case", [case for case in CASES if not case.start], ids=lambda c: c.name)
+@pytest.mark.parametrize("precision", [SINGLE, DOUBLE])
+@pytest.mark.parametrize(
+    "sigmas", [(0.02, 0.02, 0.0), (np.inf, np.inf, np.inf), (0.02, 0.01, 3e-4)]
+)
+def test_what_is_known_before_weighs_as_in_facets(
+    folders: dict[str, Path], precision: str, sigmas: tuple[float, float, float]
+) -> None:
+    """Priors of the beam's place and power, and an unknown power."""
+    sensor, rng = sensor_of("bench"), np.random.default_rng(11)
+    exact = facets.readings(sensor, states_within(sensor, 50, rng))
+    readings = facets.add_noise(sensor, exact, rng)
+    means = (0.01, -0.02, 1.001 * sensor.beam.power)
+    known = facets.solve(
+        sensor,
+        readings,
+        beam=facets.Prior(means[:2], sigmas[:2]),
+        power=facets.Prior(means[2], sigmas[2]),
+    )
+    found = library(folders["bench"], precision).solve(readings, means=means, sigmas=sigmas)
+    assert (found.status == known.status).all()
+    ok = known.ok
+    allowed = (1e-4 if precision == DOUBLE else 0.1) * known.uncertainty[ok]
+    assert (np.abs(found.state - known.state)[ok] <= allowed).all()
+    spread = np.sqrt(np.einsum("nii->ni", found.covariance))[ok]
+    rtol = 1e-6 if precision == DOUBLE else 0.05
+    assert np.allclose(spread, known.uncertainty[ok], rtol=rtol)
+    assert np.allclose(found.power[ok], known.power[ok], rtol=1e-9 if precision == DOUBLE else 1e-5)
+
+
+@needs_compiler
+@pytest.mark.parametrize("case", CASES, ids=lambda c: c.name)
 def test_statuses_are_those_of_facets(folders: dict[str, Path], case) -> None:  # type: ignore[no-untyped-def]
     """Far, noisy and spoilt readings, and those that can not be solved: none converges wrongly."""
     sensor, rng = facets.Sensor(), np.random.default_rng(7)
-    readings = facets.readings(sensor, states(case, 800, rng))
+    truth = states(case, 800, rng)
+    readings, start = facets.readings(sensor, truth), starts(case, truth, rng)
     if case.spoil:
         readings = case.spoil(sensor, readings, rng)
     readings[::20, 4] = np.nan
     readings[1::20, 2::3] = 0
     readings[2::20, 0] = 50
-    known = facets.solve(sensor, readings)
-    found = library(folders["paper"], DOUBLE).solve(readings)
+    known = facets.solve(sensor, readings, start=start)
+    begin = None
+    if not isinstance(start, str):
+        begin = np.column_stack([start, np.full(len(start), sensor.beam.power)])
+    found = library(folders["paper"], DOUBLE).solve(readings, start=begin)
     assert (found.status == known.status).all()
     off = np.abs(found.state - known.state)[known.ok] / known.uncertainty[known.ok]
     assert (off < 1e-3).all()
