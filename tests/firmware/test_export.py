@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -247,6 +248,29 @@ def test_nothing_undefined_whatever_comes(
         [f"./{name}"], cwd=folders["bench"], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.skipif(not shutil.which("g++"), reason="no C++ compiler")
+def test_the_sketch_is_sound(folders: dict[str, Path]) -> None:
+    """Its syntax and types, with the Arduino environment as far as it asks for it."""
+    command = ["g++", "-std=c++14", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-I."]
+    stub = ["-include", str(HELPERS / "arduino_stub.h"), "-x", "c++", "teensy41/teensy41.ino"]
+    done = subprocess.run(
+        [*command, *stub], cwd=folders["bench"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@needs_compiler
+def test_the_caller_in_python_runs(folders: dict[str, Path]) -> None:
+    """With nothing of facets but the folder that was written."""
+    library(folders["paper"], DOUBLE)
+    done = subprocess.run(
+        [sys.executable, "-I", "callers/facets_ctypes.py", "libfacets_double.so"],
+        cwd=folders["paper"], capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert "status: converged" in done.stdout, done.stderr
+    assert "tz: 0.1 mm; yaw: 1.0 mrad" in done.stdout
 
 
 needs_arm = pytest.mark.skipif(
