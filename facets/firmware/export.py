@@ -17,7 +17,7 @@ COSTS = """\
 For the shipped configuration `bench` (GCC 12.2, `-O2`; instructions as QEMU counts; a Cortex-M7 at
 600 MHz with one instruction a cycle would need 18 us for a step):
 
-| core | precision | code | stack | a step | from the last pose | from zero |
+| core | precision | code | stack | instructions of a step | from the last pose | from zero |
 | --- | --- | --- | --- | --- | --- | --- |
 | Cortex-M7 | double | 20 kB | 5.8 kB | 10,800 | 11,000 | 62,000 in 6 steps |
 | Cortex-M7 | single | 19 kB | 3.0 kB | 10,800 | 11,000 | 53,000 in 5 steps |
