@@ -167,9 +167,12 @@ class Pipeline:
         restarts = self.sequence.restarts
         came = self.parser.feed(block)
         solved = is_pose(came)
-        samples, seq, time = self.sequence.follow(came.where(~solved), arrival)
-        if solved.any():
-            self.board.add(came.where(solved), self.sequence, self.sequence.restarts > restarts)
+        poses = came.where(solved) if solved.any() else None
+        samples, seq, time = self.sequence.follow(
+            came if poses is None else came.where(~solved), arrival
+        )
+        if poses is not None:
+            self.board.add(poses, self.sequence, self.sequence.restarts > restarts)
         if not len(samples):
             return []
         host = self.host_times(time, arrival, self.sequence.restarts > restarts)
