@@ -178,9 +178,8 @@ def run_app() -> int:
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED
-    except (
-        Exception
-    ):  # workers that are being started when a signal comes fail in ways of their own
+    except Exception:
+        # workers that are being started when a signal comes fail in ways of their own
         if signals.caught() is None:
             raise
         print("interrupted", file=sys.stderr)

@@ -16,12 +16,13 @@ from ..model import blocks, kernels
 from ..model.blocks import LANES
 from ..model.evaluators import PLAIN
 from ..model.jit import compiler
-from ..model.machine_code import leaves, straight_lanes
+from ..model.machine_code import straight_lanes
 from ..optics.central import side_central
 from ..optics.forward import Geometry, placed, readings, shone_on
 from ..optics.gradient import linearised
 from ..optics.wedge import swept_series
 from ..scalars.lanes import LaneWriter
+from ..scalars.machine import leaves
 
 Array = Any
 

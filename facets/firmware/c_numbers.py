@@ -12,6 +12,8 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+from ..scalars.machine import leaves, nested
+
 #: A number of the formula, or one that is known already; or tuples of such.
 Numbers = Any
 
@@ -117,9 +119,9 @@ class Writer:
 
     def narrow(self, part: Numbers) -> Numbers:
         """Wide numbers, in nested tuples, as others."""
-        if isinstance(part, tuple):
-            inner = [self.narrow(each) for each in part]
-            return type(part)(*inner) if hasattr(part, "_fields") else tuple(inner)
+        return nested(part, (self._narrow(each) for each in leaves(part)))
+
+    def _narrow(self, part: Numbers) -> Numbers:
         return self._compute("(facets_real){}", False, part) if is_wide(part) else part
 
     def sum(self, a: Numbers, b: Numbers) -> Numbers:
@@ -247,19 +249,3 @@ def needed(statements: list[str]) -> list[str]:
 
 def is_known(part: Numbers, value: float) -> bool:
     return isinstance(part, float | int) and part == value
-
-
-def leaves(part: Numbers) -> Any:
-    """The numbers of nested tuples, one after the other."""
-    if isinstance(part, tuple):
-        for inner in part:
-            yield from leaves(inner)
-    else:
-        yield part
-
-
-def nested(like: Numbers, numbers: Any) -> Numbers:
-    """Tuples like those given, with other numbers in them."""
-    if not isinstance(like, tuple):
-        return next(numbers)
-    return tuple(nested(each, numbers) for each in like)

@@ -26,10 +26,10 @@ from ..optics.forward import readings as readings_uncut
 from ..optics.gradient import linearised as linearised_uncut
 from ..scalars import lanes, machine, polynomials
 from ..scalars.lanes import LaneWriter
-from ..scalars.machine import Value
+from ..scalars.machine import Value, leaves
 from . import evaluators, jit, kernels, machine_code
 from .evaluators import PLAIN
-from .machine_code import leaves, straight_lanes
+from .machine_code import straight_lanes
 
 #: Poses in a block.
 LANES = 4

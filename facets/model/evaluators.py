@@ -22,11 +22,11 @@ from ..optics.forward import readings as readings_uncut
 from ..optics.gradient import linearised as linearised_uncut
 from ..optics.limits import COLUMNS, MOST
 from ..scalars import machine
-from ..scalars.machine import Value
+from ..scalars.machine import Value, leaves
 from . import kernels, machine_code
 from .jit import callback, compilable
 from .kernels import EXAMPLE, unpack, unpack_cut
-from .machine_code import leaves, straight
+from .machine_code import straight
 
 Pointer = Any
 Numbered = Iterable[tuple[int, Any]]

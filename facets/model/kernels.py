@@ -21,9 +21,9 @@ from ..optics.forward import Geometry, Openings, geometry, placed
 from ..optics.forward import scene as uncut_scene
 from ..optics.limits import COLUMNS, MOST
 from ..optics.parameters import detector_by_parameters
+from ..scalars.machine import leaves
 from . import rare
 from .jit import call_address, compilable, compiler
-from .machine_code import leaves
 
 Array = Any
 

@@ -9,7 +9,7 @@ needed. Importing this imports Numba.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from itertools import count
 from typing import Any
 
@@ -19,7 +19,7 @@ from numba.core import cgutils  # noqa: TID253
 from numba.extending import intrinsic  # noqa: TID253
 
 from ..scalars.lanes import LaneWriter
-from ..scalars.machine import DOUBLE, LONG, Numbers, Value, Writer
+from ..scalars.machine import DOUBLE, LONG, Numbers, Value, Writer, leaves, nested
 from . import rare
 
 NUMBER: Any = types.float64
@@ -95,23 +95,6 @@ class NumbaWriter(Writer):
         """Room on the stack, made once where the function begins."""
         with self.builder.goto_entry_block():
             return self.builder.alloca(DOUBLE, numbers)
-
-
-def leaves(part: Numbers) -> Iterator[Any]:
-    """The numbers of nested tuples, one after the other."""
-    if isinstance(part, tuple):
-        for inner in part:
-            yield from leaves(inner)
-    else:
-        yield part
-
-
-def nested(like: Numbers, numbers: Iterator[Any]) -> Numbers:
-    """Tuples like those given, with other numbers in them."""
-    if not isinstance(like, tuple):
-        return next(numbers)
-    inner = [nested(each, numbers) for each in like]
-    return type(like)(*inner) if hasattr(like, "_fields") else tuple(inner)
 
 
 def vectors_at(writer: Writer, pointer: Any, example: Any) -> Any:

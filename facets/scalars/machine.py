@@ -8,7 +8,7 @@ in the order of the text, so that the results are those of floats to the last bi
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from llvmlite import ir
@@ -193,3 +193,20 @@ def atan2(y: Value, x: Value) -> Value:
 def defined(value: Value, a: Value, b: Value, c: Value) -> Value:
     """`value` where a, b and c are above zero, else NaN."""
     return value.writer.select((a > 0) & (b > 0) & (c > 0), value, value * math.nan)
+
+
+def leaves(part: Numbers) -> Iterator[Any]:
+    """The numbers of nested tuples, one after the other."""
+    if isinstance(part, tuple):
+        for inner in part:
+            yield from leaves(inner)
+    else:
+        yield part
+
+
+def nested(like: Numbers, numbers: Iterator[Any]) -> Numbers:
+    """Tuples like those given, with other numbers in them."""
+    if not isinstance(like, tuple):
+        return next(numbers)
+    inner = [nested(each, numbers) for each in like]
+    return type(like)(*inner) if hasattr(like, "_fields") else tuple(inner)
