@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .console import load_config, name_files, show_table
-from .options import ConfigName, Force, Plot, PlotKind, Track, folder_option, output_folder
+from .options import (
+    ConfigName,
+    Force,
+    Look,
+    Plot,
+    PlotKind,
+    Style,
+    Track,
+    folder_option,
+    output_folder,
+)
 
 if TYPE_CHECKING:
     from facets.characterization.resolution import Resolution
@@ -22,6 +32,7 @@ def resolution(
     output: Annotated[Path | None, folder_option("results/CONFIG-resolution")] = None,
     force: Force = False,
     plot: Plot = PlotKind.png,
+    look: Style = Look.screen,
 ) -> None:
     """Tell standard uncertainties of the six axes, at rest and at worst.
 

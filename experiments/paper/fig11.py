@@ -73,9 +73,7 @@ def claims(table: Table) -> list[Claim]:
 
 
 def picture(table: Table) -> Figure:
-    import matplotlib as mpl
-
-    with mpl.rc_context(style.STYLE):
+    with style.in_rules():
         drawing = style.figure(9, 4.4)
         panels = drawing.subplots(2, 2, sharex=True)
         for (place, error), axis in zip(panels.T, REACH, strict=True):

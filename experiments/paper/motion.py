@@ -61,9 +61,7 @@ def errors_in_six_axes(table: Table) -> list[Claim]:
 
 def drawn(table: Table, axes: tuple[str, ...]) -> Figure:
     """The moved axes on the left, the errors of all six on the right."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(style.STYLE):
+    with style.in_rules():
         drawing = style.figure(9, 4.6 if len(axes) == 1 else 7)
         halves: Any = drawing.subfigures(1, 2, width_ratios=(1, 1.35))
         left, right = halves

@@ -56,9 +56,7 @@ def claims(table: Table) -> list[Claim]:
 
 
 def picture(table: Table) -> Figure:
-    import matplotlib as mpl
-
-    with mpl.rc_context(style.STYLE):
+    with style.in_rules():
         drawing = style.figure(6, 3.6)
         panel = drawing.subplots()
         for way, colour in zip(WAYS, style.SERIES, strict=False):

@@ -77,9 +77,7 @@ def claims(table: Table) -> list[Claim]:
 
 
 def picture(table: Table) -> Figure:
-    import matplotlib as mpl
-
-    with mpl.rc_context(style.STYLE):
+    with style.in_rules():
         drawing = style.figure(8, 3.4)
         panels = drawing.subplots(1, 2, sharey=True)
         for panel, quantity in zip(panels, ("range", "resolution"), strict=True):

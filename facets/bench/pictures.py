@@ -18,9 +18,7 @@ Row = dict[str, Any]
 
 def work_precision(forward: Sequence[Row], inverse: Sequence[Row]) -> Figure:
     """Time a pose against error, readings left and poses right; nearer the corner is better."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(style.STYLE):
+    with style.in_rules():
         picture = style.figure(11, 5)
         left, right = picture.subplots(1, 2)
         diagram(left, forward, "place_error_mm")
@@ -48,11 +46,9 @@ def diagram(axes: Axes, rows: Sequence[Row], error: str) -> None:
 
 def heat_map(rows: Sequence[Row]) -> Figure:
     """Digits of power and place over apex offset and tilt."""
-    import matplotlib as mpl
-
     offsets = sorted({row["offset_sigma"] for row in rows})
     tilts = sorted({row["tilt_mrad"] for row in rows})
-    with mpl.rc_context({**style.STYLE, "axes.grid": False}):
+    with style.in_rules(axes__grid=False):
         picture = style.figure(10, 3.2)
         left, right = picture.subplots(1, 2)
         for axes, key, title in (
@@ -74,9 +70,7 @@ def heat_map(rows: Sequence[Row]) -> Figure:
 
 def histograms(digits: Sequence[Row], steps: Sequence[Row]) -> Figure:
     """Digits lost by powers and places, and steps from zero to a pose."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(style.STYLE):
+    with style.in_rules():
         picture = style.figure(10, 3.4)
         left, right = picture.subplots(1, 2)
         bars(left, digits, "digits_lost", ("powers", "places"), 0.25)

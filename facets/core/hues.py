@@ -8,6 +8,9 @@ same wherever it is met. A hue alone never carries a meaning: axes have a mark a
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 
 from .names import ANGLES, STATE
@@ -59,6 +62,36 @@ DARK = Hues(
 #: By the name of a style. On paper and on a screen hues are alike; sizes and lines are not.
 THEMES = {"paper": LIGHT, "screen": LIGHT, "dark": DARK}
 
+#: The style that pictures are made in, unless another is chosen.
+STYLE = "screen"
+_chosen: ContextVar[str] = ContextVar("style", default=STYLE)
+
 #: Beside its hue an axis has a mark and a dash, in matplotlib's words.
 MARKS = dict(zip(STATE, "osDPX^v<", strict=True))
 DASHES = {name: "--" if name in ANGLES else ":" if name in STATE[6:] else "-" for name in STATE}
+
+
+def choose_style(name: str) -> None:
+    """From here on pictures are made in this style: paper, screen or dark."""
+    if name not in THEMES:
+        raise ValueError(f"no style {name}; there are: {', '.join(THEMES)}")
+    _chosen.set(name)
+
+
+def chosen_style() -> str:
+    return _chosen.get()
+
+
+def chosen_hues() -> Hues:
+    return THEMES[_chosen.get()]
+
+
+@contextmanager
+def in_style(name: str) -> Iterator[Hues]:
+    """Within it pictures are made in this style."""
+    before = _chosen.get()
+    choose_style(name)
+    try:
+        yield THEMES[name]
+    finally:
+        _chosen.set(before)

@@ -22,9 +22,7 @@ KINDS = (("psi", style.BLUE), ("zeta", style.ORANGE), ("power", style.GREEN))
 def residual_picture(data: Data, found: Fit, table: dict[str, NDArray[Any]]) -> Figure:
     """Residuals in standard deviations over the spot's place, a column a detector; and the errors
     of poses held back, before and after."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(style.STYLE):
+    with style.in_rules():
         picture = style.figure(10, 6.2)
         parts: Any = picture.subfigures(2, 1, height_ratios=(2, 1.1))
         upper, lower = parts

@@ -31,14 +31,12 @@ def front_picture(
     None where there is nothing to draw: fewer than two designs with all objectives, or one
     objective and no indices.
     """
-    import matplotlib as mpl
-
     known = np.all([np.isfinite(table[name]) for name in objectives], axis=0)
     pairs = list(pairwise(objectives))
     count = len(pairs) + bool(indices)
     if known.sum() < 2 or count == 0:
         return None
-    with mpl.rc_context(style.STYLE):
+    with style.in_rules():
         picture = style.figure(4.0 * count, 3.6)
         panels = picture.subplots(1, count, squeeze=False)[0]
         for panel, (one, other) in zip(panels, pairs, strict=False):
@@ -65,12 +63,10 @@ def pareto_picture(
 ) -> Figure:
     """The front's objectives against one another, with what the first costs below; a cloud of
     designs behind it, where there is one; and the design as it is."""
-    import matplotlib as mpl
-
     pairs = list(pairwise(objectives))
     if len(objectives) > 2:
         pairs.append((objectives[0], objectives[-1]))
-    with mpl.rc_context(style.STYLE):
+    with style.in_rules():
         picture = style.figure(4.2 * len(pairs), 5.4)
         above, below = picture.subplots(2, len(pairs), squeeze=False, height_ratios=(2, 1))
         mark = "o-" if len(objectives) == 2 else "o"

@@ -17,9 +17,7 @@ if TYPE_CHECKING:
 
 def layout_picture(table: dict[str, NDArray[Any]]) -> Figure:
     """The comparison of `recheck.compare`: bars of what was over what is."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(style.STYLE):
+    with style.in_rules():
         picture = style.figure(9, 3.4)
         fine, far = picture.subplots(1, 2)
         pairs(fine, table, "u_")

@@ -27,12 +27,11 @@ def ranges_picture(boundaries: Sequence[Boundary], inside: Sequence[Any] = ()) -
 
     inside: for each, (x, y, values, label) of what is drawn within, mm or rad; or nothing at all.
     """
-    import matplotlib as mpl
     from matplotlib.lines import Line2D
 
     columns = min(len(boundaries), 3 if len(boundaries) < 10 else 5)
     rows = -(-len(boundaries) // columns)
-    with mpl.rc_context(style.STYLE):
+    with style.in_rules():
         picture = style.figure(3.4 * columns, 3.1 * rows + 0.3)
         panels = picture.subplots(rows, columns, squeeze=False)
         for panel in panels.ravel()[len(boundaries) :]:
@@ -81,9 +80,7 @@ def values(
 
 def budget_picture(found: Sequence[Resolution]) -> Figure:
     """For each estimator, what part of each axis's variance at rest comes from which source."""
-    import matplotlib as mpl
-
-    with mpl.rc_context({**style.STYLE, "axes.grid": False}):
+    with style.in_rules(axes__grid=False):
         picture = style.figure(3.1 * len(found), 3.2)
         panels = picture.subplots(1, len(found), sharey=True, squeeze=False)[0]
         for panel, row in zip(panels, found, strict=True):

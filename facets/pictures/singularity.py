@@ -22,9 +22,7 @@ def survey_picture(found: Survey, left_out: str, pair: AmbiguousPair | None = No
 
     pair: two states with the same readings, where there are any.
     """
-    import matplotlib as mpl
-
-    with mpl.rc_context(style.STYLE):
+    with style.in_rules():
         picture = style.figure(8.4, 3.6 if pair is None else 6.6)
         panels = picture.subplots(1 if pair is None else 2, 2, squeeze=False)
         density(picture, panels[0, 0], found.edges[0], found.edges[1], found.counts)

@@ -19,10 +19,8 @@ if TYPE_CHECKING:
 
 def spots_picture(sensor: Sensor, state: Floats) -> Figure:
     """Each detector's face, and below it what is on it, large."""
-    import matplotlib as mpl
-
     stand, reading = Stand.of(sensor, state), readings(sensor, state)
-    with mpl.rc_context({**style.STYLE, "axes.grid": False}):
+    with style.in_rules(axes__grid=False):
         picture = style.figure(9.6, 6.9)
         panels = picture.subplots(2, 3)
         for k, letter in enumerate("ABC"):
@@ -88,10 +86,8 @@ def large(panel: Axes, spot: Spot, centroid: Floats) -> Any:
 
 def plan_picture(sensor: Sensor, state: Floats) -> Figure:
     """Seen from above, to scale but for the mirror, with dimensions."""
-    import matplotlib as mpl
-
     stand = Stand.of(sensor, state)
-    with mpl.rc_context({**style.STYLE, "axes.grid": False}):
+    with style.in_rules(axes__grid=False):
         picture = style.figure(6.4, 6.0)
         panel = picture.subplots()
         for k, (psd, letter) in enumerate(zip(sensor.psds, "ABC", strict=True)):
