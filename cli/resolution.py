@@ -43,7 +43,8 @@ def resolution(
     from facets.characterization.resolution import estimators, resolve
     from facets.characterization.tables import resolution_columns
     from facets.files import provenance, tables
-    from facets.pictures import ranges, style
+    from facets.pictures import resolution as drawing
+    from facets.pictures import style
 
     start = time.perf_counter()
     settings = load_config(config)
@@ -55,7 +56,7 @@ def resolution(
     show(found)
     table, picture, record = files
     tables.write_table(table, resolution_columns(found), provenance.about(settings))
-    style.save(ranges.budget_picture(found), picture)
+    style.save(drawing.budget_picture(found), picture)
     results = {"tracking": track, "estimators": [row.how.name for row in found]}
     provenance.write_record(record, settings, None, time.perf_counter() - start, results)
     name_files(folder, files)

@@ -40,6 +40,16 @@ class Hues:
         """What the eye should find first, where it is neither a detector nor an axis."""
         return self.series[0]
 
+    @property
+    def css(self) -> str:
+        """The same for a page: custom properties, --ground, --ink, --a, --tx, --series-1 ..."""
+        named = {name: getattr(self, name) for name in ("ground", "ink", "soft", "grey", "rule")}
+        named |= {"alarm": self.alarm, **self.detectors, **self.axes}
+        named |= {f"series-{n}": hue for n, hue in enumerate(self.series, start=1)}
+        scheme = "light" if self.ground == "#FFFFFF" else "dark"
+        text = ";".join(f"--{name}:{hue}" for name, hue in named.items())
+        return f":root{{color-scheme:{scheme};{text}}}"
+
 
 LIGHT = Hues(
     ground="#FFFFFF", ink="#1A1C20", soft="#5A5F69", grey="#8C9099", rule="#D9DCE1",

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.hues import LIGHT, chosen_hues, chosen_style
-from ..core.units import Floats
+from ..core.units import Floats, column_label, with_micro
 from ..core.units import unit_of as unit_of
 from ..files.tables import Whole
 
@@ -48,6 +48,9 @@ WORDS = {
     "tx": "shift in x", "ty": "shift in y", "tz": "shift in z", "roll": "roll", "pitch": "pitch",
     "yaw": "yaw", "bx": "beam in x", "by": "beam in y",
 }  # fmt: skip
+#: What the first word of a measure's column stands for, in words.
+MEASURES = {"u": "uncertainty of", "range": "range of"}
+OTHERS = {"head_mm": "diameter of the head, mm", "condition": "condition number"}
 
 
 def rules() -> dict[Any, Any]:
@@ -199,7 +202,18 @@ def say(panel: Axes, text: str) -> None:
                color=chosen_hues().soft, fontsize=LEAST, wrap=True)  # fmt: skip
 
 
-def legend_below(picture: Any, handles: Sequence[Any], texts: Sequence[str], columns: int) -> None:
+def legend_below(picture: Any, handles: Sequence[Any], texts: Sequence[str], columns: int) -> Any:
     """One legend for all panels, under them."""
-    picture.legend(handles, texts, loc="outside lower center", ncols=columns,
+    return picture.legend(handles, texts, loc="outside lower center", ncols=columns,
                    columnspacing=1.4, handletextpad=0.5)  # fmt: skip
+
+
+def measure_label(column: str) -> str:
+    """A measure of a design for a label: "u_roll_urad" is "uncertainty of roll, µrad"."""
+    if column in OTHERS:
+        return OTHERS[column]
+    kind, _, rest = column.partition("_")
+    name, _, unit = rest.partition("_")
+    if kind in MEASURES and name in WORDS and unit:
+        return f"{MEASURES[kind]} {WORDS[name]}, {with_micro(unit)}"
+    return column_label(column)
