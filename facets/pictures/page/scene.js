@@ -13,7 +13,7 @@ const Rig = (() => {
 
   const THEMES = {
     dark: {
-      plate: "#4a525e", holes: "#15181d", metal: "#d6dde5", black: "#30353d", body: "#454d59",
+      plate: "#2c323b", holes: "#101317", metal: "#d6dde5", black: "#30353d", body: "#454d59",
       board: "#1f6a5c", silicon: "#2a3a6b", beam: "#fff1d0",
       sky: "#8d9bb0", floor: "#2a2f37", key: 3.4, fill: 0.9, fog: "#0f1216",
     },
@@ -498,8 +498,9 @@ const Rig = (() => {
         ? THREE.AdditiveBlending : THREE.NormalBlending;
       hues.forEach((hue, k) => {
         look.hues[k].color.set(hue);
-        for (const body of [this.subBeams[k], this.bodies[k], this.prints[k], this.spots[k]]) {
-          tint(body, hue, blending, name === "dark" ? 0.3 : 0);
+        tint(this.subBeams[k], hue, THREE.NormalBlending, name === "dark" ? 0.45 : 0);
+        for (const body of [this.bodies[k], this.prints[k], this.spots[k]]) {
+          tint(body, hue, blending, name === "dark" ? 0.35 : 0);
         }
         this.flares[k].material.color.set(hue);
         this.flares[k].material.blending = blending;
@@ -526,7 +527,7 @@ const Rig = (() => {
         target = [apex[0], apex[1], apex[2] - 0.7];
         from = along(target, 1, [8.5, -12, 9]);
       } else if (name === "rig") {
-        const narrow = Math.max(1, 1.25 / this.camera.aspect);
+        const narrow = Math.max(1, 1.45 / this.camera.aspect);
         // the detector opposite and the laser's pillar stand to both sides of the beam
         const azimuth = this.front(), flat = 2.5 * Math.cos(azimuth), deep = 2.5 * Math.sin(azimuth);
         target = [0, 0, 0.16 * reach];
