@@ -48,15 +48,21 @@ def shine(picture: Floats, light: Glow, theme: Theme, haze: float) -> Floats:
     total = np.zeros_like(picture)
     for amount, hue in layers(light, theme, haze):
         core = np.maximum(amount - 0.75, 0)
-        add(total, amount, hue)
+        add(total, amount, deep(hue))
         add(total, core, np.full(3, 0.6))
     for k, hue in enumerate(theme.hues):
-        add(total, 1.7 * light.surfaces[k], np.array(rgb(hue)))
+        add(total, 2.0 * light.surfaces[k], deep(np.array(rgb(hue))))
         add(total, 1.6 * light.surfaces[k] ** 4, np.ones(3))
-    total += 0.55 * halo(total, 0.004) + 0.40 * halo(total, 0.016)
+    total += 0.55 * halo(total, 0.004, 1.5) + 0.40 * halo(total, 0.016, 5.0)
     dark = np.exp(-1.25 * total)
     mixed: Floats = 1 - (1 - np.clip(picture, 0, 1)) * dark
     return mixed
+
+
+def deep(hue: Floats) -> Floats:
+    """A hue as light has it that is not yet on a screen: its lesser parts are less."""
+    light: Floats = hue**1.9
+    return light
 
 
 def add(total: Floats, amount: Floats, colour: Floats) -> None:
@@ -70,12 +76,12 @@ def add(total: Floats, amount: Floats, colour: Floats) -> None:
 def stain(picture: Floats, light: Glow, theme: Theme, haze: float) -> Floats:
     """Light as ink on a bright picture."""
     for amount, hue in layers(light, theme, haze):
-        wide = np.clip(1.15 * amount + 0.5 * halo(amount, 0.003), 0, None)
+        wide = np.clip(1.15 * amount + 0.5 * halo(amount, 0.003, 1.2), 0, None)
         cover = (0.92 * (1 - np.exp(-1.5 * wide)))[..., None]
         picture = picture * (1 - cover) + hue * cover
     for k, hue in enumerate(theme.hues):
         amount = light.surfaces[k]
-        cover = (1 - np.exp(-3.5 * (amount + 0.3 * halo(amount, 0.003))))[..., None]
+        cover = (1 - np.exp(-3.5 * (amount + 0.3 * halo(amount, 0.003, 1.2))))[..., None]
         hot = (np.clip(amount - 0.35, 0, 1) * 1.1)[..., None]
         picture = picture * (1 - cover) + (np.array(rgb(hue)) * (1 - hot) + hot) * cover
     mixed: Floats = picture

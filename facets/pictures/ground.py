@@ -46,6 +46,8 @@ def ground(parts: Sequence[Part], z: float) -> Ground:
     pixel = 2 * reach / MAP
     levels: dict[int, list[Part]] = {}
     for part in parts:
+        if np.ptp(part.solid.points, axis=0).max() < 4 * pixel or part.material in ("gold", "hole"):
+            continue  # too fine to be seen in a soft shadow
         height = float(part.solid.points[:, 2].mean()) - z
         levels.setdefault(int(np.clip(np.log2(1 + height / 12), 0, 5)), []).append(part)
     shade = np.zeros((MAP, MAP))
@@ -71,10 +73,9 @@ def silhouettes(
     for part in parts:
         points = part.solid.points
         flat = points[:, :2] - (points[:, 2:] - z) * slope
-        pixels = (flat + reach) * (MAP - 1) / (2 * reach)
+        pixels = [tuple(pixel) for pixel in ((flat + reach) * (MAP - 1) / (2 * reach)).tolist()]
         for face in part.solid.faces:
-            if len(face) > 2:
-                draw.polygon([tuple(pixels[n]) for n in face], fill=255)
+            draw.polygon([pixels[n] for n in face], fill=255)
     return np.asarray(sheet, float) / 255
 
 

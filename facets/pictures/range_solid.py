@@ -12,7 +12,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats, Integers
 
 #: Rays from pole to pole and around.
-LATITUDES, LONGITUDES = 30, 48
+LATITUDES, LONGITUDES = 40, 64
 #: How far is looked, mm.
 FAR = 30.0
 #: A colour for each of `CAUSES`, and for a side on which nothing ends the range.

@@ -202,11 +202,11 @@ def detector(stand: Stand, k: int) -> Iterator[Part]:
     def box(w: float, h: float, low: float, top: float, corner: float, bevel: float) -> Solid:
         return slab(rectangle(w, h, corner * fit), low * fit, top * fit, bevel * fit)
 
-    outer, hole = rectangle(wide, high, 2.5 * fit), rectangle(width + 3 * fit, height + 3 * fit, fit)
+    outer, hole = rectangle(wide, high, 2.5 * fit), rectangle(width + 2.4 * fit, height + 2.4 * fit, fit)
     yield put("bezel", "anodised", frame(outer, hole, -5 * fit, -0.4 * fit), -34)
     yield put("window", "glass", box(width + 4 * fit, height + 4 * fit, -3.4, -2.4, 0.5, 0), -20)
     yield put("sensitive area", "silicon", slab(rectangle(width, height), 0, 0.4 * fit), 0)
-    rim = frame(rectangle(width + 2.6 * fit, height + 2.6 * fit, 0.4 * fit),
+    rim = frame(rectangle(width + 1.2 * fit, height + 1.2 * fit, 0.2 * fit),
                 rectangle(width, height, 0.01 * fit), -0.05 * fit, 0.4 * fit)  # fmt: skip
     yield put("bond ring", "gold", rim, 0)
     yield put("carrier", "ceramic", box(width + 7 * fit, height + 7 * fit, 0.4, 2.4, 0.8, 0.2), 8)

@@ -45,13 +45,16 @@ class Range(Near):
         self.solid = range_solid(self.sensor, self.rules)
         half = np.abs(self.solid.extent).max(axis=0)
         wanted = 13.0 * self.fit
-        self.factors = np.array([self.factor(wanted / size) for size in half])
+        aside = self.factor(wanted / float(half[:2].max()))
+        self.factors = np.array([aside, aside, self.factor(wanted / float(half[2]))])
         pyvista = library()
         points = self.solid.points * self.factors
         cells = np.column_stack([np.full(len(self.solid.faces), 4), self.solid.faces])
         self.mesh = pyvista.PolyData(points, cells.ravel())
         self.mesh["colour"] = (255 * np.array([rgb(COLOURS[n]) for n in self.solid.causes])).astype(np.uint8)
-        self.mesh = self.mesh.compute_normals(cell_normals=False, split_vertices=False)
+        self.mesh = self.mesh.compute_normals(
+            cell_normals=False, split_vertices=True, feature_angle=25.0
+        )
         self.shell = Studio([], self.theme)
         self.shell.plotter.add_mesh(
             self.mesh, scalars="colour", rgb=True, ambient=0.42, diffuse=0.55, specular=0.25,
@@ -60,7 +63,7 @@ class Range(Near):
 
     def factor(self, ratio: float) -> float:
         """Drawn as it is where it can be seen so."""
-        return 1.0 if 0.5 < ratio < 1.6 else round_down(ratio)
+        return 1.0 if 0.4 < ratio < 4 else round_down(ratio)
 
     def camera(self) -> Camera:
         if not hasattr(self, "_camera"):
@@ -93,8 +96,8 @@ class Range(Near):
             words = f"{name}  {length_in_words(float(f'{high[axis] - low[axis]:.4g}'))}"
             sheet.dimension(a, b, words, 26 * sheet.unit * aside, 16)
         self.legend(sheet)
-        drawn = [f"{name} {f:g}" for name, f in zip("xyz", self.factors, strict=True) if f != 1]
-        self.note = f"drawn larger, times: {', '.join(drawn)}" if drawn else "to scale"
+        aside, up = (f"drawn {f:g} times larger" if f != 1 else "to scale" for f in self.factors[1:])
+        self.note = aside if aside == up else f"x and y {aside}, z {up}"
         words = "range of the mirror's place" + (", the beam following" if self.rules.tracking else "")
         self.caption(sheet, words)
 
@@ -159,7 +162,7 @@ class Trail(Near):
             self.move_to(np.concatenate([self.path[n], self.motion[n, 3:]]))
             shot = self.studio.take(camera, self.sharpness)
             ghost = assemble(shot, self.theme, None)
-            cover = 0.22 * shot.cover[..., None]
+            cover = 0.13 * shot.cover[..., None]
             picture = picture * (1 - cover) + ghost * cover
         return picture
 

@@ -28,6 +28,7 @@ def library(interactive: bool = False) -> Any:
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
     try:
         import pyvista
+        import pyvista.plotting  # comes late by itself
     except ImportError as error:
         raise InputError(
             f"3D pictures need libraries that are missing ({error}); on Debian and Ubuntu: "
@@ -172,6 +173,11 @@ class Studio:
         for key, actor in self.actors.items():
             if key.startswith(f"{assembly} "):
                 actor.user_matrix = matrix
+
+    def only(self, *assemblies: str) -> None:
+        """Shows these alone, or all where none is named."""
+        for key, actor in self.actors.items():
+            actor.visibility = not assemblies or key.startswith(tuple(f"{a} " for a in assemblies))
 
     def take(self, camera: Camera, sharpness: int = 2) -> Shot:
         """What the camera sees, from `sharpness` x `sharpness` samples a pixel."""

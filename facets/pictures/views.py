@@ -110,7 +110,7 @@ class View:
         left, low = 24 * sheet.unit, sheet.size[1] - 20 * sheet.unit
         state = sheet.write((left, low), state_in_words(self.state), 14, self.theme.ink, anchor=(0, 1))
         words = " \u00b7 ".join(part for part in (self.title, what, self.note) if part)
-        sheet.write((left, state[1] + 2), words, 13, self.theme.faint, anchor=(0, 1))
+        sheet.write((left, state[1] - 3 * sheet.unit), words, 13, self.theme.faint, anchor=(0, 1))
 
     def close(self) -> None:
         self.studio.close()
@@ -206,7 +206,10 @@ class Whole(Rig):
         for inset, target, corner in zip(found, targets, places, strict=True):
             insets.leader(sheet, inset, target, corner, inset.camera.size)
         for inset, corner in zip(found, places, strict=True):
-            shown = self.expose(inset.camera, floor=False, haze=0.8 if inset.round else 0.25)
+            if inset.round:
+                self.studio.only("head")
+            shown = self.expose(inset.camera, floor=False, haze=0.6 if inset.round else 0.1)
+            self.studio.only()
             insets.paste(picture, shown, corner, inset.round)
             insets.frame(sheet, inset, corner, inset.camera.size)
 
@@ -241,13 +244,16 @@ def face_camera(stand: Stand, k: int, size: tuple[int, int]) -> Camera:
     """Square to a detector's face, from the mirror's side."""
     centre, axes = rig.detector_frame(stand, k)
     psd = stand.sensor.psds[k]
-    extent = 1.22 * max(psd.size_z, psd.size_y * size[1] / size[0])
-    away = centre - 30 * rig.scale_of(stand) * axes[2]
+    extent = 1.16 * max(psd.size_z, psd.size_y * size[1] / size[0])
+    away = centre - 1.8 * rig.scale_of(stand) * axes[2]  # behind the window
     return Camera(tuple(away), tuple(centre), tuple(axes[1]), angle=0.0, extent=extent, size=size)
 
 
 class Mirror(View):
     """The mirror's point, close: the beam is shared by the facets, and what lies on each."""
+
+    def own_parts(self) -> list[Part]:
+        return [part for part in super().own_parts() if part.assembly == "head"]
 
     def camera(self) -> Camera:
         sigma = max(self.sensor.beam.diameter_x, self.sensor.beam.diameter_y) / 4
