@@ -14,9 +14,9 @@ INSIDE, LEAST = 0.80, 0.06
 
 
 def round_down(factor: float) -> float:
-    """The largest of 1, 2, 5, 10, ... (or 0.5, 0.2, ...) that is not larger."""
+    """The largest of 1, 2, 3, 5, 10, ... (or 0.5, 0.3, ...) that is not larger."""
     power = 10.0 ** np.floor(np.log10(factor) + 1e-12)
-    return float(max(n * power for n in (1, 2, 5) if n * power <= factor * (1 + 1e-12)))
+    return float(max(n * power for n in (1, 2, 3, 5) if n * power <= factor * (1 + 1e-12)))
 
 
 def motion_factor(sensor: Sensor, states: Floats, largest: float = 1000.0) -> float:

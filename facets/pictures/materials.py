@@ -24,17 +24,17 @@ class Material(NamedTuple):
 
 
 MATERIALS: dict[str, Material] = {
-    "mirror": Material("#FFFFFF", 1.0, 0.03, smooth=False),
+    "mirror": Material("#8E99A8", 1.0, 0.03, smooth=False),
     "steel": Material("#DDE1E6", 1.0, 0.28),
     "aluminium": Material("#E6E9ED", 1.0, 0.40),
     "plate": Material("#20252C", 0.4, 0.42),
     "anodised": Material("#121418", 0.3, 0.38),
     "brass": Material("#F2C878", 1.0, 0.34),
     "gold": Material("#F0C35A", 1.0, 0.28),
-    "glass": Material("#8FC3E3", 0.0, 0.05, clear=0.82),
+    "glass": Material("#6FA8C8", 0.0, 0.05, clear=0.88),
     "silicon": Material("#070A18", 0.0, 0.5, smooth=False),
     "ceramic": Material("#E9E2D3", 0.0, 0.55),
-    "board": Material("#1F6B45", 0.0, 0.5),
+    "board": Material("#0E4A2C", 0.0, 0.5),
     "plastic": Material("#17181B", 0.0, 0.45),
     "hole": Material("#020203", 0.0, 0.9, smooth=False),
 }

@@ -76,7 +76,7 @@ class Range(Near):
         picture = super().expose(camera, haze=0.8)
         shot, shell = self.studio.take(camera, self.sharpness), self.shell.take(camera, self.sharpness)
         front = shell.depth < shot.depth
-        clear = np.where(front, 0.46, 0.17) * shell.cover
+        clear = np.where(front, 0.52, 0.20) * shell.cover
         shown = shell.colour / np.maximum(shell.cover, 1e-3)[..., None]
         mixed: Floats = picture * (1 - clear[..., None]) + shown * clear[..., None]
         return mixed
@@ -143,7 +143,7 @@ class Trail(Near):
     def build(self) -> None:
         super().build()
         reach = float(np.abs(self.motion[:, :3]).max())
-        self.factor = max(1.0, round_down(14.0 * self.fit / reach)) if reach > 0 else 1.0
+        self.factor = max(1.0, round_down(16.0 * self.fit / reach)) if reach > 0 else 1.0
         self.path = self.factor * self.motion[:, :3]
 
     def camera(self) -> Camera:

@@ -13,13 +13,13 @@ from ..core.units import MICRO, MRAD, UM, UW, Floats
 from ..model.arrays import readings
 from . import insets, rig
 from .camera import Camera, fit, normalize
-from .exposure import expose
+from .exposure import assemble, expose, expose_face
 from .ground import Ground, ground
 from .insets import Inset
 from .lettering import Sheet, length_in_words
 from .materials import Theme
 from .rig import Part
-from .scene import Stand
+from .scene import Stand, array, cut
 from .solids import Solid, join
 from .sections import cut_open, exploded
 from .studio import Studio, bounds, library
@@ -206,12 +206,18 @@ class Whole(Rig):
         for inset, target, corner in zip(found, targets, places, strict=True):
             insets.leader(sheet, inset, target, corner, inset.camera.size)
         for inset, corner in zip(found, places, strict=True):
-            if inset.round:
-                self.studio.only("head")
-            shown = self.expose(inset.camera, floor=False, haze=0.6 if inset.round else 0.1)
-            self.studio.only()
+            shown = self.magnified(inset)
             insets.paste(picture, shown, corner, inset.round)
             insets.frame(sheet, inset, corner, inset.camera.size)
+
+    def magnified(self, inset: Inset) -> Floats:
+        """The picture in an inset: of the head alone, or of a detector's face."""
+        if not inset.round:
+            return expose_face(self.stand, inset.camera, "ABC".index(inset.title[-1]))
+        self.studio.only("head")
+        shot = self.studio.take(inset.camera, self.sharpness)
+        self.studio.only()
+        return expose(self.stand, shot, self.theme, None, self.laser, 0.8, bloom=0.4)
 
     def point_inset(self) -> Inset:
         side = int(0.27 * min(self.size[1], self.size[0] * 0.75)) // 2 * 2
@@ -261,7 +267,8 @@ class Mirror(View):
         return point_camera(focus, 13 * sigma, self.size)
 
     def expose(self, camera: Camera, floor: bool = True, haze: float = 1.0) -> Floats:
-        return super().expose(camera, floor=False, haze=0.55)
+        shot = self.studio.take(camera, self.sharpness)
+        return expose(self.stand, shot, self.theme, None, self.laser, 0.85, bloom=0.3)
 
     def draw(self, picture: Floats, sheet: Sheet, camera: Camera) -> None:
         width, height = self.size
@@ -269,8 +276,18 @@ class Mirror(View):
         self.caption(sheet, "the point of the mirror, and the light on its facets")
         reading = readings(self.sensor, self.state)
         for k, letter in enumerate(DETECTORS):
+            self.outline(sheet, camera, k)
             self.name_sub_beam(sheet, camera, k, letter, float(reading[3 * k + 2]))
         self.name_width(sheet, camera)
+
+    def outline(self, sheet: Sheet, camera: Camera, k: int) -> None:
+        """Where the light on facet k has fallen to 1/e^2 of the largest."""
+        cross = cut(self.stand, k)
+        if not len(cross) or camera.axes[2] @ np.array(self.stand.at.normals[k], float) > 0:
+            return
+        rim = camera.project(array(self.stand.on_facet(k, cross[-1])))[:, :2]
+        for n in range(0, len(rim) - 1, 2):
+            sheet.line(rim[n : n + 2], self.theme.ink, 1.1, 0.8)
 
     def name_sub_beam(self, sheet: Sheet, camera: Camera, k: int, letter: str, power: float) -> None:
         centre = np.array(self.stand.geometry.centres[k], float)
@@ -440,13 +457,13 @@ class Exploded(View):
         )  # fmt: skip
 
     def build(self) -> None:
-        """The three assemblies side by side: the detector is brought nearer to the head."""
+        """The three assemblies side by side, laser, head and detector, each taken apart."""
         centre = np.array(self.rest.geometry.centres[self.number], float)
         outward = normalize([centre[0], centre[1], 0.0])
         shift = outward * (self.gap() - float(centre @ outward))
-        shift[2] = 50 * self.fit - float(centre[2])
+        shift[2] = 8 * self.fit - float(centre[2])
         shifts = {f"detector {DETECTORS[self.number]}": shift,
-                  "laser": np.array([0, 0, -40.0]) * self.fit}  # fmt: skip
+                  "laser": self.fit * np.array([-84.0, 44.0, -128.0])}  # fmt: skip
         self.parts = [
             replace(part, solid=Solid(part.solid.points + shifts.get(part.assembly, 0), part.solid.faces))
             for part in self.own_parts()
@@ -456,17 +473,15 @@ class Exploded(View):
 
     def gap(self) -> float:
         """How far the detector stands from the axis in this view, mm."""
-        return 120 * self.fit
+        return 90 * self.fit
 
     def camera(self) -> Camera:
         if not hasattr(self, "_camera"):
             start = Camera(place=(-300, -560, 230), focus=(0, 0, 0), angle=0.30, size=self.size)
-            self._camera = fit(start, bounds(self.parts), (0.15, 0.05, 0.90, 0.87))
+            self._camera = fit(start, bounds(self.parts), (0.16, 0.06, 0.92, 0.86))
         return self._camera
 
     def expose(self, camera: Camera, floor: bool = True, haze: float = 1.0) -> Floats:
-        from .exposure import assemble
-
         shot = self.studio.take(camera, self.sharpness)
         return assemble(shot, self.theme, None)
 
