@@ -159,9 +159,7 @@ def extras(
     return {}
 
 
-def draw(
-    settings: Config, state: Any, shape: Shape, path: Path, more: dict[str, Any]
-) -> None:
+def draw(settings: Config, state: Any, shape: Shape, path: Path, more: dict[str, Any]) -> None:
     """A picture, a page or a scene, by the file's ending."""
     from facets.pictures.materials import theme_of
     from facets.pictures.render import Picture, save_scene
@@ -219,11 +217,12 @@ def shoot(
     from rich.progress import Progress
 
     from facets.pictures import film
-    from facets.pictures.magnification import motion_factor, times
+    from facets.pictures.magnification import motion_factor, times, turning_factor
     from facets.pictures.materials import theme_of
     from facets.pictures.render import Picture
 
     factor = exaggerate or motion_factor(settings.sensor, states)
+    turning = turning_factor(factor * states) if exaggerate is None else 1.0
     console = Console(stderr=True)
     theme = theme_of(shape.style)
     with (
@@ -233,6 +232,8 @@ def shoot(
         Progress(console=console, transient=True, disable=not console.is_terminal) as progress,
     ):
         task = progress.add_task("rendering", total=len(states))
-        film.write(picture, states, path, rate, factor, lambda: progress.advance(task))
-    if note := times(factor):
-        typer.echo(f"{note[0].upper()}{note[1:]}, so that it can be seen; the film says so.", err=True)
+        film.write(picture, states, path, rate, factor, lambda: progress.advance(task), turning)
+    if note := times(factor, turning):
+        typer.echo(
+            f"{note[0].upper()}{note[1:]}, so that it can be seen; the film says so.", err=True
+        )

@@ -14,7 +14,7 @@ import facets
 from facets.core.settings import Sine
 from facets.core.units import Floats
 from facets.pictures import film, style
-from facets.pictures.magnification import motion_factor
+from facets.pictures.magnification import motion_factor, turning_factor
 from facets.pictures.render import Picture
 from facets.pictures.spots import plan_picture, spots_picture
 from facets.simulation.motion import states
@@ -52,10 +52,11 @@ def plan(path: Path) -> None:
 
 def wobble(path: Path) -> None:
     """A film that a page can carry: small, and in few colours."""
-    motion = wander()[::12]
+    motion = 0.2 * wander()[::15]
     factor = motion_factor(CONFIG.sensor, motion)
     with Picture(CONFIG.sensor, motion[0], "both", (600, 400), "dark", "paper") as picture:
-        film.write(picture, motion, path, 12.5, factor, lambda: None)
+        turning = turning_factor(factor * motion)
+        film.write(picture, motion, path, 12.5, factor, lambda: None, turning)
 
 
 REST = np.zeros(8)

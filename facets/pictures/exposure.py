@@ -25,7 +25,11 @@ def expose(
     that are left out.  bloom: how much light the lens spreads about."""
     picture = assemble(shot, theme, floor)
     light = glow(stand, shot, laser, dark)
-    return shine(picture, light, theme, haze, bloom) if theme.shines else stain(picture, light, theme, haze)
+    return (
+        shine(picture, light, theme, haze, bloom)
+        if theme.shines
+        else stain(picture, light, theme, haze)
+    )
 
 
 def assemble(shot: Shot, theme: Theme, floor: Ground | None) -> Floats:
@@ -38,15 +42,13 @@ def assemble(shot: Shot, theme: Theme, floor: Ground | None) -> Floats:
 
 def layers(light: Glow, theme: Theme, haze: float) -> list[tuple[Floats, Floats]]:
     """How much light there is, and its colour: beams, then surfaces."""
-    found = [(haze * 0.9 * light.beam, np.array(rgb(theme.beam)))]
+    found = [(haze * 1.1 * light.beam, np.array(rgb(theme.beam)))]
     for k, hue in enumerate(theme.hues):
         found.append((haze * 1.1 * light.sub_beams[k], np.array(rgb(hue))))
     return found
 
 
-def shine(
-    picture: Floats, light: Glow, theme: Theme, haze: float, bloom: float = 1.0
-) -> Floats:
+def shine(picture: Floats, light: Glow, theme: Theme, haze: float, bloom: float = 1.0) -> Floats:
     """Light added to a dark picture: hues at its rim, white where there is most, and a halo."""
     total = np.zeros_like(picture)
     for amount, hue in layers(light, theme, haze):
@@ -118,4 +120,4 @@ def expose_face(stand: Stand, camera: Camera, k: int) -> Floats:
     shown = [nothing, nothing, nothing]
     shown[k] = surface(stand, shot, k)
     light = Glow((nothing, nothing, nothing), nothing, (shown[0], shown[1], shown[2]))
-    return shine(picture, light, THEMES["dark"], 0.0, 1.6)
+    return shine(picture, light, THEMES["dark"], 0.0, 3.0)

