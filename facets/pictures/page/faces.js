@@ -368,7 +368,7 @@ const Faces = (() => {
     bar(pen, scale, middle, half) {
       const colours = THEMES[this.name], length = [2, 1, 0.5, 0.2, 0.1, 0.05, 0.02].find(
         (mm) => mm * scale < 0.5 * half) || 0.01;
-      const x = middle[0] - half + 4, y = middle[1] + half - 6;
+      const x = middle[0] + half - 2 - length * scale, y = middle[1] + half - 5;
       pen.strokeStyle = pen.fillStyle = colours.ink;
       pen.lineWidth = 2;
       pen.beginPath();
@@ -376,8 +376,8 @@ const Faces = (() => {
       pen.lineTo(x + length * scale, y);
       pen.stroke();
       pen.font = "11px system-ui, sans-serif";
-      pen.textAlign = "left";
-      pen.fillText(`${length} mm`, x, y - 5);
+      pen.textAlign = "right";
+      pen.fillText(`${length} mm`, x + length * scale, y - 5);
     }
   }
 

@@ -29,12 +29,22 @@
     }
     if (lost && !(power > 0)) return `No light gets from facet ${name} to its detector.`;
     if (lost) return `So little light gets from facet ${name} to its detector that its place is lost.`;
-    const [y, z] = RIG.detectors[k].half;
-    if (Math.abs(psi) > y || Math.abs(zeta) > z) {
-      return `Spot ${name} lies beside its detector, which reads nothing: the numbers say where the ` +
-        "light goes.";
-    }
     return power > 0 ? "" : `There is no light on detector ${name}.`;
+  }
+
+  // The letters of the detectors that their spots have left.
+  function left(readings) {
+    return [0, 1, 2].filter((k) => {
+      const [y, z] = RIG.detectors[k].half;
+      return Math.abs(readings[3 * k]) > y || Math.abs(readings[3 * k + 1]) > z;
+    }).map((k) => "ABC"[k]);
+  }
+
+  function beside(names) {
+    const end = "the numbers say where the light goes.";
+    if (names.length === 1) return `Spot ${names} lies beside its detector, which reads nothing: ${end}`;
+    const all = `${names.slice(0, -1).join(", ")} and ${names.at(-1)}`;
+    return names.length ? `Spots ${all} lie beside their detectors, which read nothing: ${end}` : "";
   }
 
   const scene = Rig.create($("rig"), RIG, {theme: theme(), onView: mark});
@@ -59,15 +69,15 @@
   }
 
   function tell(drawing, readings) {
-    const remarks = [0, 1, 2].map((k) => remark(drawing, readings, k));
+    const remarks = [0, 1, 2].map((k) => remark(drawing, readings, k)), off = left(readings);
     readings.forEach((value, n) => {
       const cell = document.querySelector(`td[data-reading="${n}"]`), lost = Number.isNaN(value);
       cell.dataset.value = String(value);
       cell.textContent = lost ? "lost" : digits(value, n % 3 === 2 ? 5 : 4);
-      cell.className = lost || remarks[Math.floor(n / 3)] ? "lost" : "";
+      cell.className = lost || off.includes("ABC"[Math.floor(n / 3)]) ? "lost" : "";
     });
     share(readings);
-    $("why").replaceChildren(...remarks.filter(Boolean).map((text) => {
+    $("why").replaceChildren(...[...remarks, beside(off)].filter(Boolean).map((text) => {
       const item = document.createElement("li");
       item.textContent = text;
       return item;
@@ -97,11 +107,19 @@
     return given.map(([key, x]) => `${key}=${x}`).join(",");
   }
 
+  // The page's address follows once a slider rests: browsers take only so many changes of it.
+  let waiting = 0;
   function link() {
+    clearTimeout(waiting);
+    waiting = setTimeout(address, 250);
+  }
+
+  function address() {
     const hash = words().replace(/,/g, "&");
     try {
       history.replaceState(null, "", location.pathname + location.search + (hash && `#${hash}`));
     } catch { /* a frame that may not change its address */ }
+    return location.href.split("#")[0] + (hash && `#${hash}`);
   }
 
   // A state from text: tx_mm=0.1,yaw_mrad=5 as facets render --at takes it, a link's end, or JSON.
@@ -243,7 +261,7 @@
   $("copy-state").addEventListener("click", () => copy(words(), "The state"));
   $("copy-json").addEventListener("click", () => copy(
     JSON.stringify(Object.fromEntries(parts.map((part, n) => [part.key, shown[n]]))), "The state"));
-  $("copy-link").addEventListener("click", () => copy(location.href, "The link"));
+  $("copy-link").addEventListener("click", () => copy(address(), "The link"));
   for (const button of document.querySelectorAll("#looks button")) {
     button.addEventListener("click", () => scene && scene.look(button.dataset.look));
   }
