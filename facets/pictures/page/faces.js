@@ -11,8 +11,8 @@
 
 const Faces = (() => {
   const THEMES = {
-    dark: {face: "#12161d", edge: "#596270", grid: "#2a313b", ink: "#e6ebf1", quiet: "#9aa5b1"},
-    light: {face: "#f3f5f7", edge: "#8a929c", grid: "#dde1e6", ink: "#1c2128", quiet: "#5d6671"},
+    dark: {face: "#12161d", edge: "#596270", grid: "#2a313b", ink: "#e6ebf1", quiet: "#9aa5b1", ground: "#161a20"},
+    light: {face: "#f3f5f7", edge: "#8a929c", grid: "#dde1e6", ink: "#1c2128", quiet: "#5d6671", ground: "#ffffff"},
   };
   const rgb = (hue) => [1, 3, 5].map((n) => parseInt(hue.slice(n, n + 2), 16));
 
@@ -377,6 +377,9 @@ const Faces = (() => {
       pen.stroke();
       pen.font = "11px system-ui, sans-serif";
       pen.textAlign = "right";
+      pen.strokeStyle = colours.ground;
+      pen.lineWidth = 4;
+      pen.strokeText(`${length} mm`, x + length * scale, y - 5);
       pen.fillText(`${length} mm`, x + length * scale, y - 5);
     }
   }

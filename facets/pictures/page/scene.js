@@ -546,9 +546,9 @@ const Rig = (() => {
       } else if (name === "rig") {
         const narrow = Math.max(1, 1.45 / this.camera.aspect);
         // the detector opposite and the laser's pillar stand to both sides of the beam
-        const azimuth = this.front(), flat = 2.5 * Math.cos(azimuth), deep = 2.5 * Math.sin(azimuth);
-        target = [0, 0, 0.06 * reach];
-        from = along(target, narrow * reach, [flat, deep, 1.75]);
+        const azimuth = this.front(), flat = 2.7 * Math.cos(azimuth), deep = 2.7 * Math.sin(azimuth);
+        target = [0, 0, 0.07 * reach];
+        from = along(target, narrow * reach, [flat, deep, 1.85]);
       } else {
         const one = rig.detectors["ABC".indexOf(name)], size = 2 * Math.max(...one.half);
         target = one.centre;
