@@ -151,7 +151,17 @@ addEventListener("load", () => setTimeout(() => {
   told.themes = themes;
   setTimeout(() => {
     told.hash = location.hash;
-    document.body.dataset.told = JSON.stringify(told);
+    document.querySelector("[data-try=tz]").click();
+    told.lifted = page();
+    byId("play").click();
+    setTimeout(() => {
+      byId("play").click();
+      told.played = page();
+      setTimeout(() => {
+        told.stopped = page();
+        document.body.dataset.told = JSON.stringify(told);
+      }, 300);
+    }, 1000);
   }, 1000);
 }, 1000));
 </script></html>"""
@@ -235,6 +245,15 @@ def test_a_state_is_copied_and_pasted_as_text(acted):
     assert told["reset"]["state"] == "ty_mm=0.03"
     assert told["hash"] == "#ty_mm=0.03&roll_mrad=12.5"
     assert float(told["number"]["slider"]) == 12.5
+
+
+@needs_browser
+def test_the_mirror_moves_by_itself_until_it_is_stopped(acted):
+    told = acted[1]
+    lifted = cells(told["lifted"])
+    assert np.ptp(lifted[1::3]) < 1e-9 < lifted[1]
+    assert told["played"]["state"].count("=") == 6
+    assert told["stopped"]["state"] == told["played"]["state"]
 
 
 @needs_browser

@@ -320,7 +320,7 @@ const Faces = (() => {
       this.shine(pen, middle[0] - half, middle[1] - half, side, side, (x, y) => {
         const place = toBeam(x, y), square = place[0] * place[0] + place[1] * place[1];
         if (square > 14 || square > rig.beam.aperture ** 2) return null;
-        const k = [0, 1, 2].find((n) => Model.onFacet(drawing, n, place));
+        const k = [0, 1, 2].find((n) => drawing.facets[n].meets && Model.onFacet(drawing, n, place));
         if (k === undefined || !drawing.facets[k].reflects(place)) return null;
         return [hues[k], Math.exp(-square / 2)];
       });
@@ -355,7 +355,8 @@ const Faces = (() => {
       const {drawing, rig} = this;
       pen.font = "600 13px system-ui, sans-serif";
       pen.textAlign = "center";
-      drawing.facets.forEach((_, k) => {
+      drawing.facets.forEach((facet, k) => {
+        if (!(facet.facing > 0)) return;
         const u = drawing.sides[k], v = drawing.sides[(k + 1) % 3], between = [u[0] + v[0], u[1] + v[1]];
         const far = toPixel(between), from = toPixel([0, 0]);
         const size = Math.hypot(far[0] - from[0], far[1] - from[1]) || 1;

@@ -152,6 +152,7 @@
   function accept(text) {
     try {
       shown = read(text);
+      stop();
       say("");
     } catch (error) {
       say(error.message, true);
@@ -206,8 +207,41 @@
   }
 
   function move(n, value) {
+    stop();
     shown[n] = value;
     refresh();
+  }
+
+  // One component alone, half way to where its slider ends.
+  function attempt(symbol) {
+    stop();
+    shown = parts.map((part) => (part.symbol === symbol ? part.end / 2 : 0));
+    refresh();
+  }
+
+  // A motion of all components, each at its own pace, until something else moves the state.
+  let playing = 0;
+  function play() {
+    const paces = [3, 4, 5, 2, 3, 1, 0, 0], begin = performance.now();
+    const step = (now) => {
+      const turn = (now - begin) / 12000 * 2 * Math.PI;
+      shown = parts.map((part, n) => +(0.45 * part.end * Math.sin(paces[n] * turn)).toPrecision(4));
+      refresh();
+      playing = requestAnimationFrame(step);
+    };
+    playing = requestAnimationFrame(step);
+    pressed();
+  }
+
+  function stop() {
+    cancelAnimationFrame(playing);
+    playing = 0;
+    pressed();
+  }
+
+  function pressed() {
+    $("play").textContent = playing ? "Pause" : "Play";
+    $("play").setAttribute("aria-pressed", Boolean(playing));
   }
 
   function rows() {
@@ -248,7 +282,12 @@
   $("text").addEventListener("input", () => accept($("text").value));
   $("text").addEventListener("blur", refresh);
   $("text").placeholder = "all zero";
+  $("play").addEventListener("click", () => (playing ? stop() : play()));
+  for (const button of document.querySelectorAll("#try button")) {
+    button.addEventListener("click", () => attempt(button.dataset.try));
+  }
   $("reset").addEventListener("click", () => {
+    stop();
     shown = first.map((x, n) => tidy(x / parts[n].factor));
     say("");
     refresh();
