@@ -31,6 +31,8 @@ WORDS = {
     "bx": "beam, x",
     "by": "beam, y",
 }
+#: The parts of the page that stand in scripts, which must not contain what ends one.
+SCRIPTS = ("THREE", "MODEL", "DATA", "SCENE", "FACES", "PANEL")
 #: Ends that a slider may have, times a power of ten.
 ROUND = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
@@ -50,6 +52,7 @@ def rig_page(sensor: Sensor, name: str, state: Floats) -> str:
         "TITLE": html.escape(f"{name}: a three-facet-mirror sensor"),
         "NAME": html.escape(name),
         "STYLE": text_of("page.css"),
+        "LICENCE": text_of("three/LICENSE"),
         "THREE": text_of("three/three.min.js"),
         "MODEL": model(sensor),
         "DATA": f"const RIG = {data(rig(sensor))};\nconst PAGE = {data(settings)};",
@@ -60,7 +63,7 @@ def rig_page(sensor: Sensor, name: str, state: Floats) -> str:
     text = text_of("page.html")
     for mark, part in parts.items():
         before, after = text.split(f"@{mark}@", 1)
-        ended = part.replace("</", "<\\/") if mark not in ("STYLE", "TITLE", "NAME") else part
+        ended = part.replace("</", "<\\/") if mark in SCRIPTS else part
         text = before + ended + after
     return text
 
