@@ -68,6 +68,7 @@ def picture(table: Table) -> Figure:
                              color=hues.axes.get(name, hues.ink), ls=DASHES.get(name, "-"),
                              marker=MARKS.get(name, "*"))  # fmt: skip
         panel.set(xlabel="tilt, mrad", ylabel="largest error of a place, nm")
-        panel.xaxis.set_major_formatter("{x:g}")
+        for axis in (panel.xaxis, panel.yaxis):
+            style.plain_log(axis)
         panel.legend()
     return drawing

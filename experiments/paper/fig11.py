@@ -91,7 +91,7 @@ def picture(table: Table) -> Figure:
             error.plot(time, table["beam_off_um"][rows], color=hues.ink, lw=1.0, ls="--",
                        label="beam off the apex")  # fmt: skip
             error.set(ylabel="error or distance, µm", xlabel="time, s")
-            error.set_ylim(top=1.45 * error.get_ylim()[1])  # room for the legend
-            for panel in (place, error):
-                panel.legend(loc="upper right")
+        parts = [panel.get_legend_handles_labels() for panel in panels[:, 0]]
+        handles, texts = (one + two for one, two in zip(*parts, strict=True))
+        style.legend_below(drawing, handles, texts, 4)
     return drawing

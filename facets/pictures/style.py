@@ -154,6 +154,16 @@ def lay_out(picture: Figure, dpi: int) -> None:
         picture.set_layout_engine("none")
 
 
+def ramp() -> Any:
+    """Hues for a quantity, from small to large; its ends stand off the ground."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    dark = chosen_style() == "dark"
+    ends = (0.2, 1.0) if dark else (0.0, 0.92)
+    return ListedColormap(colormaps["viridis"](np.linspace(*ends, 256)))
+
+
 def in_words(name: str) -> str:
     """A component of the state for a label: "shift in x"."""
     return WORDS[name]
@@ -217,3 +227,15 @@ def measure_label(column: str) -> str:
     if kind in MEASURES and name in WORDS and unit:
         return f"{MEASURES[kind]} {WORDS[name]}, {with_micro(unit)}"
     return column_label(column)
+
+
+def plain_log(axis: Any) -> None:
+    """Ticks of a logarithmic axis in plain numbers, and enough of them over a short reach."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = sorted(axis.get_view_interval())
+    reach = high / low if low > 0 else 1.0
+    parts = (1.0,) if reach > 300 else (1.0, 2.0, 5.0) if reach > 6 else tuple(range(1, 10))
+    axis.set_major_locator(LogLocator(subs=parts))
+    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
