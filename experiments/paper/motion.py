@@ -73,7 +73,7 @@ def drawn(table: Table, axes: tuple[str, ...]) -> Figure:
             key = column(name)
             panel.plot(table["time_s"], table[f"true_{key}"], color=hues.grey, alpha=0.55, lw=4.2,
                        solid_capstyle="butt", label="truth")  # fmt: skip
-            panel.plot(table["time_s"], table[key], color=hues.axes[name], lw=1.0, label="estimate")
+            error_band(panel, table["time_s"], table[key], hues.axes[name], "estimate")
             panel.set(ylabel=style.place_label(name), xlabel="time, s")
         for panel in moved[len(axes) :]:
             panel.set_axis_off()

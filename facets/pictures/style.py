@@ -43,6 +43,17 @@ LINES = {"paper": (1.1, 0.6), "screen": (1.4, 0.7), "dark": (1.4, 0.7)}
 #: No date in a file: the same picture is the same file.
 METADATA: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 
+#: First digits of a logarithmic axis's ticks, from many to few.
+DIGITS = (
+    (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8),
+    (1, 1.5, 2, 3, 4, 6, 8),
+    (1, 2, 3, 5),
+    (1, 2, 5),
+    (1,),
+)
+#: The most ticks that have a number.
+TICKS = 6
+
 #: Axes in words.
 WORDS = {
     "tx": "shift in x", "ty": "shift in y", "tz": "shift in z", "roll": "roll", "pitch": "pitch",
@@ -230,12 +241,30 @@ def measure_label(column: str) -> str:
 
 
 def plain_log(axis: Any) -> None:
-    """Ticks of a logarithmic axis in plain numbers, and enough of them over a short reach."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    """Ticks of a logarithmic axis in plain numbers, as many as there is room for."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
 
-    low, high = sorted(axis.get_view_interval())
-    reach = high / low if low > 0 else 1.0
-    parts = (1.0,) if reach > 300 else (1.0, 2.0, 5.0) if reach > 6 else tuple(range(1, 10))
-    axis.set_major_locator(LogLocator(subs=parts))
+    axis.axes.autoscale_view()
+    places = log_ticks(*sorted(axis.get_view_interval()))
+    axis.set_major_locator(FixedLocator(places))
     axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     axis.set_minor_formatter(NullFormatter())
+
+
+def log_ticks(low: float, high: float) -> list[float]:
+    """Round numbers from low to high, at most `TICKS`; powers of ten alone may be more.
+
+    Where the reach is so short that there are fewer than three, steps of the same size instead.
+    """
+    from matplotlib.ticker import MaxNLocator
+
+    found: list[float] = []
+    tens = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    for digits in DIGITS:
+        found = [float(f"{digit:g}e{ten}") for ten in tens for digit in digits]
+        found = [place for place in found if low <= place <= high]
+        if len(found) <= TICKS:
+            break
+    if len(found) < 3:
+        found = [float(place) for place in MaxNLocator(4).tick_values(low, high)]
+    return [place for place in found if low <= place <= high]
