@@ -116,7 +116,7 @@ def in_rules(**changes: Any) -> Iterator[None]:
     """
     import matplotlib as mpl
 
-    more = {name.replace("__", "."): value for name, value in changes.items()}
+    more: dict[Any, Any] = {name.replace("__", "."): value for name, value in changes.items()}
     with mpl.rc_context({**rules(), **more}):
         yield
 

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import figures
 import numpy as np
 import pytest
+from commands import command
 from figures import ALL, texts_of
 
 from facets.core.errors import InputError
@@ -181,3 +182,29 @@ def test_noise_is_drawn_by_detector_and_axis():
 def test_a_name_that_is_no_picture_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"ends in \.png"):
         style.save(style.figure(3, 2), tmp_path / "plot.jpg")
+
+
+def test_every_command_that_draws_takes_a_style():
+    from importlib import import_module
+    from inspect import signature
+
+    from facets.cli import COMMANDS
+
+    drawing = set()
+    for name, module in COMMANDS.items():
+        work = getattr(import_module(f"facets.cli.{module}"), name.replace("-", "_"), None)
+        if work and "plot" in signature(work).parameters:
+            drawing.add(name)
+            assert "look" in signature(work).parameters, name
+    assert {"simulate", "resolution", "calibrate"} <= drawing
+
+
+def test_a_command_draws_in_the_style_asked_for(tmp_path):
+    words = ("resolution", "paper", "--plot", "svg", "-o", "out")
+    result = command(*words, "--style", "dark", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    text = (tmp_path / "out" / "budget.svg").read_text()
+    assert f"fill: {THEMES['dark'].ground.lower()}" in text
+    wrong = command(*words, "--style", "pink", cwd=tmp_path)
+    assert wrong.returncode == 2
+    assert "pink" in wrong.stderr
