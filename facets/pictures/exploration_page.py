@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
+from ..core.hues import chosen_hues
 from ..core.sensor import Sensor
 from ..core.units import column_label
 from .head_drawing import drawing
@@ -71,7 +72,7 @@ def page(
     content = json.dumps(data, ensure_ascii=False, allow_nan=False).replace("</", "<\\/")
     for mark, value in (
         ("NAME", html.escape(name)), ("OBJECTIVES", ", ".join(map(html.escape, objectives))),
-        ("SUMMARY", html.escape(summary)),
+        ("SUMMARY", html.escape(summary)), ("HUES", chosen_hues().css),
     ):  # fmt: skip
         text = text.replace(mark, value)
     before, after = text.split("PLOTLY", 1)
