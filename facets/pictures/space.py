@@ -11,14 +11,14 @@ from ..core.rules import Rules
 from ..core.units import Floats
 from ..model.arrays import readings
 from . import insets, rig
-from .camera import Camera, fit, normalize
+from .camera import Camera, fit
 from .exposure import assemble, expose
 from .lettering import Sheet, length_in_words
 from .magnification import round_down, times
 from .materials import rgb
 from .range_solid import COLOURS, REASONS, range_solid
 from .rig import Part
-from .studio import Studio, bounds, library
+from .studio import Studio, library
 from .views import View, face_camera
 
 
@@ -257,6 +257,3 @@ class Trail(Near):
     def size_in_words(self, k: int) -> str:
         psd = self.sensor.psds[k]
         return f"{psd.size_y:g} x {psd.size_z:g} mm, to scale"
-
-
-__all__ = ["Near", "Range", "Trail", "bounds", "normalize"]

@@ -17,7 +17,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.units import Booleans, Floats
 from .camera import Camera
-from .materials import MATERIALS, Theme, rgb
+from .materials import MATERIALS, Theme
 from .rig import Part
 from .solids import Solid, join
 
@@ -232,7 +232,3 @@ def develop(camera: Camera, colour: Any, depth: Floats, sharpness: int) -> Shot:
 def bounds(parts: Sequence[Part]) -> Floats:
     """All points of parts, (n, 3)."""
     return np.concatenate([part.solid.points for part in parts])
-
-
-def as_colour(colour: str) -> Floats:
-    return np.array(rgb(colour))

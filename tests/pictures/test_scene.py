@@ -84,7 +84,7 @@ def test_light_beside_the_mirror_is_not_drawn():
 @pytest.fixture(scope="module")
 def rendered(tmp_path_factory):
     folder = tmp_path_factory.mktemp("render")
-    for name in ("rig.png", "scene.gltf"):
+    for name in ("scene.gltf",):
         result = command("render", "paper", "--at", TILTED, "-o", name, cwd=folder)
         assert result.returncode == 0, result.stderr
     return folder
