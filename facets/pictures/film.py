@@ -77,7 +77,8 @@ def told(shown: Iterator[Any], tell: Callable[[], None]) -> Iterator[Any]:
 def write_h264(shown: Iterator[Any], path: Path, rate: float) -> None:
     import imageio
 
-    with imageio.get_writer(
+    open_writer: Any = imageio.get_writer
+    with open_writer(
         path, format="FFMPEG", fps=rate, codec="libx264", quality=8, macro_block_size=2,
         ffmpeg_log_level="error", output_params=["-movflags", "+faststart", "-f", "mp4"],
     ) as writer:  # fmt: skip
