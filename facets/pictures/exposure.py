@@ -50,7 +50,7 @@ def layers(light: Glow, theme: Theme, haze: float) -> list[tuple[Floats, Floats]
 
 def shine(picture: Floats, light: Glow, theme: Theme, haze: float, bloom: float = 1.0) -> Floats:
     """Light added to a dark picture: hues at its rim, white where there is most, and a halo."""
-    total: Floats = np.zeros(picture.shape, np.float32)  # type: ignore[assignment]
+    total: Floats = np.zeros(picture.shape, np.float32)
     for amount, hue in layers(light, theme, haze):
         core = np.maximum(amount - 0.75, 0)
         add(total, amount, deep(hue))

@@ -42,7 +42,7 @@ def frames(picture: Picture, states: Floats, factor: float, turning: float = 1.0
     """
     view = picture.view
     still = view.camera()
-    view.turning, view.note = turning, times(factor, turning)
+    view.larger, view.turning, view.note = factor, turning, times(factor, turning)
     count = len(states)
     for n, state in enumerate(states):
         view.camera = lambda n=n: eased(still, n / count)  # type: ignore[method-assign, misc]
