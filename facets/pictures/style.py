@@ -266,5 +266,6 @@ def log_ticks(low: float, high: float) -> list[float]:
         if len(found) <= TICKS:
             break
     if len(found) < 3:
-        found = [float(place) for place in MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, high)]
+        even = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, high)
+        found = [float(place) for place in even]
     return [place for place in found if low <= place <= high]
