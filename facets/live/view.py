@@ -216,8 +216,8 @@ def pose_table(now: dict[str, Any]) -> Any:
         unit, fine = ("mrad", "urad") if name in ANGLES else ("mm", "um")
         value, sigma = now.get(f"{name}_{unit}"), now.get(f"u_{name}_{fine}")
         shown = "-" if value is None else f"{value:+.5f} {unit}"
-        heading = Text.assemble(("▌", hues.axes[name]), name)
-        table.add_row(heading, shown, "-" if sigma is None else f"{sigma:.3g} µ{fine[1:]}")
+        marked = Text.assemble(("▌", hues.axes[name]), name)
+        table.add_row(marked, shown, "-" if sigma is None else f"{sigma:.3g} µ{fine[1:]}")
     return table
 
 
