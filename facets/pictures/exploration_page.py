@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from ..core.errors import InputError
 from ..core.hues import chosen_hues
 from ..core.sensor import Sensor
-from ..core.units import column_label
 from .head_drawing import drawing
+from .style import measure_label
 
 #: Columns that the plots have room for.
 MOST = 9
@@ -85,7 +85,7 @@ UNITS = ("mm", "um", "mrad", "urad", "deg", "mw")
 
 
 def label(key: str) -> str:
-    return column_label(key) if key.rpartition("_")[2] in UNITS else key.replace("_", " ")
+    return measure_label(key) if key.rpartition("_")[2] in UNITS else key.replace("_", " ")
 
 
 def order(key: str, plotted: list[str]) -> int:

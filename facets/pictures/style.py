@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 #: For drawings whose ground is white whatever the style.
 INK, GREY = LIGHT.ink, LIGHT.grey
 BLUE, ORANGE, GREEN = LIGHT.detectors.values()
-SERIES = LIGHT.series
 #: Widths of a picture, inches: of one panel, and of a page's whole text.
 SINGLE, FULL = 4.4, 6.2
 #: Sizes of text, points: the least, and that of labels.
@@ -266,5 +265,6 @@ def log_ticks(low: float, high: float) -> list[float]:
         if len(found) <= TICKS:
             break
     if len(found) < 3:
-        found = [float(place) for place in MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, high)]
+        even = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, high)
+        found = [float(place) for place in even]
     return [place for place in found if low <= place <= high]
