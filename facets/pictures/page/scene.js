@@ -618,7 +618,6 @@ const Rig = (() => {
       });
       this.renderer.render(this.scene, this.camera);
       this.put(wide, high, distance);
-      if (this.options.onDraw) this.options.onDraw();
     }
 
     // The labels, each where its place is seen.
