@@ -313,6 +313,7 @@ def test_the_page_asks_nothing_of_a_network():
     assert not re.search(r"<(script|img|link|iframe)[^>]+(src|href)=(?!\"data:)", text)
     assert text.count("</script>") == 3
     assert "a &lt;/script&gt; name" in text
+    assert '"view": "mirror"' in rig_page(PAPER, "paper", np.zeros(8), "mirror")
 
 
 def test_what_the_page_leaves_out_is_said_in_sentences():

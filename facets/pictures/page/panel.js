@@ -315,7 +315,8 @@
   }
   dress();
   refresh();
-  if (scene && ["mirror", "A", "B", "C"].includes(asked.get("view"))) scene.look(asked.get("view"), false);
+  const view = asked.get("view") || PAGE.view;
+  if (scene && ["mirror", "A", "B", "C"].includes(view)) scene.look(view, false);
   // for other scripts: what is on the page, and a way to move it
   globalThis.page = {scene, point, faces, accept, readings: () => Model.readings(state())};
 })();
