@@ -85,8 +85,14 @@ def render(
     frames: Annotated[int, typer.Option(min=2, help="Of a film.")] = 120,
     rate: Annotated[float, typer.Option(min=1, max=60, help="Of a film, frames per second.")] = 30,
     exaggerate: Larger = None,
-    width: Annotated[int, typer.Option(min=200, max=8000, help="Pixels.")] = 1200,
-    height: Annotated[int, typer.Option(min=200, max=8000, help="Pixels.")] = 900,
+    width: Annotated[
+        int | None,
+        typer.Option(min=200, max=8000, help="Pixels.  [default: 1200; of a film 720]"),
+    ] = None,
+    height: Annotated[
+        int | None,
+        typer.Option(min=200, max=8000, help="Pixels.  [default: 900; of a film 480]"),
+    ] = None,
     style: Style = Look.screen,
     show: Annotated[bool, typer.Option("--show", help="In a window, to be turned.")] = False,
 ) -> None:
@@ -110,7 +116,8 @@ def render(
     check_ending(path, flat, film)
     tables.refuse_to_overwrite([] if show else [path], force)
     state = state_of(at)
-    shape = Shape(view.value, (width, height), style.value)
+    usual = (720, 480) if film else (1200, 900)
+    shape = Shape(view.value, (width or usual[0], height or usual[1]), style.value)
     if flat:
         draw_flat(settings, state, spots, path)
     elif film:
