@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from .console import show_table
-from .options import Force, folder_option
+from .options import Force, Look, Style, folder_option
 
 #: Where each study is, and its title.
 STUDIES = {
@@ -35,6 +35,7 @@ def bench(
     force: Force = False,
     quick: Annotated[bool, typer.Option("--quick", help="Reduced, under a minute.")] = False,
     seed: Annotated[int, typer.Option(min=0, help="Of the random states.")] = 1,
+    look: Style = Look.screen,
 ) -> None:
     """Measure run time against error, beside other ways to compute the same.
 

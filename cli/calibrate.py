@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .console import FINDING, load_config
-from .options import ConfigName
+from .options import ConfigName, Look, Style
 from .simulate import PlotKind
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ def calibrate(
     ] = 0,
     force: Annotated[bool, typer.Option("--force", help="Replace older files.")] = False,
     plot: Annotated[PlotKind, typer.Option(help="Kind of the picture.")] = PlotKind.png,
+    look: Style = Look.screen,
 ) -> None:
     """Calibrate a rig: where its detectors are, how its facets lean, what its gains are.
 

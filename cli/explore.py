@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .console import FINDING, leave_out_picture, load_config, name_files, with_progress
-from .options import ConfigName, Plot, PlotKind, TableKind, folder_option, output_folder
+from .options import (
+    ConfigName,
+    Look,
+    Plot,
+    PlotKind,
+    Style,
+    TableKind,
+    folder_option,
+    output_folder,
+)
 
 if TYPE_CHECKING:
     from facets.characterization.sensitivity import Index
@@ -91,6 +100,7 @@ def explore(
     force: Anew = False,
     table: Annotated[TableKind, typer.Option(help="Kind of the designs.")] = TableKind.parquet,
     plot: Plot = PlotKind.png,
+    look: Style = Look.screen,
     certify: Certify = 0,
     front: Front = False,
     points: Points = 100,

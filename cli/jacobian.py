@@ -14,7 +14,17 @@ import typer
 
 from .certificates import reach_file
 from .console import FINDING, leave_out_picture, load_config, name_files
-from .options import ConfigName, Force, Plot, PlotKind, TableKind, folder_option, output_folder
+from .options import (
+    ConfigName,
+    Force,
+    Look,
+    Plot,
+    PlotKind,
+    Style,
+    TableKind,
+    folder_option,
+    output_folder,
+)
 
 if TYPE_CHECKING:
     from facets.characterization.ambiguity import AmbiguousPair
@@ -105,6 +115,7 @@ def jacobian(
     threads: Annotated[int, typer.Option(min=0, help="0: all cores.")] = 1,
     table: Annotated[TableKind | None, typer.Option(help="Also write all states so.")] = None,
     plot: Plot = PlotKind.png,
+    look: Style = Look.screen,
 ) -> None:
     """Tell whether readings determine states, over a box of states.
 

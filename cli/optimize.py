@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .console import FINDING, load_config, show_table, with_progress
-from .options import ConfigName, Force, Plot, PlotKind
+from .options import ConfigName, Force, Look, Plot, PlotKind, Style
 
 if TYPE_CHECKING:
     from facets.config import Config
@@ -35,6 +35,7 @@ def optimize(
     ] = None,
     force: Force = False,
     plot: Plot = PlotKind.png,
+    look: Style = Look.screen,
     certify: Annotated[int, typer.Option(min=0, help=CERTIFY)] = 400,
     exact: Annotated[bool, typer.Option("--exact", help=EXACT)] = False,
     report: Annotated[bool, typer.Option("--report", help=REPORT)] = False,

@@ -16,8 +16,10 @@ from .options import (
     At,
     ConfigName,
     Force,
+    Look,
     Plot,
     PlotKind,
+    Style,
     Table,
     TableKind,
     Track,
@@ -66,6 +68,7 @@ def range_map(
     force: Force = False,
     table: Table = TableKind.csv,
     plot: Plot = PlotKind.png,
+    look: Style = Look.screen,
 ) -> None:
     """Map measurement ranges and name their limits.
 
