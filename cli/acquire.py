@@ -272,7 +272,7 @@ def tracker_of(
             f"stage.gain is {stage.gain}: with a delay of {1e3 * margin.delay:.3g} ms at "
             f"{stage.rate:g} Hz the loop is unstable; allowed: below {margin.most:.3g}"
         )
-    port_ = open_line(name, stage.baud, 0.02)
+    port_ = name if stage.driver == "other" else open_line(name, stage.baud, 0.02)
     say = recording.event if recording else lambda *_, **__: None
     return Tracker(port_, stage, Law.of(settings.sensor, stage), say, search)
 
