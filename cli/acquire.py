@@ -49,6 +49,14 @@ Publish = Annotated[
         "udp+binary://HOST:PORT, tcp://HOST:PORT or lsl:NAME; can be given several times."
     ),
 ]
+Filter = Annotated[
+    str | None,
+    typer.Option(
+        "--filter",
+        help="With --publish: filtered poses beside the raw ones, for a motion that is nearly of "
+        "constant acceleration, speed or place.",
+    ),
+]
 Compare = Annotated[
     bool,
     typer.Option("--compare", help="Exit status 1 unless the board's own poses are the same."),
@@ -72,6 +80,7 @@ def acquire(
     json: AsJson = False,
     rate: Rate = None,
     publish: Publish = None,
+    filter_by: Filter = None,
     compare: Compare = False,
 ) -> None:
     """Acquire a stream of detector counts and solve every sample.
@@ -87,6 +96,7 @@ def acquire(
     from facets.live.pipeline import Pipeline
 
     check_options(seconds, plain, json)
+    check_filter(filter_by, publish)
     settings = load(config)
     name = required(port or settings.acquire.port, "--port", "acquire.port")
     live = Live(Pipeline(settings))
@@ -96,7 +106,7 @@ def acquire(
         if publish:
             from facets.live.publication import Publications
 
-            live.publications = Publications(publish, settings)
+            live.publications = Publications(publish, settings, filter_by=filter_by, carried=track)
             tell(f"publishing at {', '.join(live.publications.places())}")
         if track:
             live.tracker = tracker_of(settings, stage_port, search, recording)
@@ -153,6 +163,20 @@ def check_options(seconds: float | None, plain: bool, json: bool) -> None:
         )
     if plain and json:
         raise InputError("--plain and --json are two ways to show the same; give one of them")
+
+
+def check_filter(model: str | None, publish: list[str] | None) -> None:
+    """Refuses a model that is none, and filtered poses that nobody would get."""
+    from facets.core.errors import InputError
+
+    if model is None:
+        return
+    from facets.live.smoothing import MODELS
+
+    if model not in MODELS:
+        raise InputError(f"--filter {model}: is no model; give {', '.join(MODELS)}")
+    if not publish:
+        raise InputError("--filter needs --publish: filtered poses go to other programs")
 
 
 def tell(text: str) -> None:
@@ -248,7 +272,7 @@ def tracker_of(
             f"stage.gain is {stage.gain}: with a delay of {1e3 * margin.delay:.3g} ms at "
             f"{stage.rate:g} Hz the loop is unstable; allowed: below {margin.most:.3g}"
         )
-    port_ = open_line(name, stage.baud, 0.02)
+    port_ = name if stage.driver == "other" else open_line(name, stage.baud, 0.02)
     say = recording.event if recording else lambda *_, **__: None
     return Tracker(port_, stage, Law.of(settings.sensor, stage), say, search)
 

@@ -33,6 +33,14 @@ def replay(
         str,
         typer.Option(help="Motion that is nearly of constant: acceleration, speed or place."),
     ] = "acceleration",
+    filter_by: Annotated[
+        str | None,
+        typer.Option(
+            "--filter",
+            help="Poses that are filtered as in a live run, in columns or as published: by nearly "
+            "constant acceleration, speed or place.",
+        ),
+    ] = None,
     publish: Annotated[
         list[str] | None,
         typer.Option(help="Give every sample to other programs, as `facets acquire` does."),
@@ -55,16 +63,22 @@ def replay(
     settings = load(config) if config else recorded_config(recording)
     if smooth:
         check_smoothing(output, smooth_by)
+    if filter_by:
+        check_filter(filter_by, smooth, output, publish)
     if output:
         if not is_mcap(output):
             tables.ending(output)
         tables.refuse_to_overwrite([output], force)
     pipeline, damage = Pipeline(settings), Damage()
     replayed = run(recording, pipeline, real_time, damage)
-    found = list(published(replayed, recording, settings, publish) if publish else replayed)
+    if publish:
+        replayed = published(replayed, recording, settings, publish, filter_by)
+    found = list(replayed)
     tell(pipeline, recording, damage)
     if output and smooth:
         write_smoothed(output, found, pipeline, smooth_by)
+    elif output and filter_by:
+        write_filtered(output, found, pipeline, filter_by)
     elif output and is_mcap(output):
         write_mcap(output, found, recording, provenance.about(settings))
     elif output:
@@ -81,6 +95,39 @@ def check_smoothing(output: Path | None, model: str) -> None:
         raise InputError("--smooth needs -o, a table for the smoothed poses")
     if model not in MODELS:
         raise InputError(f"--smooth-by {model}: is no model; give {', '.join(MODELS)}")
+
+
+def check_filter(model: str, smooth: bool, output: Path | None, publish: list[str] | None) -> None:
+    from facets.core.errors import InputError
+    from facets.live.smoothing import MODELS
+
+    if model not in MODELS:
+        raise InputError(f"--filter {model}: is no model; give {', '.join(MODELS)}")
+    if smooth:
+        raise InputError("--filter and --smooth are two ways to say more of a pose; give one")
+    if not publish and (output is None or is_mcap(output)):
+        raise InputError("--filter needs -o, a table for the filtered poses, or --publish")
+
+
+def write_filtered(path: Path, found: list[Any], pipeline: Any, model: str) -> None:
+    """The table of poses, with those that a live run would have had beside them."""
+    import numpy as np
+
+    from facets.core.errors import InputError
+    from facets.files import provenance, tables
+    from facets.live.filtered_rows import WIDE, RowFilter
+    from facets.live.pipeline import join_poses
+    from facets.live.replay import label
+    from facets.live.sample_rows import SAMPLE, rows_of
+
+    if not found:
+        raise InputError(f"{path}: not written, the recording holds no whole sample")
+    rows = RowFilter(pipeline.config, model, pipeline.tally.misfit.carried)
+    wide = np.concatenate([rows.widen(rows_of(poses, 0.0)) for poses in found])
+    columns = {name: wide[name] for name in (WIDE.names or ())[len(SAMPLE.names or ()) :]}
+    about = provenance.about(pipeline.config) | {"filtered": f"constant {model}"}
+    tables.write_table(path, {**label(join_poses(found)), **columns}, about)
+    typer.echo(f"  filtered by constant {model}; {rows.sentence}")
 
 
 def write_smoothed(path: Path, found: list[Any], pipeline: Any, model: str) -> None:
@@ -120,13 +167,18 @@ def write_mcap(path: Path, found: list[Any], recording: Path, about: dict[str, s
 
 
 def published(
-    replayed: Iterable[Any], recording: Path, settings: Any, addresses: list[str]
+    replayed: Iterable[Any],
+    recording: Path,
+    settings: Any,
+    addresses: list[str],
+    filter_by: str | None,
 ) -> Iterator[Any]:
     """The same poses; each is given to other programs on its way."""
     from facets.live.publication import Publications
     from facets.live.recording import utc_offset
 
-    with Publications(addresses, settings, True, utc_offset(recording)) as publications:
+    offset = utc_offset(recording)
+    with Publications(addresses, settings, True, offset, filter_by) as publications:
         typer.echo(f"publishing at {', '.join(publications.places())}", err=True)
         for poses in replayed:
             publications.send(poses)

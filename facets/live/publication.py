@@ -42,20 +42,22 @@ class Publication:
     given: samples that were to be published.  sent: that were given away; where nobody answers, as
     by UDP, that says nothing of their arrival.  dropped: that were not, since nobody took them in
     time.  receivers: that take them now, None where it can not be known.  trouble: why nothing is
-    published any more, or nothing.
+    published any more, or nothing.  note: why there are no filtered poses.  filter: what it says.
     """
 
-    def __init__(self, address: str, about: dict[str, Any], patient: bool = False) -> None:
+    def __init__(
+        self, address: str, about: dict[str, Any], patient: bool = False, config: bytes = b""
+    ) -> None:
         """Raises `InputError` where there is no such address, or it can not be used.
 
         about: what receivers are told of the samples.  patient: wait for receivers; for replays,
-        which lose nothing by it.
+        which lose nothing by it.  config: pickled, where its `filter` needs one.
         """
         check_address(address)
         self.address, self.patient = address, patient
         self.given = self.unplaced = self.sent = self.refused = 0
         self.receivers: int | None = None
-        self.trouble = ""
+        self.trouble = self.note = self.filter = ""
         self.queue: deque[bytes] = deque()
         self.waiting = 0
         self.ended = False
@@ -65,7 +67,7 @@ class Publication:
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True,
         )  # fmt: skip
         self.port: int | None = None
-        self.begin(description(about))
+        self.begin(description(about), config)
         self.threads = [
             threading.Thread(target=self.hand_over, name="publication", daemon=True),
             threading.Thread(target=self.listen, name="publication news", daemon=True),
@@ -73,7 +75,7 @@ class Publication:
         for thread in self.threads:
             thread.start()
 
-    def begin(self, about: dict[str, Any]) -> None:
+    def begin(self, about: dict[str, Any], config: bytes) -> None:
         """Tells the process what it is to say of the samples, and waits until it can."""
         watch = threading.Timer(BEGIN, self.process.kill)
         watch.daemon = True
@@ -82,6 +84,8 @@ class Publication:
             told = json.dumps(about).encode()
             with suppress(OSError):
                 self.write(LENGTH.pack(len(told)) + told)
+                if config:
+                    self.write(LENGTH.pack(len(config)) + config)
             assert self.process.stdout is not None
             line = self.process.stdout.readline()
             words: dict[str, Any] = json.loads(line) if line else {"error": GONE}
@@ -147,6 +151,7 @@ class Publication:
             words = json.loads(line)
             self.sent, self.refused = words["sent"], words["dropped"]
             self.receivers = words["receivers"]
+            self.note, self.filter = words.get("note", ""), words.get("filter", "")
 
     @property
     def dropped(self) -> int:
@@ -191,23 +196,35 @@ class Publications:
         config: Config,
         patient: bool = False,
         utc_offset: float | None = None,
+        filter_by: str | None = None,
+        carried: bool = False,
     ) -> None:
-        """Raises `InputError` for an address that can not be used; none is then open."""
+        """Raises `InputError` for an address that can not be used; none is then open.
+
+        filter_by: model of a filter, whose poses go beside the raw ones.  carried: whether a stage
+        carries the beam.
+        """
+        import pickle
+
         from .pipeline import LABELS
 
-        about = {
+        about: dict[str, Any] = {
             "config": config.name,
             "config_sha256": config.sha256,
             "facets": __version__,
             "statuses": {str(number): words for number, words in LABELS.items()},
         }
+        pickled = b""
+        if filter_by is not None:
+            about["filter"] = {"model": filter_by, "carried": carried}
+            pickled = pickle.dumps(config)
         self.offset = time.time() - time.monotonic() if utc_offset is None else utc_offset
         self.all: list[Publication] = []
         for address in addresses:
             check_address(address)
         try:
             for address in addresses:
-                self.all.append(Publication(address, about, patient))
+                self.all.append(Publication(address, about, patient, pickled))
         except BaseException:
             self.close()
             raise
@@ -255,4 +272,6 @@ class Publications:
         for one in self.all:
             text = f"{one.address}: {one.sent} samples published, {one.dropped} dropped"
             found.append(f"{text} ({one.trouble})" if one.trouble else text)
+            if one.filter:
+                found.append(f"{one.address}: {one.filter}")
         return found
