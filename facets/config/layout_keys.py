@@ -115,6 +115,23 @@ class Weights(Section):
     price: float = Field(0, ge=0, le=1e6, description="of the parts, thousands; none for unknown")
 
 
+class Production(Section):
+    """Heads as they are built, with the tolerances that `calibrate.before` states."""
+
+    yield_percent: float | None = Field(
+        None,
+        gt=0,
+        lt=100,
+        description="share of the heads that must keep spots, light and limits; null: the design",
+    )
+    calibrated: bool = Field(
+        True, description="whether each head is calibrated, so that `accuracy` holds after that"
+    )
+    poses: int = Field(
+        60, ge=10, le=10_000, description="of a calibration's motion, beside `calibrate.reference`"
+    )
+
+
 class Optimize(Section):
     """What `facets optimize` looks for."""
 
@@ -135,6 +152,11 @@ class Optimize(Section):
         description="uncertainty of each axis that counts as 1; axes left out do not count",
     )
     limit: PerAxis = Field(PerAxis(), description="largest uncertainty of each axis in the volume")
+    accuracy: PerAxis = Field(
+        PerAxis(),
+        description="largest error of a head as built in the volume, from rest, without noise",
+    )
+    production: Production = Field(Production(), description="of heads that are not perfect")
     head_mm: float | None = Field(
         None, gt=0, le=20_000, description="largest diameter of the head, over the detectors"
     )

@@ -52,19 +52,22 @@ class Wanted(NamedTuple):
 @dataclass(frozen=True)
 class Rows:
     """Constraints, one a row: which output of the tape at which state, in which group, and which
-    unknown is added to it, -1 for none."""
+    unknown is added to it, -1 for none; what it must keep above zero, None for nothing."""
 
     state: Integers
     output: Integers
     group: Integers
     slack: Integers
+    spare: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.state)
 
     def of(self, which: Any) -> Rows:
         """Some of them."""
-        return Rows(self.state[which], self.output[which], self.group[which], self.slack[which])
+        spare = None if self.spare is None else self.spare[which]
+        kept = (self.state[which], self.output[which], self.group[which], self.slack[which])
+        return Rows(*kept, spare)
 
 
 @dataclass(frozen=True)
@@ -78,6 +81,7 @@ class Problem:
     groups: names of the constraints.  rows: all of them.  averaged: outputs whose mean over the
     states is an aim.  aims: how much each counts; `weighted` where they are added up.
     constant: what the parts' price adds to the objective.
+    half: length over which clearances are told, mm.
     """
 
     sensor: Sensor
@@ -94,6 +98,7 @@ class Problem:
     aims: dict[str, float]
     weighted: bool
     constant: float = 0.0
+    half: float = 1.0
 
     @property
     def count(self) -> int:
@@ -133,7 +138,7 @@ class Problem:
         """What all constraints are; those that are kept are not below zero."""
         found = self.tape(unknowns[self.on_tape], self.states)[self.rows.state, self.rows.output, 0]
         values: Floats = found + np.where(self.rows.slack >= 0, unknowns[self.rows.slack], 0.0)
-        return values
+        return values if self.rows.spare is None else values - self.rows.spare
 
     def at(self, unknowns: Floats, rows: Rows) -> tuple[Floats, Floats, Floats]:
         """Values (r,) of some rows, gradients (r, count) and Hessians (r, count, count)."""
@@ -142,6 +147,8 @@ class Problem:
         values, gradients, hessians = self.expanded(found)
         bound = rows.slack >= 0
         values += np.where(bound, unknowns[rows.slack], 0.0)
+        if rows.spare is not None:
+            values -= rows.spare
         gradients[np.flatnonzero(bound), rows.slack[bound]] = 1.0
         return values, gradients, hessians
 
@@ -233,7 +240,7 @@ def problem_of(sensor: Sensor, layout: Layout, constant: float = 0.0) -> Problem
         rows_of(wanted, groups, extras, len(names), len(states)),
         np.arange(len(wanted), len(wanted) + len(means)),
         {aim: weight for aim, weight in layout.aims.items() if aim != "price"},
-        layout.aim == "weighted", constant,
+        layout.aim == "weighted", constant, half_of(sizes),
     )  # fmt: skip
 
 
@@ -264,7 +271,7 @@ def requirements(
         Wanted("power on a detector", power / layout.least_power - 1)
         for power in found[Outcome.POWERS]
     ]
-    half = np.mean([size for size in sizes if isinstance(size, float)] or [1.0]) / 2
+    half = half_of(sizes)
     for k, letter in enumerate("ABC"):
         for e, edge in enumerate(EDGES):
             clearance = found[Outcome.CLEARANCES.start + 4 * k + e] / half
@@ -276,6 +283,11 @@ def requirements(
     if np.isfinite(layout.head):
         kept += [Wanted("size of the head", 1 - head / layout.head, states=(0,)) for head in heads]
     return kept
+
+
+def half_of(sizes: list[Any]) -> float:
+    """The length over which clearances are told, mm: half of a detector whose size is given."""
+    return float(np.mean([size for size in sizes if isinstance(size, float)] or [1.0])) / 2
 
 
 def aimed_at(layout: Layout, found: list[Any], heads: list[Any]) -> list[Wanted]:
