@@ -1,4 +1,4 @@
-"""`facets tolerances`: which share of heads keeps what is asked for, and which tolerance costs most."""
+"""`facets tolerances`: the share of heads that keeps what is asked, and what costs most of it."""
 
 from __future__ import annotations
 

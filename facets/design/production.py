@@ -68,7 +68,7 @@ def produced(
             errors[n, which] = np.abs(each).max(axis=0)
         if built.asked.layout.calibrated and not fitted.ended:
             rows[n, 2] = -1.0
-    return Heads(*rows.T, errors, unsettled)
+    return Heads(rows[:, 0], rows[:, 1], rows[:, 2], errors, unsettled)
 
 
 def passed(heads: Heads) -> dict[str, int]:

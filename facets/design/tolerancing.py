@@ -94,7 +94,7 @@ def expanded(built: Assembly) -> Expansion:
     count = len(built.choice.names)
     middle = margins_of(built.asked, built.sensor)
     slopes, bends = np.zeros((2, middle.size, count))
-    for n in np.flatnonzero(built.loose):
+    for n in np.flatnonzero(built.loose).tolist():
         up, down = (margins_of(built.asked, head_at(built, n, step)) for step in (1.0, -1.0))
         slopes[:, n] = ((up - down) / 2).ravel()
         bends[:, n] = (up + down - 2 * middle).ravel()
@@ -130,7 +130,7 @@ def calibration_of(built: Assembly) -> tuple[Floats, Floats]:
     before = sigma[:, None] * prior_information(built.choice) * sigma
     sizes, directions = np.linalg.eigh(told)
     root = directions * np.sqrt(np.maximum(sizes, 0.0))
-    gain: Floats = np.linalg.inv(told + before)
+    gain: Floats = np.linalg.inv(told + before).astype(float)
     return gain, root
 
 
@@ -247,4 +247,3 @@ def worst_of(found: Expansion, mine: Booleans) -> str:
         if error.min() < left.min():
             return axes[int(error.argmin()) % len(axes)]
     return name
-
