@@ -33,6 +33,9 @@ class Common(Section):
     size_mm: bounds(0.1, 1000) = Field(None, description="of all detectors, square")  # type: ignore[valid-type]
     diameter_mm: bounds(0.01, 100) = Field(None, description="of a round beam, 1/e^2")  # type: ignore[valid-type]
     power_mw: bounds(0.001, 1000) = Field(None, description="of the laser")  # type: ignore[valid-type]
+    transimpedance_kohm: bounds(0.001, 1e9) = Field(  # type: ignore[valid-type]
+        None, description="gain of all amplifiers, for `noise.model: electronics`"
+    )
 
 
 #: Of one facet, and of one detector.

@@ -79,7 +79,7 @@ def assembly_of(sensor: Sensor, layout: Layout, rules: Rules, known: Calibrate) 
             "calibrate.before states no tolerance of the head: every head would be the same"
         )
     reference = np.array(known.reference)
-    asked = requirement_of(layout, known.power_per_sample)
+    asked = requirement_of(plain, layout, known.power_per_sample)
     return Assembly(
         plain, asked, found, loose, motion(plain, rules, layout.poses, reference), reference
     )

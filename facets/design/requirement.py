@@ -35,12 +35,14 @@ UNITS = np.array(FINE_UNITS[:6])
 class Requirement:
     """What is asked for over the volume.
 
-    states: (m, 8), the last at rest.  power: of the laser, as `solve` takes it.
+    states: (m, 8), the last at rest.  power: of the laser, as `solve` takes it.  rim: whether the
+    mirror's light must stay within its rim.
     """
 
     layout: Layout
     states: Floats
     power: Any = "known"
+    rim: bool = False
 
     @property
     def limited(self) -> list[int]:
@@ -57,17 +59,19 @@ class Requirement:
         """Names of the margins of one state, in the order of `margins_of`."""
         spots = [f"spot on PSD {k.upper()}, {edge} edge" for k in DETECTORS for edge in EDGES]
         fine = [f"uncertainty of {POSE[i]}" for i in self.limited]
-        return ["power on a detector"] * 3 + spots + fine
+        rims = [f"light on facet {k.upper()}, rim" for k in DETECTORS] if self.rim else []
+        return ["power on a detector"] * 3 + spots + fine + rims
 
     @property
     def error_groups(self) -> list[str]:
         return [f"error of {POSE[i]}" for i in self.accurate]
 
 
-def requirement_of(layout: Layout, drifts: bool) -> Requirement:
+def requirement_of(sensor: Sensor, layout: Layout, drifts: bool) -> Requirement:
     """drifts: whether the laser's power is unknown in each sample."""
     states = np.array([*states_of(layout, 1.0), [0.0] * 8], dtype=float)
-    return Requirement(layout, states, "unknown" if drifts else "known")
+    rim = bool(np.isfinite(sensor.apertures.rim))
+    return Requirement(layout, states, "unknown" if drifts else "known", rim)
 
 
 def margins_of(asked: Requirement, sensor: Sensor) -> Floats:
@@ -75,11 +79,14 @@ def margins_of(asked: Requirement, sensor: Sensor) -> Floats:
     layout, states = asked.layout, asked.states
     powers = readings(sensor, states)[:, 2::3] / layout.least_power - 1
     halves = np.repeat(half_sizes(sensor), 2, axis=1)
-    clear = (margins(sensor, states)[:, :, :4] / halves).reshape(len(states), 12)
+    room = margins(sensor, states)
+    clear = (room[:, :, :4] / halves).reshape(len(states), 12)
     parts = [powers, clear]
     if asked.limited:
         sigma = uncertainties(sensor, states, FREE)[:, asked.limited] / UNITS[asked.limited]
         parts.append(1 - sigma / np.array(layout.limit)[asked.limited])
+    if asked.rim:
+        parts.append(room[:, :, 4] / sensor.apertures.rim)
     found: Floats = np.nan_to_num(np.concatenate(parts, axis=1), nan=LOST)
     return found
 

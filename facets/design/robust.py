@@ -132,6 +132,7 @@ def own_units(problem: Problem, built: Assembly, spread: Floats) -> Floats:
     for k, psd in enumerate(psds):
         halves = np.array([psd.size_y, psd.size_y, psd.size_z, psd.size_z]) / 2
         own[:, 3 + 4 * k : 7 + 4 * k] *= halves / problem.half
-    fine = np.minimum(spread[:, 15:], 1.0)
-    own[:, 15:] = 2 * fine - fine**2
+    last = 15 + len(built.asked.limited)
+    fine = np.minimum(spread[:, 15:last], 1.0)
+    own[:, 15:last] = 2 * fine - fine**2
     return own

@@ -19,7 +19,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from .branching import best_parts, priced
 from .catalogue import Choice, choices, with_parts
-from .problem import Problem, Rows, problem_of
+from .problem import TRIED, Problem, Rows, problem_of
 from .variables import present_values
 
 if TYPE_CHECKING:
@@ -35,8 +35,6 @@ SLACK = 1e-6
 UNNOTICED = 1e-9
 #: Constraints of a group that IPOPT is given at first, and each time; and how many times at most.
 NEAREST, ROUNDS = 3, 40
-#: A catalogue of no more choices is tried whole.
-TRIED = 24
 
 
 @dataclass
