@@ -207,6 +207,10 @@ def layout(keys: dict[str, Any]) -> Layout:
         following=keys["beam"] == "following",
         starts=keys["starts"],
         seed=keys["seed"],
+        accuracy=per_axis(keys["accuracy"]),
+        production=(keys["production"]["yield_percent"] or 0.0) / 100,
+        calibrated=keys["production"]["calibrated"],
+        poses=keys["production"]["poses"],
     )
 
 

@@ -194,6 +194,9 @@ class Layout:
     head: mm, infinite where it may be any.  least_power: mW.  weights: of the aims, where they
     are weighted.
     psds, lasers, amplifiers: the parts that can be had, by name; empty where any can.
+    accuracy: (6,) um and urad, the largest error of a head as built; infinite where not given.
+    production: share of the heads that must keep all, 0 where the design alone must.
+    calibrated: whether heads are calibrated before they are used, at so many `poses`.
     """
 
     variables: dict[str, tuple[float, float]]
@@ -210,6 +213,10 @@ class Layout:
     starts: int
     seed: int
     amplifiers: dict[str, AmplifierPart] = field(default_factory=dict)
+    accuracy: tuple[float, ...] = (float("inf"),) * 6
+    production: float = 0.0
+    calibrated: bool = True
+    poses: int = 60
 
     @property
     def has_parts(self) -> bool:

@@ -36,9 +36,11 @@ from ..core.names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS, STATE_UNITS
 from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats
+from ..detectors.noise import currents_of
 from ..files.tables import Whole, write_table
 from ..model.arrays import margins, readings
 from ..model.threads import cores
+from .electronics import FULL
 from .variables import sensor_of
 from .volume import states_of
 
@@ -73,6 +75,7 @@ SKIPPED = (
     "beaten before its ranges are known",
     "Jacobian near singular at rest",
     "too coarse at rest",
+    "amplifier past its full scale at rest",
 )
 #: Which of them it is where a design is outside its own range at rest, by the range's limit.
 OUTSIDE = {PSD: 1, LIGHT: 2, SINGULAR: 6, COARSE: 7}
@@ -159,6 +162,8 @@ def at_rest(space: Space, x: Floats) -> tuple[int, Floats, Sensor | None]:
         return 1, values, None
     if not readings(sensor, rest)[:, 2::3].min() > space.layout.least_power:
         return 2, values, None
+    if saturates(sensor, rest):
+        return 8, values, None
     if space.required and not meets(sensor, space.layout, space.volume):
         return 4, values, None
     values[7:13] = FINE * uncertainties(sensor, rest, Estimator("", np.inf))[0]
@@ -173,6 +178,17 @@ def whole_on_detectors(sensor: Sensor, states: Floats) -> bool:
     return bool(np.where(np.isnan(room), -1, room).min() > 0)
 
 
+def saturates(sensor: Sensor, states: Floats) -> bool:
+    """Whether an electrode's current passes the amplifier's full scale, less what the optimiser
+    leaves of it; never without electronics."""
+    electronics = sensor.electronics
+    if electronics is None:
+        return False
+    light = readings(sensor, states).reshape(-1, 3, 3)
+    full = FULL * electronics.adc_range / electronics.transimpedance
+    return bool((currents_of(sensor, electronics, light) > full).any())
+
+
 def meets(sensor: Sensor, layout: Layout, states: Floats) -> bool:
     """Whether all that the layout asks for holds over the volume's states."""
     if 2 * max(psd.radius for psd in sensor.psds) > layout.head:
@@ -180,6 +196,8 @@ def meets(sensor: Sensor, layout: Layout, states: Floats) -> bool:
     if not whole_on_detectors(sensor, states):
         return False
     if not readings(sensor, states)[:, 2::3].min() > layout.least_power:
+        return False
+    if saturates(sensor, states):
         return False
     if np.isinf(layout.limit).all():
         return True
