@@ -1,0 +1,4 @@
+export class Scene {
+  constructor(root) { this.root = root; }
+  show() {}
+}
