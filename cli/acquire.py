@@ -120,9 +120,7 @@ def acquire(
         raise typer.Exit(1)
 
 
-def receivers(
-    live: Live, settings: Config, publish: list[str], web: str | None
-) -> WebPage | None:
+def receivers(live: Live, settings: Config, publish: list[str], web: str | None) -> WebPage | None:
     """Begins to give samples away, and says where; the page, if there is one."""
     if not publish and web is None:
         return None

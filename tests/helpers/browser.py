@@ -98,9 +98,7 @@ class Browser:
         number = self.count
         self.answers[number] = asyncio.get_running_loop().create_future()
         answer = self.answers[number]
-        await self.line.send_str(
-            json.dumps({"id": number, "method": method, "params": parameters})
-        )
+        await self.line.send_str(json.dumps({"id": number, "method": method, "params": parameters}))
         return await answer
 
     def send(self, method: str, **parameters: Any) -> Any:
@@ -121,7 +119,8 @@ class Browser:
         """Waits until an expression is true on the page; its value."""
         last = time.monotonic() + GUARD
         while time.monotonic() < last:
-            if found := self.ask(f"(() => {{ try {{ return {expression}; }} catch {{ return null; }} }})()"):
+            tried = f"try {{ return {expression}; }} catch {{ return null; }}"
+            if found := self.ask(f"(() => {{ {tried} }})()"):
                 return found
             time.sleep(0.05)
         raise AssertionError(f"waited in vain: {expression}; {self.errors}")

@@ -7,12 +7,12 @@ import json
 import struct
 import time
 from collections import deque
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from ...core.names import READING_COLUMNS, STATE_COLUMNS
-from ...core.units import Floats
 from .bins import COLUMNS, AllBins, Bins, Rows
 
 #: Bins of the last two minutes, and of the whole run: width (s) and how many.
@@ -45,7 +45,7 @@ class Hub:
         self.status: dict[str, Any] | None = None
         self.events: deque[dict[str, Any]] = deque(maxlen=EVENTS)
         self.happened = 0
-        self.said: dict[str, float] = {}
+        self.said: dict[str, str] = {}
         self.came: deque[tuple[float, int]] = deque()
         self.ended: dict[str, Any] | None = None
         self.pages: set[Page] = set()
@@ -102,14 +102,11 @@ class Hub:
     def hear(self, status: dict[str, Any]) -> None:
         """What the run says of itself; what in it is new is an event."""
         at = self.now()
-        before, self.said = self.said, {text: 0.0 for text in status.get("messages", ())}
-        new, old = [kinds_of(texts) for texts in (self.said, before)]
-        for kind, text in new.items():
-            if kind not in old:
-                self.tell(at, text, "begins")
-        for kind, text in old.items():
-            if kind not in new:
-                self.tell(at, text, "ends")
+        before, self.said = self.said, kinds_of(status.get("messages", ()))
+        for kind in self.said.keys() - before.keys():
+            self.tell(at, self.said[kind], "begins")
+        for kind in before.keys() - self.said.keys():
+            self.tell(at, before[kind], "ends")
         counts = status.get("events", {})
         for name, count in counts.items():
             more = count - (self.status or {}).get("events", {}).get(name, 0)
@@ -179,7 +176,7 @@ class Hub:
         return json.dumps(told)
 
 
-def kinds_of(texts: dict[str, float]) -> dict[str, str]:
+def kinds_of(texts: Iterable[str]) -> dict[str, str]:
     """Sentences by what they say, whatever the numbers in them, which change all the time."""
     return {"".join(c for c in text if not (c.isdigit() or c == ".")): text for text in texts}
 
@@ -219,5 +216,3 @@ class Page:
             self.finished = True
             found.append(json.dumps(hub.ended))
         return found
-
-

@@ -193,9 +193,7 @@ class Server:
             self.tasks.discard(telling)
         return line
 
-    async def tell(
-        self, line: web.WebSocketResponse, page: Page, request: web.Request
-    ) -> None:
+    async def tell(self, line: web.WebSocketResponse, page: Page, request: web.Request) -> None:
         try:
             while not page.finished:
                 await page.wake.wait()

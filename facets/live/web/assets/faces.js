@@ -25,7 +25,7 @@ export class Faces {
     for (const face of this.faces) {
       const [y, z, power] = sample ? sample.reading.slice(3 * face.k, 3 * face.k + 3) : [null, null, null];
       const trouble = this.trouble(sample, face, y, z, power);
-      face.box.querySelector(".light").textContent = power === null ? "power unknown" : `${three(1e3 * power)} µW`;
+      face.box.querySelector(".light").textContent = power === null ? "unknown" : `${three(1e3 * power)} µW`;
       face.box.querySelector("p").textContent = y === null || z === null ? trouble || "no place" : `${signed(y, 4)}  ${signed(z, 4)} mm`;
       face.box.dataset.trouble = trouble;
       this.draw(face, y, z, power, trouble, trail);

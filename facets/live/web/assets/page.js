@@ -229,7 +229,7 @@ function shown() {
 
 function draw() {
   const range = run.store.range();
-  if (!look.paused) { look.to = newest(); look.from = Math.max(look.to - span(), by("span").value === "all" ? 0 : -Infinity); }
+  if (!look.paused) { look.to = Math.max(newest(), span()); look.from = look.to - span(); }
   const view = run.store.view(look.from, look.to, strips.pixels);
   strips.show(view, look.from, look.to, look.at);
   const sample = shown();
@@ -301,14 +301,14 @@ function describe() {
 
 function stage(now) {
   if (!now.there) return [{ name: "place", value: null, why: now.why }];
-  const pair = (xy, digits) => (xy ? xy.map((v) => (v === null ? "unknown" : v.toFixed(digits).replace("-", "−"))).join(", ") : null);
+  const pair = (xy, digits) => (xy && xy.every((v) => v !== null) ? xy.map((v) => v.toFixed(digits).replace("-", "−")).join(", ") : null);
   const error = now.error ? now.error.map((v) => 1e3 * v) : null;
   return [
     { name: "state", value: now.state, bad: now.state !== "following" },
     { name: "place x, y", value: pair(now.place, 4), unit: "mm" },
     { name: "target", value: pair(now.target, 4), unit: now.target ? "mm" : "", why: now.why },
     { name: "place − target", value: pair(error, 1), unit: error ? "µm" : "", why: now.why },
-    { name: "χ of Eq. (14)", value: pair(now.chi, 4), why: "no sample yet" },
+    { name: "χ of Eq. (14)", value: pair(now.chi, 4), why: "not every detector has light" },
     { name: "moves", value: now.moves },
   ];
 }

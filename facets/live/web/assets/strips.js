@@ -24,7 +24,7 @@ export class Strips {
   strip(component, i) {
     const box = document.createElement("div");
     box.className = "strip";
-    box.innerHTML = '<div class="value"><b></b><div class="number"></div><div class="u"></div><div class="scale"></div></div><div class="plot"></div>';
+    box.innerHTML = '<div class="value"><div class="head"><b></b><span class="scale"></span></div><div class="number"></div><div class="u"></div></div><div class="plot"></div>';
     box.dataset.name = component.name;
     box.querySelector("b").textContent = component.name;
     this.root.append(box);
@@ -48,7 +48,7 @@ export class Strips {
         line({ stroke: () => css("--line"), width: 1.25 })],
       bands: [{ series: [1, 2], fill: () => css("--range") }, { series: [3, 4], fill: () => css("--sigma") }],
       axes: [{ ...axis, show: last, size: 26, values: (_, at) => at.map((t) => `${+t.toFixed(4)} s`) },
-        { ...axis, size: 58, space: 22, values: (u, at) => this.ticks(plot, u, at) }],
+        { ...axis, size: 58, space: 18, values: (u, at) => this.ticks(plot, u, at) }],
       hooks: {
         setSelect: [(u) => this.select(u)],
         setCursor: [(u) => this.hover(u)],
@@ -78,12 +78,12 @@ export class Strips {
     const { min, max } = u.scales.y, { unit, fine: small } = plot.component, span = max - min;
     const note = plot.box.querySelector(".scale");
     if (span > 0.02 * 1.5 || !at.length) {
-      note.textContent = `axis in ${unit}`;
+      note.textContent = unit;
       return at.map((v) => String(+v.toFixed(4)).replace("-", "−"));
     }
     const digits = Math.max(2, Math.ceil(-Math.log10(span)));
     const base = +((min + max) / 2).toFixed(digits);
-    note.textContent = base === 0 ? `axis in ${small}` : `axis: ${small} from ${signed(base, digits)} ${unit}`;
+    note.textContent = base === 0 ? small : `${small} from ${signed(base, digits)} ${unit}`;
     return at.map((v) => String(+(1e3 * (v - base)).toFixed(4)).replace("-", "−"));
   }
 
