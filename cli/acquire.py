@@ -133,8 +133,10 @@ def receivers(live: Live, settings: Config, publish: list[str], web: str | None)
         return None
     from facets.live.web.page import WebPage
     from facets.live.web.status import status_of
+    from facets.pictures.page.scripts import rig_scripts
 
-    page = WebPage(settings, web, lambda: status_of(live), {"kind": "acquire"})
+    more = {"kind": "acquire"}
+    page = WebPage(settings, web, lambda: status_of(live), more, drawn=rig_scripts(settings.sensor))
     live.publications.all.append(page)
     for text in page.greeting():
         tell(text)

@@ -87,8 +87,9 @@ def page_of(web: str | None, pipeline: Any, recording: Path) -> AbstractContextM
     if web is None:
         return nullcontext()
     from facets.live.web.replay_page import ReplayPage
+    from facets.pictures.page.scripts import rig_scripts
 
-    page = ReplayPage(pipeline, recording, web)
+    page = ReplayPage(pipeline, recording, web, rig_scripts(pipeline.config.sensor))
     for text in page.page.greeting():
         typer.echo(text, err=True)
     return page

@@ -163,7 +163,7 @@ def test_only_the_whole_address_is_answered(still):
     assert answer(still, f"/{token}/nothing.js")[0] == 404
     assert answer(still, f"/{token}/../../../../etc/passwd")[0] in (403, 404)
     assert answer(still, f"/{token}/%2e%2e/%2e%2e/page.py")[0] in (403, 404)
-    for path in ("/", "/x/", "/x/still.js", "/x/stream", f"/{token[:-1]}/", f"/{token}x/stream"):
+    for path in ("/", "/x/", "/x/page.js", "/x/stream", f"/{token[:-1]}/", f"/{token}x/stream"):
         assert answer(still, path)[0] == 403, path
     assert answer(still, f"/{token}/", Host="elsewhere.example")[0] == 403
     assert answer(still, f"/{token}/stream", Origin="http://elsewhere.example")[0] == 403
@@ -176,8 +176,8 @@ def test_nothing_but_the_address_that_was_asked_for_is_bound(still):
         one[4][0] for one in socket.getaddrinfo(socket.gethostname(), still.port, socket.AF_INET)
     ]
     for other in {address for address in others if not address.startswith("127.")}:
-        with pytest.raises(OSError, match=""):
-            socket.create_connection((other, still.port), 1.0).close()
+        with socket.socket() as line:
+            assert line.connect_ex((other, still.port)) != 0
 
 
 def test_a_page_is_told_every_sample_in_bins_and_the_newest_in_full(page):

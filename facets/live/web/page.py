@@ -45,17 +45,21 @@ class WebPage(Publication):
         status: Callable[[], dict[str, Any]],
         more: dict[str, Any],
         patient: bool = False,
+        drawn: dict[str, str] | None = None,
     ) -> None:
         """Raises `InputError` where `web`, [HOST:]PORT, is no address or can not be used.
 
-        more: what the page is to know beside the configuration.
+        more: what the page is to know beside the configuration.  drawn: scripts for the drawing in
+        three dimensions, by their names, in the order in which they are to be loaded.
         """
         host, port = parse_address(web)
         token = secrets.token_urlsafe(18)
         self.status, self.due = status, 0.0
         self.local = is_local(host)
         about = {**description_of(config), **more}
-        about["page"] = {"token": token, "host": host, "port": port}
+        scripts = {f"rig/{name}": text for name, text in (drawn or {}).items()}
+        about["scripts"] = list(scripts)
+        about["page"] = {"token": token, "host": host, "port": port, "drawn": scripts}
         super().__init__(f"http://{place(host, port)}", about, patient)
         self.address = f"http://{place(host, self.port or port)}"
         self.url = f"{self.address}/{token}/"

@@ -26,12 +26,12 @@ class ReplayPage:
     In a `with` statement the page is closed at its end.
     """
 
-    def __init__(self, pipeline: Pipeline, recording: Path, web: str) -> None:
+    def __init__(self, pipeline: Pipeline, recording: Path, web: str, drawn: dict[str, str]) -> None:
         self.pipeline, self.begin, self.ended = pipeline, time.monotonic(), 0.0
         offset = utc_offset(recording)
         self.offset = offset or 0.0
         more = {"kind": "replay", "recording": str(recording), "utc_known": offset is not None}
-        self.page = WebPage(pipeline.config, web, self.status, more, patient=True)
+        self.page = WebPage(pipeline.config, web, self.status, more, True, drawn)
 
     def status(self) -> dict[str, Any]:
         passed = (self.ended or time.monotonic()) - self.begin

@@ -17,7 +17,7 @@ import sys
 import threading
 from collections import deque
 from contextlib import suppress
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
@@ -102,9 +102,10 @@ def assets() -> dict[str, Path]:
 class Server:
     """Serves the page of a hub to those whom the guard lets in."""
 
-    def __init__(self, hub: Hub, guard: Guard) -> None:
+    def __init__(self, hub: Hub, guard: Guard, drawn: dict[str, str]) -> None:
+        """drawn: texts of scripts that the run gives along, by their path on the page."""
         self.hub, self.guard = hub, guard
-        self.files = assets()
+        self.files, self.drawn = assets(), drawn
         self.tasks: set[asyncio.Task[Any]] = set()
 
     def app(self) -> web.Application:
@@ -160,12 +161,13 @@ class Server:
         from aiohttp import web
 
         self.check(request)
-        path = self.files.get(request.match_info["path"] or "index.html")
-        if path is None:
+        name = request.match_info["path"] or "index.html"
+        if name not in self.files and name not in self.drawn:
             raise web.HTTPNotFound(text="404: the page has no such part\n")
+        text = self.drawn.get(name)
         return web.Response(
-            body=path.read_bytes(),
-            content_type=TYPES[path.suffix],
+            body=self.files[name].read_bytes() if text is None else text.encode(),
+            content_type=TYPES[PurePosixPath(name).suffix],
             charset="utf-8",
             headers=self.headers(request),
         )
@@ -261,10 +263,11 @@ def listening(host: str, port: int) -> socket.socket:
     return line
 
 
-async def serve(hub: Hub, token: str, host: str, line: socket.socket, inbox: Inbox) -> None:
+async def serve(hub: Hub, own: dict[str, Any], line: socket.socket, inbox: Inbox) -> None:
     from aiohttp import web
 
-    server = Server(hub, Guard(token, host, line.getsockname()[1]))
+    guard = Guard(own["token"], own["host"], line.getsockname()[1])
+    server = Server(hub, guard, own["drawn"])
     runner = web.AppRunner(server.app(), access_log=None, handle_signals=False)
     await runner.setup()
     await web.SockSite(runner, line, shutdown_timeout=0.1).start()
@@ -296,7 +299,7 @@ def main() -> None:
         say({"error": str(error)})
         return
     with suppress(TimeoutError):
-        asyncio.run(serve(Hub(about), own["token"], own["host"], line, Inbox(stream)))
+        asyncio.run(serve(Hub(about), own, line, Inbox(stream)))
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ export class Faces {
       const [y, z, power] = sample ? sample.reading.slice(3 * face.k, 3 * face.k + 3) : [null, null, null];
       const trouble = this.trouble(sample, face, y, z, power);
       face.box.querySelector(".light").textContent = power === null ? "unknown" : `${three(1e3 * power)} µW`;
-      face.box.querySelector("p").textContent = y === null || z === null ? trouble || "no place" : `${signed(y, 4)}  ${signed(z, 4)} mm`;
+      face.box.querySelector("p").textContent = y === null || z === null ? trouble || "no place" : `${signed(y, 3)}, ${signed(z, 3)} mm`;
       face.box.dataset.trouble = trouble;
       this.draw(face, y, z, power, trouble, trail);
     }

@@ -11,7 +11,7 @@ const STALE = 1.0; // s without a sample after which numbers are said to be old
 const TRAIL = 2.0; // s of the spots' way that is drawn
 
 // What is known of the run, and since when.
-const run = { hello: null, store: null, sample: null, status: null, rate: null, end: null, connected: false,
+const run = { line: null, hello: null, store: null, sample: null, status: null, rate: null, end: null, connected: false,
   heard: 0, sampled: 0, seq: null, events: 0 };
 // What is looked at. at: a time, null for the newest.
 const look = { paused: false, from: 0, to: 20, at: null, hover: null, playing: false };
@@ -26,6 +26,7 @@ function connect() {
   address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
   const line = new WebSocket(address);
   line.binaryType = "arraybuffer";
+  run.line = line;
   line.onopen = () => { run.connected = true; run.heard = performance.now(); wait = 500; fresh = true; };
   line.onmessage = ({ data }) => {
     run.heard = performance.now();
@@ -61,6 +62,7 @@ function begin(hello) {
   strips = new Strips(by("strips"), hello.components, { zoom, wheel, follow, hover });
   faces = new Faces(by("faces"), hello);
   scene = new Scene(by("scene"), hello);
+  scene.theme(document.documentElement.dataset.theme);
   // for tests and for those who look behind the page
   window.facets = { run, look, strips, faces, scene };
 }
@@ -233,9 +235,10 @@ function draw() {
   const view = run.store.view(look.from, look.to, strips.pixels);
   strips.show(view, look.from, look.to, look.at);
   const sample = shown();
-  strips.write(sample, sample ? sample.status : look.at === null ? "no sample yet" : "no sample then");
+  const why = sample ? sample.status : look.at === null ? "no sample yet" : "no sample then";
+  strips.write(sample, why);
   faces.show(sample, range ? run.store.trail(look.at ?? newest(), TRAIL) : []);
-  scene.show(sample);
+  scene.show(sample, why);
   const at = look.at ?? sample?.t ?? null;
   const origin = run.hello.origin_utc ?? null;
   by("when").textContent = sample || look.at !== null
