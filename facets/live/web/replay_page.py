@@ -26,7 +26,9 @@ class ReplayPage:
     In a `with` statement the page is closed at its end.
     """
 
-    def __init__(self, pipeline: Pipeline, recording: Path, web: str, drawn: dict[str, str]) -> None:
+    def __init__(
+        self, pipeline: Pipeline, recording: Path, web: str, drawn: dict[str, str]
+    ) -> None:
         self.pipeline, self.begin, self.ended = pipeline, time.monotonic(), 0.0
         offset = utc_offset(recording)
         self.offset = offset or 0.0
