@@ -6,7 +6,7 @@ BIN := .venv/bin
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 
-.PHONY: run test lint tree types layers unit studies portable bench reproduce docs clean
+.PHONY: run test lint tree types layers unit studies portable bench reproduce docs three clean
 
 run: .venv/installed
 	$(BIN)/facets simulate paper -o results/paper --force
@@ -53,6 +53,12 @@ reproduce: .venv/installed
 
 docs: .venv/developed
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+# three.js as the pages of rigs carry it; for a new version of it, see three/package.json there.
+three:
+	rm -rf build/three && mkdir -p build && cp -R facets/pictures/page/three build/three
+	cd build/three && npm install --no-audit --no-fund --no-package-lock --silent && npm run --silent build
+	cp build/three/three.min.js build/three/node_modules/three/LICENSE facets/pictures/page/three/
 
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv

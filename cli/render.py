@@ -27,8 +27,8 @@ Output = Annotated[
     typer.Option(
         "-o",
         "--output",
-        help="png; gltf or html, to be turned; mp4 or gif with --motion or --recording; "
-        "svg or pdf with --spots or --plan.  [default: results/CONFIG-WHAT.png]",
+        help="png; html, a page to play with; gltf, to be turned; mp4 or gif with --motion or "
+        "--recording; svg or pdf with --spots or --plan.  [default: results/CONFIG-WHAT.png]",
     ),
 ]
 State = Annotated[
@@ -99,6 +99,11 @@ def check_ending(path: Path, flat: bool, film: bool) -> None:
 
 
 def draw(settings: Config, state: Any, view: Any, size: tuple[int, int], path: Path | None) -> None:
+    if path is not None and path.suffix.lower() == ".html":
+        from facets.pictures.page.rig_page import write_rig_page
+
+        write_rig_page(settings.sensor, settings.name, state, path)
+        return
     from facets.pictures.render import Picture
 
     picture = Picture(settings.sensor, state, view, size, interactive=path is None)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -83,22 +82,6 @@ def detector_frame(sensor: Sensor, k: int) -> tuple[Floats, Floats]:
     """Centre and axes of detector k, in the world."""
     geometry = geometry_of(sensor)
     return np.array(geometry.centres[k]), np.array(geometry.axes[k])
-
-
-@contextmanager
-def without_download() -> Iterator[None]:
-    """No file of WebAssembly: the exporter loads trame_vtklocal where it finds it, which fetches
-    one from its maker's server, and a page of vtk.js has no use for it."""
-    part = "trame.widgets.vtklocal"
-    earlier = sys.modules.get(part)
-    sys.modules[part] = None  # type: ignore[assignment]  # an import of it raises ImportError
-    try:
-        yield
-    finally:
-        if earlier is None:
-            del sys.modules[part]
-        else:
-            sys.modules[part] = earlier
 
 
 class Picture:
@@ -282,16 +265,13 @@ class Picture:
         self.tell(state)
 
     def save(self, path: Path) -> None:
-        """PNG, glTF or HTML by its ending; whole or not at all."""
+        """PNG or glTF by its ending; whole or not at all."""
         with Whole(path) as temporary:
             kind = path.suffix.lower()
             if kind in PICTURES:
                 self.plotter.screenshot(str(temporary))
-            elif kind == ".gltf":
-                self.plotter.export_gltf(str(temporary))
             else:
-                with without_download():
-                    self.plotter.trame.export_html(str(temporary))
+                self.plotter.export_gltf(str(temporary))
 
     def film(
         self, path: Path, states: Iterable[Floats], rate: float, tell: Callable[[], None]

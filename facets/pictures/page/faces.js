@@ -151,11 +151,18 @@ const Faces = (() => {
       pen.fillText("ψ", box[0] + box[2] - 4, view.y(0) - 4);
       pen.textAlign = "left";
       pen.fillText("ζ", view.x(0) + 4, box[1] + 12);
-      this.scaleBar(pen, box, view.scale, step);
+      this.scaleBar(pen, box, view.scale, step, this.corner(y, z));
     }
 
-    scaleBar(pen, box, scale, step) {
-      const colours = THEMES[this.name], [x, y] = [box[0] + 8, box[1] + box[3] - 9];
+    // Where there is room for the spot drawn large: away from the spot.
+    corner(y, z) {
+      const spot = this.spot() || [0, 0];
+      return [spot[0] > 0.1 * y ? -1 : 1, spot[1] > 0.1 * z ? -1 : 1];
+    }
+
+    scaleBar(pen, box, scale, step, [taken, low]) {
+      const colours = THEMES[this.name], beside = low < 0 && taken < 0;
+      const x = beside ? box[0] + box[2] - step * scale - 44 : box[0] + 8, y = box[1] + box[3] - 9;
       pen.strokeStyle = colours.ink;
       pen.lineWidth = 2;
       pen.beginPath();
@@ -242,7 +249,7 @@ const Faces = (() => {
       const all = facet.spots.flat();
       const reach = 1.15 * Math.max(...all.map((s) => Math.hypot(s[0] - spot[0], s[1] - spot[1])));
       const radius = 0.2 * Math.min(pen.wide, pen.high);
-      const [sy, sz] = [spot[0] > 0.1 * y ? -1 : 1, spot[1] > 0.1 * z ? -1 : 1];
+      const [sy, sz] = this.corner(y, z);
       const middle = [view.x(sy * y) - sy * (radius + 7), view.y(sz * z) + sz * (radius + 7)];
       pen.strokeStyle = colours.quiet;
       pen.lineWidth = 1;

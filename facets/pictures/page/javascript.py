@@ -115,15 +115,17 @@ def _write(thing: Any, written: dict[str, str]) -> None:
 def _constructor(kind: Any) -> str:
     """A function that makes a named tuple: an object that can be taken apart as a tuple, too."""
     fields = [_safe(field) for field in kind._fields]
-    given = [
-        f"{field} = {literal(kind._field_defaults[name])}" if name in kind._field_defaults else field
-        for name, field in zip(kind._fields, fields, strict=True)
-    ]
+    usual = {_safe(name): literal(value) for name, value in kind._field_defaults.items()}
+    given = ", ".join(f"{field} = {usual[field]}" if field in usual else field for field in fields)
+    parts = ", ".join(fields)
     return (
-        f"function {name_of(kind)}({', '.join(given)}) {{\n"
-        f"  return {{{', '.join(fields)}, *[Symbol.iterator]() {{ yield* [{', '.join(fields)}]; }}}};"
-        "\n}"
+        f"function {name_of(kind)}({given}) {{\n"
+        f"  return {{{parts}, *[Symbol.iterator]() {{ yield* [{parts}]; }}}};\n}}"
     )
+
+
+def is_named_tuple(kind: type) -> bool:
+    return issubclass(kind, tuple) and hasattr(kind, "_fields")
 
 
 def _safe(name: str) -> str:
@@ -376,7 +378,7 @@ class Function:
         """A function, a class or a constant of a module, noted as needed."""
         if isinstance(value, float | bool) or (isinstance(value, int) and name.isupper()):
             return literal(value)
-        if isinstance(value, FunctionType) or hasattr(value, "_fields") and isinstance(value, type):
+        if isinstance(value, FunctionType) or (isinstance(value, type) and is_named_tuple(value)):
             self.functions.append(value)
             return name_of(value)
         if isinstance(value, np.ndarray | tuple | range):

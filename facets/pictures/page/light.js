@@ -94,7 +94,8 @@ const Light = (() => {
         spots: rays.map((row) => row.map((one) => one.spot)),
         apexSpot: ray(geometry, at, k, at.q).spot, beamSpot: central.spot,
         toBeam: meets ? inverse(geometry, at, k) : null,
-        reflects: (x) => reflects(geometry, at, k, ray(geometry, at, k, x).start),
+        reflects: (x) =>
+          !geometry.openings.cut || reflects(geometry, at, k, ray(geometry, at, k, x).start),
       };
     });
     return {apex: at.apex, turn: at.turn, place: at.place, q: at.q, sides: at.sides, radius, facets};

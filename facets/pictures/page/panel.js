@@ -7,6 +7,9 @@
   // in the units that are shown, so that a number that was typed stays as it is
   let shown = first.map((x, n) => tidy(x / parts[n].factor));
   const sliders = [];
+  // page.html?theme=light&view=mirror, for those who show the page inside another
+  const asked = new URLSearchParams(location.search);
+  let chosen = ["dark", "light"].find((name) => name === asked.get("theme"));
 
   function tidy(x) {
     return +x.toPrecision(15);
@@ -63,11 +66,23 @@
       cell.textContent = lost ? "lost" : digits(value, n % 3 === 2 ? 5 : 4);
       cell.className = lost || remarks[Math.floor(n / 3)] ? "lost" : "";
     });
+    share(readings);
     $("why").replaceChildren(...remarks.filter(Boolean).map((text) => {
       const item = document.createElement("li");
       item.textContent = text;
       return item;
     }));
+  }
+
+  // How the detectors share the beam's power.
+  function share(readings) {
+    const powers = [2, 5, 8].map((n) => Math.max(readings[n] || 0, 0));
+    document.querySelectorAll("#shares i").forEach((bar, k) => {
+      bar.style.width = `${100 * Math.min(powers[k] / RIG.beam.power, 1)}%`;
+    });
+    const sum = powers.reduce((a, b) => a + b);
+    $("sum").textContent = `The three share ${digits(sum, 5)} mW of the beam’s ` +
+      `${RIG.beam.power} mW.`;
   }
 
   // With a true minus sign; what is not zero never looks like it.
@@ -85,7 +100,7 @@
   function link() {
     const hash = words().replace(/,/g, "&");
     try {
-      history.replaceState(null, "", hash ? `#${hash}` : location.pathname + location.search);
+      history.replaceState(null, "", location.pathname + location.search + (hash && `#${hash}`));
     } catch { /* a frame that may not change its address */ }
   }
 
@@ -151,8 +166,9 @@
   function slider(part, n) {
     const row = document.createElement("div");
     row.className = n === 3 || n === 6 ? "slider group" : "slider";
-    row.title = part.words;
-    const name = Object.assign(document.createElement("b"), {textContent: part.symbol});
+    const name = Object.assign(document.createElement("label"), {htmlFor: part.key});
+    name.append(Object.assign(document.createElement("b"), {textContent: part.symbol}),
+      Object.assign(document.createElement("small"), {textContent: part.words}));
     const range = Object.assign(document.createElement("input"), {
       type: "range", min: -part.end, max: part.end, step: "any", id: part.key});
     const number = Object.assign(document.createElement("input"), {
@@ -191,8 +207,7 @@
   }
 
   function theme() {
-    const own = document.documentElement.dataset.chosen;
-    return own || (matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark");
+    return chosen || (matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark");
   }
 
   function dress() {
@@ -222,7 +237,7 @@
     if (scene) scene.look("rig");
   });
   $("theme").addEventListener("click", () => {
-    document.documentElement.dataset.chosen = theme() === "dark" ? "light" : "dark";
+    chosen = theme() === "dark" ? "light" : "dark";
     dress();
   });
   $("copy-state").addEventListener("click", () => copy(words(), "The state"));
@@ -243,4 +258,7 @@
   }
   dress();
   refresh();
+  if (scene && ["mirror", "A", "B", "C"].includes(asked.get("view"))) scene.look(asked.get("view"), false);
+  // for other scripts: what is on the page, and a way to move it
+  globalThis.page = {scene, point, faces, accept, readings: () => Model.readings(state())};
 })();

@@ -14,7 +14,7 @@ from ..scene import rim_of
 #: ground; told apart also by the colour-blind.
 HUES = {
     "light": ("#0072B2", "#D55E00", "#009E73"),
-    "dark": ("#4FB3EE", "#FF8B3D", "#2FD3A2"),
+    "dark": ("#4DA9F0", "#FF8A3D", "#5FE0B0"),
 }
 LETTERS = ("A", "B", "C")
 

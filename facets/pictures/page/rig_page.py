@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import html
 import json
+from pathlib import Path
 from typing import Any
 
 from ...core.errors import InputError
@@ -15,19 +16,20 @@ from ...core.sensor import Sensor
 from ...core.units import Floats
 from ...core.version import __version__
 from ...detectors.correction import is_corrected
+from ...files.tables import Whole
 from .model import model, text_of
 from .rig_data import rig
 
 #: What is said of each component of a state.
 WORDS = {
-    "tx": "mirror along x",
-    "ty": "mirror along y",
-    "tz": "mirror up",
-    "roll": "turn about x",
-    "pitch": "turn about y",
-    "yaw": "turn about z",
-    "bx": "beam along x",
-    "by": "beam along y",
+    "tx": "along x",
+    "ty": "along y",
+    "tz": "up",
+    "roll": "about x",
+    "pitch": "about y",
+    "yaw": "about z",
+    "bx": "beam, x",
+    "by": "beam, y",
 }
 #: Ends that a slider may have, times a power of ten.
 ROUND = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
@@ -61,6 +63,13 @@ def rig_page(sensor: Sensor, name: str, state: Floats) -> str:
         ended = part.replace("</", "<\\/") if mark not in ("STYLE", "TITLE", "NAME") else part
         text = before + ended + after
     return text
+
+
+def write_rig_page(sensor: Sensor, name: str, state: Floats, path: Path) -> None:
+    """`rig_page` as a file, whole or not at all."""
+    text = rig_page(sensor, name, state)
+    with Whole(path) as temporary:
+        temporary.write_text(text, "utf-8")
 
 
 def _is_finite(number: Any) -> bool:

@@ -8,18 +8,18 @@
 // `create` returns null where there is no WebGL. Lengths in mm, z up, the world frame of the model.
 
 const Rig = (() => {
-  const HEAD = 12, LASER = 150;  // the head's length below its rim, the laser's height; mm
+  const HEAD = 12, LASER = 110;  // the head's length below its rim, the laser's height; mm
   const V = (a) => new THREE.Vector3(...a);
 
   const THEMES = {
     dark: {
-      plate: "#22262d", holes: "#0a0b0d", metal: "#c9d1da", black: "#17191d", body: "#2a2e35",
-      board: "#123a34", silicon: "#141c33", beam: "#fff1d0", ink: "#dfe5ec", shadow: 0.55,
-      sky: "#39414d", floor: "#14161a", key: 2.6, fill: 0.55, fog: "#0f1216",
+      plate: "#2c323b", holes: "#101317", metal: "#d6dde5", black: "#30353d", body: "#454d59",
+      board: "#1f6a5c", silicon: "#2a3a6b", beam: "#fff1d0",
+      sky: "#8d9bb0", floor: "#2a2f37", key: 3.4, fill: 0.9, fog: "#0f1216",
     },
     light: {
       plate: "#c8ced6", holes: "#8d95a0", metal: "#d5dbe2", black: "#2b2f36", body: "#3b414a",
-      board: "#1d5c50", silicon: "#27335c", beam: "#7a5c00", ink: "#20262e", shadow: 0.28,
+      board: "#1d5c50", silicon: "#27335c", beam: "#8a6a00",
       sky: "#ffffff", floor: "#b9c0c9", key: 2.4, fill: 1.1, fog: "#f6f7f9",
     },
   };
@@ -27,7 +27,8 @@ const Rig = (() => {
   function create(element, rig, options = {}) {
     let renderer;
     try {
-      renderer = new THREE.WebGLRenderer({antialias: true, alpha: true});
+      renderer = new THREE.WebGLRenderer({
+        antialias: true, preserveDrawingBuffer: true});  // kept, so that it can be saved as a picture;
     } catch {
       return null;
     }
@@ -176,7 +177,7 @@ const Rig = (() => {
       transparent: true, depthWrite: false, side: THREE.DoubleSide,
       uniforms: {
         start: {value: V([0, 0, 0])}, end: {value: V([0, 0, 1])}, radius: {value: 0.4},
-        least: {value: 3.0}, size: {value: new THREE.Vector2(1, 1)}, scale: {value: 1},
+        least: {value: 5.0}, size: {value: new THREE.Vector2(1, 1)}, scale: {value: 1},
         colour: {value: new THREE.Color()}, strength: {value: 1}, hot: {value: 0},
       },
       vertexShader: `
@@ -412,6 +413,12 @@ const Rig = (() => {
       this.label("mirror", [0, 0, 0], "part mirror");
     }
 
+    // From where the rig is seen at first: a little beside the first detector.
+    front() {
+      const [x, y] = this.rig.detectors[0].centre;
+      return Math.atan2(y, x) - 0.56;
+    }
+
     // The direction in the plate's plane that is farthest from all detectors.
     pillar() {
       const angles = this.rig.detectors.map((one) => Math.atan2(one.centre[1], one.centre[0]));
@@ -419,7 +426,7 @@ const Rig = (() => {
         Math.sin(a - angle), Math.cos(a - angle)))));
       // among equals the one at the back, as the rig is first seen
       const all = Array.from({length: 72}, (_, n) => n * Math.PI / 36);
-      const worth = (angle) => gap(angle) - 0.2 * Math.cos(angle + 0.9);
+      const worth = (angle) => gap(angle) - 0.2 * Math.cos(angle - this.front());
       return all.reduce((best, angle) => worth(angle) > worth(best) + 1e-9 ? angle : best);
     }
 
@@ -481,6 +488,7 @@ const Rig = (() => {
     }
 
     theme(name) {
+      if (name === this.shown) return;
       const colours = THEMES[name], look = this.look_;
       this.shown = name;
       for (const key of ["plate", "holes", "metal", "black", "body", "board", "silicon"]) {
@@ -490,8 +498,9 @@ const Rig = (() => {
         ? THREE.AdditiveBlending : THREE.NormalBlending;
       hues.forEach((hue, k) => {
         look.hues[k].color.set(hue);
-        for (const body of [this.subBeams[k], this.bodies[k], this.prints[k], this.spots[k]]) {
-          tint(body, hue, blending, name === "dark" ? 0.55 : 0);
+        tint(this.subBeams[k], hue, THREE.NormalBlending, name === "dark" ? 0.45 : 0);
+        for (const body of [this.bodies[k], this.prints[k], this.spots[k]]) {
+          tint(body, hue, blending, name === "dark" ? 0.35 : 0);
         }
         this.flares[k].material.color.set(hue);
         this.flares[k].material.blending = blending;
@@ -500,7 +509,7 @@ const Rig = (() => {
       if (this.scene.environment) this.scene.environment.dispose();
       this.scene.environment = surroundings(this.renderer, colours);
       this.scene.background = new THREE.Color(colours.fog);
-      this.scene.environmentIntensity = name === "dark" ? 0.75 : 0.9;
+      this.scene.environmentIntensity = name === "dark" ? 1.0 : 0.9;
       this.key.intensity = colours.key;
       this.fill.intensity = colours.fill;
       this.labels.forEach(({element}, n) => {
@@ -518,9 +527,11 @@ const Rig = (() => {
         target = [apex[0], apex[1], apex[2] - 0.7];
         from = along(target, 1, [8.5, -12, 9]);
       } else if (name === "rig") {
-        const narrow = Math.max(1, 1.25 / this.camera.aspect);
-        target = [0, 0, 0.08 * reach];
-        from = along(target, narrow * reach, [1.25, -2.05, 1.5]);
+        const narrow = Math.max(1, 1.45 / this.camera.aspect);
+        // the detector opposite and the laser's pillar stand to both sides of the beam
+        const azimuth = this.front(), flat = 2.5 * Math.cos(azimuth), deep = 2.5 * Math.sin(azimuth);
+        target = [0, 0, 0.16 * reach];
+        from = along(target, narrow * reach, [flat, deep, 1.75]);
       } else {
         const one = rig.detectors["ABC".indexOf(name)], size = 2 * Math.max(...one.half);
         target = one.centre;

@@ -1,4 +1,10 @@
+// What scene.js draws with.
 export {
-  ACESFilmicToneMapping, AdditiveBlending, AmbientLight, BackSide, Box3, BoxGeometry, BufferAttribute, BufferGeometry, CanvasTexture, CircleGeometry, Color, CylinderGeometry, DirectionalLight, DoubleSide, ExtrudeGeometry, Group, HemisphereLight, LatheGeometry, Line, LineBasicMaterial, LineSegments, Matrix4, Mesh, MeshBasicMaterial, MeshPhysicalMaterial, MeshStandardMaterial, NormalBlending, Object3D, PCFShadowMap, PCFSoftShadowMap, PMREMGenerator, PerspectiveCamera, PlaneGeometry, Quaternion, RingGeometry, Scene, ShaderMaterial, ShadowMaterial, Shape, SphereGeometry, Sprite, SpriteMaterial, TorusGeometry, Vector2, Vector3, WebGLRenderer, REVISION
+  ACESFilmicToneMapping, AdditiveBlending, BoxGeometry, BufferAttribute, BufferGeometry,
+  CanvasTexture, CircleGeometry, Color, CylinderGeometry, DirectionalLight, DoubleSide,
+  ExtrudeGeometry, Group, HemisphereLight, Matrix4, Mesh, MeshBasicMaterial,
+  MeshStandardMaterial, NormalBlending, PCFShadowMap, PMREMGenerator, PerspectiveCamera,
+  PlaneGeometry, Scene, ShaderMaterial, Shape, Sprite, SpriteMaterial, Vector2, Vector3,
+  WebGLRenderer,
 } from "three";
 export {OrbitControls} from "three/addons/controls/OrbitControls.js";
