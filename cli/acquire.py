@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from facets.config import Config
     from facets.live.acquire import Ending, Live, Reader
     from facets.live.recording import Recording
+    from facets.live.web.page import WebPage
     from facets.tracking.tracker import Tracker
 
 
@@ -57,6 +58,14 @@ Filter = Annotated[
         "constant acceleration, speed or place.",
     ),
 ]
+Web = Annotated[
+    str | None,
+    typer.Option(
+        metavar="[HOST:]PORT",
+        help="Show the run on a page in browsers, of this machine (127.0.0.1) where no other "
+        "address is given; port 0 is any that is free.",
+    ),
+]
 Compare = Annotated[
     bool,
     typer.Option("--compare", help="Exit status 1 unless the board's own poses are the same."),
@@ -81,6 +90,7 @@ def acquire(
     rate: Rate = None,
     publish: Publish = None,
     filter_by: Filter = None,
+    web: Web = None,
     compare: Compare = False,
 ) -> None:
     """Acquire a stream of detector counts and solve every sample.
@@ -103,11 +113,7 @@ def acquire(
     live.pipeline.warm_up()
     recording = started(settings, output) if record else None
     try:
-        if publish:
-            from facets.live.publication import Publications
-
-            live.publications = Publications(publish, settings, filter_by=filter_by, carried=track)
-            tell(f"publishing at {', '.join(live.publications.places())}")
+        page = receivers(live, settings, publish or [], web, filter_by, track)
         if track:
             live.tracker = tracker_of(settings, stage_port, search, recording)
         reader = reader_of(settings, name, recording, reconnect, live)
@@ -115,12 +121,64 @@ def acquire(
         abandon(live, recording)
         raise
     ending = Ending(seconds or float("inf"), samples or float("inf"))
-    stream(live, reader, recording, ending, display(live, plain, json, rate))
+    shown = display(live, plain, json, rate)
+    stream(live, reader, recording, ending, on_page(page, shown) if page else shown)
     reasons = complaints(live, max_loss, compare)
     for reason in reasons:
         tell(f"exit status 1: {reason}")
     if reasons:
         raise typer.Exit(1)
+
+
+def receivers(
+    live: Live,
+    settings: Config,
+    publish: list[str],
+    web: str | None,
+    filter_by: str | None,
+    carried: bool,
+) -> WebPage | None:
+    """Begins to give samples away, and says where; the page, if there is one."""
+    if not publish and web is None:
+        return None
+    from facets.live.publication import Publications
+
+    live.publications = Publications(publish, settings, filter_by=filter_by, carried=carried)
+    if publish:
+        tell(f"publishing at {', '.join(live.publications.places())}")
+    if web is None:
+        return None
+    from facets.live.web.page import WebPage
+    from facets.live.web.status import status_of
+    from facets.pictures.page.scripts import rig_scripts
+
+    more = {"kind": "acquire"}
+    page = WebPage(settings, web, lambda: status_of(live), more, drawn=rig_scripts(settings.sensor))
+    live.publications.all.append(page)
+    for text in page.greeting():
+        tell(text)
+    page.show()
+    return page
+
+
+@contextmanager
+def on_page(
+    page: WebPage, shown: AbstractContextManager[Callable[[Live], None]]
+) -> Iterator[Callable[[Live], None]]:
+    """The same view, and beside it what the page is told; it goes on where a terminal closes."""
+    gone = False
+    with shown as show:
+
+        def both(live: Live) -> None:
+            nonlocal gone
+            page.show()
+            try:
+                if not gone:
+                    show(live)
+            except OSError:
+                gone = True
+
+        yield both
 
 
 def reader_of(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -45,6 +46,14 @@ def replay(
         list[str] | None,
         typer.Option(help="Give every sample to other programs, as `facets acquire` does."),
     ] = None,
+    web: Annotated[
+        str | None,
+        typer.Option(
+            metavar="[HOST:]PORT",
+            help="Show the recording on a page in browsers, as `facets acquire` does; it stays "
+            "until ^C.",
+        ),
+    ] = None,
 ) -> None:
     """Run a recording through the parser and the solver again.
 
@@ -53,7 +62,7 @@ def replay(
     out the same to the last bit; --compare says whether, and exits with 1 where not.
     """
     from facets import load
-    from facets.files import provenance, tables
+    from facets.files import tables
     from facets.live.pipeline import Pipeline
     from facets.live.recording import Damage, meta_of
     from facets.live.replay import recorded_config
@@ -73,18 +82,43 @@ def replay(
     replayed = run(recording, pipeline, real_time, damage)
     if publish:
         replayed = published(replayed, recording, settings, publish, filter_by)
-    found = list(replayed)
-    tell(pipeline, recording, damage)
-    if output and smooth:
-        write_smoothed(output, found, pipeline, smooth_by)
-    elif output and filter_by:
-        write_filtered(output, found, pipeline, filter_by)
+    with page_of(web, pipeline, recording) as page:
+        found = list(page.following(replayed) if page else replayed)
+        tell(pipeline, recording, damage)
+        if output and filter_by:
+            write_filtered(output, found, pipeline, filter_by)
+        else:
+            save(output, found, pipeline, recording, smooth_by if smooth else "")
+        if compare:
+            compared(recording, found)
+        if page:
+            page.stay(lambda text: typer.echo(text, err=True))
+
+
+def page_of(web: str | None, pipeline: Any, recording: Path) -> AbstractContextManager[Any]:
+    """The page of a replay, which says where it is; None where none is asked for."""
+    if web is None:
+        return nullcontext()
+    from facets.live.web.replay_page import ReplayPage
+    from facets.pictures.page.scripts import rig_scripts
+
+    page = ReplayPage(pipeline, recording, web, rig_scripts(pipeline.config.sensor))
+    for text in page.page.greeting():
+        typer.echo(text, err=True)
+    return page
+
+
+def save(output: Path | None, found: list[Any], pipeline: Any, recording: Path, model: str) -> None:
+    """The poses as a table, smoothed by a model, if one is named."""
+    from facets.files import provenance
+
+    about = provenance.about(pipeline.config)
+    if output and model:
+        write_smoothed(output, found, pipeline, model)
     elif output and is_mcap(output):
-        write_mcap(output, found, recording, provenance.about(settings))
+        write_mcap(output, found, recording, about)
     elif output:
-        write(output, found, provenance.about(settings))
-    if compare:
-        compared(recording, found)
+        write(output, found, about)
 
 
 def check_smoothing(output: Path | None, model: str) -> None:

@@ -53,7 +53,6 @@ class Publication:
         about: what receivers are told of the samples.  patient: wait for receivers; for replays,
         which lose nothing by it.  config: pickled, where its `filter` needs one.
         """
-        check_address(address)
         self.address, self.patient = address, patient
         self.given = self.unplaced = self.sent = self.refused = 0
         self.receivers: int | None = None
@@ -63,9 +62,8 @@ class Publication:
         self.ended = False
         self.news = threading.Condition()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "facets.live.senders", address, str(FIRST if patient else 0.0)],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True,
-        )  # fmt: skip
+            self.command(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+        )
         self.port: int | None = None
         self.begin(description(about), config)
         self.threads = [
@@ -74,6 +72,12 @@ class Publication:
         ]
         for thread in self.threads:
             thread.start()
+
+    def command(self) -> list[str]:
+        """What starts the process."""
+        check_address(self.address)
+        wait = str(FIRST if self.patient else 0.0)
+        return [sys.executable, "-m", "facets.live.senders", self.address, wait]
 
     def begin(self, about: dict[str, Any], config: bytes) -> None:
         """Tells the process what it is to say of the samples, and waits until it can."""
