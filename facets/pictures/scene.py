@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.names import DETECTORS
 from ..core.sensor import Sensor
@@ -100,6 +101,24 @@ class Stand:
         apart = places - np.array(self.geometry.centres[k])
         axes = np.array(self.geometry.axes[k])
         return np.stack([apart @ axes[1], apart @ axes[2]], axis=-1)
+
+
+def mirrored(points: Floats, apex: Floats, normal: Floats) -> Floats:
+    """Points (..., 3) behind the plane of a facet, as many mm as they are before it.
+
+    A point of a sub-beam is folded back so to where its ray would be without the mirror.
+    """
+    folded: Floats = points - 2 * ((points - apex) @ normal)[..., None] * normal
+    return folded
+
+
+def in_wedge(stand: Stand, k: int, cross: Floats) -> NDArray[np.bool_]:
+    """Which places (..., 2) across the beam, sigmas, facet k takes."""
+    first, second = (np.array(stand.at.sides[n], float) for n in (k, (k + 1) % 3))
+    apart = cross - np.array(stand.at.q, float)
+    after = first[0] * apart[..., 1] - first[1] * apart[..., 0] > 0
+    before: NDArray[np.bool_] = apart[..., 0] * second[1] - apart[..., 1] * second[0] > 0
+    return after & before
 
 
 def cut(stand: Stand, k: int) -> Floats:

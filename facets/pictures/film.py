@@ -1,0 +1,89 @@
+"""Films: a motion under a camera that moves with ease, as H.264 or as GIF."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..core.units import Floats
+from ..files.whole import Whole
+from .camera import Camera
+from .magnification import times
+from .render import Picture
+
+#: How far the camera swings to either side, rad, and by how much nearer it comes in the middle.
+SWING, NEARER = 0.20, 0.16
+#: Colours of a GIF.
+COLOURS = 96
+
+
+def eased(camera: Camera, share: float) -> Camera:
+    """The camera at a share of a film: to one side and the other, and nearer in the middle.
+
+    It is where it began at the end, and as fast, so that a film can be repeated.
+    """
+    angle = SWING * np.sin(2 * np.pi * share)
+    near = 1 - NEARER * (1 - np.cos(2 * np.pi * share)) / 2
+    c, s = np.cos(angle), np.sin(angle)
+    apart = np.subtract(camera.place, camera.focus)
+    turned = near * np.array([c * apart[0] - s * apart[1], s * apart[0] + c * apart[1], apart[2]])
+    return replace(camera, place=tuple(np.add(camera.focus, turned)))
+
+
+def frames(picture: Picture, states: Floats, factor: float) -> Iterator[Any]:
+    """A frame (h, w, 3), 0 to 255, for each of states (n, 8), drawn `factor` times larger."""
+    view = picture.view
+    still = view.camera()
+    view.note = times(factor)
+    count = len(states)
+    for n, state in enumerate(states):
+        view.camera = lambda n=n: eased(still, n / count)  # type: ignore[method-assign, misc]
+        picture.move(factor * state)
+        yield picture.image()
+
+
+def write(
+    picture: Picture, states: Floats, path: Path, rate: float, factor: float, tell: Callable[[], None]
+) -> None:
+    """A film of states (n, 8) at `rate` frames a second; whole or not at all."""
+    with Whole(path) as temporary:
+        shown = told(frames(picture, states, factor), tell)
+        if path.suffix.lower() == ".gif":
+            write_gif(shown, temporary, rate)
+        else:
+            write_h264(shown, temporary, rate)
+
+
+def told(shown: Iterator[Any], tell: Callable[[], None]) -> Iterator[Any]:
+    for frame in shown:
+        yield frame
+        tell()
+
+
+def write_h264(shown: Iterator[Any], path: Path, rate: float) -> None:
+    import imageio
+
+    with imageio.get_writer(
+        path, format="FFMPEG", fps=rate, codec="libx264", quality=8, macro_block_size=2,
+        ffmpeg_log_level="error", output_params=["-movflags", "+faststart", "-f", "mp4"],
+    ) as writer:  # fmt: skip
+        for frame in shown:
+            writer.append_data(frame)
+
+
+def write_gif(shown: Iterator[Any], path: Path, rate: float) -> None:
+    """All frames in the colours of the first, since a GIF has few; shown again and again."""
+    from PIL import Image
+
+    first = Image.fromarray(next(shown))
+    palette = first.quantize(COLOURS, method=Image.Quantize.MEDIANCUT)
+    dither = Image.Dither.NONE
+    pictures = [palette, *(Image.fromarray(f).quantize(palette=palette, dither=dither) for f in shown)]
+    pictures[0].save(
+        path, format="gif", save_all=True, append_images=pictures[1:], loop=0,
+        duration=round(1000 / rate / 10) * 10, optimize=True,
+    )  # fmt: skip
