@@ -64,9 +64,9 @@ def picture(table: Table) -> Figure:
     with style.in_rules():
         drawing = style.figure(style.SINGLE, 3.2)
         panel = drawing.subplots()
-        for name in ("roll", "pitch", "roll against pitch"):
+        for name, size in (("roll", 10), ("pitch", 5), ("roll against pitch", 5)):  # two coincide
             rows = table["turn"] == name
-            panel.plot(table["angle_mrad"][rows], table["left_um"][rows], ms=5, label=name,
+            panel.plot(table["angle_mrad"][rows], table["left_um"][rows], ms=size, label=name,
                        color=hues.axes.get(name, hues.grey), marker=MARKS.get(name, "*"),
                        ls=DASHES.get(name, "-"))  # fmt: skip
         panel.plot([0, 10], [BOUND, BOUND], color=hues.ink, ls=(0, (1, 1.5)), lw=1.6,

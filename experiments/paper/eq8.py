@@ -61,13 +61,14 @@ def picture(table: Table) -> Figure:
     with style.in_rules():
         drawing = style.figure(style.SINGLE, 3.1)
         panel = drawing.subplots()
-        for name in AXES:
+        for name, size in zip(AXES, (10, 5, 5, 5), strict=True):  # two of them coincide
             rows = (table["axis"] == name) & (table["offset_mm"] == 0)
             if table["place_nm"][rows].max() > 1e-3:
-                panel.loglog(table["tilt_mrad"][rows], table["place_nm"][rows], ms=5, label=name,
+                panel.loglog(table["tilt_mrad"][rows], table["place_nm"][rows], ms=size, label=name,
                              color=hues.axes.get(name, hues.ink), ls=DASHES.get(name, "-"),
                              marker=MARKS.get(name, "*"))  # fmt: skip
         panel.set(xlabel="tilt, mrad", ylabel="largest error of a place, nm")
-        panel.xaxis.set_major_formatter("{x:g}")
+        for axis in (panel.xaxis, panel.yaxis):
+            style.plain_log(axis)
         panel.legend()
     return drawing

@@ -75,23 +75,22 @@ def claims(table: Table) -> list[Claim]:
 
 
 def picture(table: Table) -> Figure:
-    """Above the motions, truth under the estimate; below the error, and how far the beam is off."""
+    """Motions, truth under the estimate; the error below, and how far the beam is off."""
     hues = chosen_hues()
     with style.in_rules():
-        drawing = style.figure(style.FULL, 4.6)
-        panels = drawing.subplots(2, 2, sharex=True)
-        for (place, error), axis in zip(panels.T, REACH, strict=True):
+        drawing = style.figure(style.FULL, 5.6)
+        panels = drawing.subplots(3, 2, sharex=True, height_ratios=(1.4, 1, 1))
+        for (place, error, off), axis in zip(panels.T, REACH, strict=True):
             rows, key = table["axis"] == axis, f"t{axis}_mm"
             time, true = table["time_s"][rows], table[f"true_{key}"][rows]
             hue = hues.axes[f"t{axis}"]
             place.plot(time, true, color=hues.grey, alpha=0.55, lw=4.2, label="truth")
             place.plot(time, table[key][rows], color=hue, lw=1.0, label="estimate")
             place.set_ylabel(style.place_label(f"t{axis}"))
-            error_band(error, time, 1e3 * (table[key][rows] - true), hue, "error of the pose")
-            error.plot(time, table["beam_off_um"][rows], color=hues.ink, lw=1.0, ls="--",
-                       label="beam off the apex")  # fmt: skip
-            error.set(ylabel="error or distance, µm", xlabel="time, s")
-            error.set_ylim(top=1.45 * error.get_ylim()[1])  # room for the legend
-            for panel in (place, error):
-                panel.legend(loc="upper right")
+            error_band(error, time, 1e3 * (table[key][rows] - true), hue)
+            error.set_ylabel("error, µm")
+            error_band(off, time, table["beam_off_um"][rows], hues.ink)
+            off.set(ylabel="beam off apex, µm", xlabel="time, s", ylim=(0, None))
+            place.legend(loc="lower left")
+        panels[1, 0].set_title("bands from least to largest, lines at the median")
     return drawing

@@ -65,6 +65,6 @@ def picture(table: Table) -> Figure:
         panel.set(xlabel="standard uncertainty of the beam's place, µm",
                   ylabel="resolution at rest (2 sigma), µm")  # fmt: skip
         for axis in (panel.xaxis, panel.yaxis):
-            axis.set_major_formatter("{x:g}")
+            style.plain_log(axis)
         panel.legend()
     return drawing

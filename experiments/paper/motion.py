@@ -73,7 +73,7 @@ def drawn(table: Table, axes: tuple[str, ...]) -> Figure:
             key = column(name)
             panel.plot(table["time_s"], table[f"true_{key}"], color=hues.grey, alpha=0.55, lw=4.2,
                        solid_capstyle="butt", label="truth")  # fmt: skip
-            panel.plot(table["time_s"], table[key], color=hues.axes[name], lw=1.0, label="estimate")
+            error_band(panel, table["time_s"], table[key], hues.axes[name], "estimate")
             panel.set(ylabel=style.place_label(name), xlabel="time, s")
         for panel in moved[len(axes) :]:
             panel.set_axis_off()
@@ -82,7 +82,7 @@ def drawn(table: Table, axes: tuple[str, ...]) -> Figure:
         for panel, name in zip(panels.T.ravel(), POSE, strict=True):
             error_band(panel, table["time_s"], errors(table, name), hues.axes[name])
             panel.set_ylabel(f"{style.in_words(name)}, {unit_of(name).fine_unit}")
-        panels[0, 0].set_title("errors: band from least to largest, median")
+        panels[0, 0].set_title("errors; bands from least to largest, lines at the median")
         for panel in panels[-1]:
             panel.set_xlabel("time, s")
     return drawing

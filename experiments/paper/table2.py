@@ -93,16 +93,10 @@ def picture(table: Table) -> Figure:
                 panel.plot(ratio, places, mark, ms=6, color=hues.accent, mew=1.4, label=beam,
                            mfc=hues.accent if filled else hues.ground)  # fmt: skip
             panel.set(title=quantity, xlabel="model over paper", xscale="log")
-            panel.xaxis.set_major_formatter("{x:g}")
-            panel.xaxis.set_minor_formatter(minor)
+            style.plain_log(panel.xaxis)
             panel.grid(visible=False, axis="y")
         panels[0].set_yticks(range(6), [style.in_words(name) for name in POSE])
         panels[0].set_ylim(5.6, -0.6)
         handles, texts = panels[0].get_legend_handles_labels()
         style.legend_below(drawing, handles, texts, 2)
     return drawing
-
-
-def minor(x: float, _: object) -> str:
-    """Ticks between powers of ten that have room for their number."""
-    return f"{x:g}" if f"{x:.0e}"[0] in "25" else ""

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Row = dict[str, Any]
+#: Of a panel of the diagram, points; and how near two numbers may come, across and up.
+SIZE, NEAR = np.array([205.0, 165.0]), (13.0, 11.0)
 
 
 def work_precision(forward: Sequence[Row], inverse: Sequence[Row]) -> Figure:
@@ -41,15 +43,32 @@ def diagram(axes: Axes, rows: Sequence[Row], error: str) -> None:
         colour, mark = (hues.accent, "o") if ours else (hues.series[1], "s")
         time, value = row["us_per_pose"], row[error]
         spread = [[time - row["low_us"]], [row["high_us"] - time]]
-        axes.errorbar(time, value, xerr=spread, fmt=mark, ms=12, color=colour, elinewidth=1.0,
+        axes.errorbar(time, value, xerr=spread, fmt=mark, ms=6, color=colour, elinewidth=1.0,
                       label=f"{number}  {row['way']}")  # fmt: skip
-        axes.annotate(str(number), (time, value), ha="center", va="center_baseline",
-                      fontsize=style.LEAST, color=hues.ground, fontweight="bold")  # fmt: skip
     axes.set(xscale="log", yscale="log", xlabel="time a pose, µs")
-    axes.margins(0.08, 0.14)
+    axes.margins(0.08, 0.2)
     if shown:
+        numbers(axes, [(row["us_per_pose"], row[error]) for row in shown])
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.03), handlelength=0.9,
-                    markerscale=0.6, borderaxespad=0.3)  # fmt: skip
+                    borderaxespad=0.3)  # fmt: skip
+
+
+def numbers(axes: Axes, places: Sequence[tuple[float, float]]) -> None:
+    """A number above each mark; one that would lie on another goes higher, on a thin line."""
+    hues = chosen_hues()
+    axes.autoscale_view()
+    ends = np.log10([axes.get_xlim(), axes.get_ylim()])
+    share = (np.log10(places) - ends[:, 0]) / (ends[:, 1] - ends[:, 0])
+    taken: list[tuple[float, float]] = []
+    for number, ((x, y), place) in enumerate(zip(share * SIZE, places, strict=True), start=1):
+        up = 8.0
+        while any(abs(x - a) < NEAR[0] and abs(y + up - b) < NEAR[1] for a, b in taken):
+            up += 2.0
+        taken.append((x, y + up))
+        line = {"arrowstyle": "-", "lw": 0.6, "color": hues.grey, "shrinkA": 0, "shrinkB": 0}
+        axes.annotate(str(number), place, (0, up), textcoords="offset points", ha="center",
+                      va="center", fontsize=style.LEAST, fontweight="bold",
+                      arrowprops=line if up > 8 else None)  # fmt: skip
 
 
 def heat_map(rows: Sequence[Row]) -> Figure:

@@ -41,19 +41,18 @@ def residual_picture(data: Data, found: Fit, table: dict[str, NDArray[Any]]) -> 
         for k, letter in enumerate(DETECTORS):
             for row, kind in enumerate(KINDS):
                 image = face(panels[row, k], data.raw[:, 3 * k : 3 * k + 2],
-                             found.left[:, 3 * k + row], f"{letter.upper()}, {kind}")  # fmt: skip
-                panels[row, k].title.set_color(chosen_hues().detectors[letter])
+                             found.left[:, 3 * k + row], letter, kind)  # fmt: skip
             panels[2, k].set_xlabel("psi, mm")
         for panel in panels[:, 0]:
             panel.set_ylabel("zeta, mm")
         bar = upper.colorbar(image, ax=panels, shrink=0.6, pad=0.02, extend="both")
-        bar.set_label("mean residual in a cell, standard deviations")
+        bar.set_label("mean residual in a cell, standard deviations (above: r.m.s.)")
         bar.outline.set_visible(False)
         compared(lower, table)
     return picture
 
 
-def face(panel: Axes, spots: Floats, left: Floats, title: str) -> Any:
+def face(panel: Axes, spots: Floats, left: Floats, letter: str, kind: str) -> Any:
     """The mean of the residuals (n,) at spots (n, 2), in cells; what has no light is left out."""
     from matplotlib.colors import TwoSlopeNorm
 
@@ -63,8 +62,7 @@ def face(panel: Axes, spots: Floats, left: Floats, title: str) -> Any:
         norm=TwoSlopeNorm(0, -ENDS, ENDS), rasterized=True,
     )  # fmt: skip
     rms = np.sqrt(np.mean(left[there] ** 2)) if there.any() else np.nan
-    panel.set_title(title)
-    panel.set_title(f"r.m.s. {rms:.2f}", loc="right", fontweight="normal", fontsize=style.LEAST)
+    panel.set_title(f"{letter.upper()} {kind}, {rms:.2f}", color=chosen_hues().detectors[letter])
     panel.locator_params(nbins=4)
     panel.margins(0.06)
     if not there.any():
@@ -92,6 +90,7 @@ def compared(part: Any, table: dict[str, NDArray[Any]]) -> None:
         panel.set(xscale="log", ylim=(2.6, -0.6), xlabel=f"r.m.s. error, held back, {unit}")
         panel.tick_params(axis="y", length=0)
         panel.grid(visible=True, axis="x")
+        style.plain_log(panel.xaxis)
     handles, texts = panels[0].get_legend_handles_labels()
     by_text = dict(zip(texts, handles, strict=True))
     style.legend_below(part, list(by_text.values()), list(by_text), 3)

@@ -96,7 +96,7 @@ def cloud(
                       label="beaten by none")  # fmt: skip
         return
     values = table[hue][known]
-    options: dict[str, Any] = {"cmap": "viridis", "norm": Normalize(values.min(), values.max())}
+    options: dict[str, Any] = {"cmap": style.ramp(), "norm": Normalize(values.min(), values.max())}
     panel.scatter(table[x][beaten], table[y][beaten], size, c=table[hue][beaten], lw=0,
                   alpha=0.75, rasterized=True, label="other designs", **options)  # fmt: skip
     image = panel.scatter(table[x][first], table[y][first], 34, c=table[hue][first], lw=1.1,
@@ -134,7 +134,7 @@ def effects(panel: Axes, indices: dict[str, dict[str, Index]]) -> None:
     panel.set_yticks(np.arange(len(variables)), [style.column_label(name) for name in variables])
     panel.tick_params(axis="y", length=0)
     handles, texts = panel.get_legend_handles_labels()
-    style.legend_below(panel.figure, handles, texts, 2)
+    style.legend_below(panel.figure, handles, texts, min(len(texts), 3))
 
 
 def objective_words(objective: str) -> str:
@@ -170,7 +170,7 @@ def followed(
     if len(objectives) == 2:
         panel.plot(table[x], table[y], "o-", ms=5, color=hues.accent, label="front")
     else:
-        image = panel.scatter(table[x], table[y], 34, c=table[objectives[2]], cmap="viridis",
+        image = panel.scatter(table[x], table[y], 34, c=table[objectives[2]], cmap=style.ramp(),
                               ec=hues.ink, lw=0.8, label="front")  # fmt: skip
         bar = part.colorbar(image, ax=panel, label=style.measure_label(objectives[2]), pad=0.02)
         bar.outline.set_visible(False)
@@ -189,6 +189,7 @@ def price(panel: Axes, table: Table, first: str, other: str, line: bool) -> None
     panel.plot(table[other][1:-1], paid, "o-" if line else "o", ms=4, color=hues.series[1])
     if np.isfinite(paid).any():
         panel.set_yscale("log")
+        style.plain_log(panel.yaxis)
     else:
         style.say(panel, "no price is known between the front's ends")
     units = [style.measure_label(name).rpartition(", ")[2] for name in (first, other)]

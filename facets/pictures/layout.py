@@ -28,9 +28,7 @@ def layout_picture(table: dict[str, NDArray[Any]]) -> Figure:
         steps(fine, table, "u_", "worst standard uncertainty over the volume")
         steps(far, table, "range_", "symmetric range, twice its nearer end")
         far.set_xlabel("after over before")
-        handles, texts = fine.get_legend_handles_labels()
-        by_text = dict(zip(texts, handles, strict=True))
-        style.legend_below(picture, list(by_text.values()), list(by_text), 3)
+        legend(picture, bool(np.isfinite(table["simulated"]).any()))
     return picture
 
 
@@ -39,14 +37,13 @@ def steps(panel: Axes, table: dict[str, NDArray[Any]], kind: str, title: str) ->
     hues = chosen_hues()
     rows = [n for n, name in enumerate(table["quantity"]) if str(name).startswith(kind)]
     names = [axis_of(str(table["quantity"][n])) for n in rows]
-    panel.axvline(1, color=hues.soft, lw=1.0, label="before")
+    panel.axvline(1, color=hues.soft, lw=1.0)
     for place, (n, name) in enumerate(zip(rows, names, strict=True)):
         before, after, drawn = (float(table[key][n]) for key in ("before", "after", "simulated"))
         unit = with_micro(str(table["quantity"][n]).rpartition("_")[2])
         step(panel, place, after / before if before else np.nan, hues.axes[name])
         if np.isfinite(drawn) and before:
-            panel.plot(drawn / before, place, "|", color=hues.ink, ms=11, mew=1.4,
-                       label="after, spread of simulated solves")  # fmt: skip
+            panel.plot(drawn / before, place, "|", color=hues.ink, ms=11, mew=1.4)
         panel.annotate(f"{number(before)} → {number(after)} {unit}", (1.0, place), (6, 0),
                        xycoords=("axes fraction", "data"), textcoords="offset points",
                        va="center", fontsize=style.LEAST)  # fmt: skip
@@ -64,21 +61,29 @@ def step(panel: Axes, place: int, share: float, hue: str) -> None:
                        va="center", color=hues.soft, fontsize=style.LEAST)  # fmt: skip
         return
     panel.plot([1, share], [place, place], color=hue, lw=2.4, solid_capstyle="butt", zorder=2)
-    panel.plot(share, place, "o", color=hue, ms=6.5, zorder=3, label="after")
+    panel.plot(share, place, "o", color=hue, ms=6.5, zorder=3)
+
+
+def legend(picture: Figure, simulated: bool) -> None:
+    """Marks in no axis's hue, since they are those of all."""
+    from matplotlib.lines import Line2D
+
+    ink = chosen_hues().ink
+    handles = [Line2D([], [], color=ink, marker="|", ls="", ms=11, mew=1.0),
+               Line2D([], [], color=ink, marker="o", ls="", ms=6.5)]  # fmt: skip
+    texts = ["before", "after"]
+    if simulated:
+        handles.append(Line2D([], [], color=ink, marker="|", ls="", ms=11, mew=1.8))
+        texts.append("after, spread of simulated solves")
+    style.legend_below(picture, handles, texts, 3)
 
 
 def scale(panel: Axes) -> None:
-    """Logarithmic, so that half and twice are as far; ticks in plain numbers."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
+    """Logarithmic, so that half and twice are as far."""
     panel.set_xscale("log")
     low, high = panel.get_xlim()
-    low, high = min(low, 0.8), max(high, 1.25)
-    panel.set_xlim(low / 1.06, high * 1.06)
-    parts = (1, 2, 5) if high / low > 6 else (1, 2, 3, 4, 5, 6, 7, 8, 9)
-    panel.xaxis.set_major_locator(LogLocator(subs=parts))
-    panel.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-    panel.xaxis.set_minor_formatter(NullFormatter())
+    panel.set_xlim(min(low, 0.8) / 1.06, max(high, 1.25) * 1.06)
+    style.plain_log(panel.xaxis)
     panel.grid(visible=False, axis="y")
     panel.tick_params(axis="y", length=0)
 

@@ -124,6 +124,7 @@ def spectrum(panel: Axes, one: Channel) -> None:
     frequency, power = welch(signal, rate, nperseg=min(piece, len(signal)))
     found = columns(frequency[1:], np.sqrt(power[1:]))
     panel.fill_between(found.time, found.low, found.high, color=hue, alpha=0.35, lw=0)
+    panel.plot(found.time, found.middle, color=hue, lw=0.5, alpha=0.7)
     fitted = np.sqrt(one.model.density(found.time))
     panel.plot(found.time, fitted, color=hue, lw=1.6, ls=dash_of(one.name))
     level = one.configured * np.sqrt(2 / rate)

@@ -95,7 +95,7 @@ def values(
 ) -> None:
     """A map of values inside the range; NaN outside."""
     factors = [style.unit_of(name).factor for name in boundary.axes]
-    image = panel.pcolormesh(factors[0] * x, factors[1] * y, z, cmap="viridis", rasterized=True)
+    image = panel.pcolormesh(factors[0] * x, factors[1] * y, z, cmap=style.ramp(), rasterized=True)
     panel.grid(visible=False)
     bar = picture.colorbar(image, ax=panel, label=label, pad=0.03)
     bar.outline.set_visible(False)

@@ -74,25 +74,13 @@ def hue_of(source: int) -> str:
 
 
 def finish(panel: Axes, lanes: int, unit: str) -> None:
-    from matplotlib.ticker import FuncFormatter, NullFormatter
-
     panel.set(xscale="log", ylim=(lanes - 0.5, -0.5), xlabel=f"standard uncertainty, {unit}")
     low, high = panel.get_xlim()
-    if high < 11 * low:  # so that more than one power of ten has its number
-        panel.xaxis.set_minor_formatter(FuncFormatter(lambda x, _: plain(x, (2, 3, 5, 7))))
-    else:
-        panel.xaxis.set_minor_formatter(NullFormatter())
-    panel.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     panel.set_xlim(low / 1.15, high * 1.5)
+    style.plain_log(panel.xaxis)
     panel.grid(visible=False, axis="y")
     panel.tick_params(axis="y", length=0)
     panel.spines["left"].set_visible(False)
-
-
-def plain(x: float, wanted: tuple[int, ...]) -> str:
-    """The number of a tick between powers of ten, where its first digit is one of those wanted."""
-    first = round(x / 10 ** np.floor(np.log10(x) + 1e-9))
-    return f"{x:g}" if first in wanted else ""
 
 
 def legend(picture: Figure, found: Sequence[Resolution]) -> None:

@@ -26,6 +26,8 @@ def survey_picture(found: Survey, left_out: str, pair: AmbiguousPair | None = No
 
     pair: two states with the same readings, where there are any.
     """
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     rows = 1 if pair is None else 2
     with style.in_rules(axes__grid=False):
         picture = style.figure(style.FULL, 2.9 * rows + 0.2)
@@ -38,8 +40,11 @@ def survey_picture(found: Survey, left_out: str, pair: AmbiguousPair | None = No
             title="smallest singular value",
         )  # fmt: skip
         for image, panel in zip((first, second), panels[0], strict=True):
-            bar = picture.colorbar(image, ax=panel, label="states", pad=0.02, aspect=30)
+            bar = picture.colorbar(image, ax=panel, label="states in a cell", pad=0.02, aspect=30)
             bar.outline.set_visible(False)
+            bar.ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            bar.ax.yaxis.set_major_formatter("{x:g}")
+            bar.ax.yaxis.set_minor_formatter(NullFormatter())
         if pair is not None:
             between_twins(panels[1], pair)
     return picture
@@ -51,7 +56,7 @@ def density(picture: Figure, panel: Axes, x: Floats, y: Floats, counts: Floats) 
 
     shown = np.ma.masked_equal(counts.T, 0)
     most = max(float(counts.max(initial=0)), 2.0)
-    image = panel.pcolormesh(x, y, shown, norm=LogNorm(vmin=1, vmax=most), cmap="viridis",
+    image = panel.pcolormesh(x, y, shown, norm=LogNorm(vmin=1, vmax=most), cmap=style.ramp(),
                              rasterized=True)  # fmt: skip
     zero(panel, "singular")
     panel.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3), useMathText=False)
@@ -62,9 +67,10 @@ def density(picture: Figure, panel: Axes, x: Floats, y: Floats, counts: Floats) 
 def zero(panel: Axes, text: str) -> None:
     hues = chosen_hues()
     panel.axhline(0, color=hues.alarm, lw=1.2)
-    panel.annotate(text, (0.99, 0), (0, 2), xycoords=("axes fraction", "data"), ha="right",
+    box = {"fc": hues.ground, "ec": "none", "alpha": 0.85, "pad": 1}
+    panel.annotate(text, (0.99, 0), (0, 3), xycoords=("axes fraction", "data"), ha="right",
                    textcoords="offset points", va="bottom", color=hues.alarm,
-                   fontsize=style.LEAST)  # fmt: skip
+                   fontsize=style.LEAST, bbox=box)  # fmt: skip
 
 
 def between_twins(panels: NDArray[np.object_], pair: AmbiguousPair) -> None:

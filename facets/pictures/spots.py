@@ -65,7 +65,7 @@ def face(panel: Axes, psd: Psd, spot: Spot, centroid: Floats, letter: str) -> No
                               edgecolor=hues.detectors[letter], lw=1.8))  # fmt: skip
     if spot.grid.size:
         shine(panel, spot)
-    cross(panel, centroid, 9)
+    panel.plot(*centroid, "o", ms=13, mfc="none", mec=hues.detectors[letter], mew=1.4)
     panel.axhline(0, color=hues.grey, lw=0.6)
     panel.axvline(0, color=hues.grey, lw=0.6)
     half = 0.54 * max(psd.size_y, psd.size_z)
@@ -78,12 +78,6 @@ def shine(panel: Axes, spot: Spot) -> Any:
     light = np.ma.masked_less(spot.light, 0.004)
     return panel.pcolormesh(*spot.grid.transpose(2, 0, 1), light, cmap="inferno", vmin=0, vmax=1,
                             shading="gouraud", rasterized=True)  # fmt: skip
-
-
-def cross(panel: Axes, place: Floats, size: float, label: str | None = None) -> None:
-    """A cross that is seen on dark and on light."""
-    panel.plot(*place, "+", color="#101010", ms=size + 2, mew=3.4)
-    panel.plot(*place, "+", color="#FFFFFF", ms=size, mew=1.6, label=label)
 
 
 def write(panel: Axes, text: str, place: Floats, degrees: float = 0.0) -> None:
@@ -103,7 +97,8 @@ def large(panel: Axes, spot: Spot, centroid: Floats, letter: str) -> Any:
                mec="#FFFFFF", mew=0.9, ls="")  # fmt: skip
     panel.set_aspect("equal", adjustable="datalim")
     panel.margins(0.1)
-    panel.locator_params(nbins=4)
+    panel.locator_params(axis="x", nbins=3)
+    panel.locator_params(axis="y", nbins=4)
     panel.set_xlabel("psi, mm")
     return image
 
@@ -122,7 +117,7 @@ def plan_picture(sensor: Sensor, state: Floats) -> Figure:
             around = np.array(stand.at.apex)[:2]
             shape = around + zoom * (body.points[:, :2] - around)
             panel.fill(*shape.T, facecolor=hues.grey, edgecolor=hues.ink, lw=1, alpha=0.7)
-        write(panel, f"mirror drawn\n{zoom:.2g} times as large", 0.34 * far * free_side(sensor))
+        write(panel, f"mirror drawn\n{zoom:.2g} times as large", 0.55 * far * free_side(sensor))
         panel.set(aspect="equal", xlabel="x_w, mm", ylabel="y_w, mm", title="from above")
         panel.margins(0.22)
     return picture

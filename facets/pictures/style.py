@@ -43,6 +43,17 @@ LINES = {"paper": (1.1, 0.6), "screen": (1.4, 0.7), "dark": (1.4, 0.7)}
 #: No date in a file: the same picture is the same file.
 METADATA: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
 
+#: First digits of a logarithmic axis's ticks, from many to few.
+DIGITS = (
+    (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8),
+    (1, 1.5, 2, 3, 4, 6, 8),
+    (1, 2, 3, 5),
+    (1, 2, 5),
+    (1,),
+)
+#: The most ticks that have a number.
+TICKS = 6
+
 #: Axes in words.
 WORDS = {
     "tx": "shift in x", "ty": "shift in y", "tz": "shift in z", "roll": "roll", "pitch": "pitch",
@@ -105,7 +116,7 @@ def in_rules(**changes: Any) -> Iterator[None]:
     """
     import matplotlib as mpl
 
-    more = {name.replace("__", "."): value for name, value in changes.items()}
+    more: dict[Any, Any] = {name.replace("__", "."): value for name, value in changes.items()}
     with mpl.rc_context({**rules(), **more}):
         yield
 
@@ -152,6 +163,16 @@ def lay_out(picture: Figure, dpi: int) -> None:
     if layout is not None:
         layout.execute(picture)
         picture.set_layout_engine("none")
+
+
+def ramp() -> Any:
+    """Hues for a quantity, from small to large; its ends stand off the ground."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    dark = chosen_style() == "dark"
+    ends = (0.2, 1.0) if dark else (0.0, 0.92)
+    return ListedColormap(colormaps["viridis"](np.linspace(*ends, 256)))
 
 
 def in_words(name: str) -> str:
@@ -217,3 +238,34 @@ def measure_label(column: str) -> str:
     if kind in MEASURES and name in WORDS and unit:
         return f"{MEASURES[kind]} {WORDS[name]}, {with_micro(unit)}"
     return column_label(column)
+
+
+def plain_log(axis: Any) -> None:
+    """Ticks of a logarithmic axis in plain numbers, as many as there is room for."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
+
+    axis.axes.autoscale_view()
+    places = log_ticks(*sorted(axis.get_view_interval()))
+    axis.set_major_locator(FixedLocator(places))
+    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def log_ticks(low: float, high: float) -> list[float]:
+    """Round numbers from low to high, at most `TICKS`; powers of ten alone may be more.
+
+    Where the reach is so short that there are fewer than three, steps of the same size instead.
+    """
+    from matplotlib.ticker import MaxNLocator
+
+    found: list[float] = []
+    tens = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    for digits in DIGITS:
+        found = [float(f"{digit:g}e{ten}") for ten in tens for digit in digits]
+        found = [place for place in found if low <= place <= high]
+        if len(found) <= TICKS:
+            break
+    if len(found) < 3:
+        even = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, high)
+        found = [float(place) for place in even]
+    return [place for place in found if low <= place <= high]
