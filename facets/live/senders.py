@@ -344,7 +344,7 @@ def serve(sender: Sender, stream: BinaryIO, tell: Callable[[dict[str, Any]], Non
     ended = threading.Event()
 
     def report() -> None:
-        words = {"sent": sent, "dropped": dropped, "receivers": sender.receivers}
+        words: dict[str, Any] = {"sent": sent, "dropped": dropped, "receivers": sender.receivers}
         if isinstance(sender, Filtered):
             words |= {"note": sender.note, "filter": sender.rows.sentence}
         tell(words)
