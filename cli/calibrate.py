@@ -39,6 +39,10 @@ def calibrate(
         list[str] | None,
         typer.Option("--effect", help="NAME=on, off or auto, for calibrate.effects; repeatable."),
     ] = None,
+    dwells: Annotated[
+        bool,
+        typer.Option("--dwells", help="Average over the times when the reference stands still."),
+    ] = False,
     accept_misfit: Annotated[
         bool, typer.Option("--accept-misfit", help="Write a result that is not to be trusted.")
     ] = False,
@@ -56,6 +60,8 @@ def calibrate(
     goes into every pose that is solved with it. Where the result is not to be trusted it says why,
     writes nothing and exits with 1.
     """
+    from dataclasses import replace
+
     from facets.core.errors import InputError
 
     settings = load_config(config)
@@ -68,6 +74,7 @@ def calibrate(
         raise InputError("DATA is missing: a table of readings beside a reference, or --propose N")
     else:
         asked = with_effects(settings, effect or [])
+        asked = replace(asked, calibrate=replace(asked.calibrate, dwells=dwells))
         fit_rig(asked, data, reference, path, plot, force, accept_misfit)
 
 
@@ -137,7 +144,7 @@ def read_samples(settings: Config, data: Path, reference: Path | None) -> tuple[
         f"{reference.name} joined at an offset of {1e3 * joined.offset:.4g} ms "
         f"(likeness of the motions {joined.likeness:.3f})"
     )
-    if asked.effects["delay"] == "auto":
+    if asked.effects["delay"] == "auto" and not asked.dwells:
         asked = replace(asked, effects=asked.effects | {"delay": "on"})
     return joined.data, asked
 
