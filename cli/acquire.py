@@ -47,7 +47,7 @@ Publish = Annotated[
     list[str] | None,
     typer.Option(
         help="Give every sample to other programs, at udp://HOST:PORT (JSON), "
-        "udp+binary://HOST:PORT, tcp://HOST:PORT or lsl:NAME; can be given several times."
+        "udp+binary://HOST:PORT, tcp://HOST:PORT, shm:NAME or lsl:NAME; can be given several times."
     ),
 ]
 Filter = Annotated[

@@ -237,6 +237,7 @@ class Calibrate:
     unit; what stays is not there.  power_per_sample: whether the laser's power is an unknown of
     each.  effects: by key "auto", "on" or "off".  beam: "given", where the table says that it is,
     or "still", at the origin whatever the table says.  held_back: share of the samples.
+    dwells: whether rows are averaged where the reference stands still.
     """
 
     reference: tuple[float, ...]
@@ -246,6 +247,7 @@ class Calibrate:
     beam: str
     held_back: float
     outliers: float | None
+    dwells: bool = False
 
 
 @dataclass(frozen=True)

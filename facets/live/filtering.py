@@ -102,7 +102,7 @@ class Filter:
         if len(self.innovations) < WATCHED // 10:
             return False
         spread = (2 / len(self.innovations) / self.width) ** 0.5
-        return self.squares > 1 + DOUBT + CHANCE * spread
+        return bool(self.squares > 1 + DOUBT + CHANCE * spread)
 
     def add(self, time: Floats, poses: Floats, noise: Floats) -> Filtered:
         """A lot of samples.
@@ -112,7 +112,7 @@ class Filter:
         """
         count, self.width = poses.shape
         found = Filtered(*(np.full(poses.shape, np.nan) for _ in range(3)))
-        there: Booleans = np.isfinite(poses).all(axis=1)
+        there: Booleans = np.asarray(np.isfinite(poses).all(axis=1))
         if not np.isfinite(noise).all():
             there[:] = False
         for n in range(count):

@@ -126,7 +126,7 @@ class Card(Closing):
                 task.close()
 
 
-def frames_of(counts: Any, number: Any, microseconds: Floats, kind: int) -> bytes:
+def frames_of(counts: Any, number: Any, microseconds: Any, kind: int) -> bytes:
     """Frames of counts (n, 12) with their numbers and times (n,), which wrap."""
     none = np.zeros(len(counts), np.uint8)
     return pack(

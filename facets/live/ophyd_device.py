@@ -20,13 +20,12 @@ from bluesky.protocols import (
     Flyable,
     HasHints,
     Hints,
-    PartialEventPage,
     Preparable,
     Reading,
     Stageable,
     Triggerable,
 )
-from event_model import DataKey
+from event_model import DataKey, PartialEventPage
 from ophyd_async.core import AsyncConfigurable, AsyncReadable, AsyncStatus, Device
 
 from ..core.errors import FacetsError, InputError
@@ -147,7 +146,7 @@ class PoseSensor(
     async def describe(self) -> dict[str, DataKey]:
         return {self._key(name): self._data_key(name) for name in COLUMNS}
 
-    async def describe_collect(self) -> dict[str, DataKey]:  # type: ignore[override]
+    async def describe_collect(self) -> dict[str, DataKey]:
         return await self.describe()
 
     async def read_configuration(self) -> dict[str, Reading[Any]]:

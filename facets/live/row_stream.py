@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import FacetsError
 from .sample_rows import SAMPLE, rows_of
+from .shared_ring import SharedSubscription
 from .source import poses
 from .subscription import Subscription
 
@@ -31,7 +32,11 @@ PATIENCE = 10.0
 
 def is_published(address: str) -> bool:
     """Whether an address is that of another process's publication, and not of a board."""
-    return address.startswith("tcp://")
+    return address.startswith(("tcp://", "shm:"))
+
+
+def subscribed(address: str) -> Subscription | SharedSubscription:
+    return SharedSubscription(address) if address.startswith("shm:") else Subscription(address)
 
 
 class Part:
@@ -71,9 +76,9 @@ class RowStream:
     """
 
     def __init__(self, config: Config, address: str) -> None:
-        """address: a board's port, `file:PATH`, or `tcp://127.0.0.1:PORT` of a publication.
-
-        Raises `FacetsError` where a publication can not be opened; a port's error comes by `check`.
+        """address: a board's port, `file:PATH`; `tcp://127.0.0.1:PORT` or `shm:NAME` of a
+        publication. Raises `FacetsError` where a publication can not be opened; a port's error
+        comes by `check`.
         """
         self.config, self.address = config, address
         self.patient = address.startswith("file:")
@@ -85,7 +90,7 @@ class RowStream:
         self.error: Exception | None = None
         self.ending = threading.Event()
         self.news = threading.Condition()
-        self.remote = Subscription(address) if is_published(address) else None
+        self.remote = subscribed(address) if is_published(address) else None
         self.thread = threading.Thread(target=self.run, name="samples", daemon=True)
         self.thread.start()
 

@@ -287,12 +287,17 @@ class Filtered:
         self.sender.close()
 
 
-SCHEMES = "udp://HOST:PORT, udp+binary://HOST:PORT, tcp://HOST:PORT or lsl:NAME"
+SCHEMES = "udp://HOST:PORT, udp+binary://HOST:PORT, tcp://HOST:PORT, shm:NAME or lsl:NAME"
 
 
 def check_address(address: str) -> None:
     """Raises `InputError` for what is no address of a publication."""
     parts = urlsplit(address)
+    if parts.scheme == "shm":
+        from .shared_ring import check_name
+
+        check_name(parts.path)
+        return
     try:
         sound = parts.scheme == "lsl" or (
             parts.scheme in ("udp", "udp+binary", "tcp")
@@ -319,6 +324,10 @@ def open_sender(address: str, about: dict[str, Any], wait: float) -> Sender:
     try:
         if parts.scheme == "lsl":
             return Lsl(parts.path, about, wait)
+        if parts.scheme == "shm":
+            from .shared_ring import SharedSender
+
+            return SharedSender(parts.path, about, wait)
         assert parts.hostname is not None
         assert parts.port is not None
         if parts.scheme == "tcp":
@@ -344,7 +353,7 @@ def serve(sender: Sender, stream: BinaryIO, tell: Callable[[dict[str, Any]], Non
     ended = threading.Event()
 
     def report() -> None:
-        words = {"sent": sent, "dropped": dropped, "receivers": sender.receivers}
+        words: dict[str, Any] = {"sent": sent, "dropped": dropped, "receivers": sender.receivers}
         if isinstance(sender, Filtered):
             words |= {"note": sender.note, "filter": sender.rows.sentence}
         tell(words)

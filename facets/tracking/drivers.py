@@ -78,7 +78,9 @@ def open_driver(port: Any, settings: Settings, clock: Callable[[], float]) -> Dr
 def driver_of(name: str) -> EntryPoint:
     """The entry point of `facets.stages` for a port of that name."""
     scheme, colon, _ = name.partition(":")
-    found = [*entry_points(group=GROUP, name=scheme), *SHIPPED] if colon else []
+    found: list[EntryPoint] = []
+    if colon:
+        found = [*entry_points(group=GROUP, name=scheme), *SHIPPED]
     for one in found:
         if one.name == scheme:
             return one
