@@ -76,8 +76,8 @@ class WebPage(Publication):
         return [f"the page is at {self.url}", *([] if self.local else [WIDE])]
 
     def send(self, data: bytes) -> None:
-        """Rows of SAMPLE. They are kept for a moment: each time that the thread which hands them
-        over is woken costs the loop something, and a page shows no more than some pictures a second.
+        """Rows of SAMPLE. They are kept for a moment: whenever the thread that hands them over is
+        woken, the loop pays for it, and a page shows no more than some pictures a second.
         """
         self.kept.append(data)
         self.size += len(data)
