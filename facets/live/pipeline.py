@@ -50,8 +50,8 @@ FLAGS = {
 }
 #: Samples that are solved together, as a series. No newer sample waits longer than for one batch.
 BATCH = 100
-#: Steps of the estimator for a live sample, at most. Where a pose can be found it takes four or five
-#: steps from rest, and up to sixteen 1 mm off the beam.
+#: Steps of the estimator for a live sample, at most. Where a pose can be found it takes four or
+#: five from rest, and up to sixteen 1 mm off the beam.
 STEPS = 20
 #: The status of a sample that was recorded and not solved, since the loop had fallen behind. It is
 #: none of the estimator's: a replay solves the sample.
