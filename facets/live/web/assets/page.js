@@ -293,7 +293,7 @@ function written(value) {
 function describe() {
   const status = run.status;
   if (!status) return;
-  const rate = { name: "rate now", value: run.rate, unit: "1/s", why: "no sample yet" };
+  const rate = { name: run.hello.kind === "replay" ? "solved now" : "rate now", value: run.rate, unit: "1/s", why: "no sample yet" };
   if (!run.sample) rate.value = null;
   list(by("counts"), [rate, ...status.counts, ...status.clock]);
   list(by("stage"), stage(status.stage));
