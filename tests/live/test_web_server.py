@@ -39,6 +39,12 @@ def rows_of(count, rate=1_000.0, first=0):
     return rows
 
 
+def give(page, rows):
+    """Samples, handed over at once, as the loop has it done when it comes round."""
+    page.send(rows.tobytes())
+    page.flush()
+
+
 class Told:
     """What a page was told: hello, bins by level and number, the newest news, the end."""
 
@@ -185,7 +191,7 @@ def test_a_page_is_told_every_sample_in_bins_and_the_newest_in_full(page):
     rows["status"][5] = 3
     rows["tx_mm"][5] = np.nan
     for part in np.array_split(rows, 30):
-        page.send(part.tobytes())
+        give(page, part)
     page.show()
     told = watched(page, lambda told: told.news and (told.news["sample"] or {}).get("seq") == 2_999)
     newest = told.news["sample"]
@@ -205,10 +211,10 @@ def test_a_page_is_told_every_sample_in_bins_and_the_newest_in_full(page):
 
 
 def test_a_page_that_comes_later_or_again_is_told_all_that_was(page):
-    page.send(rows_of(500).tobytes())
+    give(page, rows_of(500))
     seen = lambda last: lambda told: told.news and (told.news["sample"] or {}).get("seq") == last  # noqa: E731
     first = watched(page, seen(499))
-    page.send(rows_of(500, first=500).tobytes())
+    give(page, rows_of(500, first=500))
     again = watched(page, seen(999))
     assert sum(bin[0] for bin in again.bins[0].values()) == 1_000
     assert sum(bin[0] for bin in first.bins[0].values()) == 500
@@ -217,7 +223,7 @@ def test_a_page_that_comes_later_or_again_is_told_all_that_was(page):
 def test_a_page_that_takes_nothing_costs_nobody_else_anything(page):
     """It holds 4 MB that it was sent, in bins, and does not read them."""
     for first in range(0, 12_000, 1_000):
-        page.send(rows_of(1_000, rate=100.0, first=first).tobytes())
+        give(page, rows_of(1_000, rate=100.0, first=first))
     hung = socket.socket()
     hung.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4_096)
     hung.connect(("127.0.0.1", page.port))
@@ -232,7 +238,7 @@ def test_a_page_that_takes_nothing_costs_nobody_else_anything(page):
     assert hung.recv(12) == b"HTTP/1.1 101"
     await_true(lambda: page.receivers == 1, "the hung page is there")
     for first in range(12_000, 15_000, 100):
-        page.send(rows_of(100, rate=100.0, first=first).tobytes())
+        give(page, rows_of(100, rate=100.0, first=first))
     told = watched(
         page, lambda told: told.news and (told.news["sample"] or {}).get("seq") == 14_999
     )
@@ -244,7 +250,7 @@ def test_a_page_that_takes_nothing_costs_nobody_else_anything(page):
 
 
 def test_the_end_is_said_to_every_page(page):
-    page.send(rows_of(100).tobytes())
+    give(page, rows_of(100))
 
     async def both():
         ended = [asyncio.create_task(follow(page, lambda told: told.end)) for _ in range(2)]
@@ -261,7 +267,7 @@ def test_the_end_is_said_to_every_page(page):
 
 
 def test_a_run_that_breaks_off_is_said_to_be_one(page):
-    page.send(rows_of(100).tobytes())
+    give(page, rows_of(100))
 
     async def broken():
         task = asyncio.create_task(follow(page, lambda told: told.end))
@@ -278,7 +284,7 @@ def test_a_process_that_dies_is_told_and_costs_the_run_nothing(page):
     page.process.kill()
     page.process.wait()
     for first in range(0, 10_000, 1_000):
-        page.send(rows_of(1_000, first=first).tobytes())
+        give(page, rows_of(1_000, first=first))
         page.show()
     await_true(lambda: page.trouble, "its end is noticed")
     page.close()

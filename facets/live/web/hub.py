@@ -17,6 +17,8 @@ from .bins import COLUMNS, AllBins, Bins, Rows
 
 #: Bins of the last two minutes, and of the whole run: width (s) and how many.
 NEAR, ALL = (0.01, 12_000), (0.001, 32_768)
+#: Of a recording there are more of them: it is looked at more closely, and told once.
+RECORDED = (0.001, 131_072)
 #: Of what happened so much is kept.
 EVENTS = 200
 #: Level, whether what was told before of it is void, width (s), bins that follow.
@@ -39,7 +41,8 @@ class Hub:
     def __init__(self, about: dict[str, Any]) -> None:
         self.about = about
         self.origin: float | None = None
-        self.levels: list[Bins] = [Bins(*NEAR), AllBins(*ALL)]
+        whole = RECORDED if about.get("kind") == "replay" else ALL
+        self.levels: list[Bins] = [Bins(*NEAR), AllBins(*whole)]
         self.newest: dict[str, Any] | None = None
         self.last = -1  # the highest number of a sample
         self.status: dict[str, Any] | None = None
@@ -112,6 +115,8 @@ class Hub:
             more = count - (self.status or {}).get("events", {}).get(name, 0)
             if more > 0:
                 self.tell(at, f"{name}: {more} more, {count} in all", "")
+        for moment, text in status.pop("happened", ()):
+            self.tell(None if self.origin is None else moment - self.origin, text, "")
         self.status = status
         if status.get("ended"):
             self.end(status["ended"], True)

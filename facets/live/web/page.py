@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 #: The run says of itself so often how it goes, s.
 EVERY = 0.25
+#: Samples are handed over so often, s, or where they are so many bytes.
+TOGETHER, KEPT = 0.033, 500_000
 #: Of what it says no more may wait than so many bytes beyond what samples may.
 SPARE = 1_000_000
 WIDE = (
@@ -55,6 +57,8 @@ class WebPage(Publication):
         host, port = parse_address(web)
         token = secrets.token_urlsafe(18)
         self.status, self.due = status, 0.0
+        self.kept: list[bytes] = []
+        self.size, self.next = 0, 0.0
         self.local = is_local(host)
         about = {**description_of(config), **more}
         scripts = {f"rig/{name}": text for name, text in (drawn or {}).items()}
@@ -72,11 +76,28 @@ class WebPage(Publication):
         return [f"the page is at {self.url}", *([] if self.local else [WIDE])]
 
     def send(self, data: bytes) -> None:
-        super().send(b"S" + data)
+        """Rows of SAMPLE. They are kept for a moment: whenever the thread that hands them over is
+        woken, the loop pays for it, and a page shows no more than some pictures a second.
+        """
+        self.kept.append(data)
+        self.size += len(data)
+        if self.patient or self.size > KEPT or time.monotonic() >= self.next:
+            self.flush()
+
+    def flush(self) -> None:
+        """Hands over what was kept."""
+        self.next = time.monotonic() + TOGETHER
+        if self.kept:
+            data = b"".join([b"S", *self.kept])
+            self.kept.clear()
+            self.size = 0
+            super().send(data)
 
     def show(self) -> None:
         """Has the run say of itself how it goes, where it is time for that."""
         now = time.monotonic()
+        if now >= self.next:
+            self.flush()
         if now >= self.due:
             self.due = now + EVERY
             self.tell(self.status())
@@ -94,6 +115,7 @@ class WebPage(Publication):
     def close(self) -> None:
         """Says that the run has ended, and ends the process. Never raises."""
         with suppress(Exception):
+            self.flush()
             self.tell(self.status() | {"ended": "The run has ended."})
         super().close()
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -18,6 +21,29 @@ if TYPE_CHECKING:
 
 #: So often it is looked whether the page is to end, s.
 LOOK = 0.1
+#: Of what happened so much is told.
+EVENTS = 150
+
+
+def events_of(recording: Path) -> list[tuple[float, str]]:
+    """The newest that happened in a run, as it was recorded: when, on the host's clock, and what.
+
+    Moves of the stage are left out; a line that is torn is passed over.
+    """
+    try:
+        lines = (recording / "events.jsonl").read_text("utf-8", errors="replace").splitlines()
+    except OSError:
+        return []
+    found: deque[tuple[float, str]] = deque(maxlen=EVENTS)
+    for line in lines:
+        with suppress(ValueError, TypeError, KeyError, AttributeError):
+            row = json.loads(line)
+            name, moment = str(row.pop("event")), float(row.pop("monotonic"))
+            row.pop("utc", None)
+            more = ", ".join(f"{key} {value}" for key, value in row.items())
+            if name != "move":
+                found.append((moment, f"{name}: {more}" if more else name))
+    return list(found)
 
 
 class ReplayPage:
@@ -31,7 +57,7 @@ class ReplayPage:
     ) -> None:
         self.pipeline, self.begin, self.ended = pipeline, time.monotonic(), 0.0
         offset = utc_offset(recording)
-        self.offset = offset or 0.0
+        self.offset, self.recording = offset or 0.0, recording
         more = {"kind": "replay", "recording": str(recording), "utc_known": offset is not None}
         self.page = WebPage(pipeline.config, web, self.status, more, True, drawn)
 
@@ -47,7 +73,7 @@ class ReplayPage:
             self.page.show()
             yield poses
         self.ended = time.monotonic()
-        self.page.tell(self.status())
+        self.page.tell(self.status() | {"happened": events_of(self.recording)})
 
     def stay(self, say: Callable[[str], None]) -> None:
         """Waits until ^C, SIGTERM or the end of the page's process."""

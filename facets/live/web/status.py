@@ -37,7 +37,7 @@ def status_of(live: Live) -> dict[str, Any]:
         "seconds": round(passed, 3),
         "messages": live.messages(),
         "events": events(pipeline) | {"reconnected": live.reconnects},
-        "counts": [*counts(pipeline, passed), *loop_counts(live)],
+        "counts": [mean_rate(pipeline, passed), *counts(pipeline), *loop_counts(live)],
         "clock": clock(pipeline),
         "stage": stage(live.tracker, live),
         "published": [
@@ -56,7 +56,7 @@ def status_of_replay(pipeline: Pipeline, seconds: float) -> dict[str, Any]:
         "seconds": round(seconds, 3),
         "messages": messages,
         "events": events(pipeline),
-        "counts": counts(pipeline, seconds),
+        "counts": counts(pipeline),
         "clock": clock(pipeline),
         "stage": {"there": False, "why": "a replay moves nothing"},
         "published": [],
@@ -75,13 +75,16 @@ def events(pipeline: Pipeline) -> dict[str, int]:
     }
 
 
-def counts(pipeline: Pipeline, passed: float) -> list[Item]:
+def mean_rate(pipeline: Pipeline, passed: float) -> Item:
+    return item("mean rate", pipeline.tally.samples / passed, "1/s")
+
+
+def counts(pipeline: Pipeline) -> list[Item]:
     tally, sequence, parser = pipeline.tally, pipeline.sequence, pipeline.parser
     total = tally.samples + sequence.lost
     share = f" ({100 * sequence.lost / total:.3g} %)" if sequence.lost else ""
     found = [
         item("samples", tally.samples),
-        item("mean rate", tally.samples / passed, "1/s"),
         item("lost", f"{sequence.lost}{share}", bad=sequence.lost > 0),
         item("frames refused", parser.corrupt, bad=parser.corrupt > 0),
         item("bytes passed over", parser.skipped, bad=parser.skipped > 0),

@@ -11,7 +11,7 @@ const STALE = 1.0; // s without a sample after which numbers are said to be old
 const TRAIL = 2.0; // s of the spots' way that is drawn
 
 // What is known of the run, and since when.
-const run = { line: null, hello: null, store: null, sample: null, status: null, rate: null, end: null, connected: false,
+const run = { line: null, hello: null, store: null, sample: null, status: null, rate: null, end: null, connected: false, connections: 0,
   heard: 0, sampled: 0, seq: null, events: 0 };
 // What is looked at. at: a time, null for the newest.
 const look = { paused: false, from: 0, to: 20, at: null, hover: null, playing: false };
@@ -27,7 +27,7 @@ function connect() {
   const line = new WebSocket(address);
   line.binaryType = "arraybuffer";
   run.line = line;
-  line.onopen = () => { run.connected = true; run.heard = performance.now(); wait = 500; fresh = true; };
+  line.onopen = () => { run.connected = true; run.connections++; run.heard = performance.now(); wait = 500; fresh = true; };
   line.onmessage = ({ data }) => {
     run.heard = performance.now();
     if (typeof data === "string") take(JSON.parse(data));
@@ -293,7 +293,7 @@ function written(value) {
 function describe() {
   const status = run.status;
   if (!status) return;
-  const rate = { name: "rate now", value: run.rate, unit: "1/s", why: "no sample yet" };
+  const rate = { name: run.hello.kind === "replay" ? "solved now" : "rate now", value: run.rate, unit: "1/s", why: "no sample yet" };
   if (!run.sample) rate.value = null;
   list(by("counts"), [rate, ...status.counts, ...status.clock]);
   list(by("stage"), stage(status.stage));
