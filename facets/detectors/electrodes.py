@@ -88,12 +88,19 @@ def places(kind: str, currents: Floats, aspect: float = 1.0) -> Floats:
     measured = ratios(kind, currents)
     if kind != "tetra-lateral":
         return measured
-    found = measured.copy()
+    return straightened(measured.reshape(-1, 2), aspect).reshape(measured.shape)
+
+
+def straightened(measured: Floats, aspect: float) -> Floats:
+    """The places (n, 2) whose ratios a tetra-lateral gives; each is found by itself."""
+    found, open_ = measured.copy(), np.arange(len(measured))
     for _ in range(30):
-        rest = measured - bent(found, aspect)
-        step = np.linalg.solve(slopes(found, aspect), rest[..., None])[..., 0]
-        found = np.clip(found + np.clip(step, -0.3, 0.3), -0.97, 0.97)
-        if np.abs(rest).max(initial=0) < 1e-12:
+        here = found[open_]
+        rest = measured[open_] - bent(here, aspect)
+        step = np.linalg.solve(slopes(here, aspect), rest[..., None])[..., 0]
+        found[open_] = np.clip(here + np.clip(step, -0.3, 0.3), -0.97, 0.97)
+        open_ = open_[~(np.abs(rest).max(axis=-1) < 1e-12)]
+        if len(open_) == 0:
             break
     off = np.abs(measured - bent(found, aspect)).max(axis=-1) > 1e-9
     found[off] = np.nan
