@@ -31,7 +31,8 @@ def fractions(kind: str, y: Floats, z: Floats, aspect: float = 1.0) -> Floats:
     for duo-lateral, to 1 for each of its two layers.
     """
     if kind == "duo-lateral":
-        return np.stack([1 - y, 1 + y, 1 - z, 1 + z], axis=-1) / 2
+        half_y, half_z = y / 2, z / 2
+        return np.stack([0.5 - half_y, 0.5 + half_y, 0.5 - half_z, 0.5 + half_z], axis=-1)
     if kind == "pincushion":
         corners = [(1 - y) * (1 - z), (1 + y) * (1 - z), (1 - y) * (1 + z), (1 + y) * (1 + z)]
         return np.stack(corners, axis=-1) / 4
@@ -66,12 +67,14 @@ def side(towards: Floats, along: Floats, aspect: float) -> Floats:
 
 def ratios(kind: str, currents: Floats) -> Floats:
     """The two coordinates that the electrodes' currents (..., 4) give by the kind's formula."""
-    low_y, high_y, low_z, high_z = np.moveaxis(currents, -1, 0)
+    low_y, high_y, low_z, high_z = (currents[..., k] for k in range(4))
     if kind == "pincushion":
         a, b, c, d = low_y, high_y, low_z, high_z
         low_y, high_y, low_z, high_z = a + c, b + d, a + b, c + d
-    pairs = [(high_y - low_y) / (high_y + low_y), (high_z - low_z) / (high_z + low_z)]
-    return np.stack(pairs, axis=-1)
+    out = np.empty((*currents.shape[:-1], 2))
+    out[..., 0] = (high_y - low_y) / (high_y + low_y)
+    out[..., 1] = (high_z - low_z) / (high_z + low_z)
+    return out
 
 
 def total(kind: str, currents: Floats) -> Floats:
@@ -86,25 +89,27 @@ def places(kind: str, currents: Floats, aspect: float = 1.0) -> Floats:
     NaN where a tetra-lateral's currents fit no place on the area.
     """
     measured = ratios(kind, currents)
-    if kind != "tetra-lateral":
-        return measured
-    return straightened(measured.reshape(-1, 2), aspect).reshape(measured.shape)
+    return measured if kind != "tetra-lateral" else unbent(measured, aspect)
 
 
-def straightened(measured: Floats, aspect: float) -> Floats:
-    """The places (n, 2) whose ratios a tetra-lateral gives; each is found by itself."""
-    found, open_ = measured.copy(), np.arange(len(measured))
+def unbent(measured: Floats, aspect: float) -> Floats:
+    """The places (..., 2) where a tetra-lateral gives ratios (..., 2): the inverse of `bent`.
+
+    Each is found by itself, whatever stands beside it; NaN where there is none.
+    """
+    wanted = measured.reshape(-1, 2)
+    found, open_ = wanted.copy(), np.arange(len(wanted))
     for _ in range(30):
         here = found[open_]
-        rest = measured[open_] - bent(here, aspect)
+        rest = wanted[open_] - bent(here, aspect)
         step = np.linalg.solve(slopes(here, aspect), rest[..., None])[..., 0]
         found[open_] = np.clip(here + np.clip(step, -0.3, 0.3), -0.97, 0.97)
         open_ = open_[~(np.abs(rest).max(axis=-1) < 1e-12)]
         if len(open_) == 0:
             break
-    off = np.abs(measured - bent(found, aspect)).max(axis=-1) > 1e-9
+    off = np.abs(wanted - bent(found, aspect)).max(axis=-1) > 1e-9
     found[off] = np.nan
-    return found
+    return found.reshape(measured.shape)
 
 
 def bent(place: Floats, aspect: float) -> Floats:
