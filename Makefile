@@ -6,7 +6,7 @@ BIN := .venv/bin
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 
-.PHONY: run test test-full lint tree types layers unit studies portable bench reproduce docs three clean
+.PHONY: run test test-full lint tree types layers unit studies portable bench reproduce docs gallery three clean
 
 run: .venv/installed
 	$(BIN)/facets simulate paper -o results/paper --force
@@ -57,6 +57,10 @@ reproduce: .venv/installed
 
 docs: .venv/developed
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+# The pictures of the documentation.
+gallery: .venv/developed
+	$(BIN)/python -m facets.experiments.gallery docs/gallery
 
 # three.js as the pages of rigs carry it; for a new version of it, see three/package.json there.
 three:

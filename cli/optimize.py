@@ -398,11 +398,9 @@ def write_report(story: Story, page: Path, scene: Path) -> None:
     from facets.files.provenance import command_line
     from facets.files.tables import Whole
     from facets.pictures.design_report import report
-    from facets.pictures.render import Picture
+    from facets.pictures.render import save_scene
 
-    picture = Picture(story.better.sensor, np.zeros(8), "rig")
-    picture.save(scene)
-    picture.close()
+    save_scene(story.better.sensor, np.zeros(8), scene)
     best = story.found.best.objective if story.made is None else story.made.objective
     words = in_words(story.settings.layout.aim, best)
     summary = f"{words[0].upper()}{words[1:]}."

@@ -69,7 +69,7 @@ class Camera:
         """
         apart = (np.asarray(points, float) - np.array(self.place)) @ self.axes.T
         depth = apart[..., 2]
-        per_mm = 1 / self.pixel
+        per_mm: Any = 1 / self.pixel
         if not self.parallel:
             per_mm = per_mm * self.distance / np.where(np.abs(depth) < 1e-9, 1e-9, depth)
         width, height = self.size
@@ -113,9 +113,7 @@ class Camera:
         camera.SetWindowCenter(2 * self.shift[0] * height / width, 2 * self.shift[1])
 
 
-def fit(
-    camera: Camera, points: Floats, area: Sequence[float] = (0.0, 0.0, 1.0, 1.0)
-) -> Camera:
+def fit(camera: Camera, points: Floats, area: Sequence[float] = (0.0, 0.0, 1.0, 1.0)) -> Camera:
     """The camera moved along its own direction and aside until points (n, 3) fill an area of its
     picture: left, top, right and bottom as shares of width and height."""
     width, height = camera.size

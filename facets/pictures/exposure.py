@@ -7,9 +7,10 @@ from collections.abc import Collection
 import numpy as np
 
 from ..core.units import Floats
-from .glow import Glow, glow
+from .camera import Camera
+from .glow import Glow, glow, surface
 from .ground import Ground, backdrop
-from .materials import Theme, rgb
+from .materials import THEMES, Theme, rgb
 from .occlusion import occlusion
 from .raster import halo
 from .scene import Stand
@@ -18,13 +19,17 @@ from .studio import Shot
 
 def expose(
     stand: Stand, shot: Shot, theme: Theme, floor: Ground | None, laser: float, haze: float = 1.0,
-    dark: Collection[int] = (),
+    dark: Collection[int] = (), bloom: float = 1.0,
 ) -> Floats:  # fmt: skip
     """(h, w, 3), 0 to 1. haze: how much light the air scatters out of the beams.  dark: sub-beams
-    that are left out."""
+    that are left out.  bloom: how much light the lens spreads about."""
     picture = assemble(shot, theme, floor)
     light = glow(stand, shot, laser, dark)
-    return shine(picture, light, theme, haze) if theme.shines else stain(picture, light, theme, haze)
+    return (
+        shine(picture, light, theme, haze, bloom)
+        if theme.shines
+        else stain(picture, light, theme, haze)
+    )
 
 
 def assemble(shot: Shot, theme: Theme, floor: Ground | None) -> Floats:
@@ -37,26 +42,33 @@ def assemble(shot: Shot, theme: Theme, floor: Ground | None) -> Floats:
 
 def layers(light: Glow, theme: Theme, haze: float) -> list[tuple[Floats, Floats]]:
     """How much light there is, and its colour: beams, then surfaces."""
-    found = [(haze * 0.9 * light.beam, np.array(rgb(theme.beam)))]
+    found = [(haze * 1.1 * light.beam, np.array(rgb(theme.beam)))]
     for k, hue in enumerate(theme.hues):
         found.append((haze * 1.1 * light.sub_beams[k], np.array(rgb(hue))))
     return found
 
 
-def shine(picture: Floats, light: Glow, theme: Theme, haze: float) -> Floats:
+def shine(picture: Floats, light: Glow, theme: Theme, haze: float, bloom: float = 1.0) -> Floats:
     """Light added to a dark picture: hues at its rim, white where there is most, and a halo."""
     total = np.zeros_like(picture)
     for amount, hue in layers(light, theme, haze):
         core = np.maximum(amount - 0.75, 0)
-        add(total, amount, hue)
+        add(total, amount, deep(hue))
         add(total, core, np.full(3, 0.6))
     for k, hue in enumerate(theme.hues):
-        add(total, 1.7 * light.surfaces[k], np.array(rgb(hue)))
-        add(total, 1.6 * light.surfaces[k] ** 4, np.ones(3))
-    total += 0.55 * halo(total, 0.004) + 0.40 * halo(total, 0.016)
+        add(total, 2.0 * light.surfaces[k], deep(np.array(rgb(hue))))
+        add(total, 1.1 * bloom**0.5 * light.surfaces[k] ** 6, np.ones(3))
+    soft = 0.55 * halo(total, 0.004, 1.5) + 0.40 * halo(total, 0.016, 5.0)
+    total += bloom * soft
     dark = np.exp(-1.25 * total)
     mixed: Floats = 1 - (1 - np.clip(picture, 0, 1)) * dark
     return mixed
+
+
+def deep(hue: Floats) -> Floats:
+    """A hue as light has it that is not yet on a screen: its lesser parts are less."""
+    light: Floats = hue**1.9
+    return light
 
 
 def add(total: Floats, amount: Floats, colour: Floats) -> None:
@@ -70,13 +82,42 @@ def add(total: Floats, amount: Floats, colour: Floats) -> None:
 def stain(picture: Floats, light: Glow, theme: Theme, haze: float) -> Floats:
     """Light as ink on a bright picture."""
     for amount, hue in layers(light, theme, haze):
-        wide = np.clip(1.15 * amount + 0.5 * halo(amount, 0.003), 0, None)
+        wide = np.clip(1.15 * amount + 0.5 * halo(amount, 0.003, 1.2), 0, None)
         cover = (0.92 * (1 - np.exp(-1.5 * wide)))[..., None]
         picture = picture * (1 - cover) + hue * cover
     for k, hue in enumerate(theme.hues):
         amount = light.surfaces[k]
-        cover = (1 - np.exp(-3.5 * (amount + 0.3 * halo(amount, 0.003))))[..., None]
+        cover = (1 - np.exp(-3.5 * (amount + 0.3 * halo(amount, 0.003, 1.2))))[..., None]
         hot = (np.clip(amount - 0.35, 0, 1) * 1.1)[..., None]
         picture = picture * (1 - cover) + (np.array(rgb(hue)) * (1 - hot) + hot) * cover
     mixed: Floats = picture
     return mixed
+
+
+#: Of a detector's face, square on: silicon, its contact ring, and what it is carried by.
+SILICON, RING, CARRIER = "#0B1026", "#B08D3C", "#1A1D22"
+
+
+def expose_face(stand: Stand, camera: Camera, k: int) -> Floats:
+    """A detector's face and the light on it, seen square on from between window and silicon.
+
+    It shines on either theme, as it does in the dark behind its bezel.
+    """
+    width, height = camera.size
+    psd = stand.sensor.psds[k]
+    y, x = np.indices((height, width)) + 0.5
+    across, up = camera.aside(x, y)
+    beyond = np.maximum(np.abs(across) - psd.size_y / 2, np.abs(up) - psd.size_z / 2)
+    soft = 0.5 * camera.pixel
+    picture = np.ones((height, width, 3)) * np.array(rgb(CARRIER))
+    for edge, colour in ((0.03 * psd.size_z, RING), (0.0, SILICON)):
+        cover = np.clip(0.5 - (beyond - edge) / (2 * soft), 0, 1)[..., None]
+        picture = picture * (1 - cover) + np.array(rgb(colour)) * cover
+    picture += 0.05 * np.clip(up / camera.extent + 0.3, 0, 1)[..., None] * (beyond < 0)[..., None]
+    depth = np.full((height, width), camera.distance)
+    shot = Shot(camera, picture, np.ones((height, width)), depth)
+    nothing = np.zeros((height, width))
+    shown = [nothing, nothing, nothing]
+    shown[k] = surface(stand, shot, k)
+    light = Glow((nothing, nothing, nothing), nothing, (shown[0], shown[1], shown[2]))
+    return shine(picture, light, THEMES["dark"], 0.0, 3.0)

@@ -13,12 +13,13 @@ from ..core.units import Floats
 from ..files.whole import Whole
 from .camera import Camera
 from .magnification import times
+from .materials import THEMES, rgb
 from .render import Picture
 
 #: How far the camera swings to either side, rad, and by how much nearer it comes in the middle.
-SWING, NEARER = 0.20, 0.16
+SWING, NEARER = 0.20, 0.04
 #: Colours of a GIF.
-COLOURS = 96
+COLOURS = 64
 
 
 def eased(camera: Camera, share: float) -> Camera:
@@ -34,11 +35,14 @@ def eased(camera: Camera, share: float) -> Camera:
     return replace(camera, place=tuple(np.add(camera.focus, turned)))
 
 
-def frames(picture: Picture, states: Floats, factor: float) -> Iterator[Any]:
-    """A frame (h, w, 3), 0 to 255, for each of states (n, 8), drawn `factor` times larger."""
+def frames(picture: Picture, states: Floats, factor: float, turning: float = 1.0) -> Iterator[Any]:
+    """A frame (h, w, 3), 0 to 255, for each of states (n, 8), drawn `factor` times larger.
+
+    turning: by how much more the head is turned in the large picture; light is as `factor` has it.
+    """
     view = picture.view
     still = view.camera()
-    view.note = times(factor)
+    view.turning, view.note = turning, times(factor, turning)
     count = len(states)
     for n, state in enumerate(states):
         view.camera = lambda n=n: eased(still, n / count)  # type: ignore[method-assign, misc]
@@ -47,11 +51,17 @@ def frames(picture: Picture, states: Floats, factor: float) -> Iterator[Any]:
 
 
 def write(
-    picture: Picture, states: Floats, path: Path, rate: float, factor: float, tell: Callable[[], None]
+    picture: Picture,
+    states: Floats,
+    path: Path,
+    rate: float,
+    factor: float,
+    tell: Callable[[], None],
+    turning: float = 1.0,
 ) -> None:
     """A film of states (n, 8) at `rate` frames a second; whole or not at all."""
     with Whole(path) as temporary:
-        shown = told(frames(picture, states, factor), tell)
+        shown = told(frames(picture, states, factor, turning), tell)
         if path.suffix.lower() == ".gif":
             write_gif(shown, temporary, rate)
         else:
@@ -76,14 +86,30 @@ def write_h264(shown: Iterator[Any], path: Path, rate: float) -> None:
 
 
 def write_gif(shown: Iterator[Any], path: Path, rate: float) -> None:
-    """All frames in the colours of the first, since a GIF has few; shown again and again."""
+    """All frames in the colours of the first and in the detectors' hues, since a GIF has few; shown
+    again and again."""
     from PIL import Image
 
     first = Image.fromarray(next(shown))
-    palette = first.quantize(COLOURS, method=Image.Quantize.MEDIANCUT)
+    own = first.quantize(COLOURS, method=Image.Quantize.MEDIANCUT).getpalette() or []
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*own[: 3 * COLOURS], *hue_ramps()])
     dither = Image.Dither.NONE
-    pictures = [palette, *(Image.fromarray(f).quantize(palette=palette, dither=dither) for f in shown)]
+    pictures = [
+        first.quantize(palette=palette, dither=dither),
+        *(Image.fromarray(f).quantize(palette=palette, dither=dither) for f in shown),
+    ]
     pictures[0].save(
         path, format="gif", save_all=True, append_images=pictures[1:], loop=0,
         duration=round(1000 / rate / 10) * 10, optimize=True,
     )  # fmt: skip
+
+
+def hue_ramps() -> list[int]:
+    """The detectors' hues from dark to bright, which few pixels have and all should tell apart."""
+    levels: list[int] = []
+    for theme in THEMES.values():
+        for hue in (*theme.hues, "#FFFFFF"):
+            for share in (0.25, 0.4, 0.55, 0.7, 0.85, 1.0):
+                levels += [round(255 * share * part) for part in rgb(hue)]
+    return levels

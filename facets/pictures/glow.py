@@ -27,7 +27,7 @@ Across = tuple[Any, Any]
 #: Standard deviations of the Gaussian that are drawn.
 FAR = 3.2
 #: A beam is drawn at least so wide: its standard deviation, pixels.
-THIN = 1.0
+THIN = 1.2
 
 
 @dataclass(frozen=True)
@@ -84,12 +84,16 @@ def near_segment(camera: Camera, ends: Floats, width: float) -> tuple[Booleans, 
         per_mm *= camera.distance / float(max(seen[:, 2].min(), 1e-3))
     pad = width * per_mm + 6
     a, b = seen[0, :2], seen[1, :2]
-    x, y = np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5
+    where = np.zeros((size[1], size[0]), bool)
+    low, high = np.minimum(a, b) - pad, np.maximum(a, b) + pad
+    (left, top), (right, bottom) = (np.clip(v, 0, size).astype(int) for v in (low, high + 1))
+    x, y = np.arange(left, right)[None, :] + 0.5, np.arange(top, bottom)[:, None] + 0.5
     along = b - a
     square = max(float(along @ along), 1e-12)
-    share = np.clip(((x[None, :] - a[0]) * along[0] + (y[:, None] - a[1]) * along[1]) / square, 0, 1)
-    off = np.hypot(x[None, :] - a[0] - share * along[0], y[:, None] - a[1] - share * along[1])
-    return off < pad, 1 / per_mm
+    share = np.clip(((x - a[0]) * along[0] + (y - a[1]) * along[1]) / square, 0, 1)
+    off = (x - a[0] - share * along[0]) ** 2 + (y - a[1] - share * along[1]) ** 2
+    where[top:bottom, left:right] = off < pad * pad
+    return where, 1 / per_mm
 
 
 def clipped(camera: Camera, ends: Floats) -> Floats:

@@ -46,6 +46,8 @@ def ground(parts: Sequence[Part], z: float) -> Ground:
     pixel = 2 * reach / MAP
     levels: dict[int, list[Part]] = {}
     for part in parts:
+        if np.ptp(part.solid.points, axis=0).max() < 4 * pixel or part.material in ("gold", "hole"):
+            continue  # too fine to be seen in a soft shadow
         height = float(part.solid.points[:, 2].mean()) - z
         levels.setdefault(int(np.clip(np.log2(1 + height / 12), 0, 5)), []).append(part)
     shade = np.zeros((MAP, MAP))
@@ -54,7 +56,9 @@ def ground(parts: Sequence[Part], z: float) -> Ground:
         soft = (4 + 0.16 * height) / pixel
         cast = gaussian_filter(silhouettes(group, z, reach, KEY), soft)
         shade = 1 - (1 - shade) * (1 - 0.75 * cast)
-        near = gaussian_filter(silhouettes(group, z, reach, (0, 0, 1.0)), (8 + 0.5 * height) / pixel)
+        near = gaussian_filter(
+            silhouettes(group, z, reach, (0, 0, 1.0)), (8 + 0.5 * height) / pixel
+        )
         shade = 1 - (1 - shade) * (1 - 0.5 * near / (1 + height / 60))
     return Ground(z, reach, shade)
 
@@ -71,15 +75,14 @@ def silhouettes(
     for part in parts:
         points = part.solid.points
         flat = points[:, :2] - (points[:, 2:] - z) * slope
-        pixels = (flat + reach) * (MAP - 1) / (2 * reach)
+        pixels = [tuple(pixel) for pixel in ((flat + reach) * (MAP - 1) / (2 * reach)).tolist()]
         for face in part.solid.faces:
-            if len(face) > 2:
-                draw.polygon([tuple(pixels[n]) for n in face], fill=255)
+            draw.polygon([pixels[n] for n in face], fill=255)
     return np.asarray(sheet, float) / 255
 
 
 def backdrop(camera: Camera, theme: Theme, floor: Ground | None) -> Floats:
-    """What is behind the parts, (h, w, 3). It has nothing fine: every other pixel a side is found."""
+    """What is behind the parts, (h, w, 3); found for every other pixel a side, as it is soft."""
     width, height = camera.size
     half = camera.sized(((width + 1) // 2, (height + 1) // 2))
     whole = (2 * half.size[0], 2 * half.size[1])

@@ -46,7 +46,7 @@ class Sheet:
         from PIL import Image, ImageDraw
 
         self.size, self.theme = size, theme
-        self.unit = min(size[0] / 1200, size[1] / 900)
+        self.unit = max(0.62, min(size[0] / 1200, size[1] / 900))  # letters stay readable
         self.image = Image.new("RGBA", (size[0] * FINE, size[1] * FINE), (0, 0, 0, 0))
         self.draw = ImageDraw.Draw(self.image)
         self.taken: list[Box] = []
@@ -92,7 +92,9 @@ class Sheet:
     def measure(self, words: str, size: float = 14, bold: bool = False) -> tuple[float, float]:
         """Width and height of words, which may have several lines."""
         letters = font(max(6, round(size * self.unit * FINE)), bold)
-        left, top, right, bottom = self.draw.multiline_textbbox((0, 0), words, letters, spacing=4 * FINE)
+        left, top, right, bottom = self.draw.multiline_textbbox(
+            (0, 0), words, letters, spacing=4 * FINE
+        )
         return (right - left) / FINE, (bottom - top) / FINE
 
     def write(
@@ -104,7 +106,9 @@ class Sheet:
 
         letters = font(max(6, round(size * self.unit * FINE)), bold)
         spacing = 4 * FINE
-        left, top, right, bottom = self.draw.multiline_textbbox((0, 0), words, letters, spacing=spacing)
+        left, top, right, bottom = self.draw.multiline_textbbox(
+            (0, 0), words, letters, spacing=spacing
+        )
         pad = 4 * FINE
         label = Image.new("RGBA", (int(right - left + 2 * pad), int(bottom - top + 2 * pad)))
         pen = ImageDraw.Draw(label)
@@ -112,9 +116,13 @@ class Sheet:
         if halo:
             options |= {"stroke_width": round(2.2 * self.unit * FINE),
                         "stroke_fill": self.colour(self.theme.panel, 0.55)}  # fmt: skip
-            pen.multiline_text((pad - left, pad - top), words, fill=self.colour(self.theme.panel, 0.0), **options)
+            pen.multiline_text(
+                (pad - left, pad - top), words, fill=self.colour(self.theme.panel, 0.0), **options
+            )
             options = {"font": letters, "spacing": spacing, "align": "left"}
-        pen.multiline_text((pad - left, pad - top), words, fill=self.colour(colour or self.theme.ink), **options)
+        pen.multiline_text(
+            (pad - left, pad - top), words, fill=self.colour(colour or self.theme.ink), **options
+        )
         if angle:
             label = label.rotate(np.degrees(angle), resample=Image.Resampling.BICUBIC, expand=True)
         x = at[0] * FINE - pad - anchor[0] * (label.width - 2 * pad)
@@ -127,7 +135,12 @@ class Sheet:
 
     def free(self, box: Box) -> bool:
         """Whether a box is inside the picture, and nothing is written there."""
-        inside = box[0] >= 2 and box[1] >= 2 and box[2] <= self.size[0] - 2 and box[3] <= self.size[1] - 2
+        inside = (
+            box[0] >= 2
+            and box[1] >= 2
+            and box[2] <= self.size[0] - 2
+            and box[3] <= self.size[1] - 2
+        )
         return inside and not any(overlap(box, other) for other in self.taken)
 
     def dimension(
@@ -150,7 +163,12 @@ class Sheet:
             off = factor * aside
             for share in (0.5, 0.35, 0.65):
                 middle = start + share * (end - start) + off
-                box = (middle[0] - half[0], middle[1] - half[1], middle[0] + half[0], middle[1] + half[1])
+                box = (
+                    middle[0] - half[0],
+                    middle[1] - half[1],
+                    middle[0] + half[0],
+                    middle[1] + half[1],
+                )
                 if self.free(box):
                     self.dimension_at(start, end, off, along, middle, words, size, colour, angle)
                     return
@@ -164,7 +182,7 @@ class Sheet:
         over = off / max(float(np.hypot(*off)), 1e-9) * 4 * self.unit
         for point in (start, end):
             self.line([point + 1.5 * over, point + off + over], ink, 0.9, 0.75)
-        wide, high = self.measure(words, size)
+        wide, _ = self.measure(words, size)
         length = float(np.hypot(*(end - start)))
         if wide + 30 * self.unit < length:
             gap = (wide / 2 + 7 * self.unit) * along
@@ -193,7 +211,12 @@ class Sheet:
         self.line([(left, y), (x, y)], width=2.2)
         for end in (left, x):
             self.line([(end, y - 5 * self.unit), (end, y + 5 * self.unit)], width=1.6)
-        self.write((left + wide / 2, y - 8 * self.unit), f"{length_in_words(length)}{words}", 13, anchor=(0.5, 1))
+        self.write(
+            (left + wide / 2, y - 8 * self.unit),
+            f"{length_in_words(length)}{words}",
+            13,
+            anchor=(0.5, 1),
+        )
 
     def over(self, picture: Floats) -> Floats:
         """The picture (h, w, 3) with the sheet on it."""

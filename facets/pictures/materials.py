@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+from ..core.hues import DARK, LIGHT
+
 ThemeName = Literal["dark", "light"]
 
 
@@ -22,17 +24,17 @@ class Material(NamedTuple):
 
 
 MATERIALS: dict[str, Material] = {
-    "mirror": Material("#FFFFFF", 1.0, 0.03, smooth=False),
+    "mirror": Material("#8E99A8", 1.0, 0.03, smooth=False),
     "steel": Material("#DDE1E6", 1.0, 0.28),
     "aluminium": Material("#E6E9ED", 1.0, 0.40),
     "plate": Material("#20252C", 0.4, 0.42),
     "anodised": Material("#121418", 0.3, 0.38),
     "brass": Material("#F2C878", 1.0, 0.34),
     "gold": Material("#F0C35A", 1.0, 0.28),
-    "glass": Material("#CFE3EE", 0.0, 0.05, clear=0.93),
-    "silicon": Material("#0B0F24", 0.2, 0.25, smooth=False),
+    "glass": Material("#6FA8C8", 0.0, 0.05, clear=0.88),
+    "silicon": Material("#070A18", 0.0, 0.5, smooth=False),
     "ceramic": Material("#E9E2D3", 0.0, 0.55),
-    "board": Material("#1F6B45", 0.0, 0.5),
+    "board": Material("#0E4A2C", 0.0, 0.5),
     "plastic": Material("#17181B", 0.0, 0.45),
     "hole": Material("#020203", 0.0, 0.9, smooth=False),
 }
@@ -61,7 +63,7 @@ class Theme:
     ink: str
     faint: str
     panel: str
-    hues: tuple[str, str, str]
+    hues: tuple[str, ...]
     beam: str
     shines: bool
     shadow: float
@@ -75,13 +77,18 @@ class Theme:
 THEMES: dict[str, Theme] = {
     "dark": Theme(
         "dark", "#10141B", "#1B222D", "#39424F", "#EEF2F7", "#8D99A9", "#141A23",
-        ("#4DB1FF", "#FF8A3D", "#2EE6A8"), "#FFF3DC", True, 0.82, 1.0,
+        tuple(DARK.detectors.values()), "#FFF3DC", True, 0.82, 1.0,
     ),
     "light": Theme(
         "light", "#FFFFFF", "#F4F6F8", "#E6E9EC", "#1B2128", "#6B7682", "#FFFFFF",
-        ("#0072B2", "#D55E00", "#009E73"), "#6A7480", False, 0.55, 1.15,
+        tuple(LIGHT.detectors.values()), "#6A7480", False, 0.55, 1.15,
     ),
 }  # fmt: skip
+
+
+def theme_of(style: str) -> ThemeName:
+    """The theme that goes with a style of the plots: paper, screen or dark."""
+    return "dark" if style == "dark" else "light"
 
 
 def rgb(colour: str) -> tuple[float, float, float]:

@@ -35,14 +35,16 @@ def occlusion(shot: Shot, radius: float) -> Floats:
         for step in STEPS:
             down = np.rint(pixels * step * np.sin(turn)).astype(int)
             aside = np.rint(pixels * step * np.cos(turn)).astype(int)
-            pair = []
+            pair, whole = [], np.ones(len(rows), bool)
             for sign in (1, -1):
+                whole &= (rows + sign * down >= 0) & (rows + sign * down < height)
+                whole &= (columns + sign * aside >= 0) & (columns + sign * aside < width)
                 r = np.clip(rows + sign * down, 0, height - 1)
                 c = np.clip(columns + sign * aside, 0, width - 1)
                 pair.append(np.clip(depth[r, c], here - 1.5 * radius, here + radius))
             hollow = here - (pair[0] + pair[1]) / 2
             near = np.clip(1.6 - 1.6 * np.abs(pair[0] - pair[1]) / (2 * radius), 0, 1)
-            taken += np.clip(hollow / (0.5 * radius), 0, 1) * near
+            taken += np.clip(hollow / (0.5 * radius), 0, 1) * near * whole
     light = np.ones((height, width))
     light[rows, columns] = 1 - np.minimum(0.7, 1.3 * taken / (DIRECTIONS * len(STEPS)))
     light = gaussian_filter(light, 1.8)

@@ -29,18 +29,18 @@ def reduced(picture: Any, step: int) -> Any:
     return sum(rows[:, n:width:step] for n in range(step)) / step**2
 
 
-def halo(light: Any, share: float) -> Any:
-    """Light that a lens spreads about where it falls; share: of the picture's height.
+def halo(light: Any, share: float, least: float = 0.0) -> Any:
+    """Light that a lens spreads about where it falls; share: of the picture's height, at least so
+    many pixels.
 
     Spread on a part of the pixels: what is so soft has nothing finer.
     """
     from scipy.ndimage import gaussian_filter
 
     height, width = light.shape[:2]
+    share = max(share, least / height)
     step = 4 if share * height > 6 else 2
-    padded = np.pad(
-        light, ((0, -height % step), (0, -width % step), (0, 0))[: light.ndim]
-    )
+    padded = np.pad(light, ((0, -height % step), (0, -width % step), (0, 0))[: light.ndim])
     sigma = share * height / step
     soft = gaussian_filter(reduced(padded, step), (sigma, sigma, 0)[: light.ndim], truncate=3)
     return enlarged(soft, (padded.shape[1], padded.shape[0]))[:height, :width]

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -202,11 +201,14 @@ def detector(stand: Stand, k: int) -> Iterator[Part]:
     def box(w: float, h: float, low: float, top: float, corner: float, bevel: float) -> Solid:
         return slab(rectangle(w, h, corner * fit), low * fit, top * fit, bevel * fit)
 
-    outer, hole = rectangle(wide, high, 2.5 * fit), rectangle(width + 3 * fit, height + 3 * fit, fit)
+    outer, hole = (
+        rectangle(wide, high, 2.5 * fit),
+        rectangle(width + 2.4 * fit, height + 2.4 * fit, fit),
+    )
     yield put("bezel", "anodised", frame(outer, hole, -5 * fit, -0.4 * fit), -34)
     yield put("window", "glass", box(width + 4 * fit, height + 4 * fit, -3.4, -2.4, 0.5, 0), -20)
     yield put("sensitive area", "silicon", slab(rectangle(width, height), 0, 0.4 * fit), 0)
-    rim = frame(rectangle(width + 2.6 * fit, height + 2.6 * fit, 0.4 * fit),
+    rim = frame(rectangle(width + 1.2 * fit, height + 1.2 * fit, 0.2 * fit),
                 rectangle(width, height, 0.01 * fit), -0.05 * fit, 0.4 * fit)  # fmt: skip
     yield put("bond ring", "gold", rim, 0)
     yield put("carrier", "ceramic", box(width + 7 * fit, height + 7 * fit, 0.4, 2.4, 0.8, 0.2), 8)
@@ -221,7 +223,9 @@ def detector(stand: Stand, k: int) -> Iterator[Part]:
     yield put("board", "board", box(wide + 5 * fit, high + 5 * fit, 10.5, 12.1, 1.5, 0), 44)
     plug = slab(rectangle(0.4 * wide, 0.26 * high, 0.4 * fit), 12.1 * fit, 19 * fit, 0.4 * fit)
     chips = [
-        slab(rectangle(0.2 * wide, 0.14 * high), 12.1 * fit, 13.4 * fit).placed((x * wide, y * high, 0), np.eye(3))
+        slab(rectangle(0.2 * wide, 0.14 * high), 12.1 * fit, 13.4 * fit).placed(
+            (x * wide, y * high, 0), np.eye(3)
+        )
         for x, y in ((-0.28, 0.3), (0.28, 0.3), (-0.28, -0.3), (0.28, -0.3))
     ]  # fmt: skip
     yield put("amplifiers", "plastic", join([plug, *chips]), 44)
@@ -300,10 +304,12 @@ def laser(stand: Stand) -> Iterator[Part]:
     yield put("heat sink", "aluminium", bored(9.2 * s, 3 * s, 21 * s, 29 * s, 0.4 * s), 38)
     yield put("laser housing", "anodised", tube([
         (9.3 * s, 11.6 * s), (10.4 * s, 11.6 * s), (11 * s, 12.2 * s), (11 * s, 62 * s),
-        (10.4 * s, 62.6 * s), (10 * s, 64 * s), (11 * s, 64 * s), (11 * s, 66 * s), (10 * s, 66 * s),
+        (10.4 * s, 62.6 * s), (10 * s, 64 * s), (11 * s, 64 * s), (11 * s, 66 * s),
+        (10 * s, 66 * s),
         (10 * s, 68 * s), (11 * s, 68 * s), (11 * s, 70 * s), (10 * s, 70 * s), (10 * s, 72 * s),
         (11 * s, 72 * s), (11 * s, 77.4 * s), (10.2 * s, 78.2 * s), (4 * s, 78.2 * s),
-        (3.4 * s, 90 * s), (2.6 * s, 92 * s), (1.4 * s, 92 * s), (1.4 * s, 74 * s), (9.3 * s, 74 * s),
+        (3.4 * s, 90 * s), (2.6 * s, 92 * s), (1.4 * s, 92 * s), (1.4 * s, 74 * s),
+        (9.3 * s, 74 * s),
     ]), 88)  # fmt: skip
     yield from gantry(stand, origin, fit)
 
@@ -314,7 +320,9 @@ def gantry(stand: Stand, origin: Floats, fit: float) -> Iterator[Part]:
     far = 96 * fit
     foot = np.array([far * outward[0], far * outward[1], 0.0])
     floor, top = floor_of(stand), float(origin[2]) + 62 * fit
-    yield Part("column", "laser", "steel", cylinder(9 * fit, floor, top, 0.8 * fit).placed(foot, np.eye(3)))
+    yield Part(
+        "column", "laser", "steel", cylinder(9 * fit, floor, top, 0.8 * fit).placed(foot, np.eye(3))
+    )
     collar = turned([(14 * fit, floor), (14 * fit, floor + 13 * fit), (13 * fit, floor + 14 * fit)])
     yield Part("collar", "frame", "anodised", collar.placed(foot, np.eye(3)))
     aside = np.cross((0, 0, 1.0), outward)
@@ -326,7 +334,9 @@ def gantry(stand: Stand, origin: Floats, fit: float) -> Iterator[Part]:
     ring = bored(15.8 * fit, 11 * fit, -8 * fit, 8 * fit, 0.8 * fit)
     yield Part("laser clamp", "laser", "aluminium", ring.placed(at, np.eye(3)))
     grip = bored(13.8 * fit, 9 * fit, -9 * fit, 9 * fit, 0.8 * fit)
-    yield Part("column clamp", "laser", "aluminium", grip.placed([foot[0], foot[1], at[2]], np.eye(3)))
+    yield Part(
+        "column clamp", "laser", "aluminium", grip.placed([foot[0], foot[1], at[2]], np.eye(3))
+    )
 
 
 def base(stand: Stand) -> Iterator[Part]:

@@ -275,14 +275,6 @@ def spot(stand: Stand, k: int) -> Spot:
     return Spot(grid, irradiance(cross), *places)
 
 
-def close_up(sensor: Sensor, state: Floats) -> list[Body]:
-    """The mirror and the light about it. state: (8,) of Eq. (3)."""
-    stand = Stand.of(sensor, state)
-    found = [*mirror(stand), beam(stand, stand.at.apex[2] + 3)]
-    found += [sub_beam(stand, k, share=0.03) for k in range(3)]
-    return [body for body in found if body is not None]
-
-
 def rig(sensor: Sensor, state: Floats) -> list[Body]:
     """All there is."""
     stand = Stand.of(sensor, state)
@@ -290,10 +282,3 @@ def rig(sensor: Sensor, state: Floats) -> list[Body]:
     for k in range(3):
         found += [sub_beam(stand, k), detector(stand, k), spot_body(stand, k)]
     return [body for body in found if body is not None]
-
-
-def face(sensor: Sensor, state: Floats, k: int) -> list[Body]:
-    """Detector k and the light on it."""
-    stand = Stand.of(sensor, state)
-    spot = spot_body(stand, k)
-    return [detector(stand, k), *([spot] if spot else [])]

@@ -12,9 +12,6 @@ from ..core.units import Floats
 from .rig import Part
 from .solids import Solid
 
-#: Assemblies that an exploded view takes apart.
-APART = ("head", "laser", "detector a", "detector b", "detector c")
-
 
 def exploded(parts: Iterable[Part]) -> list[Part]:
     """Each part where its assembly comes apart along its own axis."""

@@ -64,7 +64,7 @@ def turned(profile: Sequence[tuple[float, float]], count: int = ROUND) -> Solid:
 
 
 def tube(profile: Sequence[tuple[float, float]], count: int = ROUND) -> Solid:
-    """A closed profile of (radius, z), counter-clockwise with z up, turned about z: it has a bore."""
+    """A closed profile of (radius, z), counter-clockwise with z up, turned about z: with a bore."""
     angle = 2 * np.pi * np.arange(count) / count
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     points = np.concatenate([at_height(radius * circle, z) for radius, z in profile])
@@ -90,14 +90,20 @@ def cylinder(radius: float, low: float, high: float, bevel: float = 0.0) -> Soli
     if bevel == 0:
         return turned([(radius, low), (radius, high)])
     return turned(
-        [(radius - bevel, low), (radius, low + bevel), (radius, high - bevel), (radius - bevel, high)]
+        [
+            (radius - bevel, low),
+            (radius, low + bevel),
+            (radius, high - bevel),
+            (radius - bevel, high),
+        ]
     )
 
 
 def rectangle(width: float, height: float, corner: float = 0.0, count: int = 5) -> Floats:
     """The outline of a rectangle about the origin, its corners rounded; (n, 2)."""
     if corner <= 0:
-        return np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * np.array([width, height]) / 2
+        plain: Floats = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * [width / 2, height / 2]
+        return plain
     turn = np.linspace(0, np.pi / 2, count)
     quarter = corner * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
     parts = []

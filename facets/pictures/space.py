@@ -11,14 +11,14 @@ from ..core.rules import Rules
 from ..core.units import Floats
 from ..model.arrays import readings
 from . import insets, rig
-from .camera import Camera, fit, normalize
+from .camera import Camera, fit
 from .exposure import assemble, expose
 from .lettering import Sheet, length_in_words
 from .magnification import round_down, times
 from .materials import rgb
 from .range_solid import COLOURS, REASONS, range_solid
 from .rig import Part
-from .studio import Studio, bounds, library
+from .studio import Studio, library
 from .views import View, face_camera
 
 
@@ -45,13 +45,18 @@ class Range(Near):
         self.solid = range_solid(self.sensor, self.rules)
         half = np.abs(self.solid.extent).max(axis=0)
         wanted = 13.0 * self.fit
-        self.factors = np.array([self.factor(wanted / size) for size in half])
+        aside = self.factor(wanted / float(half[:2].max()))
+        self.factors = np.array([aside, aside, self.factor(wanted / float(half[2]))])
         pyvista = library()
         points = self.solid.points * self.factors
         cells = np.column_stack([np.full(len(self.solid.faces), 4), self.solid.faces])
         self.mesh = pyvista.PolyData(points, cells.ravel())
-        self.mesh["colour"] = (255 * np.array([rgb(COLOURS[n]) for n in self.solid.causes])).astype(np.uint8)
-        self.mesh = self.mesh.compute_normals(cell_normals=False, split_vertices=False)
+        self.mesh["colour"] = (255 * np.array([rgb(COLOURS[n]) for n in self.solid.causes])).astype(
+            np.uint8
+        )
+        self.mesh = self.mesh.compute_normals(
+            cell_normals=False, split_vertices=True, feature_angle=25.0
+        )
         self.shell = Studio([], self.theme)
         self.shell.plotter.add_mesh(
             self.mesh, scalars="colour", rgb=True, ambient=0.42, diffuse=0.55, specular=0.25,
@@ -60,7 +65,7 @@ class Range(Near):
 
     def factor(self, ratio: float) -> float:
         """Drawn as it is where it can be seen so."""
-        return 1.0 if 0.5 < ratio < 1.6 else round_down(ratio)
+        return 1.0 if 0.4 < ratio < 4 else round_down(ratio)
 
     def camera(self) -> Camera:
         if not hasattr(self, "_camera"):
@@ -71,9 +76,12 @@ class Range(Near):
 
     def expose(self, camera: Camera, floor: bool = True, haze: float = 1.0) -> Floats:
         picture = super().expose(camera, haze=0.8)
-        shot, shell = self.studio.take(camera, self.sharpness), self.shell.take(camera, self.sharpness)
+        shot, shell = (
+            self.studio.take(camera, self.sharpness),
+            self.shell.take(camera, self.sharpness),
+        )
         front = shell.depth < shot.depth
-        clear = np.where(front, 0.46, 0.17) * shell.cover
+        clear = np.where(front, 0.52, 0.20) * shell.cover
         shown = shell.colour / np.maximum(shell.cover, 1e-3)[..., None]
         mixed: Floats = picture * (1 - clear[..., None]) + shown * clear[..., None]
         return mixed
@@ -93,9 +101,13 @@ class Range(Near):
             words = f"{name}  {length_in_words(float(f'{high[axis] - low[axis]:.4g}'))}"
             sheet.dimension(a, b, words, 26 * sheet.unit * aside, 16)
         self.legend(sheet)
-        drawn = [f"{name} {f:g}" for name, f in zip("xyz", self.factors, strict=True) if f != 1]
-        self.note = f"drawn larger, times: {', '.join(drawn)}" if drawn else "to scale"
-        words = "range of the mirror's place" + (", the beam following" if self.rules.tracking else "")
+        aside, up = (
+            f"drawn {f:g} times larger" if f != 1 else "to scale" for f in self.factors[1:]
+        )
+        self.note = aside if aside == up else f"x and y {aside}, z {up}"
+        words = "range of the mirror's place" + (
+            ", the beam following" if self.rules.tracking else ""
+        )
         self.caption(sheet, words)
 
     def edge(self, ends: Floats, axis: int) -> Floats:
@@ -140,26 +152,35 @@ class Trail(Near):
     def build(self) -> None:
         super().build()
         reach = float(np.abs(self.motion[:, :3]).max())
-        self.factor = max(1.0, round_down(14.0 * self.fit / reach)) if reach > 0 else 1.0
+        self.factor = max(1.0, round_down(16.0 * self.fit / reach)) if reach > 0 else 1.0
         self.path = self.factor * self.motion[:, :3]
 
     def camera(self) -> Camera:
         if not hasattr(self, "_camera"):
             start = Camera(place=(120, -150, 70), focus=(0, 0, 0), angle=0.34, size=self.size)
             radius = rig.head_radius(self.rest)
-            rim = radius * np.array([[1, 0, -1], [-1, 0, -1], [0, 1, -1], [0, -1, -1], [0, 0, -2.4]])
+            rim = radius * np.array(
+                [[1, 0, -1], [-1, 0, -1], [0, 1, -1], [0, -1, -1], [0, 0, -2.4]]
+            )
             self._camera = fit(start, np.concatenate([self.path, rim]), (0.08, 0.10, 0.66, 0.84))
         return self._camera
 
     def expose(self, camera: Camera, floor: bool = True, haze: float = 1.0) -> Floats:
         """Ghosts of the head where it turns back, then the head at rest."""
         self.move_to(np.zeros(8))
-        picture = expose(self.rest, self.studio.take(camera, self.sharpness), self.theme, self.floor, self.laser, 0.8)
+        picture = expose(
+            self.rest,
+            self.studio.take(camera, self.sharpness),
+            self.theme,
+            self.floor,
+            self.laser,
+            0.8,
+        )
         for n in self.ghosts():
             self.move_to(np.concatenate([self.path[n], self.motion[n, 3:]]))
             shot = self.studio.take(camera, self.sharpness)
             ghost = assemble(shot, self.theme, None)
-            cover = 0.22 * shot.cover[..., None]
+            cover = 0.13 * shot.cover[..., None]
             picture = picture * (1 - cover) + ghost * cover
         return picture
 
@@ -184,7 +205,9 @@ class Trail(Near):
         sheet.dot(seen[0], 5, self.colour(0.0))
         self.faces(picture, sheet)
         self.note = times(self.factor)
-        sheet.scale_bar(camera.pixel, (0.62 * self.size[0], self.size[1] - 26 * sheet.unit), " of the mirror")
+        sheet.scale_bar(
+            camera.pixel, (0.62 * self.size[0], self.size[1] - 26 * sheet.unit), " of the mirror"
+        )
         self.caption(sheet, "the way of the mirror's point")
 
     def colour(self, share: float) -> str:
@@ -209,16 +232,23 @@ class Trail(Near):
             camera = face_camera(self.rest, k, (side, side))
             back = np.array(rgb(self.theme.panel)) * np.ones((side, side, 3))
             insets.paste(picture, back, (left, top), False)
-            inset = insets.Inset(f"spot on detector {letter.upper()}", np.zeros(3), camera, self.theme.hues[k],
-                                 note=self.size_in_words(k), cross=True)  # fmt: skip
+            inset = insets.Inset(
+                f"spot on detector {letter.upper()}", np.zeros(3), camera, self.theme.hues[k],
+                note=self.size_in_words(k), cross=True,
+            )  # fmt: skip
             insets.frame(sheet, inset, (left, top), (side, side))
             centre, axes = rig.detector_frame(self.rest, k)
             psd = self.sensor.psds[k]
             corners = [(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)]
-            edge = [centre + a * psd.size_y / 2 * axes[0] + b * psd.size_z / 2 * axes[1] for a, b in corners]
+            edge = [
+                centre + a * psd.size_y / 2 * axes[0] + b * psd.size_z / 2 * axes[1]
+                for a, b in corners
+            ]
             shift = np.array([left, top])
             sheet.line(camera.project(np.array(edge))[:, :2] + shift, self.theme.faint, 1.0)
-            spots = centre + reading[:, 3 * k, None] * axes[0] + reading[:, 3 * k + 1, None] * axes[1]
+            spots = (
+                centre + reading[:, 3 * k, None] * axes[0] + reading[:, 3 * k + 1, None] * axes[1]
+            )
             way = camera.project(spots)[:, :2] + shift
             for n in range(len(way) - 1):
                 if np.isfinite(way[n : n + 2]).all():
@@ -227,6 +257,3 @@ class Trail(Near):
     def size_in_words(self, k: int) -> str:
         psd = self.sensor.psds[k]
         return f"{psd.size_y:g} x {psd.size_z:g} mm, to scale"
-
-
-__all__ = ["Near", "Range", "Trail", "bounds", "normalize"]

@@ -17,7 +17,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.units import Booleans, Floats
 from .camera import Camera
-from .materials import MATERIALS, Theme, rgb
+from .materials import MATERIALS, Theme
 from .rig import Part
 from .solids import Solid, join
 
@@ -28,6 +28,7 @@ def library(interactive: bool = False) -> Any:
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
     try:
         import pyvista
+        import pyvista.plotting  # comes late by itself
     except ImportError as error:
         raise InputError(
             f"3D pictures need libraries that are missing ({error}); on Debian and Ubuntu: "
@@ -87,15 +88,15 @@ def surroundings(theme: Theme) -> Any:
         light: Floats = power / (1 + np.exp(np.clip(24 * (edge - 1), -50, 50)))
         return light
 
-    sky = 0.52 - 0.34 * rows
+    sky = 0.42 - 0.30 * rows
     floor = 0.20 if theme.shines else 0.55
     light = np.where(rows > 0.53, floor * np.ones_like(columns), sky + 0 * columns)
     if not theme.shines:
         light = light + np.where(rows <= 0.53, 0.22, 0.0)
     light = light + softbox(0.10, 0.30, 0.13, 0.40, 0.75)
-    light = light + softbox(0.33, 0.62, 0.16, 0.06, 0.9)
-    light = light + softbox(0.36, 0.12, 0.20, 0.035, 0.85)
-    light = light + softbox(0.40, 0.86, 0.10, 0.10, 0.5)
+    light = light + softbox(0.34, 0.62, 0.20, 0.10, 0.95)
+    light = light + softbox(0.36, 0.12, 0.24, 0.06, 0.95)
+    light = light + softbox(0.40, 0.86, 0.14, 0.12, 0.6)
     tint = np.array([0.97, 1.0, 1.04])
     return (255 * np.clip(light[..., None] * tint, 0, 1)).astype(np.uint8)
 
@@ -173,6 +174,11 @@ class Studio:
             if key.startswith(f"{assembly} "):
                 actor.user_matrix = matrix
 
+    def only(self, *assemblies: str) -> None:
+        """Shows these alone, or all where none is named."""
+        for key, actor in self.actors.items():
+            actor.visibility = not assemblies or key.startswith(tuple(f"{a} " for a in assemblies))
+
     def take(self, camera: Camera, sharpness: int = 2) -> Shot:
         """What the camera sees, from `sharpness` x `sharpness` samples a pixel."""
         width, height = (n * sharpness for n in camera.size)
@@ -226,7 +232,3 @@ def develop(camera: Camera, colour: Any, depth: Floats, sharpness: int) -> Shot:
 def bounds(parts: Sequence[Part]) -> Floats:
     """All points of parts, (n, 3)."""
     return np.concatenate([part.solid.points for part in parts])
-
-
-def as_colour(colour: str) -> Floats:
-    return np.array(rgb(colour))

@@ -11,17 +11,18 @@ from ..core.names import DETECTORS
 from ..core.sensor import Sensor
 from ..core.units import MICRO, MRAD, UM, UW, Floats
 from ..model.arrays import readings
+from ..optics.vectors import rotation
 from . import insets, rig
 from .camera import Camera, fit, normalize
-from .exposure import expose
+from .exposure import assemble, expose, expose_face
 from .ground import Ground, ground
 from .insets import Inset
 from .lettering import Sheet, length_in_words
 from .materials import Theme
 from .rig import Part
-from .scene import Stand
-from .solids import Solid, join
+from .scene import Stand, array, cut
 from .sections import cut_open, exploded
+from .solids import Solid, join
 from .studio import Studio, bounds, library
 
 #: From where a rig is seen: to the right, to the front and from above.
@@ -52,10 +53,12 @@ def power_in_words(power: float) -> str:
 class View:
     """Base of the views: parts made at rest, whose head and laser are carried to a state.
 
-    dark: detectors whose sub-beam is left out.
+    dark: detectors whose sub-beam is left out.  turning: by how much more than the light says the
+    head is turned about its point, where that could not be seen.
     """
 
     dark: tuple[int, ...] = ()
+    turning = 1.0
 
     def __init__(
         self, sensor: Sensor, theme: Theme, size: tuple[int, int], title: str, sharpness: int
@@ -80,11 +83,18 @@ class View:
 
     def move(self, state: Floats) -> None:
         self.state, self.stand = state, Stand.of(self.sensor, state)
-        head, beam = np.eye(4), np.eye(4)
-        head[:3, :3], head[:3, 3] = np.array(self.stand.at.turn, float), state[:3]
+        beam = np.eye(4)
         beam[:2, 3] = state[6:]
-        self.studio.carry("head", head)
+        self.carry_head(self.turning)
         self.studio.carry("laser", beam)
+
+    def carry_head(self, turning: float) -> None:
+        """To the mirror's pose, with its angles `turning` times as large."""
+        matrix = np.eye(4)
+        roll, pitch, yaw = turning * self.state[3:6]
+        matrix[:3, :3] = np.array(rotation(roll, pitch, yaw), float)
+        matrix[:3, 3] = self.state[:3]
+        self.studio.carry("head", matrix)
 
     def image(self) -> Floats:
         """(h, w, 3), 0 to 1."""
@@ -108,9 +118,11 @@ class View:
     def caption(self, sheet: Sheet, what: str) -> None:
         """What the picture shows and the state, at the lower left."""
         left, low = 24 * sheet.unit, sheet.size[1] - 20 * sheet.unit
-        state = sheet.write((left, low), state_in_words(self.state), 14, self.theme.ink, anchor=(0, 1))
+        state = sheet.write(
+            (left, low), state_in_words(self.state), 14, self.theme.ink, anchor=(0, 1)
+        )
         words = " \u00b7 ".join(part for part in (self.title, what, self.note) if part)
-        sheet.write((left, state[1] + 2), words, 13, self.theme.faint, anchor=(0, 1))
+        sheet.write((left, state[1] - 3 * sheet.unit), words, 13, self.theme.faint, anchor=(0, 1))
 
     def close(self) -> None:
         self.studio.close()
@@ -124,7 +136,9 @@ class Rig(View):
     def camera(self) -> Camera:
         """Where all of the rig at rest is in the picture."""
         if not hasattr(self, "_camera"):
-            start = Camera(place=tuple(600 * np.array(ASPECT)), focus=(0, 0, 0), angle=0.38, size=self.size)
+            start = Camera(
+                place=tuple(600 * np.array(ASPECT)), focus=(0, 0, 0), angle=0.38, size=self.size
+            )
             self._camera = fit(start, bounds(self.parts), self.area)
         return self._camera
 
@@ -135,7 +149,9 @@ class Rig(View):
     def annotate(self, sheet: Sheet, camera: Camera) -> None:
         """Dimensions, the detectors' names, the beam, and a scale."""
         width, height = self.size
-        sheet.scale_bar(camera.pixel, (width - 28 * sheet.unit, height - 26 * sheet.unit), " at the mirror")
+        sheet.scale_bar(
+            camera.pixel, (width - 28 * sheet.unit, height - 26 * sheet.unit), " at the mirror"
+        )
         self.name_detectors(sheet, camera)
         self.dimension_radii(sheet, camera)
         self.name_beam(sheet, camera)
@@ -143,7 +159,11 @@ class Rig(View):
     def name_detectors(self, sheet: Sheet, camera: Camera) -> None:
         for k, letter in enumerate(DETECTORS):
             centre, axes = rig.detector_frame(self.rest, k)
-            top = centre + 30 * self.fit * axes[2] + 0.45 * rig.housing_size(self.rest, k)[1] * axes[1]
+            top = (
+                centre
+                + 30 * self.fit * axes[2]
+                + 0.45 * rig.housing_size(self.rest, k)[1] * axes[1]
+            )
             at = camera.project(top)[:2]
             sheet.write(at, letter.upper(), 19, self.theme.hues[k], bold=True)
 
@@ -188,7 +208,7 @@ class Whole(Rig):
         """Corners of four places for insets, the first for the largest."""
         width, height = self.size
         edge = int(26 * sheet.unit)
-        large, small = sizes[0], sizes[1]
+        small = sizes[1]
         right = width - edge - small[0]
         return [
             (edge, edge),
@@ -206,9 +226,20 @@ class Whole(Rig):
         for inset, target, corner in zip(found, targets, places, strict=True):
             insets.leader(sheet, inset, target, corner, inset.camera.size)
         for inset, corner in zip(found, places, strict=True):
-            shown = self.expose(inset.camera, floor=False, haze=0.8 if inset.round else 0.25)
+            shown = self.magnified(inset)
             insets.paste(picture, shown, corner, inset.round)
             insets.frame(sheet, inset, corner, inset.camera.size)
+
+    def magnified(self, inset: Inset) -> Floats:
+        """The picture in an inset: of the head alone, or of a detector's face."""
+        if not inset.round:
+            return expose_face(self.stand, inset.camera, "ABC".index(inset.title[-1]))
+        self.studio.only("head")
+        self.carry_head(1.0)
+        shot = self.studio.take(inset.camera, self.sharpness)
+        self.carry_head(self.turning)
+        self.studio.only()
+        return expose(self.stand, shot, self.theme, None, self.laser, 0.8, bloom=0.4)
 
     def point_inset(self) -> Inset:
         side = int(0.27 * min(self.size[1], self.size[0] * 0.75)) // 2 * 2
@@ -241,13 +272,16 @@ def face_camera(stand: Stand, k: int, size: tuple[int, int]) -> Camera:
     """Square to a detector's face, from the mirror's side."""
     centre, axes = rig.detector_frame(stand, k)
     psd = stand.sensor.psds[k]
-    extent = 1.22 * max(psd.size_z, psd.size_y * size[1] / size[0])
-    away = centre - 30 * rig.scale_of(stand) * axes[2]
+    extent = 1.16 * max(psd.size_z, psd.size_y * size[1] / size[0])
+    away = centre - 1.8 * rig.scale_of(stand) * axes[2]  # behind the window
     return Camera(tuple(away), tuple(centre), tuple(axes[1]), angle=0.0, extent=extent, size=size)
 
 
 class Mirror(View):
     """The mirror's point, close: the beam is shared by the facets, and what lies on each."""
+
+    def own_parts(self) -> list[Part]:
+        return [part for part in super().own_parts() if part.assembly == "head"]
 
     def camera(self) -> Camera:
         sigma = max(self.sensor.beam.diameter_x, self.sensor.beam.diameter_y) / 4
@@ -255,21 +289,40 @@ class Mirror(View):
         return point_camera(focus, 13 * sigma, self.size)
 
     def expose(self, camera: Camera, floor: bool = True, haze: float = 1.0) -> Floats:
-        return super().expose(camera, floor=False, haze=0.55)
+        shot = self.studio.take(camera, self.sharpness)
+        return expose(self.stand, shot, self.theme, None, self.laser, 0.85, bloom=0.3)
 
     def draw(self, picture: Floats, sheet: Sheet, camera: Camera) -> None:
         width, height = self.size
-        sheet.scale_bar(camera.pixel, (width - 28 * sheet.unit, height - 26 * sheet.unit), " at the point")
+        sheet.scale_bar(
+            camera.pixel, (width - 28 * sheet.unit, height - 26 * sheet.unit), " at the point"
+        )
         self.caption(sheet, "the point of the mirror, and the light on its facets")
         reading = readings(self.sensor, self.state)
         for k, letter in enumerate(DETECTORS):
+            self.outline(sheet, camera, k)
             self.name_sub_beam(sheet, camera, k, letter, float(reading[3 * k + 2]))
         self.name_width(sheet, camera)
 
-    def name_sub_beam(self, sheet: Sheet, camera: Camera, k: int, letter: str, power: float) -> None:
+    def outline(self, sheet: Sheet, camera: Camera, k: int) -> None:
+        """Where the light on facet k has fallen to 1/e^2 of the largest."""
+        cross = cut(self.stand, k)
+        if not len(cross) or camera.axes[2] @ np.array(self.stand.at.normals[k], float) > 0:
+            return
+        rim = camera.project(array(self.stand.on_facet(k, cross[-1])))[:, :2]
+        for n in range(0, len(rim) - 1, 2):
+            sheet.line(rim[n : n + 2], self.theme.ink, 1.1, 0.8)
+
+    def name_sub_beam(
+        self, sheet: Sheet, camera: Camera, k: int, letter: str, power: float
+    ) -> None:
         centre = np.array(self.stand.geometry.centres[k], float)
         out = normalize(centre - self.state[:3])
-        words = f"{letter.upper()}  {power_in_words(power)}" if power > 0 else f"{letter.upper()}  no light"
+        words = (
+            f"{letter.upper()}  {power_in_words(power)}"
+            if power > 0
+            else f"{letter.upper()}  no light"
+        )
         for reach in (0.30, 0.24, 0.36, 0.18, 0.42):
             at = camera.project(self.state[:3] + reach * camera.height * out)[:2]
             wide, high = sheet.measure(words, 17, True)
@@ -306,7 +359,9 @@ class Detector(View):
     def draw(self, picture: Floats, sheet: Sheet, camera: Camera) -> None:
         width, height = self.size
         k = self.number
-        sheet.scale_bar(camera.pixel, (width - 28 * sheet.unit, height - 26 * sheet.unit), " at the detector")
+        sheet.scale_bar(
+            camera.pixel, (width - 28 * sheet.unit, height - 26 * sheet.unit), " at the detector"
+        )
         self.caption(sheet, f"detector {DETECTORS[k].upper()} and the light on it")
         psd = self.sensor.psds[k]
         centre, axes = rig.detector_frame(self.rest, k)
@@ -316,9 +371,15 @@ class Detector(View):
             for sy, sz in ((-1, 1), (1, 1), (1, -1))
         ]
         at = camera.project(np.array(corners))[:, :2]
-        lift = camera.project(centre + reach[1] * 0.68 * axes[1])[:2] - camera.project(centre + psd.size_z / 2 * axes[1])[:2]
+        lift = (
+            camera.project(centre + reach[1] * 0.68 * axes[1])[:2]
+            - camera.project(centre + psd.size_z / 2 * axes[1])[:2]
+        )
         sheet.dimension(at[0], at[1], length_in_words(psd.size_y), lift, 15)
-        side = camera.project(centre + reach[0] * 0.72 * axes[0])[:2] - camera.project(centre + psd.size_y / 2 * axes[0])[:2]
+        side = (
+            camera.project(centre + reach[0] * 0.72 * axes[0])[:2]
+            - camera.project(centre + psd.size_y / 2 * axes[0])[:2]
+        )
         sheet.dimension(at[1], at[2], length_in_words(psd.size_z), side, 15)
 
 
@@ -404,7 +465,9 @@ class Cutaway(View):
         focus = np.array([0, 0, -0.55 * radius])
         camera = Camera(tuple(focus + 200 * normal), tuple(focus), angle=0.0,
                         extent=3.1 * radius, size=(side, side))  # fmt: skip
-        return Inset("mirror head", focus, camera, self.theme.ink, True, f"{camera.extent:.3g} mm wide")
+        return Inset(
+            "mirror head", focus, camera, self.theme.ink, True, f"{camera.extent:.3g} mm wide"
+        )
 
     def detector_inset(self) -> Inset:
         side = int(0.36 * min(self.size[1], self.size[0] * 0.75)) // 2 * 2
@@ -434,15 +497,18 @@ class Exploded(View):
         )  # fmt: skip
 
     def build(self) -> None:
-        """The three assemblies side by side: the detector is brought nearer to the head."""
+        """The three assemblies side by side, laser, head and detector, each taken apart."""
         centre = np.array(self.rest.geometry.centres[self.number], float)
         outward = normalize([centre[0], centre[1], 0.0])
         shift = outward * (self.gap() - float(centre @ outward))
-        shift[2] = 50 * self.fit - float(centre[2])
+        shift[2] = 8 * self.fit - float(centre[2])
         shifts = {f"detector {DETECTORS[self.number]}": shift,
-                  "laser": np.array([0, 0, -40.0]) * self.fit}  # fmt: skip
+                  "laser": self.fit * np.array([-84.0, 44.0, -128.0])}  # fmt: skip
         self.parts = [
-            replace(part, solid=Solid(part.solid.points + shifts.get(part.assembly, 0), part.solid.faces))
+            replace(
+                part,
+                solid=Solid(part.solid.points + shifts.get(part.assembly, 0), part.solid.faces),
+            )
             for part in self.own_parts()
         ]
         self.studio = Studio(self.parts, self.theme)
@@ -450,17 +516,15 @@ class Exploded(View):
 
     def gap(self) -> float:
         """How far the detector stands from the axis in this view, mm."""
-        return 120 * self.fit
+        return 90 * self.fit
 
     def camera(self) -> Camera:
         if not hasattr(self, "_camera"):
             start = Camera(place=(-300, -560, 230), focus=(0, 0, 0), angle=0.30, size=self.size)
-            self._camera = fit(start, bounds(self.parts), (0.15, 0.05, 0.90, 0.87))
+            self._camera = fit(start, bounds(self.parts), (0.16, 0.06, 0.92, 0.86))
         return self._camera
 
     def expose(self, camera: Camera, floor: bool = True, haze: float = 1.0) -> Floats:
-        from .exposure import assemble
-
         shot = self.studio.take(camera, self.sharpness)
         return assemble(shot, self.theme, None)
 
@@ -469,7 +533,9 @@ class Exploded(View):
         for part in self.named():
             self.name_part(sheet, camera, part)
         sheet.scale_bar(
-            camera.pixel, (self.size[0] - 28 * sheet.unit, self.size[1] - 26 * sheet.unit), " at the head"
+            camera.pixel,
+            (self.size[0] - 28 * sheet.unit, self.size[1] - 26 * sheet.unit),
+            " at the head",
         )
         letter = DETECTORS[self.number].upper()
         self.caption(sheet, f"laser, mirror head and detector {letter}, taken apart")
@@ -488,7 +554,9 @@ class Exploded(View):
     def axes(self, sheet: Sheet, camera: Camera) -> None:
         """The lines along which the assemblies come apart."""
         for assembly in ("head", "laser", f"detector {DETECTORS[self.number]}"):
-            middles = np.array([middle_of(part) for part in self.parts if part.assembly == assembly])
+            middles = np.array(
+                [middle_of(part) for part in self.parts if part.assembly == assembly]
+            )
             way = int(np.ptp(middles, axis=0).argmax())
             line = np.repeat(np.median(middles, axis=0)[None], 2, axis=0)
             line[:, way] = middles[:, way].min(), middles[:, way].max()
@@ -507,8 +575,12 @@ class Exploded(View):
         for factor in (1.0, 1.8, 2.8, 4.0):
             for start, way in self.sides(part, low, high, middle):
                 at = start + factor * gap * way
-                left = at[0] - wide if way[0] < -0.5 else at[0] if way[0] > 0.5 else at[0] - wide / 2
-                top = at[1] - tall / 2 if abs(way[0]) > 0.5 else at[1] - tall if way[1] < 0 else at[1]
+                left = (
+                    at[0] - wide if way[0] < -0.5 else at[0] if way[0] > 0.5 else at[0] - wide / 2
+                )
+                top = (
+                    at[1] - tall / 2 if abs(way[0]) > 0.5 else at[1] - tall if way[1] < 0 else at[1]
+                )
                 box = (left - 4, top - 5, left + wide + 4, top + tall + 5)
                 if sheet.free(box):
                     sheet.line([start - 0.25 * gap * way, at - 3 * way], sheet.theme.faint, 1.1)
