@@ -64,7 +64,7 @@ def picture(table: Table) -> Figure:
         panel.plot([], [], color=hues.soft, ls=(0, (1, 1.5)), label="the same, beam free")
         panel.set(xlabel="standard uncertainty of the beam's place, µm",
                   ylabel="resolution at rest (2 sigma), µm")  # fmt: skip
-        for axis in (panel.xaxis, panel.yaxis):
-            style.plain_log(axis)
+        for ruler in (panel.xaxis, panel.yaxis):
+            style.plain_log(ruler)
         panel.legend()
     return drawing

@@ -216,8 +216,8 @@ def pose_table(now: dict[str, Any]) -> Any:
         unit, fine = ("mrad", "urad") if name in ANGLES else ("mm", "um")
         value, sigma = now.get(f"{name}_{unit}"), now.get(f"u_{name}_{fine}")
         shown = "-" if value is None else f"{value:+.5f} {unit}"
-        heading = Text.assemble(("▌", hues.axes[name]), name)
-        table.add_row(heading, shown, "-" if sigma is None else f"{sigma:.3g} µ{fine[1:]}")
+        marked = Text.assemble(("▌", hues.axes[name]), name)
+        table.add_row(marked, shown, "-" if sigma is None else f"{sigma:.3g} µ{fine[1:]}")
     return table
 
 
@@ -281,13 +281,13 @@ def face(live: Live, k: int, wide: int, high: int) -> Any:
             rows[round((1 - z / half[1]) / 2 * (high - 1))][across] = "●"
     share = power / live.pipeline.config.sensor.beam.power
     bar = "█" * round(wide * min(max(share, 0), 1)) if np.isfinite(share) else ""
-    text = Text("\n".join("".join(row) for row in rows), "dim")
-    text.highlight_regex("●", f"bold {hue} not dim")
-    text.append(f"\n{bar:<{wide}}", f"{hue} not dim")
+    drawn = Text("\n".join("".join(row) for row in rows), "dim")
+    drawn.highlight_regex("●", f"bold {hue} not dim")
+    drawn.append(f"\n{bar:<{wide}}", f"{hue} not dim")
     title = f"{DETECTORS[k].upper()} {light(live, k, power)}"
     if wide >= len(title) + 4:
         title = f"PSD {title}"
-    return Panel(text, title=Text(title, f"bold {hue}"), border_style=hue, width=wide + 4)
+    return Panel(drawn, title=Text(title, f"bold {hue}"), border_style=hue, width=wide + 4)
 
 
 def light(live: Live, k: int, power: float) -> str:

@@ -57,8 +57,9 @@ def face(panel: Axes, spots: Floats, left: Floats, letter: str, kind: str) -> An
     from matplotlib.colors import TwoSlopeNorm
 
     there = np.isfinite(spots).all(axis=1) & np.isfinite(left)
+    psi, zeta = spots[there].T
     image = panel.hexbin(
-        *spots[there].T, C=left[there], gridsize=14, cmap=diverging(), lw=0.1, mincnt=1,
+        psi, zeta, C=left[there], gridsize=14, cmap=diverging(), lw=0.1, mincnt=1,
         norm=TwoSlopeNorm(0, -ENDS, ENDS), rasterized=True,
     )  # fmt: skip
     rms = np.sqrt(np.mean(left[there] ** 2)) if there.any() else np.nan

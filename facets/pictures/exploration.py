@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..characterization.sensitivity import Index
 from ..core.hues import chosen_hues
-from ..core.units import Booleans
+from ..core.units import Booleans, column_label
 from . import style
 
 if TYPE_CHECKING:
@@ -47,7 +47,8 @@ def front_picture(
     heights = [3.3 * -(-len(views) // 2)] * bool(views) + [LANE * variables + 1.0] * bool(indices)
     with style.in_rules():
         picture = style.figure(style.FULL if len(views) != 1 or indices else 5.0, sum(heights))
-        parts: Any = np.atleast_1d(picture.subfigures(len(heights), 1, height_ratios=heights))
+        made: Any = picture.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)
+        parts = made.ravel()
         if views:
             designs(parts[0], table, views, known, best, own)
         if indices:
@@ -131,7 +132,7 @@ def effects(panel: Axes, indices: dict[str, dict[str, Index]]) -> None:
     panel.grid(visible=False, axis="y")
     panel.set(xlabel="first-order Sobol index, with its 95 % interval",
               ylim=(len(variables) - 0.5, -0.5))  # fmt: skip
-    panel.set_yticks(np.arange(len(variables)), [style.column_label(name) for name in variables])
+    panel.set_yticks(np.arange(len(variables)), [column_label(name) for name in variables])
     panel.tick_params(axis="y", length=0)
     handles, texts = panel.get_legend_handles_labels()
     style.legend_below(panel.figure, handles, texts, min(len(texts), 3))
@@ -149,7 +150,8 @@ def pareto_picture(
     others = [name for name in objectives if name != objectives[0]]
     with style.in_rules():
         picture = style.figure(style.FULL, 5.9 + 0.4 * (len(objectives) > 2))
-        upper, lower = np.atleast_1d(picture.subfigures(2, 1, height_ratios=(1.75, 1)))  # type: ignore[arg-type]
+        parts: Any = picture.subfigures(2, 1, height_ratios=(1.75, 1))
+        upper, lower = parts
         followed(upper, upper.subplots(), table, objectives, cloud, own)
         panels = lower.subplots(1, len(others), squeeze=False)[0]
         for panel, other in zip(panels, others, strict=True):

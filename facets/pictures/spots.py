@@ -90,7 +90,7 @@ def large(panel: Axes, spot: Spot, centroid: Floats, letter: str) -> Any:
     hues = chosen_hues()
     image = shine(panel, spot) if spot.grid.size else None
     panel.plot(*spot.circle.T, "--", color=hues.grey, lw=1, label="the beam's 1/e² circle")
-    halo = {"mec": "#101010", "mew": 0.9, "ls": ""}
+    halo: dict[str, Any] = {"mec": "#101010", "mew": 0.9, "ls": ""}
     panel.plot(*spot.apex, "^", color="#FFFFFF", ms=7, label="Q, image of the apex", **halo)
     panel.plot(*spot.beam, "o", color="#FFFFFF", ms=6, label="S, of the beam's centre", **halo)
     panel.plot(*centroid, "P", color=hues.detectors[letter], ms=9, label="R, centroid",

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 #: For drawings whose ground is white whatever the style.
 INK, GREY = LIGHT.ink, LIGHT.grey
 BLUE, ORANGE, GREEN = LIGHT.detectors.values()
-SERIES = LIGHT.series
 #: Widths of a picture, inches: of one panel, and of a page's whole text.
 SINGLE, FULL = 4.4, 6.2
 #: Sizes of text, points: the least, and that of labels.
