@@ -107,8 +107,8 @@ class Solve:
 class Acquire:
     """The detector board's stream.
 
-    dark: counts without light.  timing: "envelope" or "arrival".  least_delay, delay: s.  wait: for
-    a port that is not there yet, s.  sync: what a power failure may cost a recording, s; 0 for
+    dark: counts without light.  timing: "envelope" or "arrival".  mark: "trigger" or "pps".
+    least_delay, delay: s.  wait: for a port that is not there yet, s.  sync: what a power failure may cost a recording, s; 0 for
     whatever the system leaves.  detectors: the fewest that a pose is made from.
     """
 
@@ -123,6 +123,7 @@ class Acquire:
     wait: float
     sync: float
     detectors: int
+    mark: str = "trigger"
 
 
 @dataclass(frozen=True)
