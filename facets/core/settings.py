@@ -108,8 +108,9 @@ class Acquire:
     """The detector board's stream.
 
     dark: counts without light.  timing: "envelope" or "arrival".  mark: "trigger" or "pps".
-    least_delay, delay: s.  wait: for a port that is not there yet, s.  sync: what a power failure may cost a recording, s; 0 for
-    whatever the system leaves.  detectors: the fewest that a pose is made from.
+    least_delay, delay: s.  wait: for a port that is not there yet, s.  sync: what a power failure
+    may cost a recording, s; 0 for whatever the system leaves.  detectors: the fewest that a pose is
+    made from.
     """
 
     port: str | None
