@@ -118,7 +118,7 @@ def save(output: Path | None, found: list[Any], pipeline: Any, recording: Path, 
     elif output and is_mcap(output):
         write_mcap(output, found, recording, about)
     elif output:
-        write(output, found, about)
+        write(output, found, about, pulses_of(pipeline.config, recording))
 
 
 def check_smoothing(output: Path | None, model: str) -> None:
@@ -251,21 +251,43 @@ def recover(
     typer.echo(f"{path}")
 
 
-def write(path: Path, found: Iterable[Any], about: dict[str, str]) -> None:
+def pulses_of(settings: Any, recording: Path) -> tuple[Any, float] | None:
+    """The clock that a pulse per second steers, and UTC over the host's clock; None without."""
+    if settings.acquire.mark != "pps":
+        return None
+    from facets.live.pulses import PulseClock
+    from facets.live.recording import utc_offset
+
+    return PulseClock(), utc_offset(recording) or 0.0
+
+
+def write(
+    path: Path,
+    found: Iterable[Any],
+    about: dict[str, str],
+    pulses: tuple[Any, float] | None = None,
+) -> None:
+    """The table of poses. pulses: see `pulses_of`."""
     from facets.files import tables
+    from facets.live.pulses import pulse_columns
     from facets.live.replay import label
 
     with tables.Whole(path) as temporary:
         writer = tables.Writer(temporary, about)
         try:
             for poses in found:
-                writer.write(label(poses))
+                columns = label(poses)
+                if pulses is not None:
+                    columns |= pulse_columns(poses, pulses[1], pulses[0])
+                writer.write(columns)
             if writer.file is None:
                 from facets.core.errors import InputError
 
                 raise InputError(f"{path}: not written, the recording holds no whole sample")
         finally:
             writer.close()
+    if pulses is not None:
+        typer.echo(f"  {pulses[0].sentence}")
 
 
 def tell(pipeline: Any, recording: Path, damage: Any) -> None:

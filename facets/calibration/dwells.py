@@ -41,7 +41,7 @@ def stands(pose: Floats, sigma: Floats, seat: Floats | None = None) -> list[slic
 
     pose: (n, d) of the axes that it measures.  sigma: (d,).  seat: (n,), in which none may change.
     """
-    bad = ~np.isfinite(pose).all(axis=1)
+    bad = np.asarray(~np.isfinite(pose).all(axis=1))
     scaled = np.where(bad[:, None], np.inf, pose) / (WITHIN * sigma)
     found, start, count = [], 0, len(pose)
     while start < count:

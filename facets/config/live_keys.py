@@ -54,6 +54,11 @@ class Acquire(Section):
         le=1000,
         description="from a sample to its bytes at the host, on average; for `arrival`",
     )
+    mark: Literal["trigger", "pps"] = Field(
+        "trigger",
+        description="what the board's marked input is: of no meaning here, or a pulse per second "
+        "at whole seconds of UTC, which then steers `utc_s` of what is published and replayed",
+    )
     wait_seconds: float = Field(
         5.0, ge=0, le=3600, description="for a port that is not there yet, since a board boots"
     )

@@ -107,9 +107,10 @@ class Solve:
 class Acquire:
     """The detector board's stream.
 
-    dark: counts without light.  timing: "envelope" or "arrival".  least_delay, delay: s.  wait: for
-    a port that is not there yet, s.  sync: what a power failure may cost a recording, s; 0 for
-    whatever the system leaves.  detectors: the fewest that a pose is made from.
+    dark: counts without light.  timing: "envelope" or "arrival".  mark: "trigger" or "pps".
+    least_delay, delay: s.  wait: for a port that is not there yet, s.  sync: what a power failure
+    may cost a recording, s; 0 for whatever the system leaves.  detectors: the fewest that a pose is
+    made from.
     """
 
     port: str | None
@@ -123,6 +124,7 @@ class Acquire:
     wait: float
     sync: float
     detectors: int
+    mark: str = "trigger"
 
 
 @dataclass(frozen=True)

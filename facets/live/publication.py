@@ -18,8 +18,11 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import urlsplit
 
+import numpy as np
+
 from ..core.errors import InputError
 from ..core.version import __version__
+from .pulses import PulseClock, pulse_columns
 from .sample_rows import SAMPLE, description, rows_of
 from .senders import LENGTH, check_address
 
@@ -223,6 +226,7 @@ class Publications:
             about["filter"] = {"model": filter_by, "carried": carried}
             pickled = pickle.dumps(config)
         self.offset = time.time() - time.monotonic() if utc_offset is None else utc_offset
+        self.pulses = PulseClock() if config.acquire.mark == "pps" else None
         self.all: list[Publication] = []
         for address in addresses:
             check_address(address)
@@ -243,7 +247,11 @@ class Publications:
     def send(self, poses: Poses) -> None:
         """Publishes poses everywhere."""
         if self.all:
-            data = rows_of(poses, self.offset).tobytes()
+            rows = rows_of(poses, self.offset)
+            if self.pulses is not None:
+                utc = pulse_columns(poses, self.offset, self.pulses)["utc_s"]
+                rows["utc_s"] = np.where(np.isfinite(utc), utc, rows["utc_s"])
+            data = rows.tobytes()
             for publication in self.all:
                 publication.send(data)
 
@@ -276,6 +284,8 @@ class Publications:
         for one in self.all:
             text = f"{one.address}: {one.sent} samples published, {one.dropped} dropped"
             found.append(f"{text} ({one.trouble})" if one.trouble else text)
+            if self.pulses is not None:
+                found.append(f"{one.address}: {self.pulses.sentence}")
             if one.filter:
                 found.append(f"{one.address}: {one.filter}")
         return found

@@ -49,7 +49,7 @@ def attach(name: str) -> shared_memory.SharedMemory:
     if sys.version_info >= (3, 13):
         return shared_memory.SharedMemory(name, track=False)
     register = resource_tracker.register
-    resource_tracker.register = lambda *_: None  # type: ignore[assignment]
+    resource_tracker.register = lambda *_: None
     try:
         return shared_memory.SharedMemory(name)
     finally:
@@ -61,11 +61,15 @@ class Ring:
 
     def __init__(self, memory: shared_memory.SharedMemory) -> None:
         self.memory = memory
-        self.head: Any = np.frombuffer(memory.buf, HEAD, 1)
+        self.head: Any = np.frombuffer(self.bytes, HEAD, 1)
+
+    @property
+    def bytes(self) -> Any:
+        return self.memory.buf
 
     def rows(self, dtype: np.dtype[np.void]) -> Rows:
         first, count = int(self.head["rows"][0]), int(self.head["capacity"][0])
-        return np.frombuffer(self.memory.buf, dtype, count, first)
+        return np.frombuffer(self.bytes, dtype, count, first)
 
     def close(self) -> None:
         del self.head
@@ -102,7 +106,7 @@ class SharedSender:
         head = self.ring.head
         head["size"], head["capacity"], head["rows"] = self.dtype.itemsize, CAPACITY, first
         head["description"], head["pid"] = len(told), os.getpid()
-        self.ring.memory.buf[HEAD.itemsize : HEAD.itemsize + len(told)] = told
+        self.ring.bytes[HEAD.itemsize : HEAD.itemsize + len(told)] = told
         self.rows: Rows | None = self.ring.rows(self.dtype)
         head["magic"] = MAGIC  # last: what has it is whole
         self.patient, self.until = wait > 0, time.monotonic() + wait
@@ -184,7 +188,7 @@ class SharedSubscription:
             raise InputError(f"{address}: another process reads there already")
         head = self.ring.head
         size = int(head["description"][0])
-        told = bytes(self.ring.memory.buf[HEAD.itemsize : HEAD.itemsize + size])
+        told = bytes(self.ring.bytes[HEAD.itemsize : HEAD.itemsize + size])
         self.about: dict[str, Any] = json.loads(told)
         self.dtype = np.dtype([(one, kind) for one, kind in self.about["dtype"]])
         self.lost, self.stopped = 0, False
