@@ -21,7 +21,11 @@ NAMES = tuple(f"correction_{letter}.{name}" for letter in DETECTORS for name in 
 
 
 def is_corrected(sensor: Sensor) -> bool:
-    return any(psd.correction != Correction() for psd in sensor.psds)
+    known: bool | None = sensor.__dict__.get("_corrected")
+    if known is None:
+        known = any(psd.correction != Correction() for psd in sensor.psds)
+        sensor.__dict__["_corrected"] = known
+    return known
 
 
 def coefficients(sensor: Sensor) -> Floats:

@@ -63,34 +63,37 @@ def readings_of(
 
     dark: (12,) counts without light. A detector whose converter is at its end reads NaN.
     """
-    half = half_sizes(sensor)
+    half, kind = half_sizes(sensor), electronics.kind
     top = 2**electronics.adc_bits - 1
     per_milliwatt = 1e-3 * electronics.responsivity * per_ampere(electronics)
-    out, flags = np.empty((len(counts), 9)), np.zeros(len(counts), np.uint8)
-    for k in range(3):
-        raw = counts[:, 4 * k : 4 * k + 4]
-        lit = raw - dark[4 * k : 4 * k + 4]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            if xy_sum:
-                whole = lit[:, 2]
-                place = straight(electronics.kind, lit[:, :2] / whole[:, None], half[k])
-            else:
-                whole = electrodes.total(electronics.kind, lit)
-                place = electrodes.places(electronics.kind, lit, half[k, 1] / half[k, 0])
-        out[:, 3 * k : 3 * k + 2] = half[k] * place
-        out[:, 3 * k + 2] = whole / per_milliwatt
-        full = (np.abs(raw) >= top).any(axis=1)
-        out[full, 3 * k : 3 * k + 3] = np.nan
-        flags[full] |= SATURATED
-        if two_layers(electronics) and not xy_sum:
-            apart = np.abs(lit[:, 0] + lit[:, 1] - lit[:, 2] - lit[:, 3])
-            flags[apart > MISMATCH * np.maximum(whole, top / 100)] |= UNEQUAL
-    return out, flags
+    raw = counts.reshape(-1, 3, 4)
+    lit = raw - dark.reshape(3, 4)
+    out, flags = np.empty((len(counts), 3, 3)), np.zeros(len(counts), np.uint8)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if xy_sum:
+            whole = lit[..., 2]
+            ratios = lit[..., :2] / whole[..., None]
+        else:
+            whole = electrodes.total(kind, lit)
+            ratios = electrodes.ratios(kind, lit)
+        out[..., :2] = half * straight(kind, ratios, half)
+    out[..., 2] = whole / per_milliwatt
+    if raw.max(initial=0) >= top or raw.min(initial=0) <= -top:
+        full = (np.abs(raw) >= top).any(axis=-1)
+        out[full] = np.nan
+        flags[full.any(axis=-1)] |= SATURATED
+    if two_layers(electronics) and not xy_sum:
+        apart = np.abs(lit[..., 0] + lit[..., 1] - lit[..., 2] - lit[..., 3])
+        unequal = apart > MISMATCH * np.maximum(whole, top / 100)
+        flags[unequal.any(axis=-1)] |= UNEQUAL
+    return out.reshape(-1, 9), flags
 
 
 def straight(kind: str, ratios: Floats, half: Floats) -> Floats:
-    """Places from a board's own quotients, which are those of the kind's formula."""
+    """Places (n, 3, 2) from quotients (n, 3, 2), which are those of the kind's formula."""
     if kind != "tetra-lateral":
         return ratios
-    pairs = np.stack([1 - ratios[:, 0], 1 + ratios[:, 0], 1 - ratios[:, 1], 1 + ratios[:, 1]], -1)
-    return electrodes.places(kind, pairs, half[1] / half[0])
+    places = [
+        electrodes.unbent(ratios[:, k], tall) for k, tall in enumerate(half[:, 1] / half[:, 0])
+    ]
+    return np.stack(places, axis=1)

@@ -31,7 +31,8 @@ def fractions(kind: str, y: Floats, z: Floats, aspect: float = 1.0) -> Floats:
     for duo-lateral, to 1 for each of its two layers.
     """
     if kind == "duo-lateral":
-        return np.stack([1 - y, 1 + y, 1 - z, 1 + z], axis=-1) / 2
+        half_y, half_z = y / 2, z / 2
+        return np.stack([0.5 - half_y, 0.5 + half_y, 0.5 - half_z, 0.5 + half_z], axis=-1)
     if kind == "pincushion":
         corners = [(1 - y) * (1 - z), (1 + y) * (1 - z), (1 - y) * (1 + z), (1 + y) * (1 + z)]
         return np.stack(corners, axis=-1) / 4
@@ -66,12 +67,14 @@ def side(towards: Floats, along: Floats, aspect: float) -> Floats:
 
 def ratios(kind: str, currents: Floats) -> Floats:
     """The two coordinates that the electrodes' currents (..., 4) give by the kind's formula."""
-    low_y, high_y, low_z, high_z = np.moveaxis(currents, -1, 0)
+    low_y, high_y, low_z, high_z = (currents[..., k] for k in range(4))
     if kind == "pincushion":
         a, b, c, d = low_y, high_y, low_z, high_z
         low_y, high_y, low_z, high_z = a + c, b + d, a + b, c + d
-    pairs = [(high_y - low_y) / (high_y + low_y), (high_z - low_z) / (high_z + low_z)]
-    return np.stack(pairs, axis=-1)
+    out = np.empty((*currents.shape[:-1], 2))
+    out[..., 0] = (high_y - low_y) / (high_y + low_y)
+    out[..., 1] = (high_z - low_z) / (high_z + low_z)
+    return out
 
 
 def total(kind: str, currents: Floats) -> Floats:
@@ -86,8 +89,11 @@ def places(kind: str, currents: Floats, aspect: float = 1.0) -> Floats:
     NaN where a tetra-lateral's currents fit no place on the area.
     """
     measured = ratios(kind, currents)
-    if kind != "tetra-lateral":
-        return measured
+    return measured if kind != "tetra-lateral" else unbent(measured, aspect)
+
+
+def unbent(measured: Floats, aspect: float) -> Floats:
+    """The places (..., 2) where a tetra-lateral gives ratios (..., 2): the inverse of `bent`."""
     found = measured.copy()
     for _ in range(30):
         rest = measured - bent(found, aspect)

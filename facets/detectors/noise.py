@@ -43,8 +43,19 @@ def standard_deviations(sensor: Sensor, reading: ArrayLike) -> Floats:
     >>> f"{1e3 * sigma[0]:.1f} um, {1e6 * sigma[2]:.0f} nW"
     '2.6 um, 40 nW'
     """
-    root: Floats = np.sqrt(variances(sensor, reading).sum(axis=-1))
+    exact = np.asarray(reading, dtype=float)
+    if sensor.electronics is None:
+        var = variances(sensor, exact).sum(axis=-1)
+    else:
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            var = electric_variances(sensor, sensor.electronics, by_detector(exact), together=True)
+    root: Floats = np.sqrt(var.reshape(exact.shape))
     return root
+
+
+def by_detector(exact: Floats) -> Floats:
+    """Readings (..., 9) as (..., 3, 3)."""
+    return exact.reshape(*exact.shape[:-1], 3, 3)
 
 
 def power_floor(sensor: Sensor) -> float:
@@ -66,12 +77,12 @@ def variances(sensor: Sensor, reading: ArrayLike) -> Floats:
         out[..., 0::3, 0] = out[..., 1::3, 0] = place
         out[..., 2::3, 1] = sensor.noise.power**2 + 0 * exact[..., 2::3]
         return out
-    parts = electric_variances(sensor, sensor.electronics, exact.reshape(*exact.shape[:-1], 3, 3))
+    parts = electric_variances(sensor, sensor.electronics, by_detector(exact))
     return parts.reshape(*exact.shape, len(ELECTRIC))
 
 
-def current_variances(electronics: Electronics, currents: Floats) -> Floats:
-    """Of the electrodes' currents (..., 4), A: by source (..., 4, 5), A^2."""
+def current_variances(electronics: Electronics, currents: Floats, together: bool = False) -> Floats:
+    """Of the electrodes' currents (..., 4), A: by source (..., 4, 5), or their sum (..., 4, 1)."""
     e, band = electronics, electronics.bandwidth
     dark = (e.dark_current + 1e-3 * e.responsivity * e.ambient) / (2 if two_layers(e) else 4)
     thermal = 4 * BOLTZMANN * e.temperature * band
@@ -83,8 +94,11 @@ def current_variances(electronics: Electronics, currents: Floats) -> Floats:
         amplifier * band + thermal / e.transimpedance,
         step**2 / 12,
     ]
+    shot: Floats = 2 * CHARGE * band * np.abs(currents)
+    if together:
+        return (shot + sum(even))[..., None]
     out = np.empty((*currents.shape, len(ELECTRIC)))
-    out[..., 0] = 2 * CHARGE * band * np.abs(currents)
+    out[..., 0] = shot
     out[..., 1:] = even
     return out
 
@@ -109,33 +123,38 @@ def currents_of(sensor: Sensor, electronics: Electronics, exact: Floats) -> Floa
     return currents
 
 
-def electric_variances(sensor: Sensor, electronics: Electronics, exact: Floats) -> Floats:
-    """Variances (..., 3, 3, 5) of psi, zeta and power of each detector, (..., 3, 3)."""
+def electric_variances(
+    sensor: Sensor, electronics: Electronics, exact: Floats, together: bool = False
+) -> Floats:
+    """Variances of psi, zeta and power of each detector, (..., 3, 3), mm^2 and mm^2 and mW^2:
+    by source (..., 3, 3, 5), or their sum (..., 3, 3, 1)."""
     kind, half = electronics.kind, half_sizes(sensor)
     currents = currents_of(sensor, electronics, exact)
-    var = current_variances(electronics, currents)
-    out = np.empty((*exact.shape, len(ELECTRIC)))
-    for axis, (low, high) in enumerate(electrode_pairs(kind)):
-        below, above = currents[..., low].sum(-1), currents[..., high].sum(-1)
-        noise_below, noise_above = var[..., low, :].sum(-2), var[..., high, :].sum(-2)
-        square = above[..., None] ** 2 * noise_below + below[..., None] ** 2 * noise_above
-        scale = 4 * half[:, axis] ** 2 / (below + above) ** 4
-        out[..., axis, :] = scale[..., None] * square
+    var = current_variances(electronics, currents, together)
+    out = np.empty((*exact.shape, var.shape[-1]))
+    flow, noise = at_either_end(kind, currents[..., None]), at_either_end(kind, var)
+    below, above = flow[..., 0, :], flow[..., 1, :]
+    square = above**2 * noise[..., 0, :] + below**2 * noise[..., 1, :]
+    whole = (below + above) ** 2
+    out[..., :2, :] = 4 * half[..., None] ** 2 / (whole * whole) * square
     if kind == "tetra-lateral":
         for k, tall in enumerate(half[:, 1] / half[:, 0]):
             place = np.clip(exact[..., k, :2] / half[k], -0.97, 0.97)
             slope = electrodes.slopes(place, tall)
             out[..., k, :2, :] /= np.diagonal(slope, axis1=-2, axis2=-1)[..., None] ** 2
-    whole = var.sum(axis=-2) / (4 if two_layers(electronics) else 1)
-    out[..., 2, :] = whole / (1e-3 * electronics.responsivity) ** 2
+    of_sum = var.sum(axis=-2) / (4 if two_layers(electronics) else 1)
+    out[..., 2, :] = of_sum / (1e-3 * electronics.responsivity) ** 2
     return out
 
 
-def electrode_pairs(kind: str) -> tuple[tuple[list[int], list[int]], ...]:
-    """For y and for z: the electrodes that light moves away from, and towards."""
-    if kind == "pincushion":
-        return ([0, 2], [1, 3]), ([0, 1], [2, 3])
-    return ([0], [1]), ([2], [3])
+def at_either_end(kind: str, electrodes: Floats) -> Floats:
+    """Sums over the electrodes (..., 4, m) that light moves away from, and towards, along y and
+    along z: (..., 2, 2, m)."""
+    shape = (*electrodes.shape[:-2], 2, 2, electrodes.shape[-1])
+    if kind != "pincushion":
+        return electrodes.reshape(shape)
+    a, b, c, d = (electrodes[..., k, :] for k in range(4))
+    return np.stack([a + c, b + d, a + b, c + d], axis=-2).reshape(shape)
 
 
 def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> Floats:

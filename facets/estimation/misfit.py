@@ -7,7 +7,8 @@ freedom; beyond `LEVEL` of it the reading is flagged, for solving and for a live
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -58,14 +59,18 @@ def beyond_chance(
     Never where nothing checks a reading, nor where there is no pose. What a calibration found its
     model to miss widens the noise.
     """
-    limits = np.array([limit_of(count, level) for count in range(10)])
-    count = redundancy(solution.used, options)
+    limits, count = limits_at(level), redundancy(solution.used, options)
     with np.errstate(invalid="ignore"):
         high: NDArray[np.bool_] = solution.residual > limits[count] * widening(sensor)
     return high & solution.ok
 
 
 @cache
+def limits_at(level: float) -> Floats:
+    """The limits of residuals with 0 to 9 degrees of freedom, in standard deviations."""
+    return np.array([limit_of(count, level) for count in range(10)])
+
+
 def limit_of(count: int, level: float) -> float:
     """Of a residual with so many degrees of freedom, in standard deviations."""
     if not count:
@@ -93,14 +98,16 @@ def widening(sensor: Sensor) -> float:
 
 @dataclass
 class Misfit:
-    """How many readings were judged, and flagged.  sizes: of residuals over what noise leaves.
+    """How many readings were judged, and flagged.  sizes: of the newest residuals, at least KEPT
+    where there were so many, over what noise leaves; kept: how many.
 
     carried: whether a stage carries the beam, whose place is known by its encoder.
     """
 
     judged: int = 0
     flagged: int = 0
-    sizes: Floats | None = None
+    sizes: deque[Floats] = field(default_factory=deque)
+    kept: int = 0
     carried: bool = False
 
     def add(self, flags: NDArray[np.bool_], solution: Solution, options: Solve) -> None:
@@ -109,8 +116,10 @@ class Misfit:
         self.judged += int(there.sum())
         self.flagged += int(flags.sum())
         over = solution.residual[there] / np.sqrt(count[there])
-        old = np.empty(0) if self.sizes is None else self.sizes
-        self.sizes = np.concatenate([old, over])[-KEPT:]
+        self.sizes.append(over)
+        self.kept += len(over)
+        while self.kept - len(self.sizes[0]) >= KEPT:
+            self.kept -= len(self.sizes.popleft())
 
     @property
     def mostly(self) -> bool:
@@ -123,8 +132,7 @@ class Misfit:
         chance = LEVEL * self.judged
         if self.flagged <= max(DOUBT * chance, chance + 5 * np.sqrt(chance) + 1):
             return ""
-        assert self.sizes is not None
-        size = float(np.median(self.sizes))
+        size = float(np.median(np.concatenate(self.sizes)))
         told = (
             f"{self.flagged} of {self.judged} poses have a residual beyond chance "
             f"({chance:.2g} would by chance); the median residual is {size:.3g} times the noise"

@@ -76,7 +76,7 @@ class Solution:
     @property
     def ok(self) -> NDArray[np.bool_]:
         """Where the estimate converged: (...)."""
-        return np.equal(self.status, Status.CONVERGED)
+        return np.equal(self.status, problem.CONVERGED)
 
     @property
     def uncertainty(self) -> Floats:
@@ -130,6 +130,14 @@ def means_of(place: Prior, light: Prior, shape: tuple[int, ...]) -> Floats:
 
 
 def limits_of(sensor: Sensor, eight: bool) -> problem.Limits:
+    """By what a sensor's readings are screened, made once a sensor: a live loop asks again."""
+    kept: dict[bool, problem.Limits] = sensor.__dict__.setdefault("_limits", {})
+    if eight not in kept:
+        kept[eight] = make_limits(sensor, eight)
+    return kept[eight]
+
+
+def make_limits(sensor: Sensor, eight: bool) -> problem.Limits:
     noise = sensor.noise
     distance = max(float(np.hypot(psd.radius, psd.height)) for psd in sensor.psds)
     return problem.Limits(
@@ -315,28 +323,30 @@ def estimate_some(
     found: problem.Results,
 ) -> None:
     """Estimates some readings one by one, anew, and puts what is found in its places."""
-    n = len(readings.values)
     again = empty_results(len(which), len(found.covariances) > 0)
-    one_by_one(
-        model,
-        sensor,
-        problem.Readings(readings.values[which], some_of(readings.sigmas, which, n)),
-        limits,
+    some, questions = some_rows(which, readings, asked)
+    one_by_one(model, sensor, some, limits, questions._replace(previous=False), again)
+    put_rows(found, which, again)
+
+
+def some_rows(
+    which: NDArray[np.intp] | slice, readings: problem.Readings, asked: problem.Problem
+) -> tuple[problem.Readings, problem.Problem]:
+    """Some of the readings, and what is asked of them."""
+    n = len(readings.values)
+    return (
+        problem.Readings(*(part_of(array, which, n) for array in readings)),
         asked._replace(
-            means=some_of(asked.means, which, n),
-            starts=some_of(asked.starts, which, n),
-            previous=False,
+            means=part_of(asked.means, which, n), starts=part_of(asked.starts, which, n)
         ),
-        again,
     )
-    for whole, part in zip(found, again, strict=True):
+
+
+def put_rows(found: problem.Results, which: NDArray[np.intp], some: problem.Results) -> None:
+    """Puts what was found of some readings in their places."""
+    for whole, part in zip(found, some, strict=True):
         if len(whole):
             whole[which] = part
-
-
-def some_of(array: Floats, which: NDArray[np.intp], rows: int) -> Floats:
-    """The rows of an array that has one a reading; an array that all share as it is."""
-    return array[which] if len(array) == rows else array
 
 
 def estimate_stalled_again(
@@ -402,35 +412,45 @@ def solve(
         solver = kept_solver(sensor, beam, power, method, max_steps, covariance)
         return solver.solve_from(values[0], solver.starting(start, values))
     todo = plan_kept(sensor, beam, power, method, shape)
-    starts = starting(start, todo, values, shape)
-    found = empty_results(len(values), covariance)
-    sigmas = np.empty((0, 9)) if sensor.electronics is None else standard_deviations(sensor, values)
-    n = len(values)
     asked = problem.Problem(
         means=todo.means,
         weight=todo.weights,
         free=todo.free,
-        starts=starts,
+        starts=starting(start, todo, values, shape),
         previous=isinstance(start, str) and start == "previous",
         max_steps=max_steps,
         damped=method != "paper",
     )
+    given = problem.Readings(values, sigmas_of(sensor, values))
+    return solution(solve_rows(sensor, given, todo, asked, covariance, threads), shape)
 
+
+def sigmas_of(sensor: Sensor, values: Floats) -> Floats:
+    """The readings' standard deviations as `problem.Readings` has them."""
+    return np.empty((0, 9)) if sensor.electronics is None else standard_deviations(sensor, values)
+
+
+def solve_rows(
+    sensor: Sensor,
+    given: problem.Readings,
+    todo: Plan,
+    asked: problem.Problem,
+    covariance: bool,
+    threads: int = 1,
+) -> problem.Results:
+    """`solve` of readings that are checked."""
+    n = len(given.values)
+    found = empty_results(n, covariance)
     by_blocks(sensor, asked)  # compiled once, before threads ask for it
 
     def run(part: slice) -> None:
-        estimate(
-            sensor,
-            problem.Readings(values[part], part_of(sigmas, part, n)),
-            todo.limits,
-            asked._replace(means=part_of(todo.means, part, n), starts=part_of(starts, part, n)),
-            problem.Results(*(part_of(array, part, n) for array in found)),
-        )
+        some, questions = some_rows(part, given, asked)
+        results = problem.Results(*(part_of(array, part, n) for array in found))
+        estimate(sensor, some, todo.limits, questions, results)
 
     share(run, n, threads)
     if sensor.light.on:
-        given = problem.Readings(values, sigmas)
         estimate_stalled_again(sensor, given, todo.limits, asked, found)
     if covariance:
         add_calibration(sensor, todo, found)
-    return solution(found, shape)
+    return found

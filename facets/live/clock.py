@@ -8,6 +8,7 @@ how much time has passed; after a restart they do not.
 
 from __future__ import annotations
 
+from collections import deque
 from math import isfinite, isnan, nan
 
 import numpy as np
@@ -45,7 +46,8 @@ class Sequence:
         self.raw_seq = self.raw_time = 0
         self.period = 0.0
         self.host = nan
-        self.recent: list[Samples] = []
+        self.recent: deque[Samples] = deque()
+        self.kept = 0
 
     def follow(
         self, samples: Samples, arrival: float = nan
@@ -81,8 +83,9 @@ class Sequence:
     def remember(self, samples: Samples) -> None:
         """Keeps the newest samples, at least LATE of them."""
         self.recent.append(samples)
-        while sum(map(len, self.recent[1:])) >= self.LATE:
-            del self.recent[0]
+        self.kept += len(samples)
+        while self.kept - len(self.recent[0]) >= self.LATE:
+            self.kept -= len(self.recent.popleft())
 
     def sort_out(
         self, samples: Samples, gap: float

@@ -26,6 +26,9 @@ FRAME = np.dtype(
     ]
 )
 SIZE = FRAME.itemsize
+SIGN = int.from_bytes(SYNC, "little")
+#: Frames that are checked together: after a spoilt one, no more than so many are checked again.
+TOGETHER = 64
 #: Kinds of frames: the counts of four electrodes a detector, or X, Y, SUM and one spare; or a pose
 #: that the board has solved (`board_poses`), with the number of the sample that it belongs to.
 ELECTRODES, XY_SUM, POSE = 1, 2, 3
@@ -68,7 +71,7 @@ class Parser(Protocol):
 def pack(samples: Samples) -> bytes:
     """Samples as fixed frames."""
     frames = np.zeros(len(samples), FRAME)
-    frames["sync"] = int.from_bytes(SYNC, "little")
+    frames["sync"] = SIGN
     for name in ("kind", "flags", "seq", "time", "counts"):
         frames[name] = getattr(samples, name)
     raw = bytearray(frames.tobytes())
@@ -95,6 +98,25 @@ def is_sound(frame: memoryview | bytes) -> bool:
     return zlib.crc32(frame[: SIZE - 4]) == int.from_bytes(frame[SIZE - 4 :], "little")
 
 
+def sound_frames(view: memoryview) -> int:
+    """How many sound frames, one after the other, the bytes begin with."""
+    whole = len(view) // SIZE
+    for first in range(0, whole, TOGETHER):
+        count = min(TOGETHER, whole - first)
+        sound = are_sound(view[first * SIZE : (first + count) * SIZE])
+        if not sound.all():
+            return first + int(sound.argmin())
+    return whole
+
+
+def are_sound(view: memoryview) -> NDArray[np.bool_]:
+    """Of frames, one after the other, which have the sign and their CRC-32."""
+    frames = np.frombuffer(view, FRAME)
+    sums = [zlib.crc32(view[at : at + SIZE - 4]) for at in range(0, len(view), SIZE)]
+    sound: NDArray[np.bool_] = frames["crc"] == np.array(sums, np.uint32)
+    return sound & (frames["sync"] == SIGN)
+
+
 class FixedFrames:
     """Format "frames": 64 bytes each, one after the other."""
 
@@ -109,8 +131,7 @@ class FixedFrames:
         place = 0
         while True:
             start = place
-            while len(raw) - place >= SIZE and self.is_whole(raw, view, place):
-                place += SIZE
+            place += SIZE * sound_frames(view[place:])
             if place > start:
                 good.append(view[start:place])
             if len(raw) - place < SIZE:
@@ -118,9 +139,6 @@ class FixedFrames:
             place = self.resume(raw, view, place)
         self.rest = raw[place:]
         return samples_from(np.frombuffer(b"".join(good), FRAME)) if good else no_samples()
-
-    def is_whole(self, raw: bytes, view: memoryview, place: int) -> bool:
-        return raw.startswith(SYNC, place) and is_sound(view[place : place + SIZE])
 
     def resume(self, raw: bytes, view: memoryview, place: int) -> int:
         """Where a sound frame begins again, or may begin in what has not come yet."""

@@ -24,7 +24,8 @@ from ..detectors.noise import power_floor
 from ..detectors.skew import align
 from ..estimation.misfit import Misfit, beyond_chance
 from ..estimation.problem import FAINTEST
-from ..estimation.solver import Prior, Solution, Status, solve
+from ..estimation.series import solve_series
+from ..estimation.solver import Prior, Solution, Status
 from ..estimation.table import power_known
 from ..tracking.encoder import REACH, Encoder
 from .board_poses import BoardPoses, is_pose
@@ -47,11 +48,10 @@ FLAGS = {
     LOST_BEFORE: "board overrun",
     MARKED: "marked by the board's input",
 }
-#: Samples that are solved together, the first from rest, each other from the one before it. No
-#: newer sample waits longer than for one batch.
+#: Samples that are solved together, as a series. No newer sample waits longer than for one batch.
 BATCH = 100
-#: Steps of the estimator for a live sample, at most. Where a pose can be found it takes three from
-#: a neighbour, and up to sixteen from rest, 1 mm off the beam.
+#: Steps of the estimator for a live sample, at most. Where a pose can be found it takes four or
+#: five from rest, and up to sixteen 1 mm off the beam.
 STEPS = 20
 #: The status of a sample that was recorded and not solved, since the loop had fallen behind. It is
 #: none of the estimator's: a replay solves the sample.
@@ -245,13 +245,12 @@ class Pipeline:
         options = self.config.solve
         exact = corrected(self.config.sensor, batch.readings)
         beam = self.beam(batch.host, batch.encoder)
-        solution = solve(
+        solution = solve_series(
             self.config.sensor,
             align(self.config.sensor, 1e-6 * batch.time, exact),
             beam=beam,
             power=power_known(self.config.sensor, options),
-            method=options.method,  # type: ignore[arg-type]
-            start="previous",
+            method=options.method,
             max_steps=min(options.max_steps, STEPS),
         )
         if self.config.acquire.detectors == 3:
@@ -279,10 +278,9 @@ class Pipeline:
         return self.finish(batch, empty)
 
     def finish(self, batch: Batch, solution: Solution) -> Poses:
-        found, counts = np.unique(solution.status, return_counts=True)
-        self.tally.statuses.update(
-            {LABELS[int(status)]: int(n) for status, n in zip(found, counts, strict=True)}
-        )
+        for status, count in enumerate(np.bincount(solution.status).tolist()):
+            if count:
+                self.tally.statuses[LABELS[status]] += count
         return Poses(batch.seq, batch.time, batch.host, batch.readings, solution, batch.flags)
 
     def beam(self, host: Floats, encoder: Encoder | None) -> Any:

@@ -35,6 +35,6 @@ def share(run: Callable[[slice], Any], rows: int, threads: int) -> None:
         list(pool.map(run, parts))
 
 
-def part_of(array: Any, part: slice, rows: int) -> Any:
+def part_of(array: Any, part: Any, rows: int) -> Any:
     """The rows of an array that has one a sample; an array that all samples share as it is."""
     return array[part] if len(array) == rows else array

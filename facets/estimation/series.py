@@ -1,0 +1,54 @@
+"""Samples of a motion, solved together: each from rest, so that several are estimated at a time."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.sensor import Sensor
+from ..core.units import Floats
+from .solver import Prior, Solution, Status, solve
+
+#: Ends of an estimate that another start may spare.
+LOST = (Status.MAX_STEPS, Status.SINGULAR, Status.STALLED)
+
+
+def solve_series(sensor: Sensor, readings: Floats, *, beam: Any = "free", **asked: Any) -> Solution:
+    """The poses of readings (n, 9) that follow each other; for the rest see `facets.solve`.
+
+    A reading that is not solved from rest is tried again from the nearest that was. Each pose
+    depends on the readings of its series and on no other.
+    """
+    found = solve(sensor, readings, beam=beam, **asked)
+    if found.ok.all():
+        return found
+    lost, good = np.flatnonzero(np.isin(found.status, LOST)), np.flatnonzero(found.ok)
+    if len(lost) and len(good):
+        starts = found.state[nearest(lost, good)]
+        prior = beam_of(beam, lost)
+        put(found, lost, solve(sensor, readings[lost], beam=prior, start=starts, **asked))
+    return found
+
+
+def nearest(places: NDArray[np.intp], among: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Of some ascending numbers, the nearest to each of others."""
+    after = np.clip(np.searchsorted(among, places), 1, len(among) - 1) if len(among) > 1 else 0
+    before = np.maximum(after - 1, 0)
+    closer = places - among[before] <= among[after] - places
+    return among[np.where(closer, before, after)]
+
+
+def beam_of(beam: Any, which: NDArray[np.intp]) -> Any:
+    """What is known of the beam at some of the readings."""
+    if not isinstance(beam, Prior) or np.ndim(beam.mean) < 2:
+        return beam
+    return replace(beam, mean=np.asarray(beam.mean)[which])
+
+
+def put(found: Solution, which: NDArray[np.intp], again: Solution) -> None:
+    """Puts what was found again in the places of some readings."""
+    for field in fields(Solution):
+        getattr(found, field.name)[which] = getattr(again, field.name)
