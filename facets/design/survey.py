@@ -417,7 +417,7 @@ def possible(p: Floats) -> Booleans:
     gaps = (np.roll(turns, -1, axis=1) - turns) % (2 * np.pi)
     fine = np.isfinite(p).all(axis=1) & (p[:, :3] > 0).all(axis=1)
     fine &= ((tilts > 0) & (tilts < np.pi / 2) & (gaps > 0) & (gaps < np.pi)).all(axis=1)
-    found: Booleans = fine & (p[:, list(PSDS)] > 0).all(axis=1)
+    found: Booleans = np.asarray(fine & (p[:, list(PSDS)] > 0).all(axis=1))
     return found
 
 
