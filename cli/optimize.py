@@ -22,6 +22,7 @@ HEADS = (
     "Also the yield: so many heads of the layout are built by simulation, as loose as "
     "`calibrate.before` says. 0: none."
 )
+SHEETS = "Also the tables, as LaTeX (FILE.tex) or a workbook (FILE.xlsx, extra `sheets`)."
 EXACT = "The layout as it was found, not rounded to what can be made."
 REPORT = "Also a page on the layout, HTML, and its scene as glTF."
 CERTIFY = (
@@ -44,6 +45,7 @@ def optimize(
     exact: Annotated[bool, typer.Option("--exact", help=EXACT)] = False,
     report: Annotated[bool, typer.Option("--report", help=REPORT)] = False,
     heads: Annotated[int, typer.Option("--yield", min=0, help=HEADS)] = 0,
+    sheets: Annotated[Path | None, typer.Option("--sheets", help=SHEETS)] = None,
 ) -> None:
     """Find the best layout by the config's block `optimize`.
 
@@ -57,6 +59,7 @@ def optimize(
     """
     from facets.core.errors import InputError
     from facets.design.search import optimize as run
+    from facets.design.sheets import require_writable
     from facets.files import tables
 
     settings = load_config(config)
@@ -65,6 +68,9 @@ def optimize(
         raise InputError(f"{path}: a configuration's name ends in .yaml")
     files = [path.with_suffix(ending) for ending in (".csv", f".{plot.value}")]
     pages = [path.with_suffix(ending) for ending in (".html", ".gltf")] if report else []
+    if sheets:
+        require_writable(sheets)
+        pages.append(sheets)
     tables.refuse_to_overwrite([path, *files, *pages], force)
     ended: list[Optimum] = []
     with_progress(
@@ -85,9 +91,11 @@ def optimize(
     proof = prove(better, certify)
     typer.echo(f"{proof}\n")
     built = show_heads(settings, better, heads)
+    story = Story(settings, better, found, made, table, reasons, proof, built)
     if report:
-        story = Story(settings, better, found, made, table, reasons, proof, built)
-        write_report(story, *pages)
+        write_report(story, *pages[:2])
+    if sheets:
+        write_tables(story, sheets)
     typer.echo(", ".join([str(path), *(file.name for file in (*files, *pages))]))
 
 
@@ -408,6 +416,24 @@ def write_report(story: Story, page: Path, scene: Path) -> None:
     with Whole(page) as temporary:
         text = report(story.settings.name, summary, sections(story, scene), origin)
         temporary.write_text(text, "utf-8")
+
+
+def write_tables(story: Story, path: Path) -> None:
+    """The tables of the report, by their titles."""
+    from facets.design.sheets import Rows, write_sheets
+    from facets.files.provenance import command_line
+
+    found: dict[str, Rows] = {
+        "What was asked for": (("asked", "value"), requirement(story.settings)),
+        "What changes": changes(story.settings, story.better, story.made, story.found.names),
+        "Before and after": comparison(story.table),
+        "What holds it back": (("what", "how"), story.reasons),
+    }
+    if story.found.tried:
+        found["Parts"] = parts(story.found)
+    found |= {part.title: (part.headings, part.rows) for part in story.built}
+    origin = f"{command_line()}; sha256 of the configuration {story.settings.sha256[:12]}"
+    write_sheets(path, found, origin)
 
 
 def sections(story: Story, scene: Path) -> list[Section]:

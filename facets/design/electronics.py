@@ -10,11 +10,16 @@ from dataclasses import replace
 from typing import Any
 
 from ..core.sensor import Electronics
-from ..detectors.noise import CHARGE, current_variances, electrode_pairs, two_layers
+from ..detectors.noise import CHARGE, current_variances, two_layers
 
 #: Of an amplifier's full scale, what the light of a design may take; the rest is for the laser's
 #: noise, for parts that differ, and for the noise of the reading itself.
 FULL = 0.95
+#: By kind, for psi and for zeta: the electrodes that light moves away from, and towards.
+PAIRS = {
+    "duo-lateral": (((0,), (1,)), ((2,), (3,))),
+    "pincushion": (((0, 2), (1, 3)), ((0, 1), (2, 3))),
+}
 
 
 def currents_of(electronics: Electronics, values: Any, halves: tuple[Any, Any]) -> list[Any]:
@@ -53,7 +58,7 @@ def deviations(
     even = even_variance(electronics, gain)
     var = [shot * current + even for current in currents]
     found = []
-    for (low, high), half in zip(electrode_pairs(electronics.kind), halves, strict=True):
+    for (low, high), half in zip(PAIRS[electronics.kind], halves, strict=True):
         below, above = sum(currents[i] for i in low), sum(currents[i] for i in high)
         square = above**2 * sum(var[i] for i in low) + below**2 * sum(var[i] for i in high)
         found.append(2 * half * ca.sqrt(square) / (below + above) ** 2)
