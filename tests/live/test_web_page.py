@@ -27,13 +27,14 @@ STATES = ("tx_mm", "ty_mm", "tz_mm", "roll_mrad", "pitch_mrad", "yaw_mrad")
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """The folder of a recording `rec` of 6,000 samples."""
+    """The folder of a recording `rec` of 6,000 samples, made with a page that nobody opened."""
     folder = tmp_path_factory.mktemp("recorded")
     (folder / "board.bin").write_bytes(stream(6_000))
-    result = command(
-        "acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--plain", cwd=folder
-    )
+    words = ("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--web", "0")
+    result = command(*words, "--plain", cwd=folder)
     assert result.returncode == 0, result.stderr
+    assert "the page is at http://127.0.0.1:" in result.stderr
+    assert ": 6000 samples published, 0 dropped" in result.stdout
     return folder
 
 
@@ -75,6 +76,8 @@ def test_a_recording_on_the_page_is_that_of_the_record(recorded):
                 assert value == poses[column][last]  # to the last bit
             assert browser.ask("document.body.dataset.state") == "ended"
             assert browser.ask("facets.run.hello.kind") == "replay"
+            events = "document.getElementById('events').innerText"
+            browser.await_true(f"{events}.includes('end: samples 6000')")
             assert_means_are_those_of_the_record(browser, poses)
             pause_zoom_and_follow(browser)
             assert all(address.split("/")[2] == url.split("/")[2] for address in browser.addresses)

@@ -201,8 +201,11 @@ class Server:
                 await page.wake.wait()
                 page.wake.clear()
                 for message in page.messages():
-                    send = line.send_str if isinstance(message, str) else line.send_bytes
-                    await asyncio.wait_for(send(message), STUCK)  # type: ignore[operator]
+                    if isinstance(message, str):
+                        sending = line.send_str(message)
+                    else:
+                        sending = line.send_bytes(message)
+                    await asyncio.wait_for(sending, STUCK)
             await asyncio.wait_for(line.close(), PATIENCE)
         except (TimeoutError, OSError, RuntimeError):
             self.hub.pages.discard(page)
