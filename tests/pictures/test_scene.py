@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -86,7 +85,7 @@ def test_light_beside_the_mirror_is_not_drawn():
 @pytest.fixture(scope="module")
 def rendered(tmp_path_factory):
     folder = tmp_path_factory.mktemp("render")
-    for name in ("rig.png", "scene.html", "scene.gltf"):
+    for name in ("rig.png", "scene.gltf"):
         result = command("render", "paper", "--at", TILTED, "-o", name, cwd=folder)
         assert result.returncode == 0, result.stderr
     return folder
@@ -132,35 +131,6 @@ def seen(page, shot):
 
 
 needs_browser = pytest.mark.skipif(not shutil.which("chromium"), reason="needs Chromium")
-
-
-LISTENER = """
-import sys
-
-def hear(event, arguments):
-    if event == "socket.getaddrinfo" and arguments[0] not in (None, "127.0.0.1", "localhost"):
-        print("asked for", arguments[0], file=sys.stderr)
-
-sys.addaudithook(hear)
-from facets.cli import main
-sys.argv = ["facets", "render", "paper", "-o", "rig.html"]
-main()
-"""
-
-
-def test_html_is_written_without_the_network(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-c", LISTENER], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert (tmp_path / "rig.html").stat().st_size > 100_000
-    assert "asked for" not in done.stderr, done.stderr
-
-
-@needs_browser
-def test_html_opens_in_a_browser(rendered, tmp_path):
-    image = seen(rendered / "scene.html", tmp_path / "shot.png")
-    assert image.std() > 0.02
-    assert orange(image) > 0.001
 
 
 @needs_browser

@@ -11,8 +11,8 @@
 
 const Faces = (() => {
   const THEMES = {
-    dark: {face: "#12161d", edge: "#596270", grid: "#2a313b", ink: "#e6ebf1", quiet: "#9aa5b1"},
-    light: {face: "#f3f5f7", edge: "#8a929c", grid: "#dde1e6", ink: "#1c2128", quiet: "#5d6671"},
+    dark: {face: "#12161d", edge: "#596270", grid: "#2a313b", ink: "#e6ebf1", quiet: "#9aa5b1", ground: "#161a20"},
+    light: {face: "#f3f5f7", edge: "#8a929c", grid: "#dde1e6", ink: "#1c2128", quiet: "#5d6671", ground: "#ffffff"},
   };
   const rgb = (hue) => [1, 3, 5].map((n) => parseInt(hue.slice(n, n + 2), 16));
 
@@ -320,7 +320,7 @@ const Faces = (() => {
       this.shine(pen, middle[0] - half, middle[1] - half, side, side, (x, y) => {
         const place = toBeam(x, y), square = place[0] * place[0] + place[1] * place[1];
         if (square > 14 || square > rig.beam.aperture ** 2) return null;
-        const k = [0, 1, 2].find((n) => Model.onFacet(drawing, n, place));
+        const k = [0, 1, 2].find((n) => drawing.facets[n].meets && Model.onFacet(drawing, n, place));
         if (k === undefined || !drawing.facets[k].reflects(place)) return null;
         return [hues[k], Math.exp(-square / 2)];
       });
@@ -355,7 +355,8 @@ const Faces = (() => {
       const {drawing, rig} = this;
       pen.font = "600 13px system-ui, sans-serif";
       pen.textAlign = "center";
-      drawing.facets.forEach((_, k) => {
+      drawing.facets.forEach((facet, k) => {
+        if (!(facet.facing > 0)) return;
         const u = drawing.sides[k], v = drawing.sides[(k + 1) % 3], between = [u[0] + v[0], u[1] + v[1]];
         const far = toPixel(between), from = toPixel([0, 0]);
         const size = Math.hypot(far[0] - from[0], far[1] - from[1]) || 1;
@@ -368,7 +369,7 @@ const Faces = (() => {
     bar(pen, scale, middle, half) {
       const colours = THEMES[this.name], length = [2, 1, 0.5, 0.2, 0.1, 0.05, 0.02].find(
         (mm) => mm * scale < 0.5 * half) || 0.01;
-      const x = middle[0] - half + 4, y = middle[1] + half - 6;
+      const x = middle[0] + half - 2 - length * scale, y = middle[1] + half - 5;
       pen.strokeStyle = pen.fillStyle = colours.ink;
       pen.lineWidth = 2;
       pen.beginPath();
@@ -376,8 +377,11 @@ const Faces = (() => {
       pen.lineTo(x + length * scale, y);
       pen.stroke();
       pen.font = "11px system-ui, sans-serif";
-      pen.textAlign = "left";
-      pen.fillText(`${length} mm`, x, y - 5);
+      pen.textAlign = "right";
+      pen.strokeStyle = colours.ground;
+      pen.lineWidth = 4;
+      pen.strokeText(`${length} mm`, x + length * scale, y - 5);
+      pen.fillText(`${length} mm`, x + length * scale, y - 5);
     }
   }
 

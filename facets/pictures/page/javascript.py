@@ -28,9 +28,9 @@ from ...scalars import dispatch
 #: Functions whose JavaScript is not their own text: elementary ones, and Python's own.
 KNOWN: dict[Any, str] = {
     **{
-        function: f"Math.{function.__name__}"
+        getattr(module, name): f"Math.{name}"
         for module in (math, dispatch)
-        for function in map(module.__dict__.get, ("exp", "sqrt", "log", "sin", "cos", "atan2"))
+        for name in ("exp", "sqrt", "log", "sin", "cos", "atan2")
     },
     math.erf: "erf",
     math.erfc: "erfc",
@@ -215,8 +215,8 @@ class Function:
         if isinstance(node, ast.AnnAssign) and node.value:
             return [f"{self.target(node.target)} = {self.of(node.value)};"]
         if isinstance(node, ast.AugAssign):
-            target = self.target(node.target)
-            return [f"{target} = {self.binary(node.op, target, self.of(node.value), node)};"]
+            place = self.target(node.target)
+            return [f"{place} = {self.binary(node.op, place, self.of(node.value), node)};"]
         if isinstance(node, ast.If):
             return self.conditional(node, depth)
         if isinstance(node, ast.While):

@@ -29,12 +29,22 @@
     }
     if (lost && !(power > 0)) return `No light gets from facet ${name} to its detector.`;
     if (lost) return `So little light gets from facet ${name} to its detector that its place is lost.`;
-    const [y, z] = RIG.detectors[k].half;
-    if (Math.abs(psi) > y || Math.abs(zeta) > z) {
-      return `Spot ${name} lies beside its detector, which reads nothing: the numbers say where the ` +
-        "light goes.";
-    }
     return power > 0 ? "" : `There is no light on detector ${name}.`;
+  }
+
+  // The letters of the detectors that their spots have left.
+  function left(readings) {
+    return [0, 1, 2].filter((k) => {
+      const [y, z] = RIG.detectors[k].half;
+      return Math.abs(readings[3 * k]) > y || Math.abs(readings[3 * k + 1]) > z;
+    }).map((k) => "ABC"[k]);
+  }
+
+  function beside(names) {
+    const end = "the numbers say where the light goes.";
+    if (names.length === 1) return `Spot ${names} lies beside its detector, which reads nothing: ${end}`;
+    const all = `${names.slice(0, -1).join(", ")} and ${names.at(-1)}`;
+    return names.length ? `Spots ${all} lie beside their detectors, which read nothing: ${end}` : "";
   }
 
   const scene = Rig.create($("rig"), RIG, {theme: theme(), onView: mark});
@@ -59,15 +69,15 @@
   }
 
   function tell(drawing, readings) {
-    const remarks = [0, 1, 2].map((k) => remark(drawing, readings, k));
+    const remarks = [0, 1, 2].map((k) => remark(drawing, readings, k)), off = left(readings);
     readings.forEach((value, n) => {
       const cell = document.querySelector(`td[data-reading="${n}"]`), lost = Number.isNaN(value);
       cell.dataset.value = String(value);
       cell.textContent = lost ? "lost" : digits(value, n % 3 === 2 ? 5 : 4);
-      cell.className = lost || remarks[Math.floor(n / 3)] ? "lost" : "";
+      cell.className = lost || off.includes("ABC"[Math.floor(n / 3)]) ? "lost" : "";
     });
     share(readings);
-    $("why").replaceChildren(...remarks.filter(Boolean).map((text) => {
+    $("why").replaceChildren(...[...remarks, beside(off)].filter(Boolean).map((text) => {
       const item = document.createElement("li");
       item.textContent = text;
       return item;
@@ -97,11 +107,19 @@
     return given.map(([key, x]) => `${key}=${x}`).join(",");
   }
 
+  // The page's address follows once a slider rests: browsers take only so many changes of it.
+  let waiting = 0;
   function link() {
+    clearTimeout(waiting);
+    waiting = setTimeout(address, 250);
+  }
+
+  function address() {
     const hash = words().replace(/,/g, "&");
     try {
       history.replaceState(null, "", location.pathname + location.search + (hash && `#${hash}`));
     } catch { /* a frame that may not change its address */ }
+    return location.href.split("#")[0] + (hash && `#${hash}`);
   }
 
   // A state from text: tx_mm=0.1,yaw_mrad=5 as facets render --at takes it, a link's end, or JSON.
@@ -134,6 +152,7 @@
   function accept(text) {
     try {
       shown = read(text);
+      stop();
       say("");
     } catch (error) {
       say(error.message, true);
@@ -188,8 +207,41 @@
   }
 
   function move(n, value) {
+    stop();
     shown[n] = value;
     refresh();
+  }
+
+  // One component alone, half way to where its slider ends.
+  function attempt(symbol) {
+    stop();
+    shown = parts.map((part) => (part.symbol === symbol ? part.end / 2 : 0));
+    refresh();
+  }
+
+  // A motion of all components, each at its own pace, until something else moves the state.
+  let playing = 0;
+  function play() {
+    const paces = [3, 4, 5, 2, 3, 1, 0, 0], begin = performance.now();
+    const step = (now) => {
+      const turn = (now - begin) / 12000 * 2 * Math.PI;
+      shown = parts.map((part, n) => +(0.45 * part.end * Math.sin(paces[n] * turn)).toPrecision(4));
+      refresh();
+      playing = requestAnimationFrame(step);
+    };
+    playing = requestAnimationFrame(step);
+    pressed();
+  }
+
+  function stop() {
+    cancelAnimationFrame(playing);
+    playing = 0;
+    pressed();
+  }
+
+  function pressed() {
+    $("play").textContent = playing ? "Pause" : "Play";
+    $("play").setAttribute("aria-pressed", Boolean(playing));
   }
 
   function rows() {
@@ -230,7 +282,12 @@
   $("text").addEventListener("input", () => accept($("text").value));
   $("text").addEventListener("blur", refresh);
   $("text").placeholder = "all zero";
+  $("play").addEventListener("click", () => (playing ? stop() : play()));
+  for (const button of document.querySelectorAll("#try button")) {
+    button.addEventListener("click", () => attempt(button.dataset.try));
+  }
   $("reset").addEventListener("click", () => {
+    stop();
     shown = first.map((x, n) => tidy(x / parts[n].factor));
     say("");
     refresh();
@@ -243,7 +300,7 @@
   $("copy-state").addEventListener("click", () => copy(words(), "The state"));
   $("copy-json").addEventListener("click", () => copy(
     JSON.stringify(Object.fromEntries(parts.map((part, n) => [part.key, shown[n]]))), "The state"));
-  $("copy-link").addEventListener("click", () => copy(location.href, "The link"));
+  $("copy-link").addEventListener("click", () => copy(address(), "The link"));
   for (const button of document.querySelectorAll("#looks button")) {
     button.addEventListener("click", () => scene && scene.look(button.dataset.look));
   }
@@ -258,7 +315,8 @@
   }
   dress();
   refresh();
-  if (scene && ["mirror", "A", "B", "C"].includes(asked.get("view"))) scene.look(asked.get("view"), false);
+  const view = asked.get("view") || PAGE.view;
+  if (scene && ["mirror", "A", "B", "C"].includes(view)) scene.look(view, false);
   // for other scripts: what is on the page, and a way to move it
   globalThis.page = {scene, point, faces, accept, readings: () => Model.readings(state())};
 })();

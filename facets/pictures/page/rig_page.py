@@ -31,18 +31,24 @@ WORDS = {
     "bx": "beam, x",
     "by": "beam, y",
 }
+#: The parts of the page that stand in scripts, which must not contain what ends one.
+SCRIPTS = ("THREE", "MODEL", "DATA", "SCENE", "FACES", "PANEL")
 #: Ends that a slider may have, times a power of ten.
 ROUND = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 
-def rig_page(sensor: Sensor, name: str, state: Floats) -> str:
-    """The page of a sensor, at first at a state (8,) in mm and rad.  name: of its configuration."""
+def rig_page(sensor: Sensor, name: str, state: Floats, view: str = "rig") -> str:
+    """The page of a sensor, at first at a state (8,) in mm and rad.
+
+    name: of its configuration.  view: what the camera is at: "rig", "mirror", or a detector: "A".
+    """
     if not all(map(_is_finite, state)):
         raise InputError("the state has a number that is not finite")
     settings = {
         "name": name,
         "version": __version__,
         "state": [float(x) for x in state],
+        "view": view,
         "components": components(sensor),
         "sentences": sentences(sensor),
     }
@@ -50,6 +56,7 @@ def rig_page(sensor: Sensor, name: str, state: Floats) -> str:
         "TITLE": html.escape(f"{name}: a three-facet-mirror sensor"),
         "NAME": html.escape(name),
         "STYLE": text_of("page.css"),
+        "LICENCE": text_of("three/LICENSE"),
         "THREE": text_of("three/three.min.js"),
         "MODEL": model(sensor),
         "DATA": f"const RIG = {data(rig(sensor))};\nconst PAGE = {data(settings)};",
@@ -60,14 +67,14 @@ def rig_page(sensor: Sensor, name: str, state: Floats) -> str:
     text = text_of("page.html")
     for mark, part in parts.items():
         before, after = text.split(f"@{mark}@", 1)
-        ended = part.replace("</", "<\\/") if mark not in ("STYLE", "TITLE", "NAME") else part
+        ended = part.replace("</", "<\\/") if mark in SCRIPTS else part
         text = before + ended + after
     return text
 
 
-def write_rig_page(sensor: Sensor, name: str, state: Floats, path: Path) -> None:
+def write_rig_page(sensor: Sensor, name: str, state: Floats, view: str, path: Path) -> None:
     """`rig_page` as a file, whole or not at all."""
-    text = rig_page(sensor, name, state)
+    text = rig_page(sensor, name, state, view)
     with Whole(path) as temporary:
         temporary.write_text(text, "utf-8")
 

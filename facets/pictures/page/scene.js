@@ -14,12 +14,12 @@ const Rig = (() => {
   const THEMES = {
     dark: {
       plate: "#2c323b", holes: "#101317", metal: "#d6dde5", black: "#30353d", body: "#454d59",
-      board: "#1f6a5c", silicon: "#2a3a6b", beam: "#fff1d0",
+      board: "#1f6a5c", silicon: "#2a3a6b", beam: "#fff1d0", line: "#9aa5b1",
       sky: "#8d9bb0", floor: "#2a2f37", key: 3.4, fill: 0.9, fog: "#0f1216",
     },
     light: {
       plate: "#c8ced6", holes: "#8d95a0", metal: "#d5dbe2", black: "#2b2f36", body: "#3b414a",
-      board: "#1d5c50", silicon: "#27335c", beam: "#8a6a00",
+      board: "#1d5c50", silicon: "#27335c", beam: "#8a6a00", line: "#4a535e",
       sky: "#ffffff", floor: "#b9c0c9", key: 2.4, fill: 1.1, fog: "#f6f7f9",
     },
   };
@@ -48,6 +48,7 @@ const Rig = (() => {
     add("body", 0.6, 0.38);
     add("board", 0.1, 0.6);
     add("silicon", 0.5, 0.16);
+    made.line = new THREE.MeshBasicMaterial();
     made.facet = new THREE.MeshStandardMaterial({
       color: "#e9eef4", metalness: 1, roughness: 0.07, flatShading: true, side: THREE.DoubleSide});
     made.gold = new THREE.MeshStandardMaterial({color: "#d8b25a", metalness: 1, roughness: 0.3});
@@ -320,6 +321,7 @@ const Rig = (() => {
       this.controls.minDistance = 4;
       this.controls.maxDistance = 6 * this.reach;
       this.controls.addEventListener("change", () => this.ask());
+      this.controls.addEventListener("start", () => { this.own = true; });
       this.theme(options.theme || "dark");
       this.watcher = new ResizeObserver(() => this.fit());
       this.watcher.observe(element);
@@ -339,6 +341,7 @@ const Rig = (() => {
       scene.add(rod(4.4 * rig.mirror.rim, table - 8, table, look.black));
       scene.add(rod(5.2 * rig.mirror.rim, floor, table - 8, look.body, 6));
       rig.detectors.forEach((one, k) => this.place(one, detector(one, look.hues[k], look)));
+      this.dimensions();
       this.laser();
       this.key = new THREE.DirectionalLight("#ffffff", 2);
       this.key.position.set(0.55 * reach, -0.9 * reach, 1.6 * reach);
@@ -390,6 +393,20 @@ const Rig = (() => {
       this.scene.add(body, post, foot);
       const out = along(one.centre, 6, one.axes[0]);
       this.label(one.letter, [out[0], out[1], z + one.half[1] + 22], "detector");
+    }
+
+    // How far the detectors stand from the axis: one line where all are as far.
+    dimensions() {
+      const radii = this.rig.detectors.map(({centre}) => Math.hypot(centre[0], centre[1]));
+      const alike = Math.max(...radii) - Math.min(...radii) < 1e-6 * this.reach;
+      this.rig.detectors.forEach(({centre: [x, y]}, k) => {
+        if (alike && k > 0) return;
+        const line = box(radii[k], 1.2, 0.3, this.look_.line, [x / 2, y / 2, this.floor + 0.4]);
+        line.rotation.z = Math.atan2(y, x);
+        line.castShadow = false;
+        this.scene.add(line);
+        this.label(`${+radii[k].toPrecision(4)} mm`, [0.6 * x, 0.6 * y, this.floor], "part length");
+      });
     }
 
     laser() {
@@ -491,7 +508,7 @@ const Rig = (() => {
       if (name === this.shown) return;
       const colours = THEMES[name], look = this.look_;
       this.shown = name;
-      for (const key of ["plate", "holes", "metal", "black", "body", "board", "silicon"]) {
+      for (const key of ["plate", "holes", "metal", "black", "body", "board", "silicon", "line"]) {
         look[key].color.set(colours[key]);
       }
       const hues = this.rig.hues[name], blending = name === "dark"
@@ -509,7 +526,7 @@ const Rig = (() => {
       if (this.scene.environment) this.scene.environment.dispose();
       this.scene.environment = surroundings(this.renderer, colours);
       this.scene.background = new THREE.Color(colours.fog);
-      this.scene.environmentIntensity = name === "dark" ? 1.0 : 0.9;
+      this.scene.environmentIntensity = name === "dark" ? 1.5 : 0.9;
       this.key.intensity = colours.key;
       this.fill.intensity = colours.fill;
       this.labels.forEach(({element}, n) => {
@@ -524,21 +541,21 @@ const Rig = (() => {
       const {rig, reach} = this, apex = this.drawn ? this.drawn.apex : [0, 0, 0];
       let target, from;
       if (name === "mirror") {
-        target = [apex[0], apex[1], apex[2] - 0.7];
-        from = along(target, 1, [8.5, -12, 9]);
+        target = [apex[0], apex[1], apex[2] - 0.62 * rig.mirror.rim];
+        from = along(target, rig.mirror.rim, [2.9, -4.1, 3.1]);
       } else if (name === "rig") {
         const narrow = Math.max(1, 1.45 / this.camera.aspect);
         // the detector opposite and the laser's pillar stand to both sides of the beam
-        const azimuth = this.front(), flat = 2.5 * Math.cos(azimuth), deep = 2.5 * Math.sin(azimuth);
-        target = [0, 0, 0.16 * reach];
-        from = along(target, narrow * reach, [flat, deep, 1.75]);
+        const azimuth = this.front(), flat = 2.7 * Math.cos(azimuth), deep = 2.7 * Math.sin(azimuth);
+        target = [0, 0, 0.07 * reach];
+        from = along(target, narrow * reach, [flat, deep, 1.85]);
       } else {
         const one = rig.detectors["ABC".indexOf(name)], size = 2 * Math.max(...one.half);
         target = one.centre;
         from = along(along(along(one.centre, -5.2 * size, one.axes[0]), 1.3 * size, one.axes[1]),
           1.5 * size, one.axes[2]);
       }
-      this.view = name;
+      Object.assign(this, {view: name, own: false});
       if (this.options.onView) this.options.onView(name);
       const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
       const begin = [this.camera.position.clone(), this.controls.target.clone()];
@@ -565,7 +582,7 @@ const Rig = (() => {
       this.renderer.setSize(wide, high);
       this.camera.aspect = wide / high;
       this.camera.updateProjectionMatrix();
-      if (this.view === "rig" && this.drawn) this.look("rig", false);
+      if (this.view === "rig" && !this.own) this.look("rig", false);
       this.ask();
     }
 
@@ -599,16 +616,16 @@ const Rig = (() => {
         each.material.opacity = (1 - near) * Math.min(0.35 + 0.5 * (each.share || 0), 1);
       });
       this.renderer.render(this.scene, this.camera);
-      this.put(wide, high);
+      this.put(wide, high, distance);
       if (this.options.onDraw) this.options.onDraw();
     }
 
     // The labels, each where its place is seen.
-    put(wide, high) {
+    put(wide, high, distance) {
       for (const {element, place, kind} of this.labels) {
         const seen = V(place).project(this.camera);
         const inside = seen.z < 1 && Math.abs(seen.x) < 0.98 && Math.abs(seen.y) < 0.98;
-        const hidden = kind.includes("part") && this.view !== "rig";
+        const hidden = kind.includes("part") && distance < this.reach;
         element.style.display = inside && !hidden ? "" : "none";
         const x = (seen.x + 1) / 2 * wide, y = (1 - seen.y) / 2 * high;
         element.style.transform = `translate(-50%, -50%) translate(${x}px, ${y}px)`;
