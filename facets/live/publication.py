@@ -77,6 +77,10 @@ class Publication:
         wait = str(FIRST if self.patient else 0.0)
         return [sys.executable, "-m", "facets.live.senders", self.address, wait]
 
+    def last(self) -> float:
+        """So long its process may take at the end, s."""
+        return END
+
     def begin(self, about: dict[str, Any]) -> None:
         """Tells the process what it is to say of the samples, and waits until it can."""
         watch = threading.Timer(BEGIN, self.process.kill)
@@ -164,7 +168,8 @@ class Publication:
                 return
             self.ended = True
             self.news.notify_all()
-        patience = FIRST + END if self.patient else END
+        last = self.last()
+        patience = FIRST + last if self.patient else last
         try:
             self.process.wait(timeout=patience)
         except subprocess.TimeoutExpired:

@@ -36,7 +36,7 @@ FRAMES = 30
 #: A page that takes nothing for so long is given up, s; it comes back by itself if it can.
 STUCK = 15.0
 #: So long pages are given at the end to take what is left, s.
-PATIENCE = 1.0
+PATIENCE = 2.5
 #: Samples that are condensed at once, and bytes that may wait for it.
 ONCE, MOST = 20_000, 8_000_000
 #: How much less urgent than the run this process is.
