@@ -159,7 +159,7 @@ def give(page, rows):
     page.flush()
 
 
-def test_the_rig_is_drawn_where_there_is_webgl_and_its_lack_is_said(recorded):
+def test_the_rig_is_drawn_where_there_is_webgl_and_its_lack_is_said():
     drawn = rig_scripts(CONFIG.sensor)
     page = WebPage(CONFIG, "0", dict, {"kind": "acquire"}, drawn=drawn)
     try:
@@ -169,12 +169,8 @@ def test_the_rig_is_drawn_where_there_is_webgl_and_its_lack_is_said(recorded):
             assert browser.ask("document.querySelectorAll('#scene canvas').length") == 1
             assert not browser.errors
         with Browser(page.url) as browser:
-            browser.await_true(
-                "document.querySelector('#scene .why')?.textContent.includes('WebGL')"
-            )
-            browser.await_true(
-                "facets.run.sample && document.querySelector('.number').dataset.value"
-            )
+            browser.await_true("facets.scene.root.textContent.includes('no WebGL')")
+            browser.await_true("document.querySelector('.number').dataset.value")
             assert not browser.errors
     finally:
         page.close()
