@@ -82,6 +82,10 @@ class Publication:
         wait = str(FIRST if self.patient else 0.0)
         return [sys.executable, "-m", "facets.live.senders", self.address, wait]
 
+    def last(self) -> float:
+        """So long its process may take at the end, s."""
+        return END
+
     def begin(self, about: dict[str, Any], config: bytes) -> None:
         """Tells the process what it is to say of the samples, and waits until it can."""
         watch = threading.Timer(BEGIN, self.process.kill)
@@ -172,7 +176,8 @@ class Publication:
                 return
             self.ended = True
             self.news.notify_all()
-        patience = FIRST + END if self.patient else END
+        last = self.last()
+        patience = FIRST + last if self.patient else last
         try:
             self.process.wait(timeout=patience)
         except subprocess.TimeoutExpired:

@@ -21,11 +21,12 @@ from programs import GUARD
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 FLAGS = [
-    "--headless", "--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader", "--disable-quic",
-    "--no-first-run", "--disable-background-networking", "--disable-component-update",
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update",
     "--disable-sync", "--remote-debugging-port=0", "--window-size=1440,900",
     "--disable-background-timer-throttling", "--disable-renderer-backgrounding",
 ]  # fmt: skip
+WEBGL, NO_WEBGL = "--enable-unsafe-swiftshader", "--disable-3d-apis"
 
 
 class Browser:
@@ -34,11 +35,13 @@ class Browser:
     errors: texts.  addresses: of all that it has loaded.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, webgl: bool = False) -> None:
+        """webgl: whether it has WebGL, by the processor, which takes long."""
         assert CHROMIUM is not None
         self.profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
         self.process = subprocess.Popen(
-            [CHROMIUM, *FLAGS, f"--user-data-dir={self.profile.name}", "about:blank"],
+            [CHROMIUM, *FLAGS, WEBGL if webgl else NO_WEBGL,
+             f"--user-data-dir={self.profile.name}", "about:blank"],
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )  # fmt: skip
         self.errors: list[str] = []

@@ -18,6 +18,7 @@ from facets.live.recording import recorded_poses
 from facets.live.sample_rows import SAMPLE
 from facets.live.web.page import WebPage
 from facets.live.web.status import status_of
+from facets.pictures.page.scripts import rig_scripts
 
 pytest.importorskip("aiohttp")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
@@ -27,13 +28,14 @@ STATES = ("tx_mm", "ty_mm", "tz_mm", "roll_mrad", "pitch_mrad", "yaw_mrad")
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """The folder of a recording `rec` of 6,000 samples."""
+    """The folder of a recording `rec` of 6,000 samples, made with a page that nobody opened."""
     folder = tmp_path_factory.mktemp("recorded")
     (folder / "board.bin").write_bytes(stream(6_000))
-    result = command(
-        "acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--plain", cwd=folder
-    )
+    words = ("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--web", "0")
+    result = command(*words, "--plain", cwd=folder)
     assert result.returncode == 0, result.stderr
+    assert "the page is at http://127.0.0.1:" in result.stderr
+    assert " samples published, " in result.stdout
     return folder
 
 
@@ -75,6 +77,8 @@ def test_a_recording_on_the_page_is_that_of_the_record(recorded):
                 assert value == poses[column][last]  # to the last bit
             assert browser.ask("document.body.dataset.state") == "ended"
             assert browser.ask("facets.run.hello.kind") == "replay"
+            events = "document.getElementById('events').innerText"
+            browser.await_true(f"{events}.includes('end: samples 6000')")
             assert_means_are_those_of_the_record(browser, poses)
             pause_zoom_and_follow(browser)
             assert all(address.split("/")[2] == url.split("/")[2] for address in browser.addresses)
@@ -153,6 +157,23 @@ def give(page, rows):
     """Samples, handed over at once, as the loop has it done when it comes round."""
     page.send(rows.tobytes())
     page.flush()
+
+
+def test_the_rig_is_drawn_where_there_is_webgl_and_its_lack_is_said():
+    drawn = rig_scripts(CONFIG.sensor)
+    page = WebPage(CONFIG, "0", dict, {"kind": "acquire"}, drawn=drawn)
+    try:
+        give(page, rows_of(100))
+        with Browser(page.url, webgl=True) as browser:
+            browser.await_true("facets.scene.drawn")
+            assert browser.ask("document.querySelectorAll('#scene canvas').length") == 1
+            assert not browser.errors
+        with Browser(page.url) as browser:
+            browser.await_true("facets.scene.root.textContent.includes('no WebGL')")
+            browser.await_true("document.querySelector('.number').dataset.value")
+            assert not browser.errors
+    finally:
+        page.close()
 
 
 def test_what_is_not_known_is_never_a_number_and_a_page_comes_back_by_itself():

@@ -6,6 +6,7 @@ import asyncio
 import json
 import socket
 import struct
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,11 +18,14 @@ from facets.core.errors import InputError
 from facets.live.acquire import Live
 from facets.live.pipeline import Pipeline
 from facets.live.sample_rows import SAMPLE
+from facets.live.web import page as module
 from facets.live.web.bins import COLUMNS
 from facets.live.web.guard import Guard, parse_address
 from facets.live.web.hub import HEAD, Hub
 from facets.live.web.page import WebPage, description_of
-from facets.live.web.status import status_of
+from facets.live.web.replay_page import events_of
+from facets.live.web.status import stage, status_of
+from facets.tracking.encoder import Encoder
 
 aiohttp = pytest.importorskip("aiohttp")
 CONFIG = facets.load("bench")
@@ -104,6 +108,12 @@ def begun():
     one = WebPage(CONFIG, "0", lambda: status_of(live), {"kind": "acquire"})
     one.live = live
     return one
+
+
+@pytest.fixture(autouse=True)
+def unhurried(monkeypatch):
+    """No test fails since a machine is slow."""
+    monkeypatch.setattr(module, "LAST", GUARD)
 
 
 @pytest.fixture
@@ -272,7 +282,7 @@ def test_a_run_that_breaks_off_is_said_to_be_one(page):
     async def broken():
         task = asyncio.create_task(follow(page, lambda told: told.end))
         await asyncio.to_thread(await_true, lambda: page.receivers == 1, "a page")
-        page.status = dict  # nothing is said of an end, as where the program is killed
+        page.status = None  # nothing is said of an end, as where the program is killed
         await asyncio.to_thread(page.close)
         return await asyncio.wait_for(task, GUARD)
 
@@ -338,6 +348,44 @@ def test_what_is_not_known_has_a_reason(still):
     assert all(one["why"] for one in unknown)
     assert words["stage"] == {"there": False, "why": "no stage is moved (--track moves one)"}
     json.dumps(words, allow_nan=False)
+
+
+def test_the_stage_is_told_with_its_target_and_what_is_left():
+    live = Live(Pipeline(CONFIG))
+    encoder = Encoder(1.0, np.array([1.0, -2.0]), np.zeros(2))
+    envelope = SimpleNamespace(encoder=encoder, sent=(1.0, np.array([1.25, -2.0])))
+    live.tracker = SimpleNamespace(envelope=envelope, stopped="", moves=7)
+    words = stage(live.tracker, live)
+    assert words["place"] == [1.0, -2.0]
+    assert words["target"] == [1.25, -2.0]
+    assert words["error"] == [-0.25, 0.0]
+    assert (words["state"], words["moves"], words["chi"]) == ("following", 7, None)
+    envelope.sent = None
+    live.tracker.stopped = "no fresh sample"
+    words = stage(live.tracker, live)
+    assert words["target"] is words["error"] is None
+    assert words["state"] == "no fresh sample"
+    assert words["why"]
+
+
+def test_what_happened_in_a_recorded_run_is_told_at_its_time(tmp_path):
+    lines = [
+        '{"monotonic": 5.0, "utc": 1.0, "event": "behind", "seconds": 0.3}',
+        '{"monotonic": 6.0, "event": "move", "x": 1}',
+        "[]", "no JSON", '{"event": "without a time"}',
+        '{"monotonic": 7.5, "event": "caught up"}', '{"monotonic": 8.0, "eve',
+    ]  # fmt: skip
+    (tmp_path / "events.jsonl").write_text("\n".join(lines))
+    assert events_of(tmp_path) == [(5.0, "behind: seconds 0.3"), (7.5, "caught up")]
+    assert events_of(tmp_path / "nothing") == []
+    hub = Hub(description_of(CONFIG) | {"kind": "replay"})
+    rows = rows_of(3)
+    rows["host_s"] -= 995.0
+    hub.take(rows)
+    hub.hear({"happened": events_of(tmp_path)})
+    assert [(event["t"], event["text"]) for event in hub.events] == [
+        (0.0, "behind: seconds 0.3"), (2.5, "caught up"),
+    ]  # fmt: skip
 
 
 def test_samples_without_times_or_poses_break_nothing():

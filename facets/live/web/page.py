@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 #: The run says of itself so often how it goes, s.
 EVERY = 0.25
+#: The page's process may take so long at the end, s.
+LAST = 10.0
 #: Samples are handed over so often, s, or where they are so many bytes.
 TOGETHER, KEPT = 0.033, 500_000
 #: Of what it says no more may wait than so many bytes beyond what samples may.
@@ -70,6 +72,10 @@ class WebPage(Publication):
 
     def command(self) -> list[str]:
         return [sys.executable, "-m", "facets.live.web.server"]
+
+    def last(self) -> float:
+        """Pages are told of the end; that takes long only on a machine that is very busy."""
+        return LAST
 
     def greeting(self) -> list[str]:
         """What is to be said when it begins."""

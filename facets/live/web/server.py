@@ -36,7 +36,7 @@ FRAMES = 30
 #: A page that takes nothing for so long is given up, s; it comes back by itself if it can.
 STUCK = 15.0
 #: So long pages are given at the end to take what is left, s.
-PATIENCE = 1.0
+PATIENCE = 2.5
 #: Samples that are condensed at once, and bytes that may wait for it.
 ONCE, MOST = 20_000, 8_000_000
 #: How much less urgent than the run this process is.
@@ -201,8 +201,11 @@ class Server:
                 await page.wake.wait()
                 page.wake.clear()
                 for message in page.messages():
-                    send = line.send_str if isinstance(message, str) else line.send_bytes
-                    await asyncio.wait_for(send(message), STUCK)  # type: ignore[operator]
+                    if isinstance(message, str):
+                        sending = line.send_str(message)
+                    else:
+                        sending = line.send_bytes(message)
+                    await asyncio.wait_for(sending, STUCK)
             await asyncio.wait_for(line.close(), PATIENCE)
         except (TimeoutError, OSError, RuntimeError):
             self.hub.pages.discard(page)

@@ -112,12 +112,13 @@ def loop_counts(live: Live) -> list[Item]:
 
 def clock(pipeline: Pipeline) -> list[Item]:
     known = pipeline.host_time
+    slowness = "ppm slow" if known.ppm > 0 else "ppm fast"
     arrival = pipeline.config.acquire.timing == "arrival"
     why = (
         "the times are those of arrival (acquire.timing)" if arrival else "too little has come yet"
     )
     return [
-        item("board's clock", known.ppm, "ppm slow", "too little has come yet"),
+        item("board's clock", abs(known.ppm), slowness, "too little has come yet"),
         item("u(time)", float("nan") if arrival else 1e6 * known.uncertainty, "µs", why),
     ]
 

@@ -29,7 +29,6 @@ export class Scene {
     this.root.replaceChildren();
     this.view = Rig.create(this.root, RIG, { theme: this.name });
     if (!this.view) throw new Error("this browser has no WebGL");
-    this.view.camera.fov *= 1.3; // the place is small, and all three detectors are to be in it
     this.theme(this.name);
     this.buttons();
     this.words = document.createElement("p");
