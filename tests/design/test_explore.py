@@ -110,10 +110,10 @@ def rivals_of(tables):
 
 @pytest.fixture(scope="module")
 def looked_at_all():
-    """300 designs, and 100 that follow, nothing of them skipped; the same for any objectives."""
-    space = replace(SPACE, part=100, count=400)
-    pilot = [part_of(space, first, NO_RIVALS) for first in range(0, 300, 100)]
-    return pilot, part_of(replace(space, every=True), 300, NO_RIVALS)
+    """500 designs, and 100 that follow, nothing of them skipped; the same for any objectives."""
+    space = replace(SPACE, part=100, count=600)
+    pilot = [part_of(space, first, NO_RIVALS) for first in range(0, 500, 100)]
+    return pilot, part_of(replace(space, every=True), 500, NO_RIVALS)
 
 
 @pytest.mark.parametrize(
@@ -127,8 +127,8 @@ def looked_at_all():
 def test_what_is_skipped_is_not_on_the_front(looked_at_all, objectives):
     """The front without skipping has the same designs, and the skipped are a good part of all."""
     pilot, full = looked_at_all
-    space = replace(SPACE, part=100, count=400, objectives=objectives)
-    short = part_of(space, 300, rivals_of(pilot))
+    space = replace(SPACE, part=100, count=600, objectives=objectives)
+    short = part_of(space, 500, rivals_of(pilot))
     skipped = short["skipped"] == study.SKIPPED[5]
     assert skipped.sum() > 20
     found = []
