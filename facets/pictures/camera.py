@@ -77,13 +77,13 @@ class Camera:
         y = height / 2 + self.shift[1] * height - apart[..., 1] * per_mm
         return np.stack([x, y, depth], axis=-1)
 
-    def aside(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    def aside(self, x: Any, y: Any) -> tuple[Floats, Floats]:
         """How far to the right and upward of the focus pixels look, mm at the focus."""
         width, height = self.size
         across = (x - width / 2 + self.shift[0] * height) * self.pixel
         return across, (height / 2 + self.shift[1] * height - y) * self.pixel
 
-    def rays(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    def rays(self, x: Any, y: Any) -> tuple[Floats, Floats]:
         """Origins and directions (n, 3) of the rays through pixels.
 
         A direction is as long as takes one mm of depth, so that a depth is a place along it.

@@ -50,13 +50,13 @@ def layers(light: Glow, theme: Theme, haze: float) -> list[tuple[Floats, Floats]
 
 def shine(picture: Floats, light: Glow, theme: Theme, haze: float, bloom: float = 1.0) -> Floats:
     """Light added to a dark picture: hues at its rim, white where there is most, and a halo."""
-    total = np.zeros_like(picture)
+    total: Floats = np.zeros(picture.shape, np.float32)
     for amount, hue in layers(light, theme, haze):
         core = np.maximum(amount - 0.75, 0)
         add(total, amount, deep(hue))
         add(total, core, np.full(3, 0.6))
-    for k, hue in enumerate(theme.hues):
-        add(total, 2.0 * light.surfaces[k], deep(np.array(rgb(hue))))
+    for k, name in enumerate(theme.hues):
+        add(total, 2.0 * light.surfaces[k], deep(np.array(rgb(name))))
         add(total, 1.1 * bloom**0.5 * light.surfaces[k] ** 6, np.ones(3))
     soft = 0.55 * halo(total, 0.004, 1.5) + 0.40 * halo(total, 0.016, 5.0)
     total += bloom * soft
@@ -85,11 +85,11 @@ def stain(picture: Floats, light: Glow, theme: Theme, haze: float) -> Floats:
         wide = np.clip(1.15 * amount + 0.5 * halo(amount, 0.003, 1.2), 0, None)
         cover = (0.92 * (1 - np.exp(-1.5 * wide)))[..., None]
         picture = picture * (1 - cover) + hue * cover
-    for k, hue in enumerate(theme.hues):
+    for k, name in enumerate(theme.hues):
         amount = light.surfaces[k]
         cover = (1 - np.exp(-3.5 * (amount + 0.3 * halo(amount, 0.003, 1.2))))[..., None]
         hot = (np.clip(amount - 0.35, 0, 1) * 1.1)[..., None]
-        picture = picture * (1 - cover) + (np.array(rgb(hue)) * (1 - hot) + hot) * cover
+        picture = picture * (1 - cover) + (np.array(rgb(name)) * (1 - hot) + hot) * cover
     mixed: Floats = picture
     return mixed
 

@@ -42,7 +42,7 @@ def frames(picture: Picture, states: Floats, factor: float, turning: float = 1.0
     """
     view = picture.view
     still = view.camera()
-    view.turning, view.note = turning, times(factor, turning)
+    view.larger, view.turning, view.note = factor, turning, times(factor, turning)
     count = len(states)
     for n, state in enumerate(states):
         view.camera = lambda n=n: eased(still, n / count)  # type: ignore[method-assign, misc]
@@ -77,7 +77,8 @@ def told(shown: Iterator[Any], tell: Callable[[], None]) -> Iterator[Any]:
 def write_h264(shown: Iterator[Any], path: Path, rate: float) -> None:
     import imageio
 
-    with imageio.get_writer(
+    open_writer: Any = imageio.get_writer
+    with open_writer(
         path, format="FFMPEG", fps=rate, codec="libx264", quality=8, macro_block_size=2,
         ffmpeg_log_level="error", output_params=["-movflags", "+faststart", "-f", "mp4"],
     ) as writer:  # fmt: skip

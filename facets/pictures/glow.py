@@ -66,7 +66,8 @@ def hazy(shot: Shot, light: Callable[[Shot], Floats], stand: Stand) -> Floats:
         return light(shot)
     half = shot.camera.sized((width // 2, height // 2))
     depth = np.minimum(shot.depth[::2, ::2], shot.depth[1::2, 1::2])
-    return enlarged(light(Shot(half, shot.colour, shot.cover, depth)), (width, height))
+    whole: Floats = enlarged(light(Shot(half, shot.colour, shot.cover, depth)), (width, height))
+    return whole
 
 
 def centroid(stand: Stand, k: int) -> tuple[Floats, float]:

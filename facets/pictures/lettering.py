@@ -19,7 +19,8 @@ from .materials import Theme, rgb
 #: Letters and lines are drawn so many times larger, then averaged.
 FINE = 2
 Box = tuple[float, float, float, float]
-Point = Sequence[float]
+Point = Sequence[float] | Floats
+Points = Sequence[Point] | Floats
 
 
 @lru_cache(maxsize=64)
@@ -55,11 +56,11 @@ class Sheet:
         red, green, blue = (round(255 * part) for part in rgb(colour))
         return red, green, blue, round(255 * alpha)
 
-    def points(self, points: Iterable[Point]) -> list[tuple[float, float]]:
+    def points(self, points: Iterable[Point] | Floats) -> list[tuple[float, float]]:
         return [(float(p[0]) * FINE, float(p[1]) * FINE) for p in points]
 
     def line(
-        self, points: Sequence[Point], colour: str = "", width: float = 1.3, alpha: float = 1.0
+        self, points: Points, colour: str = "", width: float = 1.3, alpha: float = 1.0
     ) -> None:
         ink = self.colour(colour or self.theme.ink, alpha)
         thick = max(1, round(width * self.unit * FINE))

@@ -110,7 +110,7 @@ def edge_angles(stand: Stand) -> Floats:
 def head(stand: Stand) -> Iterator[Part]:
     """The mirror with its facets, ground sides and a broken rim, its mount and its post."""
     fit, radius = scale_of(stand), head_radius(stand)
-    turn = np.array(stand.at.turn).T  # rows: the mirror's axes in the world
+    turn: Floats = np.array(stand.at.turn, float).T  # rows: the mirror's axes in the world
     apex = np.array(stand.at.apex)
 
     def put(name: str, material: str, solid: Solid, up: float) -> Part:

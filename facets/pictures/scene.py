@@ -117,8 +117,9 @@ def in_wedge(stand: Stand, k: int, cross: Floats) -> NDArray[np.bool_]:
     first, second = (np.array(stand.at.sides[n], float) for n in (k, (k + 1) % 3))
     apart = cross - np.array(stand.at.q, float)
     after = first[0] * apart[..., 1] - first[1] * apart[..., 0] > 0
-    before: NDArray[np.bool_] = apart[..., 0] * second[1] - apart[..., 1] * second[0] > 0
-    return after & before
+    before = apart[..., 0] * second[1] - apart[..., 1] * second[0] > 0
+    within: NDArray[np.bool_] = after & before
+    return within
 
 
 def cut(stand: Stand, k: int) -> Floats:

@@ -101,10 +101,10 @@ class Range(Near):
             words = f"{name}  {length_in_words(float(f'{high[axis] - low[axis]:.4g}'))}"
             sheet.dimension(a, b, words, 26 * sheet.unit * aside, 16)
         self.legend(sheet)
-        aside, up = (
+        across, up = (
             f"drawn {f:g} times larger" if f != 1 else "to scale" for f in self.factors[1:]
         )
-        self.note = aside if aside == up else f"x and y {aside}, z {up}"
+        self.note = across if across == up else f"x and y {across}, z {up}"
         words = "range of the mirror's place" + (
             ", the beam following" if self.rules.tracking else ""
         )

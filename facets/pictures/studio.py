@@ -197,14 +197,15 @@ class Studio:
 def buffers(window: Any, view: Any, width: int, height: int) -> tuple[Any, Floats]:
     """Of each sample colour and cover (h, w, 4), 0 to 255, and depth (h, w), mm along the camera's
     axis."""
-    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.util import numpy_support
     from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
 
     bytes_, levels = vtkUnsignedCharArray(), vtkFloatArray()
     window.GetRGBACharPixelData(0, 0, width - 1, height - 1, 0, bytes_, 0)
     window.GetZbufferData(0, 0, width - 1, height - 1, levels)
-    colour = vtk_to_numpy(bytes_).reshape(height, width, 4)[::-1]
-    level = vtk_to_numpy(levels).reshape(height, width)[::-1]
+    as_array: Any = numpy_support.vtk_to_numpy
+    colour = as_array(bytes_).reshape(height, width, 4)[::-1]
+    level = as_array(levels).reshape(height, width)[::-1]
     near, far = view.GetClippingRange()
     behind = level >= 1
     level = level.astype(float)

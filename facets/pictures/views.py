@@ -53,12 +53,13 @@ def power_in_words(power: float) -> str:
 class View:
     """Base of the views: parts made at rest, whose head and laser are carried to a state.
 
-    dark: detectors whose sub-beam is left out.  turning: by how much more than the light says the
+    dark: detectors whose sub-beam is left out.  larger: how many times the states that it is moved
+    to are the true ones, which its caption has.  turning: by how much more than the light says the
     head is turned about its point, where that could not be seen.
     """
 
     dark: tuple[int, ...] = ()
-    turning = 1.0
+    larger = turning = 1.0
 
     def __init__(
         self, sensor: Sensor, theme: Theme, size: tuple[int, int], title: str, sharpness: int
@@ -119,7 +120,7 @@ class View:
         """What the picture shows and the state, at the lower left."""
         left, low = 24 * sheet.unit, sheet.size[1] - 20 * sheet.unit
         state = sheet.write(
-            (left, low), state_in_words(self.state), 14, self.theme.ink, anchor=(0, 1)
+            (left, low), state_in_words(self.state / self.larger), 14, self.theme.ink, anchor=(0, 1)
         )
         words = " \u00b7 ".join(part for part in (self.title, what, self.note) if part)
         sheet.write((left, state[1] - 3 * sheet.unit), words, 13, self.theme.faint, anchor=(0, 1))
