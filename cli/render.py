@@ -102,7 +102,7 @@ def draw(settings: Config, state: Any, view: Any, size: tuple[int, int], path: P
     if path is not None and path.suffix.lower() == ".html":
         from facets.pictures.page.rig_page import write_rig_page
 
-        write_rig_page(settings.sensor, settings.name, state, view, path)
+        write_rig_page(settings.sensor, settings.name, state, path)
         return
     from facets.pictures.render import Picture
 

@@ -40,7 +40,8 @@ ROUND = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 def rig_page(sensor: Sensor, name: str, state: Floats, view: str = "rig") -> str:
     """The page of a sensor, at first at a state (8,) in mm and rad.
 
-    name: of its configuration.  view: what the camera is at: "rig", "mirror", or a detector: "A".
+    name: of its configuration.  view: what the camera is at: "mirror", or a detector: "A"; the
+    whole rig for any other word.
     """
     if not all(map(_is_finite, state)):
         raise InputError("the state has a number that is not finite")
@@ -72,7 +73,7 @@ def rig_page(sensor: Sensor, name: str, state: Floats, view: str = "rig") -> str
     return text
 
 
-def write_rig_page(sensor: Sensor, name: str, state: Floats, view: str, path: Path) -> None:
+def write_rig_page(sensor: Sensor, name: str, state: Floats, path: Path, view: str = "rig") -> None:
     """`rig_page` as a file, whole or not at all."""
     text = rig_page(sensor, name, state, view)
     with Whole(path) as temporary:

@@ -49,8 +49,8 @@ const Rig = (() => {
     add("board", 0.1, 0.6);
     add("silicon", 0.5, 0.16);
     made.line = new THREE.MeshBasicMaterial();
-    made.facet = new THREE.MeshStandardMaterial({
-      color: "#e9eef4", metalness: 1, roughness: 0.07, flatShading: true, side: THREE.DoubleSide});
+    made.facets = [0, 1, 2].map(() => new THREE.MeshStandardMaterial({
+      metalness: 1, roughness: 0.07, flatShading: true, side: THREE.DoubleSide}));
     made.gold = new THREE.MeshStandardMaterial({color: "#d8b25a", metalness: 1, roughness: 0.3});
     made.hues = [0, 1, 2].map(() => new THREE.MeshStandardMaterial({metalness: 0.45, roughness: 0.4}));
     return made;
@@ -116,7 +116,7 @@ const Rig = (() => {
       });
       const low = outer.map(([x, y]) => [x, y, foot]);
       const fan = inner.slice(1).flatMap((p, n) => [0, 0, 0, ...inner[n], ...p]);
-      group.add(mesh(surface(fan), look.facet));
+      group.add(mesh(surface(fan), look.facets[k]));
       group.add(mesh(strip(inner, outer), look.hues[k]));
       group.add(mesh(strip(outer, low), look.metal));
     });
@@ -515,6 +515,7 @@ const Rig = (() => {
         ? THREE.AdditiveBlending : THREE.NormalBlending;
       hues.forEach((hue, k) => {
         look.hues[k].color.set(hue);
+        look.facets[k].color.set("#e9eef4").lerp(new THREE.Color(hue), 0.16);
         tint(this.subBeams[k], hue, THREE.NormalBlending, name === "dark" ? 0.45 : 0);
         for (const body of [this.bodies[k], this.prints[k], this.spots[k]]) {
           tint(body, hue, blending, name === "dark" ? 0.35 : 0);
@@ -617,7 +618,6 @@ const Rig = (() => {
       });
       this.renderer.render(this.scene, this.camera);
       this.put(wide, high, distance);
-      if (this.options.onDraw) this.options.onDraw();
     }
 
     // The labels, each where its place is seen.
