@@ -34,6 +34,7 @@ CHANCE = 6.0
 #: sample's noise for long before single innovations show it; means over as many samples as the
 #: filter remembers do.
 SHARES: Floats = 1 / np.array([3.0, 10.0, 30.0, 100.0, 300.0, 1000.0])
+WEIGHTS: Floats = SHARES[:, None]
 #: Noise whose standard deviations change by less than this is taken for the same.
 SAME = 0.02
 #: A gain that changes by less than this from sample to sample has settled, as a share.
@@ -77,8 +78,9 @@ class Filter:
     def forget(self) -> None:
         """The next sample is the first one."""
         self.begun = self.settled = False
-        self.noise = np.zeros((0, 0))
-        self.innovations: deque[float] = deque(maxlen=WATCHED)
+        self.noise = self.newest = np.zeros((0, 0))
+        self.innovations: deque[float] = deque()
+        self.total = 0.0  # of them
         self.means: Floats = np.zeros((len(SHARES), 1))
         self.moves: dict[float, tuple[Floats, Floats]] = {}
 
@@ -87,7 +89,7 @@ class Filter:
 
     @property
     def squares(self) -> float:
-        return float(np.mean(self.innovations)) if self.innovations else np.nan
+        return self.total / len(self.innovations) if self.innovations else np.nan
 
     @property
     def largest(self) -> float:
@@ -171,6 +173,8 @@ class Filter:
             place = range(n, size, self.order)
             self.spread[place, place] = wide
         self.last, self.begun = time, True
+        self.speeds = self.units / self.period
+        self.means = np.zeros((len(SHARES), self.width))
         self.update(np.eye(size), np.zeros((size, size)), True)
 
     def take_noise(self, noise: Floats) -> None:
@@ -200,29 +204,34 @@ class Filter:
             self.moves, float(round(passed, 6)), self.order, self.width, self.shaken
         )
         self.mean = move @ self.mean
-        if there:
+        if there and noise is not self.newest:
+            self.newest = noise
             self.take_noise(noise)
         if not (self.settled and usual and there):
             self.settled = self.update(move, shake, there) and usual and there
         if there:
             apart = pose / self.units - self.mean[self.places]
             white = self.whiten @ apart
-            self.innovations.append(float(white @ white) / self.width)
-            self.means = self.means + SHARES[:, None] * (white - self.means)
+            self.remember(float(white @ white) / self.width)
+            self.means += WEIGHTS * (white - self.means)
             self.mean = self.mean + self.gain @ apart
         if self.beyond_chance:
             self.doubtful += 1
         else:
             self.tell(found, n)
 
+    def remember(self, square: float) -> None:
+        """The newest mean square of an innovation's components, in place of the oldest."""
+        self.innovations.append(square)
+        self.total += square
+        if len(self.innovations) > WATCHED:
+            self.total -= self.innovations.popleft()
+
     def tell(self, found: Filtered, n: int) -> None:
         """What is known of the newest sample, in the unit of the poses."""
         found.places[n] = self.mean[self.places] * self.units
-        if self.order > 1:
-            found.speeds[n] = self.mean[1 :: self.order] * self.units / self.period
-        else:
-            found.speeds[n] = 0.0
-        found.variance[n] = self.spread.diagonal()[self.places] * self.units**2
+        found.speeds[n] = self.mean[1 :: self.order] * self.speeds if self.order > 1 else 0.0
+        found.variance[n] = self.variance
 
     def update(self, move: Floats, shake: Floats, there: bool) -> bool:
         """The covariance and the gain of the next sample; whether they are as of the last one."""
@@ -237,6 +246,7 @@ class Filter:
             self.gain = gain
             spread = kept @ spread @ kept.T + gain @ self.noise @ gain.T
         self.spread = spread
+        self.variance = spread.diagonal()[self.places] * self.units**2
         change = np.abs(spread - before).diagonal()
         return bool((change <= SETTLED * before.diagonal()).all())
 

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 MOST = 16_000_000
 #: So long a publication may take to begin, and at its end to give away what waits, s.
 BEGIN, END = 60.0, 3.0
+#: So long one with a filter, which may have to compile the model first, s.
+COMPILE = 600.0
 #: A replay waits for a first receiver so long, s.
 FIRST = 20.0
 GONE = "its process has ended"
@@ -88,7 +90,7 @@ class Publication:
 
     def begin(self, about: dict[str, Any], config: bytes) -> None:
         """Tells the process what it is to say of the samples, and waits until it can."""
-        watch = threading.Timer(BEGIN, self.process.kill)
+        watch = threading.Timer(COMPILE if config else BEGIN, self.process.kill)
         watch.daemon = True
         watch.start()
         try:
