@@ -96,7 +96,8 @@ def current_variances(electronics: Electronics, currents: Floats, together: bool
     ]
     shot: Floats = 2 * CHARGE * band * np.abs(currents)
     if together:
-        return (shot + sum(even))[..., None]
+        every: Floats = shot + sum(even)
+        return every[..., None]
     out = np.empty((*currents.shape, len(ELECTRIC)))
     out[..., 0] = shot
     out[..., 1:] = even

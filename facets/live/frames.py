@@ -113,8 +113,8 @@ def are_sound(view: memoryview) -> NDArray[np.bool_]:
     """Of frames, one after the other, which have the sign and their CRC-32."""
     frames = np.frombuffer(view, FRAME)
     sums = [zlib.crc32(view[at : at + SIZE - 4]) for at in range(0, len(view), SIZE)]
-    sound: NDArray[np.bool_] = frames["crc"] == np.array(sums, np.uint32)
-    return sound & (frames["sync"] == SIGN)
+    sound: NDArray[np.bool_] = (frames["crc"] == sums) & (frames["sync"] == SIGN)
+    return sound
 
 
 class FixedFrames:
