@@ -16,7 +16,7 @@ from .rig import Part
 #: Where the shadow-giving light comes from.
 KEY = (-0.45, -0.55, 1.6)
 #: Pixels of the map of shadows, a side.
-MAP = 384
+MAP = 256
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,8 @@ def paste(picture: Floats, shown: Floats, corner: tuple[int, int], circle: bool)
     cover = np.asarray(mask.reduce(4), float)[..., None] / 255
     left, top = corner
     part = picture[top : top + height, left : left + width]
-    part[:] = part * (1 - cover) + shown * cover
+    inside = np.s_[: part.shape[0], : part.shape[1]]  # a small picture may not hold all of it
+    part[:] = part * (1 - cover[inside]) + shown[inside] * cover[inside]
 
 
 def frame(sheet: Sheet, inset: Inset, corner: tuple[int, int], size: tuple[int, int]) -> Box:

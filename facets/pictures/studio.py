@@ -130,7 +130,9 @@ class Studio:
         renderer.SetEnvironmentRight(1, 0, 0)
         renderer.GetEnvMapPrefiltered().SetPrefilterMaxSamples(32)
         renderer.GetEnvMapPrefiltered().SetPrefilterLevels(4)
-        renderer.GetEnvMapLookupTable().SetLUTSamples(32)
+        table = renderer.GetEnvMapLookupTable()  # of a size that soft light needs
+        table.SetLUTSize(128)
+        table.SetLUTSamples(32)
 
     def light(self) -> None:
         """Key, fill and rim."""
