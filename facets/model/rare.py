@@ -74,6 +74,12 @@ def _compiled(name: str) -> Any:
     return KIND(_COMPILED[name].address)
 
 
+def prepare() -> None:
+    """Compiles or loads all of them now, for a loop that can not wait when light is lost."""
+    for name in NAMES:
+        _compiled(name)
+
+
 def _call(name: str, *pointers: Any) -> None:
     """Where the table leads at first."""
     function, results = FUNCTIONS[name]
