@@ -6,7 +6,7 @@ BIN := .venv/bin
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 
-.PHONY: run test lint tree types layers unit studies portable bench reproduce docs gallery three clean
+.PHONY: run test test-full lint tree types layers unit studies portable bench reproduce docs gallery three clean
 
 run: .venv/installed
 	$(BIN)/facets simulate paper -o results/paper --force
@@ -33,6 +33,10 @@ layers: .venv/developed tree
 # of tests/conftest.py.
 unit: .venv/developed
 	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder
+
+# All of that, and the studies, too.
+test-full: lint types layers
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m ""
 
 # What takes minutes, and of which the suite has a shorter case.
 studies: .venv/developed

@@ -42,6 +42,7 @@ COMMANDS = {
     "jacobian": "jacobian",
     "calibrate": "calibrate",
     "optimize": "optimize",
+    "tolerances": "tolerances",
     "explore": "explore",
     "acquire": "acquire",
     "replay": "replay",

@@ -16,7 +16,6 @@ from .options import (
     Plot,
     PlotKind,
     Style,
-    TableKind,
     folder_option,
     output_folder,
 )
@@ -27,7 +26,18 @@ if TYPE_CHECKING:
     from facets.core.units import Booleans, Floats
     from facets.design.exploration import Space
 
+TABLE = "Kind of the table of all designs; parts: none beside the Parquet data set in parts/."
+#: Designs that the indices of sensitivity are made from, at most.
+PILOT = 10_000
 GOALS = ("head_mm", "u_roll_urad", "range_roll_mrad")
+
+
+class Designs(StrEnum):
+    """How all designs are written: as one table, or only as the data set of parts."""
+
+    parquet = "parquet"
+    csv = "csv"
+    parts = "parts"
 
 
 class Draw(StrEnum):
@@ -98,7 +108,7 @@ def explore(
     required: Required = False,
     scheduler: Scheduler = None,
     force: Anew = False,
-    table: Annotated[TableKind, typer.Option(help="Kind of the designs.")] = TableKind.parquet,
+    table: Annotated[Designs, typer.Option(help=TABLE)] = Designs.parquet,
     plot: Plot = PlotKind.png,
     look: Style = Look.screen,
     certify: Certify = 0,
@@ -119,22 +129,25 @@ def explore(
 
     settings = load_config(config)
     exploration.require_measures(goals := objective or list(GOALS))
-    space = exploration.Space(
+    space = exploration.with_large_parts(exploration.Space(
         settings.sensor, settings.range, settings.layout, sampling.value, designs, seed,
         tuple(goals), every, required,
-    )  # fmt: skip
+    ))  # fmt: skip
     if pick is not None:
         write_pick(settings, space, source, front, pick, output, force)
         return
     folder = output_folder(output, settings.name, "explore")
-    require_page(report)
-    files = [folder / n for n in (f"designs.{table.value}", "front.csv", f"front.{plot.value}")]
+    require_page(report, force)
+    whole = "parts" if table == Designs.parts else f"designs.{table.value}"
+    files = [folder / n for n in (whole, "front.csv", f"front.{plot.value}")]
     about = provenance.about(settings, seed)
     if front:
         followed = follow_front(space, folder, points, about, plot)
         if report:
             write_page(settings, space, followed, older_designs(space, folder), report)
         return
+    if scheduler:
+        typer.echo(exploration.cluster_words(scheduler))
     begin(space, folder, files, about, force)
     start = time.perf_counter()
     with_progress(lambda tell: exploration.explore(space, folder, about, scheduler, tell))
@@ -154,6 +167,7 @@ def begin(
     from facets.design.exploration import prepare, require_variables
     from facets.files import tables
 
+    files = [file for file in files if file.suffix]
     tables.refuse_to_overwrite(files, force=True)  # a run that goes on has written them before
     require_variables(space)
     prepare(folder, space, about, force)
@@ -181,9 +195,10 @@ def write(
     goals = list(space.objectives)
     table = collect(folder)
     best = front(table, goals)
-    pilot = {name: column[: space.pilot] for name, column in table.items()}
+    pilot = {name: column[: min(space.pilot, PILOT)] for name, column in table.items()}
     indices = sensitivity(pilot, space.names, goals)
-    tables.write_table(designs, table, about)
+    if designs.suffix:
+        tables.write_table(designs, table, about)
     beaten_by_none = {n: c[best] for n, c in table.items()}
     if certify:
         beaten_by_none["proof_margin"] = proof_margins(space, beaten_by_none, certify)
@@ -256,7 +271,7 @@ def own_measures(space: Space) -> dict[str, float]:
     return own
 
 
-def require_page(report: Path | None) -> None:
+def require_page(report: Path | None, force: bool) -> None:
     """Refuses what can not be written before anything is computed."""
     from facets.core.errors import InputError
     from facets.files import tables
@@ -266,7 +281,7 @@ def require_page(report: Path | None) -> None:
         return
     if report.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{report}: a page's name ends in .html")
-    tables.refuse_to_overwrite([report], force=True)
+    tables.refuse_to_overwrite([report], force)
     plotly_text()
 
 
@@ -366,9 +381,9 @@ def design_in(file: Path, key: str, number: int, names: list[str]) -> Floats:
 
 def older_designs(space: Space, folder: Path) -> dict[str, Any] | None:
     """The designs that an earlier run of the same configuration has left in a folder."""
-    from facets.design.exploration import collect
+    from facets.design.exploration import collect, parts_in
 
-    if not any((folder / "parts").glob("*.parquet")):
+    if not parts_in(folder):
         return None
     table = collect(folder)
     names = [*space.names, *space.objectives]

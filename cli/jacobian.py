@@ -136,7 +136,7 @@ def jacobian(
     results = write(asked, found, pair)
     if certify:
         results |= certify_and_report(asked, limit, reach, tolerances, worst)
-    write_record(asked, results)
+    write_record(asked, results, asked.files(certify, reach))
     name_files(folder, [file for file in asked.files(certify, reach) if file.exists()])
     if certify and not results["unique"]:
         raise typer.Exit(FINDING)
@@ -245,11 +245,11 @@ def write(asked: Asked, found: Survey, pair: AmbiguousPair | None) -> dict[str, 
     return {"states": found.states, "one_sign": found.one_sign}
 
 
-def write_record(asked: Asked, results: dict[str, Any]) -> None:
+def write_record(asked: Asked, results: dict[str, Any], files: list[Path]) -> None:
     from facets.files import provenance
 
     seconds = time.perf_counter() - asked.start
-    provenance.write_record(asked.record, asked.settings, asked.seed, seconds, results)
+    provenance.write_record(asked.record, asked.settings, asked.seed, seconds, results, files)
 
 
 def where(settings: Config, box: str | None) -> tuple[StateBox, float | None]:

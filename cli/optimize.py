@@ -18,6 +18,11 @@ if TYPE_CHECKING:
     from facets.pictures.design_report import Section
 
 
+HEADS = (
+    "Also the yield: so many heads of the layout are built by simulation, as loose as "
+    "`calibrate.before` says. 0: none."
+)
+SHEETS = "Also the tables, as LaTeX (FILE.tex) or a workbook (FILE.xlsx, extra `sheets`)."
 EXACT = "The layout as it was found, not rounded to what can be made."
 REPORT = "Also a page on the layout, HTML, and its scene as glTF."
 CERTIFY = (
@@ -39,6 +44,8 @@ def optimize(
     certify: Annotated[int, typer.Option(min=0, help=CERTIFY)] = 400,
     exact: Annotated[bool, typer.Option("--exact", help=EXACT)] = False,
     report: Annotated[bool, typer.Option("--report", help=REPORT)] = False,
+    heads: Annotated[int, typer.Option("--yield", min=0, help=HEADS)] = 0,
+    sheets: Annotated[Path | None, typer.Option("--sheets", help=SHEETS)] = None,
 ) -> None:
     """Find the best layout by the config's block `optimize`.
 
@@ -46,10 +53,13 @@ def optimize(
     catalogue; tells what holds the best one back, or which requirements can not be met together,
     with exit status 1. The result extends the configuration by what has changed, in numbers that
     can be made, and is a configuration for every command. Beside it a table and a picture compare
-    it with what was, by the range, by the float model and by simulated readings.
+    it with what was, by the range, by the float model and by simulated readings. With
+    `optimize.production.yield_percent` the limits are kept with margins, so that this share of
+    heads keeps them as they are built.
     """
     from facets.core.errors import InputError
     from facets.design.search import optimize as run
+    from facets.design.sheets import require_writable
     from facets.files import tables
 
     settings = load_config(config)
@@ -58,6 +68,9 @@ def optimize(
         raise InputError(f"{path}: a configuration's name ends in .yaml")
     files = [path.with_suffix(ending) for ending in (".csv", f".{plot.value}")]
     pages = [path.with_suffix(ending) for ending in (".html", ".gltf")] if report else []
+    if sheets:
+        require_writable(sheets)
+        pages.append(sheets)
     tables.refuse_to_overwrite([path, *files, *pages], force)
     ended: list[Optimum] = []
     with_progress(
@@ -69,6 +82,7 @@ def optimize(
     if not found.best.found:
         refuse(found)
         raise typer.Exit(FINDING)
+    found = with_yield(settings, found)
     made = None if exact else in_steps(settings, found)
     better = write_config(settings, found, made, path)
     table = write_comparison(settings, better, *files)
@@ -76,22 +90,74 @@ def optimize(
     reasons = show_reasons(settings, found)
     proof = prove(better, certify)
     typer.echo(f"{proof}\n")
+    built = show_heads(settings, better, heads)
+    story = Story(settings, better, found, made, table, reasons, proof, built)
     if report:
-        story = Story(settings, better, found, made, table, reasons, proof)
-        write_report(story, *pages)
+        write_report(story, *pages[:2])
+    if sheets:
+        write_tables(story, sheets)
     typer.echo(", ".join([str(path), *(file.name for file in (*files, *pages))]))
 
 
 def in_steps(settings: Config, found: Optimum) -> Rounded | None:
     """The layout in numbers that can be made; None where only the exact one keeps all."""
-    from facets.design.problem import problem_of
     from facets.design.rounding import round_design
 
-    problem = problem_of(found.sensor, settings.layout, price_of(settings, found))
-    made = round_design(problem, found.best.x)
+    made = round_design(found.problem, found.best.x)
     if made is None:
         typer.echo("not rounded to what can be made: nothing near keeps all that is asked for")
     return made
+
+
+def with_yield(settings: Config, found: Optimum) -> Optimum:
+    """The layout whose heads keep what is asked for with `production.yield_percent`, if that is
+    given; exit status 1 where there is none."""
+    from dataclasses import replace
+
+    from facets.design.report import in_words
+    from facets.design.robust import robust_layout
+
+    layout = settings.layout
+    if not layout.production:
+        return found
+    known = (layout, settings.range, settings.calibrate)
+    robust = robust_layout(found.problem, *known, found.best)
+    share = f"{100 * layout.production:g} %"
+    if not robust.result.found:
+        typer.echo(f"no layout was found of whose heads {share} keep all that is asked for; with "
+                   f"margins of {robust.factor:.3g} of their spreads these stand against each "
+                   "other:")  # fmt: skip
+        show_shortfalls(robust.result.shortfalls)
+        raise typer.Exit(FINDING)
+    was = in_words(layout.aim, found.best.objective)
+    typer.echo(
+        f"for {share} of the heads spots, light and limits are kept with {robust.factor:.3g} of "
+        f"the spreads that the tolerances give them (predicted {100 * robust.kept:.1f} %, "
+        f"{robust.rounds} rounds);\nfor perfect heads alone it would be: {was}\n"
+    )
+    return replace(found, results=[robust.result, *found.results], problem=robust.problem)
+
+
+def show_heads(settings: Config, better: Config, heads: int) -> list[Section]:
+    """The yield of the layout, printed, and as parts of the page; nothing where no heads are built.
+
+    The settings are those that were asked for; the sensor is the one that was found.
+    """
+    if not heads:
+        return []
+    from facets.pictures.design_report import Section
+
+    from .tolerances import error_rows, show_yields, tolerance_rows, yield_rows, yields_of
+
+    found = yields_of(settings, better.sensor, heads, settings.layout.seed)
+    show_yields(settings, found)
+    words = (f"{heads} heads built by simulation, as loose as calibrate.before says.",)
+    parts = [Section("Yield", words, *yield_rows(settings, found))]
+    if found.accurate:
+        within = ("Largest error in the volume, from rest; 95 % of the heads are within.",)
+        parts.append(Section("Accuracy", within, *error_rows(settings, found)))
+    which = Section("Which tolerance costs most", (), *tolerance_rows(settings, found), wide=True)
+    return [*parts, which]
 
 
 def price_of(settings: Config, found: Optimum) -> float:
@@ -170,7 +236,11 @@ def show_starts(found: Optimum) -> None:
 
 def refuse(found: Optimum) -> None:
     typer.echo("no layout meets all that is asked for; these stand against each other:")
-    for group, gap in found.best.shortfalls.items():
+    show_shortfalls(found.best.shortfalls)
+
+
+def show_shortfalls(shortfalls: dict[str, float]) -> None:
+    for group, gap in shortfalls.items():
         typer.echo(f"  {group}: would have to give way by {100 * gap:.3g} % of its limit")
 
 
@@ -285,7 +355,8 @@ def show_reasons(settings: Config, found: Optimum) -> list[list[str]]:
     typer.echo("what holds it back, over the strongest:")
     for size, group in active:
         typer.echo(f"  {size:>5}  {group}")
-    more = gains(found.sensor, settings.layout, found.best.x, price_of(settings, found))
+    spare = found.problem.rows.spare
+    more = gains(found.sensor, settings.layout, found.best.x, price_of(settings, found), spare)
     if more:
         typer.echo("\nwhat more would give:")
     given = [[what, in_words(settings.layout.aim, value)] for what, value in more.items()]
@@ -324,6 +395,7 @@ class Story:
     table: dict[str, Any]
     reasons: list[list[str]]
     proof: str
+    built: list[Section]
 
 
 def write_report(story: Story, page: Path, scene: Path) -> None:
@@ -346,6 +418,24 @@ def write_report(story: Story, page: Path, scene: Path) -> None:
         temporary.write_text(text, "utf-8")
 
 
+def write_tables(story: Story, path: Path) -> None:
+    """The tables of the report, by their titles."""
+    from facets.design.sheets import Rows, write_sheets
+    from facets.files.provenance import command_line
+
+    found: dict[str, Rows] = {
+        "What was asked for": (("asked", "value"), requirement(story.settings)),
+        "What changes": changes(story.settings, story.better, story.made, story.found.names),
+        "Before and after": comparison(story.table),
+        "What holds it back": (("what", "how"), story.reasons),
+    }
+    if story.found.tried:
+        found["Parts"] = parts(story.found)
+    found |= {part.title: (part.headings, part.rows) for part in story.built}
+    origin = f"{command_line()}; sha256 of the configuration {story.settings.sha256[:12]}"
+    write_sheets(path, found, origin)
+
+
 def sections(story: Story, scene: Path) -> list[Section]:
     from facets.pictures.design_report import Section, inline
     from facets.pictures.head_drawing import drawing
@@ -366,7 +456,7 @@ def sections(story: Story, scene: Path) -> list[Section]:
     )  # fmt: skip
     bars = Section("The same, drawn", drawing=inline(layout_picture(story.table), "bars"))
     reasons = Section("What holds it back, and what more would give", rows=story.reasons)
-    found = [asked, head, changed, compared, bars, reasons]
+    found = [asked, head, changed, compared, bars, reasons, *story.built]
     if story.found.tried:
         found.append(Section("Parts", (), *parts(story.found), wide=True))
     found.append(Section("Are readings unique?", (story.proof,)))

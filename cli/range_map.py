@@ -120,7 +120,8 @@ def write(
     style.save(ranges.ranges_picture(boundaries, maps), picture)
     traced = {" ".join(boundary.axes): len(boundary.points) for boundary in boundaries}
     results = {"tracking": rules.tracking, "points": traced}
-    provenance.write_record(record, settings, None, time.perf_counter() - start, results)
+    seconds = time.perf_counter() - start
+    provenance.write_record(record, settings, None, seconds, results, files)
 
 
 def report_calls(boundaries: list[Boundary], seconds: float) -> None:

@@ -174,7 +174,7 @@ def draw(settings: Config, state: Any, shape: Shape, path: Path, more: dict[str,
     if path.suffix.lower() == ".html":
         from facets.pictures.page.rig_page import write_rig_page
 
-        write_rig_page(settings.sensor, settings.name, state, path)
+        write_rig_page(settings.sensor, settings.name, state, path, shape.view)
     elif path.suffix.lower() == ".gltf":
         save_scene(settings.sensor, state, path)
     else:

@@ -58,7 +58,8 @@ def resolution(
     tables.write_table(table, resolution_columns(found), provenance.about(settings))
     style.save(drawing.budget_picture(found), picture)
     results = {"tracking": track, "estimators": [row.how.name for row in found]}
-    provenance.write_record(record, settings, None, time.perf_counter() - start, results)
+    seconds = time.perf_counter() - start
+    provenance.write_record(record, settings, None, seconds, results, files)
     name_files(folder, files)
 
 

@@ -119,7 +119,7 @@ def write(
     style.save(motion.motion_picture(segments), files.picture)
     results = {segment.name: study.statuses(segment) for segment in segments}
     seconds = time.perf_counter() - start
-    provenance.write_record(files.record, settings, seed, seconds, results)
+    provenance.write_record(files.record, settings, seed, seconds, results, files.all)
 
 
 def print_segment(segment: Segment) -> None:

@@ -144,6 +144,7 @@ def acquire(keys: dict[str, Any]) -> Acquire:
         content=keys["content"],
         dark=keys["dark_counts"],
         timing=keys["timing"],
+        mark=keys["mark"],
         least_delay=keys["least_delay_ms"] / 1000,
         delay=keys["delay_ms"] / 1000,
         wait=keys["wait_seconds"],
@@ -207,6 +208,10 @@ def layout(keys: dict[str, Any]) -> Layout:
         following=keys["beam"] == "following",
         starts=keys["starts"],
         seed=keys["seed"],
+        accuracy=per_axis(keys["accuracy"]),
+        production=(keys["production"]["yield_percent"] or 0.0) / 100,
+        calibrated=keys["production"]["calibrated"],
+        poses=keys["production"]["poses"],
     )
 
 

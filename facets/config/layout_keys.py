@@ -33,6 +33,9 @@ class Common(Section):
     size_mm: bounds(0.1, 1000) = Field(None, description="of all detectors, square")  # type: ignore[valid-type]
     diameter_mm: bounds(0.01, 100) = Field(None, description="of a round beam, 1/e^2")  # type: ignore[valid-type]
     power_mw: bounds(0.001, 1000) = Field(None, description="of the laser")  # type: ignore[valid-type]
+    transimpedance_kohm: bounds(0.001, 1e9) = Field(  # type: ignore[valid-type]
+        None, description="gain of all amplifiers, for `noise.model: electronics`"
+    )
 
 
 #: Of one facet, and of one detector.
@@ -115,6 +118,23 @@ class Weights(Section):
     price: float = Field(0, ge=0, le=1e6, description="of the parts, thousands; none for unknown")
 
 
+class Production(Section):
+    """Heads as they are built, with the tolerances that `calibrate.before` states."""
+
+    yield_percent: float | None = Field(
+        None,
+        gt=0,
+        lt=100,
+        description="share of the heads that must keep spots, light and limits; null: the design",
+    )
+    calibrated: bool = Field(
+        True, description="whether each head is calibrated, so that `accuracy` holds after that"
+    )
+    poses: int = Field(
+        60, ge=10, le=10_000, description="of a calibration's motion, beside `calibrate.reference`"
+    )
+
+
 class Optimize(Section):
     """What `facets optimize` looks for."""
 
@@ -135,6 +155,11 @@ class Optimize(Section):
         description="uncertainty of each axis that counts as 1; axes left out do not count",
     )
     limit: PerAxis = Field(PerAxis(), description="largest uncertainty of each axis in the volume")
+    accuracy: PerAxis = Field(
+        PerAxis(),
+        description="largest error of a head as built in the volume, from rest, without noise",
+    )
+    production: Production = Field(Production(), description="of heads that are not perfect")
     head_mm: float | None = Field(
         None, gt=0, le=20_000, description="largest diameter of the head, over the detectors"
     )

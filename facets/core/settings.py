@@ -107,9 +107,10 @@ class Solve:
 class Acquire:
     """The detector board's stream.
 
-    dark: counts without light.  timing: "envelope" or "arrival".  least_delay, delay: s.  wait: for
-    a port that is not there yet, s.  sync: what a power failure may cost a recording, s; 0 for
-    whatever the system leaves.  detectors: the fewest that a pose is made from.
+    dark: counts without light.  timing: "envelope" or "arrival".  mark: "trigger" or "pps".
+    least_delay, delay: s.  wait: for a port that is not there yet, s.  sync: what a power failure
+    may cost a recording, s; 0 for whatever the system leaves.  detectors: the fewest that a pose is
+    made from.
     """
 
     port: str | None
@@ -123,6 +124,7 @@ class Acquire:
     wait: float
     sync: float
     detectors: int
+    mark: str = "trigger"
 
 
 @dataclass(frozen=True)
@@ -194,6 +196,9 @@ class Layout:
     head: mm, infinite where it may be any.  least_power: mW.  weights: of the aims, where they
     are weighted.
     psds, lasers, amplifiers: the parts that can be had, by name; empty where any can.
+    accuracy: (6,) um and urad, the largest error of a head as built; infinite where not given.
+    production: share of the heads that must keep all, 0 where the design alone must.
+    calibrated: whether heads are calibrated before they are used, at so many `poses`.
     """
 
     variables: dict[str, tuple[float, float]]
@@ -210,6 +215,10 @@ class Layout:
     starts: int
     seed: int
     amplifiers: dict[str, AmplifierPart] = field(default_factory=dict)
+    accuracy: tuple[float, ...] = (float("inf"),) * 6
+    production: float = 0.0
+    calibrated: bool = True
+    poses: int = 60
 
     @property
     def has_parts(self) -> bool:
@@ -230,6 +239,7 @@ class Calibrate:
     unit; what stays is not there.  power_per_sample: whether the laser's power is an unknown of
     each.  effects: by key "auto", "on" or "off".  beam: "given", where the table says that it is,
     or "still", at the origin whatever the table says.  held_back: share of the samples.
+    dwells: whether rows are averaged where the reference stands still.
     """
 
     reference: tuple[float, ...]
@@ -239,6 +249,7 @@ class Calibrate:
     beam: str
     held_back: float
     outliers: float | None
+    dwells: bool = False
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,8 @@ def changed_keys(settings: Config, sensor: Sensor) -> dict[str, Any]:
     keys = written(settings.resolved["sensor"], sensor)
     keys["noise"]["position_um"] = 1000 * sensor.noise.position
     keys["noise"]["power_uw"] = 1000 * sensor.noise.power
+    if sensor.electronics is not None:
+        keys["electronics"]["transimpedance_kohm"] = sensor.electronics.transimpedance / 1000
     for letter in DETECTORS:  # it follows from an inclination, to a micrometre
         keys["psd"][letter]["height_mm"] = round(keys["psd"][letter]["height_mm"], DECIMALS)
     found: dict[str, Any] = differences(settings.resolved["sensor"], keys)

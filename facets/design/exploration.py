@@ -4,10 +4,12 @@ Designs are drawn by a number, so that any part of them can be made again anywhe
 hundred designs, goes to a worker as a number, and comes back as a table that is written at once.
 A run that was cut off goes on with the parts that are missing.
 
-Ranges take nine tenths of the time, so a design that cannot be on the front is not asked for them:
-where the range of a rival, already known, is no smaller, and the rival is as good in all else. That
-takes two poses an axis. The first parts, the pilot, are looked at in full: they give the rivals,
-the same for all other parts wherever those are made, and the indices of sensitivity.
+Designs of a sensor with ideal light and simple noise are measured by compiled loops, all of them in
+full (`survey`). Of others ranges take nine tenths of the time, so a design that cannot be on the
+front is not asked for them: where the range of a rival, already known, is no smaller, and the rival
+is as good in all else. That takes two poses an axis. The first parts, the pilot, are looked at in
+full: they give the rivals, the same for all other parts wherever those are made, and the indices of
+sensitivity.
 """
 
 from __future__ import annotations
@@ -28,7 +30,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..characterization.ranges import COARSE, LIGHT, PSD, SINGULAR, axis_ranges, clearances
+from ..characterization.ranges import (
+    COARSE,
+    LIGHT,
+    PSD,
+    SINGULAR,
+    axis_ranges,
+    clearances,
+)
 from ..characterization.resolution import Estimator, uncertainties
 from ..characterization.singularity import measures
 from ..core.errors import InputError, OutputError
@@ -36,17 +45,20 @@ from ..core.names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS, STATE_UNITS
 from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats
+from ..detectors.noise import currents_of, power_floor
 from ..files.tables import Whole, write_table
 from ..model.arrays import margins, readings
 from ..model.threads import cores
+from .electronics import FULL
 from .variables import sensor_of
 from .volume import states_of
 
 if TYPE_CHECKING:
     from ..core.settings import Layout
 
-#: Designs a task: about a second of work; and tasks of the pilot.
-PART, PILOT = 200, 5
+#: Designs a task: about a second of work; and tasks of the pilot. Of sensors that are measured by
+#: compiled loops a task has up to so many times as many, where there are `TASKS` or more of them.
+PART, PILOT, MANY, TASKS = 200, 5, 50, 100
 #: The file that says which search a folder is of.
 MARK = "search.txt"
 #: How often a worker looks whether its parent is still there, s.
@@ -73,6 +85,7 @@ SKIPPED = (
     "beaten before its ranges are known",
     "Jacobian near singular at rest",
     "too coarse at rest",
+    "amplifier past its full scale at rest",
 )
 #: Which of them it is where a design is outside its own range at rest, by the range's limit.
 OUTSIDE = {PSD: 1, LIGHT: 2, SINGULAR: 6, COARSE: 7}
@@ -109,8 +122,23 @@ class Space:
 
     @property
     def pilot(self) -> int:
-        """How many designs are looked at in full."""
+        """How many designs are looked at in full, at least."""
         return self.count if self.every else PILOT * self.part
+
+    @property
+    def plain(self) -> bool:
+        """Whether compiled loops measure its designs (`survey`), all of them in full."""
+        from .survey import is_plain
+
+        return not self.required and is_plain(self.sensor, self.rules)
+
+
+def with_large_parts(space: Space) -> Space:
+    """The space with as many designs a task as make about a second of work."""
+    if not space.plain:
+        return space
+    times = min(MANY, max(1, space.count // (TASKS * PART)))
+    return replace(space, part=times * PART)
 
 
 def designs(space: Space) -> Floats:
@@ -159,6 +187,8 @@ def at_rest(space: Space, x: Floats) -> tuple[int, Floats, Sensor | None]:
         return 1, values, None
     if not readings(sensor, rest)[:, 2::3].min() > space.layout.least_power:
         return 2, values, None
+    if saturates(sensor, rest):
+        return 8, values, None
     if space.required and not meets(sensor, space.layout, space.volume):
         return 4, values, None
     values[7:13] = FINE * uncertainties(sensor, rest, Estimator("", np.inf))[0]
@@ -173,6 +203,17 @@ def whole_on_detectors(sensor: Sensor, states: Floats) -> bool:
     return bool(np.where(np.isnan(room), -1, room).min() > 0)
 
 
+def saturates(sensor: Sensor, states: Floats) -> bool:
+    """Whether an electrode's current passes the amplifier's full scale, less what the optimiser
+    leaves of it; never without electronics."""
+    electronics = sensor.electronics
+    if electronics is None:
+        return False
+    light = readings(sensor, states).reshape(-1, 3, 3)
+    full = FULL * electronics.adc_range / electronics.transimpedance
+    return bool((currents_of(sensor, electronics, light) > full).any())
+
+
 def meets(sensor: Sensor, layout: Layout, states: Floats) -> bool:
     """Whether all that the layout asks for holds over the volume's states."""
     if 2 * max(psd.radius for psd in sensor.psds) > layout.head:
@@ -180,6 +221,8 @@ def meets(sensor: Sensor, layout: Layout, states: Floats) -> bool:
     if not whole_on_detectors(sensor, states):
         return False
     if not readings(sensor, states)[:, 2::3].min() > layout.least_power:
+        return False
+    if saturates(sensor, states):
         return False
     if np.isinf(layout.limit).all():
         return True
@@ -238,26 +281,60 @@ def part_of(space: Space, first: int, rivals: Floats) -> dict[str, Any]:
     rivals: measures of those that they are held against, beside one another; none in the pilot.
     """
     some = designs(space)[first : first + space.part]
+    if space.plain:
+        return part_table(space, first, some, *at_once(space, some))
     full = first < space.pilot
-    reasons, values, seconds = [], [], []
+    reasons: list[int] = []
+    values, seconds = [], []
     for x in some:
         begin = time.perf_counter()
         why, found = looked_at(space, x, NO_RIVALS if full else rivals)
         seconds.append(time.perf_counter() - begin)
-        reasons.append(SKIPPED[why])
+        reasons.append(why)
         values.append(found)
         if not why and not full:
             rivals = np.concatenate([rivals, found[None]])
+    return part_table(space, first, some, np.array(reasons), np.array(values), np.array(seconds))
+
+
+def part_table(
+    space: Space, first: int, some: Floats, why: NDArray[Any], values: Floats, seconds: Floats
+) -> dict[str, Any]:
+    """The designs (n, variables) from number `first` on, and what was found of them."""
     columns: dict[str, Any] = {"design": first + np.arange(len(some))}
     columns |= {name: some[:, i] for i, name in enumerate(space.names)}
-    columns["skipped"] = np.array(reasons)
-    columns |= {name: np.array(values)[:, i] for i, name in enumerate(MEASURES)}
-    return columns | {"seconds": np.array(seconds)}
+    columns["skipped"] = np.array(SKIPPED)[why]
+    columns |= {name: values[:, i] for i, name in enumerate(MEASURES)}
+    return columns | {"seconds": seconds}
+
+
+def at_once(space: Space, some: Floats) -> tuple[NDArray[Any], Floats, Floats]:
+    """Designs (n, variables) by compiled loops: why each is skipped, its measures, its seconds.
+
+    What these leave, and what is no sensor, is looked at one by one.
+    """
+    from .survey import surveyed
+
+    begin = time.perf_counter()
+    found, why = surveyed(
+        space.sensor, space.rules, space.names, some, space.volume, space.layout.least_power,
+        space.rules.snr * power_floor(space.sensor), FINE_ENOUGH,
+    )  # fmt: skip
+    values = found.copy()
+    values[:, AT_RANGES] *= FAR
+    seconds = np.full(len(some), (time.perf_counter() - begin) / max(1, len(some)))
+    for n in np.flatnonzero(why < 0).tolist():
+        begin = time.perf_counter()
+        why[n], values[n] = looked_at(space, some[n])
+        seconds[n] += time.perf_counter() - begin
+    values[why > 0, AT_RANGES] = np.nan
+    return why, values, seconds
 
 
 def identity(space: Space, about: dict[str, str]) -> str:
     """What must be the same for a run to go on in a folder."""
     asked = f"{space.sampling} {space.count} {space.seed} {space.every} {space.required}"
+    asked += f" parts of {space.part}" if space.part != PART else ""
     return f"{about.get('config_sha256', '')} {asked} {' '.join(space.objectives)}\n"
 
 
@@ -297,6 +374,8 @@ def explore(
 
     scheduler: address of a Dask cluster; else all cores of this machine.
     """
+    for torn in (folder / "parts").glob(".*.parquet"):  # by a run that was killed
+        torn.unlink()
     count = len(designs(space))
     firsts = range(0, count, space.part)
     missing = [first for first in firsts if not part_path(folder, first).exists()]
@@ -330,6 +409,8 @@ def pooled(
     if not firsts:
         return
     looked_at(space, designs(space)[0], rivals)  # compiled once, before the processes begin
+    if space.plain:
+        at_once(space, designs(space)[:1])
     workers = min(cores(), len(firsts))
     with ProcessPoolExecutor(
         workers, mp_context=get_context("spawn"), initializer=serve, initargs=(os.getpid(),)
@@ -362,17 +443,11 @@ def serve(parent: int) -> None:
 def clustered(
     space: Space, firsts: list[int], rivals: Floats, address: str
 ) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Parts as they come, from a cluster; those of a worker that is lost are made again."""
-    try:
-        from dask.distributed import Client
+    """Parts as they come, from a cluster; those of a worker that is lost are made again, and a
+    worker that is added takes part."""
+    with client_of(address) as client:
         from dask.distributed import as_completed as completed
-    except ImportError:
-        raise InputError("--scheduler needs the extra `cluster`: facets-6dof[cluster]") from None
-    try:
-        client = Client(address, timeout="10s")  # type: ignore[no-untyped-call]
-    except OSError as error:
-        raise InputError(f"--scheduler {address}: no cluster answers: {error}") from None
-    with client:
+
         part = partial(part_of, space, rivals=rivals)
         jobs = client.map(part, firsts, pure=False, retries=5)
         numbers = {job.key: first for job, first in zip(jobs, firsts, strict=True)}
@@ -381,11 +456,39 @@ def clustered(
             job.release()
 
 
+def client_of(address: str) -> Any:
+    """Of a Dask cluster.  Raises `InputError` where none answers."""
+    try:
+        from dask.distributed import Client
+    except ImportError:
+        raise InputError("--scheduler needs the extra `cluster`: facets-6dof[cluster]") from None
+    try:
+        return Client(address, timeout="10s")  # type: ignore[no-untyped-call]
+    except OSError as error:
+        raise InputError(f"--scheduler {address}: no cluster answers: {error}") from None
+
+
+def cluster_words(address: str) -> str:
+    """How many workers a cluster has, and where its dashboard is."""
+    with client_of(address) as client:
+        known = client.scheduler_info(n_workers=-1)
+        place = f"{len(known['workers'])} workers at {address}"
+        if "dashboard" not in known.get("services", {}):
+            return f"{place}; the scheduler has no dashboard"
+        return f"{place}; dashboard {client.dashboard_link}"
+
+
+def parts_in(folder: Path) -> list[Path]:
+    """The parts that are there, and whole: one that is being written, or was when a run was killed,
+    has a name that begins with a dot."""
+    return sorted(p for p in (folder / "parts").glob("*.parquet") if not p.name.startswith("."))
+
+
 def collect(folder: Path, firsts: Iterable[int] | None = None) -> dict[str, NDArray[Any]]:
     """The parts that are there, or those of them named, as one table in the designs' order."""
     import pyarrow.parquet as pq
 
-    files = sorted((folder / "parts").glob("*.parquet"))
+    files = parts_in(folder)
     if firsts is not None:
         files = [path for path in (part_path(folder, first) for first in firsts) if path in files]
     if not files:

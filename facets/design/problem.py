@@ -22,8 +22,9 @@ from ..core.errors import InputError
 from ..core.names import POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
+from ..optics.forward import geometry
 from .tape import Tape, tape_of
-from .variables import Outcome, heads_of, outcome_of, with_values
+from .variables import GAIN, Outcome, gain_of, heads_of, outcome_of, rim_clearances, with_values
 from .volume import states_of
 
 if TYPE_CHECKING:
@@ -52,19 +53,22 @@ class Wanted(NamedTuple):
 @dataclass(frozen=True)
 class Rows:
     """Constraints, one a row: which output of the tape at which state, in which group, and which
-    unknown is added to it, -1 for none."""
+    unknown is added to it, -1 for none; what it must keep above zero, None for nothing."""
 
     state: Integers
     output: Integers
     group: Integers
     slack: Integers
+    spare: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.state)
 
     def of(self, which: Any) -> Rows:
         """Some of them."""
-        return Rows(self.state[which], self.output[which], self.group[which], self.slack[which])
+        spare = None if self.spare is None else self.spare[which]
+        kept = (self.state[which], self.output[which], self.group[which], self.slack[which])
+        return Rows(*kept, spare)
 
 
 @dataclass(frozen=True)
@@ -78,6 +82,7 @@ class Problem:
     groups: names of the constraints.  rows: all of them.  averaged: outputs whose mean over the
     states is an aim.  aims: how much each counts; `weighted` where they are added up.
     constant: what the parts' price adds to the objective.
+    half: length over which clearances are told, mm.
     """
 
     sensor: Sensor
@@ -94,6 +99,7 @@ class Problem:
     aims: dict[str, float]
     weighted: bool
     constant: float = 0.0
+    half: float = 1.0
 
     @property
     def count(self) -> int:
@@ -133,7 +139,7 @@ class Problem:
         """What all constraints are; those that are kept are not below zero."""
         found = self.tape(unknowns[self.on_tape], self.states)[self.rows.state, self.rows.output, 0]
         values: Floats = found + np.where(self.rows.slack >= 0, unknowns[self.rows.slack], 0.0)
-        return values
+        return values if self.rows.spare is None else values - self.rows.spare
 
     def at(self, unknowns: Floats, rows: Rows) -> tuple[Floats, Floats, Floats]:
         """Values (r,) of some rows, gradients (r, count) and Hessians (r, count, count)."""
@@ -142,6 +148,8 @@ class Problem:
         values, gradients, hessians = self.expanded(found)
         bound = rows.slack >= 0
         values += np.where(bound, unknowns[rows.slack], 0.0)
+        if rows.spare is not None:
+            values -= rows.spare
         gradients[np.flatnonzero(bound), rows.slack[bound]] = 1.0
         return values, gradients, hessians
 
@@ -186,13 +194,30 @@ class Problem:
         return sign * float(unknowns[place]), gradient, np.zeros((self.count, self.count))
 
 
+#: A catalogue of no more choices is tried whole.
+TRIED = 24
+
+
 def require_supported(sensor: Sensor, layout: Layout, command: str = "optimize") -> None:
     """Raises `InputError` where the problem would leave out something that the sensor has."""
-    if sensor.electronics is not None or sensor.apertures.cut or sensor.light.on:
+    opening = sensor.apertures
+    unknown = {
+        "beam_ratio": np.isfinite(opening.beam),
+        "tip_um": opening.tip > 0,
+        "gap_um": opening.gap > 0,
+    }
+    for key, given in unknown.items():
+        if given:
+            raise InputError(
+                f"facets {command} knows no sensor.apertures.{key}: its model is of light that "
+                "only the facets' edges part; leave it out to find a layout, then see what it "
+                "changes by facets resolution (rim_mm and detectors are known: spots and the "
+                "light on the mirror are kept whole)"
+            )
+    if sensor.light.on:
         raise InputError(
-            f"facets {command} knows no sensor.apertures, no sensor.light and no `noise.model: "
-            "electronics`; "
-            "leave them out to find a layout, then see what they change by facets resolution"
+            f"facets {command} knows no sensor.light: its model is of ideal light; leave it out to "
+            "find a layout, then see what it changes by facets resolution"
         )
     if sensor.calibration is not None:
         raise InputError(
@@ -201,6 +226,42 @@ def require_supported(sensor: Sensor, layout: Layout, command: str = "optimize")
         )
     if not layout.variables:
         raise InputError("optimize.variables is empty: nothing may change")
+    require_noise(sensor, layout, command)
+
+
+def require_noise(sensor: Sensor, layout: Layout, command: str) -> None:
+    """Raises `InputError` where the noise of electronics does not go with what is asked."""
+    if sensor.electronics is None:
+        if GAIN in layout.variables:
+            raise InputError(
+                f"optimize.variables.{GAIN}: needs sensor.noise.model: electronics, from which the "
+                "noise follows"
+            )
+        return
+    if sensor.electronics.kind == "tetra-lateral":
+        raise InputError(
+            f"facets {command} knows the noise of duo-lateral and pincushion detectors; that of a "
+            "tetra-lateral is a series that its search can not hold: search with "
+            "`noise.model: simple`, then see by facets resolution what the electronics change"
+        )
+    if GAIN in layout.variables and command != "optimize":
+        raise InputError(
+            f"facets {command} can not vary {GAIN}: the least light of a range follows from it; "
+            "leave it out of optimize.variables"
+        )
+    stated = [name for name, part in layout.psds.items() if part.position is not None]
+    if layout.amplifiers or stated:
+        raise InputError(
+            "optimize.parts: amplifiers and position_um of detectors state the noise of "
+            "`noise.model: simple`, and here it follows from sensor.electronics; leave them out, "
+            "or take the simple model"
+        )
+    if len(layout.psds) * max(1, len(layout.lasers)) > TRIED:
+        raise InputError(
+            f"optimize.parts has more than {TRIED} choices: by electronics a larger detector is "
+            "noisier, so that none is as good as any of several, which leaving choices out rests "
+            "on; name fewer parts, or take `noise.model: simple`"
+        )
 
 
 def problem_of(sensor: Sensor, layout: Layout, constant: float = 0.0) -> Problem:
@@ -220,9 +281,12 @@ def problem_of(sensor: Sensor, layout: Layout, constant: float = 0.0) -> Problem
     x = [low[i] + (high[i] - low[i]) * unknown[i] for i in range(len(names))]
     parameters, sizes = with_values(sensor, names, x)
     state = tuple(at_one[i] * scale for i in range(8))
-    found = outcome_of(sensor, tuple(map(ca.SX, parameters)), sizes, state, 0.0)
-    heads = heads_of(parameters)
-    wanted = [*requirements(layout, found, heads, sizes), *aimed_at(layout, found, heads)]
+    given = tuple(map(ca.SX, parameters))
+    found = outcome_of(sensor, given, sizes, state, 0.0, gain_of(sensor, names, x))
+    heads, rims = heads_of(parameters), []
+    if np.isfinite(sensor.apertures.rim):
+        rims = rim_clearances(geometry(given), state, sensor.apertures.rim)
+    wanted = [*requirements(layout, found, heads, sizes, rims), *aimed_at(layout, found, heads)]
     means = variances_over_units(layout, found) if "mean-resolution" in layout.aims else {}
     outputs = ca.vertcat(*[each.value for each in wanted], *means.values())
     states = np.array(states_of(layout, 1.0), dtype=float)
@@ -233,7 +297,7 @@ def problem_of(sensor: Sensor, layout: Layout, constant: float = 0.0) -> Problem
         rows_of(wanted, groups, extras, len(names), len(states)),
         np.arange(len(wanted), len(wanted) + len(means)),
         {aim: weight for aim, weight in layout.aims.items() if aim != "price"},
-        layout.aim == "weighted", constant,
+        layout.aim == "weighted", constant, half_of(sizes),
     )  # fmt: skip
 
 
@@ -257,14 +321,17 @@ def rows_of(
 
 
 def requirements(
-    layout: Layout, found: list[Any], heads: list[Any], sizes: list[Any]
+    layout: Layout, found: list[Any], heads: list[Any], sizes: list[Any], rims: list[Any]
 ) -> list[Wanted]:
-    """What every layout must keep: each value at least zero, all of order one."""
+    """What every layout must keep: each value at least zero, all of order one.
+
+    The first of them are those of `requirement.margins_of`, in that order.
+    """
     kept = [
         Wanted("power on a detector", power / layout.least_power - 1)
         for power in found[Outcome.POWERS]
     ]
-    half = np.mean([size for size in sizes if isinstance(size, float)] or [1.0]) / 2
+    half = half_of(sizes)
     for k, letter in enumerate("ABC"):
         for e, edge in enumerate(EDGES):
             clearance = found[Outcome.CLEARANCES.start + 4 * k + e] / half
@@ -273,9 +340,27 @@ def requirements(
         limit = layout.limit[i]
         if np.isfinite(limit):
             kept.append(Wanted(f"uncertainty of {name}", 1 - found[i] / limit**2))
-    if np.isfinite(layout.head):
-        kept += [Wanted("size of the head", 1 - head / layout.head, states=(0,)) for head in heads]
+    kept += [Wanted(f"light on facet {k}, rim", each) for k, each in zip("ABC", rims, strict=False)]
+    kept += headrooms(found)
+    # a head whose radius is given keeps its size, whatever is sought: it holds nothing back
+    wide = [head for head in heads if not isinstance(head, float) or head > layout.head]
+    if np.isinf(layout.head):
+        return kept
+    kept += [Wanted("size of the head", 1 - head / layout.head, states=(0,)) for head in wide]
     return kept
+
+
+def headrooms(found: list[Any]) -> list[Wanted]:
+    """Of the amplifiers, where the noise follows from electronics."""
+    return [
+        Wanted(f"full scale of PSD {'ABC'[n // 4]}'s amplifiers", each)
+        for n, each in enumerate(found[Outcome.HEADROOM])
+    ]
+
+
+def half_of(sizes: list[Any]) -> float:
+    """The length over which clearances are told, mm: half of a detector whose size is given."""
+    return float(np.mean([size for size in sizes if isinstance(size, float)] or [1.0])) / 2
 
 
 def aimed_at(layout: Layout, found: list[Any], heads: list[Any]) -> list[Wanted]:

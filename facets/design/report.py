@@ -32,10 +32,16 @@ def in_words(aim: str, objective: float) -> str:
     return f"a head of {100 * objective:.4g} mm"
 
 
-def gains(sensor: Sensor, layout: Layout, best: Floats, constant: float = 0.0) -> dict[str, float]:
+def gains(
+    sensor: Sensor,
+    layout: Layout,
+    best: Floats,
+    constant: float = 0.0,
+    spare: Floats | None = None,
+) -> dict[str, float]:
     """The objective if what may not vary were a little more, solved again from the optimum.
 
-    constant: what the parts' price adds to it.
+    constant: what the parts' price adds to it.  spare: what the constraints keep above zero.
     """
     tried: dict[str, tuple[Sensor, Layout]] = {}
     if "size_mm" not in layout.variables and not layout.psds:
@@ -49,7 +55,9 @@ def gains(sensor: Sensor, layout: Layout, best: Floats, constant: float = 0.0) -
         tried["10 mm more head"] = (sensor, replace(layout, head=layout.head + 10))
     found = {}
     for what, (other, asked) in tried.items():
-        result = solve_from(problem_of(other, asked, constant), best)
+        problem = problem_of(other, asked, constant)
+        rows = replace(problem.rows, spare=spare)
+        result = solve_from(replace(problem, rows=rows), best)
         if result.found:
             found[what] = result.objective
     return found

@@ -15,7 +15,7 @@ from .problem import Problem
 from .search import SLACK, solve
 
 #: What can be set or made without effort, by the ending of a name, and of some names by itself.
-STEPS = {"mm": 0.1, "mrad": 1.0, "deg": 0.05, "mw": 0.01}
+STEPS = {"mm": 0.1, "mrad": 1.0, "deg": 0.05, "mw": 0.01, "kohm": 1.0}
 OWN = {"diameter_mm": 0.01}
 #: How many times a step is made ten times finer before a number stays as it was found.
 FINER = 3

@@ -19,7 +19,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from .branching import best_parts, priced
 from .catalogue import Choice, choices, with_parts
-from .problem import Problem, Rows, problem_of
+from .problem import TRIED, Problem, Rows, problem_of
 from .variables import present_values
 
 if TYPE_CHECKING:
@@ -35,8 +35,6 @@ SLACK = 1e-6
 UNNOTICED = 1e-9
 #: Constraints of a group that IPOPT is given at first, and each time; and how many times at most.
 NEAREST, ROUNDS = 3, 40
-#: A catalogue of no more choices is tried whole.
-TRIED = 24
 
 
 @dataclass
@@ -65,13 +63,15 @@ class Optimum:
 
     names: of the variables.  before: the objective as it was, or NaN where the sensor did not keep
     the constraints.  sensor: with the best of the parts.  tried: each choice of parts and where it
-    ended, the best first; empty without a catalogue.  choices: how many there are.
+    ended, the best first; empty without a catalogue.  choices: how many there are.  problem: that
+    was solved, with the best of the parts.
     """
 
     names: list[str]
     results: list[StartResult]
     before: float
     sensor: Sensor
+    problem: Problem
     tried: list[tuple[Choice, StartResult]] = field(default_factory=list)
     choices: int = 0
 
@@ -116,7 +116,7 @@ def optimize(
     results.sort(key=lambda result: (not result.found, result.objective))
     if not results[0].found:
         results[0].shortfalls = shortfalls_of(problem, results[0].start)
-    return Optimum(problem.names, results, before, problem.sensor, tried, count_of_choices)
+    return Optimum(problem.names, results, before, problem.sensor, problem, tried, count_of_choices)
 
 
 def choose(

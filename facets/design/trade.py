@@ -19,9 +19,16 @@ from ..detectors.noise import power_floor
 from ..optics.forward import geometry
 from .exploration import FAR, MEASURES, NO_RIVALS, Space, looked_at
 from .footprint import edge_clearances, within_circle
-from .problem import EDGES, Problem, Wanted, require_supported, rows_of
+from .problem import EDGES, Problem, Wanted, headrooms, require_supported, rows_of
 from .tape import tape_of
-from .variables import Outcome, heads_of, outcome_of, present_values, with_values
+from .variables import (
+    Outcome,
+    heads_of,
+    outcome_of,
+    present_values,
+    rim_clearances,
+    with_values,
+)
 
 #: What can be traded: what has slopes.
 OBJECTIVES = ("head_mm", *FINE_COLUMNS[:6], *RANGE_COLUMNS)
@@ -172,6 +179,9 @@ def wanted_of(
     # a volume that is a point is at rest
     volume = (outside or [0]) if space.required else []
     wanted = [Wanted("mirror's tip in the beam", within_circle(fixed, state))]
+    wanted += headrooms(found)
+    if np.isfinite(rim := space.sensor.apertures.rim):
+        wanted += [Wanted("light on a facet, rim", e) for e in rim_clearances(fixed, state, rim)]
     wanted += spots(edge_clearances(fixed, state, sizes), float(np.mean(own)) / 2)
     wanted += lit_and_fine(space, found, reached, volume)
     if space.required and np.isfinite(space.layout.head):

@@ -13,13 +13,15 @@ from typing import Any
 import numpy as np
 
 from ..core.names import DETECTORS, FINE_UNITS
-from ..core.sensor import Sensor
+from ..core.sensor import Electronics, Sensor
 from ..core.units import Floats
 from ..model.arrays import parameters, sensor_with
 from ..optics.forward import geometry, placed
 from ..optics.gradient import linearised
+from ..optics.limits import outward, seen
 from ..optics.rays import gradient_of_shift, reflect, slanted
-from ..optics.vectors import dot
+from ..optics.vectors import dot, subtract
+from .electronics import deviations
 
 #: Half of the 1/e^2 diameter, in sigmas.
 RIM = 2
@@ -34,7 +36,8 @@ class Outcome:
     variances: 6, um^2 and urad^2.  powers: 3, mW.  clearances: 12, from the light inside the 1/e^2
     circle to each detector's edges at -y, +y, -z, +z, mm, by the whole ellipse, which is no less.
     condition: square of the weighted Jacobian's condition number in the Frobenius norm, which is at
-    least that of the spectral norm and at most 8 times it.
+    least that of the spectral norm and at most 8 times it.  After these, where the noise follows
+    from electronics, `HEADROOM`: what is left of the amplifiers' full scale.
     """
 
     VARIANCES = slice(0, 6)
@@ -42,6 +45,7 @@ class Outcome:
     CLEARANCES = slice(9, 21)
     CONDITION = slice(21, 22)
     SIZE = 22
+    HEADROOM = slice(22, 34)
 
 
 def outcome(sensor: Sensor) -> Any:
@@ -57,16 +61,28 @@ def outcome(sensor: Sensor) -> Any:
     return ca.Function("outcome", [p, sizes, s, prior], [found])
 
 
-def outcome_of(sensor: Sensor, given: Any, sizes: Any, state: Any, prior: Any) -> list[Any]:
-    """The 22 numbers of `Outcome` in casadi's symbols, for 30 parameters `given`."""
+def outcome_of(
+    sensor: Sensor, given: Any, sizes: Any, state: Any, prior: Any, gain: Any = None
+) -> list[Any]:
+    """The numbers of `Outcome` in casadi's symbols, for 30 parameters `given`.
+
+    gain: of the amplifiers, ohm, where it is not the sensor's.
+    """
     import casadi as ca
 
     fixed = geometry(given)
     detectors = linearised(fixed, state)
     rows = []
-    for values, derivatives in detectors:
+    headroom: list[Any] = []
+    for k, (values, derivatives) in enumerate(detectors):
         place = sensor.noise.position * sensor.noise.at_power / values[2]
-        for i, sigma in enumerate((place, place, sensor.noise.power)):
+        sigmas = [place, place, sensor.noise.power]
+        if sensor.electronics is not None:
+            own = sensor.electronics.transimpedance if gain is None else gain
+            halves = halves_of(sensor, k, sizes[k])
+            sigmas, spare = deviations(sensor.electronics, values, halves, own)
+            headroom += spare
+        for i, sigma in enumerate(sigmas):
             scaled = [d * unit / sigma for d, unit in zip(derivatives[i], FINE_UNITS, strict=True)]
             rows.append(ca.horzcat(*scaled))
     matrix = ca.vertcat(*rows)
@@ -77,7 +93,30 @@ def outcome_of(sensor: Sensor, given: Any, sizes: Any, state: Any, prior: Any) -
     condition = ca.trace(information) * ca.trace(inverse)
     variances = [inverse[i, i] for i in range(6)]
     powers = [values[2] for values, _ in detectors]
-    return [*variances, *powers, *clearances_of(fixed, state, sizes), condition]
+    return [*variances, *powers, *clearances_of(fixed, state, sizes), condition, *headroom]
+
+
+def halves_of(sensor: Sensor, k: int, size: Any) -> tuple[Any, Any]:
+    """Half of detector k, mm: as it is, or of a square of a size that varies."""
+    psd = sensor.psds[k]
+    if isinstance(size, float) and size == min(psd.size_y, psd.size_z):
+        return psd.size_y / 2, psd.size_z / 2
+    return size / 2, size / 2
+
+
+def rim_clearances(fixed: Any, state: Any, rim: float) -> list[Any]:
+    """From the light inside the 1/e^2 ellipse to the mirror's rim on each facet, over the rim."""
+    import casadi as ca
+
+    at = placed(fixed, state)
+    found = []
+    for k in range(3):
+        along = slanted(outward(fixed, at, k), fixed.direction, at.normals[k])
+        slope = seen(fixed, along)
+        out = dot(subtract(at.place, at.apex), along)
+        reach = RIM * ca.sqrt(slope[0] ** 2 + slope[1] ** 2)
+        found.append(1 - (out + reach) / rim)
+    return found
 
 
 def clearances_of(fixed: Any, state: Any, sizes: Any) -> list[Any]:
@@ -100,11 +139,13 @@ def clearances_of(fixed: Any, state: Any, sizes: Any) -> list[Any]:
     return clearances
 
 
-UNITS = {"mm": 1.0, "mw": 1.0, "mrad": 1e-3, "deg": np.pi / 180}
+UNITS = {"mm": 1.0, "mw": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "kohm": 1e3}
+#: The amplifiers' gain, which is no parameter of the optics.
+GAIN = "transimpedance_kohm"
 #: What may be varied for all facets or detectors alike; see `config.layout_keys`.
 COMMON = (
     "radius_mm", "inclination_deg", "roll_mrad", "pitch_mrad", "yaw_mrad", "azimuth_b_deg",
-    "size_mm", "diameter_mm", "power_mw",
+    "size_mm", "diameter_mm", "power_mw", GAIN,
 )  # fmt: skip
 #: Of one facet or detector: the place among its own parameters.
 OF_A_FACET = {"inclination_deg": 0, "azimuth_deg": 1}
@@ -139,6 +180,7 @@ def present_values(sensor: Sensor) -> dict[str, float]:
         "size_mm": min(psd.size_y, psd.size_z),
         "diameter_mm": sensor.beam.diameter_x,
         "power_mw": sensor.beam.power,
+        GAIN: (sensor.electronics or Electronics()).transimpedance,
     } | {name: float(p[i]) for name, i in SINGLES.items()}
     return {name: value / unit_of(name) for name, value in values.items()}
 
@@ -176,10 +218,23 @@ def sensor_of(sensor: Sensor, names: Sequence[str], x: Floats) -> Sensor:
     """The sensor with the named variables at x. Raises `InputError` where that is none."""
     p, sizes = with_values(sensor, names, x.tolist())
     made = sensor_with(sensor, p)
+    if GAIN in names and made.electronics is not None:
+        own = gain_of(sensor, names, x.tolist())
+        made = replace(made, electronics=replace(made.electronics, transimpedance=own))
     if "size_mm" not in names:
         return made
     a, b, c = (replace(psd, size_y=d, size_z=d) for psd, d in zip(made.psds, sizes, strict=True))
     return replace(made, psds=(a, b, c))
+
+
+def gain_of(sensor: Sensor, names: Sequence[str], x: Any) -> Any:
+    """The amplifiers' gain, ohm, when the named variables take the values x; None where the noise
+    does not follow from electronics."""
+    if sensor.electronics is None:
+        return None
+    if GAIN not in names:
+        return sensor.electronics.transimpedance
+    return x[list(names).index(GAIN)] * unit_of(GAIN)
 
 
 def tangent(angle: Any) -> Any:

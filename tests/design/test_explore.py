@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import time
 from dataclasses import replace
 
 import numpy as np
+import pandas
 import pytest
-from commands import command
+from commands import PROGRAM, command
 
 import facets
-from facets.characterization.ranges import axis_ranges
+from facets.characterization.ranges import FARTHEST, axis_ranges
 from facets.core.errors import InputError
 from facets.design import exploration as study
 from facets.design.exploration import (
@@ -108,6 +111,19 @@ def rivals_of(tables):
     return np.stack([table[name][best] for name in MEASURES], axis=1)
 
 
+#: Of a sensor that compiled loops measure no design is skipped: this one has electronics.
+PILOTED = replace(
+    SPACE, sensor=replace(SPACE.sensor, electronics=facets.Electronics()), part=100, count=600
+)
+
+
+@pytest.fixture(scope="module")
+def looked_at_all():
+    """500 designs, and 100 that follow, nothing of them skipped; the same for any objectives."""
+    pilot = [part_of(PILOTED, first, NO_RIVALS) for first in range(0, 500, 100)]
+    return pilot, part_of(replace(PILOTED, every=True), 500, NO_RIVALS)
+
+
 @pytest.mark.parametrize(
     "objectives",
     [
@@ -116,11 +132,10 @@ def rivals_of(tables):
         ("u_tz_um", "condition"),
     ],
 )
-def test_what_is_skipped_is_not_on_the_front(objectives):
+def test_what_is_skipped_is_not_on_the_front(looked_at_all, objectives):
     """The front without skipping has the same designs, and the skipped are a good part of all."""
-    space = replace(SPACE, part=100, count=600, objectives=objectives)
-    pilot = [part_of(space, first, NO_RIVALS) for first in range(0, 500, 100)]
-    full = part_of(replace(space, every=True), 500, NO_RIVALS)
+    pilot, full = looked_at_all
+    space = replace(PILOTED, objectives=objectives)
     short = part_of(space, 500, rivals_of(pilot))
     skipped = short["skipped"] == study.SKIPPED[5]
     assert skipped.sum() > 20
@@ -171,11 +186,10 @@ def test_a_run_goes_on_where_it_was_cut_off(tmp_path, monkeypatch):
             np.testing.assert_array_equal(column, whole[name])
 
 
-def test_a_cluster_gives_the_same_though_a_worker_is_killed(tmp_path):
+def test_a_cluster_gives_the_same_though_a_worker_is_killed_and_one_added(tmp_path):
     distributed = pytest.importorskip("distributed")
-    space = replace(SPACE, part=10)
-    alone = [part_of(space, first, NO_RIVALS) for first in range(0, 50, 10)]
-    alone.append(part_of(space, 50, rivals_of(alone)))
+    space = replace(SPACE, part=10, count=200)
+    alone = [part_of(space, first, NO_RIVALS) for first in range(0, 200, 10)]
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
     ) as cluster:
@@ -186,7 +200,11 @@ def test_a_cluster_gives_the_same_though_a_worker_is_killed(tmp_path):
             if done == 1 and not killed:
                 killed.append(victim)
                 os.kill(victim, signal.SIGKILL)
+                cluster.scale(3)
+                with distributed.Client(cluster) as client:
+                    client.wait_for_workers(3)
 
+        assert study.cluster_words(cluster.scheduler_address).startswith("2 workers at tcp://")
         study.explore(space, tmp_path, {}, cluster.scheduler_address, tell)
     assert killed
     found = collect(tmp_path)
@@ -212,6 +230,73 @@ def test_the_command_explores_and_refuses(tmp_path):
         result = command("explore", "layout", *wrong, "-o", "new", cwd=tmp_path)
         assert result.returncode == 2
         assert words in result.stderr
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {},
+        {"rules": replace(CONFIG.range, tracking=True)},
+        {"layout": replace(CONFIG.layout, variables={"size_mm": (2.0, 20.0),
+                                                     "diameter_mm": (0.2, 4.0)})},
+        {"sensor": facets.load("skewed").sensor},
+        {"layout": replace(CONFIG.layout, variables={"facet_b_azimuth_deg": (119.0, 121.0),
+                                                     "inclination_deg": (44.7, 45.3),
+                                                     "psd_a_height_mm": (-6.0, 6.0)})},
+    ],
+)  # fmt: skip
+def test_compiled_loops_find_what_is_found_one_by_one(more):
+    """All measures, and why a design is skipped; ranges to what they are followed to."""
+    space = replace(SPACE, count=64, **more)
+    assert space.plain
+    some = designs(space)
+    why, values, _ = study.at_once(space, some)
+    near = np.zeros(len(MEASURES))
+    near[1:7] = 3 * study.FINE_ENOUGH * study.FAR * np.array(FARTHEST)
+    reached = 0
+    for n, x in enumerate(some):
+        reason, expected = looked_at(space, x)
+        assert why[n] == reason
+        if reason == 5:
+            continue
+        reached += not reason
+        same = np.isnan(values[n]) & np.isnan(expected)
+        assert (same | (np.abs(values[n] - expected) <= near + 1e-7 * np.abs(expected))).all()
+    assert reached > 5
+
+
+def test_what_compiled_loops_do_not_know_is_looked_at_one_by_one():
+    for more in ({"electronics": facets.Electronics()}, {"apertures": facets.Apertures(rim=2.0)}):
+        assert not replace(SPACE, sensor=replace(SPACE.sensor, **more)).plain
+    assert not replace(SPACE, rules=replace(CONFIG.range, whole_spot=False)).plain
+    assert not replace(SPACE, required=True).plain
+
+
+def test_a_run_killed_outright_goes_on_and_makes_nothing_twice(tmp_path):
+    words = ("explore", "layout", "--designs", "20000", "-o", "out", "--table", "parts")
+    parts = tmp_path / "out" / "parts"
+    process = subprocess.Popen([*PROGRAM, *words], cwd=tmp_path, stdout=subprocess.DEVNULL)
+    while process.poll() is None and len(study.parts_in(parts.parent)) < 2:
+        time.sleep(0.01)
+    process.kill()
+    process.wait()
+    kept = {path: path.stat().st_mtime_ns for path in study.parts_in(parts.parent)}
+    assert 2 <= len(kept) < 100
+    result = command(*words, cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept
+    whole = pandas.read_parquet(parts)
+    np.testing.assert_array_equal(np.sort(whole["design"]), np.arange(20000))
+    assert not (tmp_path / "out" / "designs.parquet").exists()
+
+
+def test_an_older_page_is_not_replaced_unasked(tmp_path):
+    (tmp_path / "page.html").write_text("mine")
+    result = command("explore", "layout", "--report", "page.html", "-o", "out", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "page.html" in result.stderr
+    assert (tmp_path / "page.html").read_text() == "mine"
+    assert not (tmp_path / "out").exists()
 
 
 def test_nothing_to_vary_is_an_error():

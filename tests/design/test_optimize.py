@@ -14,6 +14,7 @@ import facets
 from facets.characterization.resolution import Estimator, uncertainties
 from facets.characterization.singularity import measures
 from facets.core.errors import ConfigError, InputError
+from facets.core.sensor import BenchLight
 from facets.core.settings import LaserPart, PsdPart
 from facets.design.problem import problem_of
 from facets.design.report import worst_over
@@ -276,8 +277,10 @@ def test_nothing_to_vary_is_an_error():
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ({"electronics": facets.Electronics()}, "knows no sensor.apertures"),
-        ({"apertures": facets.Apertures(beam=1.0)}, "knows no sensor.apertures"),
+        ({"electronics": facets.Electronics(kind="tetra-lateral")}, "tetra-lateral is a series"),
+        ({"apertures": facets.Apertures(beam=1.0)}, "knows no sensor.apertures.beam_ratio"),
+        ({"apertures": facets.Apertures(gap=0.01)}, "knows no sensor.apertures.gap_um"),
+        ({"light": BenchLight(tip=1e-5)}, "knows no sensor.light"),
         ({"calibration": facets.Calibration((), ())}, "belongs to a rig"),
     ],
 )

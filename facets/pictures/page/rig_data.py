@@ -5,17 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from ...core.hues import DARK, LIGHT
 from ...core.sensor import Sensor
 from ...model.arrays import geometry_of
 from ...optics.forward import edges
 from ..scene import rim_of
 
-#: The hues of A, B and C, as everywhere in the project, and lighter ones of the same for a dark
-#: ground; told apart also by the colour-blind.
-HUES = {
-    "light": ("#0072B2", "#D55E00", "#009E73"),
-    "dark": ("#4DA9F0", "#FF8A3D", "#5FE0B0"),
-}
+#: The hues of A, B and C, by the page's theme.
+HUES = {"light": LIGHT.detectors, "dark": DARK.detectors}
 LETTERS = ("A", "B", "C")
 
 
@@ -27,7 +24,7 @@ def rig(sensor: Sensor) -> dict[str, Any]:
     geometry = geometry_of(sensor)
     beam = sensor.beam
     return {
-        "hues": {theme: list(hues) for theme, hues in HUES.items()},
+        "hues": {theme: list(hues.values()) for theme, hues in HUES.items()},
         "mirror": {
             "normals": [list(normal) for normal in geometry.normals],
             "edges": [math.atan2(edge[1], edge[0]) for edge in edges(geometry.normals)],

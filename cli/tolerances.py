@@ -1,0 +1,189 @@
+"""`facets tolerances`: the share of heads that keeps what is asked, and what costs most of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from .console import load_config, name_files, show_table, with_progress
+from .options import ConfigName, Force, TableKind, folder_option, output_folder
+
+if TYPE_CHECKING:
+    from facets.config import Config
+    from facets.core.sensor import Sensor
+    from facets.design.production import Heads
+    from facets.design.tolerancing import Sensitivity, Shares
+
+HEADS = "Heads that are built by simulation."
+Rows = tuple[list[str], list[list[str]]]
+
+
+def tolerances(
+    config: ConfigName,
+    output: Annotated[Path | None, folder_option("results/CONFIG-tolerances")] = None,
+    heads: Annotated[int, typer.Option(min=10, max=10**6, help=HEADS)] = 200,
+    seed: Annotated[int, typer.Option(min=0, help="Of the heads.")] = 1,
+    force: Force = False,
+    table: Annotated[TableKind, typer.Option(help="Kind of the tables.")] = TableKind.csv,
+) -> None:
+    """Tell the yield of a design, and which tolerance costs most of it.
+
+    Heads are as loose as `calibrate.before` says. Each must keep its spots on the detectors, the
+    light and the limits of the block `optimize` over its volume, and besides an accuracy, before
+    and after a calibration. The yield is predicted by an expansion in the tolerances, and counted
+    on heads that are built by simulation, calibrated and solved.
+    """
+    from facets.files import provenance, tables
+
+    settings = load_config(config)
+    folder = output_folder(output, settings.name, "tolerances")
+    files = [folder / f"{name}.{table.value}" for name in ("tolerances", "heads")]
+    tables.refuse_to_overwrite(files, force)
+    found = yields_of(settings, settings.sensor, heads, seed)
+    show_yields(settings, found)
+    about = provenance.about(settings, seed)
+    tables.write_table(files[0], sensitivity_columns(settings, found), about)
+    tables.write_table(files[1], head_columns(found.heads), about)
+    name_files(folder, files)
+
+
+class Yields:
+    """Of a design: predicted, simulated, and by tolerance.  count: of the simulated heads."""
+
+    def __init__(
+        self, predicted: Shares, heads: Heads, by_tolerance: list[Sensitivity], accurate: bool
+    ) -> None:
+        self.predicted, self.heads, self.by_tolerance = predicted, heads, by_tolerance
+        self.accurate = accurate
+        self.count = len(heads.kept)
+
+
+def yields_of(settings: Config, sensor: Sensor, heads: int, seed: int) -> Yields:
+    """What `calibrate.before` and the block `optimize` make of a sensor's heads."""
+    from facets.design.assembly import assembly_of
+    from facets.design.production import produced
+    from facets.design.tolerancing import drawn, expanded, sensitivities, shares
+
+    built = assembly_of(sensor, settings.layout, settings.range, settings.calibrate)
+    expansion = expanded(built)
+    draws = drawn(built)
+    made: list[Heads] = []
+    with_progress(lambda tell: made.append(produced(built, heads, seed, tell)), "building heads")
+    accurate = bool(built.asked.accurate)
+    return Yields(shares(expansion, draws), made[0], sensitivities(expansion, draws), accurate)
+
+
+def show_yields(settings: Config, found: Yields) -> None:
+    title = f"yield, as loose as calibrate.before says, of {found.count} heads"
+    show_table(title, *yield_rows(settings, found))
+    if found.accurate:
+        show_table("largest error in the volume, from rest: 95 % of the heads are within",
+                   *error_rows(settings, found))  # fmt: skip
+    else:
+        typer.echo("optimize.accuracy names no axis: how far poses are off is not asked\n")
+    if found.heads.unsettled:
+        typer.echo(f"{found.heads.unsettled} calibrations did not settle; their heads fail\n")
+    show_table("tolerances, the most worth while first", *tolerance_rows(settings, found),
+               left=(0, 4))  # fmt: skip
+
+
+def kinds_of(settings: Config, found: Yields) -> dict[str, str]:
+    """What a head can be asked for, in words, by the fields of `tolerancing.Shares`."""
+    kinds = {"kept": "spots, light and limits"}
+    if found.accurate:
+        kinds["built"] = "and accuracy, as built"
+    if found.accurate and settings.layout.calibrated:
+        kinds["calibrated"] = "and accuracy, calibrated"
+    return kinds
+
+
+def yield_rows(settings: Config, found: Yields) -> Rows:
+    from facets.design.production import interval, passed
+
+    counts = passed(found.heads)
+    rows = []
+    for kind, words in kinds_of(settings, found).items():
+        low, high = interval(counts[kind], found.count)
+        rows.append(
+            [words, percent(getattr(found.predicted, kind)), percent(counts[kind] / found.count),
+             f"{100 * low:.1f} to {100 * high:.1f} %"]
+        )  # fmt: skip
+    return ["heads that keep", "predicted", "simulated", "95 % interval"], rows
+
+
+def percent(share: float) -> str:
+    return f"{100 * share:.1f} %"
+
+
+def error_rows(settings: Config, found: Yields) -> Rows:
+    import numpy as np
+
+    from facets.core.names import POSE
+    from facets.core.units import unit_of
+
+    whole = found.heads.kept >= 0
+    some = found.heads.errors[whole] if whole.any() else found.heads.errors
+    rows = []
+    for i, name in enumerate(POSE):
+        allowed = settings.layout.accuracy[i]
+        values = []
+        for which in range(2):
+            column = some[:, which, i]
+            known = column[np.isfinite(column)]
+            values.append(f"{np.percentile(known, 95):.3g}" if len(known) else "")
+        asked = f"{allowed:g}" if np.isfinite(allowed) else ""
+        rows.append([f"{name}, {unit_of(name).fine_unit}", asked, *values])
+    return ["axis", "asked", "as built", "calibrated"], rows
+
+
+def last_kind(settings: Config, found: Yields) -> str:
+    """The field of the yield that counts in the end."""
+    return list(kinds_of(settings, found))[-1]
+
+
+def tolerance_rows(settings: Config, found: Yields) -> Rows:
+    kind = last_kind(settings, found)
+    rows = [
+        [row.key, f"{settings.calibrate.before[row.key]:g}", percent(getattr(row.alone, kind)),
+         percent(getattr(row.halved, kind)), row.worst]
+        for row in found.by_tolerance
+    ]  # fmt: skip
+    return ["calibrate.before", "is", "yield with it alone", "with it halved", "eats most of"], rows
+
+
+def sensitivity_columns(settings: Config, found: Yields) -> dict[str, Any]:
+    """The predicted yields by tolerance, in per cent; the first row is of all as they are."""
+    import numpy as np
+
+    rows = found.by_tolerance
+    before = settings.calibrate.before
+    columns: dict[str, Any] = {
+        "tolerance": np.array(["", *(row.key for row in rows)]),
+        "stated": np.array([np.nan, *(before[row.key] for row in rows)]),
+    }
+    for kind in kinds_of(settings, found):
+        whole = getattr(found.predicted, kind)
+        for case in ("alone", "halved"):
+            values = [whole, *(getattr(getattr(row, case), kind) for row in rows)]
+            columns[f"{kind}_{case}_percent"] = 100 * np.array(values)
+    return columns | {"eats_most_of": np.array(["", *(row.worst.replace(",", "") for row in rows)])}
+
+
+def head_columns(heads: Heads) -> dict[str, Any]:
+    """Each simulated head: its least margins, and its largest errors."""
+    import numpy as np
+
+    from facets.core.names import FINE_COLUMNS
+
+    columns: dict[str, Any] = {
+        "head": np.arange(len(heads.kept)),
+        "margin": heads.kept,
+        "accuracy_margin_built": heads.built,
+        "accuracy_margin_calibrated": heads.known,
+    }
+    for which, case in enumerate(("built", "calibrated")):
+        for i, name in enumerate(FINE_COLUMNS[:6]):
+            columns[f"error_{name.removeprefix('u_')}_{case}"] = heads.errors[:, which, i]
+    return columns

@@ -1,0 +1,119 @@
+"""Heads as they are built: parts and assembly as loose as `calibrate.before` says.
+
+Each head's parameters are drawn about those of the design, normally and independently, with the
+standard uncertainties that a calibration takes as known before: one statement of the tolerances
+serves both. Where the mirror sits on the reference belongs to the calibration's rig, not to a head,
+and is found by the calibration only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..calibration.bundle_adjustment import Data
+from ..calibration.fit import Fit, fit
+from ..calibration.table import choice
+from ..calibration.unknowns import MOUNTING, Choice, assigned, folded, values_of
+from ..characterization.ranges import axis_ranges, clearances
+from ..core.errors import InputError
+from ..core.rules import Rules
+from ..core.sensor import Sensor
+from ..core.units import Booleans, Floats
+from ..detectors.correction import uncorrected
+from ..detectors.noise import add_noise
+from ..model.arrays import readings
+from .requirement import Requirement, requirement_of
+
+if TYPE_CHECKING:
+    from ..core.settings import Calibrate, Layout
+
+#: How far a calibration's motion goes in x and y, over the beam's diameter: only powers that bend
+#: tell gains and the beam's size from the apex's place. What it keeps clear of a detector's edge,
+#: over half a detector; and its seed.
+REACH, EDGE, SEED = 0.3, 0.2, 1
+#: Steps of a head's calibration, at most, and the fall of chi-square that is not worth another.
+STEPS, ENOUGH = 25, 0.1
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """A design, how loosely its heads are built, and how they are calibrated.
+
+    choice: the parameters that differ from head to head and are found by the calibration, with
+    their standard uncertainties.  loose: which of them differ.  poses: (n, 6) of the calibration's
+    motion.  reference: (6,) its standard uncertainty, mm and rad.
+    """
+
+    sensor: Sensor
+    asked: Requirement
+    choice: Choice
+    loose: Booleans
+    poses: Floats
+    reference: Floats
+
+    @property
+    def nominal(self) -> Floats:
+        return values_of(self.sensor)
+
+    def values(self, z: Floats) -> Floats:
+        """Of all unknowns of a calibration, at `z` (p,) standard uncertainties of the choice."""
+        found = self.nominal.copy()
+        found[self.choice.places] += self.choice.sigma * z
+        return found
+
+    def head(self, z: Floats) -> Sensor:
+        """The head there.  Raises `InputError` where that is none."""
+        return assigned(self.sensor, folded(self.values(z)))
+
+
+def assembly_of(sensor: Sensor, layout: Layout, rules: Rules, known: Calibrate) -> Assembly:
+    """Raises `InputError` where nothing is loose."""
+    plain = replace(sensor, calibration=None)
+    found = choice(plain, known)
+    loose = np.array([name not in MOUNTING for name in found.names])
+    if not loose.any():
+        raise InputError(
+            "calibrate.before states no tolerance of the head: every head would be the same"
+        )
+    reference = np.array(known.reference)
+    asked = requirement_of(plain, layout, known.power_per_sample)
+    return Assembly(
+        plain, asked, found, loose, motion(plain, rules, layout.poses, reference), reference
+    )
+
+
+def motion(sensor: Sensor, rules: Rules, count: int, reference: Floats) -> Floats:
+    """Random poses (count, 6) within half the ranges, with spots clear of the edges, mm and rad."""
+    reach = np.array([axis.symmetric / 2 for axis in axis_ranges(sensor, rules, np.zeros(6))])
+    beam = min(sensor.beam.diameter_x, sensor.beam.diameter_y)
+    reach[:2] = np.maximum(reach[:2], REACH * beam)
+    shares = np.random.default_rng(SEED).uniform(-1, 1, (200 * count, 6))
+    poses = np.where(np.isfinite(reference), shares, 0.0) * reach
+    centred = replace(rules, whole_spot=False)
+    room = clearances(sensor, poses, centred)
+    room[:, 0] -= EDGE
+    possible: Floats = poses[room.min(axis=1) > 0][:count]
+    if len(possible) < count:
+        raise InputError(
+            f"of {200 * count} random poses within the ranges only {len(possible)} keep the spots "
+            f"well on the detectors, too few for a calibration of {count} poses"
+        )
+    return possible
+
+
+def measured(built: Assembly, head: Sensor, rng: np.random.Generator) -> Data:
+    """What a calibration of a head sees: noisy readings beside a reference with its errors."""
+    states = np.concatenate([built.poses, np.zeros((len(built.poses), 2))], axis=1)
+    raw = uncorrected(head, add_noise(head, readings(head, states), rng))
+    told = np.isfinite(built.reference)
+    errors = rng.normal(size=built.poses.shape) * np.where(told, built.reference, 0.0)
+    return Data(raw, built.poses + errors, built.reference, states[:, 6:])
+
+
+def calibrated(built: Assembly, head: Sensor, rng: np.random.Generator) -> Fit:
+    """A head's calibration, from the design on."""
+    data = measured(built, head, rng)
+    return fit(built.sensor, data, built.choice, None, most=STEPS, enough=ENOUGH)

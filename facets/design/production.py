@@ -1,0 +1,90 @@
+"""Heads built by simulation: what `tolerancing` predicts, by the model itself.
+
+Each head is drawn, asked for its margins, its poses are solved as if it were the design, and, where
+heads are calibrated, it is calibrated from noisy readings as `facets calibrate` does and solved
+again. Nothing is expanded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..calibration.small_matrices import one_thread
+from ..core.errors import InputError
+from ..core.units import Floats
+from .assembly import Assembly, calibrated
+from .requirement import accuracy_margins, errors_of, margins_of
+
+Tell = Callable[[int, int], None]
+#: Of a 95 % interval.
+COVERAGE = 1.959963984540054
+
+
+@dataclass(frozen=True)
+class Heads:
+    """What became of simulated heads.
+
+    kept: (n,) the least margin of spots, light and limits.  built, known: (n,) the least margin of
+    accuracy as built and calibrated, NaN where it is not asked for or no head was calibrated.
+    errors: (n, 2, 6) the largest errors in the volume, likewise; um and urad.  unsettled: heads
+    whose calibration did not come to an end; they count as failed.
+    """
+
+    kept: Floats
+    built: Floats
+    known: Floats
+    errors: Floats
+    unsettled: int
+
+
+@one_thread
+def produced(
+    built: Assembly, count: int, seed: int, tell: Tell = lambda done, whole: None
+) -> Heads:
+    """Builds `count` heads; the same seed builds the same ones."""
+    rng = np.random.default_rng(seed)
+    rows, errors, unsettled = np.full((count, 3), np.nan), np.full((count, 2, 6), np.nan), 0
+    for n in range(count):
+        tell(n, count)
+        z = rng.normal(size=len(built.choice.names)) * built.loose
+        try:
+            head = built.head(z)
+        except InputError:  # so loose that what was drawn is no pyramid, or no beam
+            rows[n] = -1.0
+            continue
+        rows[n, 0] = margins_of(built.asked, head).min()
+        if not built.asked.accurate:
+            continue
+        found = [errors_of(built.asked, head, built.sensor)]
+        if built.asked.layout.calibrated:
+            fitted = calibrated(built, head, rng)
+            unsettled += not fitted.ended
+            found.append(errors_of(built.asked, head, fitted.sensor))
+        for which, each in enumerate(found):
+            rows[n, 1 + which] = accuracy_margins(built.asked, each).min()
+            errors[n, which] = np.abs(each).max(axis=0)
+        if built.asked.layout.calibrated and not fitted.ended:
+            rows[n, 2] = -1.0
+    return Heads(rows[:, 0], rows[:, 1], rows[:, 2], errors, unsettled)
+
+
+def passed(heads: Heads) -> dict[str, int]:
+    """How many heads keep spots, light and limits; and accuracy as built, and calibrated."""
+    kept = heads.kept >= 0
+    return {
+        "kept": int(kept.sum()),
+        "built": int((kept & (heads.built >= 0)).sum()),
+        "calibrated": int((kept & (heads.known >= 0)).sum()),
+    }
+
+
+def interval(passed: int, count: int) -> tuple[float, float]:
+    """The 95 % interval of a share of which `passed` out of `count` were seen (Wilson)."""
+    share, square = passed / count, COVERAGE**2
+    middle = (share + square / (2 * count)) / (1 + square / count)
+    half = COVERAGE / (1 + square / count)
+    half *= np.sqrt(share * (1 - share) / count + square / (4 * count**2))
+    return max(0.0, float(middle - half)), min(1.0, float(middle + half))

@@ -1,0 +1,115 @@
+"""What a head must keep over the volume, as margins by the float model: each at least zero.
+
+The optimiser asks the same of a layout in symbols (`problem.requirements`). Here it is asked of a
+head as it was built, whose detectors and facets each stand a little elsewhere, and besides, how far
+its poses are off because the solver thinks of another head than this one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..characterization.resolution import Estimator, uncertainties
+from ..core.names import DETECTORS, FINE_UNITS, POSE
+from ..core.sensor import Sensor
+from ..core.units import Floats
+from ..detectors.correction import corrected, uncorrected
+from ..estimation.solver import solve
+from ..model.arrays import half_sizes, margins, readings
+from .problem import EDGES
+from .volume import states_of
+
+if TYPE_CHECKING:
+    from ..core.settings import Layout
+
+FREE = Estimator("", np.inf)
+#: The margin of what can not be told, since a spot or its light is not there.
+LOST = -1.0
+UNITS = np.array(FINE_UNITS[:6])
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """What is asked for over the volume.
+
+    states: (m, 8), the last at rest.  power: of the laser, as `solve` takes it.  rim: whether the
+    mirror's light must stay within its rim.
+    """
+
+    layout: Layout
+    states: Floats
+    power: Any = "known"
+    rim: bool = False
+
+    @property
+    def limited(self) -> list[int]:
+        """Axes whose uncertainty has a limit."""
+        return [i for i in range(6) if np.isfinite(self.layout.limit[i])]
+
+    @property
+    def accurate(self) -> list[int]:
+        """Axes whose error has a limit."""
+        return [i for i in range(6) if np.isfinite(self.layout.accuracy[i])]
+
+    @property
+    def groups(self) -> list[str]:
+        """Names of the margins of one state, in the order of `margins_of`."""
+        spots = [f"spot on PSD {k.upper()}, {edge} edge" for k in DETECTORS for edge in EDGES]
+        fine = [f"uncertainty of {POSE[i]}" for i in self.limited]
+        rims = [f"light on facet {k.upper()}, rim" for k in DETECTORS] if self.rim else []
+        return ["power on a detector"] * 3 + spots + fine + rims
+
+    @property
+    def error_groups(self) -> list[str]:
+        return [f"error of {POSE[i]}" for i in self.accurate]
+
+
+def requirement_of(sensor: Sensor, layout: Layout, drifts: bool) -> Requirement:
+    """drifts: whether the laser's power is unknown in each sample."""
+    states = np.array([*states_of(layout, 1.0), [0.0] * 8], dtype=float)
+    rim = bool(np.isfinite(sensor.apertures.rim))
+    return Requirement(layout, states, "unknown" if drifts else "known", rim)
+
+
+def margins_of(asked: Requirement, sensor: Sensor) -> Floats:
+    """(m, groups): powers and spots over what they need, uncertainties over their limits."""
+    layout, states = asked.layout, asked.states
+    powers = readings(sensor, states)[:, 2::3] / layout.least_power - 1
+    halves = np.repeat(half_sizes(sensor), 2, axis=1)
+    room = margins(sensor, states)
+    clear = (room[:, :, :4] / halves).reshape(len(states), 12)
+    parts = [powers, clear]
+    if asked.limited:
+        sigma = uncertainties(sensor, states, FREE)[:, asked.limited] / UNITS[asked.limited]
+        parts.append(1 - sigma / np.array(layout.limit)[asked.limited])
+    if asked.rim:
+        parts.append(room[:, :, 4] / sensor.apertures.rim)
+    found: Floats = np.nan_to_num(np.concatenate(parts, axis=1), nan=LOST)
+    return found
+
+
+def errors_of(asked: Requirement, built: Sensor, thought: Sensor) -> Floats:
+    """(m, 6) by how much poses are off, from what they are off at rest; um and urad.
+
+    built: the head as it is.  thought: the head that the solver takes it for.  NaN where it finds
+    no pose.
+    """
+    raw = uncorrected(built, readings(built, asked.states).copy())
+    found = solve(
+        thought, corrected(thought, raw), beam="free", power=asked.power, start=asked.states,
+        covariance=False,
+    )  # fmt: skip
+    off = np.where(found.ok[:, None], found.state[:, :6] - asked.states[:, :6], np.nan) / UNITS
+    beside: Floats = off - off[-1]
+    return beside
+
+
+def accuracy_margins(asked: Requirement, errors: Floats) -> Floats:
+    """(..., axes with a limit): what is left of it."""
+    axes = asked.accurate
+    limits = np.array(asked.layout.accuracy)[axes]
+    found: Floats = np.nan_to_num(1 - np.abs(errors[..., axes]) / limits, nan=LOST)
+    return found

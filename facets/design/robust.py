@@ -1,0 +1,138 @@
+"""A layout that still keeps what is asked for when its heads are as loose as they are built.
+
+Every limit of the search is moved in by k times the spread that the tolerances give to its margin,
+and k is as large as the yield asks for. Both change with the layout: the spreads by its geometry, k
+by how many limits are near at once. So the search, the expansion and k are found in turn until k
+no longer changes; each search begins where the last one ended.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.rules import Rules
+from ..core.units import Floats
+from .assembly import Assembly, assembly_of
+from .problem import Problem, require_supported
+from .search import StartResult, shortfalls_of, solve_from
+from .tolerancing import SAFE, Draws, Expansion, drawn, expanded, kept_of
+from .variables import sensor_of
+
+if TYPE_CHECKING:
+    from ..core.settings import Calibrate, Layout
+
+#: Rounds at most; and how near to the yield that is asked for the prediction must come.
+ROUNDS, NEAR = 8, 0.002
+#: Margins are told in spreads, of which one of nothing is taken as this.
+LEAST_SPREAD = 1e-12
+
+
+@dataclass(frozen=True)
+class Robust:
+    """A layout with margins.
+
+    problem: with the margins, which rounding and what comes after it must keep as well.
+    result: where its search ended.  factor: k.  expansion: of the layout found.  kept: its share of
+    heads that keep spots, light and limits, predicted.  rounds: that it took.
+    """
+
+    problem: Problem
+    result: StartResult
+    factor: float
+    expansion: Expansion
+    kept: float
+    rounds: int
+
+
+def require_fixed_volume(layout: Layout) -> None:
+    """Raises `InputError` where the volume, over which heads are asked, is itself an unknown."""
+    if "range" in layout.aims:
+        raise InputError(
+            "optimize.production.yield_percent with an aim of range: heads are asked over the "
+            "volume that is stated, and this aim makes the volume itself as large as can be; "
+            "state the volume and take another aim"
+        )
+
+
+def robust_layout(
+    problem: Problem, layout: Layout, rules: Rules, known: Calibrate, best: StartResult
+) -> Robust:
+    """The layout whose heads keep what is asked for with `layout.production`, from the best one.
+
+    Where none does, the result's `found` is false and its `shortfalls` say what stands in the way.
+    """
+    require_supported(problem.sensor, layout)
+    require_fixed_volume(layout)
+    from scipy.special import ndtri
+
+    target, factor, result = layout.production, float(ndtri(layout.production)), best
+    found: Robust | None = None
+    for rounds in range(1, ROUNDS + 1):
+        made = sensor_of(problem.sensor, problem.names, result.x)
+        built = assembly_of(made, replace(layout, accuracy=(np.inf,) * 6), rules, known)
+        expansion = expanded(built)
+        draws = drawn(built)
+        kept = float((kept_of(expansion, draws.heads) >= 0).mean())
+        found = Robust(problem, result, factor, expansion, kept, rounds)
+        if rounds > 1 and abs(kept - target) < NEAR:
+            return found
+        if rounds > 1:
+            factor += missing(expansion, draws, target)
+        problem = with_spare(problem, spare_of(problem, expansion, factor))
+        result = solve_from(problem, result.x)
+        if not result.found:
+            result.shortfalls = shortfalls_of(problem, result.start)
+            return replace(found, problem=problem, result=result)
+    assert found is not None
+    return found
+
+
+def with_spare(problem: Problem, spare: Floats | None) -> Problem:
+    """The problem whose constraints keep that (rows,) above zero."""
+    return replace(problem, rows=replace(problem.rows, spare=spare))
+
+
+def missing(found: Expansion, draws: Draws, target: float) -> float:
+    """By how many spreads the margins must grow, all alike, for a share of the heads to keep all.
+
+    A head keeps all where its worst margin, in spreads, is no more below zero than that.
+    """
+    spread = np.maximum(found.spread, LEAST_SPREAD)
+    near = np.flatnonzero(found.margins < SAFE * spread)
+    worst = np.full(len(draws.heads), np.inf)
+    for part in np.array_split(near, max(1, len(near) // 100)):
+        if len(part):
+            values = found.margins[part] + draws.heads @ found.slopes[part].T
+            values += draws.heads**2 @ found.bends[part].T / 2
+            worst = np.minimum(worst, (values / spread[part]).min(axis=1))
+    return -float(np.quantile(worst, 1 - target))
+
+
+def spare_of(problem: Problem, found: Expansion, factor: float) -> Floats:
+    """What each constraint of a problem must keep above zero (rows,), in its own unit."""
+    built = found.built
+    names = built.asked.groups
+    spread = factor * found.spread.reshape(-1, len(names))
+    own = own_units(problem, built, spread)
+    every = np.concatenate([own, np.zeros((len(own), 1))], axis=1)
+    column = np.minimum(problem.rows.output, len(names))  # what follows is no requirement of heads
+    spare: Floats = every[problem.rows.state, column]
+    return spare
+
+
+def own_units(problem: Problem, built: Assembly, spread: Floats) -> Floats:
+    """Spreads of `requirement.margins_of` in the units of the problem's constraints, which keep
+    variances instead of uncertainties, and clearances over another length."""
+    own = spread.copy()
+    psds = built.sensor.psds
+    for k, psd in enumerate(psds):
+        halves = np.array([psd.size_y, psd.size_y, psd.size_z, psd.size_z]) / 2
+        own[:, 3 + 4 * k : 7 + 4 * k] *= halves / problem.half
+    last = 15 + len(built.asked.limited)
+    fine = np.minimum(spread[:, 15:last], 1.0)
+    own[:, 15:last] = 2 * fine - fine**2
+    return own

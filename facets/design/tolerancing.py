@@ -1,0 +1,249 @@
+"""The yield of a design, predicted: which share of its heads keeps what is asked for.
+
+Every margin is expanded in the tolerances about the design, to second order in each by itself; the
+errors of poses to first order in what a head is and in what the solver takes it for. A calibration
+of information M, in units of the tolerances, finds of a head z the values
+
+    C (M z + M^1/2 w),   C = (M + P)^-1,
+
+where P is what was known before and w is the noise of readings and reference. So some ten thousand
+heads cost one product of matrices, and `production` builds some hundred to check them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..calibration.bundle_adjustment import Data
+from ..calibration.fit import prior_information
+from ..calibration.identifiability import information
+from ..calibration.small_matrices import one_thread
+from ..core.units import Booleans, Floats
+from ..model.arrays import readings
+from .assembly import Assembly
+from .requirement import errors_of, margins_of
+
+if TYPE_CHECKING:
+    from ..core.sensor import Sensor
+
+#: Heads of a prediction, and the seed of their numbers, the same for every question.
+HEADS, SEED = 20_000, 7
+#: Step of the errors' slopes, in tolerances: what is left of them after a calibration is a
+#: difference of two, so that these must be slopes and not secants.
+SMALL = 1e-3
+#: A margin so many spreads above zero is not looked at.
+SAFE = 6.0
+#: By parameter, to which key of `calibrate.before` it belongs; else it is a bend of a detector.
+KEYS = {
+    "radius": "psd_place_mm", "height": "psd_place_mm", "roll": "psd_turn_mrad",
+    "pitch": "psd_turn_mrad", "yaw": "psd_turn_mrad", "inclination": "facet_mrad",
+    "tilt_x": "beam_tilt_mrad", "tilt_y": "beam_tilt_mrad", "sigma_xx": "beam_diameter_percent",
+    "sigma_yy": "beam_diameter_percent", "sigma_xy": "beam_diameter_percent",
+    "y10": "scale_percent", "z01": "scale_percent", "dark": "dark_uw",
+}  # fmt: skip
+
+
+def key_of(name: str) -> str:
+    """The tolerance that a parameter is drawn by, as a key of `calibrate.before`."""
+    head, _, part = name.rpartition(".")
+    if part == "azimuth":
+        return "facet_mrad" if head.startswith("facet") else "psd_place_mm"
+    if part == "power":
+        return "laser_percent" if head == "beam" else "power_percent"
+    return KEYS.get(part, "bend_um")
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """A design's margins and errors by its tolerances, in units of their standard uncertainties.
+
+    margins (r,), slopes (r, p), bends (r, p): of `requirement.margins_of`, state by state.
+    by_head, by_solver: (e, p) of `requirement.errors_of` for the axes with an accuracy, state by
+    state, by what the head is and by what the solver takes it for; um and urad.  limits: (e,).
+    gain, root: (p, p) C and M^1/2.
+    """
+
+    built: Assembly
+    margins: Floats
+    slopes: Floats
+    bends: Floats
+    by_head: Floats
+    by_solver: Floats
+    limits: Floats
+    gain: Floats
+    root: Floats
+
+    @property
+    def spread(self) -> Floats:
+        """The standard deviation (r,) of each margin."""
+        found: Floats = np.sqrt((self.slopes**2).sum(axis=1) + (self.bends**2).sum(axis=1) / 2)
+        return found
+
+    def group(self, row: int) -> str:
+        """The name of a margin."""
+        names = self.built.asked.groups
+        return names[row % len(names)]
+
+
+@one_thread
+def expanded(built: Assembly) -> Expansion:
+    """Raises `InputError` where the design itself can not be asked, or a head is none."""
+    count = len(built.choice.names)
+    middle = margins_of(built.asked, built.sensor)
+    slopes, bends = np.zeros((2, middle.size, count))
+    for n in np.flatnonzero(built.loose).tolist():
+        up, down = (margins_of(built.asked, head_at(built, n, step)) for step in (1.0, -1.0))
+        slopes[:, n] = ((up - down) / 2).ravel()
+        bends[:, n] = (up + down - 2 * middle).ravel()
+    axes = built.asked.accurate
+    rows = len(built.asked.states) * len(axes)
+    by_head, by_solver = np.zeros((2, rows, count))
+    if axes:
+        for n in range(count):
+            heads = [head_at(built, n, step) for step in (SMALL, -SMALL)]
+            one, other = (errors_of(built.asked, built.sensor, head) for head in heads)
+            by_solver[:, n] = ((one - other)[:, axes] / (2 * SMALL)).ravel()
+            if built.loose[n]:
+                one, other = (errors_of(built.asked, head, built.sensor) for head in heads)
+                by_head[:, n] = ((one - other)[:, axes] / (2 * SMALL)).ravel()
+    limits = np.tile(np.array(built.asked.layout.accuracy)[axes], len(built.asked.states))
+    return Expansion(
+        built, middle.ravel(), slopes, bends, by_head, by_solver, limits, *calibration_of(built)
+    )
+
+
+def head_at(built: Assembly, n: int, step: float) -> Sensor:
+    z = np.zeros(len(built.choice.names))
+    z[n] = step
+    return built.head(z)
+
+
+def calibration_of(built: Assembly) -> tuple[Floats, Floats]:
+    """C and M^1/2 of a calibration by the motion, in units of the tolerances."""
+    states = np.concatenate([built.poses, np.zeros((len(built.poses), 2))], axis=1)
+    data = Data(readings(built.sensor, states), built.poses, built.reference, states[:, 6:])
+    sigma = built.choice.sigma
+    told = information(built.sensor, data, built.choice)
+    before = sigma[:, None] * prior_information(built.choice) * sigma
+    sizes, directions = np.linalg.eigh(told)
+    root = directions * np.sqrt(np.maximum(sizes, 0.0))
+    gain: Floats = np.linalg.inv(told + before).astype(float)
+    return gain, root
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Heads (n, p) in tolerances, and the noise of their calibrations (n, p)."""
+
+    heads: Floats
+    noise: Floats
+
+
+def drawn(built: Assembly, count: int = HEADS, seed: int = SEED) -> Draws:
+    rng = np.random.default_rng(seed)
+    heads, noise = rng.normal(size=(2, count, len(built.choice.names)))
+    return Draws(heads * built.loose, noise)
+
+
+@dataclass(frozen=True)
+class Shares:
+    """Of heads: that keep spots, light and limits; and besides their accuracy, as they are built
+    and after a calibration. The last two are NaN where no accuracy is asked for."""
+
+    kept: float
+    built: float
+    calibrated: float
+
+
+def kept_of(found: Expansion, heads: Floats) -> Floats:
+    """The least margin (n,) of each head."""
+    bend = np.abs(found.bends).sum(axis=1)
+    near = np.flatnonzero(found.margins < SAFE * (found.spread + bend))
+    least = np.full(len(heads), np.inf)
+    for part in np.array_split(near, max(1, len(near) // 100)):
+        if len(part):
+            values = found.margins[part] + heads @ found.slopes[part].T
+            values += heads**2 @ found.bends[part].T / 2
+            least = np.minimum(least, values.min(axis=1))
+    return least
+
+
+def found_by_calibration(found: Expansion, draws: Draws) -> Floats:
+    """What calibrations find of the heads (n, p), in tolerances."""
+    told = draws.heads @ found.root @ found.root.T + draws.noise @ found.root.T
+    values: Floats = told @ found.gain.T
+    return values
+
+
+def errors_over_limits(found: Expansion, draws: Draws) -> tuple[Floats, Floats]:
+    """The largest error over its limit (n,) of each head, as built and calibrated."""
+    known = found_by_calibration(found, draws)
+    worst = np.zeros((2, len(draws.heads)))
+    for part in np.array_split(np.arange(len(found.limits)), max(1, len(found.limits) // 100)):
+        built = draws.heads @ found.by_head[part].T
+        both = built, built + known @ found.by_solver[part].T
+        for n, errors in enumerate(both):
+            over = np.abs(errors) / found.limits[part]
+            worst[n] = np.maximum(worst[n], over.max(axis=1, initial=0.0))
+    return worst[0], worst[1]
+
+
+@one_thread
+def shares(found: Expansion, draws: Draws) -> Shares:
+    """The yields of some heads."""
+    kept = kept_of(found, draws.heads) >= 0
+    if not len(found.limits):
+        return Shares(float(kept.mean()), float("nan"), float("nan"))
+    built, known = errors_over_limits(found, draws)
+    return Shares(
+        float(kept.mean()), float((kept & (built <= 1)).mean()), float((kept & (known <= 1)).mean())
+    )
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """What one tolerance costs.
+
+    key: of `calibrate.before`.  alone: the yields where nothing else is loose.  halved: where it is
+    half as large, and all others as they are.  worst: the margin that it eats most of.
+    """
+
+    key: str
+    alone: Shares
+    halved: Shares
+    worst: str
+
+
+def sensitivities(found: Expansion, draws: Draws) -> list[Sensitivity]:
+    """By tolerance, the one whose halving gives most first."""
+    keys = np.array([key_of(name) for name in found.built.choice.names])
+    rows = []
+    for key in dict.fromkeys(keys[found.built.loose].tolist()):
+        mine = keys == key
+        alone = shares(found, Draws(draws.heads * mine, draws.noise))
+        halved = shares(found, Draws(draws.heads * np.where(mine, 0.5, 1.0), draws.noise))
+        rows.append(Sensitivity(key, alone, halved, worst_of(found, mine)))
+    last = "calibrated" if found.built.asked.layout.calibrated else "built"
+    field = last if len(found.limits) else "kept"
+    rows.sort(key=lambda row: -getattr(row.halved, field))
+    return rows
+
+
+def worst_of(found: Expansion, mine: Booleans) -> str:
+    """The margin, or the error, of which some tolerances eat most at two standard uncertainties."""
+    eaten = 2 * np.sqrt((found.slopes[:, mine] ** 2).sum(axis=1))
+    left = found.margins - eaten
+    name = found.group(int(left.argmin()))
+    axes = found.built.asked.error_groups
+    if axes:
+        matrix = found.by_head
+        if found.built.asked.layout.calibrated:  # what the calibration leaves of them
+            told = found.root @ found.root.T
+            matrix = found.by_head + found.by_solver @ found.gain @ told
+        error = 1 - 2 * np.sqrt((matrix[:, mine] ** 2).sum(axis=1)) / found.limits
+        if error.min() < left.min():
+            return axes[int(error.argmin()) % len(axes)]
+    return name

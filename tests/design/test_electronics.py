@@ -1,0 +1,146 @@
+"""Noise from electronics and the mirror's rim, in the search for a layout."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from commands import command
+
+import facets
+from facets.characterization.resolution import Estimator, uncertainties
+from facets.core.errors import InputError
+from facets.core.settings import AmplifierPart, PsdPart
+from facets.design.exploration import Space, looked_at
+from facets.design.front import pareto_front
+from facets.design.search import optimize
+from facets.design.variables import Outcome, outcome, sensor_of
+from facets.design.volume import states_of
+from facets.detectors.noise import currents_of
+from facets.model.arrays import parameters
+
+CONFIG = facets.load("layout")
+SCALE = np.array([1e3, 1e3, 1e3, 1e6, 1e6, 1e6])
+FREE = Estimator("", np.inf)
+ELECTRONICS = facets.Electronics(bandwidth=5e3, adc_bits=14)
+
+
+def with_electronics(**more):
+    return replace(CONFIG.sensor, electronics=replace(ELECTRONICS, **more))
+
+
+def states(count):
+    rng = np.random.default_rng(2)
+    return rng.uniform(-1, 1, (count, 8)) * np.array(CONFIG.layout.volume)
+
+
+@pytest.mark.parametrize("kind", ["duo-lateral", "pincushion"])
+def test_the_symbols_have_the_noise_of_the_float_model(kind):
+    sensor = with_electronics(kind=kind, ambient=0.02)
+    function = outcome(sensor)
+    for state in states(6):
+        found = np.array(function(parameters(sensor), [13.0] * 3, state, 0.0)).ravel()
+        sigma = uncertainties(sensor, state[None], FREE)[0] * SCALE
+        np.testing.assert_allclose(np.sqrt(found[Outcome.VARIANCES]), sigma, rtol=1e-8)
+        light = facets.readings(sensor, state).reshape(1, 3, 3)
+        full = 0.95 * ELECTRONICS.adc_range / ELECTRONICS.transimpedance
+        left = 1 - currents_of(sensor, sensor.electronics, light).ravel() / full
+        np.testing.assert_allclose(found[Outcome.HEADROOM], left, rtol=1e-10)
+
+
+def worst(sensor):
+    volume = np.array(states_of(CONFIG.layout, 1.0), dtype=float)
+    return float((uncertainties(sensor, volume, FREE) * SCALE / CONFIG.layout.unit).max())
+
+
+def largest_current(sensor):
+    volume = np.array(states_of(CONFIG.layout, 1.0), dtype=float)
+    light = facets.readings(sensor, volume).reshape(-1, 3, 3)
+    return float(currents_of(sensor, sensor.electronics, light).max())
+
+
+def test_a_gain_is_as_large_as_the_amplifiers_take():
+    sensor = with_electronics(adc_bits=10)  # so coarse that the gain matters
+    layout = replace(
+        CONFIG.layout, variables={"transimpedance_kohm": (5.0, 5000.0)}, starts=1, head=np.inf
+    )
+    best = optimize(sensor, layout).best
+    assert best.found
+    made = sensor_of(sensor, ["transimpedance_kohm"], best.x)
+    full = made.electronics.adc_range / made.electronics.transimpedance
+    assert largest_current(made) == pytest.approx(0.95 * full, rel=1e-5)
+    assert "full scale of PSD" in next(k for k in best.active_constraints if "full" in k)
+    less = replace(made, electronics=replace(made.electronics, transimpedance=2e4))
+    assert worst(made) < worst(less)
+    assert np.sqrt(best.objective) == pytest.approx(worst(made), rel=1e-6)
+
+
+def test_a_layout_with_electronics_is_better_by_the_float_model():
+    sensor = with_electronics()
+    layout = replace(CONFIG.layout, starts=1)
+    found = optimize(sensor, layout)
+    made = sensor_of(sensor, found.names, found.best.x)
+    assert np.sqrt(found.best.objective) == pytest.approx(worst(made), rel=1e-6)
+    assert worst(made) < 0.99 * worst(sensor)
+
+
+def test_the_light_on_the_mirror_stays_within_its_rim():
+    rim = 0.62
+    sensor = replace(CONFIG.sensor, apertures=facets.Apertures(rim=rim))
+    layout = replace(CONFIG.layout, variables={"diameter_mm": (0.4, 3.0)}, starts=1)
+    wide = optimize(CONFIG.sensor, layout).best
+    held = optimize(sensor, layout).best
+    assert held.found
+    assert held.x[0] < wide.x[0] - 0.01
+    assert any("rim" in group for group in held.active_constraints)
+    volume = np.array(states_of(layout, 1.0), dtype=float)
+    out = facets.margins(sensor_of(sensor, ["diameter_mm"], held.x), volume)[:, :, 4]
+    assert -1e-6 < out.min() < 0.02
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"amplifiers": {"a": AmplifierPart(1e-5, 1.0)}}, "state the noise of"),
+        ({"psds": {"a": PsdPart(10.0, 0.001, 1.0)}}, "state the noise of"),
+        ({"psds": {str(n): PsdPart(10.0 + n, None, 1.0) for n in range(25)}}, "larger detector"),
+    ],
+)
+def test_parts_that_state_another_noise_are_an_error(more, words):
+    with pytest.raises(InputError, match=words):
+        optimize(with_electronics(), replace(CONFIG.layout, **more))
+
+
+def test_a_gain_without_electronics_is_an_error():
+    layout = replace(CONFIG.layout, variables={"transimpedance_kohm": (5.0, 5000.0)})
+    with pytest.raises(InputError, match=r"needs sensor\.noise\.model"):
+        optimize(CONFIG.sensor, layout)
+
+
+def test_a_drawn_design_past_its_full_scale_is_left_out():
+    layout = replace(CONFIG.layout, variables={"transimpedance_kohm": (5.0, 5000.0)})
+    space = Space(with_electronics(), CONFIG.range, layout, "sobol", 8, 1)
+    assert looked_at(space, np.array([100.0]))[0] == 0
+    assert looked_at(space, np.array([5000.0]))[0] == 8
+
+
+def test_a_front_with_electronics_has_the_float_models_measures():
+    layout = replace(CONFIG.layout, variables={"radius_mm": (100.0, 250.0)})
+    goals = ("head_mm", "u_roll_urad")
+    space = Space(with_electronics(), CONFIG.range, layout, "sobol", 8, 1, goals)
+    found = pareto_front(space, 5, 1)
+    assert len(found.designs) >= 4
+    assert found.left_out == 0  # points whose measures are not what was found
+
+
+def test_the_command_writes_the_gain(tmp_path):
+    (tmp_path / "amplified.yaml").write_text(
+        "extends: bench\noptimize: {starts: 1, variables: {transimpedance_kohm: [20, 2000], "
+        "diameter_mm: [0.5, 1.5]}, volume: {tz_mm: 2, roll_mrad: 4, pitch_mrad: 4}}\n"
+    )
+    told = command("optimize", "amplified.yaml", "-o", "best.yaml", "--certify", "0", cwd=tmp_path)
+    assert told.returncode == 0, told.stdout + told.stderr
+    assert "electronics.transimpedance_kohm" in told.stdout
+    best = facets.load(tmp_path / "best.yaml")
+    assert best.sensor.electronics.transimpedance != 2e5
