@@ -6,7 +6,7 @@ BIN := .venv/bin
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 
-.PHONY: run test lint tree types layers unit studies portable bench reproduce docs clean
+.PHONY: run test test-full lint tree types layers unit studies portable bench reproduce docs gallery three clean
 
 run: .venv/installed
 	$(BIN)/facets simulate paper -o results/paper --force
@@ -34,6 +34,10 @@ layers: .venv/developed tree
 unit: .venv/developed
 	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder
 
+# All of that, and the studies, too.
+test-full: lint types layers
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m ""
+
 # What takes minutes, and of which the suite has a shorter case.
 studies: .venv/developed
 	$(BIN)/pytest -n auto -m study
@@ -53,6 +57,16 @@ reproduce: .venv/installed
 
 docs: .venv/developed
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+# The pictures of the documentation.
+gallery: .venv/developed
+	$(BIN)/python -m facets.experiments.gallery docs/gallery
+
+# three.js as the pages of rigs carry it; for a new version of it, see three/package.json there.
+three:
+	rm -rf build/three && mkdir -p build && cp -R facets/pictures/page/three build/three
+	cd build/three && npm install --no-audit --no-fund --no-package-lock --silent && npm run --silent build
+	cp build/three/three.min.js build/three/node_modules/three/LICENSE facets/pictures/page/three/
 
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv

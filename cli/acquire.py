@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from facets.config import Config
     from facets.live.acquire import Ending, Live, Reader
     from facets.live.recording import Recording
+    from facets.live.web.page import WebPage
     from facets.tracking.tracker import Tracker
 
 
@@ -46,7 +47,23 @@ Publish = Annotated[
     list[str] | None,
     typer.Option(
         help="Give every sample to other programs, at udp://HOST:PORT (JSON), "
-        "udp+binary://HOST:PORT, tcp://HOST:PORT or lsl:NAME; can be given several times."
+        "udp+binary://HOST:PORT, tcp://HOST:PORT, shm:NAME or lsl:NAME; can be given several times."
+    ),
+]
+Filter = Annotated[
+    str | None,
+    typer.Option(
+        "--filter",
+        help="With --publish: filtered poses beside the raw ones, for a motion that is nearly of "
+        "constant acceleration, speed or place.",
+    ),
+]
+Web = Annotated[
+    str | None,
+    typer.Option(
+        metavar="[HOST:]PORT",
+        help="Show the run on a page in browsers, of this machine (127.0.0.1) where no other "
+        "address is given; port 0 is any that is free.",
     ),
 ]
 Compare = Annotated[
@@ -72,6 +89,8 @@ def acquire(
     json: AsJson = False,
     rate: Rate = None,
     publish: Publish = None,
+    filter_by: Filter = None,
+    web: Web = None,
     compare: Compare = False,
 ) -> None:
     """Acquire a stream of detector counts and solve every sample.
@@ -87,17 +106,14 @@ def acquire(
     from facets.live.pipeline import Pipeline
 
     check_options(seconds, plain, json)
+    check_filter(filter_by, publish)
     settings = load(config)
     name = required(port or settings.acquire.port, "--port", "acquire.port")
     live = Live(Pipeline(settings))
     live.pipeline.warm_up()
     recording = started(settings, output) if record else None
     try:
-        if publish:
-            from facets.live.publication import Publications
-
-            live.publications = Publications(publish, settings)
-            tell(f"publishing at {', '.join(live.publications.places())}")
+        page = receivers(live, settings, publish or [], web, filter_by, track)
         if track:
             live.tracker = tracker_of(settings, stage_port, search, recording)
         reader = reader_of(settings, name, recording, reconnect, live)
@@ -105,12 +121,64 @@ def acquire(
         abandon(live, recording)
         raise
     ending = Ending(seconds or float("inf"), samples or float("inf"))
-    stream(live, reader, recording, ending, display(live, plain, json, rate))
+    shown = display(live, plain, json, rate)
+    stream(live, reader, recording, ending, on_page(page, shown) if page else shown)
     reasons = complaints(live, max_loss, compare)
     for reason in reasons:
         tell(f"exit status 1: {reason}")
     if reasons:
         raise typer.Exit(1)
+
+
+def receivers(
+    live: Live,
+    settings: Config,
+    publish: list[str],
+    web: str | None,
+    filter_by: str | None,
+    carried: bool,
+) -> WebPage | None:
+    """Begins to give samples away, and says where; the page, if there is one."""
+    if not publish and web is None:
+        return None
+    from facets.live.publication import Publications
+
+    live.publications = Publications(publish, settings, filter_by=filter_by, carried=carried)
+    if publish:
+        tell(f"publishing at {', '.join(live.publications.places())}")
+    if web is None:
+        return None
+    from facets.live.web.page import WebPage
+    from facets.live.web.status import status_of
+    from facets.pictures.page.scripts import rig_scripts
+
+    more = {"kind": "acquire"}
+    page = WebPage(settings, web, lambda: status_of(live), more, drawn=rig_scripts(settings.sensor))
+    live.publications.all.append(page)
+    for text in page.greeting():
+        tell(text)
+    page.show()
+    return page
+
+
+@contextmanager
+def on_page(
+    page: WebPage, shown: AbstractContextManager[Callable[[Live], None]]
+) -> Iterator[Callable[[Live], None]]:
+    """The same view, and beside it what the page is told; it goes on where a terminal closes."""
+    gone = False
+    with shown as show:
+
+        def both(live: Live) -> None:
+            nonlocal gone
+            page.show()
+            try:
+                if not gone:
+                    show(live)
+            except OSError:
+                gone = True
+
+        yield both
 
 
 def reader_of(
@@ -153,6 +221,20 @@ def check_options(seconds: float | None, plain: bool, json: bool) -> None:
         )
     if plain and json:
         raise InputError("--plain and --json are two ways to show the same; give one of them")
+
+
+def check_filter(model: str | None, publish: list[str] | None) -> None:
+    """Refuses a model that is none, and filtered poses that nobody would get."""
+    from facets.core.errors import InputError
+
+    if model is None:
+        return
+    from facets.live.smoothing import MODELS
+
+    if model not in MODELS:
+        raise InputError(f"--filter {model}: is no model; give {', '.join(MODELS)}")
+    if not publish:
+        raise InputError("--filter needs --publish: filtered poses go to other programs")
 
 
 def tell(text: str) -> None:
@@ -248,7 +330,7 @@ def tracker_of(
             f"stage.gain is {stage.gain}: with a delay of {1e3 * margin.delay:.3g} ms at "
             f"{stage.rate:g} Hz the loop is unstable; allowed: below {margin.most:.3g}"
         )
-    port_ = open_line(name, stage.baud, 0.02)
+    port_ = name if stage.driver == "other" else open_line(name, stage.baud, 0.02)
     say = recording.event if recording else lambda *_, **__: None
     return Tracker(port_, stage, Law.of(settings.sensor, stage), say, search)
 

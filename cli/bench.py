@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from .console import show_table
-from .options import Force, folder_option
+from .options import Force, Look, Style, folder_option
 
 #: Where each study is, and its title.
 STUDIES = {
@@ -20,7 +20,7 @@ STUDIES = {
     "apertures": ("apertures", "cut light: time a pose, beside that of uncut light"),
     "maps": ("maps", "range maps: outlines to 0.1 um and 0.1 urad, beside grids as fine"),
     "layouts": ("layouts", "layouts: the best one, and many, beside SciPy on the float model"),
-    "drawing": ("drawing", "pictures of 1200 x 900: the first, and each frame of a film"),
+    "drawing": ("drawing", "pictures of 1200 x 900 and a film of 720 x 480: first and next ones"),
     "profile": ("profile", "where the time of a pose goes"),
     "special": ("profile", "what a side sweeps over, evaluated in other ways"),
     "stability": ("stability", "errors over apex offset and tilt, against high precision"),
@@ -35,6 +35,7 @@ def bench(
     force: Force = False,
     quick: Annotated[bool, typer.Option("--quick", help="Reduced, under a minute.")] = False,
     seed: Annotated[int, typer.Option(min=0, help="Of the random states.")] = 1,
+    look: Style = Look.screen,
 ) -> None:
     """Measure run time against error, beside other ways to compute the same.
 

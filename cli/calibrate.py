@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .console import FINDING, load_config
-from .options import ConfigName
+from .options import ConfigName, Look, Style
 from .simulate import PlotKind
 
 if TYPE_CHECKING:
@@ -39,6 +39,10 @@ def calibrate(
         list[str] | None,
         typer.Option("--effect", help="NAME=on, off or auto, for calibrate.effects; repeatable."),
     ] = None,
+    dwells: Annotated[
+        bool,
+        typer.Option("--dwells", help="Average over the times when the reference stands still."),
+    ] = False,
     accept_misfit: Annotated[
         bool, typer.Option("--accept-misfit", help="Write a result that is not to be trusted.")
     ] = False,
@@ -47,6 +51,7 @@ def calibrate(
     ] = 0,
     force: Annotated[bool, typer.Option("--force", help="Replace older files.")] = False,
     plot: Annotated[PlotKind, typer.Option(help="Kind of the picture.")] = PlotKind.png,
+    look: Style = Look.screen,
 ) -> None:
     """Calibrate a rig: where its detectors are, how its facets lean, what its gains are.
 
@@ -56,6 +61,8 @@ def calibrate(
     goes into every pose that is solved with it. Where the result is not to be trusted it says why,
     writes nothing and exits with 1.
     """
+    from dataclasses import replace
+
     from facets.core.errors import InputError
 
     settings = load_config(config)
@@ -68,6 +75,7 @@ def calibrate(
         raise InputError("DATA is missing: a table of readings beside a reference, or --propose N")
     else:
         asked = with_effects(settings, effect or [])
+        asked = replace(asked, calibrate=replace(asked.calibrate, dwells=dwells))
         fit_rig(asked, data, reference, path, plot, force, accept_misfit)
 
 
@@ -137,7 +145,7 @@ def read_samples(settings: Config, data: Path, reference: Path | None) -> tuple[
         f"{reference.name} joined at an offset of {1e3 * joined.offset:.4g} ms "
         f"(likeness of the motions {joined.likeness:.3f})"
     )
-    if asked.effects["delay"] == "auto":
+    if asked.effects["delay"] == "auto" and not asked.dwells:
         asked = replace(asked, effects=asked.effects | {"delay": "on"})
     return joined.data, asked
 
@@ -336,36 +344,43 @@ def with_power(settings: Config) -> Config:
 
 
 def propose_poses(settings: Config, path: Path, count: int, force: bool) -> None:
-    """Out of random poses and corners of half the range, those that together tell most."""
+    """Out of random poses, those that together tell most, in an order that is short to travel."""
     import numpy as np
 
     from facets.calibration.identifiability import mean_left, proposed, told_by
     from facets.calibration.table import REFERENCE, choice
-    from facets.characterization.ranges import axis_ranges, clearances
+    from facets.calibration.tour import short_order, travel
+    from facets.core.errors import InputError
     from facets.core.names import STATE_UNITS
     from facets.files import provenance, tables
 
     tables.refuse_to_overwrite([path], force)
     tables.ending(path)
     sensor, asked = settings.sensor, settings.calibrate
-    reach = np.array([a.symmetric / 2 for a in axis_ranges(sensor, settings.range, np.zeros(6))])
-    rng = np.random.default_rng(1)
-    shares = rng.uniform(-1, 1, (4000, 6))
-    poses = np.where(np.isfinite(asked.reference), shares, 0.0) * reach
-    poses = poses[clearances(sensor, poses, settings.range).min(axis=1) > 0]
+    poses = possible_poses(settings)
+    if not len(poses):
+        raise InputError(
+            f"{settings.name}: no pose of a motion to calibrate with has light on all detectors "
+            f"and its spots {EDGE} mm from their edges"
+        )
     wanted = choice(sensor, asked)
     sigma = np.array(asked.reference)
     chosen, left = proposed(sensor, wanted, sigma, poses, count)
     rows = told_by(sensor, wanted, sigma, poses[:count]).reshape(-1, len(wanted.names))
     any_ones = mean_left(np.eye(rows.shape[1]) + rows.T @ rows)
+    shares = poses[chosen] / np.maximum(np.abs(poses).max(axis=0), 1e-12)
+    rest = np.zeros((1, 6))
+    order = short_order(shares, rest[0])
     columns: dict[str, Any] = {
-        name: poses[chosen, n] / STATE_UNITS[n] for n, name in enumerate(REFERENCE)
+        name: poses[chosen[order], n] / STATE_UNITS[n] for n, name in enumerate(REFERENCE)
     }
-    columns["mean_left"] = left
+    columns["rank"], columns["mean_left"] = order + 1, left[order]
     tables.write_table(path, columns, provenance.about(settings))
+    long, short = (travel(np.vstack([rest, rows])) for rows in (shares, shares[order]))
     typer.echo(
         f"{path}: {count} poses; uncertainties are {left[-1]:.3g} of those before, in the "
-        f"geometric mean; by as many at random {any_ones:.3g}"
+        f"geometric mean; by as many at random {any_ones:.3g}. In this order the way is "
+        f"{100 * (1 - short / long):.0f} % shorter than by rank"
     )
 
 

@@ -81,6 +81,8 @@ def library_of(path: Path, form: str) -> FirmwareLibrary:
 def warm_up(bench: Bench) -> None:
     import numpy as np
 
+    from facets.model import rare
     from facets.model.arrays import readings
 
+    rare.prepare()
     readings(bench.config.sensor, np.zeros(8))

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .console import FINDING, leave_out_picture, load_config, name_files, with_progress
-from .options import ConfigName, Plot, PlotKind, folder_option, output_folder
+from .options import (
+    ConfigName,
+    Look,
+    Plot,
+    PlotKind,
+    Style,
+    folder_option,
+    output_folder,
+)
 
 if TYPE_CHECKING:
     from facets.characterization.sensitivity import Index
@@ -102,6 +110,7 @@ def explore(
     force: Anew = False,
     table: Annotated[Designs, typer.Option(help=TABLE)] = Designs.parquet,
     plot: Plot = PlotKind.png,
+    look: Style = Look.screen,
     certify: Certify = 0,
     front: Front = False,
     points: Points = 100,

@@ -14,7 +14,17 @@ import typer
 
 from .certificates import reach_file
 from .console import FINDING, leave_out_picture, load_config, name_files
-from .options import ConfigName, Force, Plot, PlotKind, TableKind, folder_option, output_folder
+from .options import (
+    ConfigName,
+    Force,
+    Look,
+    Plot,
+    PlotKind,
+    Style,
+    TableKind,
+    folder_option,
+    output_folder,
+)
 
 if TYPE_CHECKING:
     from facets.characterization.ambiguity import AmbiguousPair
@@ -105,6 +115,7 @@ def jacobian(
     threads: Annotated[int, typer.Option(min=0, help="0: all cores.")] = 1,
     table: Annotated[TableKind | None, typer.Option(help="Also write all states so.")] = None,
     plot: Plot = PlotKind.png,
+    look: Style = Look.screen,
 ) -> None:
     """Tell whether readings determine states, over a box of states.
 
@@ -125,7 +136,7 @@ def jacobian(
     results = write(asked, found, pair)
     if certify:
         results |= certify_and_report(asked, limit, reach, tolerances, worst)
-    write_record(asked, results)
+    write_record(asked, results, asked.files(certify, reach))
     name_files(folder, [file for file in asked.files(certify, reach) if file.exists()])
     if certify and not results["unique"]:
         raise typer.Exit(FINDING)
@@ -234,11 +245,11 @@ def write(asked: Asked, found: Survey, pair: AmbiguousPair | None) -> dict[str, 
     return {"states": found.states, "one_sign": found.one_sign}
 
 
-def write_record(asked: Asked, results: dict[str, Any]) -> None:
+def write_record(asked: Asked, results: dict[str, Any], files: list[Path]) -> None:
     from facets.files import provenance
 
     seconds = time.perf_counter() - asked.start
-    provenance.write_record(asked.record, asked.settings, asked.seed, seconds, results)
+    provenance.write_record(asked.record, asked.settings, asked.seed, seconds, results, files)
 
 
 def where(settings: Config, box: str | None) -> tuple[StateBox, float | None]:

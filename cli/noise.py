@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .options import Look, Style
+
 if TYPE_CHECKING:
     from facets.characterization.noise_report import NoiseReport
 
@@ -23,6 +25,7 @@ def noise(
         Path | None, typer.Option("--write", help="The configuration with the noise found: YAML.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace older files.")] = False,
+    look: Style = Look.screen,
 ) -> None:
     """Find the noise of a bench in a recording of a mirror at rest.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .console import FINDING, load_config, show_table, with_progress
-from .options import ConfigName, Force, Plot, PlotKind
+from .options import ConfigName, Force, Look, Plot, PlotKind, Style
 
 if TYPE_CHECKING:
     from facets.config import Config
@@ -40,6 +40,7 @@ def optimize(
     ] = None,
     force: Force = False,
     plot: Plot = PlotKind.png,
+    look: Style = Look.screen,
     certify: Annotated[int, typer.Option(min=0, help=CERTIFY)] = 400,
     exact: Annotated[bool, typer.Option("--exact", help=EXACT)] = False,
     report: Annotated[bool, typer.Option("--report", help=REPORT)] = False,
@@ -405,11 +406,9 @@ def write_report(story: Story, page: Path, scene: Path) -> None:
     from facets.files.provenance import command_line
     from facets.files.tables import Whole
     from facets.pictures.design_report import report
-    from facets.pictures.render import Picture
+    from facets.pictures.render import save_scene
 
-    picture = Picture(story.better.sensor, np.zeros(8), "rig")
-    picture.save(scene)
-    picture.close()
+    save_scene(story.better.sensor, np.zeros(8), scene)
     best = story.found.best.objective if story.made is None else story.made.objective
     words = in_words(story.settings.layout.aim, best)
     summary = f"{words[0].upper()}{words[1:]}."

@@ -20,9 +20,31 @@ class PlotKind(StrEnum):
     pdf = "pdf"
 
 
+class Look(StrEnum):
+    paper = "paper"
+    screen = "screen"
+    dark = "dark"
+
+
+def choose_look(look: Look) -> Look:
+    """Every picture that the command makes from here on is in this style."""
+    from facets.core.hues import choose_style
+
+    choose_style(look.value)
+    return look
+
+
 ConfigName = Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace older results.")]
 Plot = Annotated[PlotKind, typer.Option(help="Kind of the picture.")]
+Style = Annotated[
+    Look,
+    typer.Option(
+        "--style",
+        callback=choose_look,
+        help="Look of the pictures: paper for print, screen, or dark for slides.",
+    ),
+]
 Table = Annotated[TableKind, typer.Option(help="Kind of the table.")]
 At = Annotated[str | None, typer.Option(help="Where the other axes stand: tz_mm=1,yaw_mrad=2.")]
 

@@ -16,8 +16,10 @@ from .options import (
     At,
     ConfigName,
     Force,
+    Look,
     Plot,
     PlotKind,
+    Style,
     Table,
     TableKind,
     Track,
@@ -66,6 +68,7 @@ def range_map(
     force: Force = False,
     table: Table = TableKind.csv,
     plot: Plot = PlotKind.png,
+    look: Style = Look.screen,
 ) -> None:
     """Map measurement ranges and name their limits.
 
@@ -117,7 +120,8 @@ def write(
     style.save(ranges.ranges_picture(boundaries, maps), picture)
     traced = {" ".join(boundary.axes): len(boundary.points) for boundary in boundaries}
     results = {"tracking": rules.tracking, "points": traced}
-    provenance.write_record(record, settings, None, time.perf_counter() - start, results)
+    seconds = time.perf_counter() - start
+    provenance.write_record(record, settings, None, seconds, results, files)
 
 
 def report_calls(boundaries: list[Boundary], seconds: float) -> None:

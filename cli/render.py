@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from .console import load_config
-from .options import ConfigName
+from .options import ConfigName, Look, Style
 from .places import state_of
 
 if TYPE_CHECKING:
@@ -20,6 +20,11 @@ class View(StrEnum):
     both = "both"
     rig = "rig"
     mirror = "mirror"
+    detector = "detector"
+    cutaway = "cutaway"
+    exploded = "exploded"
+    range = "range"
+    trail = "trail"
 
 
 Output = Annotated[
@@ -27,14 +32,39 @@ Output = Annotated[
     typer.Option(
         "-o",
         "--output",
-        help="png; gltf or html, to be turned; mp4 or gif with --motion or --recording; "
-        "svg or pdf with --spots or --plan.  [default: results/CONFIG-WHAT.png]",
+        help="png; html, a page to play with; gltf, to be turned; mp4 or gif with --motion or "
+        "--recording; svg or pdf with --spots or --plan.  [default: results/CONFIG-WHAT.png]",
     ),
 ]
 State = Annotated[
     str | None, typer.Option(help="The state: tx_mm=0.1,yaw_mrad=5; the rest is zero.")
 ]
+Views = Annotated[
+    View,
+    typer.Option(
+        help="both: the rig, and magnified the mirror's point and the detectors' faces; one of "
+        "these; cut open; taken apart; the range of the mirror's place; the trail of a motion."
+    ),
+]
 Spots = Annotated[bool, typer.Option("--spots", help="The detectors' faces, as Fig. 2.")]
+Track = Annotated[bool, typer.Option("--track", help="The beam follows the mirror, in a range.")]
+Larger = Annotated[
+    float | None,
+    typer.Option(
+        "--exaggerate",
+        min=1,
+        help="How many times larger a film's motion is drawn.  [default: as far as all spots stay "
+        "on their detectors]",
+    ),
+]
+
+
+class Shape(NamedTuple):
+    """How a picture is drawn: its view, its size in pixels, and its style."""
+
+    view: Any
+    size: tuple[int, int]
+    style: str
 
 
 def render(
@@ -42,49 +72,67 @@ def render(
     output: Output = None,
     force: Annotated[bool, typer.Option("--force", help="Replace an older file.")] = False,
     at: State = None,
-    view: Annotated[View, typer.Option(help="The rig, the mirror large, or both.")] = View.both,
+    view: Views = View.both,
     spots: Spots = False,
     plan: Annotated[bool, typer.Option("--plan", help="From above, as Fig. 3.")] = False,
-    motion: Annotated[str | None, typer.Option(help="A film of this motion.")] = None,
-    recording: Annotated[Path | None, typer.Option(help="A film of a recording's poses.")] = None,
-    frames: Annotated[int, typer.Option(min=2, help="Of a film.")] = 60,
-    rate: Annotated[float, typer.Option(min=1, max=60, help="Of a film, frames per second.")] = 15,
+    motion: Annotated[
+        str | None, typer.Option(help="A film of this motion, or its trail with --view trail.")
+    ] = None,
+    recording: Annotated[
+        Path | None, typer.Option(help="A film, or the trail, of a recording's poses.")
+    ] = None,
+    track: Track = False,
+    frames: Annotated[int, typer.Option(min=2, help="Of a film.")] = 120,
+    rate: Annotated[float, typer.Option(min=1, max=60, help="Of a film, frames per second.")] = 30,
+    exaggerate: Larger = None,
     width: Annotated[int, typer.Option(min=200, max=8000, help="Pixels.")] = 1200,
     height: Annotated[int, typer.Option(min=200, max=8000, help="Pixels.")] = 900,
+    style: Style = Look.screen,
     show: Annotated[bool, typer.Option("--show", help="In a window, to be turned.")] = False,
 ) -> None:
-    """Render the sensor at a state: rig, mirror, beams, and the light on the detectors.
+    """Render the sensor at a state: the rig, the point of the mirror, and the light in it.
 
-    All bodies are made of the model's own rays. Without a display it renders off-screen.
+    All light is made of the model's own rays. Without a display it renders off-screen.
     """
     from facets.core.errors import InputError
     from facets.files import tables
 
     settings = load_config(config)
-    flat, film = spots or plan, motion is not None or recording is not None
-    if (spots and plan) or (flat and film) or (motion and recording):
+    moves = motion is not None or recording is not None
+    flat, film = spots or plan, moves and view is not View.trail
+    if (spots and plan) or (flat and moves) or (motion and recording):
         raise InputError("give one of --spots, --plan, --motion, --recording")
-    path = output or Path("results") / f"{settings.name}-{name_of(spots, plan, film)}"
+    if view is View.trail and not moves:
+        raise InputError("a trail is that of a motion: give --motion or --recording")
+    if film and view in (View.cutaway, View.exploded, View.range):
+        raise InputError(f"--view {view.value} shows the rig at rest; a film needs another view")
+    path = output or Path("results") / f"{settings.name}-{name_of(spots, plan, film, view)}"
     check_ending(path, flat, film)
     tables.refuse_to_overwrite([] if show else [path], force)
     state = state_of(at)
+    shape = Shape(view.value, (width, height), style.value)
     if flat:
         draw_flat(settings, state, spots, path)
     elif film:
         states = film_states(settings, motion, recording, frames)
-        shoot(settings, states, view.value, (width, height), path, rate)
-        if note := motion_note(states, settings.sensor, view):
-            typer.echo(note, err=True)
+        shoot(settings, states, shape, path, rate, exaggerate)
+    elif show:
+        from facets.pictures import render as pictures
+
+        pictures.show(settings.sensor, state)
     else:
-        draw(settings, state, view.value, (width, height), None if show else path)
+        more = extras(settings, view, motion, recording, track)
+        draw(settings, state, shape, path, more)
     if not show:
         typer.echo(f"{path}")
 
 
-def name_of(spots: bool, plan: bool, film: bool) -> str:
+def name_of(spots: bool, plan: bool, film: bool, view: View) -> str:
     if film:
         return "film.mp4"
-    return "spots.png" if spots else "plan.png" if plan else "rig.png"
+    if spots or plan:
+        return "spots.png" if spots else "plan.png"
+    return "rig.png" if view is View.both else f"{view.value}.png"
 
 
 def check_ending(path: Path, flat: bool, film: bool) -> None:
@@ -98,15 +146,36 @@ def check_ending(path: Path, flat: bool, film: bool) -> None:
         raise InputError(f"{path}: its name must end in {', '.join(allowed)} for {kind}")
 
 
-def draw(settings: Config, state: Any, view: Any, size: tuple[int, int], path: Path | None) -> None:
-    from facets.pictures.render import Picture
+def extras(
+    settings: Config, view: View, motion: str | None, recording: Path | None, track: bool
+) -> dict[str, Any]:
+    """What a view needs beside sensor and state."""
+    from dataclasses import replace
 
-    picture = Picture(settings.sensor, state, view, size, interactive=path is None)
-    if path is None:
-        picture.plotter.show()
-        return
-    picture.save(path)
-    picture.close()
+    if view is View.range:
+        return {"rules": replace(settings.range, tracking=True) if track else settings.range}
+    if view is View.trail:
+        return {"motion": film_states(settings, motion, recording, 600)}
+    return {}
+
+
+def draw(settings: Config, state: Any, shape: Shape, path: Path, more: dict[str, Any]) -> None:
+    """A picture, a page or a scene, by the file's ending."""
+    from facets.pictures.materials import theme_of
+    from facets.pictures.render import Picture, save_scene
+
+    if path.suffix.lower() == ".html":
+        from facets.pictures.page.rig_page import write_rig_page
+
+        write_rig_page(settings.sensor, settings.name, state, path, shape.view)
+    elif path.suffix.lower() == ".gltf":
+        save_scene(settings.sensor, state, path)
+    else:
+        theme = theme_of(shape.style)
+        with Picture(
+            settings.sensor, state, shape.view, shape.size, theme, settings.name, **more
+        ) as picture:
+            picture.save(path)
 
 
 def draw_flat(settings: Config, state: Any, spots: bool, path: Path) -> None:
@@ -140,41 +209,31 @@ def film_states(settings: Config, motion: str | None, recording: Path | None, fr
     return states[np.linspace(0, len(states) - 1, frames).round().astype(int)]
 
 
-#: A motion of less than this share of what a film shows is not seen in it: a few pixels.
-SEEN = 0.02
-
-
-def motion_note(states: Any, sensor: Any, view: View) -> str:
-    """What to say of a motion that is too small to be seen in its film, else nothing."""
-    import numpy as np
-
-    from facets.pictures.scene import rim_of
-
-    span = float(np.ptp(states[:, :3], axis=0).max())
-    turn = float(np.ptp(states[:, 3:6], axis=0).max())
-    shown = 2 * max(psd.radius for psd in sensor.psds)
-    if view is not View.rig:
-        shown = 2 * rim_of(sensor)
-    if max(span / shown, turn) >= SEEN:
-        return ""
-    return (
-        f"The mirror moves by {1e3 * span:.3g} µm and turns by {1e3 * turn:.3g} mrad in this film, "
-        f"whose picture is {shown:.3g} mm wide: too little to be seen. The pose is written in each "
-        "frame, and `facets simulate` draws it over time."
-    )
-
-
 def shoot(
-    settings: Config, states: Any, view: Any, size: tuple[int, int], path: Path, rate: float
+    settings: Config, states: Any, shape: Shape, path: Path, rate: float, exaggerate: float | None
 ) -> None:
+    """A film; says by how much its motion is drawn larger."""
     from rich.console import Console
     from rich.progress import Progress
 
+    from facets.pictures import film
+    from facets.pictures.magnification import motion_factor, times, turning_factor
+    from facets.pictures.materials import theme_of
     from facets.pictures.render import Picture
 
-    picture = Picture(settings.sensor, states[0], view, size)
+    factor = exaggerate or motion_factor(settings.sensor, states)
+    turning = turning_factor(factor * states) if exaggerate is None else 1.0
     console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+    theme = theme_of(shape.style)
+    with (
+        Picture(
+            settings.sensor, states[0], shape.view, shape.size, theme, settings.name
+        ) as picture,
+        Progress(console=console, transient=True, disable=not console.is_terminal) as progress,
+    ):
         task = progress.add_task("rendering", total=len(states))
-        picture.film(path, states, rate, lambda: progress.advance(task))
-    picture.close()
+        film.write(picture, states, path, rate, factor, lambda: progress.advance(task), turning)
+    if note := times(factor, turning):
+        typer.echo(
+            f"{note[0].upper()}{note[1:]}, so that it can be seen; the film says so.", err=True
+        )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -33,9 +34,25 @@ def replay(
         str,
         typer.Option(help="Motion that is nearly of constant: acceleration, speed or place."),
     ] = "acceleration",
+    filter_by: Annotated[
+        str | None,
+        typer.Option(
+            "--filter",
+            help="Poses that are filtered as in a live run, in columns or as published: by nearly "
+            "constant acceleration, speed or place.",
+        ),
+    ] = None,
     publish: Annotated[
         list[str] | None,
         typer.Option(help="Give every sample to other programs, as `facets acquire` does."),
+    ] = None,
+    web: Annotated[
+        str | None,
+        typer.Option(
+            metavar="[HOST:]PORT",
+            help="Show the recording on a page in browsers, as `facets acquire` does; it stays "
+            "until ^C.",
+        ),
     ] = None,
 ) -> None:
     """Run a recording through the parser and the solver again.
@@ -45,7 +62,7 @@ def replay(
     out the same to the last bit; --compare says whether, and exits with 1 where not.
     """
     from facets import load
-    from facets.files import provenance, tables
+    from facets.files import tables
     from facets.live.pipeline import Pipeline
     from facets.live.recording import Damage, meta_of
     from facets.live.replay import recorded_config
@@ -55,22 +72,53 @@ def replay(
     settings = load(config) if config else recorded_config(recording)
     if smooth:
         check_smoothing(output, smooth_by)
+    if filter_by:
+        check_filter(filter_by, smooth, output, publish)
     if output:
         if not is_mcap(output):
             tables.ending(output)
         tables.refuse_to_overwrite([output], force)
     pipeline, damage = Pipeline(settings), Damage()
     replayed = run(recording, pipeline, real_time, damage)
-    found = list(published(replayed, recording, settings, publish) if publish else replayed)
-    tell(pipeline, recording, damage)
-    if output and smooth:
-        write_smoothed(output, found, pipeline, smooth_by)
+    if publish:
+        replayed = published(replayed, recording, settings, publish, filter_by)
+    with page_of(web, pipeline, recording) as page:
+        found = list(page.following(replayed) if page else replayed)
+        tell(pipeline, recording, damage)
+        if output and filter_by:
+            write_filtered(output, found, pipeline, filter_by)
+        else:
+            save(output, found, pipeline, recording, smooth_by if smooth else "")
+        if compare:
+            compared(recording, found)
+        if page:
+            page.stay(lambda text: typer.echo(text, err=True))
+
+
+def page_of(web: str | None, pipeline: Any, recording: Path) -> AbstractContextManager[Any]:
+    """The page of a replay, which says where it is; None where none is asked for."""
+    if web is None:
+        return nullcontext()
+    from facets.live.web.replay_page import ReplayPage
+    from facets.pictures.page.scripts import rig_scripts
+
+    page = ReplayPage(pipeline, recording, web, rig_scripts(pipeline.config.sensor))
+    for text in page.page.greeting():
+        typer.echo(text, err=True)
+    return page
+
+
+def save(output: Path | None, found: list[Any], pipeline: Any, recording: Path, model: str) -> None:
+    """The poses as a table, smoothed by a model, if one is named."""
+    from facets.files import provenance
+
+    about = provenance.about(pipeline.config)
+    if output and model:
+        write_smoothed(output, found, pipeline, model)
     elif output and is_mcap(output):
-        write_mcap(output, found, recording, provenance.about(settings))
+        write_mcap(output, found, recording, about)
     elif output:
-        write(output, found, provenance.about(settings))
-    if compare:
-        compared(recording, found)
+        write(output, found, about, pulses_of(pipeline.config, recording))
 
 
 def check_smoothing(output: Path | None, model: str) -> None:
@@ -81,6 +129,39 @@ def check_smoothing(output: Path | None, model: str) -> None:
         raise InputError("--smooth needs -o, a table for the smoothed poses")
     if model not in MODELS:
         raise InputError(f"--smooth-by {model}: is no model; give {', '.join(MODELS)}")
+
+
+def check_filter(model: str, smooth: bool, output: Path | None, publish: list[str] | None) -> None:
+    from facets.core.errors import InputError
+    from facets.live.smoothing import MODELS
+
+    if model not in MODELS:
+        raise InputError(f"--filter {model}: is no model; give {', '.join(MODELS)}")
+    if smooth:
+        raise InputError("--filter and --smooth are two ways to say more of a pose; give one")
+    if not publish and (output is None or is_mcap(output)):
+        raise InputError("--filter needs -o, a table for the filtered poses, or --publish")
+
+
+def write_filtered(path: Path, found: list[Any], pipeline: Any, model: str) -> None:
+    """The table of poses, with those that a live run would have had beside them."""
+    import numpy as np
+
+    from facets.core.errors import InputError
+    from facets.files import provenance, tables
+    from facets.live.filtered_rows import WIDE, RowFilter
+    from facets.live.pipeline import join_poses
+    from facets.live.replay import label
+    from facets.live.sample_rows import SAMPLE, rows_of
+
+    if not found:
+        raise InputError(f"{path}: not written, the recording holds no whole sample")
+    rows = RowFilter(pipeline.config, model, pipeline.tally.misfit.carried)
+    wide = np.concatenate([rows.widen(rows_of(poses, 0.0)) for poses in found])
+    columns = {name: wide[name] for name in (WIDE.names or ())[len(SAMPLE.names or ()) :]}
+    about = provenance.about(pipeline.config) | {"filtered": f"constant {model}"}
+    tables.write_table(path, {**label(join_poses(found)), **columns}, about)
+    typer.echo(f"  filtered by constant {model}; {rows.sentence}")
 
 
 def write_smoothed(path: Path, found: list[Any], pipeline: Any, model: str) -> None:
@@ -120,13 +201,18 @@ def write_mcap(path: Path, found: list[Any], recording: Path, about: dict[str, s
 
 
 def published(
-    replayed: Iterable[Any], recording: Path, settings: Any, addresses: list[str]
+    replayed: Iterable[Any],
+    recording: Path,
+    settings: Any,
+    addresses: list[str],
+    filter_by: str | None,
 ) -> Iterator[Any]:
     """The same poses; each is given to other programs on its way."""
     from facets.live.publication import Publications
     from facets.live.recording import utc_offset
 
-    with Publications(addresses, settings, True, utc_offset(recording)) as publications:
+    offset = utc_offset(recording)
+    with Publications(addresses, settings, True, offset, filter_by) as publications:
         typer.echo(f"publishing at {', '.join(publications.places())}", err=True)
         for poses in replayed:
             publications.send(poses)
@@ -165,21 +251,43 @@ def recover(
     typer.echo(f"{path}")
 
 
-def write(path: Path, found: Iterable[Any], about: dict[str, str]) -> None:
+def pulses_of(settings: Any, recording: Path) -> tuple[Any, float] | None:
+    """The clock that a pulse per second steers, and UTC over the host's clock; None without."""
+    if settings.acquire.mark != "pps":
+        return None
+    from facets.live.pulses import PulseClock
+    from facets.live.recording import utc_offset
+
+    return PulseClock(), utc_offset(recording) or 0.0
+
+
+def write(
+    path: Path,
+    found: Iterable[Any],
+    about: dict[str, str],
+    pulses: tuple[Any, float] | None = None,
+) -> None:
+    """The table of poses. pulses: see `pulses_of`."""
     from facets.files import tables
+    from facets.live.pulses import pulse_columns
     from facets.live.replay import label
 
     with tables.Whole(path) as temporary:
         writer = tables.Writer(temporary, about)
         try:
             for poses in found:
-                writer.write(label(poses))
+                columns = label(poses)
+                if pulses is not None:
+                    columns |= pulse_columns(poses, pulses[1], pulses[0])
+                writer.write(columns)
             if writer.file is None:
                 from facets.core.errors import InputError
 
                 raise InputError(f"{path}: not written, the recording holds no whole sample")
         finally:
             writer.close()
+    if pulses is not None:
+        typer.echo(f"  {pulses[0].sentence}")
 
 
 def tell(pipeline: Any, recording: Path, damage: Any) -> None:

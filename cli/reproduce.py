@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .console import FINDING
-from .options import Force
+from .options import Force, Look, Style
 
 if TYPE_CHECKING:
     from facets.experiments.reproduce import Result
@@ -23,6 +23,7 @@ def reproduce(
     ] = Path("results/reproduce"),
     quick: Annotated[bool, typer.Option("--quick", help="Fewer samples.")] = False,
     force: Force = False,
+    look: Style = Look.screen,
 ) -> None:
     """Reproduce the paper: each figure, table and claim, beside the paper's own numbers.
 

@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .console import load_config, name_files, show_table
-from .options import ConfigName, Force, Plot, PlotKind, Track, folder_option, output_folder
+from .options import (
+    ConfigName,
+    Force,
+    Look,
+    Plot,
+    PlotKind,
+    Style,
+    Track,
+    folder_option,
+    output_folder,
+)
 
 if TYPE_CHECKING:
     from facets.characterization.resolution import Resolution
@@ -22,6 +32,7 @@ def resolution(
     output: Annotated[Path | None, folder_option("results/CONFIG-resolution")] = None,
     force: Force = False,
     plot: Plot = PlotKind.png,
+    look: Style = Look.screen,
 ) -> None:
     """Tell standard uncertainties of the six axes, at rest and at worst.
 
@@ -32,7 +43,8 @@ def resolution(
     from facets.characterization.resolution import estimators, resolve
     from facets.characterization.tables import resolution_columns
     from facets.files import provenance, tables
-    from facets.pictures import ranges, style
+    from facets.pictures import resolution as drawing
+    from facets.pictures import style
 
     start = time.perf_counter()
     settings = load_config(config)
@@ -44,9 +56,10 @@ def resolution(
     show(found)
     table, picture, record = files
     tables.write_table(table, resolution_columns(found), provenance.about(settings))
-    style.save(ranges.budget_picture(found), picture)
+    style.save(drawing.budget_picture(found), picture)
     results = {"tracking": track, "estimators": [row.how.name for row in found]}
-    provenance.write_record(record, settings, None, time.perf_counter() - start, results)
+    seconds = time.perf_counter() - start
+    provenance.write_record(record, settings, None, seconds, results, files)
     name_files(folder, files)
 
 

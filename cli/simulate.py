@@ -13,7 +13,9 @@ from .console import FINDING, load_config, name_files, show_table
 from .options import (
     ConfigName,
     Force,
+    Look,
     Plot,
+    Style,
     Table,
     TableKind,
     folder_option,
@@ -65,6 +67,7 @@ def simulate(
     reference: Reference = False,
     table: Table = TableKind.csv,
     plot: Plot = PlotKind.png,
+    look: Style = Look.screen,
 ) -> None:
     """Simulate a config's motions and report the errors.
 
@@ -104,7 +107,7 @@ def write(
 ) -> None:
     """The results as files; the record last, since it tells how long it took."""
     from facets.files import provenance, tables
-    from facets.pictures import style
+    from facets.pictures import motion, style
     from facets.simulation import run as study
 
     about = provenance.about(settings, seed)
@@ -113,10 +116,10 @@ def write(
         columns |= study.reference_columns(segments, settings.calibrate.reference, seed)
     tables.write_table(files.readings, columns, about)
     tables.write_table(files.poses, study.pose_table(segments), about)
-    style.save(style.motion_picture(segments), files.picture)
+    style.save(motion.motion_picture(segments), files.picture)
     results = {segment.name: study.statuses(segment) for segment in segments}
     seconds = time.perf_counter() - start
-    provenance.write_record(files.record, settings, seed, seconds, results)
+    provenance.write_record(files.record, settings, seed, seconds, results, files.all)
 
 
 def print_segment(segment: Segment) -> None:

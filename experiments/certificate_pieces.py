@@ -128,12 +128,11 @@ def hull_of(matrices: list[Rows]) -> Rows:
 
 def margin_of(rows: Rows, inverse: Any, weights: Any) -> Fraction:
     """By how much |1 - C M| shrinks the weights, for every M in the rows. Raises `Refused`."""
-    margins = []
+    margins, product = [], arb_mat(inverse) * arb_mat(rows)
     for i in range(6):
         row = arb(0)
         for j in range(6):
-            entry = sum(arb(inverse[i][k]) * rows[k][j] for k in range(6)) - (i == j)
-            row += entry.abs_upper() * weights[j]
+            row += (product[i, j] - (i == j)).abs_upper() * weights[j]
         refuse_unless(row < weights[i], f"the hull of the Jacobians may be singular: row {i + 1} of"
                       f" |1 - C M| times the weights is {row}, not below its own")  # fmt: skip
         margins.append(exactly((1 - row / weights[i]).lower()))

@@ -8,14 +8,17 @@ Not to scale: the mirror is some millimetres wide and the detectors stand 250 mm
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
-INK, BEAM, MIRROR, PSD = "#333333", "#D55E00", "#56B4E9", "#009E73"
+from facets.core.hues import LIGHT, in_style
+from facets.pictures import style
+
+INK, BEAM, MIRROR = LIGHT.ink, LIGHT.alarm, LIGHT.grey
 
 
 def arrow(axes: Axes, start: Any, step: Any, label: str, colour: str = INK) -> None:
@@ -43,36 +46,36 @@ def plan(axes: Axes) -> None:
     axes.plot(0, 0, "o", color=BEAM, ms=5)
     for letter, azimuth in zip("ABC", (0, 120, 240), strict=True):
         out = direction(azimuth)
-        side = np.array([-out[1], out[0]])
-        axes.plot(*np.transpose([0.18 * out, 2.0 * out]), color=BEAM, lw=1, ls="--")
+        side, hue = np.array([-out[1], out[0]]), LIGHT.detectors[letter.lower()]
+        axes.plot(*np.transpose([0.18 * out, 2.0 * out]), color=hue, lw=1.2, ls="--")
         write(axes, 0.2 * direction(azimuth - 18), letter, fontsize=9)
-        axes.plot(*np.transpose([2 * out - 0.55 * side, 2 * out + 0.55 * side]), color=PSD, lw=5)
-        write(axes, 2.05 * out - 0.85 * side, f"PSD {letter}", color=PSD)
-        arrow(axes, 2 * out, 0.55 * out, f"$x_{letter.lower()}$", PSD)
-        arrow(axes, 2 * out, 0.72 * side, rf"$\psi_{letter.lower()}$", PSD)
+        axes.plot(*np.transpose([2 * out - 0.55 * side, 2 * out + 0.55 * side]), color=hue, lw=5)
+        write(axes, 2.05 * out - 0.85 * side, f"PSD {letter}", color=hue)
+        arrow(axes, 2 * out, 0.55 * out, f"$x_{letter.lower()}$", hue)
+        arrow(axes, 2 * out, 0.72 * side, rf"$\psi_{letter.lower()}$", hue)
     arrow(axes, np.zeros(2), 0.95 * direction(0), "", INK)
     arrow(axes, np.zeros(2), 0.95 * direction(90), "$y_w$", INK)
     axes.text(1.02, -0.16, "$x_w$", ha="center")
-    axes.text(1.45, 0.12, "250 mm", color=BEAM, ha="center", fontsize=9)
+    axes.text(1.45, 0.12, "250 mm", color=LIGHT.detectors["a"], ha="center", fontsize=9)
     axes.set_title("from above ($z_w$ towards you)", fontsize=11)
     axes.set(xlim=(-2.2, 3), ylim=(-2.6, 2.6))
 
 
 def elevation(axes: Axes) -> None:
     """Seen along -y: the beam comes down, facet A sends it to PSD A."""
-    apex = np.array([0.0, 0.0])
+    apex, hue = np.array([0.0, 0.0]), LIGHT.detectors["a"]
     axes.add_patch(
         Polygon([(0, 0), (0.6, -0.6), (-1.2, -0.6)], facecolor=MIRROR, edgecolor=INK, alpha=0.5)
     )
     axes.add_patch(Rectangle((-0.09, 0), 0.18, 2.2, color=BEAM, alpha=0.25, lw=0))
     axes.plot([0.05, 0.05], [2.2, -0.05], color=BEAM, lw=1.2)
-    axes.plot([0.05, 2.4], [-0.05, -0.05], color=BEAM, lw=1.2, ls="--")
+    axes.plot([0.05, 2.4], [-0.05, -0.05], color=hue, lw=1.2, ls="--")
     axes.text(0.16, 1.75, "laser beam, centre $(b_x, b_y)$,\npower $P$, $1/e^2$ diameter $\\phi_l$",
               color=BEAM, fontsize=9)  # fmt: skip
-    axes.plot([2.4, 2.4], [-0.65, 0.65], color=PSD, lw=5)
-    axes.text(2.4, -0.85, "PSD A", color=PSD, ha="center")
-    arrow(axes, np.array([2.4, 0.0]), np.array([0.55, 0.0]), "$x_a$", PSD)
-    arrow(axes, np.array([2.4, 0.0]), np.array([0.0, 0.95]), r"$\zeta_a$", PSD)
+    axes.plot([2.4, 2.4], [-0.65, 0.65], color=hue, lw=5)
+    axes.text(2.4, -0.85, "PSD A", color=hue, ha="center")
+    arrow(axes, np.array([2.4, 0.0]), np.array([0.55, 0.0]), "$x_a$", hue)
+    arrow(axes, np.array([2.4, 0.0]), np.array([0.0, 0.95]), r"$\zeta_a$", hue)
     arrow(axes, apex, np.array([0.75, 0.0]), "", INK)
     axes.text(0.72, 0.12, "$x_w$", ha="center")
     arrow(axes, apex, np.array([0.0, 1.25]), "", INK)
@@ -87,14 +90,15 @@ def elevation(axes: Axes) -> None:
 
 
 def main() -> None:
-    figure = Figure(figsize=(10.5, 5), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    plan(left)
-    elevation(right)
-    for axes in (left, right):
-        axes.set_aspect("equal")
-        axes.axis("off")
-    figure.savefig(sys.argv[1], facecolor="white", metadata={"Date": None})
+    with in_style("paper"), style.in_rules():
+        figure = style.figure(10.5, 5)
+        left, right = figure.subplots(1, 2)
+        plan(left)
+        elevation(right)
+        for axes in (left, right):
+            axes.set_aspect("equal")
+            axes.axis("off")
+        style.save(figure, Path(sys.argv[1]))
 
 
 if __name__ == "__main__":

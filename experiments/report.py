@@ -13,6 +13,7 @@ import jinja2
 
 import facets
 from facets.config import to_yaml
+from facets.core.hues import chosen_hues
 from facets.files.provenance import PACKAGES, command_line
 from facets.files.tables import Whole
 
@@ -58,6 +59,8 @@ def write_report(path: Path, results: list[Result], quick: bool) -> None:
     for name in dict.fromkeys(result.config for result in results):
         config = facets.load(name)
         configs[name] = {"sha256": config.sha256, "text": to_yaml(config)}
-    text = page.render(results=results, quick=quick, facts=facts(), configs=configs)
+    text = page.render(
+        results=results, quick=quick, facts=facts(), configs=configs, css=chosen_hues().css
+    )
     with Whole(path) as temporary:
         temporary.write_text(text, "utf-8")

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import root
 
 import facets
+from facets.core.hues import DASHES, MARKS, chosen_hues
 from facets.pictures import style
 from facets.tracking.control import tracking_error
 
@@ -59,18 +60,17 @@ def claims(table: Table) -> list[Claim]:
 
 
 def picture(table: Table) -> Figure:
-    import matplotlib as mpl
-
-    with mpl.rc_context(style.STYLE):
-        drawing = style.figure(6, 3.6)
+    hues = chosen_hues()
+    with style.in_rules():
+        drawing = style.figure(style.SINGLE, 3.2)
         panel = drawing.subplots()
-        for name, colour in zip(
-            ("roll", "pitch", "roll against pitch"), style.SERIES, strict=False
-        ):
+        for name, size in (("roll", 10), ("pitch", 5), ("roll against pitch", 5)):  # two coincide
             rows = table["turn"] == name
-            panel.plot(table["angle_mrad"][rows], table["left_um"][rows], "o-", color=colour,
-                       label=name)  # fmt: skip
-        panel.plot([0, 10], [BOUND, BOUND], color=style.INK, ls="--", label="the paper's bound")
+            panel.plot(table["angle_mrad"][rows], table["left_um"][rows], ms=size, label=name,
+                       color=hues.axes.get(name, hues.grey), marker=MARKS.get(name, "*"),
+                       ls=DASHES.get(name, "-"))  # fmt: skip
+        panel.plot([0, 10], [BOUND, BOUND], color=hues.ink, ls=(0, (1, 1.5)), lw=1.6,
+                   label="the paper's bound")  # fmt: skip
         panel.set(xlabel="each angle, mrad", ylabel="beam off the apex, µm", xlim=0, ylim=0)
         panel.legend()
     return drawing

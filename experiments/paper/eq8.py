@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import facets
+from facets.core.hues import DASHES, MARKS, chosen_hues
 from facets.pictures import style
 
 from .experiment import Claim, Table, columns_of
@@ -56,16 +57,18 @@ def claims(table: Table) -> list[Claim]:
 
 
 def picture(table: Table) -> Figure:
-    import matplotlib as mpl
-
-    with mpl.rc_context(style.STYLE):
-        drawing = style.figure(6, 3.6)
+    hues = chosen_hues()
+    with style.in_rules():
+        drawing = style.figure(style.SINGLE, 3.1)
         panel = drawing.subplots()
-        for name, colour in zip(AXES, style.SERIES, strict=False):
+        for name, size in zip(AXES, (10, 5, 5, 5), strict=True):  # two of them coincide
             rows = (table["axis"] == name) & (table["offset_mm"] == 0)
             if table["place_nm"][rows].max() > 1e-3:
-                panel.loglog(table["tilt_mrad"][rows], table["place_nm"][rows], "o-", color=colour,
-                             label=name)  # fmt: skip
-        panel.set(xlabel="tilt, mrad", ylabel="largest error of a spot's place, nm")
+                panel.loglog(table["tilt_mrad"][rows], table["place_nm"][rows], ms=size, label=name,
+                             color=hues.axes.get(name, hues.ink), ls=DASHES.get(name, "-"),
+                             marker=MARKS.get(name, "*"))  # fmt: skip
+        panel.set(xlabel="tilt, mrad", ylabel="largest error of a place, nm")
+        for axis in (panel.xaxis, panel.yaxis):
+            style.plain_log(axis)
         panel.legend()
     return drawing

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import facets
+from facets.core.hues import chosen_hues
 from facets.detectors.noise import add_noise
 from facets.pictures import style
 from facets.tracking.closed_loop import followed
 
 from .experiment import NONE, Claim, Table
+from .motion import error_band
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -73,23 +75,22 @@ def claims(table: Table) -> list[Claim]:
 
 
 def picture(table: Table) -> Figure:
-    import matplotlib as mpl
-
-    with mpl.rc_context(style.STYLE):
-        drawing = style.figure(9, 4.4)
-        panels = drawing.subplots(2, 2, sharex=True)
-        for (place, error), axis in zip(panels.T, REACH, strict=True):
+    """Motions, truth under the estimate; the error below, and how far the beam is off."""
+    hues = chosen_hues()
+    with style.in_rules():
+        drawing = style.figure(style.FULL, 5.6)
+        panels = drawing.subplots(3, 2, sharex=True, height_ratios=(1.4, 1, 1))
+        for (place, error, off), axis in zip(panels.T, REACH, strict=True):
             rows, key = table["axis"] == axis, f"t{axis}_mm"
             time, true = table["time_s"][rows], table[f"true_{key}"][rows]
-            place.plot(time, true, color=style.INK, label="truth")
-            place.plot(time, table[key][rows], ".", ms=1, color=style.BLUE, label="estimate",
-                       rasterized=True)  # fmt: skip
-            place.set_ylabel(f"t{axis}, mm")
-            error.plot(time, 1e3 * (table[key][rows] - true), ".", ms=1, color=style.BLUE,
-                       rasterized=True, label="error of the pose")  # fmt: skip
-            error.plot(time, table["beam_off_um"][rows], color=style.ORANGE,
-                       label="beam off the apex")  # fmt: skip
-            error.set(ylabel="µm", xlabel="time, s")
-            for panel in (place, error):
-                panel.legend(fontsize=7)
+            hue = hues.axes[f"t{axis}"]
+            place.plot(time, true, color=hues.grey, alpha=0.55, lw=4.2, label="truth")
+            place.plot(time, table[key][rows], color=hue, lw=1.0, label="estimate")
+            place.set_ylabel(style.place_label(f"t{axis}"))
+            error_band(error, time, 1e3 * (table[key][rows] - true), hue)
+            error.set_ylabel("error, µm")
+            error_band(off, time, table["beam_off_um"][rows], hues.ink)
+            off.set(ylabel="beam off apex, µm", xlabel="time, s", ylim=(0, None))
+            place.legend(loc="lower left")
+        panels[1, 0].set_title("bands from least to largest, lines at the median")
     return drawing

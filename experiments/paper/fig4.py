@@ -9,6 +9,7 @@ import numpy as np
 import facets
 from facets.characterization.singularity import measures, samples
 from facets.characterization.state_box import apex_offset, range_box
+from facets.core.hues import chosen_hues
 from facets.pictures import style
 
 from .experiment import NONE, Claim, Table
@@ -57,16 +58,17 @@ def claims(table: Table) -> list[Claim]:
 
 
 def picture(table: Table) -> Figure:
-    import matplotlib as mpl
-
-    with mpl.rc_context(style.STYLE):
-        drawing = style.figure(6, 3.6)
+    hues = chosen_hues()
+    with style.in_rules():
+        drawing = style.figure(style.SINGLE, 3.1)
         panel = drawing.subplots()
         place = table["distance_mm"]
-        panel.fill_between(place, table["least"], table["largest"], color=style.BLUE, alpha=0.25,
+        panel.fill_between(place, table["least"], table["largest"], color=hues.accent, alpha=0.25,
                            lw=0, label="from least to largest")  # fmt: skip
-        panel.plot(place, table["median"], color=style.BLUE, label="median")
-        panel.axhline(0, color=style.ORANGE, lw=1.0, label="singular")
-        panel.set(xlabel="distance of the apex from the beam, mm", ylabel="determinant, Eq. (11)")
+        panel.plot(place, table["median"], color=hues.accent, label="median")
+        panel.axhline(0, color=hues.alarm, ls="--", label="singular")
+        panel.set(xlabel="distance of the apex from the beam, mm",
+                  ylabel="determinant of Eq. (11), mm⁶ mW²")  # fmt: skip
+        panel.ticklabel_format(axis="y", style="sci", scilimits=(-2, 4))
         panel.legend()
     return drawing

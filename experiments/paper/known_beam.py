@@ -8,6 +8,7 @@ import numpy as np
 
 import facets
 from facets.characterization.resolution import Estimator, uncertainties
+from facets.core.hues import MARKS, chosen_hues
 from facets.core.names import POSE
 from facets.pictures import style
 from facets.pictures.style import unit_of
@@ -49,19 +50,21 @@ def claims(table: Table) -> list[Claim]:
 
 
 def picture(table: Table) -> Figure:
-    import matplotlib as mpl
-
-    with mpl.rc_context(style.STYLE):
-        drawing = style.figure(6, 3.6)
+    hues = chosen_hues()
+    with style.in_rules():
+        drawing = style.figure(style.SINGLE, 3.2)
         panel = drawing.subplots()
         some = (table["beam_um"] > 0) & np.isfinite(table["beam_um"])
         free = np.flatnonzero(np.isinf(table["beam_um"]))[0]
-        for axis, colour in (("tx", style.BLUE), ("tz", style.GREEN)):
-            fine = 2 * table[f"{axis}_um"]
-            panel.loglog(table["beam_um"][some], fine[some], "o-", color=colour, label=axis)
-            panel.axhline(fine[free], color=colour, ls=":", lw=1)
-        panel.plot([], [], color=style.GREY, ls=":", label="beam free")
+        for axis in ("tx", "tz"):
+            fine, hue = 2 * table[f"{axis}_um"], hues.axes[axis]
+            panel.loglog(table["beam_um"][some], fine[some], marker=MARKS[axis], ms=5, color=hue,
+                         label=style.in_words(axis))  # fmt: skip
+            panel.axhline(fine[free], color=hue, ls=(0, (1, 1.5)), lw=1.4)
+        panel.plot([], [], color=hues.soft, ls=(0, (1, 1.5)), label="the same, beam free")
         panel.set(xlabel="standard uncertainty of the beam's place, µm",
-                  ylabel="resolution (2 sigma) at rest, µm")  # fmt: skip
+                  ylabel="resolution at rest (2 sigma), µm")  # fmt: skip
+        for ruler in (panel.xaxis, panel.yaxis):
+            style.plain_log(ruler)
         panel.legend()
     return drawing

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import facets
+from facets.core.hues import chosen_hues
 from facets.core.names import POSE, STATE_COLUMNS
 from facets.pictures import style
 from facets.pictures.style import unit_of
@@ -60,28 +61,35 @@ def errors_in_six_axes(table: Table) -> list[Claim]:
 
 
 def drawn(table: Table, axes: tuple[str, ...]) -> Figure:
-    """The moved axes on the left, the errors of all six on the right."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(style.STYLE):
-        drawing = style.figure(9, 4.6 if len(axes) == 1 else 7)
-        halves: Any = drawing.subfigures(1, 2, width_ratios=(1, 1.35))
-        left, right = halves
-        moved = np.atleast_1d(left.subplots(len(axes), 1, sharex=True))
-        for panel, name in zip(moved, axes, strict=True):
+    """The moved axes above, truth under the estimate; below, the errors of all six."""
+    hues = chosen_hues()
+    rows = -(-len(axes) // 2)
+    with style.in_rules():
+        drawing = style.figure(style.FULL, 1.75 * rows + 4.1)
+        parts: Any = drawing.subfigures(2, 1, height_ratios=(1.75 * rows + 0.3, 3.8))
+        upper, lower = parts
+        moved = upper.subplots(rows, min(len(axes), 2), squeeze=False).ravel()
+        for panel, name in zip(moved, axes, strict=False):
             key = column(name)
-            panel.plot(table["time_s"], table[f"true_{key}"], color=style.INK, label="truth")
-            panel.plot(table["time_s"], table[key], ".", ms=2, color=style.BLUE, label="estimate",
-                       rasterized=True)  # fmt: skip
-            panel.set_ylabel(f"{name}, {unit_of(name)[0]}")
-        moved[0].legend(loc="best", fontsize=7)
-        moved[-1].set_xlabel("time, s")
-        panels = right.subplots(3, 2, sharex=True)
+            panel.plot(table["time_s"], table[f"true_{key}"], color=hues.grey, alpha=0.55, lw=4.2,
+                       solid_capstyle="butt", label="truth")  # fmt: skip
+            error_band(panel, table["time_s"], table[key], hues.axes[name], "estimate")
+            panel.set(ylabel=style.place_label(name), xlabel="time, s")
+        for panel in moved[len(axes) :]:
+            panel.set_axis_off()
+        moved[0].legend(loc="best")
+        panels = lower.subplots(3, 2, sharex=True)
         for panel, name in zip(panels.T.ravel(), POSE, strict=True):
-            panel.plot(
-                table["time_s"], errors(table, name), ".", ms=1.5, color=style.BLUE, rasterized=True
-            )
-            panel.set_ylabel(f"error of {name}, {unit_of(name)[2]}", fontsize=7)
+            error_band(panel, table["time_s"], errors(table, name), hues.axes[name])
+            panel.set_ylabel(f"{style.in_words(name)}, {unit_of(name).fine_unit}")
+        panels[0, 0].set_title("errors; bands from least to largest, lines at the median")
         for panel in panels[-1]:
             panel.set_xlabel("time, s")
     return drawing
+
+
+def error_band(panel: Any, time: np.ndarray, error: np.ndarray, hue: str, label: str = "") -> None:
+    """Many errors as the band from the least to the largest of neighbours, with their median."""
+    found = style.band(time, error)
+    panel.fill_between(found.time, found.low, found.high, color=hue, alpha=0.4, lw=0, label=label)
+    panel.plot(found.time, found.middle, color=hue, lw=1.0)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import facets
+from facets.core.hues import chosen_hues
 from facets.core.names import POSE
 from facets.pictures import style
 from facets.pictures.style import unit_of
@@ -56,18 +57,15 @@ def claims(table: Table) -> list[Claim]:
 
 
 def picture(table: Table) -> Figure:
-    import matplotlib as mpl
-
-    with mpl.rc_context(style.STYLE):
-        drawing = style.figure(6, 3.6)
+    hues = chosen_hues()
+    with style.in_rules():
+        drawing = style.figure(style.SINGLE, 3.6)
         panel = drawing.subplots()
-        for way, colour in zip(WAYS, style.SERIES, strict=False):
+        for way, hue, mark in zip(WAYS, hues.series, "osD^", strict=False):
             rows = table["way"] == way
             off = np.hypot(table["tx_um"], table["ty_um"])[rows]
-            panel.plot(table["drift_percent"][rows], off, "o-", ms=3, color=colour, label=way)
-        panel.set(
-            xlabel="drift of the laser's power, %", ylabel="error of the place in x and y, µm"
-        )
+            panel.plot(table["drift_percent"][rows], off, marker=mark, ms=5, color=hue, label=way)
+        panel.set(xlabel="drift of the laser's power, %", ylabel="error in x and y, µm")
         panel.set_yscale("symlog", linthresh=0.01)
-        panel.legend(fontsize=7)
+        style.legend_below(drawing, *panel.get_legend_handles_labels(), 2)
     return drawing

@@ -16,6 +16,7 @@ import numpy as np
 import facets
 from facets.characterization.ranges import axis_ranges
 from facets.characterization.resolution import estimators, resolve
+from facets.core.hues import chosen_hues
 from facets.core.names import POSE
 from facets.pictures import style
 from facets.pictures.style import unit_of
@@ -77,20 +78,25 @@ def claims(table: Table) -> list[Claim]:
 
 
 def picture(table: Table) -> Figure:
-    import matplotlib as mpl
-
-    with mpl.rc_context(style.STYLE):
-        drawing = style.figure(8, 3.4)
+    """Model over paper for each axis: a mark on the line where they agree."""
+    hues = chosen_hues()
+    ways = ((FIXED, "o", -0.13, False), (TRACKING, "D", 0.13, True))
+    with style.in_rules():
+        drawing = style.figure(style.FULL, 3.1)
         panels = drawing.subplots(1, 2, sharey=True)
         for panel, quantity in zip(panels, ("range", "resolution"), strict=True):
-            for beam, colour, shift in ((FIXED, style.GREY, -0.2), (TRACKING, style.BLUE, 0.2)):
+            panel.axvline(1, color=hues.soft, lw=1.2)
+            for beam, mark, shift, filled in ways:
                 rows = (table["quantity"] == quantity) & (table["beam"] == beam)
                 places = [POSE.index(name) + shift for name in table["axis"][rows]]
                 ratio = table["ours"][rows] / table["paper"][rows]
-                panel.bar(places, ratio, 0.38, color=colour, label=beam)
-            panel.axhline(1, color=style.INK, lw=1)
-            panel.set_xticks(range(6), POSE)
-            panel.set_title(quantity, loc="left")
-        panels[0].set_ylabel("model over paper")
-        panels[1].legend()
+                panel.plot(ratio, places, mark, ms=6, color=hues.accent, mew=1.4, label=beam,
+                           mfc=hues.accent if filled else hues.ground)  # fmt: skip
+            panel.set(title=quantity, xlabel="model over paper", xscale="log")
+            style.plain_log(panel.xaxis)
+            panel.grid(visible=False, axis="y")
+        panels[0].set_yticks(range(6), [style.in_words(name) for name in POSE])
+        panels[0].set_ylim(5.6, -0.6)
+        handles, texts = panels[0].get_legend_handles_labels()
+        style.legend_below(drawing, handles, texts, 2)
     return drawing

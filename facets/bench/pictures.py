@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.hues import chosen_hues
 from ..pictures import style
 
 if TYPE_CHECKING:
@@ -14,70 +15,94 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Row = dict[str, Any]
+#: Of a panel of the diagram, points; and how near two numbers may come, across and up.
+SIZE, NEAR = np.array([205.0, 165.0]), (13.0, 11.0)
 
 
 def work_precision(forward: Sequence[Row], inverse: Sequence[Row]) -> Figure:
-    """Time a pose against error, readings left and poses right; nearer the corner is better."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(style.STYLE):
-        picture = style.figure(11, 5)
-        left, right = picture.subplots(1, 2)
-        diagram(left, forward, "place_error_mm")
-        diagram(right, inverse, "length_error_mm")
-        left.set(title="readings", ylabel="largest error of a spot's place, mm")
-        right.set(title="poses from readings", ylabel="largest error of a length, mm")
+    """Time a pose against error, readings above and poses below; nearer the corner is better."""
+    with style.in_rules():
+        picture = style.figure(style.FULL, 6.6)
+        upper, lower = picture.subplots(2, 1)
+        diagram(upper, forward, "place_error_mm")
+        diagram(lower, inverse, "length_error_mm")
+        upper.set(title="readings", ylabel="error of a place, mm")
+        lower.set(title="poses from readings", ylabel="error of a length, mm")
     return picture
 
 
 def diagram(axes: Axes, rows: Sequence[Row], error: str) -> None:
+    """A number beside each mark, and what it stands for to the right."""
+    hues = chosen_hues()
     shown = [row for row in rows if np.isfinite(row[error])]
     shown.sort(key=lambda row: row["us_per_pose"])
+    if not shown:
+        style.say(axes, "no contender gave a number")
     for number, row in enumerate(shown, start=1):
         ours = row["way"].startswith("facets")
-        colour = style.BLUE if ours else style.ORANGE
+        colour, mark = (hues.accent, "o") if ours else (hues.series[1], "s")
         time, value = row["us_per_pose"], row[error]
         spread = [[time - row["low_us"]], [row["high_us"] - time]]
-        label = f"{number}  {row['way']}"
-        axes.errorbar(time, value, xerr=spread, fmt="o" if ours else "s", color=colour, label=label)
-        side = (6, 4 if number % 2 else -11)
-        axes.annotate(str(number), (time, value), side, textcoords="offset points", fontsize=8)
+        axes.errorbar(time, value, xerr=spread, fmt=mark, ms=6, color=colour, elinewidth=1.0,
+                      label=f"{number}  {row['way']}")  # fmt: skip
     axes.set(xscale="log", yscale="log", xlabel="time a pose, µs")
-    axes.legend(fontsize=7, loc="upper left", bbox_to_anchor=(0, -0.14), ncols=2)
+    axes.margins(0.08, 0.2)
+    if shown:
+        numbers(axes, [(row["us_per_pose"], row[error]) for row in shown])
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.03), handlelength=0.9,
+                    borderaxespad=0.3)  # fmt: skip
+
+
+def numbers(axes: Axes, places: Sequence[tuple[float, float]]) -> None:
+    """A number above each mark; one that would lie on another goes higher, on a thin line."""
+    hues = chosen_hues()
+    axes.autoscale_view()
+    ends = np.log10([axes.get_xlim(), axes.get_ylim()])
+    share = (np.log10(places) - ends[:, 0]) / (ends[:, 1] - ends[:, 0])
+    taken: list[tuple[float, float]] = []
+    for number, ((x, y), place) in enumerate(zip(share * SIZE, places, strict=True), start=1):
+        up = 8.0
+        while any(abs(x - a) < NEAR[0] and abs(y + up - b) < NEAR[1] for a, b in taken):
+            up += 2.0
+        taken.append((x, y + up))
+        line = {"arrowstyle": "-", "lw": 0.6, "color": hues.grey, "shrinkA": 0, "shrinkB": 0}
+        axes.annotate(str(number), place, (0, up), textcoords="offset points", ha="center",
+                      va="center", fontsize=style.LEAST, fontweight="bold",
+                      arrowprops=line if up > 8 else None)  # fmt: skip
 
 
 def heat_map(rows: Sequence[Row]) -> Figure:
     """Digits of power and place over apex offset and tilt."""
-    import matplotlib as mpl
-
     offsets = sorted({row["offset_sigma"] for row in rows})
     tilts = sorted({row["tilt_mrad"] for row in rows})
-    with mpl.rc_context({**style.STYLE, "axes.grid": False}):
-        picture = style.figure(10, 3.2)
-        left, right = picture.subplots(1, 2)
-        for axes, key, title in (
-            (left, "power_error", "relative error of a power"),
-            (right, "place_error_mm", "error of a spot's place, mm"),
-        ):
+    with style.in_rules(axes__grid=False):
+        picture = style.figure(style.FULL, 3.2)
+        panels = picture.subplots(1, 2, sharey=True)
+        for axes, key, title in zip(
+            panels, ("power_error", "place_error_mm"),
+            ("relative error of a power", "error of a place, mm"), strict=True,
+        ):  # fmt: skip
             values = {(r["tilt_mrad"], r["offset_sigma"]): r[key] for r in rows}
             grid = np.array([[values[tilt, offset] for offset in offsets] for tilt in tilts])
             image = axes.imshow(
                 np.log10(np.maximum(grid, 1e-17)),
                 origin="lower", aspect="auto", cmap="viridis", vmin=-17, vmax=-11,
             )  # fmt: skip
-            axes.set_xticks(range(len(offsets)), [f"{offset:g}" for offset in offsets], fontsize=7)
+            some = slice(None, None, max(1, -(-len(offsets) // 6)))
+            axes.set_xticks(range(len(offsets))[some], [f"{x:g}" for x in offsets[some]])
             axes.set_yticks(range(len(tilts)), [f"{tilt:g}" for tilt in tilts])
-            axes.set(xlabel="apex offset, sigmas of the beam", ylabel="tilt, mrad", title=title)
-            picture.colorbar(image, ax=axes, label="log10")
+            axes.set(xlabel="apex offset, sigmas of the beam", title=title)
+        panels[0].set_ylabel("tilt, mrad")
+        bar = picture.colorbar(image, ax=panels, pad=0.02, aspect=28, extend="both")
+        bar.set_label("error, power of ten")
+        bar.outline.set_visible(False)
     return picture
 
 
 def histograms(digits: Sequence[Row], steps: Sequence[Row]) -> Figure:
     """Digits lost by powers and places, and steps from zero to a pose."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(style.STYLE):
-        picture = style.figure(10, 3.4)
+    with style.in_rules():
+        picture = style.figure(style.FULL, 2.9)
         left, right = picture.subplots(1, 2)
         bars(left, digits, "digits_lost", ("powers", "places"), 0.25)
         left.set(xlabel="digits lost (0: the last bit)", ylabel="numbers", title="readings")
@@ -87,8 +112,14 @@ def histograms(digits: Sequence[Row], steps: Sequence[Row]) -> Figure:
 
 
 def bars(axes: Axes, rows: Sequence[Row], key: str, series: Sequence[str], width: float) -> None:
+    """Two series side by side, the second hatched."""
+    hues = chosen_hues()
     places = np.array([row[key] for row in rows])
-    for name, side, colour in zip(series, (0.25, 0.75), (style.BLUE, style.ORANGE), strict=True):
+    for n, (name, side) in enumerate(zip(series, (0.25, 0.75), strict=True)):
         heights = [row[name] for row in rows]
-        axes.bar(places + side * width, heights, 0.45 * width, color=colour, label=name)
+        axes.bar(places + side * width, heights, 0.45 * width, label=name, lw=0.8,
+                 facecolor=(hues.accent, hues.ground)[n], edgecolor=hues.accent,
+                 hatch=(None, "////")[n])  # fmt: skip
+    axes.grid(visible=False, axis="x")
+    axes.ticklabel_format(axis="y", style="plain")
     axes.legend()

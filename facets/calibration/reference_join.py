@@ -7,6 +7,7 @@ the rest of the offset is an unknown of the fit (`reference.delay`).
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -90,8 +91,10 @@ def read_joined(readings: Path, reference: Path, sensor: Sensor, settings: Calib
     check_overlap(readings, time, reference, track)
     offset, likeness = found_offset(sensor, columns, track)
     if likeness > ALIKE:
-        offset += rest_of_offset(sensor, samples(readings, columns, track, offset, settings),
-                                 settings)  # fmt: skip
+        moving = replace(settings, dwells=False)
+        offset += rest_of_offset(
+            sensor, samples(readings, columns, track, offset, moving), settings
+        )
     return Joined(samples(readings, columns, track, offset, settings), offset, likeness)
 
 
@@ -101,6 +104,8 @@ def samples(
     """The samples with the reference's poses and velocities at an offset."""
     whole, velocity = with_reference(columns, track, offset)
     data = gathered(readings, whole, settings)
+    if settings.dwells:  # at rest
+        return data
     kept = np.isfinite(whole[REFERENCE[0]]) & usable(whole)
     return data._replace(velocity=velocity[kept])
 

@@ -69,6 +69,10 @@ def gathered(path: Path, columns: dict[str, Floats], settings: Calibrate) -> Dat
     def stack(names: tuple[str, ...]) -> Floats:
         return np.column_stack([columns.get(name, np.zeros(count)) for name in names])
 
+    noise = None
+    if settings.dwells:
+        columns, noise = averaged_columns(path, columns, settings)
+        count = len(noise)
     raw, pose, beam = stack(READING_COLUMNS), stack(REFERENCE) * STATE_UNITS[:6], stack(BEAM)
     good = np.asarray(np.isfinite(np.hstack([pose, beam])).all(axis=1))
     good &= np.isfinite(raw).any(axis=1)
@@ -80,11 +84,35 @@ def gathered(path: Path, columns: dict[str, Floats], settings: Calibrate) -> Dat
         pose[good],
         np.array(settings.reference),
         beam[good],
-        velocity=velocities(columns["time_s"][good], pose[good]) if "time_s" in columns else None,
+        velocity=velocities(columns["time_s"][good], pose[good])
+        if "time_s" in columns and noise is None
+        else None,
+        noise=None if noise is None else noise[good],
         clock=clock(columns, good),
         seat=seat,
         thirds=thirds,
     )
+
+
+def averaged_columns(
+    path: Path, columns: dict[str, Floats], settings: Calibrate
+) -> tuple[dict[str, Floats], Floats]:
+    """Means over the times in which the reference stands still, and the noise of their readings.
+
+    Raises `InputError` where it does not stand still ten times.
+    """
+    from .dwells import FEWEST, WITHIN, dwell_means
+
+    measured = [n for n in range(6) if np.isfinite(settings.reference[n])]
+    pose = np.column_stack([columns[REFERENCE[n]] * STATE_UNITS[n] for n in measured])
+    found = dwell_means(columns, pose, np.array(settings.reference)[measured])
+    if len(found.rows) < 10:
+        raise InputError(
+            f"{path}: the reference stands still {len(found.rows)} times, for {FEWEST} rows or "
+            f"more within {WITHIN:g} of its standard uncertainties; a calibration needs 10 at "
+            "least. Leave out --dwells for a motion that does not stop"
+        )
+    return found.columns, found.noise
 
 
 def clock(columns: dict[str, Floats], good: NDArray[np.bool_]) -> Floats | None:

@@ -427,5 +427,5 @@ def inside_map(
         label = "log10 of the condition number"
     else:
         values[within] = np.sqrt((np.linalg.pinv(matrix)[:, POSE.index(what)] ** 2).sum(axis=1))
-        label = f"u({what}), {unit_of(what).fine_unit}"
+        label = f"standard uncertainty of {what}, {unit_of(what).fine_unit}"
     return x, y, values.reshape(count, count), label

@@ -20,7 +20,7 @@ from ..core.names import READING
 from ..core.sensor import Sensor
 from ..core.units import Floats, Integers
 from ..detectors.noise import standard_deviations
-from ..model.arrays import packed
+from ..model.arrays import derivatives, readings
 from ..model.threads import share
 from .ranges import scaled_jacobian
 from .state_box import AXES, StateBox, apex_offset
@@ -46,28 +46,47 @@ def measures(
     left_out: the reading whose row the determinant lacks; mm, mW and rad. The other two take all
     nine, um and urad; NaN without `spectra`.
     """
-    from ..model import evaluators
-    from ..model.kernels import determine
-
     if left_out not in READING:
         raise InputError(f"left out is {left_out!r}; allowed: {', '.join(READING)}")
     out = np.full((len(states), 3), np.nan)
-    noise = sensor.noise
-    simple = np.array([noise.position * noise.at_power, noise.power, float(spectra)])
 
     def run(part: slice) -> None:
-        sigmas = np.empty((0, 9))
-        if sensor.electronics is not None and spectra:
-            from ..model.arrays import readings
+        for first in range(part.start, part.stop, AT_ONCE):
+            some = slice(first, min(first + AT_ONCE, part.stop))
+            measure(sensor, states[some], READING.index(left_out), spectra, out[some])
 
-            sigmas = standard_deviations(sensor, readings(sensor, states[part]))
-        row = READING.index(left_out)
-        determine(model, vectors, states[part], power, simple, sigmas, row, out[part])
-
-    model, vectors = evaluators.nearly_linearised(sensor), packed(sensor)
-    power = float(sensor.beam.power)
     share(run, len(states), threads)
     return out
+
+
+#: States whose Jacobians are in memory at a time.
+AT_ONCE = 2000
+
+
+def measure(sensor: Sensor, states: Floats, left_out: int, spectra: bool, out: Floats) -> None:
+    """Fills out (n, 3) with `measures`.  left_out: the number of a reading."""
+    matrices = derivatives(sensor, states)
+    lit = ~np.isnan(matrices).any(axis=(1, 2))
+    rest = matrices[lit]
+    out[lit, 0] = np.linalg.det(np.delete(rest, left_out, axis=1))
+    if spectra:
+        sigmas = standard_deviations(sensor, readings(sensor, states[lit]))
+        out[lit, 1:] = extremes(rest * UNITS / sigmas[:, :, None])
+
+
+#: mm and rad in um and urad.
+UNITS = np.array([1e-3] * 3 + [1e-6] * 3 + [1e-3] * 2)
+#: Past this condition number, squared, the eigenvalues of J'J have lost half their digits.
+SQUARED = 1e8
+
+
+def extremes(matrices: Floats) -> Floats:
+    """The smallest singular value and the condition number of matrices (n, 9, 8): (n, 2)."""
+    values = np.linalg.eigvalsh(matrices.transpose(0, 2, 1) @ matrices)[:, [0, -1]]
+    near = ~(values[:, 0] * SQUARED > values[:, 1])
+    values[near] = np.linalg.svd(matrices[near], compute_uv=False)[:, [-1, 0]] ** 2
+    with np.errstate(divide="ignore"):
+        return np.sqrt(np.stack([values[:, 0], values[:, 1] / values[:, 0]], axis=1))  # type: ignore[no-any-return]
 
 
 class Worst(NamedTuple):

@@ -144,6 +144,7 @@ def acquire(keys: dict[str, Any]) -> Acquire:
         content=keys["content"],
         dark=keys["dark_counts"],
         timing=keys["timing"],
+        mark=keys["mark"],
         least_delay=keys["least_delay_ms"] / 1000,
         delay=keys["delay_ms"] / 1000,
         wait=keys["wait_seconds"],

@@ -54,6 +54,11 @@ class Acquire(Section):
         le=1000,
         description="from a sample to its bytes at the host, on average; for `arrival`",
     )
+    mark: Literal["trigger", "pps"] = Field(
+        "trigger",
+        description="what the board's marked input is: of no meaning here, or a pulse per second "
+        "at whole seconds of UTC, which then steers `utc_s` of what is published and replayed",
+    )
     wait_seconds: float = Field(
         5.0, ge=0, le=3600, description="for a port that is not there yet, since a board boots"
     )
@@ -73,8 +78,13 @@ class Acquire(Section):
 class Stage(Section):
     """The two-axis stage that carries the beam."""
 
-    driver: Literal["zaber", "pi"] = Field("zaber", description="Zaber ASCII, or PI GCS 2.0")
-    port: str | None = Field(None, description="device or URL")
+    driver: Literal["zaber", "pi", "other"] = Field(
+        "zaber",
+        description="Zaber ASCII, PI GCS 2.0, or what the port's name begins with, as kinesis:",
+    )
+    port: str | None = Field(
+        None, description="device or URL; for `other` a name as kinesis:27000001,27000002"
+    )
     baud: int = Field(115_200, gt=0, le=100_000_000, description="of a serial line")
     step_um: float = Field(0.1, gt=0, le=1000, description="Zaber: one native unit of position")
     zero_mm: Pair = Field((0.0, 0.0), description="beam's place at the stage's zero")

@@ -107,9 +107,10 @@ class Solve:
 class Acquire:
     """The detector board's stream.
 
-    dark: counts without light.  timing: "envelope" or "arrival".  least_delay, delay: s.  wait: for
-    a port that is not there yet, s.  sync: what a power failure may cost a recording, s; 0 for
-    whatever the system leaves.  detectors: the fewest that a pose is made from.
+    dark: counts without light.  timing: "envelope" or "arrival".  mark: "trigger" or "pps".
+    least_delay, delay: s.  wait: for a port that is not there yet, s.  sync: what a power failure
+    may cost a recording, s; 0 for whatever the system leaves.  detectors: the fewest that a pose is
+    made from.
     """
 
     port: str | None
@@ -123,6 +124,7 @@ class Acquire:
     wait: float
     sync: float
     detectors: int
+    mark: str = "trigger"
 
 
 @dataclass(frozen=True)
@@ -237,6 +239,7 @@ class Calibrate:
     unit; what stays is not there.  power_per_sample: whether the laser's power is an unknown of
     each.  effects: by key "auto", "on" or "off".  beam: "given", where the table says that it is,
     or "still", at the origin whatever the table says.  held_back: share of the samples.
+    dwells: whether rows are averaged where the reference stands still.
     """
 
     reference: tuple[float, ...]
@@ -246,6 +249,7 @@ class Calibrate:
     beam: str
     held_back: float
     outliers: float | None
+    dwells: bool = False
 
 
 @dataclass(frozen=True)

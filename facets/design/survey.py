@@ -21,7 +21,7 @@ from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats
 from ..model import blocks, evaluators, kernels, rare
 from ..model.jit import call_address, compilable, compiler
-from ..model.kernels import extremes, state_of, unpack_cut
+from ..model.kernels import state_of, unpack_cut
 from ..optics.footprint import extent, slopes
 from ..optics.forward import geometry, placed
 from ..optics.limits import central_landing
@@ -105,6 +105,27 @@ def sign_of_determinant(matrix):  # type: ignore[no-untyped-def]
     return sign
 
 
+#: Past this condition number, squared, the eigenvalues of J'J have lost half their digits.
+LOST = 1e8
+
+
+@compilable
+def condition_of(matrix, normal):  # type: ignore[no-untyped-def]
+    """The condition number of (9, 8). normal: becomes the matrix's normal equations, (8, 8)."""
+    for i in range(8):
+        for j in range(i + 1):
+            total = 0.0
+            for row in range(9):
+                total += matrix[row, i] * matrix[row, j]
+            normal[i, j] = total
+            normal[j, i] = total
+    values = np.linalg.eigvalsh(normal)
+    if values[0] * LOST > values[7]:
+        return np.sqrt(values[7] / values[0])
+    singular = np.linalg.svd(matrix)[1]
+    return singular[0] / singular[7]
+
+
 @compilable
 def deviations(normal, factor, out, n):  # type: ignore[no-untyped-def]
     """Roots of the diagonal of the inverse of (8, 8) into out[n, 6:12]; whether it has one."""
@@ -167,7 +188,7 @@ def measure(
             sigma = numbers[1] if r % 3 == 2 else numbers[0] / whole[0, r - r % 3 + 2]
             for c in range(8):
                 scaled[r, c] = whole[1 + r, c] * (1e-6 if 3 <= c < 6 else 1e-3) / sigma
-        condition = extremes(scaled, normal)[1]
+        condition = condition_of(scaled, normal)
         out[n, 12] = condition
         if not condition * condition < SQUARED or not deviations(normal, factor, out, n):
             why[n] = SLOW

@@ -93,17 +93,23 @@ def places(kind: str, currents: Floats, aspect: float = 1.0) -> Floats:
 
 
 def unbent(measured: Floats, aspect: float) -> Floats:
-    """The places (..., 2) where a tetra-lateral gives ratios (..., 2): the inverse of `bent`."""
-    found = measured.copy()
+    """The places (..., 2) where a tetra-lateral gives ratios (..., 2): the inverse of `bent`.
+
+    Each is found by itself, whatever stands beside it; NaN where there is none.
+    """
+    wanted = measured.reshape(-1, 2)
+    found, open_ = wanted.copy(), np.arange(len(wanted))
     for _ in range(30):
-        rest = measured - bent(found, aspect)
-        step = np.linalg.solve(slopes(found, aspect), rest[..., None])[..., 0]
-        found = np.clip(found + np.clip(step, -0.3, 0.3), -0.97, 0.97)
-        if np.abs(rest).max(initial=0) < 1e-12:
+        here = found[open_]
+        rest = wanted[open_] - bent(here, aspect)
+        step = np.linalg.solve(slopes(here, aspect), rest[..., None])[..., 0]
+        found[open_] = np.clip(here + np.clip(step, -0.3, 0.3), -0.97, 0.97)
+        open_ = open_[~(np.abs(rest).max(axis=-1) < 1e-12)]
+        if len(open_) == 0:
             break
-    off = np.abs(measured - bent(found, aspect)).max(axis=-1) > 1e-9
+    off = np.abs(wanted - bent(found, aspect)).max(axis=-1) > 1e-9
     found[off] = np.nan
-    return found
+    return found.reshape(measured.shape)
 
 
 def bent(place: Floats, aspect: float) -> Floats:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 import sys
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from io import StringIO
@@ -72,8 +73,19 @@ def run_record(config: Config, seed: int | None, seconds: float, results: dict[s
 
 
 def write_record(
-    path: Path, config: Config, seed: int | None, seconds: float, results: dict[str, Any]
+    path: Path,
+    config: Config,
+    seed: int | None,
+    seconds: float,
+    results: dict[str, Any],
+    files: Sequence[Path],
 ) -> None:
-    """`run_record` as a file, whole or not at all."""
+    """`run_record` as a file, whole or not at all, and beside it what the folder holds.
+
+    files: the results, the record among them; those that exist are described.
+    """
+    from .crate import write_crate
+
     with Whole(path) as temporary:
         temporary.write_text(run_record(config, seed, seconds, results), "utf-8")
+    write_crate(path.parent, files, about(config, seed), seconds)

@@ -114,6 +114,8 @@ class Live:
         for one in self.publications.all if self.publications else ():
             if one.trouble:
                 found.append(f"{one.address}: nothing is published any more: {one.trouble}")
+            elif one.note:
+                found.append(f"{one.address}: {one.note}")
         if self.pipeline.board.trouble():
             found.append(self.pipeline.board.trouble())
         if self.stage_error:

@@ -23,6 +23,11 @@ POLL = 0.003
 MOST = 65_536
 #: Of the entry points by which other packages bring ports.
 GROUP = "facets.sources"
+#: What is shipped, and needs an extra.
+SHIPPED = (
+    EntryPoint("ni", "facets.live.ni_card:Card", GROUP),
+    EntryPoint("thorlabs", "facets.live.thorlabs_heads:Heads", GROUP),
+)
 #: Between attempts to open a port, s.
 AGAIN = 0.1
 IN_USE = "another program has it; close that first"
@@ -215,8 +220,8 @@ def source_of(name: str) -> EntryPoint | None:
     scheme, colon, _ = name.partition(":")
     if not colon or len(scheme) < 2:  # a letter is a drive
         return None
-    found = entry_points(group=GROUP, name=scheme)
-    return next(iter(found), None)
+    found = [*entry_points(group=GROUP, name=scheme), *SHIPPED]
+    return next((one for one in found if one.name == scheme), None)
 
 
 def opened_by(source: EntryPoint, name: str, baud: int) -> Port:

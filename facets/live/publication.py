@@ -18,8 +18,11 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import urlsplit
 
+import numpy as np
+
 from ..core.errors import InputError
 from ..core.version import __version__
+from .pulses import PulseClock, pulse_columns
 from .sample_rows import SAMPLE, description, rows_of
 from .senders import LENGTH, check_address
 
@@ -31,6 +34,8 @@ if TYPE_CHECKING:
 MOST = 16_000_000
 #: So long a publication may take to begin, and at its end to give away what waits, s.
 BEGIN, END = 60.0, 3.0
+#: So long one with a filter, which may have to compile the model first, s.
+COMPILE = 600.0
 #: A replay waits for a first receiver so long, s.
 FIRST = 20.0
 GONE = "its process has ended"
@@ -42,30 +47,30 @@ class Publication:
     given: samples that were to be published.  sent: that were given away; where nobody answers, as
     by UDP, that says nothing of their arrival.  dropped: that were not, since nobody took them in
     time.  receivers: that take them now, None where it can not be known.  trouble: why nothing is
-    published any more, or nothing.
+    published any more, or nothing.  note: why there are no filtered poses.  filter: what it says.
     """
 
-    def __init__(self, address: str, about: dict[str, Any], patient: bool = False) -> None:
+    def __init__(
+        self, address: str, about: dict[str, Any], patient: bool = False, config: bytes = b""
+    ) -> None:
         """Raises `InputError` where there is no such address, or it can not be used.
 
         about: what receivers are told of the samples.  patient: wait for receivers; for replays,
-        which lose nothing by it.
+        which lose nothing by it.  config: pickled, where its `filter` needs one.
         """
-        check_address(address)
         self.address, self.patient = address, patient
         self.given = self.unplaced = self.sent = self.refused = 0
         self.receivers: int | None = None
-        self.trouble = ""
+        self.trouble = self.note = self.filter = ""
         self.queue: deque[bytes] = deque()
         self.waiting = 0
         self.ended = False
         self.news = threading.Condition()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "facets.live.senders", address, str(FIRST if patient else 0.0)],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True,
-        )  # fmt: skip
+            self.command(), stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+        )
         self.port: int | None = None
-        self.begin(description(about))
+        self.begin(description(about), config)
         self.threads = [
             threading.Thread(target=self.hand_over, name="publication", daemon=True),
             threading.Thread(target=self.listen, name="publication news", daemon=True),
@@ -73,15 +78,27 @@ class Publication:
         for thread in self.threads:
             thread.start()
 
-    def begin(self, about: dict[str, Any]) -> None:
+    def command(self) -> list[str]:
+        """What starts the process."""
+        check_address(self.address)
+        wait = str(FIRST if self.patient else 0.0)
+        return [sys.executable, "-m", "facets.live.senders", self.address, wait]
+
+    def last(self) -> float:
+        """So long its process may take at the end, s."""
+        return END
+
+    def begin(self, about: dict[str, Any], config: bytes) -> None:
         """Tells the process what it is to say of the samples, and waits until it can."""
-        watch = threading.Timer(BEGIN, self.process.kill)
+        watch = threading.Timer(COMPILE if config else BEGIN, self.process.kill)
         watch.daemon = True
         watch.start()
         try:
             told = json.dumps(about).encode()
             with suppress(OSError):
                 self.write(LENGTH.pack(len(told)) + told)
+                if config:
+                    self.write(LENGTH.pack(len(config)) + config)
             assert self.process.stdout is not None
             line = self.process.stdout.readline()
             words: dict[str, Any] = json.loads(line) if line else {"error": GONE}
@@ -147,6 +164,7 @@ class Publication:
             words = json.loads(line)
             self.sent, self.refused = words["sent"], words["dropped"]
             self.receivers = words["receivers"]
+            self.note, self.filter = words.get("note", ""), words.get("filter", "")
 
     @property
     def dropped(self) -> int:
@@ -160,7 +178,8 @@ class Publication:
                 return
             self.ended = True
             self.news.notify_all()
-        patience = FIRST + END if self.patient else END
+        last = self.last()
+        patience = FIRST + last if self.patient else last
         try:
             self.process.wait(timeout=patience)
         except subprocess.TimeoutExpired:
@@ -191,23 +210,36 @@ class Publications:
         config: Config,
         patient: bool = False,
         utc_offset: float | None = None,
+        filter_by: str | None = None,
+        carried: bool = False,
     ) -> None:
-        """Raises `InputError` for an address that can not be used; none is then open."""
+        """Raises `InputError` for an address that can not be used; none is then open.
+
+        filter_by: model of a filter, whose poses go beside the raw ones.  carried: whether a stage
+        carries the beam.
+        """
+        import pickle
+
         from .pipeline import LABELS
 
-        about = {
+        about: dict[str, Any] = {
             "config": config.name,
             "config_sha256": config.sha256,
             "facets": __version__,
             "statuses": {str(number): words for number, words in LABELS.items()},
         }
+        pickled = b""
+        if filter_by is not None:
+            about["filter"] = {"model": filter_by, "carried": carried}
+            pickled = pickle.dumps(config)
         self.offset = time.time() - time.monotonic() if utc_offset is None else utc_offset
+        self.pulses = PulseClock() if config.acquire.mark == "pps" else None
         self.all: list[Publication] = []
         for address in addresses:
             check_address(address)
         try:
             for address in addresses:
-                self.all.append(Publication(address, about, patient))
+                self.all.append(Publication(address, about, patient, pickled))
         except BaseException:
             self.close()
             raise
@@ -222,7 +254,11 @@ class Publications:
     def send(self, poses: Poses) -> None:
         """Publishes poses everywhere."""
         if self.all:
-            data = rows_of(poses, self.offset).tobytes()
+            rows = rows_of(poses, self.offset)
+            if self.pulses is not None:
+                utc = pulse_columns(poses, self.offset, self.pulses)["utc_s"]
+                rows["utc_s"] = np.where(np.isfinite(utc), utc, rows["utc_s"])
+            data = rows.tobytes()
             for publication in self.all:
                 publication.send(data)
 
@@ -255,4 +291,8 @@ class Publications:
         for one in self.all:
             text = f"{one.address}: {one.sent} samples published, {one.dropped} dropped"
             found.append(f"{text} ({one.trouble})" if one.trouble else text)
+            if self.pulses is not None:
+                found.append(f"{one.address}: {self.pulses.sentence}")
+            if one.filter:
+                found.append(f"{one.address}: {one.filter}")
         return found

@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, BinaryIO, Protocol
+from typing import TYPE_CHECKING, Any, BinaryIO, Protocol
 from urllib.parse import parse_qsl, urlsplit
 
 import numpy as np
@@ -22,9 +22,15 @@ from numpy.typing import NDArray
 
 from ..core.errors import FacetsError, InputError
 from ..core.names import READING_COLUMNS, STATE_COLUMNS
+from .sample_rows import HEAD as HEAD_COLUMNS
 from .sample_rows import MAGIC, NUMBERS, SAMPLE, unit_of
 
+if TYPE_CHECKING:
+    from .filtered_rows import RowFilter
+
 LENGTH = struct.Struct("<I")
+#: Before rows with filtered poses beside the raw ones.
+WIDE_MAGIC = b"FACETS2\n"
 #: What is said is said so often, s.
 REPORT = 0.25
 #: Bytes of one datagram: what every network takes whole, and what stays within one machine.
@@ -50,40 +56,56 @@ class Sender(Protocol):
     def close(self) -> None: ...
 
 
-def json_template() -> str:
+GROUPS = {
+    "reading": READING_COLUMNS,
+    "pose": STATE_COLUMNS,
+    "u": tuple(f"u_{name}" for name in STATE_COLUMNS),
+}
+FILTER_GROUPS = {
+    "filtered": STATE_COLUMNS[:6],
+    "u_filtered": tuple(f"u_{name}" for name in STATE_COLUMNS[:6]),
+}
+
+
+def json_template(groups: dict[str, tuple[str, ...]]) -> str:
     """The text of a sample with a place for each of its numbers."""
-    groups = {
-        "reading": READING_COLUMNS,
-        "pose": STATE_COLUMNS,
-        "u": tuple(f"u_{name}" for name in STATE_COLUMNS),
-    }
-    parts = ['"timestamp":%.9f,"seq":%d,"status":%d,"flags":%d']
+    parts = []
     for group, names in groups.items():
         parts.append(f'"{group}":{{' + ",".join(f'"{name}":%.9g' for name in names) + "}")
-    return "{" + ",".join([*parts, '"residual":%.9g']) + "}"
+    return ",".join(parts)
 
 
-TEMPLATE = json_template()
+HEAD = '"timestamp":%.9f,"seq":%d,"status":%d,"flags":%d'
+TEMPLATE = "{" + ",".join([HEAD, json_template(GROUPS), '"residual":%.9g']) + "}"
+WIDE_TEMPLATE = TEMPLATE[:-1] + "," + json_template(FILTER_GROUPS) + "}"
 
 
 def json_of(rows: Rows) -> list[str]:
     """A text for each sample, without the numbers that are not known: JSON has no word for them."""
     heads = rows[["utc_s", "seq", "status", "flags"]].tolist()
-    numbers = np.column_stack([rows[name] for name in NUMBERS])
+    names = numbers_of(rows.dtype)
+    template = TEMPLATE if len(names) == len(NUMBERS) else WIDE_TEMPLATE
+    numbers = np.column_stack([rows[name] for name in names])
     whole = np.isfinite(numbers).all(axis=1)
     return [
-        TEMPLATE % (*head, *row) if fine else sparse_json(head, row)
+        template % (*head, *row) if fine else sparse_json(template, head, row)
         for head, row, fine in zip(heads, numbers.tolist(), whole.tolist(), strict=True)
     ]
 
 
-def sparse_json(head: tuple[float, ...], row: list[float]) -> str:
-    text = TEMPLATE % (*head, *(value if np.isfinite(value) else 0.0 for value in row))
-    found = json.loads(text)
-    for name, value in zip(NUMBERS, row, strict=True):
-        if not np.isfinite(value):
-            for group in (found, *(found[key] for key in ("reading", "pose", "u"))):
-                group.pop(name, None)
+def numbers_of(dtype: np.dtype[np.void]) -> tuple[str, ...]:
+    """The columns of rows after those of the head."""
+    return (dtype.names or ())[len(HEAD_COLUMNS) :]
+
+
+def sparse_json(template: str, head: tuple[float, ...], row: list[float]) -> str:
+    known = json.loads(template % (*head, *(1.0 if np.isfinite(value) else 0.0 for value in row)))
+    found = json.loads(template % (*head, *(v if np.isfinite(v) else 0.0 for v in row)))
+    for name, value in known.items():
+        if isinstance(value, dict):
+            found[name] = {key: found[name][key] for key, there in value.items() if there}
+        elif name == "residual" and not value:
+            del found[name]
     return json.dumps(found, separators=(",", ":"))
 
 
@@ -120,9 +142,10 @@ class Udp:
     def datagrams(self, rows: Rows) -> list[tuple[bytes, int]]:
         """Their bytes, and how many samples are in each."""
         if self.binary:
-            each = max(1, (self.most - len(MAGIC)) // SAMPLE.itemsize)
+            each = max(1, (self.most - len(MAGIC)) // rows.dtype.itemsize)
             parts = [rows[start : start + each] for start in range(0, len(rows), each)]
-            return [(MAGIC + part.tobytes(), len(part)) for part in parts]
+            magic = MAGIC if rows.dtype == SAMPLE else WIDE_MAGIC
+            return [(magic + part.tobytes(), len(part)) for part in parts]
         texts = json_of(rows)
         each = 1 if self.single else max(1, self.most // (max(map(len, texts)) + 1))
         if self.single:
@@ -196,8 +219,6 @@ class Tcp:
 class Lsl:
     """An outlet of the Lab Streaming Layer, with names and units of its channels."""
 
-    CHANNELS = ("status", "flags", *NUMBERS)
-
     def __init__(self, name: str, about: dict[str, Any], wait: float) -> None:
         try:
             import pylsl
@@ -205,12 +226,14 @@ class Lsl:
             raise InputError(
                 f"lsl: needs pylsl (pip install 'facets-6dof[lsl]'): {error}"
             ) from None
+        names = tuple(name for name, _ in about.get("dtype", ())) or SAMPLE.names or ()
+        self.channels = ("status", "flags", *names[len(HEAD_COLUMNS) :])
         source = f"facets-{about.get('config_sha256', '')[:16]}"
         info = pylsl.StreamInfo(
-            name or "facets", "Pose", len(self.CHANNELS), pylsl.IRREGULAR_RATE, "double64", source
+            name or "facets", "Pose", len(self.channels), pylsl.IRREGULAR_RATE, "double64", source
         )
         channels = info.desc().append_child("channels")
-        for label in self.CHANNELS:
+        for label in self.channels:
             channel = channels.append_child("channel")
             channel.append_child_value("label", label)
             channel.append_child_value("unit", unit_of(label))
@@ -231,7 +254,7 @@ class Lsl:
             self.outlet.wait_for_consumers(self.until - time.monotonic())
             self.until = 0.0
         heard = self.outlet.have_consumers()
-        values = np.column_stack([rows[name].astype(float) for name in self.CHANNELS])
+        values = np.column_stack([rows[name].astype(float) for name in self.channels])
         self.outlet.push_chunk(values.tolist(), (rows["host_s"] + self.offset).tolist())
         return len(rows) if heard else 0
 
@@ -242,12 +265,39 @@ class Lsl:
             time.sleep(0.05)
 
 
-SCHEMES = "udp://HOST:PORT, udp+binary://HOST:PORT, tcp://HOST:PORT or lsl:NAME"
+class Filtered:
+    """Puts filtered poses beside the raw ones, and gives them to another sender."""
+
+    def __init__(self, sender: Sender, rows: RowFilter) -> None:
+        self.sender, self.rows = sender, rows
+
+    @property
+    def receivers(self) -> int | None:
+        return self.sender.receivers
+
+    @property
+    def note(self) -> str:
+        """Why there are no filtered poses, or nothing."""
+        return self.rows.doubt
+
+    def send(self, rows: Rows) -> int:
+        return self.sender.send(self.rows.widen(rows))
+
+    def close(self) -> None:
+        self.sender.close()
+
+
+SCHEMES = "udp://HOST:PORT, udp+binary://HOST:PORT, tcp://HOST:PORT, shm:NAME or lsl:NAME"
 
 
 def check_address(address: str) -> None:
     """Raises `InputError` for what is no address of a publication."""
     parts = urlsplit(address)
+    if parts.scheme == "shm":
+        from .shared_ring import check_name
+
+        check_name(parts.path)
+        return
     try:
         sound = parts.scheme == "lsl" or (
             parts.scheme in ("udp", "udp+binary", "tcp")
@@ -274,6 +324,10 @@ def open_sender(address: str, about: dict[str, Any], wait: float) -> Sender:
     try:
         if parts.scheme == "lsl":
             return Lsl(parts.path, about, wait)
+        if parts.scheme == "shm":
+            from .shared_ring import SharedSender
+
+            return SharedSender(parts.path, about, wait)
         assert parts.hostname is not None
         assert parts.port is not None
         if parts.scheme == "tcp":
@@ -299,7 +353,10 @@ def serve(sender: Sender, stream: BinaryIO, tell: Callable[[dict[str, Any]], Non
     ended = threading.Event()
 
     def report() -> None:
-        tell({"sent": sent, "dropped": dropped, "receivers": sender.receivers})
+        words: dict[str, Any] = {"sent": sent, "dropped": dropped, "receivers": sender.receivers}
+        if isinstance(sender, Filtered):
+            words |= {"note": sender.note, "filter": sender.rows.sentence}
+        tell(words)
 
     def report_often() -> None:
         while not ended.wait(REPORT):
@@ -319,6 +376,28 @@ def serve(sender: Sender, stream: BinaryIO, tell: Callable[[dict[str, Any]], Non
     report()
 
 
+def filter_of(about: dict[str, Any], pickled: bytes) -> RowFilter:
+    """The filter that the parent asks for; warm, so that no sample waits for what it loads.
+
+    pickled: the configuration, by the process that has started this one. What receivers are told
+    of the rows is changed in `about`.
+    """
+    import pickle
+
+    from .filtered_rows import WIDE, RowFilter
+
+    config = pickle.loads(pickled)
+    told = about["filter"]
+    rows = RowFilter(config, told["model"], told["carried"])
+    nobody = np.zeros(2, SAMPLE)
+    for name in NUMBERS:
+        nobody[name] = 0.1
+    RowFilter(config, told["model"]).widen(nobody)
+    about["dtype"] = [list(pair) for pair in WIDE.descr]
+    about["units"] = {name: unit_of(name) for name in WIDE.names or () if unit_of(name)}
+    return rows
+
+
 def main() -> None:
     def tell(words: dict[str, Any]) -> None:
         sys.stdout.write(json.dumps(words) + "\n")
@@ -326,13 +405,16 @@ def main() -> None:
 
     address, wait = sys.argv[1], float(sys.argv[2])
     stream = sys.stdin.buffer
-    (about,) = (json.loads(data) for data in [next(lots(stream))])
+    incoming = lots(stream)
+    about = json.loads(next(incoming))
+    rows = filter_of(about, next(incoming)) if "filter" in about else None
     try:
         sender = open_sender(address, about, wait)
     except FacetsError as error:
         tell({"error": str(error)})
         return
     place = sender.listening.getsockname()[1] if isinstance(sender, Tcp) else None
+    sender = Filtered(sender, rows) if rows else sender
     tell({"ready": True, "port": place})
     serve(sender, stream, tell)
 

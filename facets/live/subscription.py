@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import socket
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -53,6 +54,11 @@ class Subscription:
             rest = data[whole:]
             if whole:
                 yield np.frombuffer(data[:whole], self.dtype)
+
+    def stop(self) -> None:
+        """Ends the iteration of another thread."""
+        with suppress(OSError):  # the publisher may have gone before
+            self.line.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
         self.stream.close()

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.hues import DARK, LIGHT, Hues
 from ..core.names import ANGLES, DETECTORS, STATE
 from ..detectors.counts import SATURATED
 from ..detectors.noise import power_floor
@@ -24,7 +26,9 @@ if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions
 
 #: A PSD's face in characters: across and down, at most and at least; odd, for a middle.
-WIDE, HIGH = (21, 9), (5, 3)
+WIDE, HIGH = (33, 5), (13, 3)
+#: Columns from which on the counts of the stream stand beside the pose.
+BESIDE = 62
 #: Lines of the view beside the faces: the table of the pose, borders, the stream and messages.
 OTHERS = 16
 
@@ -164,7 +168,7 @@ class Screen:
     """Pose, three PSD faces with their spots and powers, and how the stream does.
 
     A rich renderable, which fits itself to the terminal: whatever its size, all three detectors are
-    there.
+    there. Detectors and axes have the hues that they have in every picture.
     """
 
     def __init__(self, live: Live) -> None:
@@ -173,14 +177,25 @@ class Screen:
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Any]:
         from rich.table import Table
 
-        now = values(self.live)
-        yield pose_table(now)
-        wide = odd_within(options.max_width // 3 - 4, WIDE)
+        now, beside = values(self.live), options.max_width >= BESIDE
+        if beside:
+            top = Table.grid(padding=(0, 3))
+            top.add_row(pose_table(now), counts_table(now))
+            yield top
+        else:
+            yield pose_table(now)
         high = odd_within((options.height or console.height) - OTHERS, HIGH)
+        wide = odd_within(min(options.max_width // 3 - 4, 3 * high + 6), WIDE)
         grid = Table.grid()
         grid.add_row(*[face(self.live, k, wide, high) for k in range(3)])
         yield grid
-        yield stream(now)
+        yield from below(now, beside)
+
+
+def terminal_hues() -> Hues:
+    """For a dark ground, unless the terminal says that its own is light (COLORFGBG, as "0;15")."""
+    ground = os.environ.get("COLORFGBG", "").rpartition(";")[2]
+    return LIGHT if ground in ("7", "15") else DARK
 
 
 def odd_within(size: int, ends: tuple[int, int]) -> int:
@@ -189,23 +204,70 @@ def odd_within(size: int, ends: tuple[int, int]) -> int:
 
 
 def pose_table(now: dict[str, Any]) -> Any:
+    """A line an axis, with a bar of its hue before its name."""
     from rich.table import Table
+    from rich.text import Text
 
-    table = Table(box=None, title_justify="left")
+    hues = terminal_hues()
+    table = Table(box=None, title_justify="left", pad_edge=False)
     for heading in ("", "value", "u (1 sigma)"):
         table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
     for name in STATE:
         unit, fine = ("mrad", "urad") if name in ANGLES else ("mm", "um")
         value, sigma = now.get(f"{name}_{unit}"), now.get(f"u_{name}_{fine}")
         shown = "-" if value is None else f"{value:+.5f} {unit}"
-        table.add_row(name, shown, "-" if sigma is None else f"{sigma:.3g} µ{fine[1:]}")
+        marked = Text.assemble(("▌", hues.axes[name]), name)
+        table.add_row(marked, shown, "-" if sigma is None else f"{sigma:.3g} µ{fine[1:]}")
     return table
 
 
-def face(live: Live, k: int, wide: int, high: int) -> Any:
-    """One detector: its area with the spot on it, and a bar of its power."""
-    from rich.panel import Panel
+def counts(now: dict[str, Any]) -> list[tuple[str, str, bool]]:
+    """How the stream does: (name, value, whether it needs a look)."""
+    latency = now["latency_p99_ms"]
+    faults = ("lost", "corrupt", "unsolved", "late", "skipped")
+    return [
+        ("samples", f"{now['samples']}, {now['rate_hz']:.0f}/s", False),
+        *((name, str(now[name]), now[name] > 0) for name in faults),
+        ("backlog", str(now["backlog"]), False),
+        ("p99", "-" if latency is None else f"{latency:.1f} ms", False),
+    ]
 
+
+def counts_table(now: dict[str, Any]) -> Any:
+    """The counts beside the pose; one that is not as it should be stands out."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    table.add_column("stream", style="dim", no_wrap=True)
+    table.add_column("", justify="right", no_wrap=True)
+    for name, value, bad in counts(now):
+        table.add_row(name, value, style=f"bold {terminal_hues().alarm} not dim" if bad else None)
+    return table
+
+
+def below(now: dict[str, Any], beside: bool) -> Iterator[Any]:
+    """What stands under the faces: the counts, where they are not beside the pose, and messages."""
+    from rich.text import Text
+
+    alarm = f"bold {terminal_hues().alarm}"
+    if not beside:
+        words = Text()
+        for name, value, bad in counts(now):
+            words.append(f"{name} {value}", alarm if bad else "")
+            words.append("   ")
+        yield words
+    for line in more(now):
+        yield Text(line)
+    if now["note"]:
+        yield Text(now["note"], alarm)
+
+
+def face(live: Live, k: int, wide: int, high: int) -> Any:
+    """One detector in its hue: its area with the spot on it, and a bar of its power."""
+    from rich.panel import Panel
+    from rich.text import Text
+
+    hue = terminal_hues().detectors[DETECTORS[k]]
     rows = [[" "] * wide for _ in range(high)]
     rows[high // 2] = ["·"] * wide
     for row in rows:
@@ -219,11 +281,13 @@ def face(live: Live, k: int, wide: int, high: int) -> Any:
             rows[round((1 - z / half[1]) / 2 * (high - 1))][across] = "●"
     share = power / live.pipeline.config.sensor.beam.power
     bar = "█" * round(wide * min(max(share, 0), 1)) if np.isfinite(share) else ""
-    text = "\n".join("".join(row) for row in rows) + f"\n{bar:<{wide}}"
+    drawn = Text("\n".join("".join(row) for row in rows), "dim")
+    drawn.highlight_regex("●", f"bold {hue} not dim")
+    drawn.append(f"\n{bar:<{wide}}", f"{hue} not dim")
     title = f"{DETECTORS[k].upper()} {light(live, k, power)}"
     if wide >= len(title) + 4:
         title = f"PSD {title}"
-    return Panel(text, title=title, width=wide + 4)
+    return Panel(drawn, title=Text(title, f"bold {hue}"), border_style=hue, width=wide + 4)
 
 
 def light(live: Live, k: int, power: float) -> str:
@@ -236,26 +300,20 @@ def light(live: Live, k: int, power: float) -> str:
     return f"{1e3 * power:.1f} µW" if power > FAINTEST * power_floor(sensor) else "no light"
 
 
-def stream(now: dict[str, Any]) -> str:
-    latency = now["latency_p99_ms"]
-    text = (
-        f"{now['samples']} samples, {now['rate_hz']:.0f}/s   lost {now['lost']}   "
-        f"corrupt {now['corrupt']}   unsolved {now['unsolved']}   late {now['late']}   "
-        f"skipped {now['skipped']}   backlog {now['backlog']}   "
-        f"p99 {'-' if latency is None else f'{latency:.1f} ms'}"
-    )
+def more(now: dict[str, Any]) -> Iterator[str]:
+    """Of what a run may have beside its samples: stage, board, publications, flags."""
     if "stage" in now:
         error = now.get("tracking_error") or [None, None]
         shown = ", ".join("-" if x is None else f"{x:+.4f}" for x in error)
-        text += f"\nstage {now['stage_mm']} mm, {now['stage']}, {now['moves']} moves"
-        text += f"   Eq. (14): {shown}"
+        yield (
+            f"stage {now['stage_mm']} mm, {now['stage']}, {now['moves']} moves   Eq. (14): {shown}"
+        )
     if "board" in now:
-        text += (
-            f"\nboard: {now['board']['came']} poses of its own, at most "
+        yield (
+            f"board: {now['board']['came']} poses of its own, at most "
             f"{now['board']['worst_u']:.2g} u from these"
         )
     for one in now.get("published", ()):
-        text += f"\n{one['address']}: {one['sent']} published, {one['dropped']} dropped"
+        yield f"{one['address']}: {one['sent']} published, {one['dropped']} dropped"
     if now["flags"]:
-        text += "\n" + ", ".join(f"{count} {name}" for name, count in now["flags"].items())
-    return text + (f"\n{now['note']}" if now["note"] else "")
+        yield ", ".join(f"{count} {name}" for name, count in now["flags"].items())

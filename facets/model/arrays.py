@@ -15,6 +15,7 @@ from ..core.units import Floats
 from ..optics.effects import EFFECTS as EFFECTS
 from ..optics.effects import Effects, Options
 from ..optics.forward import Geometry, Openings, geometry
+from ..optics.limits import COLUMNS, MOST
 from ..optics.parameters import BEAM, FACET, PSD
 from .threads import share
 
@@ -236,12 +237,24 @@ def readings(
 
     def one_by_one(states: Floats, found: Floats) -> None:
         from . import evaluators
-        from .kernels import read
 
-        read(evaluators.readings(sensor), vectors, states, found)
+        evaluate(evaluators.readings(sensor), vectors, states, found)
 
     share(by_blocks(sensor, "readings", vectors, rows, out, one_by_one), len(rows), threads)
     return out.reshape(*shape, 9)
+
+
+def evaluate(model: int, vectors: Floats, given: Floats, found: Floats) -> None:
+    """Fills rows of `found` by a function of `evaluators`.
+
+    model: its address.  vectors: as packed.  given: (n, 8) states, or (n, 9) with a beam's power.
+    """
+    from . import evaluators, kernels
+
+    if len(given) <= evaluators.FEW:
+        evaluators.call_each(model, vectors, given, found, np.empty((3, MOST, COLUMNS)))
+    else:
+        kernels.evaluate(model, vectors, given, found)
 
 
 def by_blocks(
@@ -289,17 +302,27 @@ def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     'psi_a moves 250 mm per rad of yaw'
     """
     rows, shape = as_rows(state, 8, "state")
-    vectors, out = packed(sensor), np.empty((len(rows), 9, 8))
+    return derivatives(sensor, rows, threads, near=False).reshape(*shape, 9, 8)
+
+
+def derivatives(sensor: Sensor, states: Floats, threads: int = 1, near: bool = True) -> Floats:
+    """The Jacobian (n, 9, 8) at states (n, 8).
+
+    near: what `evaluators.nearly_linearised` gives, which is the same where the light is ideal.
+    """
+    vectors, out = packed(sensor), np.empty((len(states), 9, 8))
 
     def one_by_one(states: Floats, found: Floats) -> None:
         from . import evaluators
-        from .kernels import differentiate
 
-        power = float(sensor.beam.power)
-        differentiate(evaluators.linearised(sensor), vectors, states, power, found)
+        model = evaluators.nearly_linearised if near else evaluators.linearised
+        given, whole = np.full((len(states), 9), sensor.beam.power), np.empty((len(states), 10, 10))
+        given[:, :8] = states
+        evaluate(model(sensor), vectors, given, whole)
+        found[:] = np.where(np.isnan(whole[:, 0, :9, None]), np.nan, whole[:, 1:, :8])
 
-    share(by_blocks(sensor, "derivatives", vectors, rows, out, one_by_one), len(rows), threads)
-    return out.reshape(*shape, 9, 8)
+    share(by_blocks(sensor, "derivatives", vectors, states, out, one_by_one), len(states), threads)
+    return out
 
 
 def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
@@ -366,12 +389,11 @@ def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     >>> f"spot A spans {largest - least:.2f} mm along y"
     'spot A spans 0.74 mm along y'
     """
-    from . import kernels
+    from . import evaluators
 
-    outline = kernels.outline_light if sensor.light.on else kernels.outline
     rows, shape = as_rows(state, 8, "state")
-    vectors, out = packed(sensor), np.empty((len(rows), 3, 5))
-    share(lambda part: outline(vectors, rows[part], out[part]), len(rows), threads)
+    vectors, out, model = packed(sensor), np.empty((len(rows), 3, 5)), evaluators.footprints(sensor)
+    share(lambda part: evaluate(model, vectors, rows[part], out[part]), len(rows), threads)
     return out.reshape(*shape, 3, 5)
 
 

@@ -7,6 +7,7 @@ where compiled code is needed.
 
 from __future__ import annotations
 
+import ctypes
 import threading
 from collections.abc import Iterable
 from math import nan
@@ -15,16 +16,18 @@ from typing import Any
 from numba import carray  # type: ignore[attr-defined]  # noqa: TID253
 
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..optics import bench_light, cut_light
 from ..optics.detected import cut_scene, linearised_where_cut
-from ..optics.forward import Geometry, by_power, readings_of, with_power
+from ..optics.footprint import footprint, slopes, spreading
+from ..optics.forward import Geometry, by_power, placed, readings_of, with_power
 from ..optics.forward import readings as readings_uncut
 from ..optics.gradient import linearised as linearised_uncut
 from ..optics.limits import COLUMNS, MOST
 from ..scalars import machine
 from ..scalars.machine import Value, leaves
 from . import kernels, machine_code
-from .jit import callback, compilable
+from .jit import callback, compilable, raise_failure
 from .kernels import EXAMPLE, unpack, unpack_cut
 from .machine_code import straight
 
@@ -35,6 +38,7 @@ Numbered = Iterable[tuple[int, Any]]
 PACKED = len(list(leaves(EXAMPLE)))
 
 PLAIN = EXAMPLE._replace(openings=None, light=None)  # type: ignore[arg-type]
+PARALLEL = EXAMPLE._replace(light=None)  # type: ignore[arg-type]
 
 
 @compilable
@@ -175,6 +179,31 @@ def nearly_linearised_light(packed: Pointer, x: Pointer, found: Pointer, memory:
         put_nothing(found, 100)
 
 
+def plain_footprints(vectors: Geometry, state: list[Value]) -> Numbered:
+    """The formula of `footprints_plain`."""
+    at = placed(vectors, tuple(state))
+    for k in range(3):
+        yield from enumerate(footprint(vectors, at, k, slopes(vectors, at, k)), 5 * k)
+
+
+write_footprints = straight(plain_footprints, PARALLEL, PACKED, 8)
+
+
+def footprints_plain(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
+    """found (3, 5): the footprints of the spots at the state x (8,), where rays are parallel."""
+    write_footprints(packed, x, found)
+
+
+def footprints_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
+    """The same under the light of a bench."""
+    vectors, out = unpack(carray(packed, (PACKED,))), carray(found, (3, 5))
+    at = bench_light.curved(vectors, placed(vectors, state_at(x)))
+    for k in range(3):
+        ends = footprint(vectors, at, k, spreading(vectors, at, k))
+        for i in range(5):
+            out[k, i] = ends[i]
+
+
 MODELS = {
     function.__name__: function
     for function in (
@@ -187,6 +216,8 @@ MODELS = {
         linearised_light,
         linearised_cut_light,
         nearly_linearised_light,
+        footprints_plain,
+        footprints_light,
     )
 }
 
@@ -204,6 +235,22 @@ def address(name: str) -> int:
 _COMPILED: dict[str, Any] = {}
 _COMPILING = threading.Lock()
 
+#: For so few rows no loop is compiled that calls a function for each: one in Python takes a
+#: millisecond.
+FEW = 1000
+_KIND = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)
+
+
+def call_each(model: int, packed: Floats, given: Floats, found: Floats, memory: Floats) -> None:
+    """Calls a compiled function by its address for each row of `given`, with one of `found`."""
+    start, rows = _KIND(model), (packed, given, found, memory)
+    if not all(array.flags.c_contiguous for array in rows):
+        raise ValueError("compiled code takes contiguous arrays only")
+    vectors, asked, results, workspace = (array.ctypes.data for array in rows)
+    for n in range(len(given)):
+        start(vectors, asked + n * given.strides[0], results + n * found.strides[0], workspace)
+    raise_failure()
+
 
 def kind_of(sensor: Sensor) -> str:
     """Which formulas hold for a sensor; found once a sensor."""
@@ -219,6 +266,11 @@ def kind_of(sensor: Sensor) -> str:
 def readings(sensor: Sensor) -> int:
     """The address of the function that computes a sensor's readings, compiled if need be."""
     return address(f"readings_{kind_of(sensor)}")
+
+
+def footprints(sensor: Sensor) -> int:
+    """The address of the function that computes the footprints of the spots."""
+    return address("footprints_light" if sensor.light.on else "footprints_plain")
 
 
 def linearised(sensor: Sensor) -> int:

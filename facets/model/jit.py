@@ -22,7 +22,11 @@ from types import FunctionType, ModuleType
 from typing import Any
 
 import numba  # noqa: TID253  this module is itself imported only where compiled code is needed
+import numba._dynfunc  # noqa: TID253
+import numba.core.caching  # noqa: TID253
 import numba.core.codegen  # noqa: TID253
+import numba.core.cpu  # noqa: TID253
+import numba.core.registry  # noqa: TID253
 import platformdirs
 from llvmlite import ir
 from numba import types  # noqa: TID253
@@ -93,6 +97,11 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
     ),
     wedge.wedge: lambda q, u1, u2, side1, side2: (
         lambda q, u1, u2, side1, side2: wedge.wedge_float(q, u1, u2, side1, side2)
+    ),
+    footprint.between: lambda slope, q, u1, u2, opening, centre: (
+        lambda slope, q, u1, u2, opening, centre: footprint.between_float(
+            slope, q, u1, u2, opening, centre
+        )
     ),
 }
 TEXT = (
@@ -193,56 +202,130 @@ def compiler(
 FAILURES: list[BaseException] = []
 
 
-_compiling = threading.local()
+class _Compiling(threading.local):
+    """What this thread compiles.
+
+    name: of the kernel, or None.  environments: those of its parts, by the names of their places.
+    """
+
+    name: str | None = None
+
+    def __init__(self) -> None:
+        self.environments: dict[str, Any] = {}
 
 
-def _optimise_once() -> None:
-    """Lets Numba optimise what a kernel is made of with the kernel alone, where that can be had.
+_compiling = _Compiling()
+
+
+def _is_part(library: Any) -> bool:
+    return _compiling.name is not None and library.name != _compiling.name
+
+
+def _make_machine_code_once() -> None:
+    """Lets Numba optimise what a kernel is made of with the kernel alone, and make machine code of
+    it there alone, where that can be had.
 
     It would do so with each function by itself, then again with each that calls it, up to the
-    kernel, which has them all inside: a third of the time of compiling. Other code that Numba
+    kernel, which has them all inside: three fifths of the time of compiling. Other code that Numba
     compiles in this process is left as it is.
     """
-    library = getattr(numba.core.codegen, "CPUCodeLibrary", None)
+    library = getattr(numba.core.codegen, "JITCodeLibrary", None)
+    context = getattr(numba.core.cpu, "CPUContext", None)
     optimise = getattr(library, "_optimize_final_module", None)
-    if library is None or optimise is None:
+    finalise = getattr(library, "_finalize_final_module", None)
+    executable = getattr(context, "get_executable", None)
+    if library is None or context is None or not (optimise and finalise and executable):
         return
 
     def optimise_outermost(self: Any) -> None:
-        outermost = getattr(_compiling, "name", None)
-        if outermost is None or self.name == outermost:
+        if not _is_part(self):
             optimise(self)
 
+    def finalise_outermost(self: Any) -> None:
+        if _is_part(self):
+            self._finalize_dynamic_globals()
+            self._finalized = True
+        else:
+            finalise(self)
+
+    def executable_of_outermost(self: Any, library: Any, fndesc: Any, env: Any) -> Any:
+        if not _is_part(library):
+            return executable(self, library, fndesc, env)
+        library._ensure_finalized()
+        _compiling.environments[self.get_env_name(fndesc)] = env
+        name = fndesc.qualname.split(".")[-1]  # a part has no address: only kernels call it
+        return numba._dynfunc.make_function(fndesc.lookup_module(), name, "", 0, env, (library,))
+
     library._optimize_final_module = optimise_outermost
+    library._finalize_final_module = finalise_outermost
+    context.get_executable = executable_of_outermost
 
 
-_optimise_once()
+_make_machine_code_once()
 
 
 @contextmanager
 def _outermost(function: Callable[..., Any]) -> Iterator[None]:
     """Within it what this thread compiles is a part of `function`."""
-    before = getattr(_compiling, "name", None)
-    _compiling.name = function.__qualname__
+    before, _compiling.name = _compiling.name, function.__qualname__
+    kept, _compiling.environments = _compiling.environments, {}
     try:
         yield
+        _set_environments()
     finally:
-        _compiling.name = before
+        _compiling.name, _compiling.environments = before, kept
+
+
+def _set_environments() -> None:
+    """Puts the environments of a kernel's parts where its machine code has places for them."""
+    engine = numba.core.registry.cpu_target.target_context.codegen()._engine
+    for name, environment in _compiling.environments.items():
+        if engine.is_symbol_defined(name):
+            where = engine.get_global_value_address(name)
+            (ctypes.c_void_p * 1).from_address(where)[0] = id(environment)
+
+
+class Locator(getattr(numba.core.caching, "UserProvidedCacheLocator", object)):  # type: ignore[misc]
+    """Where in a folder Numba keeps the machine code of a file, wherever the file lies.
+
+    The folder is named after the text, so that checkouts of one text share it. Numba's own ways
+    name it after the file's path, too; versions that can not be told another one go on with that.
+    """
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        return Path(py_file).parent.name
+
+    def get_source_stamp(self) -> str:
+        return Path(self.get_cache_path()).parent.name
 
 
 def _in_folder(folder: Path, make: Callable[[], Any]) -> Any:
     """What `make` compiles, with its machine code kept in a folder."""
     config: Any = numba.config
-    kept, config.CACHE_DIR = config.CACHE_DIR, str(folder)
+    asked = {"CACHE_DIR": str(folder), "CACHE_LOCATOR_CLASSES": f"{__name__}.{Locator.__name__}"}
+    kept = {name: getattr(config, name) for name in asked if hasattr(config, name)}
+    for name in kept:
+        setattr(config, name, asked[name])
     try:
         return make()
     finally:
-        config.CACHE_DIR = kept
+        for name, value in kept.items():
+            setattr(config, name, value)
+
+
+def _is_in(folder: Path, function: Callable[..., Any]) -> bool:
+    return any(folder.rglob(f"*.{function.__name__}-*.nbi"))
+
+
+def is_kept(file: str, function: Callable[..., Any], *modules: ModuleType) -> bool:
+    """Whether machine code is kept of what `callback` would compile of these."""
+    return _is_in(cache_folder(file, *(module.__file__ for module in modules))[0], function)
 
 
 def _tell(folder: Path, function: Callable[..., Any]) -> None:
     """Says on the standard error that a function has to be compiled, where that is so."""
-    if not any(folder.rglob(f"*.{function.__name__}-*.nbi")):
+    if not _is_in(folder, function):
         print(f"facets: compiling {function.__name__}, once ...", file=sys.stderr)
 
 
@@ -261,8 +344,7 @@ def _kept(function: Callable[..., Any], folder: Path, passing: object) -> Callab
             with _outermost(function):
                 result = dispatcher(*arguments)
             called = True
-        if FAILURES:
-            _raise()
+        raise_failure()
         return result
 
     call.keeps = passing  # type: ignore[attr-defined]  # a passing folder lives as long as this
@@ -307,17 +389,18 @@ def task(file: str, function: Callable[..., Any], *modules: ModuleType) -> Calla
 
     def call(address: int) -> None:
         start(address)
-        if FAILURES:
-            _raise()
+        raise_failure()
 
     call.keeps = compiled  # type: ignore[attr-defined]
     return call
 
 
-def _raise() -> None:
-    failure = FAILURES[0]
-    FAILURES.clear()
-    raise failure
+def raise_failure() -> None:
+    """Raises what went wrong in Python while compiled code ran."""
+    if FAILURES:
+        failure = FAILURES[0]
+        FAILURES.clear()
+        raise failure
 
 
 def _pointer_to(kind: Any) -> Any:

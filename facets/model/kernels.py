@@ -16,7 +16,6 @@ from ..optics import bench_light
 from ..optics.cut_parameters import cut_by_parameter
 from ..optics.detected import cut_scene
 from ..optics.effects import Light, Options
-from ..optics.footprint import footprint, slopes, spreading
 from ..optics.forward import Geometry, Openings, geometry, placed
 from ..optics.forward import scene as uncut_scene
 from ..optics.limits import COLUMNS, MOST
@@ -94,123 +93,12 @@ def state_of(states: Array, n: int) -> Any:
 
 
 @compiled
-def read(model: int, packed: Array, states: Array, out: Array) -> None:
-    """out (n, 9): the readings at states (n, 8).  model: address of `evaluators.readings`."""
+def evaluate(model: int, packed: Array, states: Array, out: Array) -> None:
+    """out (n, ...): what a function of `evaluators` gives for each row of `states`, which may have
+    the beam's power behind a state.  model: its address."""
     memory = outlines()
     for n in range(len(states)):
         call_address(model, packed, states[n], out[n], memory)
-
-
-@compilable
-def put_footprint(ends: Any, out: Array) -> None:
-    for i in range(5):
-        out[i] = ends[i]
-
-
-@compiled
-def outline(packed: Array, states: Array, out: Array) -> None:
-    """out (n, 3, 5): the footprints of the spots at states (n, 8)."""
-    geometry = unpack_cut(packed)
-    for n in range(len(states)):
-        at = placed(geometry, state_of(states, n))
-        for k in range(3):
-            put_footprint(footprint(geometry, at, k, slopes(geometry, at, k)), out[n, k])
-
-
-@compiled
-def outline_light(packed: Array, states: Array, out: Array) -> None:
-    """The same under the light of a bench."""
-    geometry = unpack(packed)
-    for n in range(len(states)):
-        at = bench_light.curved(geometry, placed(geometry, state_of(states, n)))
-        for k in range(3):
-            put_footprint(footprint(geometry, at, k, spreading(geometry, at, k)), out[n, k])
-
-
-@compilable
-def linearise(
-    model: int, packed: Array, x: Array, state: Array, found: Array, memory: Array
-) -> bool:
-    """Fills found (10, 10) at a state (8,), as `evaluators.linearised`; whether all have light.
-
-    x: memory, (9,), with the beam's power last.
-    """
-    for c in range(8):
-        x[c] = state[c]
-    call_address(model, packed, x, found, memory)
-    return not (np.isnan(found[0, 0]) or np.isnan(found[0, 3]) or np.isnan(found[0, 6]))
-
-
-@compiled
-def differentiate(model: int, packed: Array, states: Array, power: float, out: Array) -> None:
-    """out (n, 9, 8): the Jacobian at states (n, 8).  model: address of `evaluators.linearised`."""
-    memory, found, x = outlines(), np.empty((10, 10)), np.full(9, power)
-    for n in range(len(states)):
-        linearise(model, packed, x, states[n], found, memory)
-        for row in range(9):
-            lit = found[0, row] == found[0, row]
-            for c in range(8):
-                out[n, row, c] = found[1 + row, c] if lit else np.nan
-
-
-@compiled
-def determine(
-    model: int,
-    packed: Array,
-    states: Array,
-    power: float,
-    noise: Array,
-    sigmas: Array,
-    left_out: int,
-    out: Array,
-) -> None:
-    """out (n, 3): determinant without one row, smallest singular value, condition number.
-
-    noise: (3,) a place's sigma times the power (mm mW), a power's (mW), and whether the last two
-    are wanted.  sigmas (n, 9): where the readings' standard deviations are not those; else empty.
-    The Jacobian's rows are then in standard deviations, its columns in um and urad.
-    """
-    memory, found, x = outlines(), np.empty((10, 10)), np.full(9, power)
-    square, scaled, normal = np.empty((8, 8)), np.empty((9, 8)), np.empty((8, 8))
-    for n in range(len(states)):
-        lit = linearise(model, packed, x, states[n], found, memory)
-        for row in range(9):
-            sigma = noise[1] if row % 3 == 2 else noise[0] / found[0, row - row % 3 + 2]
-            if len(sigmas) > 0:
-                sigma = sigmas[n, row]
-            for c in range(8):
-                derivative = found[1 + row, c]
-                if row != left_out:
-                    square[row - (row > left_out), c] = derivative
-                scaled[row, c] = derivative * (1e-6 if 3 <= c < 6 else 1e-3) / sigma
-        if not lit:
-            for column in range(3):
-                out[n, column] = np.nan
-            continue
-        out[n, 0] = np.linalg.det(square)
-        if noise[2] > 0:
-            out[n, 1], out[n, 2] = extremes(scaled, normal)
-
-
-#: Past this condition number, squared, the eigenvalues of J'J have lost half their digits.
-SQUARED = 1e8
-
-
-@compilable
-def extremes(matrix: Array, normal: Array) -> tuple[float, float]:
-    """The smallest singular value and the condition number. normal: memory, (8, 8)."""
-    for i in range(8):
-        for j in range(i + 1):
-            total = 0.0
-            for row in range(9):
-                total += matrix[row, i] * matrix[row, j]
-            normal[i, j] = total
-            normal[j, i] = total
-    values = np.linalg.eigvalsh(normal)
-    if values[0] * SQUARED > values[7]:
-        return np.sqrt(values[0]), np.sqrt(values[7] / values[0])
-    singular = np.linalg.svd(matrix)[1]
-    return singular[7], singular[0] / singular[7]
 
 
 @compiled

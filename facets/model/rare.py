@@ -1,15 +1,18 @@
-"""What compiled code seldom calls is compiled when it is first called.
+"""What compiled code seldom calls is compiled when it turns out not to be so seldom.
 
 Compiled code calls these functions by addresses that it finds in a table. At first these lead back
-to Python, which compiles the function, puts its address into the table and calls it; from then on
-the way is direct. Importing this imports Numba.
+to Python, which runs the text with its floats. That gives the same bits, since all functions in it
+are those of the C library either way, and takes some tenths of a millisecond, where compiling takes
+seconds. Past a second of that, or where machine code has been kept, Python puts the compiled
+function's address into the table, and from then on the way is direct. Importing this imports Numba.
 """
 
 from __future__ import annotations
 
 import ctypes
+import time
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -52,22 +55,60 @@ NAMES = list(FUNCTIONS)
 
 _COMPILED: dict[str, Any] = {}
 
+#: For so long, s, the functions run as text before they are compiled, which takes several times
+#: that.
+SELDOM = 1.0
+_spent = 0.0
 
-def _compile_and_call(name: str, *pointers: Any) -> None:
+
+@cache
+def _is_kept(name: str) -> bool:
+    return jit.is_kept(__file__, FUNCTIONS[name][0])
+
+
+def _compiled(name: str) -> Any:
+    """What calls the compiled function, compiled or loaded now if need be."""
+    if name not in _COMPILED:
+        _COMPILED[name] = jit.callback(__file__, FUNCTIONS[name][0])
+        TABLE[NAMES.index(name)] = _COMPILED[name].address
+    return KIND(_COMPILED[name].address)
+
+
+def prepare() -> None:
+    """Compiles or loads all of them now, for a loop that can not wait when light is lost."""
+    for name in NAMES:
+        _compiled(name)
+
+
+def _call(name: str, *pointers: Any) -> None:
+    """Where the table leads at first."""
     function, results = FUNCTIONS[name]
     try:
-        if name not in _COMPILED:
-            _COMPILED[name] = jit.callback(__file__, function)
-            TABLE[NAMES.index(name)] = _COMPILED[name].address
-        KIND(_COMPILED[name].address)(*pointers)
+        as_text = name not in _COMPILED and _spent < SELDOM and not _is_kept(name)
+        if not (as_text and _ran_as_text(function, pointers)):
+            _compiled(name)(*pointers)
     except BaseException as failure:  # ^C for instance; until it is raised there are no numbers
         jit.FAILURES.append(failure)
         for n in range(results):
             pointers[1][n] = float("nan")
 
 
+def _ran_as_text(function: Callable[..., None], pointers: Any) -> bool:
+    """Whether it could: Python's floats refuse to divide by zero and to overflow."""
+    global _spent
+    begin = time.thread_time()
+    try:
+        with np.errstate(all="raise", under="ignore"):
+            function(*pointers)
+    except (ArithmeticError, ValueError):
+        return False
+    finally:
+        _spent += time.thread_time() - begin
+    return True
+
+
 #: What the table leads to at first, kept for as long as the process lives.
-_FIRST = [KIND(partial(_compile_and_call, name)) for name in NAMES]
+_FIRST = [KIND(partial(_call, name)) for name in NAMES]
 
 
 def address_of_first(number: int) -> int:

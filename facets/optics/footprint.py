@@ -3,13 +3,14 @@ inside the beam's aperture where that is smaller.
 
 The light on a facet is a wedge of the beam; cut at the circle it is a piece of pie, and a landing
 coordinate is linear over it. So its extremes lie at the pie's corners, or where the arc runs along
-the coordinate: the arc of the paper's Fig. 2. For floats.
+the coordinate: the arc of the paper's Fig. 2. For floats, and numbers that write machine code.
 """
 
 from __future__ import annotations
 
 from math import inf, nan, sqrt
 
+from ..scalars.dispatch import Number
 from .bench_light import mirrored, ray_at
 from .forward import Geometry, Scene
 from .limits import central_landing, outward, seen
@@ -19,11 +20,6 @@ from .wedge import Plane
 
 #: The 1/e^2 radius in sigmas.
 RADIUS = 2.0
-
-
-def rim_of_beam(geometry: Geometry) -> float:
-    """The radius, in sigmas, inside which light counts."""
-    return min(RADIUS, geometry.openings.radius)
 
 
 def inside(point: Plane, q: Plane, u1: Plane, u2: Plane) -> bool:
@@ -54,17 +50,33 @@ def reach(slope: Plane, q: Plane, u1: Plane, u2: Plane, radius: float) -> float:
 
 
 def extent(
-    geometry: Geometry, at: Scene, k: int, slope: Plane, centre: float
-) -> tuple[float, float]:
+    geometry: Geometry, at: Scene, k: int, slope: Plane, centre: Number
+) -> tuple[Number, Number]:
     """The least and largest of one length over the footprint of facet k, mm.
 
     slope: the length's change a sigma across the beam; centre: its value for the beam's central
     ray. NaN where no light inside the circle meets the facet.
     """
-    radius = rim_of_beam(geometry)
-    back = (-slope[0], -slope[1])
     u1, u2 = at.sides[k], at.sides[(k + 1) % 3]
-    most, least = reach(slope, at.q, u1, u2, radius), -reach(back, at.q, u1, u2, radius)
+    return between(slope, at.q, u1, u2, geometry.openings.radius, centre)
+
+
+def between(
+    slope: Plane, q: Plane, u1: Plane, u2: Plane, opening: Number, centre: Number
+) -> tuple[Number, Number]:
+    """`extent` of the wedge at q between the sides u1 and u2. opening: the beam's, in sigmas."""
+    given = slope, q, u1, u2, opening, centre
+    if hasattr(centre, "writer"):
+        return centre.writer.called(between_float, (centre, centre), *given)  # type: ignore[no-any-return]
+    return between_float(*given)
+
+
+def between_float(
+    slope: Plane, q: Plane, u1: Plane, u2: Plane, opening: float, centre: float
+) -> tuple[float, float]:
+    radius = min(RADIUS, opening)
+    back = (-slope[0], -slope[1])
+    most, least = reach(slope, q, u1, u2, radius), -reach(back, q, u1, u2, radius)
     if most < least:
         return nan, nan
     return centre + least, centre + most
@@ -98,7 +110,7 @@ def slopes(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, Plane]:
 
 def footprint(
     geometry: Geometry, at: Scene, k: int, across: tuple[Plane, Plane]
-) -> tuple[float, float, float, float, float]:
+) -> tuple[Number, Number, Number, Number, Number]:
     """(least psi, largest psi, least zeta, largest zeta) of the spot on detector k, and how far
     from the mirror's axis its light meets facet k at most; mm. NaN as `extent` and `reading`.
 
@@ -110,4 +122,4 @@ def footprint(
     low, high = extent(geometry, at, k, across[1], zeta)
     away = slanted(outward(geometry, at, k), beam, normal)
     _, out = extent(geometry, at, k, seen(geometry, away), dot(subtract(at.place, at.apex), away))
-    return left, right, low, high, out if psi == psi else nan
+    return left, right, low, high, out + (psi - psi)  # NaN where psi is

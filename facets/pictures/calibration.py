@@ -7,51 +7,102 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.names import DETECTORS, POSE
+from ..core.hues import chosen_hues
+from ..core.names import ANGLES, DETECTORS, POSE
+from ..core.units import Floats, with_micro
 from . import style
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from ..calibration.bundle_adjustment import Data
     from ..calibration.fit import Fit
 
-KINDS = (("psi", style.BLUE), ("zeta", style.ORANGE), ("power", style.GREEN))
+#: Residuals in words, in the order of a reading.
+KINDS = ("psi", "zeta", "power")
+#: Ends of the scale of residuals, standard deviations.
+ENDS = 3.0
+#: Rows of `compared`: column, mark, and whether it is filled.
+ROWS = (("before", "o", False), ("after", "o", True), ("stated", "|", True))
 
 
 def residual_picture(data: Data, found: Fit, table: dict[str, NDArray[Any]]) -> Figure:
-    """Residuals in standard deviations over the spot's place, a column a detector; and the errors
-    of poses held back, before and after."""
-    import matplotlib as mpl
+    """Residuals over each detector's face, a row a reading; below, errors of poses held back.
 
-    with mpl.rc_context(style.STYLE):
-        picture = style.figure(10, 6.2)
-        parts: Any = picture.subfigures(2, 1, height_ratios=(2, 1.1))
+    A cell's hue is the mean residual of the samples whose spots fell there: what a calibration has
+    missed shows as patches, noise as none.
+    """
+    with style.in_rules(axes__grid=False):
+        picture = style.figure(style.FULL, 8.0)
+        parts: Any = picture.subfigures(2, 1, height_ratios=(2.45, 1))
         upper, lower = parts
-        panels = upper.subplots(2, 3, sharey=True)
+        panels = upper.subplots(3, 3, sharex="col", sharey="col")
         for k, letter in enumerate(DETECTORS):
-            for row, place in enumerate(("psi", "zeta")):
-                panel = panels[row, k]
-                for i, (name, colour) in enumerate(KINDS):
-                    panel.plot(data.raw[:, 3 * k + row], found.left[:, 3 * k + i], ".", ms=2,
-                               color=colour, alpha=0.5, label=name, rasterized=True)  # fmt: skip
-                panel.set_xlabel(f"{place} on PSD {letter.upper()}, mm")
+            for row, kind in enumerate(KINDS):
+                image = face(panels[row, k], data.raw[:, 3 * k : 3 * k + 2],
+                             found.left[:, 3 * k + row], letter, kind)  # fmt: skip
+            panels[2, k].set_xlabel("psi, mm")
         for panel in panels[:, 0]:
-            panel.set_ylabel("residual, sigma")
-        panels[0, 0].legend(loc="upper left", ncols=3, fontsize=7, markerscale=3)
+            panel.set_ylabel("zeta, mm")
+        bar = upper.colorbar(image, ax=panels, shrink=0.6, pad=0.02, extend="both")
+        bar.set_label("mean residual in a cell, standard deviations (above: r.m.s.)")
+        bar.outline.set_visible(False)
         compared(lower, table)
     return picture
 
 
+def face(panel: Axes, spots: Floats, left: Floats, letter: str, kind: str) -> Any:
+    """The mean of the residuals (n,) at spots (n, 2), in cells; what has no light is left out."""
+    from matplotlib.colors import TwoSlopeNorm
+
+    there = np.isfinite(spots).all(axis=1) & np.isfinite(left)
+    psi, zeta = spots[there].T
+    image = panel.hexbin(
+        psi, zeta, C=left[there], gridsize=14, cmap=diverging(), lw=0.1, mincnt=1,
+        norm=TwoSlopeNorm(0, -ENDS, ENDS), rasterized=True,
+    )  # fmt: skip
+    rms = np.sqrt(np.mean(left[there] ** 2)) if there.any() else np.nan
+    panel.set_title(f"{letter.upper()} {kind}, {rms:.2f}", color=chosen_hues().detectors[letter])
+    panel.locator_params(nbins=4)
+    panel.margins(0.06)
+    if not there.any():
+        style.say(panel, "no light")
+    return image
+
+
+def diverging() -> Any:
+    """Blue below, red above; nothing between, whatever the ground."""
+    from matplotlib.colors import LinearSegmentedColormap
+
+    middle = chosen_hues().rule
+    return LinearSegmentedColormap.from_list("residual", ["#0B5FA5", middle, "#B3341C"])
+
+
 def compared(part: Any, table: dict[str, NDArray[Any]]) -> None:
-    """Errors of each axis, on a logarithmic scale: they differ by hundreds."""
-    panel = part.subplots()
-    places = np.arange(len(POSE))
-    for shift, name, colour in ((-0.2, "before", style.GREY), (0.2, "after", style.BLUE)):
-        panel.bar(places + shift, table[name], 0.38, color=colour, label=name)
-    panel.plot(places + 0.2, table["stated"], "_", ms=16, mew=2, color=style.ORANGE, label="stated")
-    names = [f"{name}, {unit.replace('u', 'µ', 1)}"
-             for name, unit in zip(POSE, table["unit"], strict=True)]  # fmt: skip
-    panel.set_xticks(places, names)
-    panel.set(yscale="log", ylabel="r.m.s. error, held back")
-    panel.legend(ncols=3, fontsize=7)
+    """Errors of each axis before and after, on a logarithmic scale: they differ by hundreds."""
+    panels = part.subplots(1, 2)
+    for panel, angles in zip(panels, (False, True), strict=True):
+        names = [name for name in POSE if (name in ANGLES) == angles]
+        for row, name in enumerate(names):
+            errors(panel, row, table, list(POSE).index(name))
+        unit = with_micro(str(table["unit"][list(POSE).index(names[0])]))
+        panel.set_yticks(range(3), [style.in_words(name) for name in names])
+        panel.set(xscale="log", ylim=(2.6, -0.6), xlabel=f"r.m.s. error, held back, {unit}")
+        panel.tick_params(axis="y", length=0)
+        panel.grid(visible=True, axis="x")
+        style.plain_log(panel.xaxis)
+    handles, texts = panels[0].get_legend_handles_labels()
+    by_text = dict(zip(texts, handles, strict=True))
+    style.legend_below(part, list(by_text.values()), list(by_text), 3)
+
+
+def errors(panel: Axes, row: int, table: dict[str, NDArray[Any]], i: int) -> None:
+    hues = chosen_hues()
+    low, high = table["before"][i], table["after"][i]
+    panel.plot([low, high], [row, row], color=hues.grey, lw=1.0, zorder=1)
+    for column, mark, filled in ROWS:
+        colour = hues.ink if column == "stated" else hues.axes[POSE[i]]
+        panel.plot(table[column][i], row, mark, color=colour, ms=11 if mark == "|" else 6,
+                   mfc=colour if filled else hues.ground, mew=1.4, ls="",
+                   label=column if column != "stated" else "after, as stated")  # fmt: skip

@@ -8,8 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
-from io import BytesIO
 from typing import TYPE_CHECKING
+
+from ..core.hues import chosen_hues
+from .style import svg_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,15 +39,18 @@ def report(name: str, summary: str, sections: Sequence[Section], origin: str) ->
 
     text = files("facets.pictures").joinpath("design_report.html").read_text("utf-8")
     page = Environment(autoescape=True).from_string(text)
-    return page.render(name=name, summary=summary, sections=sections, origin=origin)
+    return page.render(
+        name=name,
+        summary=summary,
+        sections=sections,
+        origin=origin,
+        hues=chosen_hues().css,
+    )
 
 
 def inline(picture: Figure, words: str) -> str:
-    """A picture as an element of a page."""
-    from base64 import b64encode
+    """A picture as an element of a page: SVG, whose text can be searched and read aloud."""
+    from html import escape
 
-    stream = BytesIO()
-    picture.savefig(stream, format="png", dpi=130)
-    return (
-        f"<img alt='{words}' src='data:image/png;base64,{b64encode(stream.getvalue()).decode()}'>"
-    )
+    text = svg_text(picture)
+    return text.replace("<svg", f'<svg role="img" aria-label="{escape(words)}"', 1)

@@ -9,106 +9,191 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..characterization.sensitivity import Index
-from ..core.units import column_label
+from ..core.hues import chosen_hues
+from ..core.units import Booleans, column_label
 from . import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+Table = dict[str, NDArray[Any]]
+#: Marks of objectives, in their order, and inches of a lane of a variable.
+MARKS, LANE = ("o", "D", "s", "^", "v"), 0.3
+#: From so many designs on each stands for itself only as a dot.
+MANY = 400
+
 
 def front_picture(
-    table: dict[str, NDArray[Any]],
-    best: NDArray[np.bool_],
+    table: Table,
+    best: Booleans,
     objectives: list[str],
     indices: dict[str, dict[str, Index]],
     own: dict[str, float] | None = None,
 ) -> Figure | None:
-    """Objectives against one another, the front marked; and first-order Sobol indices.
+    """Objectives against one another, the front marked; below, first-order Sobol indices.
 
-    own: the measures of the design as it is, which is marked as well.
+    A third objective is the hue. Designs without all objectives are left out.  own: the measures of
+    the design as it is, which is marked as well.
 
     None where there is nothing to draw: fewer than two designs with all objectives, or one
     objective and no indices.
     """
-    import matplotlib as mpl
-
     known = np.all([np.isfinite(table[name]) for name in objectives], axis=0)
-    pairs = list(pairwise(objectives))
-    count = len(pairs) + bool(indices)
-    if known.sum() < 2 or count == 0:
+    views = views_of(objectives)
+    if known.sum() < 2 or not (views or indices):
         return None
-    with mpl.rc_context(style.STYLE):
-        picture = style.figure(4.0 * count, 3.6)
-        panels = picture.subplots(1, count, squeeze=False)[0]
-        for panel, (one, other) in zip(panels, pairs, strict=False):
-            panel.plot(table[one], table[other], ".", ms=1.5, color=style.GREY, rasterized=True)
-            label = "beaten by none in all objectives"
-            panel.plot(
-                table[one][best], table[other][best], "o", ms=3, color=style.BLUE, label=label
-            )
-            if own is not None and np.isfinite([own[one], own[other]]).all():
-                panel.plot(own[one], own[other], "*", ms=10, color=style.ORANGE, label="as it is")
-            panel.set(xlabel=column_label(one), ylabel=column_label(other))
-        if pairs:
-            panels[0].legend(loc="best", fontsize=7)
+    variables = len(next(iter(indices.values()))) if indices else 0
+    heights = [3.3 * -(-len(views) // 2)] * bool(views) + [LANE * variables + 1.0] * bool(indices)
+    with style.in_rules():
+        picture = style.figure(style.FULL if len(views) != 1 or indices else 5.0, sum(heights))
+        made: Any = picture.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)
+        parts = made.ravel()
+        if views:
+            designs(parts[0], table, views, known, best, own)
         if indices:
-            bars(panels[-1], indices)
+            effects(parts[-1].subplots(), indices)
     return picture
+
+
+def views_of(objectives: list[str]) -> list[tuple[str, str, str]]:
+    """What is drawn against what, and in which hue: (x, y, hue), hue "" for none."""
+    if len(objectives) == 3:
+        return [(objectives[0], objectives[1], objectives[2])]
+    return [(one, other, "") for one, other in pairwise(objectives)]
+
+
+def designs(
+    part: Any, table: Table, views: list[tuple[str, str, str]], known: Booleans, best: Booleans,
+    own: dict[str, float] | None,
+) -> None:  # fmt: skip
+    """Designs, and on them the front and the design as it is."""
+    panels = part.subplots(-(-len(views) // 2), min(len(views), 2), squeeze=False).ravel()
+    for panel, (x, y, hue) in zip(panels, views, strict=False):
+        cloud(part, panel, table, (x, y, hue), known, best)
+        if own is not None and np.isfinite([own[x], own[y]]).all():
+            star(panel, own[x], own[y])
+        panel.set(xlabel=style.measure_label(x), ylabel=style.measure_label(y))
+    for panel in panels[len(views) :]:
+        panel.set_axis_off()
+    handles, texts = panels[0].get_legend_handles_labels()
+    style.legend_below(part, handles, texts, 3)
+
+
+def cloud(
+    part: Any, panel: Axes, table: Table, view: tuple[str, str, str], known: Booleans,
+    best: Booleans,
+) -> None:  # fmt: skip
+    """All designs small, those on the front large and rimmed; a third objective as their hue."""
+    from matplotlib.colors import Normalize
+
+    hues, (x, y, hue) = chosen_hues(), view
+    beaten, first = known & ~best, known & best
+    size = 6 if known.sum() > MANY else 13
+    if not hue:
+        panel.scatter(table[x][beaten], table[y][beaten], size, color=hues.grey, lw=0,
+                      rasterized=True, label="other designs")  # fmt: skip
+        panel.scatter(table[x][first], table[y][first], 26, color=hues.accent, lw=0,
+                      label="beaten by none")  # fmt: skip
+        return
+    values = table[hue][known]
+    options: dict[str, Any] = {"cmap": style.ramp(), "norm": Normalize(values.min(), values.max())}
+    panel.scatter(table[x][beaten], table[y][beaten], size, c=table[hue][beaten], lw=0,
+                  alpha=0.75, rasterized=True, label="other designs", **options)  # fmt: skip
+    image = panel.scatter(table[x][first], table[y][first], 34, c=table[hue][first], lw=1.1,
+                          ec=hues.ink, label="beaten by none", **options)  # fmt: skip
+    bar = part.colorbar(image, ax=panel, label=style.measure_label(hue), pad=0.02, aspect=28)
+    bar.outline.set_visible(False)
+
+
+def star(panel: Axes, x: float, y: float) -> None:
+    """The design as it is."""
+    hues = chosen_hues()
+    panel.plot(x, y, "*", ms=13, color=hues.series[1], mec=hues.ground, mew=0.8, ls="",
+               label="as it is")  # fmt: skip
+
+
+def effects(panel: Axes, indices: dict[str, dict[str, Index]]) -> None:
+    """Indices by variable, a hue and a mark for each objective, with their intervals."""
+    hues = chosen_hues()
+    variables = list(next(iter(indices.values())))
+    step = 0.7 / len(indices)
+    for n, (objective, found) in enumerate(indices.items()):
+        places = np.arange(len(variables)) + (n - (len(indices) - 1) / 2) * step
+        panel.errorbar(
+            [found[name].value for name in variables], places,
+            xerr=[found[name].half for name in variables], fmt=MARKS[n % len(MARKS)], ms=4.5,
+            color=hues.series[n % len(hues.series)], elinewidth=1.2,
+            label=objective_words(objective),
+        )  # fmt: skip
+    for n in range(1, len(variables)):
+        panel.axhline(n - 0.5, color=hues.rule, lw=0.7)
+    panel.axvline(0, color=hues.soft, lw=0.8)
+    panel.grid(visible=False, axis="y")
+    panel.set(xlabel="first-order Sobol index, with its 95 % interval",
+              ylim=(len(variables) - 0.5, -0.5))  # fmt: skip
+    panel.set_yticks(np.arange(len(variables)), [column_label(name) for name in variables])
+    panel.tick_params(axis="y", length=0)
+    handles, texts = panel.get_legend_handles_labels()
+    style.legend_below(panel.figure, handles, texts, min(len(texts), 3))
+
+
+def objective_words(objective: str) -> str:
+    return style.measure_label(objective).rpartition(", ")[0] or objective
 
 
 def pareto_picture(
-    table: dict[str, NDArray[Any]],
-    objectives: list[str],
-    cloud: dict[str, NDArray[Any]] | None,
-    own: dict[str, float],
+    table: Table, objectives: list[str], cloud: Table | None, own: dict[str, float]
 ) -> Figure:
     """The front's objectives against one another, with what the first costs below; a cloud of
     designs behind it, where there is one; and the design as it is."""
-    import matplotlib as mpl
-
-    pairs = list(pairwise(objectives))
-    if len(objectives) > 2:
-        pairs.append((objectives[0], objectives[-1]))
-    with mpl.rc_context(style.STYLE):
-        picture = style.figure(4.2 * len(pairs), 5.4)
-        above, below = picture.subplots(2, len(pairs), squeeze=False, height_ratios=(2, 1))
-        mark = "o-" if len(objectives) == 2 else "o"
-        for panel, (one, other) in zip(above, pairs, strict=True):
-            if cloud is not None:
-                panel.plot(cloud[one], cloud[other], ".", ms=1.5, color=style.GREY, rasterized=True,
-                           label="designs drawn")  # fmt: skip
-            panel.plot(table[one], table[other], mark, ms=3, color=style.BLUE, label="front")
-            panel.plot(own[one], own[other], "*", ms=10, color=style.ORANGE, label="as it is")
-            panel.set(xlabel=column_label(one), ylabel=column_label(other))
-        above[0].legend(loc="best", fontsize=7)
-        others = [name for name in objectives if name != objectives[0]]
-        for panel, other in zip(below, [*others, *[""] * len(pairs)], strict=False):
-            if not other:
-                panel.set_axis_off()
-                continue
-            prices = table[f"{objectives[0]}_per_{other}"][
-                1:-1
-            ]  # at its ends the front is vertical
-            panel.semilogy(table[other][1:-1], np.where(prices > 1e-9, prices, np.nan), mark, ms=3,
-                           color=style.ORANGE)  # fmt: skip
-            panel.set(xlabel=column_label(other), ylabel="its price")
-            panel.set_title(f"{objectives[0]} for one unit of {other}", fontsize=7, loc="left")
+    others = [name for name in objectives if name != objectives[0]]
+    with style.in_rules():
+        picture = style.figure(style.FULL, 5.9 + 0.4 * (len(objectives) > 2))
+        parts: Any = picture.subfigures(2, 1, height_ratios=(1.75, 1))
+        upper, lower = parts
+        followed(upper, upper.subplots(), table, objectives, cloud, own)
+        panels = lower.subplots(1, len(others), squeeze=False)[0]
+        for panel, other in zip(panels, others, strict=True):
+            price(panel, table, objectives[0], other, len(objectives) == 2)
     return picture
 
 
-def bars(panel: Axes, indices: dict[str, dict[str, Index]]) -> None:
-    """Indices by variable, a colour for each objective, with their intervals."""
-    variables = list(next(iter(indices.values())))
-    width = 0.8 / len(indices)
-    for n, (objective, found) in enumerate(indices.items()):
-        places = np.arange(len(variables)) + n * width
-        values = [found[name].value for name in variables]
-        panel.barh(
-            places, values, width, xerr=[found[name].half for name in variables],
-            color=style.SERIES[n % len(style.SERIES)], label=column_label(objective),
-            error_kw={"lw": 0.8, "ecolor": style.INK},
-        )  # fmt: skip
-    panel.set(xlabel="first-order Sobol index, with its interval of 95 %")
-    panel.set_yticks(np.arange(len(variables)) + 0.4 - width / 2, variables)
-    panel.legend(fontsize=7)
+def followed(
+    part: Any, panel: Axes, table: Table, objectives: list[str], cloud: Table | None,
+    own: dict[str, float],
+) -> None:  # fmt: skip
+    hues = chosen_hues()
+    x, y = objectives[:2]
+    if cloud is not None:
+        known = np.isfinite(cloud[x]) & np.isfinite(cloud[y])
+        panel.scatter(cloud[x][known], cloud[y][known], 6, color=hues.grey, lw=0, rasterized=True,
+                      label="designs drawn")  # fmt: skip
+    if len(objectives) == 2:
+        panel.plot(table[x], table[y], "o-", ms=5, color=hues.accent, label="front")
+    else:
+        image = panel.scatter(table[x], table[y], 34, c=table[objectives[2]], cmap=style.ramp(),
+                              ec=hues.ink, lw=0.8, label="front")  # fmt: skip
+        bar = part.colorbar(image, ax=panel, label=style.measure_label(objectives[2]), pad=0.02)
+        bar.outline.set_visible(False)
+    if np.isfinite([own[x], own[y]]).all():
+        star(panel, own[x], own[y])
+    panel.set(xlabel=style.measure_label(x), ylabel=style.measure_label(y))
+    handles, texts = panel.get_legend_handles_labels()
+    style.legend_below(part, handles, texts, 3)
+
+
+def price(panel: Axes, table: Table, first: str, other: str, line: bool) -> None:
+    """How much of the first objective a unit of another costs; at its ends the front is upright."""
+    hues = chosen_hues()
+    prices = table[f"{first}_per_{other}"][1:-1]
+    paid = np.where(prices > 1e-9, prices, np.nan)
+    panel.plot(table[other][1:-1], paid, "o-" if line else "o", ms=4, color=hues.series[1])
+    if np.isfinite(paid).any():
+        panel.set_yscale("log")
+        style.plain_log(panel.yaxis)
+    else:
+        style.say(panel, "no price is known between the front's ends")
+    units = [style.measure_label(name).rpartition(", ")[2] for name in (first, other)]
+    panel.set(xlabel=style.measure_label(other), ylabel=f"price, {units[0]} for 1 {units[1]}")
+    panel.set_title(f"{objective_words(first)}, its price")

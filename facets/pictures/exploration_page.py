@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
+from ..core.hues import chosen_hues
 from ..core.sensor import Sensor
-from ..core.units import column_label
 from .head_drawing import drawing
+from .style import measure_label
 
 #: Columns that the plots have room for.
 MOST = 9
@@ -71,7 +72,7 @@ def page(
     content = json.dumps(data, ensure_ascii=False, allow_nan=False).replace("</", "<\\/")
     for mark, value in (
         ("NAME", html.escape(name)), ("OBJECTIVES", ", ".join(map(html.escape, objectives))),
-        ("SUMMARY", html.escape(summary)),
+        ("SUMMARY", html.escape(summary)), ("HUES", chosen_hues().css),
     ):  # fmt: skip
         text = text.replace(mark, value)
     before, after = text.split("PLOTLY", 1)
@@ -84,7 +85,7 @@ UNITS = ("mm", "um", "mrad", "urad", "deg", "mw")
 
 
 def label(key: str) -> str:
-    return column_label(key) if key.rpartition("_")[2] in UNITS else key.replace("_", " ")
+    return measure_label(key) if key.rpartition("_")[2] in UNITS else key.replace("_", " ")
 
 
 def order(key: str, plotted: list[str]) -> int:

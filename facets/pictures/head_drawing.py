@@ -7,12 +7,12 @@ from math import cos, degrees, hypot, sin, tan
 
 import numpy as np
 
+from ..core.hues import chosen_hues
 from ..core.names import DETECTORS
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import readings
 from ..optics.forward import psd_axes, psd_centre
-from .style import BLUE, GREY, INK, ORANGE
 
 #: Of each of the two views, in units of the picture, and the space around it.
 SIZE, EDGE = 300.0, 46.0
@@ -62,9 +62,9 @@ def line(
     )
 
 
-def text(x: float, y: float, words: str, anchor: str = "middle", colour: str = INK) -> str:
+def text(x: float, y: float, words: str, anchor: str = "middle", colour: str = "") -> str:
     place = f"x='{x:.1f}' y='{y:.1f}' text-anchor='{anchor}'"
-    return f"<text {place} {FONT} fill='{colour}'>{words}</text>"
+    return f"<text {place} {FONT} fill='{colour or chosen_hues().ink}'>{words}</text>"
 
 
 def plan(sensor: Sensor, centres: Floats, sides: Floats, spots: Floats, scale: float) -> list[str]:
@@ -74,19 +74,21 @@ def plan(sensor: Sensor, centres: Floats, sides: Floats, spots: Floats, scale: f
     def at(place: Floats) -> tuple[float, float]:
         return middle + scale * float(place[0]), middle - scale * float(place[1])
 
+    hues = chosen_hues()
     radius = float(np.hypot(centres[:, 0], centres[:, 1]).max())
     found = [
         f"<circle cx='{middle}' cy='{middle}' r='{scale * radius:.2f}' fill='none' "
-        f"stroke='{GREY}' stroke-dasharray='4 3'/>"
+        f"stroke='{hues.grey}' stroke-dasharray='4 3'/>"
     ]
     for k, psd in enumerate(sensor.psds):
         reach = sides[k, 0] * psd.size_y / 2
-        found.append(line((middle, middle), at(spots[k]), ORANGE, 1))
-        found.append(line(at(centres[k] - reach), at(centres[k] + reach), BLUE, 4))
+        hue = hues.detectors[DETECTORS[k]]
+        found.append(line((middle, middle), at(spots[k]), hue, 1))
+        found.append(line(at(centres[k] - reach), at(centres[k] + reach), hue, 4))
         out = centres[k] * (1 + 17 / (scale * hypot(*centres[k, :2])))
         x, y = at(out)
         found.append(text(x, y + 4, f"{DETECTORS[k].upper()} {degrees(psd.azimuth):.4g}\u00b0"))
-    found.append(f"<circle cx='{middle}' cy='{middle}' r='3' fill='{INK}'/>")
+    found.append(f"<circle cx='{middle}' cy='{middle}' r='3' fill='{hues.ink}'/>")
     beam = sensor.beam
     width = f"{beam.diameter_x:.4g}" + (
         "" if beam.diameter_x == beam.diameter_y else f" x {beam.diameter_y:.4g}"
@@ -97,9 +99,9 @@ def plan(sensor: Sensor, centres: Floats, sides: Floats, spots: Floats, scale: f
 
 def section(sensor: Sensor, centres: Floats, spots: Floats, scale: float) -> list[str]:
     """Each detector's own half plane through the axis, outward to the right and z up."""
-    left, middle = SIZE + EDGE, SIZE / 2
-    found = [line((left, 14), (left, middle), ORANGE, 1.4)]
-    found.append(text(left + 6, 22, "beam", "start", ORANGE))
+    left, middle, hues = SIZE + EDGE, SIZE / 2, chosen_hues()
+    found = [line((left, 14), (left, middle), hues.ink, 1.4)]
+    found.append(text(left + 6, 22, "beam", "start"))
     told: set[tuple[float, ...]] = set()
     different = len({(p.radius, p.height, p.pitch, p.size_z) for p in sensor.psds}) > 1
     for k, (facet, psd) in enumerate(zip(sensor.facets, sensor.psds, strict=True)):
@@ -108,15 +110,16 @@ def section(sensor: Sensor, centres: Floats, spots: Floats, scale: float) -> lis
         if what in told:
             continue
         told.add(what)
+        hue = hues.detectors[DETECTORS[k]] if different else hues.soft
         along = 34.0
         end = (left + along * cos(facet.inclination), middle + along * sin(facet.inclination))
-        found.append(line((left, middle), end, INK, 2))
+        found.append(line((left, middle), end, hues.ink, 2))
         spot = (left + scale * hypot(*spots[k, :2]), middle - scale * float(spots[k, 2]))
-        found.append(line((left, middle), spot, ORANGE, 1))
+        found.append(line((left, middle), spot, hue, 1))
         lean = tan(psd.pitch)
         half = scale * psd.size_z / 2 / hypot(1, lean)
         x, y = left + scale * r, middle - scale * z
-        found.append(line((x - half * lean, y + half), (x + half * lean, y - half), BLUE, 4))
+        found.append(line((x - half * lean, y + half), (x + half * lean, y - half), hue, 4))
         name = DETECTORS[k].upper() if different else "each"
         words = [f"{name}: R {r:.5g} mm", f"height {z:.5g} mm", f"pitch {1e3 * psd.pitch:.4g} mrad",
                  f"area {psd.size_y:.4g} x {psd.size_z:.4g} mm",
@@ -124,5 +127,5 @@ def section(sensor: Sensor, centres: Floats, spots: Floats, scale: float) -> lis
         top = 40 + 70 * (len(told) - 1)
         right = left + SIZE - EDGE
         found += [text(right, top + 13 * n, word, "end") for n, word in enumerate(words)]
-    found.append(line((left, middle), (left + SIZE - EDGE, middle), GREY, 0.6, "4 3"))
+    found.append(line((left, middle), (left + SIZE - EDGE, middle), hues.rule, 0.8, "4 3"))
     return found

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.hues import chosen_hues
 from ..core.names import POSE
+from ..core.units import with_micro
 from . import style
 
 if TYPE_CHECKING:
@@ -16,41 +18,80 @@ if TYPE_CHECKING:
 
 
 def layout_picture(table: dict[str, NDArray[Any]]) -> Figure:
-    """The comparison of `recheck.compare`: bars of what was over what is."""
-    import matplotlib as mpl
+    """The comparison of `verification.compare`: each axis after over before, and both in numbers.
 
-    with mpl.rc_context(style.STYLE):
-        picture = style.figure(9, 3.4)
-        fine, far = picture.subplots(1, 2)
-        pairs(fine, table, "u_")
-        fine.set_title("worst standard uncertainty over the volume", loc="left")
-        pairs(far, table, "range_")
-        far.set_title("symmetric range: twice the nearer end", loc="left")
-        handles, texts = fine.get_legend_handles_labels()
-        picture.legend(handles, texts, loc="outside lower center", ncols=3)
+    A step to the left is finer, or a shorter range; the line at 1 is what it was.
+    """
+    with style.in_rules():
+        picture = style.figure(style.FULL, 4.9)
+        fine, far = picture.subplots(2, 1)
+        steps(fine, table, "u_", "worst standard uncertainty over the volume")
+        steps(far, table, "range_", "symmetric range, twice its nearer end")
+        far.set_xlabel("after over before")
+        legend(picture, bool(np.isfinite(table["simulated"]).any()))
     return picture
 
 
-def pairs(panel: Axes, table: dict[str, NDArray[Any]], kind: str) -> None:
-    """Before and after of six axes, side by side, each over the larger of the two."""
+def steps(panel: Axes, table: dict[str, NDArray[Any]], kind: str, title: str) -> None:
+    """From before to after of six axes, each over what it was, with its numbers beside it."""
+    hues = chosen_hues()
     rows = [n for n, name in enumerate(table["quantity"]) if str(name).startswith(kind)]
-    before, after, drawn = (table[key][rows] for key in ("before", "after", "simulated"))
-    top = np.fmax(before, after)
-    places = np.arange(len(rows))
-    panel.bar(places - 0.2, before / top, 0.38, color=style.GREY, label="before")
-    panel.bar(places + 0.2, after / top, 0.38, color=style.BLUE, label="after")
-    if np.isfinite(drawn).any():
-        label = "after, spread of simulated solves"
-        panel.plot(places + 0.2, drawn / top, "_", ms=14, mew=2, color=style.ORANGE, label=label)
-    for x, values in ((-0.2, before), (0.2, after)):
-        for place, value, share in zip(places + x, values, values / top, strict=True):
-            if np.isfinite(value):
-                panel.annotate(f"{value:.3g}", (place, share), (0, 4), ha="center", fontsize=7,
-                               textcoords="offset points")  # fmt: skip
-    units = [str(table["quantity"][n]).rpartition("_")[2] for n in rows]
-    names = [f"{name}\n{u.replace('u', 'µ', 1) if u[0] == 'u' else u}"
-             for name, u in zip(POSE, units, strict=True)]  # fmt: skip
-    panel.set_xticks(places, names)
-    panel.set(ylim=(0, 1.15), yticks=[])
-    panel.grid(visible=False)
-    panel.spines["left"].set_visible(False)
+    names = [axis_of(str(table["quantity"][n])) for n in rows]
+    panel.axvline(1, color=hues.soft, lw=1.0)
+    for place, (n, name) in enumerate(zip(rows, names, strict=True)):
+        before, after, drawn = (float(table[key][n]) for key in ("before", "after", "simulated"))
+        unit = with_micro(str(table["quantity"][n]).rpartition("_")[2])
+        step(panel, place, after / before if before else np.nan, hues.axes[name])
+        if np.isfinite(drawn) and before:
+            panel.plot(drawn / before, place, "|", color=hues.ink, ms=11, mew=1.4)
+        panel.annotate(f"{number(before)} → {number(after)} {unit}", (1.0, place), (6, 0),
+                       xycoords=("axes fraction", "data"), textcoords="offset points",
+                       va="center", fontsize=style.LEAST)  # fmt: skip
+    panel.set_yticks(range(len(rows)), [style.in_words(name) for name in names])
+    panel.set(ylim=(len(rows) - 0.5, -0.5))
+    panel.set_title(title)
+    scale(panel)
+
+
+def step(panel: Axes, place: int, share: float, hue: str) -> None:
+    """From what it was, 1, to what it is."""
+    hues = chosen_hues()
+    if not np.isfinite(share):
+        panel.annotate("no number", (0.03, place), xycoords=("axes fraction", "data"),
+                       va="center", color=hues.soft, fontsize=style.LEAST)  # fmt: skip
+        return
+    panel.plot([1, share], [place, place], color=hue, lw=2.4, solid_capstyle="butt", zorder=2)
+    panel.plot(share, place, "o", color=hue, ms=6.5, zorder=3)
+
+
+def legend(picture: Figure, simulated: bool) -> None:
+    """Marks in no axis's hue, since they are those of all."""
+    from matplotlib.lines import Line2D
+
+    ink = chosen_hues().ink
+    handles = [Line2D([], [], color=ink, marker="|", ls="", ms=11, mew=1.0),
+               Line2D([], [], color=ink, marker="o", ls="", ms=6.5)]  # fmt: skip
+    texts = ["before", "after"]
+    if simulated:
+        handles.append(Line2D([], [], color=ink, marker="|", ls="", ms=11, mew=1.8))
+        texts.append("after, spread of simulated solves")
+    style.legend_below(picture, handles, texts, 3)
+
+
+def scale(panel: Axes) -> None:
+    """Logarithmic, so that half and twice are as far."""
+    panel.set_xscale("log")
+    low, high = panel.get_xlim()
+    panel.set_xlim(min(low, 0.8) / 1.06, max(high, 1.25) * 1.06)
+    style.plain_log(panel.xaxis)
+    panel.grid(visible=False, axis="y")
+    panel.tick_params(axis="y", length=0)
+
+
+def axis_of(quantity: str) -> str:
+    """Whose a quantity is: "u_roll_urad" is roll's."""
+    return next(name for name in POSE if name in quantity.split("_"))
+
+
+def number(value: float) -> str:
+    return f"{value:.3g}" if np.isfinite(value) else "none"

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 from html import escape
-from io import StringIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.hues import DASHES, chosen_hues
+from ..core.names import ANGLES, DETECTORS, POSE
+from ..core.units import Floats, with_micro
+from . import style
+
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from ..characterization.noise_report import Channel, NoiseReport
 
-STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:75rem;margin:2rem auto;padding:0 1rem}
-table{border-collapse:collapse;font-size:13px}td,th{padding:.2rem .6rem;text-align:right;
-border-bottom:1px solid #ddd}td:first-child,th:first-child{text-align:left}svg{max-width:100%;
-height:auto}p{max-width:50rem}"""
-COLOURS = ("#0b5fa5", "#c4501b", "#2d7d46")
+CSS = """body{font:15px/1.5 system-ui,sans-serif;max-width:75rem;margin:2rem auto;padding:0 1rem;
+background:var(--ground);color:var(--ink)}table{border-collapse:collapse;font-size:13px}
+td,th{padding:.2rem .6rem;text-align:right;border-bottom:1px solid var(--rule)}
+td:first-child,th:first-child{text-align:left}svg{max-width:100%;width:46rem;height:auto}
+p{max-width:50rem}section{overflow-x:auto}"""
 
 
 def page(report: NoiseReport, title: str, about: dict[str, str]) -> str:
@@ -29,11 +36,15 @@ def page(report: NoiseReport, title: str, about: dict[str, str]) -> str:
         f"<p>{report.samples} samples in {report.seconds:.4g} s at {report.rate:.6g} Hz, "
         f"{report.missing} missing. What the mirror did while it was recorded is part of all this: "
         "noise is what a mirror that stands still gives.</p>",
-        f"<table>{table(report.channels)}</table>",
-        "<p>Amplitudes with 95 % intervals. Dashed in the spectra: the configured noise as white, "
-        "one standard deviation squared over half the rate. Bands of the Allan deviations are 95 % "
+        f"<section><table>{table(report.channels)}</table></section>",
+        "<p>Amplitudes with 95 % intervals. In the spectra a band reaches from the least to the "
+        "largest of neighbouring frequencies, the line is the fitted white and flicker noise, and "
+        "dotted is the configured noise as white: one standard deviation squared over half the "
+        "rate. Thin upright lines are found lines. Bands of the Allan deviations are 95 % "
         "intervals.</p>",
-        spectra("Readings", readings), spectra("Poses", poses), deviations(report.channels),
+        spectra("Spectra of the readings", grouped(readings)),
+        spectra("Spectra of the poses", grouped(poses)),
+        deviations(grouped(report.channels)),
         "<h2>Correlation of the readings&#39; fast noise</h2>",
         f"<table>{correlations(report)}</table>",
         f"<p>The three powers have {1e6 * report.common:.3g} ppm in common (the laser). For the "
@@ -44,7 +55,7 @@ def page(report: NoiseReport, title: str, about: dict[str, str]) -> str:
     body = "\n".join(parts)
     return (
         f"<!doctype html><html lang=en><meta charset=utf-8><title>{escape(title)}</title>"
-        f"<style>{STYLE}</style>\n{body}\n</html>\n"
+        f"<style>{chosen_hues().css}{CSS}</style>\n{body}\n</html>\n"
     )
 
 
@@ -61,7 +72,8 @@ def table(channels: list[Channel]) -> str:
             for line in model.lines
         )
         cells = (
-            f"{one.name} ({one.unit})", amplitude(model.white), amplitude(model.flicker),
+            f"{one.name} ({with_micro(one.unit)})", amplitude(model.white),
+            amplitude(model.flicker),
             f"{model.drift.value:.2g} &plusmn; {1.96 * model.drift.sigma:.1g}",
             f"{model.standard_deviation:.3g}", f"{one.configured:.3g}",
             f"{model.standard_deviation / one.configured:.2f}", lines or "none", str(model.spikes),
@@ -84,65 +96,108 @@ def correlations(report: NoiseReport) -> str:
     return "".join(rows)
 
 
-def spectra(title: str, channels: list[Channel]) -> str:
-    """Welch's spectra of some channels, three in a picture."""
-    from matplotlib.figure import Figure
+def spectra(title: str, groups: dict[str, list[Channel]]) -> str:
+    """Welch's spectra, a panel for each group of channels that share a unit."""
+    with style.in_rules():
+        picture, panels = page_of(len(groups))
+        for panel, (name, channels) in zip(panels, groups.items(), strict=False):
+            for one in channels:
+                spectrum(panel, one)
+            for line in {round(x.frequency, 2) for one in channels for x in one.model.lines[:5]}:
+                panel.axvline(line, color=chosen_hues().rule, lw=1.0, zorder=0)
+            unit = with_micro(channels[0].unit)
+            panel.set(xscale="log", yscale="log", xlabel="frequency, Hz", title=name)
+            panel.set_ylabel(f"amplitude density, {unit}/√Hz")
+        legend(picture, panels, groups)
+    return f"<h2>{title}</h2>{style.svg_text(picture)}"
+
+
+def spectrum(panel: Axes, one: Channel) -> None:
+    """What was measured, as a band in columns; the fitted noise; and what is configured, dashed."""
     from scipy.signal import welch
 
     from ..characterization.noise_model import fill
 
-    figure = Figure(figsize=(13, 4.2), layout="constrained")
-    count = len(channels) // 3
-    for panel in range(3):
-        axes = figure.add_subplot(1, 3, panel + 1)
-        mine = channels[panel::3] if title == "Readings" else channels[panel * count :][:count]
-        for one, colour in zip(mine, COLOURS, strict=False):
-            rate = one.model.rate
-            signal = fill(one.signal) - one.model.mean
-            piece = 1 << max(6, int(np.log2(len(signal) / 8)))
-            frequency, power = welch(signal, rate, nperseg=min(piece, len(signal)))
-            axes.loglog(frequency[1:], np.sqrt(power[1:]), colour, lw=0.8, label=one.name)
-            axes.loglog(frequency[1:], np.sqrt(one.model.density(frequency[1:])), colour, lw=1.8)
-            level = one.configured * np.sqrt(2 / rate)
-            axes.axhline(level, color=colour, ls="--", lw=1)
-            for line in one.model.lines[:5]:
-                axes.axvline(line.frequency, color="0.7", lw=0.6, zorder=0)
-        axes.set_xlabel("frequency, Hz")
-        units = sorted({one.unit for one in mine})
-        axes.set_ylabel(f"{' or '.join(units)} per root Hz")
-        axes.legend(fontsize=8)
-    figure.suptitle(
-        f"{title}: amplitude spectral densities, and the fitted white and flicker noise"
-    )
-    return svg(figure)
+    rate, hue = one.model.rate, hue_of(one.name)
+    signal = fill(one.signal) - one.model.mean
+    piece = 1 << max(6, int(np.log2(len(signal) / 8)))
+    frequency, power = welch(signal, rate, nperseg=min(piece, len(signal)))
+    found = columns(frequency[1:], np.sqrt(power[1:]))
+    panel.fill_between(found.time, found.low, found.high, color=hue, alpha=0.35, lw=0)
+    panel.plot(found.time, found.middle, color=hue, lw=0.5, alpha=0.7)
+    fitted = np.sqrt(one.model.density(found.time))
+    panel.plot(found.time, fitted, color=hue, lw=1.6, ls=dash_of(one.name))
+    level = one.configured * np.sqrt(2 / rate)
+    panel.plot(found.time[[0, -1]], [level, level], color=hue, ls=(0, (1, 1.5)), lw=1.4)
 
 
-def deviations(channels: list[Channel]) -> str:
-    """Allan deviations of readings and poses."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(13, 4.2), layout="constrained")
-    groups = ("um", "uW", "urad")
-    for panel, unit in enumerate(groups):
-        axes = figure.add_subplot(1, 3, panel + 1)
-        for one in channels:
-            if one.unit == unit:
-                (drawn,) = axes.loglog(one.allan.tau, one.allan.deviation, lw=1, label=one.name)
-                axes.fill_between(
-                    one.allan.tau,
-                    one.allan.low,
-                    one.allan.high,
-                    color=drawn.get_color(),
-                    alpha=0.15,
-                )
-        axes.set_xlabel("averaging time, s")
-        axes.set_ylabel(f"Allan deviation, {unit}")
-        axes.legend(fontsize=7)
-    return svg(figure)
+def columns(frequency: Floats, density: Floats, count: int = 140) -> style.Band:
+    """Least, largest and median in columns that are as wide on a logarithmic axis."""
+    edges = np.geomspace(frequency[0], frequency[-1] * (1 + 1e-9), count + 1)
+    which = np.digitize(frequency, edges)
+    rows = [(np.sqrt(edges[n - 1] * edges[n]), *style.ends(density[which == n]))
+            for n in np.unique(which)]  # fmt: skip
+    return style.Band(*np.array(rows).T)
 
 
-def svg(figure: Any) -> str:
-    stream = StringIO()
-    figure.savefig(stream, format="svg")
-    text = stream.getvalue()
-    return text[text.index("<svg") :]
+def deviations(groups: dict[str, list[Channel]]) -> str:
+    """Allan deviations of readings and poses, with their 95 % intervals."""
+    with style.in_rules():
+        picture, panels = page_of(len(groups))
+        for panel, (name, channels) in zip(panels, groups.items(), strict=False):
+            for one in channels:
+                hue, found = hue_of(one.name), one.allan
+                panel.fill_between(found.tau, found.low, found.high, color=hue, alpha=0.2, lw=0)
+                panel.plot(found.tau, found.deviation, color=hue, ls=dash_of(one.name))
+            unit = with_micro(channels[0].unit)
+            panel.set(xscale="log", yscale="log", xlabel="averaging time, s", title=name)
+            panel.set_ylabel(f"Allan deviation, {unit}")
+        legend(picture, panels, groups)
+    return f"<h2>Allan deviations</h2>{style.svg_text(picture)}"
+
+
+def page_of(count: int) -> tuple[Figure, Any]:
+    """A picture of panels, two beside one another."""
+    rows = -(-count // 2)
+    picture = style.figure(style.FULL, 2.6 * rows + 0.4)
+    panels = picture.subplots(rows, 2, squeeze=False).ravel()
+    for panel in panels[count:]:
+        panel.set_axis_off()
+    return picture, panels
+
+
+def legend(picture: Figure, panels: Any, groups: dict[str, list[Channel]]) -> None:
+    """What hues and dashes are: detectors by letter, axes by name."""
+    from matplotlib.lines import Line2D
+
+    names = list(dict.fromkeys(one.name.rpartition("_")[0] for g in groups.values() for one in g))
+    axes = [name for name in names if name in POSE]
+    letters = [letter for letter in DETECTORS if any(name.endswith(f"_{letter}") for name in names)]
+    hues = chosen_hues()
+    handles = [Line2D([], [], color=hues.detectors[letter]) for letter in letters]
+    handles += [Line2D([], [], color=hues.axes[name], ls=DASHES[name]) for name in axes]
+    texts = [f"detector {letter.upper()}" for letter in letters]
+    texts += [style.in_words(name) for name in axes]
+    style.legend_below(picture, handles, texts, min(len(texts), 5))
+
+
+def hue_of(column: str) -> str:
+    """A detector's or an axis's: "psi_a_mm", "roll_mrad"."""
+    name = column.rpartition("_")[0]
+    hues = chosen_hues()
+    return hues.axes[name] if name in hues.axes else hues.detectors[name[-1]]
+
+
+def dash_of(column: str) -> str:
+    return DASHES.get(column.rpartition("_")[0], "-")
+
+
+def grouped(channels: list[Channel]) -> dict[str, list[Channel]]:
+    """Channels that share a panel: by reading, and the shifts and the angles of poses."""
+    words = {"psi": "place psi", "zeta": "place zeta", "power": "power"}
+    found: dict[str, list[Channel]] = {}
+    for one in channels:
+        name = one.name.rpartition("_")[0]
+        kind = "angles" if name in ANGLES else "shifts" if name in POSE else words[name[:-2]]
+        found.setdefault(kind, []).append(one)
+    return found

@@ -1,25 +1,24 @@
-"""Pictures of measurement ranges and of what is inside them."""
+"""Pictures of measurement ranges, and of what is inside them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..characterization.ranges import CAUSES, Boundary
-from ..characterization.resolution import Resolution
-from ..core.names import POSE
-from ..core.units import Floats
+from ..core.hues import chosen_hues
+from ..core.units import Floats, Integers
 from . import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-
-#: By cause, in the order of `ranges.CAUSES`.
-COLOURS = (style.BLUE, style.ORANGE, style.INK, style.GREEN)
+#: Dashes by cause, in the order of `ranges.CAUSES`, beside their hues.
+DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)))
 
 
 def ranges_picture(boundaries: Sequence[Boundary], inside: Sequence[Any] = ()) -> Figure:
@@ -27,13 +26,14 @@ def ranges_picture(boundaries: Sequence[Boundary], inside: Sequence[Any] = ()) -
 
     inside: for each, (x, y, values, label) of what is drawn within, mm or rad; or nothing at all.
     """
-    import matplotlib as mpl
     from matplotlib.lines import Line2D
 
-    columns = min(len(boundaries), 3 if len(boundaries) < 10 else 5)
+    columns = min(len(boundaries), 2 if inside else 3)
     rows = -(-len(boundaries) // columns)
-    with mpl.rc_context(style.STYLE):
-        picture = style.figure(3.4 * columns, 3.1 * rows + 0.3)
+    width = style.SINGLE if columns == 1 else style.FULL
+    with style.in_rules():
+        tall = width / columns * (0.8 if columns == 1 else 0.92 if columns == 3 else 0.85)
+        picture = style.figure(width, tall * rows + 0.5)
         panels = picture.subplots(rows, columns, squeeze=False)
         for panel in panels.ravel()[len(boundaries) :]:
             panel.set_visible(False)
@@ -42,65 +42,60 @@ def ranges_picture(boundaries: Sequence[Boundary], inside: Sequence[Any] = ()) -
             if inside:
                 values(picture, panel, boundary, *inside[number])
             outline(panel, boundary, filled=not inside)
-        seen = sorted({int(cause) for b in boundaries for cause in b.causes if cause >= 0})
-        lines = [Line2D([], [], color=COLOURS[cause], lw=2) for cause in seen]
-        picture.legend(
-            lines, [CAUSES[cause] for cause in seen], loc="outside lower center", ncols=len(seen)
-        )
+        seen = sorted({int(cause) for b in boundaries for cause in b.causes})
+        lines = [Line2D([], [], **line_of(cause)) for cause in seen]
+        texts = [CAUSES[cause] if cause >= 0 else "end of the box" for cause in seen]
+        style.legend_below(picture, lines, texts, 3 if columns > 1 else 2)
     return picture
 
 
-def outline(panel: Axes, boundary: Boundary, filled: bool) -> None:
-    """The range: filled, its rim coloured by what ends it there."""
-    from matplotlib.collections import LineCollection
+def line_of(cause: int) -> dict[str, Any]:
+    """Hue and dash of a range's end, by what ends it; -1 where nothing does."""
+    hues = chosen_hues()
+    if cause < 0:
+        return {"color": hues.grey, "ls": "-", "lw": 1.8}
+    series = (hues.ink, *hues.series)
+    return {"color": series[cause % len(series)], "ls": DASHES[cause % len(DASHES)], "lw": 1.8}
 
-    factors = np.array([style.unit_of(name)[1] for name in boundary.axes])
+
+def outline(panel: Axes, boundary: Boundary, filled: bool) -> None:
+    """The range: filled, its rim drawn by what ends it there; a cross at rest."""
+    factors = np.array([style.unit_of(name).factor for name in boundary.axes])
     points = boundary.points * factors
-    closed = np.concatenate([points, points[:1]])
-    segments = np.stack([closed[:-1], closed[1:]], axis=1)
-    colours = [COLOURS[cause] if cause >= 0 else style.GREY for cause in boundary.causes]
-    if filled:
-        panel.fill(*points.T, color=style.GREY, alpha=0.18, lw=0)
-    panel.add_collection(LineCollection(list(segments), colors=colours, linewidths=1.8))
-    panel.plot(0, 0, "+", color=style.INK, ms=6)
+    hues = chosen_hues()
+    if filled and len(points):
+        panel.fill(*points.T, color=hues.rule, alpha=0.6, lw=0)
+    for cause, line in runs(points, boundary.causes):
+        panel.plot(*line.T, **line_of(cause), solid_capstyle="butt", dash_capstyle="butt")
+    for colour, size, width in ((hues.ground, 8, 3.0), (hues.ink, 6, 1.0)):
+        panel.plot(0, 0, "+", color=colour, ms=size, mew=width)
+    if not len(points):
+        style.say(panel, "no range")
     panel.autoscale_view()
-    labels = [f"{name}, {style.unit_of(name)[0]}" for name in boundary.axes]
+    labels = [style.place_label(name) for name in boundary.axes]
     panel.set(xlabel=labels[0], ylabel=labels[1])
+    panel.locator_params(axis="y", nbins=5)
+    panel.locator_params(axis="x", nbins=4)
     if set(boundary.axes) == {"tx", "ty"}:
-        panel.set_aspect("equal", adjustable="box")
+        panel.set_aspect("equal", adjustable="datalim")
+
+
+def runs(points: Floats, causes: Integers) -> Iterator[tuple[int, Floats]]:
+    """The rim in pieces of one cause each: (cause, points); it closes on itself."""
+    if not len(points):
+        return
+    closed = np.concatenate([points, points[:1]])
+    breaks = [0, *(np.flatnonzero(np.diff(causes)) + 1).tolist(), len(points)]
+    for start, end in pairwise(breaks):
+        yield int(causes[start]), closed[start : end + 1]
 
 
 def values(
     picture: Figure, panel: Axes, boundary: Boundary, x: Floats, y: Floats, z: Floats, label: str
 ) -> None:
     """A map of values inside the range; NaN outside."""
-    factors = [style.unit_of(name)[1] for name in boundary.axes]
-    image = panel.pcolormesh(factors[0] * x, factors[1] * y, z, cmap="viridis", rasterized=True)
-    picture.colorbar(image, ax=panel, label=label)
-
-
-def budget_picture(found: Sequence[Resolution]) -> Figure:
-    """For each estimator, what part of each axis's variance at rest comes from which source."""
-    import matplotlib as mpl
-
-    with mpl.rc_context({**style.STYLE, "axes.grid": False}):
-        picture = style.figure(3.1 * len(found), 3.2)
-        panels = picture.subplots(1, len(found), sharey=True, squeeze=False)[0]
-        for panel, row in zip(panels, found, strict=True):
-            bottom = np.zeros(len(POSE))
-            for number, source in enumerate(row.sources):
-                share = 100 * row.shares[:, number]
-                panel.bar(
-                    POSE, share, bottom=bottom, color=style.SERIES[number], width=0.7, label=source
-                )
-                bottom += share
-            for place, (name, value) in enumerate(zip(POSE, row.nominal, strict=True)):
-                _, _, unit, factor = style.unit_of(name)
-                text = f"{factor * value:.3g}\n{unit}"
-                panel.annotate(text, (place, 101), ha="center", va="bottom", fontsize=7)
-            panel.set(title=row.how.name, ylim=(0, 118), yticks=(0, 25, 50, 75, 100))
-            panel.title.set_fontsize(9)
-        panels[0].set_ylabel("share of the variance at rest, %")
-        handles, names = panels[0].get_legend_handles_labels()
-        picture.legend(handles, names, loc="outside lower center", ncols=len(names))
-    return picture
+    factors = [style.unit_of(name).factor for name in boundary.axes]
+    image = panel.pcolormesh(factors[0] * x, factors[1] * y, z, cmap=style.ramp(), rasterized=True)
+    panel.grid(visible=False)
+    bar = picture.colorbar(image, ax=panel, label=label, pad=0.03)
+    bar.outline.set_visible(False)

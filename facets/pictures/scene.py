@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.names import DETECTORS
 from ..core.sensor import Sensor
@@ -100,6 +101,25 @@ class Stand:
         apart = places - np.array(self.geometry.centres[k])
         axes = np.array(self.geometry.axes[k])
         return np.stack([apart @ axes[1], apart @ axes[2]], axis=-1)
+
+
+def mirrored(points: Floats, apex: Floats, normal: Floats) -> Floats:
+    """Points (..., 3) behind the plane of a facet, as many mm as they are before it.
+
+    A point of a sub-beam is folded back so to where its ray would be without the mirror.
+    """
+    folded: Floats = points - 2 * ((points - apex) @ normal)[..., None] * normal
+    return folded
+
+
+def in_wedge(stand: Stand, k: int, cross: Floats) -> NDArray[np.bool_]:
+    """Which places (..., 2) across the beam, sigmas, facet k takes."""
+    first, second = (np.array(stand.at.sides[n], float) for n in (k, (k + 1) % 3))
+    apart = cross - np.array(stand.at.q, float)
+    after = first[0] * apart[..., 1] - first[1] * apart[..., 0] > 0
+    before = apart[..., 0] * second[1] - apart[..., 1] * second[0] > 0
+    within: NDArray[np.bool_] = after & before
+    return within
 
 
 def cut(stand: Stand, k: int) -> Floats:
@@ -256,14 +276,6 @@ def spot(stand: Stand, k: int) -> Spot:
     return Spot(grid, irradiance(cross), *places)
 
 
-def close_up(sensor: Sensor, state: Floats) -> list[Body]:
-    """The mirror and the light about it. state: (8,) of Eq. (3)."""
-    stand = Stand.of(sensor, state)
-    found = [*mirror(stand), beam(stand, stand.at.apex[2] + 3)]
-    found += [sub_beam(stand, k, share=0.03) for k in range(3)]
-    return [body for body in found if body is not None]
-
-
 def rig(sensor: Sensor, state: Floats) -> list[Body]:
     """All there is."""
     stand = Stand.of(sensor, state)
@@ -271,10 +283,3 @@ def rig(sensor: Sensor, state: Floats) -> list[Body]:
     for k in range(3):
         found += [sub_beam(stand, k), detector(stand, k), spot_body(stand, k)]
     return [body for body in found if body is not None]
-
-
-def face(sensor: Sensor, state: Floats, k: int) -> list[Body]:
-    """Detector k and the light on it."""
-    stand = Stand.of(sensor, state)
-    spot = spot_body(stand, k)
-    return [detector(stand, k), *([spot] if spot else [])]

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.hues import chosen_hues
+from ..core.names import DETECTORS
 from ..core.sensor import Psd, Sensor
 from ..core.units import Floats
 from ..model.arrays import readings
@@ -19,22 +21,26 @@ if TYPE_CHECKING:
 
 def spots_picture(sensor: Sensor, state: Floats) -> Figure:
     """Each detector's face, and below it what is on it, large."""
-    import matplotlib as mpl
-
     stand, reading = Stand.of(sensor, state), readings(sensor, state)
-    with mpl.rc_context({**style.STYLE, "axes.grid": False}):
-        picture = style.figure(9.6, 6.9)
+    image = None
+    with style.in_rules(axes__grid=False):
+        picture = style.figure(style.FULL, 5.2)
         panels = picture.subplots(2, 3)
-        for k, letter in enumerate("ABC"):
+        for k, letter in enumerate(DETECTORS):
             spot, centroid = scene.spot(stand, k), reading[3 * k : 3 * k + 2]
-            face(panels[0, k], sensor.psds[k], spot, centroid)
-            panels[0, k].set_title(f"PSD {letter}: {light_on(sensor.psds[k], reading[3 * k :])}")
-            image = large(panels[1, k], spot, centroid)
+            upper, lower = panels[:, k]
+            face(upper, sensor.psds[k], spot, centroid, letter)
+            upper.set_title(f"{letter.upper()}: {light_on(sensor.psds[k], reading[3 * k :])}",
+                            color=chosen_hues().detectors[letter])  # fmt: skip
+            image = large(lower, spot, centroid, letter) or image
+        for panel in panels[:, 0]:
+            panel.set_ylabel("zeta, mm")
         if image is not None:
-            bar = picture.colorbar(image, ax=panels[1, :].tolist(), shrink=0.8)
-            bar.set_label("irradiance over the beam's largest")
+            bar = picture.colorbar(image, ax=panels[1, :].tolist(), shrink=0.9, pad=0.01)
+            bar.set_label("irradiance, its largest is 1")
+            bar.outline.set_visible(False)
         handles, names = panels[1, 0].get_legend_handles_labels()
-        picture.legend(handles, names, loc="outside lower center", ncols=len(names))
+        style.legend_below(picture, handles, names, 2)
     return picture
 
 
@@ -47,79 +53,99 @@ def light_on(psd: Psd, reading: Floats) -> str:
     return f"{1e3 * power:.1f} µW" + (" beside it" if beside else "")
 
 
-def face(panel: Axes, psd: Psd, spot: Spot, centroid: Floats) -> None:
+def face(panel: Axes, psd: Psd, spot: Spot, centroid: Floats, letter: str) -> None:
     """The whole sensitive area."""
     from matplotlib.patches import Rectangle
 
+    hues = chosen_hues()
     corner = (-psd.size_y / 2, -psd.size_z / 2)
-    panel.add_patch(
-        Rectangle(corner, psd.size_y, psd.size_z, facecolor="#DCE6DC", edgecolor=style.INK)
-    )
+    panel.add_patch(Rectangle(corner, psd.size_y, psd.size_z, facecolor=hues.rule, alpha=0.45,
+                              edgecolor="none"))  # fmt: skip
+    panel.add_patch(Rectangle(corner, psd.size_y, psd.size_z, fill=False,
+                              edgecolor=hues.detectors[letter], lw=1.8))  # fmt: skip
     if spot.grid.size:
-        panel.pcolormesh(*spot.grid.transpose(2, 0, 1), spot.light, cmap="inferno", vmin=0, vmax=1,
-                         shading="gouraud", rasterized=True)  # fmt: skip
-    panel.plot(*centroid, "+", color=style.BLUE, ms=10)
-    panel.axhline(0, color=style.GREY, lw=0.6)
-    panel.axvline(0, color=style.GREY, lw=0.6)
+        shine(panel, spot)
+    panel.plot(*centroid, "o", ms=13, mfc="none", mec=hues.detectors[letter], mew=1.4)
+    panel.axhline(0, color=hues.grey, lw=0.6)
+    panel.axvline(0, color=hues.grey, lw=0.6)
     half = 0.54 * max(psd.size_y, psd.size_z)
     panel.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
-    panel.set(xlabel="psi, mm", ylabel="zeta, mm")
+    panel.set_xlabel("psi, mm")
 
 
-def write(panel: Axes, text: str, place: Floats, size: float = 9) -> None:
-    panel.annotate(text, (place[0], place[1]), ha="center", va="center", fontsize=size)
+def shine(panel: Axes, spot: Spot) -> Any:
+    """The spot's irradiance; where there is none the ground is left as it is."""
+    light = np.ma.masked_less(spot.light, 0.004)
+    return panel.pcolormesh(*spot.grid.transpose(2, 0, 1), light, cmap="inferno", vmin=0, vmax=1,
+                            shading="gouraud", rasterized=True)  # fmt: skip
 
 
-def large(panel: Axes, spot: Spot, centroid: Floats) -> Any:
+def write(panel: Axes, text: str, place: Floats, degrees: float = 0.0) -> None:
+    panel.annotate(text, (place[0], place[1]), ha="center", va="center", fontsize=style.LEAST,
+                   linespacing=1.25, rotation=degrees, rotation_mode="anchor")  # fmt: skip
+
+
+def large(panel: Axes, spot: Spot, centroid: Floats, letter: str) -> Any:
     """The spot with its centroid R, the images of apex Q and beam S, and the circle cut away."""
-    image = None
-    if spot.grid.size:
-        image = panel.pcolormesh(*spot.grid.transpose(2, 0, 1), spot.light, cmap="inferno", vmin=0,
-                                 vmax=1, shading="gouraud", rasterized=True)  # fmt: skip
-    panel.plot(*spot.circle.T, "--", color=style.GREY, lw=1, label="the beam's 1/e² circle")
-    panel.plot(*spot.apex, "^", color=style.GREEN, label="Q, image of the apex")
-    panel.plot(*spot.beam, "o", color=style.BLUE, mfc="none", label="S, of the beam's centre")
-    panel.plot(*centroid, "+", color=style.BLUE, ms=12, mew=2, label="R, centroid")
+    hues = chosen_hues()
+    image = shine(panel, spot) if spot.grid.size else None
+    panel.plot(*spot.circle.T, "--", color=hues.grey, lw=1, label="the beam's 1/e² circle")
+    halo: dict[str, Any] = {"mec": "#101010", "mew": 0.9, "ls": ""}
+    panel.plot(*spot.apex, "^", color="#FFFFFF", ms=7, label="Q, image of the apex", **halo)
+    panel.plot(*spot.beam, "o", color="#FFFFFF", ms=6, label="S, of the beam's centre", **halo)
+    panel.plot(*centroid, "P", color=hues.detectors[letter], ms=9, label="R, centroid",
+               mec="#FFFFFF", mew=0.9, ls="")  # fmt: skip
     panel.set_aspect("equal", adjustable="datalim")
     panel.margins(0.1)
-    panel.set(xlabel="psi, mm", ylabel="zeta, mm")
+    panel.locator_params(axis="x", nbins=3)
+    panel.locator_params(axis="y", nbins=4)
+    panel.set_xlabel("psi, mm")
     return image
 
 
 def plan_picture(sensor: Sensor, state: Floats) -> Figure:
     """Seen from above, to scale but for the mirror, with dimensions."""
-    import matplotlib as mpl
-
-    stand = Stand.of(sensor, state)
-    with mpl.rc_context({**style.STYLE, "axes.grid": False}):
-        picture = style.figure(6.4, 6.0)
+    stand, hues = Stand.of(sensor, state), chosen_hues()
+    far = max(psd.radius for psd in sensor.psds)
+    with style.in_rules(axes__grid=False):
+        picture = style.figure(5.0, 4.9)
         panel = picture.subplots()
-        for k, (psd, letter) in enumerate(zip(sensor.psds, "ABC", strict=True)):
-            ends = scene.detector(stand, k).points[:2, :2]
-            panel.plot(*ends.T, color=style.GREEN, lw=5, solid_capstyle="butt")
-            centre = psd.radius * np.array([np.cos(psd.azimuth), np.sin(psd.azimuth)])
-            beam = scene.sub_beam(stand, k)
-            if beam is not None:
-                half = len(beam.points) // 2
-                line = np.array([beam.points[:half].mean(0), beam.points[half:].mean(0)])[:, :2]
-                panel.plot(*line.T, color=style.ORANGE, lw=1.2)
-            text = f"PSD {letter}\n{psd.size_y:g} by {psd.size_z:g} mm"
-            write(panel, text, 1.25 * centre)
-            turn = 0.16 if np.cos(psd.azimuth) > 0 else -0.32
-            side = (
-                psd.radius
-                * 0.55
-                * np.array([np.cos(psd.azimuth + turn), np.sin(psd.azimuth + turn)])
-            )
-            label = f"{psd.radius:g} mm, {np.degrees(psd.azimuth):.0f}°"
-            write(panel, label, side, 8)
-        zoom = 0.05 * max(psd.radius for psd in sensor.psds) / scene.rim_of(sensor)
+        for k, letter in enumerate(DETECTORS):
+            detector(panel, stand, k, sensor.psds[k], hues.detectors[letter], letter)
+        zoom = 0.05 * far / scene.rim_of(sensor)
         for body in scene.mirror(stand):
             around = np.array(stand.at.apex)[:2]
             shape = around + zoom * (body.points[:, :2] - around)
-            panel.fill(*shape.T, facecolor="#9FB4C7", edgecolor=style.INK, lw=1)
-        far = 0.3 * max(psd.radius for psd in sensor.psds)
-        write(panel, f"mirror drawn\n{zoom:.2g} times as large", np.array([far, -far / 2]), 8)
+            panel.fill(*shape.T, facecolor=hues.grey, edgecolor=hues.ink, lw=1, alpha=0.7)
+        write(panel, f"mirror drawn\n{zoom:.2g} times as large", 0.55 * far * free_side(sensor))
         panel.set(aspect="equal", xlabel="x_w, mm", ylabel="y_w, mm", title="from above")
-        panel.margins(0.2)
+        panel.margins(0.22)
     return picture
+
+
+def free_side(sensor: Sensor) -> Floats:
+    """The direction in the plan that is furthest from all sub-beams."""
+    angles = np.linspace(0, 2 * np.pi, 73)[:-1]
+    azimuths = np.array([psd.azimuth for psd in sensor.psds])
+    apart = np.cos(angles[:, None] - azimuths).max(axis=1)
+    best = angles[np.lexsort((angles, np.round(apart, 6)))[0]]
+    return np.array([np.cos(best), np.sin(best)])
+
+
+def detector(panel: Axes, stand: Stand, k: int, psd: Psd, hue: str, letter: str) -> None:
+    """A detector, the sub-beam to it, and its sizes."""
+    ends = scene.detector(stand, k).points[:2, :2]
+    panel.plot(*ends.T, color=hue, lw=5, solid_capstyle="butt")
+    out = np.array([np.cos(psd.azimuth), np.sin(psd.azimuth)])
+    beam = scene.sub_beam(stand, k)
+    if beam is not None:
+        half = len(beam.points) // 2
+        line = np.array([beam.points[:half].mean(0), beam.points[half:].mean(0)])[:, :2]
+        panel.plot(*line.T, color=hue, lw=1.4)
+    away = 1.16 + 0.16 * abs(out[0])
+    sizes = f"{psd.size_y:g} x {psd.size_z:g} mm"
+    write(panel, f"{letter.upper()}\n{sizes}", away * psd.radius * out)
+    turned = (np.degrees(psd.azimuth) + 90) % 180 - 90  # along the beam, never upside down
+    up = np.array([-np.sin(np.radians(turned)), np.cos(np.radians(turned))])
+    text = f"{psd.radius:g} mm, {np.degrees(psd.azimuth):.0f}°"
+    write(panel, text, psd.radius * (0.58 * out + 0.055 * up), turned)

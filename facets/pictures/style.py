@@ -1,16 +1,22 @@
-"""Plots: one style for the whole project, and the picture of a simulated motion."""
+"""How every plot of the project looks: sizes, lines, fonts and hues, and how it is written.
+
+A picture is at most `FULL` inches wide and has no text below `LEAST` points, so that at a column's
+width in print, 88 mm, all of it can still be read. Text stays text: in SVG as such, in PDF by an
+embedded TrueType font.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import InputError
-from ..core.names import POSE
+from ..core.hues import LIGHT, chosen_hues, chosen_style
+from ..core.units import Floats, column_label, with_micro
 from ..core.units import unit_of as unit_of
 from ..files.tables import Whole
 
@@ -18,56 +24,132 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..simulation.run import Segment
-
-#: Okabe and Ito's colours, told apart also by the colour-blind.
-INK, BLUE, ORANGE, GREEN, GREY = "#222222", "#0072B2", "#D55E00", "#009E73", "#999999"
-#: For many series, in this order.
-SERIES = (BLUE, ORANGE, GREEN, "#CC79A7", "#E69F00", "#56B4E9", GREY)
-STYLE: dict[Any, Any] = {
-    "axes.edgecolor": INK,
-    "axes.grid": True,
-    "axes.labelsize": 9,
-    "axes.spines.right": False,
-    "axes.spines.top": False,
-    "axes.titlesize": 10,
-    "figure.facecolor": "white",
-    "font.size": 9,
-    "grid.alpha": 0.3,
-    "grid.linewidth": 0.6,
-    "legend.frameon": False,
-    "lines.linewidth": 1.2,
-    "savefig.dpi": 150,
-    "svg.hashsalt": "facets",
-}
+#: For drawings whose ground is white whatever the style.
+INK, GREY = LIGHT.ink, LIGHT.grey
+BLUE, ORANGE, GREEN = LIGHT.detectors.values()
+#: Widths of a picture, inches: of one panel, and of a page's whole text.
+SINGLE, FULL = 4.4, 6.2
+#: Sizes of text, points: the least, and that of labels.
+LEAST, LABEL_SIZE = 9.0, 9.5
 ENDINGS = (".png", ".svg", ".pdf")
+#: Dots an inch of PNGs by style, and of what is rastered within SVG and PDF.
+DOTS = {"paper": 300, "screen": 160, "dark": 160}
+VECTOR_DOTS = 300
 #: What SVG and PDF count in: points.
 VECTOR_DPI = 72
-#: Margins of a page of panels one above the other, inches: left, right, above, below, and between.
-MARGINS = (0.95, 0.1, 0.55, 0.85, 0.95)
-#: Where a panel's label stands, in widths of the panel.
-LABEL = -0.155
+#: Widths of lines by style, points: of data, of axes and grids.
+LINES = {"paper": (1.1, 0.6), "screen": (1.4, 0.7), "dark": (1.4, 0.7)}
+#: No date in a file: the same picture is the same file.
+METADATA: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+
+#: First digits of a logarithmic axis's ticks, from many to few.
+DIGITS = (
+    (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8),
+    (1, 1.5, 2, 3, 4, 6, 8),
+    (1, 2, 3, 5),
+    (1, 2, 5),
+    (1,),
+)
+#: The most ticks that have a number.
+TICKS = 6
+
+#: Axes in words.
+WORDS = {
+    "tx": "shift in x", "ty": "shift in y", "tz": "shift in z", "roll": "roll", "pitch": "pitch",
+    "yaw": "yaw", "bx": "beam in x", "by": "beam in y",
+}  # fmt: skip
+#: What the first word of a measure's column stands for, in words.
+MEASURES = {"u": "uncertainty of", "range": "range of"}
+OTHERS = {"head_mm": "diameter of the head, mm", "condition": "condition number"}
+
+
+def rules() -> dict[Any, Any]:
+    """matplotlib's settings for the style that is chosen."""
+    hues, (line, thin) = chosen_hues(), LINES[chosen_style()]
+    return {
+        "axes.axisbelow": True,
+        "axes.edgecolor": hues.soft,
+        "axes.facecolor": hues.ground,
+        "axes.grid": True,
+        "axes.labelcolor": hues.ink,
+        "axes.labelsize": LABEL_SIZE,
+        "axes.linewidth": thin,
+        "axes.spines.right": False,
+        "axes.spines.top": False,
+        "axes.titlelocation": "left",
+        "axes.titlesize": LABEL_SIZE,
+        "axes.titleweight": "bold",
+        "axes.unicode_minus": True,
+        "figure.facecolor": hues.ground,
+        "figure.titlesize": 10.5,
+        "font.family": "sans-serif",
+        "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "Helvetica", "sans-serif"],
+        "font.size": LABEL_SIZE,
+        "grid.color": hues.rule,
+        "grid.linewidth": thin,
+        "hatch.color": hues.ink,
+        "legend.fontsize": LEAST,
+        "legend.frameon": False,
+        "legend.handlelength": 1.6,
+        "lines.linewidth": line,
+        "pdf.fonttype": 42,
+        "ps.fonttype": 42,
+        "savefig.facecolor": hues.ground,
+        "svg.fonttype": "none",
+        "svg.hashsalt": "facets",
+        "text.color": hues.ink,
+        "xtick.color": hues.soft,
+        "xtick.labelcolor": hues.ink,
+        "xtick.labelsize": LEAST,
+        "ytick.color": hues.soft,
+        "ytick.labelcolor": hues.ink,
+        "ytick.labelsize": LEAST,
+    }
+
+
+@contextmanager
+def in_rules(**changes: Any) -> Iterator[None]:
+    """Within it pictures are drawn by the rules of the style that is chosen.
+
+    changes: further settings of matplotlib, a dot written as two underscores: `axes__grid=False`.
+    """
+    import matplotlib as mpl
+
+    more: dict[Any, Any] = {name.replace("__", "."): value for name, value in changes.items()}
+    with mpl.rc_context({**rules(), **more}):
+        yield
 
 
 def figure(width: float, height: float, **options: Any) -> Figure:
     """An empty figure in the project's style, inches."""
-    import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    with mpl.rc_context(STYLE):
+    with in_rules():
         return Figure(figsize=(width, height), **{"layout": "constrained", **options})
 
 
 def save(picture: Figure, path: Path) -> None:
     """Writes the picture whole or not at all; PNG, SVG or PDF by its ending."""
-    import matplotlib as mpl
-
     if path.suffix.lower() not in ENDINGS:
         raise InputError(f"{path}: a picture's name ends in {', '.join(ENDINGS)}")
     kind = path.suffix[1:].lower()
-    with mpl.rc_context(STYLE), Whole(path) as temporary:
-        lay_out(picture, STYLE["savefig.dpi"] if kind == "png" else VECTOR_DPI)
-        picture.savefig(temporary, format=kind, dpi="figure")
+    with in_rules(), Whole(path) as temporary:
+        flat, dots = kind == "png", DOTS[chosen_style()]
+        lay_out(picture, dots if flat else VECTOR_DPI)
+        picture.savefig(temporary, format=kind, dpi=dots if flat else VECTOR_DOTS,
+                        metadata=METADATA.get(kind))  # fmt: skip
+
+
+def svg_text(picture: Figure) -> str:
+    """The picture as an SVG element of a page."""
+    from io import StringIO
+
+    stream = StringIO()
+    with in_rules():
+        lay_out(picture, VECTOR_DPI)
+        picture.savefig(stream, format="svg", dpi=VECTOR_DOTS, metadata=METADATA["svg"])
+    text = stream.getvalue()
+    return text[text.index("<svg") :]
 
 
 def lay_out(picture: Figure, dpi: int) -> None:
@@ -82,93 +164,107 @@ def lay_out(picture: Figure, dpi: int) -> None:
         picture.set_layout_engine("none")
 
 
-def motion_picture(segments: Sequence[Segment]) -> Figure:
-    """Truth and estimate (left) and error (right) of six axes, one motion after the other."""
-    import matplotlib as mpl
+def ramp() -> Any:
+    """Hues for a quantity, from small to large; its ends stand off the ground."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
 
-    with mpl.rc_context(STYLE):
-        picture, panels = page_of_panels(10, 11, 6)
-        clock = Clock(segments)
-        for i, name in enumerate(POSE):
-            place_panel(panels[i, 0], clock, segments, i, name)
-            error_panel(panels[i, 1], clock, segments, i, name)
-        for column, title in enumerate(("true motion and estimate", "error of the estimate")):
-            panels[0, column].set_title(title, pad=22)
-            panels[5, column].set_xlabel("time, one motion after the other, s")
-            clock.mark(panels[:, column])
-        parts = [panels[0, column].get_legend_handles_labels() for column in (0, 1)]
-        handles, texts = (a + b for a, b in zip(*parts, strict=True))
-        picture.legend(handles, texts, loc="lower center", ncols=4, markerscale=4)
-    return picture
+    dark = chosen_style() == "dark"
+    ends = (0.2, 1.0) if dark else (0.0, 0.92)
+    return ListedColormap(colormaps["viridis"](np.linspace(*ends, 256)))
 
 
-def page_of_panels(width: float, height: float, rows: int) -> tuple[Figure, NDArray[Any]]:
-    """A picture of two columns of panels at fixed places, inches, and the panels.
+def in_words(name: str) -> str:
+    """A component of the state for a label: "shift in x"."""
+    return WORDS[name]
 
-    Their labels are alike from one to the next, so that nothing has to be measured: measuring all
-    of them takes as long as drawing them.
+
+def place_label(name: str) -> str:
+    """For places along an axis: "shift in x, mm"."""
+    return f"{WORDS[name]}, {unit_of(name).unit}"
+
+
+def fine_label(name: str) -> str:
+    """For errors and uncertainties along an axis: "shift in x, µm"."""
+    return f"{WORDS[name]}, {unit_of(name).fine_unit}"
+
+
+class Band(NamedTuple):
+    """What many samples are drawn as: for each of some columns their ends and their middle."""
+
+    time: Floats
+    low: Floats
+    high: Floats
+    middle: Floats
+
+
+def band(time: Floats, values: Floats, columns: int = 120) -> Band:
+    """Least, largest and median of the samples that fall into each column of a panel.
+
+    time, values: (n,), time ascending. NaN are passed over; a column without a number is NaN, so
+    that what is drawn has a gap there.
     """
-    left, right, above, below, between = MARGINS
-    picture = figure(width, height, layout="none")
-    across = (width - left - right - between) / 2
-    places = {"left": left / width, "right": 1 - right / width, "top": 1 - above / height,
-              "bottom": below / height, "wspace": between / across, "hspace": 0.12}  # fmt: skip
-    return picture, picture.subplots(rows, 2, sharex=True, gridspec_kw=places)
+    parts = np.array_split(np.arange(len(time)), min(columns, len(time)))
+    rows = [(time[part].mean(), *ends(values[part])) for part in parts]
+    return Band(*np.array(rows).reshape(-1, 4).T)
 
 
-class Clock:
-    """Puts the motions one after the other on a common time axis."""
-
-    def __init__(self, segments: Sequence[Segment]) -> None:
-        self.names = [segment.name for segment in segments]
-        lengths = [float(np.ptp(s.time)) + step_of(s.time) for s in segments]
-        self.starts = np.concatenate([[0.0], np.cumsum(lengths)])
-        self.short = any(len(segment.time) == 1 for segment in segments)
-        self.times = [
-            segment.time - segment.time[0] + start
-            for segment, start in zip(segments, self.starts, strict=False)
-        ]
-
-    def mark(self, panels: NDArray[Any]) -> None:
-        for panel in panels:
-            if self.short:  # a single sample has no width of its own for a name to stand over
-                panel.set_xlim(self.starts[0] - 0.1, self.starts[-1] + 0.1)
-            for start in self.starts[1:-1]:
-                panel.axvline(start, color=GREY, lw=0.8, ls=":")
-        for name, start, end in zip(self.names, self.starts[:-1], self.starts[1:], strict=True):
-            panels[0].annotate(
-                name, ((start + end) / 2, 1.04), xycoords=("data", "axes fraction"),
-                ha="center", fontsize=8, color=GREY, annotation_clip=False,
-            )  # fmt: skip
+def ends(values: Floats) -> tuple[float, float, float]:
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return (np.nan, np.nan, np.nan)
+    return float(known.min()), float(known.max()), float(np.median(known))
 
 
-def step_of(time: NDArray[np.float64]) -> float:
-    return float(time[1] - time[0]) if len(time) > 1 else 1.0
+def say(panel: Axes, text: str) -> None:
+    """What stands in a panel that has nothing to draw: why that is so."""
+    panel.text(0.5, 0.5, text, ha="center", va="center", transform=panel.transAxes,
+               color=chosen_hues().soft, fontsize=LEAST, wrap=True)  # fmt: skip
 
 
-def place_panel(panel: Axes, clock: Clock, segments: Sequence[Segment], i: int, name: str) -> None:
-    unit, factor, _, _ = unit_of(name)
-    for n, segment in enumerate(segments):
-        labels = ("truth", "estimate") if n == 0 else (None, None)
-        time = clock.times[n]
-        panel.plot(time, factor * segment.truth[:, i], color=INK, lw=0.8, zorder=3, label=labels[0])
-        estimate = factor * segment.solution.state[:, i]
-        panel.plot(time, estimate, ".", ms=1.5, color=BLUE, label=labels[1], rasterized=True)
-    label(panel, f"{name}, {unit}")
+def legend_below(picture: Any, handles: Sequence[Any], texts: Sequence[str], columns: int) -> Any:
+    """One legend for all panels, under them."""
+    return picture.legend(handles, texts, loc="outside lower center", ncols=columns,
+                   columnspacing=1.4, handletextpad=0.5)  # fmt: skip
 
 
-def label(panel: Axes, text: str) -> None:
-    """Names what a panel shows, at a fixed place beside it: one below the other, not measured."""
-    panel.set_ylabel(text)
-    panel.yaxis.set_label_coords(LABEL, 0.5)
+def measure_label(column: str) -> str:
+    """A measure of a design for a label: "u_roll_urad" is "uncertainty of roll, µrad"."""
+    if column in OTHERS:
+        return OTHERS[column]
+    kind, _, rest = column.partition("_")
+    name, _, unit = rest.partition("_")
+    if kind in MEASURES and name in WORDS and unit:
+        return f"{MEASURES[kind]} {WORDS[name]}, {with_micro(unit)}"
+    return column_label(column)
 
 
-def error_panel(panel: Axes, clock: Clock, segments: Sequence[Segment], i: int, name: str) -> None:
-    _, _, unit, factor = unit_of(name)
-    for n, segment in enumerate(segments):
-        labels = ("error", "± 2 standard uncertainties") if n == 0 else (None, None)
-        time, band = clock.times[n], 2 * factor * segment.solution.uncertainty[:, i]
-        panel.fill_between(time, -band, band, color=ORANGE, alpha=0.25, lw=0, label=labels[1])
-        error = factor * segment.error[:, i]
-        panel.plot(time, error, ".", ms=1.5, color=BLUE, label=labels[0], rasterized=True)
-    label(panel, f"error of {name}, {unit}")
+def plain_log(axis: Any) -> None:
+    """Ticks of a logarithmic axis in plain numbers, as many as there is room for."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
+
+    axis.axes.autoscale_view()
+    places = log_ticks(*sorted(axis.get_view_interval()))
+    axis.set_major_locator(FixedLocator(places))
+    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def log_ticks(low: float, high: float) -> list[float]:
+    """Round numbers from low to high, at most `TICKS`; powers of ten alone may be more.
+
+    Where the reach is so short that there are fewer than three, steps of the same size instead.
+    """
+    from matplotlib.ticker import MaxNLocator
+
+    found: list[float] = []
+    tens = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    for digits in DIGITS:
+        found = [float(f"{digit:g}e{ten}") for ten in tens for digit in digits]
+        found = [place for place in found if low <= place <= high]
+        if len(found) <= TICKS:
+            break
+    if len(found) < 3:
+        even = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(low, high)
+        found = [float(place) for place in even]
+    return [place for place in found if low <= place <= high]

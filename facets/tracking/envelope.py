@@ -19,12 +19,10 @@ import numpy as np
 
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
+from .drivers import Driver, open_driver
 from .encoder import Encoder
 from .limits import Limits
-from .line import Line
-from .pi import Pi
 from .stage import StageError
-from .zaber import Zaber
 
 #: A loop that has not come round for so long is stalled, s, or for so many of its periods.
 STALL, PERIODS = 0.1, 5
@@ -58,7 +56,8 @@ def stopping_time(settings: Settings) -> float:
 class Envelope:
     """Holds a stage's driver, and lets nobody else at it.
 
-    port: open.  say: takes an event's name and what belongs to it.  failed: nothing moves any more.
+    port: open; of `stage.driver: other` its name.  say: takes an event's name and what belongs to
+    it.  failed: nothing moves any more.
     """
 
     def __init__(
@@ -67,9 +66,7 @@ class Envelope:
         """Stops the stage, bounds its speed, and asks where it is; else closes the port."""
         self.settings, self.say, self.clock = settings, say, clock
         self.limits = Limits.of(settings)
-        self._line = Line(port, clock)
-        made = Zaber if settings.driver == "zaber" else Pi
-        self._driver: Zaber | Pi = made(self._line, settings)
+        self._driver: Driver = open_driver(port, settings, clock)
         self.failed = self.moving = self.stalled = False
         self.beat = clock()
         self.cried = -math.inf
@@ -91,6 +88,8 @@ class Envelope:
         now, old = (before + after) / 2, self.encoder
         self.beat = after
         s = self.settings
+        if np.shape(place) != (2,) or not np.isfinite(place).all():
+            raise StageError(f"the stage's driver gives a place that is none: {place}")
         if (place < np.array(s.low) - SLACK).any() or (place > np.array(s.high) + SLACK).any():
             raise StageError(
                 f"the stage stands at {place.round(3).tolist()} mm, outside its soft limits "
@@ -199,7 +198,7 @@ class Envelope:
             except Exception as error:
                 self.tell("stop not answered", reason=str(error) or type(error).__name__)
         with suppress(Exception):
-            self._line.close()
+            self._driver.close()
         return answered
 
     def tell(self, name: str, **more: Any) -> None:

@@ -84,3 +84,6 @@ class Pi:
         """Stops without waiting for a word, whatever was half said before."""
         self.cries += 1
         self.line.write(STOP_ALL + b"?\n" + STOP_ALL)
+
+    def close(self) -> None:
+        self.line.close()

@@ -62,7 +62,8 @@ class Tracker:
         search: bool = False,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """port: open, of the stage. Raises StageError where the stage can not be used."""
+        """port: of the stage, open, or its name; see `Envelope`. Raises StageError where the stage
+        can not be used."""
         self.settings, self.law, self.clock = settings, law, clock
         self.envelope = Envelope(port, settings, say, clock)
         self.tell = self.envelope.tell

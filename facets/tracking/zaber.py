@@ -132,3 +132,6 @@ class Zaber:
     def cry(self) -> None:
         """Stops without waiting for a word, whatever was half said before."""
         self.line.write(b"?\n/1 0 99 stop\n")
+
+    def close(self) -> None:
+        self.line.close()

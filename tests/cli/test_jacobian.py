@@ -22,6 +22,7 @@ def test_samples_searches_and_proves(tmp_path):
         "jacobian.png",
         "density.csv",
         "run.yaml",
+        "ro-crate-metadata.json",
         "certificate.json",
         "states.parquet",
     }

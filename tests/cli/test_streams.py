@@ -29,7 +29,7 @@ def closed_pipe() -> int:
 
 
 WAY = ("simulate", "paper", "--motion", "yaw-sweep", "-o", "out")
-FILES = ["motion.png", "poses.csv", "readings.csv", "run.yaml"]
+FILES = ["motion.png", "poses.csv", "readings.csv", "ro-crate-metadata.json", "run.yaml"]
 
 
 def test_a_reader_that_is_gone_loses_nothing(tmp_path):

@@ -1,8 +1,4 @@
-"""What every source of bytes must do: ours, and one that another package brings.
-
-`check_port` is for other packages, too: give it what opens a port, what sends bytes to it, and the
-bytes.
-"""
+"""What every source of bytes must do: ours, and one that another package brings."""
 
 from __future__ import annotations
 
@@ -12,37 +8,16 @@ from importlib.metadata import EntryPoint
 import numpy as np
 import pytest
 from facets.experiments.kills import stream
-from programs import await_true
 
 import facets
 from facets.live import ports as module
+from facets.live.contract import check_port
 from facets.live.frames import SIZE
 from facets.live.pipeline import Pipeline
 from facets.live.ports import DatagramPort, PortError, open_port
 from facets.live.source import poses
 
 DATA = stream(200)
-
-
-def check_port(opened, send, data):
-    """The contract of `facets.live.ports.Port`."""
-    with opened() as port:
-        came = bytearray()
-        assert isinstance(port.ended, bool)
-        assert isinstance(port.waits, bool)
-        send(data)
-
-        def read():
-            part = port.read()
-            assert isinstance(part, bytes)
-            came.extend(part)
-            return len(came) >= len(data)
-
-        await_true(read, "all bytes")
-        assert bytes(came) == data
-        for _ in range(3):  # nothing more is no error, and no end but where there is one
-            assert port.ended or port.read() == b""
-    port.close()  # again does nothing
 
 
 def test_a_file_is_a_port(tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from facets.experiments.kills import stream
 from rich.console import Console
 
 import facets
+from facets.core.hues import DARK, LIGHT
 from facets.live import view
 from facets.live.acquire import Live
 from facets.live.pipeline import Pipeline
@@ -62,3 +64,37 @@ def test_a_loop_that_is_behind_says_so_in_every_view():
     assert (found["behind_s"], found["late"], found["skipped"]) == (1.5, 7, 0)
     assert words in "\n".join(drawn(now, 200))
     assert any("fell behind: 7 samples" in line for line in view.summary(now))
+
+
+def hues_in(now, wide=80):
+    """The hues that a screen with all of them shows, as "#RRGGBB"."""
+    console = Console(width=wide, height=24, file=io.StringIO(), force_terminal=True,
+                      color_system="truecolor", legacy_windows=False)  # fmt: skip
+    console.print(view.Screen(now))
+    codes = re.findall(r"38;2;(\d+);(\d+);(\d+)", console.file.getvalue())
+    return {"#" + "".join(f"{int(part):02X}" for part in code) for code in codes}
+
+
+@pytest.mark.parametrize(("ground", "hues"), [("15;0", DARK), ("", DARK), ("0;15", LIGHT)])
+def test_detectors_and_axes_have_their_hues(monkeypatch, ground, hues):
+    monkeypatch.setenv("COLORFGBG", ground)
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    found = hues_in(live())
+    assert {*hues.detectors.values(), *hues.axes.values()} <= found
+    assert hues.alarm not in found
+
+
+def test_a_fault_stands_out(monkeypatch):
+    monkeypatch.setenv("COLORFGBG", "15;0")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    now = live()
+    now.late = 7
+    assert DARK.alarm in hues_in(now)
+    assert DARK.alarm in hues_in(now, 45)
+
+
+def test_at_eighty_columns_all_stands_within_a_small_terminal():
+    lines = drawn(live(), 80, 24)
+    assert len(lines) <= 24
+    assert any(line.lstrip("▌").startswith("tx") and "samples" in line for line in lines)
+    assert any("p99" in line for line in lines)

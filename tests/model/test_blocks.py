@@ -10,7 +10,7 @@ from sensors import SENSORS, states
 
 import facets
 from facets.model import blocks, evaluators, kernels
-from facets.model.arrays import packed
+from facets.model.arrays import evaluate, packed
 
 NAMED = pytest.mark.parametrize("name", ["paper", "skewed0", "skewed2", "skewed4"])
 BOTH = pytest.mark.parametrize("function", [facets.readings, facets.jacobian])
@@ -18,11 +18,22 @@ BOTH = pytest.mark.parametrize("function", [facets.readings, facets.jacobian])
 
 def one_by_one(sensor: facets.Sensor, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Readings and Jacobians by the code for one pose, which shares the text but no function."""
-    values, slopes = np.empty((len(some), 9)), np.empty((len(some), 9, 8))
-    vectors, power = packed(sensor), sensor.beam.power
-    kernels.read(evaluators.readings(sensor), vectors, some, values)
-    kernels.differentiate(evaluators.linearised(sensor), vectors, some, power, slopes)
+    values, found = np.empty((len(some), 9)), np.empty((len(some), 10, 10))
+    kernels.evaluate(evaluators.readings(sensor), packed(sensor), some, values)
+    with_power = np.insert(some, 8, sensor.beam.power, axis=1)
+    kernels.evaluate(evaluators.linearised(sensor), packed(sensor), with_power, found)
+    slopes = found[:, 1:, :8].copy()
+    slopes[np.isnan(found[:, 0, :9])] = np.nan
     return values, slopes
+
+
+def test_few_states_are_computed_as_many_are():
+    """A loop in Python for few, a compiled one for many: the same function, the same bits."""
+    sensor, some = SENSORS["paper"], states(evaluators.FEW + 1, seed=8, offset=2.0)
+    many, few = np.empty((len(some), 9)), np.empty((40, 9))
+    for found in (many, few):
+        evaluate(evaluators.readings(sensor), packed(sensor), some[: len(found)], found)
+    np.testing.assert_array_equal(few, many[:40])
 
 
 @NAMED

@@ -2,6 +2,7 @@
 
 import doctest
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -24,6 +25,19 @@ def test_the_first_use_says_that_it_compiles_and_the_second_does_not(tmp_path):
     assert "compiling readings, once" in first.stderr
     assert second.stderr == ""
     assert first.stdout == second.stdout
+
+
+def test_another_checkout_of_the_same_text_compiles_nothing(tmp_path):
+    """The folder of machine code is named after the text, not after where it lies."""
+    package = Path(facets.__file__).parent
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(package, tmp_path / "elsewhere" / "facets", ignore=ignored)
+    first = run(READ, str(tmp_path / "cache"))
+    where = f"import sys; sys.path.insert(0, {str(tmp_path / 'elsewhere')!r})\n"
+    other = run(f"{where}{READ}\nprint(facets.__file__)", str(tmp_path / "cache"))
+    assert str(tmp_path) in other.stdout
+    assert other.stdout.startswith(first.stdout)
+    assert other.stderr == ""
 
 
 def test_a_cache_folder_that_can_not_be_written_does_no_harm(tmp_path):

@@ -1,5 +1,7 @@
 """Formulas that write machine code: the same bits as in floats, and what is rare when it is met."""
 
+import ctypes
+
 import numpy as np
 import pytest
 from llvmlite import ir
@@ -45,11 +47,59 @@ def test_a_copy_of_a_sensor_from_another_process_is_packed_again():
     assert kernels.is_of_this_process(packed(sensor))
 
 
+def wedges(count):
+    """What the rare functions are asked: a point, and two unit vectors of any opening."""
+    rng = np.random.default_rng(8)
+    for distance in rng.uniform(0, 12, count):
+        turns = rng.uniform(0, 2 * np.pi) + np.array([0, 0, rng.uniform(0.01, 3.1)])
+        turns[0] = rng.uniform(0, 2 * np.pi)
+        size = np.array([[distance], [1.0], [1.0]])
+        yield (size * np.stack([np.cos(turns), np.sin(turns)], axis=1)).ravel()
+
+
+@pytest.mark.parametrize("name", rare.NAMES)
+def test_what_runs_as_text_at_first_has_the_bits_of_machine_code(name):
+    """Else results would depend on how many were asked for before."""
+    function, results = rare.FUNCTIONS[name]
+    compiled = rare._compiled(name)
+    for given in wedges(200):
+        if name == "side_far":
+            given[4] = given[0] * given[2] + given[1] * given[3]
+        asked = (ctypes.c_double * 6)(*given)
+        text, code = (ctypes.c_double * 8)(), (ctypes.c_double * 8)()
+        assert rare._ran_as_text(function, (asked, text, text, text))
+        compiled(asked, code, code, code)
+        assert bytes(text) == bytes(code), given
+        assert any(text[:results])
+
+
+def test_what_the_text_refuses_is_left_to_machine_code(monkeypatch):
+    def refuse(*_):
+        raise OverflowError
+
+    state = np.array([1.5, 0, 0, 0, 0, 0, 0, 0])
+    expected = facets.readings(facets.Sensor(), state)
+    number = rare.NAMES.index("faint_or_dark")
+    monkeypatch.setitem(rare.FUNCTIONS, "faint_or_dark", (refuse, 8))
+    monkeypatch.setattr(rare, "_COMPILED", {})
+    monkeypatch.setattr(rare, "SELDOM", 1e9)
+    monkeypatch.setattr(rare, "_is_kept", lambda _: False)
+    monkeypatch.setattr(rare, "_compiled", lambda _: rare.KIND(kept.address))
+    kept = jit.callback(rare.__file__, rare.faint_or_dark)
+    kept_address, rare.TABLE[number] = rare.TABLE[number], rare.address_of_first(number)
+    try:
+        np.testing.assert_array_equal(facets.readings(facets.Sensor(), state), expected)
+    finally:
+        rare.TABLE[number] = kept_address
+    assert jit.FAILURES == []
+
+
 def test_what_goes_wrong_in_a_rare_function_is_raised_after_the_kernel(monkeypatch):
     def fail(*_):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(rare, "_COMPILED", {})
+    monkeypatch.setattr(rare, "SELDOM", 0.0)
     monkeypatch.setattr(jit, "callback", fail)
     number = rare.NAMES.index("faint_or_dark")
     kept, rare.TABLE[number] = rare.TABLE[number], rare.address_of_first(number)

@@ -5,13 +5,11 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from commands import command
-from facets.cli.render import View, motion_note
 from gltf_page import page_of
 from sensors import SENSORS, states
 
@@ -86,7 +84,7 @@ def test_light_beside_the_mirror_is_not_drawn():
 @pytest.fixture(scope="module")
 def rendered(tmp_path_factory):
     folder = tmp_path_factory.mktemp("render")
-    for name in ("rig.png", "scene.html", "scene.gltf"):
+    for name in ("scene.gltf",):
         result = command("render", "paper", "--at", TILTED, "-o", name, cwd=folder)
         assert result.returncode == 0, result.stderr
     return folder
@@ -99,18 +97,8 @@ def pixels(path):
 
 
 def orange(image):
-    """Pixels with more red than blue, as translucent beams have on white and on the mirror."""
-    return (image[..., 0] - image[..., 2] > 0.25).mean()
-
-
-def test_a_picture_shows_beams_mirror_and_faces(rendered):
-    image = pixels(rendered / "rig.png")
-    assert image.shape == (900, 1200, 3)
-    assert orange(image[:600, 600:]) > 0.1  # the beams, close
-    assert (np.ptp(image[:600, 600:], axis=-1) < 0.12).mean() > 0.2
-    for left in (0, 400, 800):  # on each face a spot, dark to bright
-        assert image[605:895, left + 5 : left + 395].min() < 0.2
-    assert 0.002 < orange(image[:600, :600]) < 0.1
+    """Pixels in the hue of detector B."""
+    return ((image[..., 0] - image[..., 2] > 0.25) & (image[..., 0] > image[..., 1])).mean()
 
 
 def test_gltf_is_a_scene_of_many_bodies(rendered):
@@ -134,67 +122,15 @@ def seen(page, shot):
 needs_browser = pytest.mark.skipif(not shutil.which("chromium"), reason="needs Chromium")
 
 
-LISTENER = """
-import sys
-
-def hear(event, arguments):
-    if event == "socket.getaddrinfo" and arguments[0] not in (None, "127.0.0.1", "localhost"):
-        print("asked for", arguments[0], file=sys.stderr)
-
-sys.addaudithook(hear)
-from facets.cli import main
-sys.argv = ["facets", "render", "paper", "-o", "rig.html"]
-main()
-"""
-
-
-def test_html_is_written_without_the_network(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-c", LISTENER], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert (tmp_path / "rig.html").stat().st_size > 100_000
-    assert "asked for" not in done.stderr, done.stderr
-
-
-@needs_browser
-def test_html_opens_in_a_browser(rendered, tmp_path):
-    image = seen(rendered / "scene.html", tmp_path / "shot.png")
-    assert image.std() > 0.02
-    assert orange(image) > 0.001
-
-
 @needs_browser
 def test_gltf_opens_in_a_browser(tmp_path):
-    result = command("render", "paper", "--view", "mirror", "-o", "close.gltf", cwd=tmp_path)
+    result = command("render", "paper", "-o", "close.gltf", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     page = tmp_path / "page.html"
     page.write_text(page_of(json.loads((tmp_path / "close.gltf").read_text())))
     image = seen(page, tmp_path / "shot.png")
-    assert orange(image) > 0.005  # beams
-    assert (np.ptp(image, axis=-1) > 0.05).mean() > 0.05
-
-
-def test_bodies_follow_a_state_at_which_some_of_them_vanish():
-    """Moved off the beam and back, a picture holds what one drawn there at once holds."""
-    from facets.pictures.render import Picture
-
-    sensor = facets.Sensor()
-    away, back = np.array([40.0, 0, 0, 0, 0, 0, 0, 0]), np.array([0.05, 0, 0.5, 0, 0, 0.01, 0, 0])
-    moved = Picture(sensor, np.zeros(8), "rig", (200, 150))
-    for state in (away, back):
-        moved.move(state)
-        fresh = Picture(sensor, state, "rig", (200, 150))
-        assert moved.meshes.keys() == fresh.meshes.keys()
-        shown, wanted = (
-            {name for name in picture.plotter.actors if "Addr" not in name}
-            for picture in (moved, fresh)
-        )
-        assert shown == wanted
-        for key, mesh in fresh.meshes.items():
-            assert np.array_equal(moved.meshes[key].points, mesh.points), key
-            assert np.array_equal(moved.meshes[key].faces, mesh.faces), key
-        fresh.close()
-    moved.close()
+    assert image.std() > 0.02
+    assert (np.ptp(image, axis=-1) > 0.05).mean() > 0.001
 
 
 def test_films_and_flat_pictures(tmp_path):
@@ -209,16 +145,6 @@ def test_films_and_flat_pictures(tmp_path):
         result = command("render", "paper", kind, "-o", name, cwd=tmp_path)
         assert result.returncode == 0, result.stderr
         assert (tmp_path / name).stat().st_size > 5000
-
-
-@pytest.mark.parametrize(("span", "view", "told"), [(0.05, "both", True), (2.0, "both", False),
-                                                    (2.0, "rig", True)])  # fmt: skip
-def test_a_film_says_what_is_too_small_to_be_seen(span, view, told):
-    states = np.zeros((5, 8))
-    states[:, 0] = np.linspace(0, span, 5)
-    note = motion_note(states, facets.Sensor(), View(view))
-    assert ("too little to be seen" in note) == told
-    assert not told or f"{1e3 * span:.3g} µm" in note
 
 
 def test_titles_say_where_no_light_falls():
@@ -237,6 +163,8 @@ def test_titles_say_where_no_light_falls():
         (("--motion", "x-steps", "-o", "film.png"), "must end in .mp4, .gif for a film"),
         (("--motion", "nothing", "-o", "film.gif"), "no motion nothing"),
         (("--spots", "--plan"), "give one of"),
+        (("--view", "trail"), "give --motion or --recording"),
+        (("--view", "range", "--motion", "x-steps", "-o", "film.gif"), "a film needs another view"),
         (("--at", "tx=1"), "allowed: NAME=NUMBER"),
     ],
 )

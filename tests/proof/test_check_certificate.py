@@ -20,7 +20,7 @@ from facets.experiments.check_certificate import check, main, told
 from sensors import SENSORS
 
 import facets
-from facets.characterization.state_box import box_of_poses, least_share, parse_box
+from facets.characterization.state_box import box_of_poses, least_share, parse_box, range_box
 from facets.files import provenance
 from facets.proof.certificate import write_certificate
 from facets.proof.range_cover import cover_range
@@ -314,8 +314,9 @@ def test_the_reach_has_a_certificate_that_is_checked(tmp_path):
     assert check(tmp_path / "a.json").margin > 0
 
 
-#: Poses among which a test looks for the range: quicker than all that a certificate looks among.
-NEAR = [18.0, 18.0, 10.0, 0.025, 0.025, 0.04]
+#: Poses among which a test looks for the range: some per cent more than the box, and quicker than
+#: all that a certificate looks among.
+NEAR = [16.4, 16.4, 8.8, 0.021, 0.0225, 0.036]
 
 
 @pytest.fixture(scope="module")
@@ -326,6 +327,11 @@ def whole_range(tmp_path_factory):
     share = least_share(config.sensor, config.range)
     cover = cover_range(config.sensor, config.range, share)
     found = certify(config.sensor, box_of_poses(cover.low, cover.high), share)
+    assert found.unique
+    assert found.margin > 0.3
+    axes = range_box(config.sensor, config.range)
+    assert (cover.low <= axes.low[:6]).all()
+    assert (cover.high >= axes.high[:6]).all()
     about = provenance.about(config)
     write_certificate(path, config.sensor, found, about, config.resolved, cover)
     content = json.loads(path.read_text())
@@ -341,7 +347,8 @@ def test_that_the_box_holds_the_range_is_found_again(whole_range, tmp_path):
     path = tmp_path / "certificate.json"
     path.write_text(json.dumps(whole_range))
     found = check(path)
-    assert "every pose of the range, of those within 18, 18, 10 mm and 25, 25, 40" in told(found)
+    near = "16.4, 16.4, 8.8 mm and 21, 22.5, 36 mrad"
+    assert f"every pose of the range, of those within {near}" in told(found)
     assert not any("range" in line for line in found.not_verified)
 
 

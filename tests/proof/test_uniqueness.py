@@ -96,6 +96,7 @@ def test_a_box_is_certified_and_its_bound_holds(name):
     assert 0 < found.at_least <= least
 
 
+@pytest.mark.study  # the suite proves it for the certificate that test_check_certificate spoils
 def test_the_paper_s_sensor_is_one_to_one_over_its_whole_range():
     config = facets.load("paper")
     share = least_share(config.sensor, config.range)
@@ -118,9 +119,9 @@ def test_poses_that_keep_the_rules_lie_in_the_box_that_holds_the_range(tracking)
     rng = np.random.default_rng(3)
     half = np.array([0.2, 0.2, 9, 0.025, 0.025, 0.04])
     half[:2] *= 75 if tracking else 1
-    poses = rng.uniform(-half, half, (100_000, 6))
+    poses = rng.uniform(-half, half, (30_000, 6))
     kept = poses[clearances(config.sensor, poses, rules).min(axis=1) > 0]
-    assert len(kept) > 200
+    assert len(kept) > 60
     assert (kept >= cover.low).all()
     assert (kept <= cover.high).all()
     if tracking:

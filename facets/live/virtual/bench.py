@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.errors import OutputError
+from ...core.errors import InputError, OutputError
 from ...tracking.stage import StageModel
 from .board import TRUTH, Board, Count
 from .faults import Faults, Schedule
@@ -58,6 +58,8 @@ class Bench:
         folder: Path,
         firmware: FirmwareLibrary | None = None,
     ) -> None:
+        if config.stage.driver == "other":
+            raise InputError("the virtual bench has no stage for stage.driver: other; say zaber")
         self.config, self.rate, self.folder = config, rate, folder
         self.mirror = Mirror(config, motion, seed)
         self.model = StageModel(config.stage)

@@ -1,0 +1,122 @@
+"""Averages over the times in which a reference stands still.
+
+A motion in steps, recorded at full rate, has thousands of rows at one pose, and rows on the way
+from one to the next. Each stand becomes one row of means; the rows between are left out. How well a
+mean is known is told by the scatter of the means of its parts, so that noise which is the same in
+neighbouring rows counts as it should. That is taken over all stands together, since one has few
+parts; the noise of a place goes with one over the power that falls on the detector.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core.names import READING_COLUMNS
+from ..core.units import Floats
+
+#: A stand has so many rows at least.
+FEWEST = 32
+#: The reference stays within so many of its standard uncertainties of where the stand began.
+WITHIN = 2.0
+#: Share of a stand's rows that is left out at each end, where the mirror may still swing.
+ENDS = 0.05
+#: Parts of a stand whose means are compared.
+PARTS = 4
+
+
+class Dwells(NamedTuple):
+    """columns: means, (m,) each.  noise: (m, 9) standard deviations of the readings' means.
+    rows: that went into each (m,).  left_out: rows that are of no stand."""
+
+    columns: dict[str, Floats]
+    noise: Floats
+    rows: Floats
+    left_out: int
+
+
+def stands(pose: Floats, sigma: Floats, seat: Floats | None = None) -> list[slice]:
+    """Rows that follow each other while the reference stands still.
+
+    pose: (n, d) of the axes that it measures.  sigma: (d,).  seat: (n,), in which none may change.
+    """
+    bad = np.asarray(~np.isfinite(pose).all(axis=1))
+    scaled = np.where(bad[:, None], np.inf, pose) / (WITHIN * sigma)
+    found, start, count = [], 0, len(pose)
+    while start < count:
+        if bad[start]:
+            start += 1
+            continue
+        end = start_of_next(scaled, seat, start)
+        if end - start >= FEWEST:
+            off = int(ENDS * (end - start))
+            found.append(slice(start + off, end - off))
+            start = end
+        else:
+            start += 1 if end - start < 2 else (end - start) // 2
+    return found
+
+
+def start_of_next(scaled: Floats, seat: Floats | None, start: int) -> int:
+    """The first row after `start` that is elsewhere; looked for in pieces that grow."""
+    end, size = start + 1, FEWEST
+    while end < len(scaled):
+        part = slice(end, end + size)
+        away = np.asarray((np.abs(scaled[part] - scaled[start]) > 1).any(axis=1))
+        if seat is not None:
+            away |= seat[part] != seat[start]
+        if away.any():
+            return end + int(np.argmax(away))
+        end, size = min(end + size, len(scaled)), 2 * size
+    return len(scaled)
+
+
+def dwell_means(columns: dict[str, Floats], pose: Floats, sigma: Floats) -> Dwells:
+    """Columns (n,) as means over the stands of a reference (n, d), `sigma` (d,) well known."""
+    parts = stands(pose, sigma, columns.get("seat_deg"))
+    means = {
+        name: np.array([mean(values[part]) for part in parts]) for name, values in columns.items()
+    }
+    rows = np.array([part.stop - part.start for part in parts], dtype=float)
+    readings = np.column_stack([columns[name] for name in READING_COLUMNS])
+    share = shares(np.column_stack([means[name] for name in READING_COLUMNS]))
+    spread = per_row(readings, parts, share)
+    noise = share * np.sqrt(spread / np.maximum(rows, 1)[:, None])
+    left_out = len(pose) - int(rows.sum())
+    return Dwells(means, noise, rows, left_out)
+
+
+def mean(values: Floats) -> float:
+    there = np.isfinite(values)
+    return float(values[there].mean()) if there.any() else np.nan
+
+
+def shares(means: Floats) -> Floats:
+    """By what the noise of each reading (m, 9) differs from stand to stand: that of a place goes
+    with one over the power, that of a power is the same."""
+    found: Floats = np.ones_like(means)
+    for k in range(3):
+        power = means[:, 3 * k + 2]
+        found[:, 3 * k : 3 * k + 2] = (np.nanmedian(power) / power)[:, None]
+    return found
+
+
+def per_row(readings: Floats, parts: list[slice], share: Floats) -> Floats:
+    """(9,) the variance of one row that the scatter of the means of parts asks for, of all stands.
+
+    share: (m, 9) of the noise.  For white noise that is its variance; for noise that lasts longer
+    than a part, much more.
+    """
+    found = []
+    for part, over in zip(parts, share, strict=True):
+        rows = readings[part]
+        length = len(rows) // PARTS
+        means = rows[: PARTS * length].reshape(PARTS, length, 9).mean(axis=1)
+        found.append(length * means.var(axis=0, ddof=1) / over**2)
+    if not found:
+        return np.full(9, np.nan)
+    whole = np.array(found)
+    there = np.isfinite(whole)
+    total: Floats = np.where(there, whole, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+    return total

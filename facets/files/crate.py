@@ -1,0 +1,143 @@
+"""`ro-crate-metadata.json`: what a folder of results holds, for archives and other programs.
+
+RO-Crate 1.1 (https://w3id.org/ro/crate/1.1), which is JSON-LD by schema.org: the folder as a
+Dataset, its files with size, type and SHA-256, each column with its unit, and the run that made
+them. Whoever publishes the folder adds a license and authors.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from .tables import UNITS, open_sheet
+from .whole import Whole
+
+NAME = "ro-crate-metadata.json"
+PROFILE = "https://w3id.org/ro/crate/1.1"
+#: The entity by which a crate that this program wrote is known.
+PROGRAM = "#facets"
+TYPES = {
+    ".csv": "text/csv",
+    ".parquet": "application/vnd.apache.parquet",
+    ".yaml": "application/yaml",
+    ".json": "application/json",
+    ".png": "image/png",
+    ".svg": "image/svg+xml",
+    ".pdf": "application/pdf",
+    ".html": "text/html",
+}
+#: What a unit is called by UCUM, the code that RO-Crates use for `unitCode`.
+UCUM = {"mm": "mm", "mrad": "mrad", "mW": "mW", "um": "um", "urad": "urad", "s": "s", "us": "us"}
+
+
+def write_crate(folder: Path, files: Sequence[Path], about: dict[str, str], seconds: float) -> None:
+    """Describes a folder's files, those of them that exist.
+
+    about: as in the head of a table.  seconds: that the run took. A description in the folder that
+    another program wrote stays as it is.
+    """
+    path = folder / NAME
+    if path.exists() and not is_ours(path):
+        return
+    there = [file for file in files if file.is_file()]
+    with Whole(path) as temporary:
+        text = json.dumps(crate(there, about, seconds), indent=1, ensure_ascii=False)
+        temporary.write_text(text + "\n", "utf-8")
+
+
+def is_ours(path: Path) -> bool:
+    """Whether this program wrote a description."""
+    try:
+        found = json.loads(path.read_text("utf-8"))
+        return any(entity.get("@id") == PROGRAM for entity in found["@graph"])
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return False
+
+
+def crate(files: Sequence[Path], about: dict[str, str], seconds: float) -> dict[str, Any]:
+    """The description of files in one folder."""
+    columns = [column for file in files for column in columns_of(file)]
+    root = {
+        "@id": "./",
+        "@type": "Dataset",
+        "name": about["command"],
+        "description": f"Results of `{about['command']}` by facets {about['facets']}; "
+        f"configuration {about['config']}, SHA-256 {about['config_sha256']}.",
+        "datePublished": about["made"],
+        "hasPart": [{"@id": file.name} for file in files],
+        "variableMeasured": [{"@id": column["@id"]} for column in columns],
+        "mentions": {"@id": "#run"},
+    }
+    run = {
+        "@id": "#run",
+        "@type": "CreateAction",
+        "name": about["command"],
+        "endTime": about["made"],
+        "description": f"took {seconds:.3f} s"
+        + (f", seed {about['seed']}" if "seed" in about else ""),
+        "instrument": {"@id": PROGRAM},
+        "result": [{"@id": file.name} for file in files],
+    }
+    program = {
+        "@id": PROGRAM,
+        "@type": "SoftwareApplication",
+        "name": "facets",
+        "version": about["facets"],
+        "softwareVersion": about["facets"],
+    }
+    head = {
+        "@id": NAME,
+        "@type": "CreativeWork",
+        "conformsTo": {"@id": PROFILE},
+        "about": {"@id": "./"},
+    }
+    entities = [head, root, run, program, *(entity_of(file) for file in files), *columns]
+    context = [f"{PROFILE}/context", {"sha256": "https://schema.org/sha256"}]
+    return {"@context": context, "@graph": entities}
+
+
+def entity_of(file: Path) -> dict[str, Any]:
+    with file.open("rb") as data:
+        total = hashlib.file_digest(data, "sha256").hexdigest()
+    return {
+        "@id": file.name,
+        "@type": "File",
+        "name": file.name,
+        "encodingFormat": TYPES.get(file.suffix.lower(), "application/octet-stream"),
+        "contentSize": str(file.stat().st_size),
+        "sha256": total,
+    }
+
+
+def columns_of(file: Path) -> list[dict[str, Any]]:
+    """The columns of a table that have a unit; none for what is no table."""
+    found = []
+    for name in names_of(file):
+        unit = UNITS.get(name.rpartition("_")[2])
+        if unit is None:
+            continue
+        column = {
+            "@id": f"#{file.name}/{name}",
+            "@type": "PropertyValue",
+            "name": name,
+            "unitText": unit,
+            "subjectOf": {"@id": file.name},
+        }
+        found.append(column | ({"unitCode": UCUM[unit]} if unit in UCUM else {}))
+    return found
+
+
+def names_of(file: Path) -> list[str]:
+    """The names of a table's columns."""
+    if file.suffix.lower() == ".csv":
+        with open_sheet(file) as sheet:
+            return list(sheet.names)
+    if file.suffix.lower() == ".parquet":
+        import pyarrow.parquet as pq
+
+        return [str(name) for name in pq.read_schema(file).names]
+    return []

@@ -1,0 +1,166 @@
+// Strips over time: a pose's components with their uncertainty.
+
+import { decimals, fine, signed } from "./numbers.js";
+
+const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+export class Strips {
+  // hooks: zoom(from, to), wheel(factor, at), follow(), hover(time or null)
+  constructor(root, components, hooks) {
+    this.root = root;
+    this.hooks = hooks;
+    this.plots = [];
+    root.replaceChildren();
+    components.forEach((one, i) => {
+      if (one.shown) this.plots.push(this.strip(one, i));
+    });
+    const last = this.plots.at(-1);
+    last.box.classList.add("last");
+    this.plots.forEach((plot) => this.draw(plot, plot === last));
+    this.resizing = new ResizeObserver(() => this.fit());
+    this.resizing.observe(root);
+  }
+
+  strip(component, i) {
+    const box = document.createElement("div");
+    box.className = "strip";
+    box.innerHTML = '<div class="value"><div class="head"><b></b><span class="scale"></span></div><div class="number"></div><div class="u"></div></div><div class="plot"></div>';
+    box.dataset.name = component.name;
+    box.querySelector("b").textContent = component.name;
+    this.root.append(box);
+    return { component, i, box, base: null, view: null };
+  }
+
+  draw(plot, last) {
+    const place = plot.box.querySelector(".plot");
+    const line = (more) => ({ points: { show: false }, ...more });
+    const axis = { stroke: () => css("--soft"), grid: { stroke: () => css("--grid"), width: 1 },
+      ticks: { stroke: () => css("--grid"), width: 1, size: 4 }, font: "11px system-ui, sans-serif" };
+    plot.u = new uPlot({
+      width: Math.max(100, place.clientWidth), height: Math.max(40, place.clientHeight),
+      padding: [4, 8, last ? 0 : 4, 0], legend: { show: false },
+      cursor: { sync: { key: "strips", setSeries: false }, y: false, points: { show: false },
+        drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => this.hooks.follow() } },
+      scales: { x: { time: false, auto: false }, y: { auto: false } },
+      series: [{},
+        line({ stroke: null, width: 0 }), line({ stroke: null, width: 0 }),
+        line({ stroke: null, width: 0 }), line({ stroke: null, width: 0 }),
+        line({ stroke: () => css("--line"), width: 1.25 })],
+      bands: [{ series: [1, 2], fill: () => css("--range") }, { series: [3, 4], fill: () => css("--sigma") }],
+      axes: [{ ...axis, show: last, size: 26, values: (_, at) => at.map((t) => `${+t.toFixed(4)} s`) },
+        { ...axis, size: 58, space: 18, values: (u, at) => this.ticks(plot, u, at) }],
+      hooks: {
+        setSelect: [(u) => this.select(u)],
+        setCursor: [(u) => this.hover(u)],
+        draw: [(u) => this.mark(plot, u)],
+      },
+    }, [[0], [null], [null], [null], [null], [null]], place);
+    plot.u.over.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.hooks.wheel(Math.exp(event.deltaY / 400), plot.u.posToVal(event.offsetX, "x"));
+    }, { passive: false });
+    plot.u.over.addEventListener("mouseleave", () => this.hooks.hover(null));
+  }
+
+  fit() {
+    for (const { box, u } of this.plots) {
+      const place = box.querySelector(".plot");
+      u.setSize({ width: Math.max(100, place.clientWidth), height: Math.max(40, place.clientHeight) });
+    }
+  }
+
+  get pixels() {
+    return this.plots[0].u.over.clientWidth || 600;
+  }
+
+  // Labels in mm or mrad; of a narrow strip in um or urad from a round number, which is said beside.
+  ticks(plot, u, at) {
+    const { min, max } = u.scales.y, { unit, fine: small } = plot.component, span = max - min;
+    const note = plot.box.querySelector(".scale");
+    if (span > 0.02 * 1.5 || !at.length) {
+      note.textContent = unit;
+      return at.map((v) => String(+v.toFixed(4)).replace("-", "−"));
+    }
+    const digits = Math.max(2, Math.ceil(-Math.log10(span)));
+    const base = +((min + max) / 2).toFixed(digits);
+    note.textContent = base === 0 ? small : `${small} from ${signed(base, digits)} ${unit}`;
+    return at.map((v) => String(+(1e3 * (v - base)).toFixed(4)).replace("-", "−"));
+  }
+
+  select(u) {
+    const { left, width } = u.select;
+    if (width < 4) return;
+    this.hooks.zoom(u.posToVal(left, "x"), u.posToVal(left + width, "x"));
+    u.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
+  }
+
+  hover(u) {
+    const { left } = u.cursor;
+    if (u.cursor.event && left >= 0) this.hooks.hover(u.posToVal(left, "x"));
+  }
+
+  // Where samples had no pose: a bar at the bottom; and the time that is looked at.
+  mark(plot, u) {
+    const { ctx, bbox } = u, view = plot.view;
+    if (!view) return;
+    ctx.save();
+    ctx.fillStyle = css("--bad");
+    const high = 4 * devicePixelRatio;
+    for (let k = 0; k < view.t.length; k++) {
+      if (view.samples[k] <= view.poses[k]) continue;
+      const x0 = u.valToPos(view.t[k] - view.width / 2, "x", true), x1 = u.valToPos(view.t[k] + view.width / 2, "x", true);
+      ctx.fillRect(Math.max(x0, bbox.left), bbox.top + bbox.height - high, Math.max(1, x1 - Math.max(x0, bbox.left)), high);
+    }
+    if (plot.at !== null && plot.at !== undefined) {
+      const x = u.valToPos(plot.at, "x", true);
+      if (x >= bbox.left && x <= bbox.left + bbox.width) {
+        ctx.fillStyle = css("--soft");
+        ctx.fillRect(x, bbox.top, devicePixelRatio, bbox.height);
+      }
+    }
+    ctx.restore();
+  }
+
+  // Draws what there is between two times. at: the time that is looked at, null for the newest.
+  show(view, from, to, at) {
+    for (const plot of this.plots) {
+      const i = plot.i, mean = view.mean[i], u = view.u[i];
+      plot.view = view;
+      plot.at = at;
+      const [min, max] = extent(view.least[i], view.most[i], mean, u);
+      plot.u.batch(() => {
+        plot.u.setData([view.t, view.most[i], view.least[i],
+          mean.map((m, k) => (m === null || u[k] === null ? null : m + u[k])),
+          mean.map((m, k) => (m === null || u[k] === null ? null : m - u[k])), mean], false);
+        plot.u.setScale("x", { min: from, max: to });
+        plot.u.setScale("y", { min, max });
+      });
+    }
+  }
+
+  // The numbers beside the strips: of a sample, or why there are none.
+  write(sample, why) {
+    for (const { component, i, box } of this.plots) {
+      const value = sample?.pose ? sample.state[i] : null, u = sample?.pose ? sample.u[i] : null;
+      const number = box.querySelector(".number"), below = box.querySelector(".u");
+      number.classList.toggle("why", value === null);
+      number.textContent = value === null ? "no pose" : `${signed(value, decimals(u))} ${component.unit}`;
+      number.dataset.value = value === null ? "" : value;
+      below.textContent = value === null ? why : u === null ? "u unknown" : `u ${fine(u, component.unit)}`;
+      below.title = below.textContent;
+    }
+  }
+}
+
+function extent(least, most, mean, u) {
+  let low = Infinity, high = -Infinity, widest = 0;
+  for (let k = 0; k < least.length; k++) {
+    if (least[k] === null) continue;
+    low = Math.min(low, least[k], mean[k] - (u[k] ?? 0));
+    high = Math.max(high, most[k], mean[k] + (u[k] ?? 0));
+    widest = Math.max(widest, u[k] ?? 0);
+  }
+  if (low > high) return [-1, 1];
+  const room = Math.max(0.06 * (high - low), widest, 1e-9);
+  return [low - room, high + room];
+}

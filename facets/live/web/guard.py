@@ -1,0 +1,93 @@
+"""Who may look at the page: whoever has its address, by that address, from no other page."""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import socket
+from urllib.parse import urlsplit
+
+from ...core.errors import InputError
+
+LOOPBACK = "127.0.0.1"
+
+
+def parse_address(text: str) -> tuple[str, int]:
+    """Host and port of `[HOST:]PORT`; port 0 is for any that is free.
+
+    Raises `InputError` for what is no such address.
+
+    >>> parse_address("8080"), parse_address("[::1]:0")
+    (('127.0.0.1', 8080), ('::1', 0))
+    """
+    head, colon, port = text.rpartition(":")
+    host = head.removeprefix("[").removesuffix("]") if colon else LOOPBACK
+    bare = ":" in host and not head.startswith("[")
+    if not host or bare or not (port.isascii() and port.isdigit()) or int(port) > 65_535:
+        raise InputError(
+            f"--web {text}: is no address; give PORT (8080, or 0 for any that is free) or "
+            "HOST:PORT ([::1]:8080 for IPv6)"
+        )
+    return host, int(port)
+
+
+def is_local(host: str) -> bool:
+    """Whether only programs on this machine reach an address."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host.lower() == "localhost"
+
+
+def place(host: str, port: int) -> str:
+    """As an address of the web has it."""
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+class Guard:
+    """Says why a request is refused.
+
+    The token in the address keeps out those who were not told it. The name by which the request
+    asks for this machine must be one that it has: a page of another site whose name was made to
+    lead here is refused by that. A request that a page of another origin makes is refused as well.
+    """
+
+    def __init__(self, token: str, host: str, port: int) -> None:
+        self.token, self.port = token, port
+        self.names = {host.lower()}
+        self.any_number = False
+        if is_local(host):
+            self.names |= {"localhost", "127.0.0.1", "::1"}
+        else:
+            self.names |= {socket.gethostname().lower(), socket.getfqdn().lower()}
+            self.any_number = True
+
+    def complaint(self, token: str, asked_for: str, origin: str | None) -> str:
+        """Why a request is refused, or nothing.
+
+        token: of its path.  asked_for: its header Host.  origin: its header Origin, if any.
+        """
+        if not self.knows(asked_for):
+            return "this page is not served under that name"
+        if origin is not None and origin.lower() != f"http://{asked_for.lower()}":
+            return "another page asks for this one"
+        if not hmac.compare_digest(token.encode(), self.token.encode()):
+            return "the address is not complete: it has a token, which the program has printed"
+        return ""
+
+    def knows(self, asked_for: str) -> bool:
+        try:
+            parts = urlsplit(f"//{asked_for}")
+            host, port = parts.hostname or "", parts.port or 80
+        except ValueError:
+            return False
+        return port == self.port and (host in self.names or (self.any_number and is_number(host)))
+
+
+def is_number(host: str) -> bool:
+    """Whether it is an IP address: no other site can make one lead here."""
+    try:
+        ipaddress.ip_address(host)
+    except ValueError:
+        return False
+    return True

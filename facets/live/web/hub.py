@@ -1,0 +1,223 @@
+"""What all pages are to know, and what each of them has not been told yet."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import struct
+import time
+from collections import deque
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from ...core.names import READING_COLUMNS, STATE_COLUMNS
+from .bins import COLUMNS, AllBins, Bins, Rows
+
+#: Bins of the last two minutes, and of the whole run: width (s) and how many.
+NEAR, ALL = (0.01, 12_000), (0.001, 32_768)
+#: Of a recording there are more of them: it is looked at more closely, and told once.
+RECORDED = (0.001, 131_072)
+#: Of what happened so much is kept.
+EVENTS = 200
+#: Level, whether what was told before of it is void, width (s), bins that follow.
+HEAD = struct.Struct("<IIdII")
+#: The rate of samples is that of the last so many seconds.
+RECENT = 2.0
+
+
+def number(value: float) -> float | None:
+    """None for what is no number, which JSON has no word for."""
+    return float(value) if np.isfinite(value) else None
+
+
+class Hub:
+    """Samples, the state of the run and what happened in it, as pages show them.
+
+    about: of the run, for each page when it comes.
+    """
+
+    def __init__(self, about: dict[str, Any]) -> None:
+        self.about = about
+        self.origin: float | None = None
+        whole = RECORDED if about.get("kind") == "replay" else ALL
+        self.levels: list[Bins] = [Bins(*NEAR), AllBins(*whole)]
+        self.newest: dict[str, Any] | None = None
+        self.last = -1  # the highest number of a sample
+        self.status: dict[str, Any] | None = None
+        self.events: deque[dict[str, Any]] = deque(maxlen=EVENTS)
+        self.happened = 0
+        self.said: dict[str, str] = {}
+        self.came: deque[tuple[float, int]] = deque()
+        self.ended: dict[str, Any] | None = None
+        self.pages: set[Page] = set()
+
+    # what comes
+
+    def take(self, rows: Rows) -> None:
+        """Takes in rows of SAMPLE."""
+        if not len(rows):
+            return
+        if self.origin is None and np.isfinite(rows["host_s"][0]):
+            self.origin = float(rows["host_s"][0])
+            if self.about.get("utc_known", True):
+                self.about["origin_utc"] = number(rows["utc_s"][0])
+            for page in self.pages:
+                page.greeted = False
+        times = rows["host_s"] - (np.nan if self.origin is None else self.origin)
+        known = np.isfinite(times)
+        age = self.all.age
+        for level in self.levels:
+            level.add(times[known], rows[known])
+        if self.all.age != age:
+            for page in self.pages:
+                page.told[1].clear()
+                page.void[1] = True
+        best = int(rows["seq"].argmax())
+        if int(rows["seq"][best]) >= self.last:
+            self.last = int(rows["seq"][best])
+            self.newest = self.sample(rows[best], number(times[best]))
+        self.came.append((time.monotonic(), len(rows)))
+
+    @property
+    def all(self) -> AllBins:
+        level = self.levels[1]
+        assert isinstance(level, AllBins)
+        return level
+
+    def sample(self, row: Any, at: float | None) -> dict[str, Any]:
+        """A sample in the units of its columns."""
+        status = int(row["status"])
+        return {
+            "t": at,
+            "utc": number(row["utc_s"]),
+            "seq": int(row["seq"]),
+            "status": self.about["statuses"].get(str(status), f"status {status}"),
+            "pose": status == 0,
+            "flags": int(row["flags"]),
+            "state": [number(row[name]) for name in STATE_COLUMNS],
+            "u": [number(row[f"u_{name}"]) for name in STATE_COLUMNS],
+            "reading": [number(row[name]) for name in READING_COLUMNS],
+            "residual": number(row["residual"]),
+        }
+
+    def hear(self, status: dict[str, Any]) -> None:
+        """What the run says of itself; what in it is new is an event."""
+        at = self.now()
+        before, self.said = self.said, kinds_of(status.get("messages", ()))
+        for kind in self.said.keys() - before.keys():
+            self.tell(at, self.said[kind], "begins")
+        for kind in before.keys() - self.said.keys():
+            self.tell(at, before[kind], "ends")
+        counts = status.get("events", {})
+        for name, count in counts.items():
+            more = count - (self.status or {}).get("events", {}).get(name, 0)
+            if more > 0:
+                self.tell(at, f"{name}: {more} more, {count} in all", "")
+        for moment, text in status.pop("happened", ()):
+            self.tell(None if self.origin is None else moment - self.origin, text, "")
+        self.status = status
+        if status.get("ended"):
+            self.end(status["ended"], True)
+
+    def tell(self, at: float | None, text: str, what: str) -> None:
+        self.happened += 1
+        self.events.append({"number": self.happened, "t": at, "text": text, "what": what})
+
+    def end(self, reason: str, good: bool) -> None:
+        """Says that nothing more comes."""
+        if self.ended is None:
+            self.ended = {"type": "end", "reason": reason, "good": good}
+            self.tell(self.now(), reason, "")
+
+    def now(self) -> float | None:
+        """The time after the origin: by this machine's clock, or of a replay's newest sample."""
+        if self.origin is not None and self.about.get("kind") == "acquire":
+            return time.monotonic() - self.origin
+        return self.newest["t"] if self.newest else None
+
+    def rate(self) -> float:
+        """Samples in a second, of late."""
+        now = time.monotonic()
+        while self.came and now - self.came[0][0] > RECENT:
+            self.came.popleft()
+        return sum(count for _, count in self.came) / RECENT
+
+    def share(self) -> None:
+        """Marks what is new for each page, and wakes those that wait for it."""
+        changed = [level.take_changed() for level in self.levels]
+        for page in self.pages:
+            for told, new in zip(page.told, changed, strict=True):
+                told |= new
+            page.wake.set()
+
+    # what goes
+
+    def hello(self) -> str:
+        """What a page must know to show anything."""
+        told = {"type": "hello", **self.about, "columns": COLUMNS, "states": STATE_COLUMNS}
+        told["levels"] = [{"width": one.width, "count": one.count} for one in self.levels]
+        return json.dumps(told)
+
+    def bins(self, level: int, numbers: set[int], void: bool) -> bytes | None:
+        """The bins of these numbers as bytes, None where there is nothing to say."""
+        one = self.levels[level]
+        found, values = one.values(np.array(sorted(numbers), np.int64))
+        if not len(found) and not void:
+            return None
+        head = HEAD.pack(level, int(void), one.width, len(found), 0)
+        return head + found.astype("<i4").tobytes() + values.astype("<f4").tobytes()
+
+    def news(self, since: int) -> str:
+        """The newest sample, the state of the run and the events after the one numbered `since`."""
+        told = {
+            "type": "news",
+            "sample": self.newest,
+            "rate": self.rate(),
+            "status": self.status,
+            "events": [event for event in self.events if event["number"] > since],
+        }
+        return json.dumps(told)
+
+
+def kinds_of(texts: Iterable[str]) -> dict[str, str]:
+    """Sentences by what they say, whatever the numbers in them, which change all the time."""
+    return {"".join(c for c in text if not (c.isdigit() or c == ".")): text for text in texts}
+
+
+class Page:
+    """One page that is open: what it was not told yet.
+
+    told: by level, numbers of bins that are new to it.  void: by level, whether what it has is.
+    """
+
+    def __init__(self, hub: Hub) -> None:
+        self.hub = hub
+        self.wake = asyncio.Event()
+        self.greeted = False
+        self.told: list[set[int]] = [set() for _ in hub.levels]
+        self.void = [True for _ in hub.levels]
+        self.happened = 0
+        self.finished = False
+
+    def messages(self) -> list[str | bytes]:
+        """All that it is to be told now; nothing where there is no news."""
+        hub, found = self.hub, list[str | bytes]()
+        if not self.greeted:
+            self.greeted, self.happened = True, 0
+            self.void = [True for _ in hub.levels]
+            found.append(hub.hello())
+        for level, told in enumerate(self.told):
+            if self.void[level]:
+                told = set(hub.levels[level].held())
+            data = hub.bins(level, told, self.void[level]) if told or self.void[level] else None
+            if data is not None:
+                found.append(data)
+            self.told[level], self.void[level] = set(), False
+        found.append(hub.news(self.happened))
+        self.happened = hub.happened
+        if hub.ended and not self.finished:
+            self.finished = True
+            found.append(json.dumps(hub.ended))
+        return found

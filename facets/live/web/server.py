@@ -1,0 +1,309 @@
+"""The process that serves the page: `python -m facets.live.web.server`.
+
+Its standard input has lots after their lengths, as those of a publication: first a description, in
+JSON, then S and rows of SAMPLE, or J and the state of the run in JSON. On its standard output it
+says how many samples it has taken. It is a process of its own, less urgent than the run, and never
+waits for a page: each is sent what it has not been told, as soon as it has taken what it was sent
+before.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import socket
+import sys
+import threading
+from collections import deque
+from contextlib import suppress
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+from ...core.errors import InputError
+from ..sample_rows import SAMPLE
+from ..senders import lots
+from .guard import Guard, place
+from .hub import Hub, Page
+
+if TYPE_CHECKING:
+    from aiohttp import web
+
+#: Pages are told of news so often, 1/s.
+FRAMES = 30
+#: A page that takes nothing for so long is given up, s; it comes back by itself if it can.
+STUCK = 15.0
+#: So long pages are given at the end to take what is left, s.
+PATIENCE = 2.5
+#: Samples that are condensed at once, and bytes that may wait for it.
+ONCE, MOST = 20_000, 8_000_000
+#: How much less urgent than the run this process is.
+NICE = 10
+TYPES = {
+    ".html": "text/html",
+    ".js": "text/javascript",
+    ".css": "text/css",
+    ".svg": "image/svg+xml",
+    ".json": "application/json",
+}
+NEEDS = "--web needs aiohttp (pip install 'facets-6dof[web]')"
+
+
+class Inbox:
+    """What came and is not looked at yet; a thread fills it and waits where it is full."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self.stream = stream
+        self.lots: deque[bytes] = deque()
+        self.waiting = self.samples = 0
+        self.ended = False
+        self.news = threading.Condition()
+
+    def run(self) -> None:
+        for data in lots(self.stream):
+            with self.news:
+                while self.waiting > MOST:
+                    self.news.wait()
+                self.lots.append(data)
+                self.waiting += len(data)
+        self.ended = True
+
+    def take(self) -> tuple[np.ndarray[Any, Any], list[dict[str, Any]]]:
+        """Rows, no more than ONCE or one lot, and what the run says of itself in between."""
+        parts, count, told = [], 0, []
+        while self.lots and count < ONCE:
+            with self.news:
+                data = self.lots.popleft()
+                self.waiting -= len(data)
+                self.news.notify_all()
+            if data[:1] == b"S":
+                parts.append(data[1:])
+                count += (len(data) - 1) // SAMPLE.itemsize
+            else:
+                told.append(json.loads(data[1:]))
+        self.samples += count
+        return np.frombuffer(b"".join(parts), SAMPLE), told
+
+
+def assets() -> dict[str, Path]:
+    """What a browser may load, by its path on the page."""
+    found = {}
+    here = Path(__file__).parent
+    folders = {"": here / "assets", "vendor/": here / "vendor"}
+    for prefix, folder in folders.items():
+        for path in folder.rglob("*"):
+            if path.suffix in TYPES:
+                found[prefix + path.relative_to(folder).as_posix()] = path
+    return found
+
+
+class Server:
+    """Serves the page of a hub to those whom the guard lets in."""
+
+    def __init__(self, hub: Hub, guard: Guard, drawn: dict[str, str]) -> None:
+        """drawn: texts of scripts that the run gives along, by their path on the page."""
+        self.hub, self.guard = hub, guard
+        self.files, self.drawn = assets(), drawn
+        self.tasks: set[asyncio.Task[Any]] = set()
+
+    def app(self) -> web.Application:
+        from aiohttp import web
+
+        app = web.Application()
+        app.router.add_get("/{token}", self.redirect)
+        app.router.add_get("/{token}/stream", self.stream)
+        app.router.add_get("/{token}/{path:.*}", self.file)
+        app.router.add_route("*", "/{rest:.*}", self.refuse)
+        return app
+
+    def headers(self, request: web.Request) -> dict[str, str]:
+        """Nothing is loaded from elsewhere, kept, shown in a frame, or told to other sites."""
+        policy = (
+            "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; "
+            f"img-src 'self' data: blob:; connect-src 'self' ws://{request.host}; "
+            "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+        )
+        return {
+            "Content-Security-Policy": policy,
+            "Cache-Control": "no-store",
+            "Referrer-Policy": "no-referrer",
+            "X-Content-Type-Options": "nosniff",
+            "Cross-Origin-Resource-Policy": "same-origin",
+            "Cross-Origin-Opener-Policy": "same-origin",
+        }
+
+    def check(self, request: web.Request) -> None:
+        from aiohttp import web
+
+        reason = self.guard.complaint(
+            request.match_info.get("token", ""),
+            request.headers.get("Host", ""),
+            request.headers.get("Origin"),
+        )
+        if reason:
+            raise web.HTTPForbidden(text=f"403: {reason}\n")
+
+    async def refuse(self, request: web.Request) -> web.StreamResponse:
+        self.check(request)
+        from aiohttp import web
+
+        raise web.HTTPForbidden(text="403: there is nothing here\n")
+
+    async def redirect(self, request: web.Request) -> web.StreamResponse:
+        self.check(request)
+        from aiohttp import web
+
+        raise web.HTTPFound(f"/{self.guard.token}/")
+
+    async def file(self, request: web.Request) -> web.StreamResponse:
+        from aiohttp import web
+
+        self.check(request)
+        name = request.match_info["path"] or "index.html"
+        if name not in self.files and name not in self.drawn:
+            raise web.HTTPNotFound(text="404: the page has no such part\n")
+        text = self.drawn.get(name)
+        return web.Response(
+            body=self.files[name].read_bytes() if text is None else text.encode(),
+            content_type=TYPES[PurePosixPath(name).suffix],
+            charset="utf-8",
+            headers=self.headers(request),
+        )
+
+    async def stream(self, request: web.Request) -> web.StreamResponse:
+        """Tells one page what is new, as fast as it takes it."""
+        from aiohttp import web
+
+        self.check(request)
+        line = web.WebSocketResponse(compress=False, heartbeat=STUCK, max_msg_size=4096)
+        await line.prepare(request)
+        page = Page(self.hub)
+        self.hub.pages.add(page)
+        page.wake.set()
+        telling = asyncio.create_task(self.tell(line, page, request))
+        self.tasks.add(telling)
+        try:
+            async for _ in line:  # nothing is expected: this hears the end of the page
+                pass
+        finally:
+            self.hub.pages.discard(page)
+            telling.cancel()
+            with suppress(asyncio.CancelledError):
+                await telling
+            self.tasks.discard(telling)
+        return line
+
+    async def tell(self, line: web.WebSocketResponse, page: Page, request: web.Request) -> None:
+        try:
+            while not page.finished:
+                await page.wake.wait()
+                page.wake.clear()
+                for message in page.messages():
+                    if isinstance(message, str):
+                        sending = line.send_str(message)
+                    else:
+                        sending = line.send_bytes(message)
+                    await asyncio.wait_for(sending, STUCK)
+            await asyncio.wait_for(line.close(), PATIENCE)
+        except (TimeoutError, OSError, RuntimeError):
+            self.hub.pages.discard(page)
+            if request.transport is not None:
+                request.transport.abort()
+
+
+async def condense(hub: Hub, inbox: Inbox) -> None:
+    """Takes in what comes, and lets pages know, until nothing more comes."""
+    last_rate = -1.0
+    while True:
+        ended = inbox.ended  # before the last look: what came until then is taken
+        rows, told = inbox.take()
+        hub.take(rows)
+        for status in told:
+            hub.hear(status)
+        rate = hub.rate()
+        if len(rows) or told or rate != last_rate:
+            hub.share()
+        last_rate = rate
+        if ended and not inbox.lots:
+            break
+        await asyncio.sleep(0.0 if inbox.lots and len(rows) >= ONCE else 1 / FRAMES)
+    hub.end("The program that acquires has ended without a word; see its terminal.", False)
+    hub.share()
+
+
+async def report(inbox: Inbox, hub: Hub, every: float = 0.25) -> None:
+    """Says on the standard output what has become of the samples."""
+    while True:
+        say({"sent": inbox.samples, "dropped": 0, "receivers": len(hub.pages)})
+        await asyncio.sleep(every)
+
+
+def say(words: dict[str, Any]) -> None:
+    """To the run, which may be gone."""
+    with suppress(OSError):
+        sys.stdout.write(json.dumps(words) + "\n")
+        sys.stdout.flush()
+
+
+def listening(host: str, port: int) -> socket.socket:
+    """A socket at an address. Raises `InputError` where that can not be had."""
+    try:
+        family, kind, _, _, where = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+        line = socket.socket(family, kind)
+        if os.name == "posix":
+            line.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        line.bind(where)
+        line.listen()
+    except OSError as error:
+        raise InputError(
+            f"--web {place(host, port)}: {error.strerror or error}; "
+            "give another port, or 0 for any that is free"
+        ) from None
+    return line
+
+
+async def serve(hub: Hub, own: dict[str, Any], line: socket.socket, inbox: Inbox) -> None:
+    from aiohttp import web
+
+    guard = Guard(own["token"], own["host"], line.getsockname()[1])
+    server = Server(hub, guard, own["drawn"])
+    runner = web.AppRunner(server.app(), access_log=None, handle_signals=False)
+    await runner.setup()
+    await web.SockSite(runner, line, shutdown_timeout=0.1).start()
+    threading.Thread(target=inbox.run, name="inbox", daemon=True).start()
+    reporting = asyncio.create_task(report(inbox, hub))
+    say({"ready": True, "port": line.getsockname()[1]})
+    await condense(hub, inbox)
+    if server.tasks:
+        await asyncio.wait(set(server.tasks), timeout=PATIENCE)
+    reporting.cancel()
+    say({"sent": inbox.samples, "dropped": 0, "receivers": len(hub.pages)})
+    await asyncio.wait_for(runner.cleanup(), PATIENCE)
+
+
+def main() -> None:
+    with suppress(OSError, AttributeError):
+        os.nice(NICE)
+    stream = sys.stdin.buffer
+    about = json.loads(next(iter(lots(stream))))
+    own = about.pop("page")
+    try:
+        import aiohttp  # noqa: F401
+
+        line = listening(own["host"], own["port"])
+    except ImportError:
+        say({"error": NEEDS})
+        return
+    except InputError as error:
+        say({"error": str(error)})
+        return
+    with suppress(TimeoutError):
+        asyncio.run(serve(Hub(about), own, line, Inbox(stream)))
+
+
+if __name__ == "__main__":
+    main()

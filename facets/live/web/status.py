@@ -1,0 +1,157 @@
+"""What a page says of a run beside its samples: counts, rates, the stage, what to doubt.
+
+Each is a name, a value and a unit; a value that is not known is None, with the reason.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...tracking.control import tracking_error
+from ..view import rounded
+
+if TYPE_CHECKING:
+    from ...tracking.tracker import Tracker
+    from ..acquire import Live
+    from ..pipeline import Pipeline
+
+Item = dict[str, Any]
+
+
+def item(name: str, value: Any, unit: str = "", why: str = "", bad: bool = False) -> Item:
+    """why: the reason where the value is None.  bad: whether a person should look at it."""
+    if isinstance(value, float):
+        value = rounded(value)
+    return {"name": name, "value": value, "unit": unit, "why": why if value is None else "",
+            "bad": bad}  # fmt: skip
+
+
+def status_of(live: Live) -> dict[str, Any]:
+    """Of a run that is going on."""
+    passed = max(time.monotonic() - live.begin, 1e-9)
+    pipeline = live.pipeline
+    return {
+        "seconds": round(passed, 3),
+        "messages": live.messages(),
+        "events": events(pipeline) | {"reconnected": live.reconnects},
+        "counts": [mean_rate(pipeline, passed), *counts(pipeline), *loop_counts(live)],
+        "clock": clock(pipeline),
+        "stage": stage(live.tracker, live),
+        "published": [
+            {key: one[key] for key in ("address", "sent", "dropped", "trouble")}
+            for one in (live.publications.counts() if live.publications else ())
+        ],
+        "recording": recording(live),
+    }
+
+
+def status_of_replay(pipeline: Pipeline, seconds: float) -> dict[str, Any]:
+    """Of a recording that is solved again, for `seconds` s by now."""
+    board = pipeline.board.trouble()
+    messages = [*pipeline.doubts.said, *([board] if board else [])]
+    return {
+        "seconds": round(seconds, 3),
+        "messages": messages,
+        "events": events(pipeline),
+        "counts": counts(pipeline),
+        "clock": clock(pipeline),
+        "stage": {"there": False, "why": "a replay moves nothing"},
+        "published": [],
+        "recording": "a recording that is solved again",
+    }
+
+
+def events(pipeline: Pipeline) -> dict[str, int]:
+    """What is told when it becomes more."""
+    flags = {name: count for name, count in pipeline.tally.flags.items() if count}
+    return {
+        "samples lost": pipeline.sequence.lost,
+        "frames refused": pipeline.parser.corrupt,
+        "restarts of the board": pipeline.sequence.restarts,
+        **{name: count for name, count in flags.items() if name.startswith("marked")},
+    }
+
+
+def mean_rate(pipeline: Pipeline, passed: float) -> Item:
+    return item("mean rate", pipeline.tally.samples / passed, "1/s")
+
+
+def counts(pipeline: Pipeline) -> list[Item]:
+    tally, sequence, parser = pipeline.tally, pipeline.sequence, pipeline.parser
+    total = tally.samples + sequence.lost
+    share = f" ({100 * sequence.lost / total:.3g} %)" if sequence.lost else ""
+    found = [
+        item("samples", tally.samples),
+        item("lost", f"{sequence.lost}{share}", bad=sequence.lost > 0),
+        item("frames refused", parser.corrupt, bad=parser.corrupt > 0),
+        item("bytes passed over", parser.skipped, bad=parser.skipped > 0),
+        item("without a pose", tally.unsolved - tally.skipped, bad=tally.unsolved > tally.skipped),
+        item("beyond chance", tally.misfit.flagged, bad=tally.misfit.mostly),
+    ]
+    found += [item(name, count, bad=True) for name, count in tally.flags.items() if count]
+    if sequence.doubled:
+        found.append(item("came twice", sequence.doubled, bad=True))
+    if sequence.restarts:
+        found.append(item("restarts", sequence.restarts, bad=True))
+    return found
+
+
+def loop_counts(live: Live) -> list[Item]:
+    """How the loop keeps up."""
+    skipped = live.pipeline.tally.skipped
+    return [
+        item("latency p99", 1e3 * live.ninety_nine(), "ms", "no sample is solved yet"),
+        item("waiting", live.backlog, "samples", bad=live.behind),
+        item("solved late", live.late, bad=live.late > 0),
+        item("left to a replay", skipped, bad=skipped > 0),
+    ]
+
+
+def clock(pipeline: Pipeline) -> list[Item]:
+    known = pipeline.host_time
+    slowness = "ppm slow" if known.ppm > 0 else "ppm fast"
+    arrival = pipeline.config.acquire.timing == "arrival"
+    why = (
+        "the times are those of arrival (acquire.timing)" if arrival else "too little has come yet"
+    )
+    return [
+        item("board's clock", abs(known.ppm), slowness, "too little has come yet"),
+        item("u(time)", float("nan") if arrival else 1e6 * known.uncertainty, "µs", why),
+    ]
+
+
+def recording(live: Live) -> str:
+    if live.recording is None:
+        return "nothing is recorded (--no-record)"
+    lost = f"; {live.recording.lost} bytes are not" if live.recording.lost else ""
+    return f"recorded in {live.recording.folder}{lost}"
+
+
+def stage(tracker: Tracker | None, live: Live) -> dict[str, Any]:
+    """Where the stage is, where it was sent, and what is left between; all in mm."""
+    if tracker is None:
+        return {"there": False, "why": "no stage is moved (--track moves one)"}
+    envelope = tracker.envelope
+    if envelope.encoder is None:
+        return {"there": False, "why": "the stage has not said yet where it is"}
+    place, sent = envelope.encoder.place, envelope.sent
+    found: dict[str, Any] = {
+        "there": True,
+        "place": [rounded(x) for x in place],
+        "target": None,
+        "error": None,
+        "why": "it was not sent anywhere, or was stopped",
+        "state": tracker.stopped or "following",
+        "moves": tracker.moves,
+        "chi": None,
+    }
+    if sent is not None:
+        target = np.asarray(sent[1], dtype=float)
+        found["target"] = [rounded(x) for x in target]
+        found["error"] = [rounded(x) for x in place - target]
+    if live.newest is not None:
+        found["chi"] = [rounded(x) for x in tracking_error(live.newest.readings[-1, 2::3])]
+    return found

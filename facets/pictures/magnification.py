@@ -1,0 +1,59 @@
+"""By how much a motion or a range is drawn larger than it is, so that it can be seen."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..core.sensor import Sensor
+from ..core.units import Floats
+from ..model.arrays import half_sizes, readings
+
+#: A spot's centroid stays so far inside its detector, shares of the half size, and a detector gets
+#: at least such a share of the light, in a motion that is drawn larger.
+INSIDE, LEAST = 0.80, 0.06
+#: How far a head is turned in a picture at most, rad.
+TURN = 0.3
+
+
+def round_down(factor: float) -> float:
+    """The largest of 1, 2, 3, 5, 10, ... (or 0.5, 0.3, ...) that is not larger."""
+    power = 10.0 ** np.floor(np.log10(factor) + 1e-12)
+    largest = max(n * power for n in (1, 2, 3, 5) if n * power <= factor * (1 + 1e-12))
+    return float(f"{largest:.3g}")
+
+
+def motion_factor(sensor: Sensor, states: Floats, largest: float = 1000.0) -> float:
+    """The largest round factor, 1 or more, by which states (n, 8) may be multiplied with all three
+    spots on their detectors and light on each; so a larger motion is one that could be."""
+    some = states[:: max(1, len(states) // 100)]
+    factor = 1.0
+    for more in (2, 5, 10, 20, 50, 100, 200, 500, 1000):
+        if more > largest or not kept(sensor, more * some):
+            break
+        factor = float(more)
+    return factor
+
+
+def kept(sensor: Sensor, states: Floats) -> bool:
+    """Whether all spots are well on their detectors in all states."""
+    reading = readings(sensor, states)
+    power = reading[:, 2::3]
+    if not (power > LEAST * sensor.beam.power).all():
+        return False
+    places = np.stack([reading[:, 0::3], reading[:, 1::3]], axis=-1)
+    return bool((np.abs(places) < INSIDE * half_sizes(sensor)).all())
+
+
+def turning_factor(states: Floats) -> float:
+    """By how much the head's own turning may be drawn larger still, a round factor: up to a tenth
+    of a turn to either side or so, about its point, which stays where it is."""
+    largest = float(np.abs(states[:, 3:6]).max())
+    return max(1.0, round_down(TURN / largest)) if largest > 0 else 1.0
+
+
+def times(factor: float, turning: float = 1.0) -> str:
+    """ "motion drawn 20 times larger", nothing for 1."""
+    words = [f"motion drawn {factor:g} times larger"] if factor != 1 else []
+    if turning != 1:
+        words.append(f"the head's turning {factor * turning:g} times")
+    return ", ".join(words)

@@ -1,0 +1,399 @@
+"""The optics' own text as JavaScript: what a page computes with is what Python computes with.
+
+The functions of `facets.optics` are written in the part of Python that a compiler for floats
+understands: arithmetic, comparisons, loops over ranges, tuples, named tuples, and calls of each
+other. Here that part is written as JavaScript, statement by statement, beginning with the functions
+that are asked for and going on to whatever they call. Floats of both languages are the same IEEE
+doubles and operations come in the order of the text, so that results differ by no more than the
+elementary functions do. What is decided by number type is decided as for floats. Of mathematics,
+JavaScript lacks erf and erfc; `numbers.js` has these.
+
+A construction that is not known here is refused with the file and line where it stands.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import math
+import textwrap
+from collections.abc import Callable, Iterable
+from types import BuiltinFunctionType, FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+
+from ...scalars import dispatch
+
+#: Functions whose JavaScript is not their own text: elementary ones, and Python's own.
+KNOWN: dict[Any, str] = {
+    **{
+        getattr(module, name): f"Math.{name}"
+        for module in (math, dispatch)
+        for name in ("exp", "sqrt", "log", "sin", "cos", "atan2")
+    },
+    math.erf: "erf",
+    math.erfc: "erfc",
+    math.isfinite: "Number.isFinite",
+    dispatch.erf: "erf",
+    dispatch.erfc: "erfc",
+    dispatch.defined: "defined",
+    dispatch.larger: "larger",
+    abs: "Math.abs",
+    int: "Math.trunc",
+    bool: "Boolean",
+    min: "least",
+    max: "most",
+}
+OPERATORS: dict[type, str] = {
+    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**",
+    ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "===", ast.NotEq: "!==",
+    ast.And: "&&", ast.Or: "||", ast.USub: "-", ast.Not: "!",
+}  # fmt: skip
+#: Words that JavaScript keeps to itself.
+RESERVED = {"default", "delete", "function", "in", "new", "this", "typeof", "var", "void", "with"}
+
+
+def javascript(*functions: Callable[..., Any]) -> str:
+    """The JavaScript of functions of the optics and of all that they need.
+
+    Each has the name that `name_of` gives. Raises `TypeError` for a text that is not understood.
+    """
+    written: dict[str, str] = {}
+    for function in functions:
+        _write(function, written)
+    return "\n\n".join(written.values())
+
+
+def name_of(thing: Any) -> str:
+    """A function or named tuple of the optics as JavaScript calls it: `forward_readings`."""
+    return f"{thing.__module__.rpartition('.')[2]}_{thing.__name__}"
+
+
+def literal(value: Any) -> str:
+    """Numbers and truth values in nested tuples and arrays, named tuples by their fields."""
+    if isinstance(value, np.ndarray):
+        return literal(value.tolist())
+    if hasattr(value, "_fields"):
+        parts = (f"{name}: {literal(getattr(value, name))}" for name in value._fields)
+        return "{" + ", ".join(parts) + "}"
+    if isinstance(value, tuple | list | range):
+        return "[" + ", ".join(map(literal, value)) + "]"
+    if isinstance(value, bool | np.bool_):
+        return "true" if value else "false"
+    if value is None:
+        return "null"
+    if isinstance(value, int | float | np.number):
+        number = float(value)
+        if math.isnan(number):
+            return "NaN"
+        if math.isinf(number):
+            return "Infinity" if number > 0 else "-Infinity"
+        return repr(value) if isinstance(value, int) else repr(number)
+    raise TypeError(f"{value!r} has no place in JavaScript")
+
+
+def _write(thing: Any, written: dict[str, str]) -> None:
+    """Adds a function, a named tuple or a constant and, before it, what it needs."""
+    name = name_of(thing)
+    if name in written:
+        return
+    written[name] = ""  # so that it is not begun again on the way
+    if isinstance(thing, type):
+        text = _constructor(thing)
+    else:
+        function = Function(thing)
+        text = function.text()
+        for needed in function.functions:
+            _write(needed, written)
+        for constant, value in function.constants.items():
+            written.setdefault(constant, f"const {constant} = {literal(value)};")
+    del written[name]
+    written[name] = text
+
+
+def _constructor(kind: Any) -> str:
+    """A function that makes a named tuple: an object that can be taken apart as a tuple, too."""
+    fields = [_safe(field) for field in kind._fields]
+    usual = {_safe(name): literal(value) for name, value in kind._field_defaults.items()}
+    given = ", ".join(f"{field} = {usual[field]}" if field in usual else field for field in fields)
+    parts = ", ".join(fields)
+    return (
+        f"function {name_of(kind)}({given}) {{\n"
+        f"  return {{{parts}, *[Symbol.iterator]() {{ yield* [{parts}]; }}}};\n}}"
+    )
+
+
+def is_named_tuple(kind: type) -> bool:
+    return issubclass(kind, tuple) and hasattr(kind, "_fields")
+
+
+def _safe(name: str) -> str:
+    return f"{name}_" if name in RESERVED else name
+
+
+class Function:
+    """One function of the optics on its way into JavaScript.
+
+    functions: what it calls.  constants: what it reads, by name; both once `text` was asked.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        if not isinstance(function, FunctionType):
+            raise TypeError(f"{function!r} is no function of the optics")
+        self.function, self.globals = function, function.__globals__
+        self.functions: list[Any] = []
+        self.constants: dict[str, Any] = {}
+        lines, self.first = inspect.getsourcelines(function)
+        definition = ast.parse(textwrap.dedent("".join(lines))).body[0]
+        assert isinstance(definition, ast.FunctionDef)
+        self.definition = definition
+        self.arguments = [argument.arg for argument in definition.args.args]
+        self.locals = {*self.arguments, *_assigned(definition)}
+
+    def text(self) -> str:
+        defaults = self.definition.args.defaults
+        without = len(self.arguments) - len(defaults)
+        given = [
+            _safe(name) + (f" = {self.of(defaults[n - without])}" if n >= without else "")
+            for n, name in enumerate(self.arguments)
+        ]
+        body = self.block(self.definition.body, 1)
+        used = sorted(_safe(name) for name in self.locals - set(self.arguments))
+        if used:
+            body.insert(0, f"  let {', '.join(used)};")
+        head = f"function {name_of(self.function)}({', '.join(given)}) {{"
+        about = (inspect.getdoc(self.function) or "").partition("\n\n")[0].replace("*/", "* /")
+        comment = "".join(f"// {line}\n" for line in about.splitlines())
+        return comment + "\n".join([head, *body, "}"])
+
+    def refuse(self, node: ast.AST) -> TypeError:
+        line = self.first + getattr(node, "lineno", 1) - 1
+        return TypeError(
+            f"{inspect.getsourcefile(self.function)}, line {line}: "
+            f"`{ast.unparse(node)}` is not understood; see {__name__}"
+        )
+
+    # statements
+
+    def block(self, statements: Iterable[ast.stmt], depth: int) -> list[str]:
+        """Lines of JavaScript; what follows a statement that always returns is left out."""
+        lines: list[str] = []
+        for statement in statements:
+            lines += ["  " * depth + line for line in self.statement(statement, depth)]
+            if self.always_returns(statement):
+                break
+        return lines
+
+    def always_returns(self, node: ast.stmt) -> bool:
+        if isinstance(node, ast.If) and self.decided(node.test):
+            return any(map(self.always_returns, node.body))
+        return isinstance(node, ast.Return)
+
+    def decided(self, test: ast.expr) -> bool | None:
+        """How a question about the number type is answered for floats; None for another one."""
+        if not isinstance(test, ast.Call) or not isinstance(test.func, ast.Name):
+            return None
+        if self.value_of(test.func.id) is dispatch.is_float:
+            return True
+        return False if test.func.id == "hasattr" else None
+
+    def statement(self, node: ast.stmt, depth: int) -> list[str]:
+        """Lines of one statement, those inside it indented already."""
+        pad = "  " * depth
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            return []  # a docstring
+        if isinstance(node, ast.Expr):
+            return [f"{self.of(node.value)};"]
+        if isinstance(node, ast.Return):
+            return [f"return {self.of(node.value)};" if node.value else "return;"]
+        if isinstance(node, ast.Assign):
+            value = self.of(node.value)
+            for target in reversed(node.targets):
+                value = f"{self.target(target)} = {value}"
+            return [f"{value};"]
+        if isinstance(node, ast.AnnAssign) and node.value:
+            return [f"{self.target(node.target)} = {self.of(node.value)};"]
+        if isinstance(node, ast.AugAssign):
+            place = self.target(node.target)
+            return [f"{place} = {self.binary(node.op, place, self.of(node.value), node)};"]
+        if isinstance(node, ast.If):
+            return self.conditional(node, depth)
+        if isinstance(node, ast.While):
+            return [f"while ({self.of(node.test)}) {{", *self.inside(node.body, depth, pad), "}"]
+        if isinstance(node, ast.For):
+            return [self.loop(node), *self.inside(node.body, depth, pad), "}"]
+        if isinstance(node, ast.Continue | ast.Break | ast.Pass):
+            return ["" if isinstance(node, ast.Pass) else f"{ast.unparse(node)};"]
+        raise self.refuse(node)
+
+    def inside(self, body: list[ast.stmt], depth: int, pad: str) -> list[str]:
+        """A block as lines that are indented once they stand in the one around it."""
+        return [line.removeprefix(pad) for line in self.block(body, depth + 1)]
+
+    def conditional(self, node: ast.If, depth: int) -> list[str]:
+        pad, decided = "  " * depth, self.decided(node.test)
+        if decided is not None:
+            way = node.body if decided else node.orelse
+            return [line.removeprefix(pad) for line in self.block(way, depth)]
+        lines = [f"if ({self.of(node.test)}) {{", *self.inside(node.body, depth, pad)]
+        if node.orelse:
+            lines += ["} else {", *self.inside(node.orelse, depth, pad)]
+        return [*lines, "}"]
+
+    def loop(self, node: ast.For) -> str:
+        target, over = self.target(node.target), node.iter
+        is_range = isinstance(over, ast.Call) and getattr(over.func, "id", "") == "range"
+        if not is_range:
+            return f"for ({target} of {self.of(over)}) {{"
+        assert isinstance(over, ast.Call)
+        bounds = [self.of(each) for each in over.args]
+        start, end = ("0", bounds[0]) if len(bounds) == 1 else bounds[:2]
+        step = bounds[2] if len(bounds) > 2 else "1"
+        how = ">" if step.lstrip("(").startswith("-") else "<"
+        return f"for ({target} = {start}; {target} {how} {end}; {target} += {step}) {{"
+
+    def target(self, node: ast.expr) -> str:
+        if isinstance(node, ast.Tuple):
+            return "[" + ", ".join(self.target(part) for part in node.elts) + "]"
+        if isinstance(node, ast.Name):
+            return _safe(node.id)
+        if isinstance(node, ast.Subscript):
+            return self.of(node)
+        raise self.refuse(node)
+
+    # expressions
+
+    def of(self, node: ast.expr) -> str:
+        """An expression; brackets keep the order that Python has."""
+        if isinstance(node, ast.Constant) and isinstance(node.value, bool | int | float):
+            return literal(node.value)
+        if isinstance(node, ast.Name):
+            return self.name(node)
+        if isinstance(node, ast.Tuple | ast.List):
+            return "[" + ", ".join(map(self.of, node.elts)) + "]"
+        if isinstance(node, ast.Starred):
+            return f"...{self.of(node.value)}"
+        if isinstance(node, ast.Attribute):
+            return self.attribute(node)
+        if isinstance(node, ast.Subscript):
+            return self.subscript(node)
+        if isinstance(node, ast.BinOp):
+            return self.binary(node.op, self.of(node.left), self.of(node.right), node)
+        if isinstance(node, ast.UnaryOp) and type(node.op) in OPERATORS:
+            return f"({OPERATORS[type(node.op)]}{self.of(node.operand)})"
+        if isinstance(node, ast.BoolOp):
+            return "(" + f" {OPERATORS[type(node.op)]} ".join(map(self.of, node.values)) + ")"
+        if isinstance(node, ast.Compare):
+            return self.comparison(node)
+        if isinstance(node, ast.IfExp):
+            return f"({self.of(node.test)} ? {self.of(node.body)} : {self.of(node.orelse)})"
+        if isinstance(node, ast.Call):
+            return self.call(node)
+        raise self.refuse(node)
+
+    def binary(self, operator: ast.operator, left: str, right: str, node: ast.AST) -> str:
+        if isinstance(operator, ast.FloorDiv):
+            return f"Math.floor({left} / {right})"
+        if isinstance(operator, ast.Mod):  # of counts, which are not negative
+            return f"({left} % {right})"
+        if type(operator) not in OPERATORS:
+            raise self.refuse(node)
+        return f"({left} {OPERATORS[type(operator)]} {right})"
+
+    def comparison(self, node: ast.Compare) -> str:
+        parts, left = [], self.of(node.left)
+        for operator, each in zip(node.ops, node.comparators, strict=True):
+            right = self.of(each)
+            if isinstance(operator, ast.In):
+                parts.append(f"{right}.includes({left})")
+            elif type(operator) in OPERATORS:
+                parts.append(f"{left} {OPERATORS[type(operator)]} {right}")
+            else:
+                raise self.refuse(node)
+            left = right
+        return "(" + " && ".join(parts) + ")"
+
+    def subscript(self, node: ast.Subscript) -> str:
+        value = self.of(node.value)
+        index = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        for each in index:
+            if isinstance(each, ast.Slice | ast.UnaryOp):
+                raise self.refuse(node)
+            value += f"[{self.of(each)}]"
+        return value
+
+    def attribute(self, node: ast.Attribute) -> str:
+        if isinstance(node.value, ast.Name) and node.value.id not in self.locals:
+            owner = self.value_of(node.value.id)
+            if isinstance(owner, ModuleType):
+                return self.outside(getattr(owner, node.attr), node.attr, owner.__name__, node)
+        return f"{self.of(node.value)}.{_safe(node.attr)}"
+
+    def call(self, node: ast.Call) -> str:
+        found = self.called(node.func)
+        if found is float and isinstance(node.args[0], ast.Constant):
+            return literal(float(node.args[0].value))  # type: ignore[arg-type]
+        if found is dispatch.pi:
+            return "Math.PI"
+        if found in KNOWN:
+            return f"{KNOWN[found]}({', '.join(map(self.of, node.args))})"
+        if not isinstance(found, type | FunctionType):
+            raise self.refuse(node)
+        name = self.outside(found, found.__name__, found.__module__, node)
+        return f"{name}({', '.join(self.in_order(found, node))})"
+
+    def in_order(self, function: Any, node: ast.Call) -> list[str]:
+        """The arguments of a call in the order of the function's own."""
+        given = list(map(self.of, node.args))
+        if not node.keywords:
+            return given
+        named = {each.arg: self.of(each.value) for each in node.keywords}
+        order = list(inspect.signature(function).parameters)[len(given) :]
+        given += [named.pop(name, "undefined") for name in order]
+        if named:
+            raise self.refuse(node)
+        return given
+
+    def called(self, node: ast.expr) -> Any:
+        """What a call calls, as Python finds it."""
+        if isinstance(node, ast.Name):
+            return self.value_of(node.id)
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            return getattr(self.value_of(node.value.id), node.attr, None)
+        return None
+
+    def value_of(self, name: str) -> Any:
+        """What a name stands for outside the function."""
+        if name in self.globals:
+            return self.globals[name]
+        return getattr(__import__("builtins"), name, None)
+
+    def name(self, node: ast.Name) -> str:
+        if node.id in self.locals:
+            return _safe(node.id)
+        return self.outside(self.value_of(node.id), node.id, self.function.__module__, node)
+
+    def outside(self, value: Any, name: str, module: str, node: ast.AST) -> str:
+        """A function, a class or a constant of a module, noted as needed."""
+        if isinstance(value, float | bool) or (isinstance(value, int) and name.isupper()):
+            return literal(value)
+        if isinstance(value, FunctionType) or (isinstance(value, type) and is_named_tuple(value)):
+            self.functions.append(value)
+            return name_of(value)
+        if isinstance(value, np.ndarray | tuple | range):
+            constant = f"{module.rpartition('.')[2]}_{name}"
+            self.constants[constant] = value
+            return constant
+        if isinstance(value, BuiltinFunctionType) and value in KNOWN:
+            return KNOWN[value]
+        raise self.refuse(node)
+
+
+def _assigned(definition: ast.FunctionDef) -> set[str]:
+    """The names that a function's own statements give a value to."""
+    return {
+        node.id
+        for node in ast.walk(definition)
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+    }

@@ -1,0 +1,35 @@
+// Mathematics that JavaScript lacks, and what decides by the values of numbers.
+
+// Python's min and max keep the first of two unless the second is beyond it, NaN or not.
+function least(a, b) { return b < a ? b : a; }
+function most(a, b) { return b > a ? b : a; }
+function larger(a, b) { return a > b ? a : b; }
+
+// `value` where a, b and c are above zero, else NaN.
+function defined(value, a, b, c) { return a > 0 && b > 0 && c > 0 ? value : NaN; }
+
+// erf and erfc to some units of the last place: a series of positive terms near zero, a continued
+// fraction in the tail.
+function erf(x) {
+  if (Math.abs(x) > 1) return x > 0 ? 1 - erfc(x) : erfc(-x) - 1;
+  let term = x, sum = x;
+  for (let n = 1; Math.abs(term) > 1e-18 * Math.abs(sum); n++) {
+    term *= 2 * x * x / (2 * n + 1);
+    sum += term;
+  }
+  return 2 / Math.sqrt(Math.PI) * Math.exp(-x * x) * sum;
+}
+
+function erfc(x) {
+  if (!(x > 1)) return x < -1 ? 2 - erfc(-x) : 1 - erf(x);
+  if (x > 27) return 0;
+  let fraction = x;
+  for (let n = 120; n > 0; n--) fraction = x + n / 2 / fraction;
+  return gauss(x) / Math.sqrt(Math.PI) / fraction;
+}
+
+// exp(-x^2) without the rounding of the square: x is taken apart into a short number and a rest.
+function gauss(x) {
+  const short = Math.fround(x), rest = x - short;
+  return Math.exp(-short * short) * Math.exp(-rest * (short + x));
+}

@@ -1,0 +1,148 @@
+"""A sensor as a page to play with: one HTML file that asks nothing of a network.
+
+It moves the mirror and the beam by sliders, and computes readings and rays by the optics' own text.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+from pathlib import Path
+from typing import Any
+
+from ...core.errors import InputError
+from ...core.names import STATE, STATE_COLUMNS, STATE_UNITS
+from ...core.sensor import Sensor
+from ...core.units import Floats
+from ...core.version import __version__
+from ...detectors.correction import is_corrected
+from ...files.tables import Whole
+from .model import model, text_of
+from .rig_data import rig
+
+#: What is said of each component of a state.
+WORDS = {
+    "tx": "along x",
+    "ty": "along y",
+    "tz": "up",
+    "roll": "about x",
+    "pitch": "about y",
+    "yaw": "about z",
+    "bx": "beam, x",
+    "by": "beam, y",
+}
+#: The parts of the page that stand in scripts, which must not contain what ends one.
+SCRIPTS = ("THREE", "MODEL", "DATA", "SCENE", "FACES", "PANEL")
+#: Ends that a slider may have, times a power of ten.
+ROUND = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+
+
+def rig_page(sensor: Sensor, name: str, state: Floats, view: str = "rig") -> str:
+    """The page of a sensor, at first at a state (8,) in mm and rad.
+
+    name: of its configuration.  view: what the camera is at: "mirror", or a detector: "A"; the
+    whole rig for any other word.
+    """
+    if not all(map(_is_finite, state)):
+        raise InputError("the state has a number that is not finite")
+    settings = {
+        "name": name,
+        "version": __version__,
+        "state": [float(x) for x in state],
+        "view": view,
+        "components": components(sensor),
+        "sentences": sentences(sensor),
+    }
+    parts = {
+        "TITLE": html.escape(f"{name}: a three-facet-mirror sensor"),
+        "NAME": html.escape(name),
+        "STYLE": text_of("page.css"),
+        "LICENCE": text_of("three/LICENSE"),
+        "THREE": text_of("three/three.min.js"),
+        "MODEL": model(sensor),
+        "DATA": f"const RIG = {data(rig(sensor))};\nconst PAGE = {data(settings)};",
+        "SCENE": text_of("scene.js"),
+        "FACES": text_of("faces.js"),
+        "PANEL": text_of("panel.js"),
+    }
+    text = text_of("page.html")
+    for mark, part in parts.items():
+        before, after = text.split(f"@{mark}@", 1)
+        ended = part.replace("</", "<\\/") if mark in SCRIPTS else part
+        text = before + ended + after
+    return text
+
+
+def write_rig_page(sensor: Sensor, name: str, state: Floats, path: Path, view: str = "rig") -> None:
+    """`rig_page` as a file, whole or not at all."""
+    text = rig_page(sensor, name, state, view)
+    with Whole(path) as temporary:
+        temporary.write_text(text, "utf-8")
+
+
+def _is_finite(number: Any) -> bool:
+    return bool(abs(number) < float("inf"))
+
+
+def data(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+
+
+def components(sensor: Sensor) -> list[dict[str, Any]]:
+    """Of each component of the state: its column, unit, words, and how far its slider goes.
+
+    As far as a spot needs to leave its detector, or the apex to leave the beam; in that unit.
+    """
+    psds = sensor.psds
+    up = max(psd.size_z for psd in psds) / 2
+    lever = min(psd.radius for psd in psds)
+    wide = max(sensor.beam.diameter_x, sensor.beam.diameter_y) / 2
+    ends = {
+        "tz": up, "roll": up / (2 * lever), "pitch": up / (2 * lever),
+        "yaw": max(psd.size_y for psd in psds) / 2 / lever,
+    }  # fmt: skip
+    return [
+        {
+            "key": column,
+            "symbol": name,
+            "unit": column.rpartition("_")[2],
+            "words": WORDS[name],
+            "factor": unit,
+            "end": rounded_up(1.05 * ends.get(name, wide) / unit),
+        }
+        for name, column, unit in zip(STATE, STATE_COLUMNS, STATE_UNITS, strict=True)
+    ]
+
+
+def rounded_up(value: float) -> float:
+    """The next round number, for the end of a slider."""
+    power = 10.0 ** int(f"{value:e}".partition("e")[2])
+    return next(float(f"{each * power:.2g}") for each in ROUND if each * power >= value)
+
+
+def sentences(sensor: Sensor) -> list[str]:
+    """What the page's numbers hold, and what they leave out."""
+    found = []
+    light, openings = sensor.light, sensor.apertures
+    if light.on:
+        found.append(
+            "The readings include the light of this bench: what sensor.light says of wavefront, "
+            "edges, coating and background. The pictures show the light before diffraction."
+        )
+    if openings.cut:
+        found.append(
+            "The readings are those of light that the sensor's apertures cut. A spot near a "
+            "detector's edge is drawn whole."
+        )
+    if any(light.delays):
+        found.append(
+            "The detectors are read at different times (light.delays). That concerns a mirror in "
+            "motion; here it stands still."
+        )
+    if is_corrected(sensor):
+        found.append(
+            "The readings are those of the light itself, before what the calibration adds to the "
+            "detectors' places and powers."
+        )
+    found.append("The readings are without noise.")
+    return found

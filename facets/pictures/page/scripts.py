@@ -1,0 +1,24 @@
+"""The scripts that draw a rig, for a page that gets its states from elsewhere."""
+
+from __future__ import annotations
+
+import json
+
+from ...core.sensor import Sensor
+from .model import model, text_of
+from .rig_data import rig
+
+
+def rig_scripts(sensor: Sensor) -> dict[str, str]:
+    """Their texts by name, in the order in which they are to be loaded.
+
+    They define `THREE`, `Model`, `RIG`, `Rig` and `Faces`; see the heads of `scene.js` and
+    `faces.js`.
+    """
+    return {
+        "three.min.js": text_of("three/three.min.js"),
+        "model.js": model(sensor),
+        "data.js": f"const RIG = {json.dumps(rig(sensor))};\n",
+        "scene.js": text_of("scene.js"),
+        "faces.js": text_of("faces.js"),
+    }

@@ -1,0 +1,51 @@
+"""Arrays of pixels, made smaller, larger and softer."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..core.units import Floats
+
+
+def enlarged(picture: Any, size: tuple[int, int]) -> Any:
+    """A picture (h, w) or (h, w, c) at another width and height, straight in between."""
+    from PIL import Image
+
+    def one(channel: Any) -> Any:
+        image = Image.fromarray(np.ascontiguousarray(channel, np.float32))
+        return np.asarray(image.resize(size, Image.Resampling.BILINEAR))
+
+    if picture.ndim == 2:
+        return one(picture)
+    return np.stack([one(picture[..., n]) for n in range(picture.shape[2])], axis=-1)
+
+
+def reduced(picture: Any, step: int) -> Any:
+    """The mean of step x step pixels; what is over at the right and below is left out."""
+    height, width = (n // step * step for n in picture.shape[:2])
+    rows = sum(picture[n:height:step] for n in range(step))
+    return sum(rows[:, n:width:step] for n in range(step)) / step**2
+
+
+def halo(light: Any, share: float, least: float = 0.0) -> Any:
+    """Light that a lens spreads about where it falls; share: of the picture's height, at least so
+    many pixels.
+
+    Spread on a part of the pixels: what is so soft has nothing finer.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    height, width = light.shape[:2]
+    share = max(share, least / height)
+    step = 4 if share * height > 6 else 2
+    padded = np.pad(light, ((0, -height % step), (0, -width % step), (0, 0))[: light.ndim])
+    sigma = share * height / step
+    soft = gaussian_filter(reduced(padded, step), (sigma, sigma, 0)[: light.ndim], truncate=3)
+    return enlarged(soft, (padded.shape[1], padded.shape[0]))[:height, :width]
+
+
+def as_bytes(picture: Floats) -> Any:
+    """Shares to 0 to 255."""
+    return (255 * np.clip(picture, 0, 1) + 0.5).astype(np.uint8)

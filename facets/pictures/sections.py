@@ -1,0 +1,72 @@
+"""Parts cut open by a plane, and parts moved apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..core.units import Floats
+from .rig import Part
+from .solids import Solid
+
+
+def exploded(parts: Iterable[Part]) -> list[Part]:
+    """Each part where its assembly comes apart along its own axis."""
+    return [part.moved() for part in parts]
+
+
+def cut_open(
+    pyvista: Any, parts: Iterable[Part], point: Floats, normal: Floats
+) -> tuple[list[Part], list[Part]]:
+    """What of parts lies behind a plane, and the faces of the cut.
+
+    normal: towards what is taken away. Both lists keep name, assembly and material.
+    """
+    kept, faces = [], []
+    for part in parts:
+        away = (part.solid.points - point) @ normal
+        if away.max() <= 0:
+            kept.append(part)
+        elif away.min() < 0:
+            rest, cap = cut(pyvista, part.solid, point, normal)
+            kept.append(replace(part, solid=rest))
+            if len(cap.faces):
+                faces.append(replace(part, name=f"cut {part.name}", solid=cap))
+    return kept, faces
+
+
+def cut(pyvista: Any, solid: Solid, point: Floats, normal: Floats) -> tuple[Solid, Solid]:
+    """A closed surface cut by a plane: what is left, open, and the face that closes it."""
+    faces = np.concatenate([[len(face), *face] for face in solid.faces])
+    mesh = pyvista.PolyData(np.asarray(solid.points, float), faces).triangulate()
+    rest = mesh.clip(normal=normal, origin=point, invert=True)
+    outline = mesh.slice(normal=normal, origin=point).clean(tolerance=1e-6).strip(join=True)
+    return as_solid(rest), filled(pyvista, outline, normal)
+
+
+def filled(pyvista: Any, outline: Any, normal: Floats) -> Solid:
+    """The area within closed lines, holes left open."""
+    from vtkmodules.vtkFiltersModeling import vtkContourLoopExtraction
+
+    if outline.n_points == 0:
+        return Solid(np.empty((0, 3)), [])
+    loops = vtkContourLoopExtraction()
+    loops.SetInputData(outline)
+    loops.SetNormal(*normal)
+    loops.SetLoopClosureToAll()
+    loops.Update()
+    return as_solid(pyvista.wrap(loops.GetOutput()))
+
+
+def as_solid(mesh: Any) -> Solid:
+    """A mesh of VTK as points and faces."""
+    cells = mesh.faces
+    faces, at = [], 0
+    while at < len(cells):
+        count = int(cells[at])
+        faces.append([int(n) for n in cells[at + 1 : at + 1 + count]])
+        at += count + 1
+    return Solid(np.asarray(mesh.points, float), faces)

@@ -1,0 +1,147 @@
+"""What every driver of a stage must do, as checks that any package's tests can call.
+
+    from facets.tracking.contract import check_driver
+
+    def test_my_driver(my_simulator):
+        check_driver(lambda: MyDriver(my_simulator), settings, my_simulator.wait, my_simulator.now)
+
+The stage is one that may move: a simulator, or hardware with room around it.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from ..core.settings import Stage as Settings
+from ..core.units import Floats
+from .drivers import PARTS, Driver
+
+#: How far the checks move, mm, and how near a place is the same, mm.
+FAR, NEAR = 0.2, 2e-3
+#: How often a stage is looked at, s, and how long a move may take at most, s.
+LOOK, LONGEST = 5e-3, 20.0
+
+
+def check_driver(
+    opened: Callable[[], Driver],
+    settings: Settings,
+    wait: Callable[[float], None] = time.sleep,
+    now: Callable[[], float] = time.monotonic,
+) -> None:
+    """Raises `AssertionError`, in words, where a driver does not keep `drivers.Driver`.
+
+    opened: a driver of a stage at rest, with a reference.  wait: lets so many seconds pass for the
+    stage.  now: its clock, s.
+    """
+    driver = opened()
+    try:
+        check_parts(driver)
+        driver.prepare()
+        home = check_place(driver, settings)
+        check_move(driver, settings, home + FAR, wait, now)
+        check_stop(driver, home - FAR, driver.stop, "stop", wait)
+        check_stop(driver, home + 2 * FAR, driver.cry, "cry", wait)
+        check_threads(driver)
+        driver.move(home)
+        driver.stop()
+    finally:
+        driver.close()
+    driver.close()  # again does nothing
+    check_closed(driver, home)
+
+
+def check_parts(driver: Driver) -> None:
+    lacks = [part for part in PARTS if not callable(getattr(driver, part, None))]
+    assert not lacks, f"the driver has no {', '.join(lacks)}"
+
+
+def check_place(driver: Driver, settings: Settings) -> Floats:
+    """Two finite numbers, the same again while nothing moves."""
+    first, second = driver.place(), driver.place()
+    for place in (first, second):
+        assert isinstance(place, np.ndarray), "place() gives no array"
+        assert place.shape == (2,), f"place() has the shape {place.shape}, not (2,)"
+        assert place.dtype == np.float64, f"place() gives {place.dtype}, not float64"
+        assert np.isfinite(place).all(), f"place() gives {place}"
+    assert np.abs(first - second).max() < NEAR, "the stage moves though it was stopped"
+    low, high = np.array(settings.low) + 3 * FAR, np.array(settings.high) - 3 * FAR
+    inside = (low < first) & (first < high)
+    assert inside.all(), "the stage stands too near its limits"
+    return first
+
+
+def check_move(
+    driver: Driver,
+    settings: Settings,
+    goal: Floats,
+    wait: Callable[[float], None],
+    now: Callable[[], float],
+) -> None:
+    """Gets there, no faster than allowed, and stays there by itself."""
+    before, at = driver.place(), now()
+    begin = at
+    driver.move(goal)
+    while np.abs(before - goal).max() > NEAR:
+        assert now() - begin < LONGEST, f"the stage stands at {before}, not at {goal}"
+        place, then = driver.place(), now()
+        most = 1.5 * settings.max_speed * (then - at) + NEAR + settings.step
+        assert np.abs(place - before).max() <= most, "the stage moves faster than max_speed"
+        before, at = place, then
+        wait(LOOK)
+    for _ in range(5):
+        wait(LOOK)
+        assert np.abs(driver.place() - goal).max() < 2 * NEAR, "the stage goes past its goal"
+
+
+def check_stop(
+    driver: Driver,
+    goal: Floats,
+    stop: Callable[[], None],
+    name: str,
+    wait: Callable[[float], None],
+) -> None:
+    """A move that is stopped ends before its goal, and nothing moves any more."""
+    driver.move(goal)
+    stop()
+    for _ in range(100):  # it may take a while to stand
+        before = driver.place()
+        wait(0.02)
+        if np.abs(driver.place() - before).max() < NEAR / 10:
+            break
+    else:
+        raise AssertionError(f"the stage still moves after {name}()")
+    assert np.abs(driver.place() - goal).max() > NEAR, f"{name}() did not stop the move"
+
+
+def check_threads(driver: Driver) -> None:
+    """A cry from another thread spoils no answer."""
+    failed: list[BaseException] = []
+
+    def cry() -> None:
+        try:
+            for _ in range(20):
+                driver.cry()
+        except BaseException as error:
+            failed.append(error)
+
+    thread = threading.Thread(target=cry)
+    thread.start()
+    try:
+        for _ in range(20):
+            assert np.isfinite(driver.place()).all(), "a cry spoils an answer"
+    finally:
+        thread.join()
+    assert not failed, f"cry() raised {failed[0]!r}"
+
+
+def check_closed(driver: Driver, goal: Floats) -> None:
+    """What is closed moves nothing, and says so."""
+    try:
+        driver.move(goal)
+    except Exception:
+        return
+    raise AssertionError("a driver that is closed takes moves without a word")

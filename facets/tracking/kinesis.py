@@ -1,0 +1,130 @@
+"""Thorlabs' Kinesis stages, by pylablib: two controllers of one axis, or one of several.
+
+`kinesis:27000001,27000002` are the serial numbers of the controllers of x and y;
+`kinesis:70000001` is one controller whose channels 1 and 2 are x and y. `stage.step_um` is what one
+step of the encoder is. pylablib speaks Thorlabs' APT protocol through the controller's USB chip.
+Not tried on hardware: written by pylablib's documentation and source (1.4).
+"""
+
+from __future__ import annotations
+
+import threading
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from ..core.settings import Stage as Settings
+from ..core.units import Floats
+from .line import PATIENCE
+from .stage import StageError
+
+#: A controller counts speeds in whole units: what it says may be above what it was told, a share.
+ROUNDED = 0.01
+#: A cry waits no longer than this for another thread's question to be answered, s.
+TURN = 0.5
+
+
+def open_kinesis(name: str, settings: Settings) -> Kinesis:
+    """The stages of `kinesis:X,Y` or `kinesis:XY`. Raises `StageError` where there are none."""
+    numbers = name.partition(":")[2].split(",")
+    if not 1 <= len(numbers) <= 2 or not all(number.isdigit() for number in numbers):
+        raise StageError(
+            f"{name}: give the serial numbers of the controllers of x and y, as in "
+            "kinesis:27000001,27000002, or of one with two channels"
+        )
+    try:
+        from pylablib.devices import Thorlabs
+    except ImportError as error:
+        raise StageError(
+            f"{name}: needs pylablib (pip install 'facets-6dof[thorlabs]'): {error}"
+        ) from None
+    motors: list[Any] = []
+    try:
+        for number in numbers:
+            motors.append(Thorlabs.KinesisMotor(number, scale=1 / settings.step))
+    except Exception as error:
+        for motor in motors:
+            motor.close()
+        raise StageError(f"{name}: can not be opened: {error}") from None
+    axes = (
+        [(motors[0], 1), (motors[1], 1)] if len(motors) == 2 else [(motors[0], 1), (motors[0], 2)]
+    )
+    return Kinesis(axes, settings)
+
+
+class Kinesis:
+    """Drives two axes, each a motor of pylablib and its channel; places of the beam in mm, (2,).
+
+    A motor's questions and answers belong together: `turn` lets one thread at a time ask.
+    """
+
+    def __init__(self, axes: list[tuple[Any, int]], settings: Settings) -> None:
+        self.axes, self.settings = axes, settings
+        self.zero = np.array(settings.zero)
+        self.turn = threading.RLock()
+
+    def prepare(self) -> None:
+        """Stops what goes on, and bounds speed and acceleration of each axis."""
+        self.stop()
+        s = self.settings
+        with self.turn:
+            for (motor, channel), name in zip(self.axes, "xy", strict=True):
+                if motor.get_scale_units() == "internal":
+                    raise StageError(
+                        f"pylablib does not know the controller of {name} and can not tell its "
+                        "speed: it can not be bounded"
+                    )
+                if not motor.is_homed(channel=channel):
+                    raise StageError(f"the axis {name} has no reference: home it by Kinesis")
+                found = motor.setup_velocity(
+                    acceleration=s.acceleration, max_velocity=s.max_speed, channel=channel
+                )
+                most = 1 + ROUNDED
+                if not (
+                    found.max_velocity <= most * s.max_speed
+                    and 0 < found.acceleration <= most * s.acceleration
+                ):
+                    raise StageError(
+                        f"the axis {name} keeps a speed of {found.max_velocity:g} mm/s and an "
+                        f"acceleration of {found.acceleration:g} mm/s2, more than it was told "
+                        "(stage.max_speed_mm_s, stage.acceleration_mm_s2)"
+                    )
+
+    def place(self) -> Floats:
+        """Where the encoders say that the beam is."""
+        with self.turn:
+            place = [motor.get_position(channel=channel) for motor, channel in self.axes]
+        there: Floats = self.zero + np.array(place, dtype=float)
+        return there
+
+    def move(self, place: Floats) -> None:
+        """Starts towards a place; does not wait until it is there."""
+        with self.turn:
+            for (motor, channel), goal in zip(self.axes, place - self.zero, strict=True):
+                motor.move_to(float(goal), channel=channel)
+
+    def stop(self, patience: float = PATIENCE) -> None:
+        """Stops both axes, and waits until they stand."""
+        with self.turn:
+            for motor, channel in self.axes:
+                motor.stop(immediate=True, sync=False, channel=channel)
+            for motor, channel in self.axes:
+                motor.wait_for_stop(channel=channel, timeout=patience)
+
+    def cry(self) -> None:
+        """Stops without waiting for a word. Where another thread does not end its question, the
+        command goes out all the same."""
+        held = self.turn.acquire(timeout=TURN)
+        try:
+            for motor, channel in self.axes:
+                with suppress(Exception):  # the other axis is to hear it, too
+                    motor.stop(immediate=True, sync=False, channel=channel)
+        finally:
+            if held:
+                self.turn.release()
+
+    def close(self) -> None:
+        for motor in {id(motor): motor for motor, _ in self.axes}.values():
+            with suppress(Exception):
+                motor.close()

@@ -1,0 +1,82 @@
+"""What a folder of results says of itself to archives: the shape that RO-Crate 1.1 asks for."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+
+import pytest
+
+import facets
+from facets.files import provenance, tables
+from facets.files.crate import NAME, PROFILE
+
+
+@pytest.fixture
+def folder(tmp_path):
+    config = facets.load("paper")
+    about = provenance.about(config, 7)
+    tables.write_table(tmp_path / "poses.csv", {"tx_mm": [1.0], "yaw_mrad": [2.0], "n": [1]}, about)
+    tables.write_table(tmp_path / "all.parquet", {"u_tx_um": [1.0]}, about)
+    files = [tmp_path / name for name in ("poses.csv", "all.parquet", "missing.png", "run.yaml")]
+    provenance.write_record(tmp_path / "run.yaml", config, 7, 1.5, {}, files)
+    return tmp_path
+
+
+def entities(folder):
+    found = json.loads((folder / NAME).read_text())
+    return found, {entity["@id"]: entity for entity in found["@graph"]}
+
+
+def test_a_crate_has_the_shape_of_ro_crate(folder):
+    found, by_id = entities(folder)
+    assert found["@context"][0] == f"{PROFILE}/context"
+    assert len(by_id) == len(found["@graph"])  # each entity once
+    head = by_id[NAME]
+    assert head["@type"] == "CreativeWork"
+    assert head["about"] == {"@id": "./"}
+    assert head["conformsTo"] == {"@id": PROFILE}
+    root = by_id["./"]
+    assert root["@type"] == "Dataset"
+    for key in ("name", "description", "datePublished"):
+        assert root[key]
+    for entity in found["@graph"]:  # flat: what is referred to is an entity of its own
+        for value in entity.values():
+            for one in value if isinstance(value, list) else [value]:
+                if isinstance(one, dict) and entity is not head:
+                    assert list(one) == ["@id"]
+                    assert one["@id"] in by_id
+
+
+def test_a_crate_names_the_files_and_the_units_of_columns(folder):
+    _, by_id = entities(folder)
+    parts = [part["@id"] for part in by_id["./"]["hasPart"]]
+    assert parts == ["poses.csv", "all.parquet", "run.yaml"]
+    for name in parts:
+        data = (folder / name).read_bytes()
+        assert by_id[name]["@type"] == "File"
+        assert by_id[name]["contentSize"] == str(len(data))
+        assert by_id[name]["sha256"] == hashlib.sha256(data).hexdigest()
+    measured = [by_id[one["@id"]] for one in by_id["./"]["variableMeasured"]]
+    assert {(one["name"], one["unitText"], one["unitCode"]) for one in measured} == {
+        ("tx_mm", "mm", "mm"),
+        ("yaw_mrad", "mrad", "mrad"),
+        ("u_tx_um", "um", "um"),
+    }
+    assert by_id["#facets"]["softwareVersion"] == facets.__version__
+    assert "seed 7" in by_id["#run"]["description"]
+
+
+def test_a_description_by_somebody_else_stays(folder):
+    config = facets.load("paper")
+    for text in ('{"@graph": [{"@id": "./"}]}', "no json", "[]"):
+        (folder / NAME).write_text(text)
+        provenance.write_record(folder / "run.yaml", config, 7, 1.5, {}, [])
+        assert (folder / NAME).read_text() == text
+
+
+def test_another_program_reads_a_crate(folder):
+    rocrate = pytest.importorskip("rocrate.rocrate", reason="rocrate is not installed")
+    crate = rocrate.ROCrate(folder)
+    assert {entity.id for entity in crate.data_entities} == {"poses.csv", "all.parquet", "run.yaml"}
+    assert crate.get("#run")["instrument"].id == "#facets"

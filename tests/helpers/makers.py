@@ -1,0 +1,190 @@
+"""Stand-ins for the packages of National Instruments and of pylablib, by their documentation.
+
+What they take is what nidaqmx 1.7 and pylablib 1.4 take; `tests/live/test_makers.py` compares the
+signatures where the packages are installed.
+"""
+
+from __future__ import annotations
+
+import sys
+import types
+from collections import namedtuple
+from enum import Enum
+from typing import ClassVar
+
+import numpy as np
+
+Velocity = namedtuple("TVelocityParams", ["min_velocity", "acceleration", "max_velocity"])
+Readings = namedtuple("TQuadDetectorReadings", ["xdiff", "ydiff", "sum", "xpos", "ypos"])
+
+
+class AcquisitionType(Enum):
+    FINITE = 10178
+    CONTINUOUS = 10123
+
+
+class TerminalConfiguration(Enum):
+    RSE = 10083
+    NRSE = 10078
+    DIFF = 10106
+    DEFAULT = -1
+
+
+class DaqError(Exception):
+    def __init__(self, message, error_code):
+        super().__init__(message)
+        self.error_code = error_code
+
+
+class Channels(list):
+    def add_ai_voltage_chan(
+        self, physical_channel, name_to_assign_to_channel="",
+        terminal_config=TerminalConfiguration.DEFAULT, min_val=-5.0, max_val=5.0,
+        units=None, custom_scale_name="",
+    ):  # fmt: skip
+        device, _, span = physical_channel.partition("/ai")
+        if device != "Dev1":
+            raise DaqError("Device identifier is invalid.", -200220)
+        first, _, last = span.partition(":")
+        self.extend(range(int(first), int(last or first) + 1))
+        self.limits, self.terminal = (min_val, max_val), terminal_config
+
+
+class Timing:
+    samp_clk_rate = 0.0
+
+    def cfg_samp_clk_timing(
+        self, rate, source="", active_edge=None, sample_mode=AcquisitionType.FINITE,
+        samps_per_chan=1000,
+    ):  # fmt: skip
+        assert sample_mode is AcquisitionType.CONTINUOUS
+        self.samp_clk_rate, self.buffer = rate, samps_per_chan
+
+
+class Stream:
+    """The volts that the card has sampled and nobody has read: (12, n)."""
+
+    def __init__(self):
+        self.volts, self.error = np.zeros((12, 0)), None
+
+    @property
+    def avail_samp_per_chan(self):
+        if self.error:
+            raise self.error
+        return self.volts.shape[1]
+
+
+class Task:
+    open: ClassVar = []
+
+    def __init__(self, new_task_name=""):
+        self.ai_channels, self.timing, self.in_stream = Channels(), Timing(), Stream()
+        self.started = False
+        Task.open.append(self)
+
+    def start(self):
+        self.started = True
+
+    def close(self):
+        Task.open.remove(self)
+
+
+class AnalogMultiChannelReader:
+    def __init__(self, task_in_stream):
+        self.stream = task_in_stream
+
+    def read_many_sample(self, data, number_of_samples_per_channel=-1, timeout=10.0):
+        assert data.shape == (12, number_of_samples_per_channel)
+        data[:] = self.stream.volts[:, :number_of_samples_per_channel]
+        self.stream.volts = self.stream.volts[:, number_of_samples_per_channel:]
+        return number_of_samples_per_channel
+
+
+class KinesisMotor:
+    """One axis of a stage's model (or two channels), in user units of `scale` steps."""
+
+    model = None  # a StageModel, set by the test
+    axes: ClassVar = {"27000001": 0, "27000002": 1}
+    units, homed, keeps = "user_step", True, None
+
+    def __init__(self, conn, scale="step", default_channel=1, is_rack_system=False):
+        if conn not in self.axes and conn != "70000001":
+            raise RuntimeError(f"no device {conn}")
+        self.conn, self.closed = conn, False
+
+    def axis(self, channel):
+        if self.closed:
+            raise RuntimeError("the device is closed")
+        return self.axes.get(self.conn, channel - 1)
+
+    def get_scale_units(self):
+        return self.units
+
+    def is_homed(self, channel=None):
+        return self.homed
+
+    def get_position(self, channel=None, scale=True):
+        axis = self.axis(channel)
+        return float(self.model.place[axis] - self.model.settings.zero[axis])
+
+    def move_to(self, position, channel=None, scale=True):
+        axis = self.axis(channel)
+        self.model.target[axis] = position + self.model.settings.zero[axis]
+        self.model.braking = False
+
+    def stop(self, immediate=False, sync=True, channel=None, timeout=None):
+        axis = self.axis(channel)
+        self.model.target[axis] = self.model.place[axis]
+        self.model.speed[axis] = 0.0
+
+    def wait_for_stop(self, channel=None, timeout=None):
+        self.axis(channel)
+
+    def setup_velocity(
+        self, min_velocity=None, acceleration=None, max_velocity=None, channel=None, scale=True
+    ):
+        self.model.max_speed, self.model.acceleration = max_velocity, acceleration
+        return self.keeps or Velocity(0.0, acceleration, max_velocity)
+
+    def close(self):
+        self.closed = True
+
+
+class KinesisQuadDetector:
+    """A controller with a head; what it reads is set by the test."""
+
+    volts: ClassVar = {}
+
+    def __init__(self, conn, timeout=3.0):
+        if conn not in self.volts:
+            raise RuntimeError(f"no device {conn}")
+        self.conn = conn
+
+    def get_readings(self):
+        return Readings(*self.volts[self.conn], 0.0, 0.0)
+
+    def close(self):
+        pass
+
+
+def install(monkeypatch):
+    """Puts the stand-ins where the packages would be."""
+
+    def module(name, **parts):
+        found = types.ModuleType(name)
+        vars(found).update(parts)
+        monkeypatch.setitem(sys.modules, name, found)
+        return found
+
+    module("nidaqmx", Task=Task, DaqError=DaqError)
+    module(
+        "nidaqmx.constants",
+        AcquisitionType=AcquisitionType,
+        TerminalConfiguration=TerminalConfiguration,
+    )
+    module("nidaqmx.stream_readers", AnalogMultiChannelReader=AnalogMultiChannelReader)
+    thorlabs = types.SimpleNamespace(
+        KinesisMotor=KinesisMotor, KinesisQuadDetector=KinesisQuadDetector
+    )
+    module("pylablib")
+    module("pylablib.devices", Thorlabs=thorlabs)

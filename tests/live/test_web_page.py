@@ -1,0 +1,224 @@
+"""The page in a browser, as a person uses it."""
+
+from __future__ import annotations
+
+import signal
+
+import numpy as np
+import pytest
+from browser import CHROMIUM, Browser
+from commands import command
+from facets.experiments.kills import stream
+from programs import Program, await_true
+
+import facets
+from facets.live.acquire import Live
+from facets.live.pipeline import Pipeline
+from facets.live.recording import recorded_poses
+from facets.live.sample_rows import SAMPLE
+from facets.live.web.page import WebPage
+from facets.live.web.status import status_of
+from facets.pictures.page.scripts import rig_scripts
+
+pytest.importorskip("aiohttp")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+CONFIG = facets.load("bench")
+STATES = ("tx_mm", "ty_mm", "tz_mm", "roll_mrad", "pitch_mrad", "yaw_mrad")
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """The folder of a recording `rec` of 6,000 samples, made with a page that nobody opened."""
+    folder = tmp_path_factory.mktemp("recorded")
+    (folder / "board.bin").write_bytes(stream(6_000))
+    words = ("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--web", "0")
+    result = command(*words, "--plain", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    assert "the page is at http://127.0.0.1:" in result.stderr
+    assert " samples published, " in result.stdout
+    return folder
+
+
+def numbers(browser):
+    """The numbers beside the strips, by component; None where there is none."""
+    found = browser.ask(
+        "Object.fromEntries([...document.querySelectorAll('.strip')].map((one) => "
+        "[one.dataset.name, one.querySelector('.number').dataset.value]))"
+    )
+    return {name: float(value) if value else None for name, value in found.items()}
+
+
+def drag(browser, begin, end):
+    """Across a strip, from one share of its width to another."""
+    left, top, wide, high = browser.ask(
+        "(() => { const r = facets.strips.plots[2].u.over.getBoundingClientRect();"
+        " return [r.left, r.top, r.width, r.height]; })()"
+    )
+    x, y = (left + share * wide for share in (begin, end)), top + high / 2
+    x0, x1 = x
+    browser.press("mousePressed", x0, y, button="left", clickCount=1)
+    browser.press("mouseMoved", (x0 + x1) / 2, y, button="left")
+    browser.press("mouseMoved", x1, y, button="left")
+    browser.press("mouseReleased", x1, y, button="left", clickCount=1)
+
+
+def test_a_recording_on_the_page_is_that_of_the_record(recorded):
+    poses = recorded_poses(recorded / "rec")
+    order = np.argsort(poses["seq"])
+    with Program("replay", "rec", "--web", "127.0.0.1:0", cwd=recorded) as replay:
+        replay.await_output("the page stays at ")
+        url = replay.stderr.partition("the page is at ")[2].split()[0]
+        with Browser(url) as browser:
+            browser.await_true("facets.run.status.finished && facets.run.sample")
+            browser.await_true("document.querySelector('.number').dataset.value")
+            last = order[-1]
+            for name, value in numbers(browser).items():
+                column = next(one for one in STATES if one.startswith(f"{name}_"))
+                assert value == poses[column][last]  # to the last bit
+            assert browser.ask("document.body.dataset.state") == "ended"
+            assert browser.ask("facets.run.hello.kind") == "replay"
+            events = "document.getElementById('events').innerText"
+            browser.await_true(f"{events}.includes('end: samples 6000')")
+            assert_means_are_those_of_the_record(browser, poses)
+            pause_zoom_and_follow(browser)
+            assert all(address.split("/")[2] == url.split("/")[2] for address in browser.addresses)
+            assert not browser.errors
+            assert replay.end(signal.SIGINT) == 0
+            browser.await_true("document.body.dataset.state === 'ended' && facets.run.end")
+            assert "has ended" in browser.ask("document.getElementById('doubts').textContent")
+            assert numbers(browser)["tx"] == poses["tx_mm"][last]  # it keeps the last data
+
+
+def assert_means_are_those_of_the_record(browser, poses):
+    view = browser.ask("facets.run.store.view(0, 1e9, 1e9)")
+    assert sum(view["samples"]) == len(poses["seq"])
+    for i, name in enumerate(STATES):
+        mean = np.array(view["mean"][i], float)
+        whole = np.nansum(mean * np.array(view["poses"])) / sum(view["poses"])
+        known = poses[name][poses["status"] == 0]
+        spread = np.ptp(known)
+        assert whole == pytest.approx(known.mean(), abs=1e-6 * spread + 1e-6 * abs(known).max())
+        assert np.nanmax(np.array(view["most"][i], float)) == pytest.approx(known.max(), rel=1e-6)
+
+
+def pause_zoom_and_follow(browser):
+    """By the button, the mouse and the bar, as a person does."""
+    browser.ask("document.getElementById('pause').click()")
+    browser.await_true(
+        "facets.look.paused && document.getElementById('pill').textContent.includes('paused')"
+    )
+    before = browser.ask("[facets.look.from, facets.look.to]")
+    drag(browser, 0.4, 0.6)
+    browser.await_true(f"facets.look.to - facets.look.from < {0.5 * (before[1] - before[0])}")
+    begin, end = browser.ask("[facets.look.from, facets.look.to]")
+    wide = before[1] - before[0]
+    assert (begin - before[0]) / wide == pytest.approx(0.4, abs=0.03)
+    assert (end - before[0]) / wide == pytest.approx(0.6, abs=0.03)
+    browser.await_true(f"Math.abs(facets.strips.plots[0].u.scales.x.min - {begin}) < 1e-9")
+    middle = (begin + end) / 2
+    browser.ask(
+        f"(() => {{ const at = document.getElementById('at'); at.value = {middle};"
+        " at.dispatchEvent(new Event('input')); })()"
+    )
+    browser.await_true("document.getElementById('pose-status').textContent.includes('mean of')")
+    shown = browser.ask("facets.run.store.at(facets.look.at)")
+    assert abs(shown["t"] - middle) <= shown["width"]
+    browser.await_true(
+        f"document.querySelector('.number').dataset.value === String({shown['state'][0]!r})"
+    )
+    browser.ask("document.getElementById('pause').click()")
+    browser.await_true("!facets.look.paused && facets.look.at === null")
+
+
+def test_a_wrong_token_shows_nothing(recorded):
+    with Program("replay", "rec", "--web", "0", cwd=recorded) as replay:
+        replay.await_output("the page stays at ")
+        url = replay.stderr.partition("the page is at ")[2].split()[0]
+        with Browser(url.rstrip("/")[:-1] + "/") as browser:
+            browser.await_true("document.body.innerText.includes('403')")
+            assert "token" in browser.ask("document.body.innerText")
+        assert replay.end(signal.SIGTERM) == 143
+
+
+def rows_of(count, first=0):
+    rows = np.zeros(count, SAMPLE)
+    for name in SAMPLE.names[6:]:
+        rows[name] = 0.001
+    for name in ("power_a_mw", "power_b_mw", "power_c_mw"):
+        rows[name] = 0.1
+    rows["seq"] = first + np.arange(count)
+    rows["host_s"] = 1_000.0 + rows["seq"] / 1_000.0
+    rows["utc_s"] = 1.7e9 + rows["seq"] / 1_000.0
+    rows["tx_mm"] = rows["seq"] * 1e-3
+    return rows
+
+
+def give(page, rows):
+    """Samples, handed over at once, as the loop has it done when it comes round."""
+    page.send(rows.tobytes())
+    page.flush()
+
+
+def test_the_rig_is_drawn_where_there_is_webgl_and_its_lack_is_said():
+    drawn = rig_scripts(CONFIG.sensor)
+    page = WebPage(CONFIG, "0", dict, {"kind": "acquire"}, drawn=drawn)
+    try:
+        give(page, rows_of(100))
+        with Browser(page.url, webgl=True) as browser:
+            browser.await_true("facets.scene.drawn")
+            assert browser.ask("document.querySelectorAll('#scene canvas').length") == 1
+            assert not browser.errors
+        with Browser(page.url) as browser:
+            browser.await_true("facets.scene.root.textContent.includes('no WebGL')")
+            browser.await_true("document.querySelector('.number').dataset.value")
+            assert not browser.errors
+    finally:
+        page.close()
+
+
+def test_what_is_not_known_is_never_a_number_and_a_page_comes_back_by_itself():
+    live = Live(Pipeline(CONFIG))
+    page = WebPage(CONFIG, "0", lambda: status_of(live), {"kind": "acquire"})
+    try:
+        page.show()
+        with Browser(page.url) as browser:
+            browser.await_true(
+                "facets.run.status && document.getElementById('counts').children.length"
+            )
+            text = browser.ask("document.body.innerText")
+            assert "no sample yet" in text
+            assert "unknown: no sample is solved yet" in text
+            assert "unknown: no stage is moved" in text
+            browser.await_true("[...document.querySelectorAll('.number')].length === 6")
+            assert set(numbers(browser).values()) == {None}
+            give(page, rows_of(1_000))
+            browser.await_true("facets.run.sample?.seq === 999")
+            browser.await_true("document.querySelector('.number').dataset.value === '0.999'")
+            spoilt = rows_of(10, 1_000)
+            spoilt["status"], spoilt["flags"] = 66, 1
+            for name in ("tx_mm", "power_b_mw", "psi_b_mm", "zeta_b_mm"):
+                spoilt[name] = np.nan
+            give(page, spoilt)
+            browser.await_true("facets.run.sample?.seq === 1009")
+            browser.await_true("document.querySelector('.strip .u').textContent === 'saturated'")
+            assert set(numbers(browser).values()) == {None}
+            assert (
+                browser.ask("document.querySelector('.face[data-name=B]').dataset.trouble")
+                == "saturated"
+            )
+            browser.ask("facets.run.line.close()")
+            give(page, rows_of(500, 1_010))
+            browser.await_true("facets.run.connections === 2 && facets.run.sample.seq === 1509")
+            samples = browser.ask(
+                "facets.run.store.view(0, 1e9, 1e9).samples.reduce((a, b) => a + b)"
+            )
+            assert samples == 1_510
+            browser.await_true("document.querySelector('#scene .why') !== null")
+            page.close()
+            browser.await_true("document.body.dataset.state === 'ended'")
+            assert "The run has ended." in browser.ask("document.body.innerText")
+            assert not browser.errors
+    finally:
+        page.close()
+    await_true(lambda: page.process.poll() is not None, "its process ends")
+    assert page.dropped == 0
