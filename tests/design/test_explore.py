@@ -191,7 +191,7 @@ def test_a_cluster_gives_the_same_though_a_worker_is_killed_and_one_added(tmp_pa
     space = replace(SPACE, part=10, count=200)
     alone = [part_of(space, first, NO_RIVALS) for first in range(0, 200, 10)]
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0"
     ) as cluster:
         victim = next(iter(cluster.workers.values())).pid
         killed = []
@@ -204,7 +204,9 @@ def test_a_cluster_gives_the_same_though_a_worker_is_killed_and_one_added(tmp_pa
                 with distributed.Client(cluster) as client:
                     client.wait_for_workers(3)
 
-        assert study.cluster_words(cluster.scheduler_address).startswith("2 workers at tcp://")
+        words = study.cluster_words(cluster.scheduler_address)
+        assert words.startswith("2 workers at tcp://")
+        assert "dashboard http://127.0.0.1:" in words
         study.explore(space, tmp_path, {}, cluster.scheduler_address, tell)
     assert killed
     found = collect(tmp_path)
