@@ -117,19 +117,10 @@ def plan_picture(sensor: Sensor, state: Floats) -> Figure:
             around = np.array(stand.at.apex)[:2]
             shape = around + zoom * (body.points[:, :2] - around)
             panel.fill(*shape.T, facecolor=hues.grey, edgecolor=hues.ink, lw=1, alpha=0.7)
-        write(panel, f"mirror drawn\n{zoom:.2g} times as large", 0.55 * far * free_side(sensor))
-        panel.set(aspect="equal", xlabel="x_w, mm", ylabel="y_w, mm", title="from above")
+        title = f"from above, the mirror {zoom:.2g} times as large"
+        panel.set(aspect="equal", xlabel="x_w, mm", ylabel="y_w, mm", title=title)
         panel.margins(0.22)
     return picture
-
-
-def free_side(sensor: Sensor) -> Floats:
-    """The direction in the plan that is furthest from all sub-beams."""
-    angles = np.linspace(0, 2 * np.pi, 73)[:-1]
-    azimuths = np.array([psd.azimuth for psd in sensor.psds])
-    apart = np.cos(angles[:, None] - azimuths).max(axis=1)
-    best = angles[np.lexsort((angles, np.round(apart, 6)))[0]]
-    return np.array([np.cos(best), np.sin(best)])
 
 
 def detector(panel: Axes, stand: Stand, k: int, psd: Psd, hue: str, letter: str) -> None:
