@@ -26,6 +26,7 @@ from .solids import (
     rectangle,
     rod,
     slab,
+    stack,
     tube,
     turned,
 )
@@ -133,7 +134,7 @@ def head(stand: Stand) -> Iterator[Part]:
         np.column_stack([radius * circle, -radius * falls - bevel]),
         np.column_stack([rim * circle, -rim * falls]),
     ]
-    yield put("mirror body", "steel", ring_stack(rings), 26)
+    yield put("mirror body", "steel", stack(rings, closed=False), 26)
     cup = radius + 1.8 * fit
     low = bottom - 6 * fit
     seat, wall = bottom + 4 * fit, radius + 0.05 * fit
@@ -155,18 +156,6 @@ def facet(stand: Stand, angle: Floats, rim: float) -> tuple[Floats, list[list[in
     outer = np.column_stack([circle, -rim * slopes(stand, angle)])
     points = np.concatenate([np.zeros((1, 3)), outer])
     return points, [list(range(len(points)))]
-
-
-def ring_stack(rings: list[Floats]) -> Solid:
-    """Bands from ring to ring and a floor, open above, where the facets are."""
-    count = len(rings[0])
-    faces = [list(range(count))[::-1]]
-    for level in range(len(rings) - 1):
-        low, high = level * count, (level + 1) * count
-        faces += [
-            [low + n, low + (n + 1) % count, high + (n + 1) % count, high + n] for n in range(count)
-        ]
-    return Solid(np.concatenate(rings), faces)
 
 
 # --- a detector ----------------------------------------------------------------------------------

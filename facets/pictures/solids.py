@@ -38,9 +38,9 @@ def join(solids: Sequence[Solid]) -> Solid:
     return Solid(np.concatenate([solid.points for solid in solids]), faces)
 
 
-def stack(rings: Sequence[Floats]) -> Solid:
+def stack(rings: Sequence[Floats], closed: bool = True) -> Solid:
     """Rings of equally many points (m, 3), counter-clockwise from above and from the lowest to the
-    highest, joined by bands and closed at both ends."""
+    highest, joined by bands; with a floor, and where it is closed a lid."""
     count = len(rings[0])
     faces = [list(range(count))[::-1]]
     for level in range(len(rings) - 1):
@@ -48,7 +48,8 @@ def stack(rings: Sequence[Floats]) -> Solid:
         faces += [
             [low + n, low + (n + 1) % count, high + (n + 1) % count, high + n] for n in range(count)
         ]
-    faces.append([(len(rings) - 1) * count + n for n in range(count)])
+    if closed:
+        faces.append([(len(rings) - 1) * count + n for n in range(count)])
     return Solid(np.concatenate(rings), faces)
 
 
