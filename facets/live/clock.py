@@ -148,8 +148,12 @@ class Sequence:
 
     def agrees(self, passed: float, steps: int) -> bool:
         """Whether so much time, us, is about so many samples."""
-        expected = steps * self.period
-        return expected <= FACTOR * passed and passed <= FACTOR * expected + CLOSE / 100
+        late = passed > FACTOR * steps * self.period + CLOSE / 100
+        return self.has_room(passed, steps) and not late
+
+    def has_room(self, passed: float, steps: int) -> bool:
+        """Whether so many samples can have been taken in that time, us."""
+        return 0 < steps * self.period <= FACTOR * passed
 
     def time_passed(self, step: int, passed: int, gap: float, first: bool) -> int | None:
         """What the board's clock went on by, us, its wraps counted; None for a restart.
@@ -164,7 +168,9 @@ class Sequence:
         slack = 1e6 * CREDIBLE + 1e-3 * abs(goal)
         if isfinite(gap) and first and whole < gap - slack:
             return None
-        kept = step > 1 and self.period > 0 and self.agrees(whole, step)
+        # a board that stood still for a while and lost samples has not begun anew
+        stood = whole < CLOSE and self.has_room(whole, step)
+        kept = step > 1 and self.period > 0 and (stood or self.agrees(whole, step))
         if isfinite(gap) and whole > gap + slack and not kept:
             return None  # ahead of the host is only what follows samples that were kept for long
         if step == 1:

@@ -133,6 +133,18 @@ def test_a_host_that_reads_late_sees_no_restart():
     assert seq[0] == 1_010
 
 
+def test_a_board_that_stands_still_and_loses_samples_has_not_begun_anew():
+    """Time that passes without samples, as on a busy controller, and two samples missing."""
+    sequence = Sequence()
+    sequence.follow(samples(range(100), range(0, 100 * 20, 20)), 10.0)
+    stalled = 99 * 20 + 300_000
+    _, seq, time = sequence.follow(
+        samples(range(102, 110), range(stalled, stalled + 8 * 20, 20)), 10.3
+    )
+    assert (sequence.restarts, sequence.lost) == (0, 2)
+    assert (seq[0], time[0]) == (102, stalled)
+
+
 def test_samples_that_a_board_kept_for_long_are_followed_by_a_gap_and_no_restart():
     """It was on for 40 s before anyone read, and kept what it had first."""
     sequence = Sequence()
