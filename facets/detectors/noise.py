@@ -148,13 +148,13 @@ def electric_variances(
     return out
 
 
-def at_either_end(kind: str, electrodes: Floats) -> Floats:
-    """Sums over the electrodes (..., 4, m) that light moves away from, and towards, along y and
-    along z: (..., 2, 2, m)."""
-    shape = (*electrodes.shape[:-2], 2, 2, electrodes.shape[-1])
+def at_either_end(kind: str, parts: Floats) -> Floats:
+    """Sums of the electrodes' parts (..., 4, m) over those that light moves away from, and towards,
+    along y and along z: (..., 2, 2, m)."""
+    shape = (*parts.shape[:-2], 2, 2, parts.shape[-1])
     if kind != "pincushion":
-        return electrodes.reshape(shape)
-    a, b, c, d = (electrodes[..., k, :] for k in range(4))
+        return parts.reshape(shape)
+    a, b, c, d = (parts[..., k, :] for k in range(4))
     return np.stack([a + c, b + d, a + b, c + d], axis=-2).reshape(shape)
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.hues import LIGHT, chosen_hues, chosen_style
+from ..core.hues import chosen_hues, chosen_style
 from ..core.units import Floats, column_label, with_micro
 from ..core.units import unit_of as unit_of
 from ..files.tables import Whole
@@ -24,9 +24,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: For drawings whose ground is white whatever the style.
-INK, GREY = LIGHT.ink, LIGHT.grey
-BLUE, ORANGE, GREEN = LIGHT.detectors.values()
 #: Widths of a picture, inches: of one panel, and of a page's whole text.
 SINGLE, FULL = 4.4, 6.2
 #: Sizes of text, points: the least, and that of labels.
