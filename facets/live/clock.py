@@ -9,6 +9,7 @@ how much time has passed; after a restart they do not.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from math import isfinite, isnan, nan
 
 import numpy as np
@@ -24,6 +25,34 @@ CLOSE = 1_000_000
 CREDIBLE = 5.0
 #: By what factor the samples that are missing and the time that has passed may disagree.
 FACTOR = 4.0
+
+#: A sample's time on the board, us, and its counts.
+Frame = tuple[int, bytes]
+
+
+class Remembered:
+    """The samples that came last, by their number; looked through once one is asked for."""
+
+    def __init__(self, parts: Iterable[Samples]) -> None:
+        self.parts = list(parts)
+        self.frames: dict[int, Frame] = {}
+
+    def add(self, number: int, frame: Frame) -> None:
+        self.frames[number] = frame
+
+    def get(self, number: int) -> Frame | None:
+        """The newest of that number."""
+        if self.parts:
+            self.frames = {
+                int(seq): (int(at), counts.tobytes())
+                for part in self.parts
+                for seq, at, counts in zip(part.seq, part.time, part.counts, strict=True)
+            } | self.frames
+            self.parts = []
+        return self.frames.get(number)
+
+    def clear(self) -> None:
+        self.parts, self.frames = [], {}
 
 
 class Sequence:
@@ -97,16 +126,12 @@ class Sequence:
         oldest = int(self.recent[0].seq[0]) if self.recent else self.raw_seq
         pairs = zip(samples.seq.tolist(), samples.time.tolist(), strict=True)
         raw_seq, raw_time, seq, time = self.raw_seq, self.raw_time, self.seq, self.time
-        known = {
-            int(number): (int(at), counts.tobytes())
-            for part in self.recent
-            for number, at, counts in zip(part.seq, part.time, part.counts, strict=True)
-        }
+        known = Remembered(self.recent)
         for n, (number, at) in enumerate(pairs):
             step, passed = (number - raw_seq) % WRAP, (at - raw_time) % WRAP
             frame = (at, samples.counts[n].tobytes())
             reach = (raw_seq - oldest) % WRAP
-            if self.is_again(step, passed, reach, known.get(number), frame):
+            if self.is_again(step, passed, reach, number, frame, known):
                 self.doubled += 1
                 continue
             whole = self.time_passed(step, passed, gap, first=not seqs)
@@ -119,7 +144,7 @@ class Sequence:
                 step, whole = 1, int(max(waited, self.period, 1.0))
             self.lost += step - 1
             raw_seq, raw_time, seq, time = number, at, seq + step, time + whole
-            known[number] = frame
+            known.add(number, frame)
             keep[n] = True
             seqs.append(seq)
             times.append(time)
@@ -131,18 +156,20 @@ class Sequence:
         step: int,
         passed: int,
         reach: int,
-        known: tuple[int, bytes] | None,
-        frame: tuple[int, bytes],
+        number: int,
+        frame: Frame,
+        known: Remembered,
     ) -> bool:
         """Whether a sample has come before, or comes after its turn.
 
         step, passed: of the raw counters, modulo 2^32.  reach: how far back samples are remembered.
-        known: time and light of the one with the same number.  frame: of this one.
+        number, frame: of this one.  known: those that came before.
         """
         if 0 < step < WRAP - self.LATE:
             return False
-        if known is not None:
-            return known == frame  # a board that counts anew has the number, not the light
+        same = known.get(number)
+        if same is not None:
+            return same == frame  # a board that counts anew has the number, not the light
         back, earlier = (-step) % WRAP, (-passed) % WRAP
         return self.period > 0 and 0 < back <= reach and self.agrees(earlier, back)
 

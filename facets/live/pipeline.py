@@ -49,7 +49,7 @@ FLAGS = {
     MARKED: "marked by the board's input",
 }
 #: Samples that are solved together, as a series. No newer sample waits longer than for one batch.
-BATCH = 100
+BATCH = 250
 #: Steps of the estimator for a live sample, at most. Where a pose can be found it takes four or
 #: five from rest, and up to sixteen 1 mm off the beam.
 STEPS = 20

@@ -22,6 +22,7 @@ CRC = "crc"
 def pose_columns(poses: Poses) -> Columns:
     """Poses as columns of a table, with the readings that they are from."""
     solution = poses.solution
+    uncertainty = solution.uncertainty
     columns: Columns = {
         "seq": poses.seq,
         "board_us": poses.time,
@@ -33,7 +34,7 @@ def pose_columns(poses: Poses) -> Columns:
     for i, name in enumerate(STATE_COLUMNS):
         columns[name] = solution.state[:, i] / STATE_UNITS[i]
     for i, name in enumerate(STATE_COLUMNS):
-        columns[f"u_{name}"] = solution.uncertainty[:, i] / STATE_UNITS[i]
+        columns[f"u_{name}"] = uncertainty[:, i] / STATE_UNITS[i]
     columns["residual"] = solution.residual
     return columns
 

@@ -29,7 +29,7 @@ from ..tracking.encoder import Encoder
 from . import pose_table
 from .disk import Disk
 from .index import Block, Damage, make_row, read_rows, unpack_encoder
-from .pipeline import Poses
+from .pipeline import Poses, join_poses
 from .pose_table import join_columns, pose_columns, recorded_poses
 
 __all__ = [
@@ -48,7 +48,7 @@ __all__ = [
 #: In the order in which they are synced: no row reaches the disk long before its bytes.
 NAMES = ("bytes.bin", "index.bin", "poses.arrows", "events.jsonl")
 #: Poses are written so often, s: each batch costs a head of a kilobyte.
-FLUSH = 0.25
+FLUSH = 0.1
 #: After a disk refused, it is tried again so often, s.
 AGAIN = 1.0
 
@@ -195,7 +195,7 @@ class Recording:
         self.written = time.monotonic()
         if not self.waiting:
             return
-        rows = pose_table.make_batch(join_columns([pose_columns(part) for part in self.waiting]))
+        rows = pose_table.make_batch(pose_columns(join_poses(self.waiting)))
         self.waiting = []
         head = b"" if self.has_schema else pose_table.schema_of(rows)
         self.has_schema |= self.put("poses.arrows", head, rows.serialize().to_pybytes())
