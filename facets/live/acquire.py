@@ -9,6 +9,7 @@ up.
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from collections import deque
@@ -51,6 +52,9 @@ FINISH = 2.0
 ENOUGH = 50
 #: Bytes are passed on to a busy loop after so long, s.
 HOLD = 0.015
+#: A thread that waits for the interpreter gets it after so long, s: the solver, busy with many
+#: small steps, else keeps the reader and the stage waiting for several milliseconds at each answer.
+SWITCH = 5e-4
 INTERRUPTED = "interrupted"
 
 
@@ -416,6 +420,8 @@ def acquire(
     live.recording = recording
     loop = Loop(live, reader, recording, show)
     with deferring() as signals, ExitStack() as closing:
+        closing.callback(sys.setswitchinterval, sys.getswitchinterval())
+        sys.setswitchinterval(SWITCH)
         if recording:
             closing.callback(recording.close)
         if live.publications:

@@ -37,18 +37,17 @@ class Remembered:
         self.parts = list(parts)
         self.frames: dict[int, Frame] = {}
 
-    def add(self, number: int, frame: Frame) -> None:
-        self.frames[number] = frame
+    def add(self, samples: Samples) -> None:
+        self.parts.append(samples)
 
     def get(self, number: int) -> Frame | None:
         """The newest of that number."""
-        if self.parts:
-            self.frames = {
+        for part in self.parts:
+            self.frames |= {
                 int(seq): (int(at), counts.tobytes())
-                for part in self.parts
                 for seq, at, counts in zip(part.seq, part.time, part.counts, strict=True)
-            } | self.frames
-            self.parts = []
+            }
+        self.parts = []
         return self.frames.get(number)
 
     def clear(self) -> None:
@@ -119,37 +118,47 @@ class Sequence:
     def sort_out(
         self, samples: Samples, gap: float
     ) -> tuple[Samples, NDArray[np.int64], NDArray[np.int64]]:
-        """One by one, where a counter does not simply go on. gap: since the last samples, us."""
+        """Run by run, where a counter does not simply go on. gap: since the last samples, us."""
         keep = np.zeros(len(samples), dtype=bool)
-        seqs: list[int] = []
-        times: list[int] = []
+        seqs: list[NDArray[np.int64]] = []
+        times: list[NDArray[np.int64]] = []
         oldest = int(self.recent[0].seq[0]) if self.recent else self.raw_seq
-        pairs = zip(samples.seq.tolist(), samples.time.tolist(), strict=True)
         raw_seq, raw_time, seq, time = self.raw_seq, self.raw_time, self.seq, self.time
         known = Remembered(self.recent)
-        for n, (number, at) in enumerate(pairs):
-            step, passed = (number - raw_seq) % WRAP, (at - raw_time) % WRAP
-            frame = (at, samples.counts[n].tobytes())
-            reach = (raw_seq - oldest) % WRAP
-            if self.is_again(step, passed, reach, number, frame, known):
-                self.doubled += 1
-                continue
-            whole = self.time_passed(step, passed, gap, first=not seqs)
-            if whole is None:
-                self.restarts += 1
-                self.fresh = len(seqs)
-                known.clear()
-                oldest = number
-                waited = gap if isfinite(gap) and not seqs else 0.0
-                step, whole = 1, int(max(waited, self.period, 1.0))
-            self.lost += step - 1
-            raw_seq, raw_time, seq, time = number, at, seq + step, time + whole
-            known.add(number, frame)
-            keep[n] = True
-            seqs.append(seq)
-            times.append(time)
-        kept = samples.where(keep)
-        return kept, np.array(seqs, dtype=np.int64), np.array(times, dtype=np.int64)
+        n = 0
+        for end in run_ends(samples):
+            while n < end:  # what is left of a run, once its first sample is kept, goes on from it
+                number, at = int(samples.seq[n]), int(samples.time[n])
+                step, passed = (number - raw_seq) % WRAP, (at - raw_time) % WRAP
+                frame = (at, samples.counts[n].tobytes())
+                reach = (raw_seq - oldest) % WRAP
+                if self.is_again(step, passed, reach, number, frame, known):
+                    self.doubled += 1
+                    n += 1
+                    continue
+                whole = self.time_passed(step, passed, gap, first=not seqs)
+                if whole is None:
+                    self.restarts += 1
+                    self.fresh = int(keep.sum())
+                    known.clear()
+                    oldest = number
+                    waited = gap if isfinite(gap) and not seqs else 0.0
+                    step, whole = 1, int(max(waited, self.period, 1.0))
+                self.lost += step - 1
+                run = slice(n, end)
+                seqs.append(seq + step + np.arange(end - n))
+                times.append(time + whole + (samples.time[run].astype(np.int64) - at) % WRAP)
+                raw_seq, raw_time = int(samples.seq[end - 1]), int(samples.time[end - 1])
+                seq, time = int(seqs[-1][-1]), int(times[-1][-1])
+                known.add(samples.where(run))
+                keep[run] = True
+                n = end
+        nothing = np.zeros(0, np.int64)
+        return (
+            samples.where(keep),
+            np.concatenate([nothing, *seqs]),
+            np.concatenate([nothing, *times]),
+        )
 
     def is_again(
         self,
@@ -207,6 +216,13 @@ class Sequence:
         if step > self.AHEAD and not (self.period > 0 and isfinite(gap) and first):
             return None
         return whole
+
+
+def run_ends(samples: Samples) -> list[int]:
+    """Where runs end whose samples simply follow each other, in both counters."""
+    steps, passed = np.diff(samples.seq), np.diff(samples.time)  # unsigned, and wrap
+    breaks = np.flatnonzero((steps != 1) | (passed >= CLOSE)) + 1
+    return [*breaks.tolist(), len(samples)]
 
 
 def steps_of(last: int, values: NDArray[np.uint32]) -> NDArray[np.int64]:

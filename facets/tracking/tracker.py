@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -24,9 +23,6 @@ from .search import Search
 WATCH = 0.02
 #: Between these shares of the beam's power light is taken for the beam's.
 LIT, BRIGHT = 0.02, 3.0
-#: A thread that waits for the interpreter gets it after so long, s: the solver, busy with many
-#: small steps, else keeps the loop waiting for several milliseconds at each answer of the stage.
-SWITCH = 5e-4
 
 
 class Sample(NamedTuple):
@@ -85,7 +81,6 @@ class Tracker:
         return self.envelope.encoder
 
     def __enter__(self) -> Tracker:
-        sys.setswitchinterval(min(SWITCH, sys.getswitchinterval()))
         for thread in self.threads:
             thread.start()
         return self
