@@ -204,14 +204,19 @@ function doubts(name) {
   return found;
 }
 
+// A text that is as it was is left alone: to set it again would have the browser draw again.
+function put(name, text) {
+  if (by(name).textContent !== text) by(name).textContent = text;
+}
+
 function header() {
   const [name, words] = state();
   document.body.dataset.state = name;
   document.body.classList.toggle("stale", ["stale", "cut", "broken"].includes(name) && !look.paused);
   const pill = look.playing ? `${words} · playing` : look.paused ? `${words} · paused` : words;
-  if (by("pill").textContent !== pill) by("pill").textContent = pill;
-  by("pause").textContent = look.paused ? "Follow" : "Pause";
-  by("play").textContent = look.playing ? "Stop" : "Play";
+  put("pill", pill);
+  put("pause", look.paused ? "Follow" : "Pause");
+  put("play", look.playing ? "Stop" : "Play");
   const found = doubts(name), text = found.join("\n");
   if (by("doubts").dataset.text !== text) {
     by("doubts").dataset.text = text;
