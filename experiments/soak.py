@@ -1,6 +1,7 @@
 """A virtual bench full of faults: is every accepted sample right, and every loss counted?
 
-`python -m facets.experiments.soak [SECONDS] [RATE]`: ten minutes at 10 kHz by default.
+`python -m facets.experiments.soak [SECONDS] [RATE] [READERS]`: ten minutes at 10 kHz by default.
+READERS, 0 by default, is how many other programs get every sample meanwhile, by `tcp://`.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ from facets.core.names import STATE_COLUMNS, STATE_UNITS
 from facets.files.provenance import run_record
 from facets.live.acquire import Ending, Live, Reader, acquire
 from facets.live.pipeline import Pipeline
+from facets.live.publication import Publications
 from facets.live.recording import Recording, recorded_poses
+from facets.live.subscription import Subscription
 from facets.live.virtual import SENT, Bench, Faults, truth_of
 
 FAULTS = "flip=1e-4,lose=1e-4,double=1e-4,drop=1e-4,stall=0.1,block=0.1,saturate=0.1"
@@ -37,8 +40,34 @@ def bench(folder: Path, rate: float, faults: str, ending: Any) -> None:
     Bench(config, "wobble", rate, Faults.of(faults), 3, folder).run(float("inf"), go_on)
 
 
+def read(address: str, told: Any) -> None:
+    """Another program: takes every sample, and tells how many came, and how late after each."""
+    count, late = 0, [np.zeros(0)]
+    with Subscription(address) as subscription:
+        told.put("here")
+        for rows in subscription:
+            count += len(rows)
+            late.append(time.monotonic() - rows["host_s"])
+    told.put((count, float(np.quantile(np.concatenate(late), 0.99)) if count else np.nan))
+
+
+def start_readers(publications: Publications) -> Any:
+    """One at each address; what they have told, once they are there."""
+    context = multiprocessing.get_context("spawn")
+    told = context.Queue()
+    for address in publications.places():
+        context.Process(target=read, args=(address, told), daemon=True).start()
+        told.get()
+    return told
+
+
 def soak(
-    folder: Path, seconds: float, rate: float, faults: str = FAULTS, samples: float = np.inf
+    folder: Path,
+    seconds: float,
+    rate: float,
+    faults: str = FAULTS,
+    samples: float = np.inf,
+    readers: int = 0,
 ) -> dict[str, Any]:
     """Runs both, for so many seconds or samples; returns what was found. Raises nothing."""
     config = facets.load("bench")
@@ -51,6 +80,8 @@ def soak(
     other.start()
     while not (folder / "board").exists():
         time.sleep(0.01)
+    live.publications = Publications(["tcp://127.0.0.1:0"] * readers, config)
+    told = start_readers(live.publications)
     story = run_record(config, None, 0, {})
     recording = Recording(folder / "recording", story, config.resolved, config.acquire.sync)
     live.begin = time.monotonic()
@@ -66,8 +97,16 @@ def soak(
     spent = (time.process_time() - spent) / (time.monotonic() - live.begin)
     ending.set()
     other.join()
-    return {**judged(folder, live), "cores": spent, "p99_ms": 1e3 * live.ninety_nine(),
-            "memory_mb": (memory[min(3, len(memory) - 1)], memory[-1])}  # fmt: skip
+    heard = [told.get() for _ in range(readers)]
+    published = [(one["sent"], one["dropped"]) for one in live.publications.counts()]
+    return {
+        **judged(folder, live),
+        "published_and_dropped": published,
+        "received_and_p99_ms": [(count, 1e3 * late) for count, late in heard],
+        "cores": spent,
+        "p99_ms": 1e3 * live.ninety_nine(),
+        "memory_mb": (memory[min(3, len(memory) - 1)], memory[-1]),
+    }
 
 
 def judged(folder: Path, live: Live) -> dict[str, Any]:
@@ -99,6 +138,7 @@ def judged(folder: Path, live: Live) -> dict[str, Any]:
 if __name__ == "__main__":
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 600.0
     rate = float(sys.argv[2]) if len(sys.argv) > 2 else 10_000.0
+    readers = int(sys.argv[3]) if len(sys.argv) > 3 else 0
     with tempfile.TemporaryDirectory() as place:
-        for name, value in soak(Path(place), seconds, rate).items():
+        for name, value in soak(Path(place), seconds, rate, readers=readers).items():
             print(f"{name:24} {value}")
