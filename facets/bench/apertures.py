@@ -32,7 +32,7 @@ def apertures(quick: bool, seed: int) -> list[Row]:
 
     States as in the other studies: all centroids on their detectors, up to the edge.
     """
-    poses = 2_000 if quick else 50_000
+    poses = 500 if quick else 50_000
     states = rivals.states_in_range(poses, seed)
     sensors = {name: replace(rivals.SENSOR, apertures=cut) for name, cut in CUTS.items()}
     wide = replace(rivals.SENSOR, apertures=Apertures(rim=1e6))  # the same code, which cuts nothing

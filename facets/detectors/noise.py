@@ -48,7 +48,8 @@ def standard_deviations(sensor: Sensor, reading: ArrayLike) -> Floats:
         var = variances(sensor, exact).sum(axis=-1)
     else:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            var = electric_variances(sensor, sensor.electronics, by_detector(exact), together=True)
+            found = two_layer_variances if two_layers(sensor.electronics) else summed_variances
+            var = found(sensor, sensor.electronics, by_detector(exact))
     root: Floats = np.sqrt(var.reshape(exact.shape))
     return root
 
@@ -145,6 +146,35 @@ def electric_variances(
             out[..., k, :2, :] /= np.diagonal(slope, axis1=-2, axis2=-1)[..., None] ** 2
     of_sum = var.sum(axis=-2) / (4 if two_layers(electronics) else 1)
     out[..., 2, :] = of_sum / (1e-3 * electronics.responsivity) ** 2
+    return out
+
+
+def summed_variances(sensor: Sensor, electronics: Electronics, exact: Floats) -> Floats:
+    """Variances of psi, zeta and power of each detector, (..., 3, 3), of all sources together."""
+    return electric_variances(sensor, electronics, exact, together=True)[..., 0]
+
+
+def two_layer_variances(sensor: Sensor, electronics: Electronics, exact: Floats) -> Floats:
+    """`summed_variances` of a duo-lateral detector, written out: a live loop asks at each block.
+
+    With the current L, the place p in half sizes h, and variances of an electrode s |I| + e:
+    h^2 (s (1 - p^2) / L + 2 e (1 + p^2) / L^2), and of the power (s L + 2 e) / 2 over the
+    responsivity squared.
+    """
+    half, gain = half_sizes(sensor), 1e-3 * electronics.responsivity
+    light = gain * exact[..., 2]
+    shot, even = (
+        2 * CHARGE * electronics.bandwidth,
+        float(current_variances(electronics, np.zeros(1), together=True)[0, 0]),
+    )
+    square, amount = np.clip(exact[..., :2] / half, -0.999, 0.999) ** 2, np.abs(light)
+    inverse = amount / (light * light)  # no number where there is no light
+    out = np.empty(exact.shape)
+    out[..., :2] = half**2 * (
+        (shot * inverse)[..., None] * (1 - square)
+        + (2 * even * inverse * inverse)[..., None] * (1 + square)
+    )
+    out[..., 2] = (shot * amount / 2 + even) / gain**2
     return out
 
 

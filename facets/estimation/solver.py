@@ -35,6 +35,10 @@ class Status(IntEnum):
         return self.name.lower().replace("_", " ")
 
 
+#: Of so many questions to a sensor the plans are kept.
+PLANS = 16
+
+
 @dataclass(frozen=True)
 class Prior:
     """What is known before the reading: a Gaussian of the given mean and standard deviation.
@@ -168,14 +172,26 @@ def plan(
 def plan_kept(
     sensor: Sensor, beam: str | Prior, power: str | Prior, method: str, shape: tuple[int, ...]
 ) -> Plan:
-    """`plan`, made once a sensor where it holds no prior: a live loop asks for the same again."""
-    if isinstance(beam, Prior) or isinstance(power, Prior):
+    """`plan`, made once a sensor where it is the same for any readings: a live loop asks again."""
+    if not (is_for_any(beam) and is_for_any(power)):
         return plan(sensor, beam, power, method, shape)
-    kept: dict[tuple[str, str, str], Plan] = sensor.__dict__.setdefault("_plans", {})
-    known = kept.get((beam, power, method))
+    asked = beam, power, method
+    kept: dict[tuple[str | Prior, str | Prior, str], Plan]
+    kept = sensor.__dict__.setdefault("_plans", {})
+    known = kept.get(asked)
     if known is None:
-        known = kept[beam, power, method] = plan(sensor, beam, power, method, ())
+        if len(kept) >= PLANS:
+            kept.clear()
+        known = kept[asked] = plan(sensor, *asked, ())
     return known
+
+
+def is_for_any(known: str | Prior) -> bool:
+    """Whether what is known does not differ by reading, and can be looked up."""
+    if isinstance(known, str):
+        return True
+    means = known.mean if isinstance(known.mean, tuple) else (known.mean,)
+    return all(isinstance(number, float) for number in (*means, known.sigma))
 
 
 def starting(start: str | ArrayLike, todo: Plan, values: Floats, shape: tuple[int, ...]) -> Floats:

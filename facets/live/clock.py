@@ -92,13 +92,16 @@ class Sequence:
             self.raw_seq, self.raw_time = int(samples.seq[0]) - 1, int(samples.time[0])
             self.seq, self.time = self.raw_seq, self.raw_time
         gap = 1e6 * (arrival - self.host)
-        steps, passed = steps_of(self.raw_seq, samples.seq), steps_of(self.raw_time, samples.time)
-        if (steps == 1).all() and (passed < CLOSE).all():
-            seq, time = self.seq + np.cumsum(steps), self.time + np.cumsum(passed)
+        step = (int(samples.seq[0]) - self.raw_seq) % WRAP
+        passed = (int(samples.time[0]) - self.raw_time) % WRAP
+        ends = run_ends(samples)
+        if step == 1 and passed < CLOSE and len(ends) == 1:
+            seq = self.seq + 1 + np.arange(len(samples))
+            time = self.time + passed + since_first(samples.time)
             if len(samples) > 1:
                 self.period = float(time[-1] - time[0]) / (len(samples) - 1)
         else:
-            samples, seq, time = self.sort_out(samples, gap)
+            samples, seq, time = self.sort_out(samples, ends, gap)
         if not isnan(arrival):
             self.host = arrival
         if not len(samples):
@@ -116,9 +119,12 @@ class Sequence:
             self.kept -= len(self.recent.popleft())
 
     def sort_out(
-        self, samples: Samples, gap: float
+        self, samples: Samples, ends: list[int], gap: float
     ) -> tuple[Samples, NDArray[np.int64], NDArray[np.int64]]:
-        """Run by run, where a counter does not simply go on. gap: since the last samples, us."""
+        """Run by run, where a counter does not simply go on.
+
+        ends: of the runs.  gap: since the last samples, us.
+        """
         keep = np.zeros(len(samples), dtype=bool)
         seqs: list[NDArray[np.int64]] = []
         times: list[NDArray[np.int64]] = []
@@ -126,7 +132,7 @@ class Sequence:
         raw_seq, raw_time, seq, time = self.raw_seq, self.raw_time, self.seq, self.time
         known = Remembered(self.recent)
         n = 0
-        for end in run_ends(samples):
+        for end in ends:
             while n < end:  # what is left of a run, once its first sample is kept, goes on from it
                 number, at = int(samples.seq[n]), int(samples.time[n])
                 step, passed = (number - raw_seq) % WRAP, (at - raw_time) % WRAP
@@ -147,7 +153,7 @@ class Sequence:
                 self.lost += step - 1
                 run = slice(n, end)
                 seqs.append(seq + step + np.arange(end - n))
-                times.append(time + whole + (samples.time[run].astype(np.int64) - at) % WRAP)
+                times.append(time + whole + since_first(samples.time[run]))
                 raw_seq, raw_time = int(samples.seq[end - 1]), int(samples.time[end - 1])
                 seq, time = int(seqs[-1][-1]), int(times[-1][-1])
                 known.add(samples.where(run))
@@ -225,8 +231,8 @@ def run_ends(samples: Samples) -> list[int]:
     return [*breaks.tolist(), len(samples)]
 
 
-def steps_of(last: int, values: NDArray[np.uint32]) -> NDArray[np.int64]:
-    """Steps of a counter that wraps at 2^32, the first from `last`."""
-    whole = np.concatenate([[last], values.astype(np.int64)])
-    steps: NDArray[np.int64] = np.diff(whole) % WRAP
-    return steps
+def since_first(values: NDArray[np.uint32]) -> NDArray[np.int64]:
+    """How far a counter that wraps at 2^32 has gone on since the first of its values (n,)."""
+    gone = np.zeros(len(values), np.int64)
+    np.cumsum(np.diff(values), out=gone[1:])  # unsigned differences wrap as the counter does
+    return gone

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
-from math import isnan
+from math import hypot, isnan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -150,6 +150,7 @@ class Pipeline:
         self.tally = Tally()
         self.board = BoardPoses()
         self.doubts = Doubts(FAINTEST * power_floor(config.sensor))
+        self.at_rest = beam_at_rest(config)
         self.dark = np.full(12, config.acquire.dark)
         self.last = (float("nan"), 0)  # arrival, s, and board's time, us, of the last sample
         self.latest = -float("inf")  # host's time of the last sample, s
@@ -288,20 +289,14 @@ class Pipeline:
 
     def beam(self, host: Floats, encoder: Encoder | None) -> Any:
         """What is known of the beam's place at the samples' times, if anything."""
-        options = self.config.solve
-        if options.beam == "free" or options.method == "paper":
-            return "free"
-        electronics = self.config.sensor.electronics
-        jitter = electronics.pointing if electronics else 0.0
-        if encoder is None:
-            sigma = options.beam_sigma if options.beam == "prior" else 0.0
-            return Prior(np.zeros((len(host), 2)), float(np.hypot(sigma, jitter)))
+        if encoder is None or self.at_rest == "free":
+            return self.at_rest
         age = float(host[-1]) - encoder.time
         if not age <= REACH:
             return "free"
         # a stage may have changed its speed since it was asked: half the way is in doubt
         moving = float(np.hypot(*encoder.speed)) * (TIMING + max(0.0, age) / 2)
-        sigma = float(np.sqrt(self.config.stage.accuracy**2 + moving**2 + jitter**2))
+        sigma = hypot(self.config.stage.accuracy, moving, jitter_of(self.config))
         return Prior(encoder.at(host), sigma)
 
     def count(self, flags: NDArray[np.uint8]) -> None:
@@ -309,6 +304,20 @@ class Pipeline:
         if flags.any():
             for bit, name in FLAGS.items():
                 self.tally.flags[name] += int((flags & bit > 0).sum())
+
+
+def jitter_of(config: Config) -> float:
+    """The beam's pointing jitter at the mirror, 1 sigma, mm."""
+    return config.sensor.electronics.pointing if config.sensor.electronics else 0.0
+
+
+def beam_at_rest(config: Config) -> Any:
+    """What is known of the beam's place where no stage carries it."""
+    options = config.solve
+    if options.beam == "free" or options.method == "paper":
+        return "free"
+    sigma = options.beam_sigma if options.beam == "prior" else 0.0
+    return Prior((0.0, 0.0), hypot(sigma, jitter_of(config)))
 
 
 def without_unchecked(solution: Solution) -> Solution:
@@ -330,9 +339,10 @@ def without_unchecked(solution: Solution) -> Solution:
 
 def with_causes(solution: Solution, flags: NDArray[np.uint8]) -> Solution:
     """The same with the status FULL for what is not finite since a converter was at its end."""
-    full = (flags & SATURATED > 0) & (solution.status == Status.NON_FINITE)
+    full = flags & SATURATED > 0
     if not full.any():
         return solution
+    full &= solution.status == Status.NON_FINITE
     return replace(solution, status=np.where(full, np.int8(FULL), solution.status))
 
 

@@ -24,6 +24,16 @@ def sensor(kind: str, electronics: Electronics = LOUD) -> facets.Sensor:
     return facets.Sensor(electronics=replace(electronics, kind=kind))
 
 
+def test_two_layers_written_out_are_the_sum_of_all_sources():
+    """Of what has light, and of what has none, is negative, or is no number at all."""
+    one = sensor("duo-lateral")
+    rng = np.random.default_rng(4)
+    many = READING * rng.uniform(-1, 1.5, (200, 9))
+    many[:3] = [[np.nan] * 9, [0.0] * 9, [3.0, -40.0, 0.01] * 3]
+    summed = variances(one, many).sum(axis=-1)
+    np.testing.assert_allclose(standard_deviations(one, many) ** 2, summed, rtol=1e-13)
+
+
 @pytest.mark.parametrize("kind", electrodes.KINDS)
 @pytest.mark.parametrize("aspect", [1.0, 0.6])
 def test_currents_lead_back_to_the_place(kind, aspect):

@@ -45,6 +45,17 @@ def test_counters_wrap_and_gaps_are_counted():
     assert sequence.restarts == 0
 
 
+@pytest.mark.parametrize("missing", [[], [7000]])
+def test_a_clock_may_wrap_several_times_in_a_block(missing):
+    """As in a file of a slow board: every 0.9 s a sample, for over two hours."""
+    numbers = np.delete(np.arange(10_000), missing)
+    sequence = Sequence()
+    _, seq, time = sequence.follow(samples(numbers, 900_000 * numbers))
+    assert seq.tolist() == numbers.tolist()
+    assert (time - time[0]).tolist() == (900_000 * numbers).tolist()
+    assert (sequence.lost, sequence.restarts) == (len(missing), 0)
+
+
 def test_samples_that_come_again_are_dropped():
     sequence = Sequence()
     _, seq, time = sequence.follow(samples([10, 11, 11, 10, 12]))
