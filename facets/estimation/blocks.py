@@ -420,6 +420,7 @@ class One:
         )  # fmt: skip
         self.addresses = [address_of(array) if array.size else 0 for array in arrays]
         self.most = min(problem.max_steps, MOST)
+        self.changed = True
 
     def estimate(self, values: Array, sigmas: Array, start: Array) -> bool:
         """Fills the results of a reading (1, 9) from `start`; whether it could."""
@@ -428,8 +429,11 @@ class One:
         if weighed:
             self.weights[:] = inverse_of(sigmas)
         self.kernel(*self.addresses, 9 if weighed else 0, 0, 0, self.most, 1)
-        if self.left[0]:
-            return False
         found = self.results
-        found.steps[0], found.status[0], found.used[:] = self.steps[0], CONVERGED, True
+        if self.left[0]:
+            self.changed = True  # what estimates the reading in its place writes all results
+            return False
+        if self.changed:
+            found.status[0], found.used[:], self.changed = CONVERGED, True, False
+        found.steps[0] = self.steps[0]
         return True

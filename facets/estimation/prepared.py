@@ -15,6 +15,7 @@ from ..detectors.noise import standard_deviations
 from ..model.arrays import packed
 from . import problem
 from .solver import (
+    FirstRow,
     Plan,
     Prior,
     Solution,
@@ -23,7 +24,6 @@ from .solver import (
     by_blocks,
     empty_results,
     plan,
-    solution_of_one,
     starting,
     workspace,
 )
@@ -84,6 +84,7 @@ class Solver:
         self._block = block_of(sensor, self._plan, self._problem, covariance)
         if self._block is not None:
             self._found = self._block.results
+        self._first = FirstRow(self._found)
         self._last: Floats | None = None
 
     def __reduce__(self) -> Any:
@@ -121,7 +122,7 @@ class Solver:
             self._last = self._found.states.copy()
         if self._sensor.calibration is not None and len(self._found.covariances) > 0:
             add_calibration(self._sensor, self._plan, self._found)
-        return solution_of_one(self._found)
+        return self._first.solution()
 
     def starting(self, start: str | ArrayLike, values: Floats) -> Floats | None:
         """Where `facets.solve` starts for one reading (1, 9); None for zero."""

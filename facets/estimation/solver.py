@@ -268,18 +268,23 @@ def solution(found: problem.Results, shape: tuple[int, ...]) -> Solution:
     )
 
 
-def solution_of_one(found: problem.Results) -> Solution:
-    """What was found for one reading, in arrays of its own."""
-    covariances = found.covariances
-    return Solution(
-        state=found.states[0, :8].copy(),
-        status=np.array(found.status[0]),
-        power=np.array(found.states[0, 8]),
-        used=found.used[0].copy(),
-        iterations=np.array(found.steps[0]),
-        residual=np.array(found.residuals[0]),
-        covariance=covariances[0].copy() if len(covariances) else None,
-    )
+class FirstRow:
+    """What was found for the first of some readings, whose arrays are used again, as a `Solution`.
+
+    Made once; a live loop asks for the solution of one reading at a time.
+    """
+
+    def __init__(self, found: problem.Results) -> None:
+        numbers = (found.status, found.states[:, 8], found.steps, found.residuals)
+        status, power, steps, residual = (array[:1].reshape(()) for array in numbers)
+        self.views = found.states[0, :8], status, power, found.used[0], steps, residual
+        self.covariance = found.covariances[0] if len(found.covariances) else None
+
+    def solution(self) -> Solution:
+        """In arrays of its own."""
+        covariance = None if self.covariance is None else self.covariance.copy()
+        state, status, power, used, steps, residual = (view.copy() for view in self.views)
+        return Solution(state, status, power, used, steps, residual, covariance)
 
 
 def estimate(
