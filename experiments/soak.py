@@ -29,6 +29,8 @@ from facets.live.virtual import SENT, Bench, Faults, truth_of
 FAULTS = "flip=1e-4,lose=1e-4,double=1e-4,drop=1e-4,stall=0.1,block=0.1,saturate=0.1"
 #: An error of more than this many standard uncertainties is wrong: once in 1e10 numbers, by chance.
 WRONG = 6.5
+#: So long a reader may take to begin, and to tell, s.
+PATIENCE = 60.0
 
 
 def bench(folder: Path, rate: float, faults: str, ending: Any) -> None:
@@ -57,7 +59,7 @@ def start_readers(publications: Publications) -> Any:
     told = context.Queue()
     for address in publications.places():
         context.Process(target=read, args=(address, told), daemon=True).start()
-        told.get()
+        told.get(timeout=PATIENCE)
     return told
 
 
@@ -69,7 +71,7 @@ def soak(
     samples: float = np.inf,
     readers: int = 0,
 ) -> dict[str, Any]:
-    """Runs both, for so many seconds or samples; returns what was found. Raises nothing."""
+    """Runs both, for so many seconds or samples; returns what was found."""
     config = facets.load("bench")
     facets.readings(config.sensor, np.zeros(8))  # compiled before both need it
     live = Live(Pipeline(config))
@@ -97,7 +99,7 @@ def soak(
     spent = (time.process_time() - spent) / (time.monotonic() - live.begin)
     ending.set()
     other.join()
-    heard = [told.get() for _ in range(readers)]
+    heard = [told.get(timeout=PATIENCE) for _ in range(readers)]
     published = [(one["sent"], one["dropped"]) for one in live.publications.counts()]
     return {
         **judged(folder, live),

@@ -48,8 +48,8 @@ def standard_deviations(sensor: Sensor, reading: ArrayLike) -> Floats:
         var = variances(sensor, exact).sum(axis=-1)
     else:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            found = two_layer_variances if two_layers(sensor.electronics) else summed_variances
-            var = found(sensor, sensor.electronics, by_detector(exact))
+            formula = two_layer_variances if two_layers(sensor.electronics) else summed_variances
+            var = formula(sensor, sensor.electronics, by_detector(exact))
     root: Floats = np.sqrt(var.reshape(exact.shape))
     return root
 
@@ -163,10 +163,8 @@ def two_layer_variances(sensor: Sensor, electronics: Electronics, exact: Floats)
     """
     half, gain = half_sizes(sensor), 1e-3 * electronics.responsivity
     light = gain * exact[..., 2]
-    shot, even = (
-        2 * CHARGE * electronics.bandwidth,
-        float(current_variances(electronics, np.zeros(1), together=True)[0, 0]),
-    )
+    shot = 2 * CHARGE * electronics.bandwidth
+    even = current_variances(electronics, np.zeros(1), together=True).item()
     square, amount = np.clip(exact[..., :2] / half, -0.999, 0.999) ** 2, np.abs(light)
     inverse = amount / (light * light)  # no number where there is no light
     out = np.empty(exact.shape)

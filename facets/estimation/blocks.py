@@ -395,7 +395,8 @@ def run(
 class One:
     """A block for one reading at a time, whose memory is kept; all lanes have the same.
 
-    results: of one reading, overwritten by the next.
+    results: of one reading, overwritten by the next.  overwritten: whether something else has
+    written its status and what was used since.
     """
 
     def __init__(self, packed: Array, limits: Limits, problem: Problem, covariance: bool) -> None:
@@ -420,7 +421,7 @@ class One:
         )  # fmt: skip
         self.addresses = [address_of(array) if array.size else 0 for array in arrays]
         self.most = min(problem.max_steps, MOST)
-        self.changed = True
+        self.overwritten = True
 
     def estimate(self, values: Array, sigmas: Array, start: Array) -> bool:
         """Fills the results of a reading (1, 9) from `start`; whether it could."""
@@ -431,9 +432,9 @@ class One:
         self.kernel(*self.addresses, 9 if weighed else 0, 0, 0, self.most, 1)
         found = self.results
         if self.left[0]:
-            self.changed = True  # what estimates the reading in its place writes all results
+            self.overwritten = True  # by what estimates the reading in its place
             return False
-        if self.changed:
-            found.status[0], found.used[:], self.changed = CONVERGED, True, False
+        if self.overwritten:
+            found.status[0], found.used[:], self.overwritten = CONVERGED, True, False
         found.steps[0] = self.steps[0]
         return True

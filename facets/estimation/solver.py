@@ -35,10 +35,6 @@ class Status(IntEnum):
         return self.name.lower().replace("_", " ")
 
 
-#: Of so many questions to a sensor the plans are kept.
-PLANS = 16
-
-
 @dataclass(frozen=True)
 class Prior:
     """What is known before the reading: a Gaussian of the given mean and standard deviation.
@@ -106,7 +102,7 @@ class Plan(NamedTuple):
 def prior_of_beam(beam: str | Prior) -> Prior:
     if isinstance(beam, Prior):
         return beam
-    sigma = {"free": np.inf, "known": 0.0}.get(beam)
+    sigma = {"free": np.inf, "known": 0.0}.get(beam) if isinstance(beam, str) else None
     if sigma is None:
         raise InputError(f'beam is {beam!r}; allowed: "free", "known" or a facets.Prior')
     return Prior((0.0, 0.0), sigma)
@@ -115,7 +111,7 @@ def prior_of_beam(beam: str | Prior) -> Prior:
 def prior_of_power(power: str | Prior, sensor: Sensor) -> Prior:
     if isinstance(power, Prior):
         return power
-    sigma = {"known": 0.0, "unknown": np.inf}.get(power)
+    sigma = {"known": 0.0, "unknown": np.inf}.get(power) if isinstance(power, str) else None
     if sigma is None:
         raise InputError(f'power is {power!r}; allowed: "known", "unknown" or a facets.Prior')
     return Prior(sensor.beam.power, sigma)
@@ -169,11 +165,15 @@ def plan(
     return Plan(means_of(place, light, shape), weights, free, limits_of(sensor, paper))
 
 
+#: So many plans are kept a sensor.
+PLANS = 16
+
+
 def plan_kept(
     sensor: Sensor, beam: str | Prior, power: str | Prior, method: str, shape: tuple[int, ...]
 ) -> Plan:
     """`plan`, made once a sensor where it is the same for any readings: a live loop asks again."""
-    if not (is_for_any(beam) and is_for_any(power)):
+    if not (is_for_any(beam, 2) and is_for_any(power, 1)):
         return plan(sensor, beam, power, method, shape)
     asked = beam, power, method
     kept: dict[tuple[str | Prior, str | Prior, str], Plan]
@@ -186,12 +186,13 @@ def plan_kept(
     return known
 
 
-def is_for_any(known: str | Prior) -> bool:
-    """Whether what is known does not differ by reading, and can be looked up."""
-    if isinstance(known, str):
-        return True
-    means = known.mean if isinstance(known.mean, tuple) else (known.mean,)
-    return all(isinstance(number, float) for number in (*means, known.sigma))
+def is_for_any(known: object, count: int) -> bool:
+    """Whether what is known is a word, or a prior of plain numbers, `count` means in a tuple."""
+    if not isinstance(known, Prior):
+        return isinstance(known, str)
+    means = known.mean if isinstance(known.mean, tuple) and count > 1 else (known.mean,)
+    plain = all(isinstance(number, float) for number in (*means, known.sigma))
+    return plain and len(means) == count
 
 
 def starting(start: str | ArrayLike, todo: Plan, values: Floats, shape: tuple[int, ...]) -> Floats:

@@ -53,7 +53,7 @@ ENOUGH = 50
 #: Bytes are passed on to a busy loop after so long, s.
 HOLD = 0.015
 #: A thread that waits for the interpreter gets it after so long, s: the solver, busy with many
-#: small steps, else keeps the reader and the stage waiting for several milliseconds at each answer.
+#: small steps, else keeps the reader and the loop of the stage waiting for several milliseconds.
 SWITCH = 5e-4
 INTERRUPTED = "interrupted"
 
@@ -421,7 +421,7 @@ def acquire(
     loop = Loop(live, reader, recording, show)
     with deferring() as signals, ExitStack() as closing:
         closing.callback(sys.setswitchinterval, sys.getswitchinterval())
-        sys.setswitchinterval(SWITCH)
+        sys.setswitchinterval(min(SWITCH, sys.getswitchinterval()))
         if recording:
             closing.callback(recording.close)
         if live.publications:

@@ -311,8 +311,8 @@ def jitter_of(config: Config) -> float:
     return config.sensor.electronics.pointing if config.sensor.electronics else 0.0
 
 
-def beam_at_rest(config: Config) -> Any:
-    """What is known of the beam's place where no stage carries it."""
+def beam_at_rest(config: Config) -> str | Prior:
+    """What is known of the beam's place where no stage carries it; "free" also where one does."""
     options = config.solve
     if options.beam == "free" or options.method == "paper":
         return "free"

@@ -266,6 +266,23 @@ def test_bad_priors_are_named():
         Prior((np.nan, 0), 1)
 
 
+def test_a_prior_may_differ_by_reading_and_be_a_tuple():
+    readings = facets.readings(SENSOR, np.zeros((3, 8)))
+    means = [SENSOR.beam.power] * 3
+    for mean in (means, tuple(means)):
+        found = facets.solve(SENSOR, readings, power=facets.Prior(mean, 0.01))
+        assert found.ok.all()
+
+
+@pytest.mark.parametrize("nonsense", [None, 0.0, (0.0, 0.0), [0.0, 0.0]])
+@pytest.mark.parametrize("count", [1, 3])
+def test_what_is_no_prior_is_named(nonsense, count):
+    readings = np.squeeze(facets.readings(SENSOR, np.zeros((count, 8))))
+    for name in ("beam", "power"):
+        with pytest.raises(InputError, match=f"{name} is"):
+            facets.solve(SENSOR, readings, **{name: nonsense})
+
+
 def test_bad_shapes_are_named():
     with pytest.raises(InputError, match=r"needed: \(\.\.\., 9\)"):
         facets.solve(SENSOR, np.zeros(8))
