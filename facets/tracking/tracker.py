@@ -96,10 +96,11 @@ class Tracker:
     def close(self) -> None:
         """Stops the stage, ends the threads and closes the port; again if need be. Never raises."""
         self.ending.set()
-        loop = self.threads[0]
-        if loop.is_alive() and loop is not threading.current_thread():
+        if self.threads[0].is_alive():
             self.envelope.cry()  # the loop may be waiting for the stage's word
-            loop.join(timeout=PATIENCE + 1)
+        for thread in self.threads:
+            if thread.is_alive() and thread is not threading.current_thread():
+                thread.join(timeout=PATIENCE + 1)
         if not self.envelope.close() and not self.error:
             self.error = "the stage did not answer when it was to stop at the end"
 
