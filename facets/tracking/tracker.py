@@ -39,6 +39,12 @@ class Sample(NamedTuple):
 NOTHING = Sample(-np.inf, -np.inf, np.full(3, np.nan), None, "waiting for light")
 
 
+def join(thread: threading.Thread) -> None:
+    """Waits for a thread's end, a while, where there is something to wait for."""
+    if thread.is_alive() and thread is not threading.current_thread():
+        thread.join(timeout=PATIENCE + 1)
+
+
 class Tracker:
     """Sends the stage after the newest good sample, for as long as that is fresh.
 
@@ -96,13 +102,13 @@ class Tracker:
     def close(self) -> None:
         """Stops the stage, ends the threads and closes the port; again if need be. Never raises."""
         self.ending.set()
-        if self.threads[0].is_alive():
+        loop, watchdog = self.threads
+        if loop.is_alive():
             self.envelope.cry()  # the loop may be waiting for the stage's word
-        for thread in self.threads:
-            if thread.is_alive() and thread is not threading.current_thread():
-                thread.join(timeout=PATIENCE + 1)
+            join(loop)
         if not self.envelope.close() and not self.error:
             self.error = "the stage did not answer when it was to stop at the end"
+        join(watchdog)
 
     def feed(self, times: Floats, powers: Floats, apexes: Floats) -> None:
         """Takes samples: host times (n,) s, powers (n, 3) mW, apexes (n, 2) mm or NaN."""

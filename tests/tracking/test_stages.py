@@ -445,15 +445,19 @@ def test_the_threads_follow_and_leave_a_stage_that_stands():
     port.read = read
     port.now = None
     follower = Tracker(port, STAGE, law, say)
-    watch = follower.envelope.watch
+    watch, watching = follower.envelope.watch, threading.Event()
 
-    def watch_late():  # as on a busy machine: the end waits for it
-        time.sleep(0.1)
+    def watch_late():  # as on a busy machine: it still looks when all is over
+        watching.set()
+        follower.ending.wait()
+        while not port.closed:
+            time.sleep(0.01)
+        time.sleep(0.2)
         watch()
 
     follower.envelope.watch = watch_late
     with follower:
-        while not moved.is_set():
+        while not (moved.is_set() and watching.is_set()):
             now = time.monotonic()
             follower.feed(np.array([now]), np.full((1, 3), 0.1), np.array([[0.55, 0.0]]))
             moved.wait(0.01)
