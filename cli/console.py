@@ -98,11 +98,13 @@ def with_progress(
     run: Callable[[Callable[[int, int], None]], None], what: str = "exploring"
 ) -> None:
     """Runs what tells how far it is, with a bar on a terminal.  what: it does."""
+    if not sys.stderr.isatty():
+        run(lambda *_: None)
+        return
     from rich.console import Console
     from rich.progress import Progress
 
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+    with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(what, total=None)
         run(lambda done, whole: progress.update(task, completed=done, total=whole))
 

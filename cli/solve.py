@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from enum import StrEnum
@@ -83,12 +84,14 @@ def solve(
 @contextmanager
 def progress_bar(readings: Path) -> Iterator[Callable[[int], None]]:
     """Gives a function of the bytes read so far; shown on a terminal only."""
+    if not sys.stderr.isatty():
+        yield lambda _: None
+        return
     from rich.console import Console
     from rich.progress import BarColumn, DownloadColumn, Progress, TimeRemainingColumn
 
-    console = Console(stderr=True)
     columns = (BarColumn(), DownloadColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
+    with Progress(*columns, console=Console(stderr=True)) as progress:
         size = readings.stat().st_size if readings.is_file() else None
         task = progress.add_task("solve", total=size)
         yield lambda done: progress.update(task, completed=done)
