@@ -99,7 +99,7 @@ class Sequence:
             seq = self.seq + 1 + np.arange(len(samples))
             time = self.time + passed + since_first(samples.time)
             if len(samples) > 1:
-                self.period = float(time[-1] - time[0]) / (len(samples) - 1)
+                self.period = usual_step(time)
         else:
             samples, seq, time = self.sort_out(samples, ends, gap)
         if not isnan(arrival):
@@ -229,6 +229,13 @@ def run_ends(samples: Samples) -> list[int]:
     steps, passed = np.diff(samples.seq), np.diff(samples.time)  # unsigned, and wrap
     breaks = np.flatnonzero((steps != 1) | (passed >= CLOSE)) + 1
     return [*breaks.tolist(), len(samples)]
+
+
+def usual_step(time: NDArray[np.int64]) -> float:
+    """The median step of times (n,) that only grow, for a board may have paused among them; the
+    mean step where most have none, as those of a board that stamps several samples at once."""
+    steps = np.sort(np.diff(time))
+    return float(steps[len(steps) // 2] or steps.mean())
 
 
 def since_first(values: NDArray[np.uint32]) -> NDArray[np.int64]:

@@ -56,6 +56,25 @@ def test_a_clock_may_wrap_several_times_in_a_block(missing):
     assert (sequence.lost, sequence.restarts) == (len(missing), 0)
 
 
+def test_a_board_that_paused_has_not_restarted_where_a_sample_is_lost():
+    """A pause makes the mean step of its block fifty times the usual one."""
+    sequence = Sequence()
+    times = PERIOD * np.arange(200)
+    times[50:] += 500_000
+    sequence.follow(samples(range(100), times[:100]), 1.0)
+    _, seq, time = sequence.follow(samples([*range(100, 120), *range(121, 200)],
+                                           np.delete(times[100:], 20)), 1.01)  # fmt: skip
+    assert (sequence.restarts, sequence.lost) == (0, 1)
+    assert seq[-1] == 199
+    assert time[-1] == times[-1]
+
+
+def test_samples_stamped_together_have_the_mean_step():
+    sequence = Sequence()
+    sequence.follow(samples(range(100), 1000 * (np.arange(100) // 10)), 1.0)
+    assert sequence.period == pytest.approx(1000 * 9 / 99)
+
+
 def test_samples_that_come_again_are_dropped():
     sequence = Sequence()
     _, seq, time = sequence.follow(samples([10, 11, 11, 10, 12]))
