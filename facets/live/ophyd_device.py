@@ -210,8 +210,7 @@ class PoseSensor(
     def _is_whole(self, stream: RowStream) -> bool:
         if self._left is None:
             return bool(stream.newest > self._end)
-        came = sum(int((rows["host_s"] >= self._begin).sum()) for rows in stream.held.parts)
-        return came >= self._left
+        return stream.count_since(self._begin) >= self._left
 
     async def collect_pages(self) -> AsyncIterator[PartialEventPage]:
         """What came of the interval and was not collected yet, as event pages."""

@@ -161,6 +161,11 @@ class RowStream:
             self.news.notify_all()
             return rows
 
+    def count_since(self, begin: float) -> int:
+        """How many of the kept samples were taken at a host's time, s, or after it."""
+        with self.news:
+            return sum(int((rows["host_s"] >= begin).sum()) for rows in self.held.parts)
+
     def wait(self, true: Callable[[], bool]) -> None:
         """Until something is so, or nothing more comes. Raises `FacetsError` where nothing comes
         for PATIENCE seconds, or the source failed."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import queue
 import time
 from dataclasses import replace
@@ -143,6 +144,20 @@ class Board:
         rows["seq"] = self.seq + np.arange(len(times))
         self.seq += len(times)
         self.queue.put(rows)
+
+
+def test_samples_are_counted_while_more_come(monkeypatch):
+    rows = np.ones(1, SAMPLE)
+    monkeypatch.setattr(row_stream.RowStream, "rows", lambda _: itertools.repeat(rows, 20_000))
+    stream = row_stream.RowStream(CONFIG, "board")
+    stream.keep()
+    counts = [0]
+    while not stream.ended:
+        counts.append(stream.count_since(1.0))
+    assert counts == sorted(counts)
+    assert stream.count_since(1.0) == stream.held.count
+    assert stream.count_since(2.0) == 0
+    stream.close()
 
 
 def test_a_flight_holds_the_samples_of_its_interval_and_no_others(engine, documents, monkeypatch):
