@@ -51,8 +51,8 @@ _HOMES = {
     "standard_deviations": "detectors.noise",
     "Solver": "estimation.prepared",
     "Prior": "estimation.solver",
-    "Solution": "estimation.solver",
-    "Status": "estimation.solver",
+    "Solution": "estimation.solution",
+    "Status": "estimation.solution",
     "solve": "estimation.solver",
     "AxisRange": "characterization.ranges",
     "Boundary": "characterization.ranges",
@@ -104,9 +104,9 @@ if TYPE_CHECKING:
     from .detectors.noise import add_noise as add_noise
     from .detectors.noise import standard_deviations as standard_deviations
     from .estimation.prepared import Solver as Solver
+    from .estimation.solution import Solution as Solution
+    from .estimation.solution import Status as Status
     from .estimation.solver import Prior as Prior
-    from .estimation.solver import Solution as Solution
-    from .estimation.solver import Status as Status
     from .estimation.solver import solve as solve
     from .model.arrays import footprints as footprints
     from .model.arrays import jacobian as jacobian

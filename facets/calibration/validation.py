@@ -11,7 +11,8 @@ from ..core.names import ANGLES, POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.correction import corrected
-from ..estimation.solver import Prior, Solution, solve
+from ..estimation.solution import Solution
+from ..estimation.solver import Prior, solve
 from ..model.arrays import readings
 from .bundle_adjustment import OWN, Data, add_skew, states_of
 from .fit import NORMAL_MEDIAN, Fit

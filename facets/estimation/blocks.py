@@ -41,6 +41,7 @@ from .problem import (
     Readings,
     Results,
 )
+from .solution import COVARIANCE, RESIDUAL
 
 Array = Any
 Numbers = list[Any]
@@ -164,8 +165,8 @@ def write_step(
     return gain < small, gain
 
 
-def write_covariance(code: LaneWriter, factor: Memory, free: Sequence[int], found: Any) -> None:
-    """The covariance of the free unknowns at their places in that of the state, (8, 8) each."""
+def covariance_of(factor: Memory, free: Sequence[int]) -> Numbers:
+    """That of the free unknowns at its places in that of the state, (8, 8), row by row."""
     size = len(free)
     numbers = iter([factor[n] for n in range(size * (size + 1) // 2)])
     triangle = [[next(numbers) for _ in range(i + 1)] for i in range(size)]
@@ -176,61 +177,59 @@ def write_covariance(code: LaneWriter, factor: Memory, free: Sequence[int], foun
         for b in range(8):
             known = a in places and b in places
             rows.append(covariance[places[a]][places[b]] if known else 0.0)
-    code.store_rows(rows, found, 64)
+    return rows
+
+
+#: What a task's table holds: addresses of the sensor's vectors, of the numbers of `table_of`, of
+#: arrays of `Readings`, `Problem` and `Results` (0 where no covariances are asked for), and of bits
+#: for each block that tell which lanes are left. Whether the readings have weights of their own;
+#: else that address is any of such rows. Whether each lane has rows of its own in the readings,
+#: weights and results, in the means, and in the starts. The most steps, and the number of blocks.
+(
+    PACKED, TABLE, VALUES, WEIGHTS, MEANS, STARTS, STATES, STEPS, RESIDUALS, COVARIANCES, LEFT,
+    WEIGHED, ROWS, MEANS_ROWS, STARTS_ROWS, MOST_STEPS, BLOCKS, PLACES,
+) = range(18)  # fmt: skip
 
 
 def estimating(free: tuple[int, ...]) -> Any:
-    """Machine code that estimates blocks of readings, as a function of addresses and counts.
+    """Machine code that estimates blocks of readings, as a function of the address of a task's
+    table."""
 
-    They are those of the sensor's vectors, the table of `table_of`, the arrays of `Readings`,
-    `Problem` and `Results`, and bits for each block that tell which lanes are left; then how far
-    the rows of weights, means and starts are apart, the most steps, and how many blocks there are.
-    A zero stands for no covariances.
-    """
-
-    def write(
-        _: Any, packed: Any, table: Any, values: Any, weights: Any, means: Any, starts: Any,
-        states: Any, steps: Any, residuals: Any, covariances: Any, left: Any,
-        weighed: Any, apart: Any, begun: Any, most: Any, blocks: Any,
-    ) -> Any:  # fmt: skip
+    def write(_: Any, task: Any) -> Any:
         def code(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-            numbers = [builder.inttoptr(a, ir.PointerType(DOUBLE)) for a in given[:11]]
-            with cgutils.for_range(builder, given[15]) as loop:
-                write_block(builder, free, numbers, given[11:], loop.index, given[9])
+            table = builder.inttoptr(given[0], ir.PointerType(LONG))
+            task = [builder.load(builder.gep(table, [ir.Constant(LONG, n)])) for n in range(PLACES)]
+            with cgutils.for_range(builder, task[BLOCKS]) as loop:
+                write_block(builder, free, task, loop.index)
             return context.get_dummy_value()
 
-        names = (
-            packed, table, values, weights, means, starts, states, steps, residuals, covariances,
-            left, weighed, apart, begun, most, blocks,
-        )  # fmt: skip
-        return types.void(*names), code
+        return types.void(task), code
 
     return intrinsic(write)
 
 
-def write_block(
-    builder: Any, free: tuple[int, ...], pointers: list[Any], flags: Any, index: Any, wanted: Any
-) -> None:
-    """pointers, and flags: weighed, apart, begun, most.  wanted: 0 where no
-    covariances are."""
+def write_block(builder: Any, free: tuple[int, ...], task: list[Any], index: Any) -> None:
+    """task: the numbers of a task's table.  index: of the block."""
     code = LaneWriter(builder, LANES)
-    packed, table, values, weights, means, starts, states, steps, residuals, covs, left = pointers
-    weighed, apart, begun, most = flags[:4]
+    addresses = task[PACKED:WEIGHED]
+    pointers = [builder.inttoptr(address, ir.PointerType(DOUBLE)) for address in addresses]
+    vectors = vectors_at(code, pointers[PACKED], PLAIN)
+    first = builder.mul(index, ir.Constant(LONG, LANES))
 
-    def here(pointer: Any, width: Any) -> Any:
-        """Where the block's rows begin; width: numbers a row, known now or then."""
-        wide = ir.Constant(LONG, width) if isinstance(width, int) else width
-        first = builder.mul(index, ir.Constant(LONG, LANES))
-        return builder.gep(pointer, [builder.mul(first, wide)])
+    def apart(width: int, rows: int = ROWS) -> Any:
+        """How far the rows of the lanes are apart."""
+        return builder.mul(task[rows], ir.Constant(LONG, width))
 
-    vectors = vectors_at(code, packed, PLAIN)
-    asked = Question(
-        code, table,
-        code.load_rows(here(values, 9), 9, 9),
-        code.load_rows(here(means, apart), apart, 3),
-    )  # fmt: skip
-    own = code.load_rows(here(weights, weighed), weighed, 9)
-    with_own = builder.icmp_signed("!=", weighed, ir.Constant(LONG, 0))
+    def here(array: int, width: int, rows: int = ROWS) -> Any:
+        """Where the block's rows of an array begin; width: numbers a row."""
+        return builder.gep(pointers[array], [builder.mul(first, apart(width, rows))])
+
+    def read(array: int, width: int, rows: int = ROWS) -> Numbers:
+        return code.load_rows(here(array, width, rows), apart(width, rows), width)
+
+    asked = Question(code, pointers[TABLE], read(VALUES, 9), read(MEANS, 3, MEANS_ROWS))
+    own = read(WEIGHTS, 9)
+    with_own = builder.icmp_signed("!=", task[WEIGHED], ir.Constant(LONG, 0))
     asked.weights = [
         Value(code, builder.select(with_own, a.ir, b.ir))
         for a, b in zip(own, asked.weights, strict=True)
@@ -239,7 +238,7 @@ def write_block(
     sizes = {"here": 9, "end": 9, "cost": 1, "gain": 1, "small": 1, "steps": 1}
     memory = {name: Memory(code, each) for name, each in sizes.items()}
     memory["factor"] = Memory(code, size * (size + 1) // 2)
-    for c, number in enumerate(code.load_rows(here(starts, begun), begun, UNKNOWNS)):
+    for c, number in enumerate(read(STARTS, UNKNOWNS, STARTS_ROWS)):
         memory["here"][c] = number
     memory["cost"][0], memory["small"][0], memory["steps"][0] = inf, asked.smallest(), 0.0
     masks = builder.alloca  # placed by hand below, where the function begins
@@ -264,57 +263,40 @@ def write_block(
     done = builder.add(builder.load(round_), ir.Constant(LONG, 1))
     builder.store(done, round_)
     some = builder.icmp_signed("!=", code.bits(going), ir.Constant(LONG, 0))
-    again = builder.and_(some, builder.icmp_signed("<", done, most))
+    again = builder.and_(some, builder.icmp_signed("<", done, task[MOST_STEPS]))
     builder.cbranch(again, body, after)
     builder.position_at_end(after)
-    code.store_rows([memory["end"][c] for c in range(UNKNOWNS)], here(states, 9), 9)
+    ends = [memory["end"][c] for c in range(UNKNOWNS)]
+    code.store_rows(ends, here(STATES, UNKNOWNS), apart(UNKNOWNS))
     rest = memory["cost"][0] - memory["gain"][0]
     root = code.function("sqrt", code.select(rest > 0, rest, 0.0))
-    code.store_lanes(root, here(residuals, 1), 0)
-    code.store_lanes(memory["steps"][0], here(steps, 1), 0)
+    code.store_lanes(root, here(RESIDUALS, 1), 0)
+    code.store_lanes(memory["steps"][0], here(STEPS, 1), 0)
     bits = code.bits(Condition(code, builder.load(gone)) | Condition(code, builder.load(active)))
-    builder.store(bits, builder.gep(builder.bitcast(left, ir.PointerType(LONG)), [index]))
-    with builder.if_then(builder.icmp_signed("!=", wanted, ir.Constant(LONG, 0))):
-        write_covariance(code, memory["factor"], free, here(covs, 64))
+    flags = builder.bitcast(pointers[LEFT], ir.PointerType(LONG))
+    builder.store(bits, builder.gep(flags, [index]))
+    with builder.if_then(builder.icmp_signed("!=", task[COVARIANCES], ir.Constant(LONG, 0))):
+        covariance = covariance_of(memory["factor"], free)
+        code.store_rows(covariance, here(COVARIANCES, 64), apart(64))
 
 
 free_8, free_6, free_9, free_7 = map(estimating, QUESTIONS)
 
 
-def estimate_8(
-    packed: int, table: int, values: int, weights: int, means: int, starts: int, states: int,
-    steps: int, residuals: int, covariances: int, left: int,
-    weighed: int, apart: int, begun: int, most: int, blocks: int,
-) -> None:  # fmt: skip
-    free_8(packed, table, values, weights, means, starts, states, steps, residuals, covariances,
-           left, weighed, apart, begun, most, blocks)  # fmt: skip
+def estimate_8(task: int) -> None:
+    free_8(task)
 
 
-def estimate_6(
-    packed: int, table: int, values: int, weights: int, means: int, starts: int, states: int,
-    steps: int, residuals: int, covariances: int, left: int,
-    weighed: int, apart: int, begun: int, most: int, blocks: int,
-) -> None:  # fmt: skip
-    free_6(packed, table, values, weights, means, starts, states, steps, residuals, covariances,
-           left, weighed, apart, begun, most, blocks)  # fmt: skip
+def estimate_6(task: int) -> None:
+    free_6(task)
 
 
-def estimate_9(
-    packed: int, table: int, values: int, weights: int, means: int, starts: int, states: int,
-    steps: int, residuals: int, covariances: int, left: int,
-    weighed: int, apart: int, begun: int, most: int, blocks: int,
-) -> None:  # fmt: skip
-    free_9(packed, table, values, weights, means, starts, states, steps, residuals, covariances,
-           left, weighed, apart, begun, most, blocks)  # fmt: skip
+def estimate_9(task: int) -> None:
+    free_9(task)
 
 
-def estimate_7(
-    packed: int, table: int, values: int, weights: int, means: int, starts: int, states: int,
-    steps: int, residuals: int, covariances: int, left: int,
-    weighed: int, apart: int, begun: int, most: int, blocks: int,
-) -> None:  # fmt: skip
-    free_7(packed, table, values, weights, means, starts, states, steps, residuals, covariances,
-           left, weighed, apart, begun, most, blocks)  # fmt: skip
+def estimate_7(task: int) -> None:
+    free_7(task)
 
 
 WAYS = dict(zip(QUESTIONS, (estimate_8, estimate_6, estimate_9, estimate_7), strict=True))
@@ -377,64 +359,56 @@ def padded(rows: Array, first: int, n: int) -> Array:
 def run(
     packed: Array, table: Array, problem: Problem, count: int, given: Any, found: Any, left: Array
 ) -> None:
+    """Blocks of `count` readings; given, found: arrays as in `estimate`."""
     values, weights, means, starts = given
-    states, steps, residuals, covariances = found
-    kernel(tuple(problem.free.tolist()))(
-        *map(address_of, (packed, table, values, weights if len(weights) else values)),
-        *map(address_of, (means, starts, states, steps, residuals)),
-        address_of(covariances) if len(covariances) else 0,
-        address_of(left),
-        9 if len(weights) else 0,
-        3 if len(means) >= count > 1 else 0,
-        9 if len(starts) >= count > 1 else 0,
-        min(problem.max_steps, MOST),
-        count // LANES,
-    )
+    arrays = (packed, table, values, weights, means, starts, *found, left)
+    rows = (1, len(means) >= count > 1, len(starts) >= count > 1)
+    task = task_of(arrays, len(weights) > 0, rows, problem, count // LANES)
+    kernel(tuple(problem.free.tolist()))(address_of(task))
+
+
+def task_of(
+    arrays: Sequence[Array], weighed: bool, rows: Sequence[int], problem: Problem, blocks: int
+) -> Array:
+    """A task's table.  arrays: in its order, the weights and the covariances maybe empty."""
+    places = [address_of(array) if array.size else 0 for array in arrays]
+    if not weighed:
+        places[WEIGHTS] = places[VALUES]
+    most = min(problem.max_steps, MOST)
+    return np.array([*places, weighed, *rows, most, blocks], np.int64)
 
 
 class One:
-    """A block for one reading at a time, whose memory is kept; all lanes have the same.
+    """A block for one reading at a time, whose memory is kept; all lanes have the same reading.
 
-    results: of one reading, overwritten by the next.  overwritten: whether something else has
-    written its status and what was used since.
+    numbers: what is found, at the places of `SolutionOfOne`; overwritten by the next reading.
+    state: (9,) of them.
     """
 
-    def __init__(self, packed: Array, limits: Limits, problem: Problem, covariance: bool) -> None:
-        self.kernel = kernel(tuple(problem.free.tolist()))
-        self.values, self.weights = np.empty((LANES, 9)), np.empty((LANES, 9))
-        self.states, self.steps = np.empty((LANES, 9)), np.empty(LANES)
-        self.residuals, self.left = np.empty(LANES), np.empty(1, np.int64)
-        self.covariances = np.empty((LANES if covariance else 0, 8, 8))
-        self.results = Results(
-            states=self.states[:1],
-            used=np.empty((1, 3), bool),
-            status=np.empty(1, np.int8),
-            steps=np.empty(1, np.int32),
-            residuals=self.residuals[:1],
-            covariances=self.covariances[:1],
-        )
-        self.table, self.starts, self.packed = table_of(limits, problem), np.empty((1, 9)), packed
-        self.means = problem.means
+    def __init__(
+        self, packed: Array, limits: Limits, problem: Problem, covariance: bool, weighed: bool
+    ) -> None:
+        self._kernel = kernel(tuple(problem.free.tolist()))
+        self.numbers = np.empty(COVARIANCE + (64 if covariance else 0))
+        self.state = self.numbers[:UNKNOWNS]
+        self._values, self._weights = np.empty(9), np.empty(9)
+        self._start, left = np.empty(UNKNOWNS), np.empty(1, np.int64)
+        found = np.split(self.numbers, (UNKNOWNS, RESIDUAL, COVARIANCE))
         arrays = (
-            packed, self.table, self.values, self.weights, self.means, self.starts, self.states,
-            self.steps, self.residuals, self.covariances, self.left,
+            packed, table_of(limits, problem), self._values, self._weights, problem.means,
+            self._start, *found, left,
         )  # fmt: skip
-        self.addresses = [address_of(array) if array.size else 0 for array in arrays]
-        self.most = min(problem.max_steps, MOST)
-        self.overwritten = True
+        self._kept, self._left = arrays, memoryview(left)
+        self._task = task_of(arrays, weighed, (0, 0, 0), problem, 1)
+        self._address = address_of(self._task)
 
     def estimate(self, values: Array, sigmas: Array, start: Array) -> bool:
-        """Fills the results of a reading (1, 9) from `start`; whether it could."""
-        self.values[:], self.starts[:] = values, start
-        weighed = len(sigmas) > 0
-        if weighed:
-            self.weights[:] = inverse_of(sigmas)
-        self.kernel(*self.addresses, 9 if weighed else 0, 0, 0, self.most, 1)
-        found = self.results
-        if self.left[0]:
-            self.overwritten = True  # by what estimates the reading in its place
-            return False
-        if self.overwritten:
-            found.status[0], found.used[:], self.overwritten = CONVERGED, True, False
-        found.steps[0] = self.steps[0]
-        return True
+        """Fills `numbers` for a reading (1, 9) from a start (9,); whether it could.
+
+        sigmas: (1, 9), or empty, of all readings alike.
+        """
+        self._values[:], self._start[:] = values, start
+        if len(sigmas):
+            self._weights[:] = inverse_of(sigmas)
+        self._kernel(self._address)
+        return not self._left[0]

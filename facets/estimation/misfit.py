@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..core.units import Floats
 from ..detectors.calibrated import MISFIT
-from .solver import Solution
+from .solution import Solution
 
 if TYPE_CHECKING:
     from ..core.sensor import Sensor

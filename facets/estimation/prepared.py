@@ -14,12 +14,10 @@ from ..core.units import Floats
 from ..detectors.noise import standard_deviations
 from ..model.arrays import packed
 from . import problem
+from .solution import FirstRow, Solution, SolutionOfOne, results_of
 from .solver import (
-    FirstRow,
     Plan,
     Prior,
-    Solution,
-    Status,
     add_calibration,
     by_blocks,
     empty_results,
@@ -82,8 +80,6 @@ class Solver:
         self._task: problem.Task | None = None
         self._exact: problem.Task | None = None
         self._block = block_of(sensor, self._plan, self._problem, covariance)
-        if self._block is not None:
-            self._found = self._block.results
         self._first = FirstRow(self._found)
         self._last: Floats | None = None
 
@@ -107,21 +103,34 @@ class Solver:
 
         With start="previous" from zero where that leads to no pose.
         """
-        self._values[0] = values
+        self._values[:] = values
         if self._sensor.electronics is not None:
             self._sigmas[:] = standard_deviations(self._sensor, self._values)
-        status, converged = self._found.status, int(Status.CONVERGED)
-        if start is not None:
-            self._run(start)
-        if start is None or (self._warm and status[0] != converged):
+        in_block = start is not None and self._run(start)
+        if start is None or (self._warm and not in_block and not self._has_converged()):
             start = self._from_zero()
-            self._run(start)
-        if self._sensor.light.on and status[0] == Status.STALLED:
+            in_block = self._run(start)
+        return self._of_block() if in_block else self._of_one(start)
+
+    def _has_converged(self) -> bool:
+        return bool(self._found.status[0] == problem.CONVERGED)
+
+    def _of_block(self) -> Solution:
+        """What the block has found, in an array of its own."""
+        if self._warm:
+            self._last = self._block.state.copy()
+        numbers = self._block.numbers.copy()
+        if self._sensor.calibration is not None:
+            add_calibration(self._sensor, self._plan, results_of(numbers))
+        return SolutionOfOne.of(numbers)
+
+    def _of_one(self, start: Floats) -> Solution:
+        """What was found without a block, in arrays of its own."""
+        if self._sensor.light.on and self._found.status[0] == problem.STALLED:
             self._run_exactly(start)
-        if self._warm and status[0] == converged:
-            self._last = self._found.states.copy()
-        if self._sensor.calibration is not None and len(self._found.covariances) > 0:
-            add_calibration(self._sensor, self._plan, self._found)
+        if self._warm and self._has_converged():
+            self._last = self._found.states[0].copy()
+        add_calibration(self._sensor, self._plan, self._found)
         return self._first.solution()
 
     def starting(self, start: str | ArrayLike, values: Floats) -> Floats | None:
@@ -155,10 +164,13 @@ class Solver:
             self._kernel = kernel()
         self._kernel(self._task.address)
 
-    def _run(self, start: Floats) -> None:
-        if self._block is None or not self._block.estimate(self._values, self._sigmas, start):
-            self._starts[:] = start
-            self._one_by_one()
+    def _run(self, start: Floats) -> bool:
+        """Estimates the reading from a start; whether the block has found its pose."""
+        if self._block is not None and self._block.estimate(self._values, self._sigmas, start):
+            return True
+        self._starts[:] = start
+        self._one_by_one()
+        return False
 
     def _run_exactly(self, start: Floats) -> None:
         """With derivatives that leave nothing out, for where steps without them stall."""
@@ -176,7 +188,8 @@ def block_of(sensor: Sensor, todo: Plan, asked: problem.Problem, covariance: boo
         return None
     from . import blocks
 
-    return blocks.One(packed(sensor), todo.limits, asked, covariance)
+    weighed = sensor.electronics is not None
+    return blocks.One(packed(sensor), todo.limits, asked, covariance, weighed)
 
 
 def _solver(

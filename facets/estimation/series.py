@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from .solver import Prior, Solution, Status, solve
+from .solution import Solution, Status
+from .solver import Prior, solve
 
 #: Ends of an estimate that another start may spare.
 LOST = (Status.MAX_STEPS, Status.SINGULAR, Status.STALLED)

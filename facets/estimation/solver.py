@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -17,22 +16,7 @@ from ..model.arrays import as_rows, half_sizes, packed
 from ..model.threads import part_of, share
 from ..optics.limits import COLUMNS, MOST
 from . import problem
-
-
-class Status(IntEnum):
-    """How the estimate of one reading ended. Only a converged one has a pose."""
-
-    CONVERGED = problem.CONVERGED
-    MAX_STEPS = problem.MAX_STEPS
-    SINGULAR = problem.SINGULAR
-    OUT_OF_RANGE = problem.OUT_OF_RANGE
-    NO_LIGHT = problem.NO_LIGHT
-    NON_FINITE = problem.NON_FINITE
-    STALLED = problem.STALLED
-
-    @property
-    def label(self) -> str:
-        return self.name.lower().replace("_", " ")
+from .solution import Solution, Status, solution
 
 
 @dataclass(frozen=True)
@@ -52,39 +36,6 @@ class Prior:
             raise InputError(f"a prior's sigma is {self.sigma!r}; allowed: 0 or more")
         if not np.isfinite(np.asarray(self.mean, dtype=float)).all():
             raise InputError(f"a prior's mean is {self.mean!r}; allowed: finite numbers")
-
-
-@dataclass(frozen=True)
-class Solution:
-    """Estimated states, one for each reading; (...) is the leading shape of the readings.
-
-    state: (..., 8) mm, rad, NaN where not converged.  status: (...) of `Status`.
-    power: (...) of the beam, mW.  used: (..., 3) the detectors that took part.
-    iterations: (...).  residual: (...) root of the weighted sum of squares left, in sigmas.
-    covariance: (..., 8, 8) of the state, or None where not asked for; zero for what was known.
-    With `Sensor.calibration` that of the parameters is in it, the same in every sample.
-    """
-
-    state: Floats
-    status: NDArray[np.int8]
-    power: Floats
-    used: NDArray[np.bool_]
-    iterations: NDArray[np.int32]
-    residual: Floats
-    covariance: Floats | None
-
-    @property
-    def ok(self) -> NDArray[np.bool_]:
-        """Where the estimate converged: (...)."""
-        return np.equal(self.status, problem.CONVERGED)
-
-    @property
-    def uncertainty(self) -> Floats:
-        """Standard uncertainty of each component of the state: (..., 8), mm and rad."""
-        if self.covariance is None:
-            raise InputError("no covariance: it was left out by solve(..., covariance=False)")
-        root: Floats = np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
-        return root
 
 
 class Plan(NamedTuple):
@@ -248,44 +199,12 @@ def workspace() -> problem.Workspace:
 
 def add_calibration(sensor: Sensor, todo: Plan, found: problem.Results) -> None:
     """Adds to the covariances what the parameters' own, `Sensor.calibration`, is worth."""
-    if sensor.calibration is not None:
+    if sensor.calibration is not None and len(found.covariances) > 0:
         from .calibration_uncertainty import covariances as inherited
 
         found.covariances[:] += inherited(
             sensor, sensor.calibration, found.states[:, :8], found.used, todo.free, todo.weights
         )
-
-
-def solution(found: problem.Results, shape: tuple[int, ...]) -> Solution:
-    """What was found, in the leading shape of the readings."""
-    return Solution(
-        state=found.states[:, :8].reshape(*shape, 8),
-        status=found.status.reshape(shape),
-        power=found.states[:, 8].reshape(shape),
-        used=found.used.reshape(*shape, 3),
-        iterations=found.steps.reshape(shape),
-        residual=found.residuals.reshape(shape),
-        covariance=found.covariances.reshape(*shape, 8, 8) if found.covariances.size else None,
-    )
-
-
-class FirstRow:
-    """What was found for the first of some readings, whose arrays are used again, as a `Solution`.
-
-    Made once; a live loop asks for the solution of one reading at a time.
-    """
-
-    def __init__(self, found: problem.Results) -> None:
-        numbers = (found.status, found.states[:, 8], found.steps, found.residuals)
-        status, power, steps, residual = (array[:1].reshape(()) for array in numbers)
-        self.views = found.states[0, :8], status, power, found.used[0], steps, residual
-        self.covariance = found.covariances[0] if len(found.covariances) else None
-
-    def solution(self) -> Solution:
-        """In arrays of its own."""
-        covariance = None if self.covariance is None else self.covariance.copy()
-        state, status, power, used, steps, residual = (view.copy() for view in self.views)
-        return Solution(state, status, power, used, steps, residual, covariance)
 
 
 def estimate(

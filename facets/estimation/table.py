@@ -18,7 +18,8 @@ from ..detectors.correction import corrected
 from ..detectors.skew import align
 from ..files import tables
 from .misfit import Misfit, beyond_chance
-from .solver import Prior, Solution, Status, solve
+from .solution import Solution, Status
+from .solver import Prior, solve
 
 if TYPE_CHECKING:
     from ..core.sensor import Sensor

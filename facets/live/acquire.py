@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FacetsError
-from ..estimation.solver import Status
+from ..estimation.solution import Status
 from ..tracking.tracker import Tracker
 from .interruption import deferring
 from .pipeline import BATCH, Batch, Pipeline, Poses

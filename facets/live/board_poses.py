@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.units import Floats
-from ..estimation.solver import Solution, Status
+from ..estimation.solution import Solution, Status
 from .clock import Sequence
 from .frames import POSE, Samples
 

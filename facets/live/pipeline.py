@@ -25,7 +25,8 @@ from ..detectors.skew import align
 from ..estimation.misfit import Misfit, beyond_chance
 from ..estimation.problem import FAINTEST
 from ..estimation.series import solve_series
-from ..estimation.solver import Prior, Solution, Status
+from ..estimation.solution import Solution, Status
+from ..estimation.solver import Prior
 from ..estimation.table import power_known
 from ..tracking.encoder import REACH, Encoder
 from .board_poses import BoardPoses, is_pose

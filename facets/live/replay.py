@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..estimation.solver import Status
+from ..estimation.solution import Status
 from .pipeline import FULL, LABELS, SKIPPED, Pipeline, Poses
 from .pose_table import Columns, pose_columns
 from .recording import Damage, blocks, kept, meta_of

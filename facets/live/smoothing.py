@@ -24,7 +24,7 @@ from ..core.units import Booleans, Floats
 
 if TYPE_CHECKING:
     from ..core.settings import Config
-    from ..estimation.solver import Solution
+    from ..estimation.solution import Solution
 
 #: Order of the model: how often white noise is integrated.
 MODELS = {"place": 1, "speed": 2, "acceleration": 3}

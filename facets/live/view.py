@@ -14,7 +14,7 @@ from ..core.names import ANGLES, DETECTORS, STATE
 from ..detectors.counts import SATURATED
 from ..detectors.noise import power_floor
 from ..estimation.problem import FAINTEST
-from ..estimation.solver import Status
+from ..estimation.solution import Status
 from ..model.arrays import half_sizes
 from ..tracking.control import tracking_error
 from .acquire import Live

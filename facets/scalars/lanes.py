@@ -177,21 +177,22 @@ class LaneWriter(Writer):
     def load_rows(self, pointer: Any, stride: Any, count: int) -> list[Value]:
         """`count` numbers of each lane, whose rows are `stride` numbers apart; an integer, or one
         that the code will know."""
-        wide = ir.Constant(LONG, stride) if isinstance(stride, int) else stride
         found = []
         for column in range(count):
             vector: Any = ir.Constant(self.kind, ir.Undefined)
             for lane in range(self.lanes):
-                row = self.builder.mul(wide, ir.Constant(LONG, lane))
-                at = self.builder.add(row, ir.Constant(LONG, column))
-                place = self.builder.gep(pointer, [at])
-                number = self.builder.load(place)
+                number = self.builder.load(self._in_row(pointer, stride, lane, column))
                 vector = self.builder.insert_element(vector, number, ir.Constant(SHORT, lane))
             found.append(Value(self, vector))
         return found
 
-    def store_rows(self, numbers: Sequence[Value | float], pointer: Any, stride: int) -> None:
-        """Numbers of each lane, into rows that are `stride` numbers apart."""
+    def _in_row(self, pointer: Any, stride: Any, lane: int, column: int) -> Any:
+        wide = ir.Constant(LONG, stride) if isinstance(stride, int) else stride
+        row = self.builder.mul(wide, ir.Constant(LONG, lane))
+        return self.builder.gep(pointer, [self.builder.add(row, ir.Constant(LONG, column))])
+
+    def store_rows(self, numbers: Sequence[Value | float], pointer: Any, stride: Any) -> None:
+        """Numbers of each lane, into rows that are `stride` numbers apart, as in `load_rows`."""
         vectors = [self.value(number) for number in numbers]
         for first in range(0, len(vectors), 4):
             some = vectors[first : first + 4]
@@ -201,20 +202,18 @@ class LaneWriter(Writer):
             for quarter in range(0, self.lanes, 4):
                 rows = transposed(self.builder, [self._four(each, quarter) for each in some])
                 for lane, row in enumerate(rows):
-                    place = (quarter + lane) * stride + first
-                    at = self.builder.gep(pointer, [ir.Constant(LONG, place)])
+                    at = self._in_row(pointer, stride, quarter + lane, first)
                     at = self.builder.bitcast(at, ir.PointerType(row.type))
                     self.builder.store(row, at, align=8)
 
     def _four(self, vector: Any, first: int) -> Any:
         return shuffled(self.builder, vector, vector, range(first, first + 4))
 
-    def _store_one_by_one(self, vectors: list[Any], pointer: Any, stride: int, first: int) -> None:
+    def _store_one_by_one(self, vectors: list[Any], pointer: Any, stride: Any, first: int) -> None:
         for column, vector in enumerate(vectors):
             for lane in range(self.lanes):
-                place = ir.Constant(LONG, lane * stride + first + column)
                 one = self.builder.extract_element(vector, ir.Constant(SHORT, lane))
-                self.builder.store(one, self.builder.gep(pointer, [place]))
+                self.builder.store(one, self._in_row(pointer, stride, lane, first + column))
 
     def bits(self, condition: Condition) -> Any:
         """A 64-bit integer with a bit for each lane in which something is so."""

@@ -14,7 +14,7 @@ from ..core.names import POSE, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ..core.units import Floats
 from ..detectors.correction import uncorrected
 from ..detectors.noise import add_noise
-from ..estimation.solver import Solution, Status
+from ..estimation.solution import Solution, Status
 from ..estimation.table import labels, pose_columns, solve_readings
 from ..model.arrays import on_detectors
 from ..tracking.closed_loop import followed

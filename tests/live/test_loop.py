@@ -9,7 +9,7 @@ import pytest
 from facets.experiments.kills import stream
 
 import facets
-from facets.estimation.solver import Status
+from facets.estimation.solution import Status
 from facets.live import acquire as module
 from facets.live.acquire import Ending, Live, Loop
 from facets.live.frames import SIZE

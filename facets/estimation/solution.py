@@ -1,0 +1,157 @@
+"""What is found of readings: states, statuses, covariances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError
+from ..core.units import Floats
+from . import problem
+
+
+class Status(IntEnum):
+    """How the estimate of one reading ended. Only a converged one has a pose."""
+
+    CONVERGED = problem.CONVERGED
+    MAX_STEPS = problem.MAX_STEPS
+    SINGULAR = problem.SINGULAR
+    OUT_OF_RANGE = problem.OUT_OF_RANGE
+    NO_LIGHT = problem.NO_LIGHT
+    NON_FINITE = problem.NON_FINITE
+    STALLED = problem.STALLED
+
+    @property
+    def label(self) -> str:
+        return self.name.lower().replace("_", " ")
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Estimated states, one for each reading; (...) is the leading shape of the readings.
+
+    state: (..., 8) mm, rad, NaN where not converged.  status: (...) of `Status`.
+    power: (...) of the beam, mW.  used: (..., 3) the detectors that took part.
+    iterations: (...).  residual: (...) root of the weighted sum of squares left, in sigmas.
+    covariance: (..., 8, 8) of the state, or None where not asked for; zero for what was known.
+    With `Sensor.calibration` that of the parameters is in it, the same in every sample.
+    """
+
+    state: Floats
+    status: NDArray[np.int8]
+    power: Floats
+    used: NDArray[np.bool_]
+    iterations: NDArray[np.int32]
+    residual: Floats
+    covariance: Floats | None
+
+    @property
+    def ok(self) -> NDArray[np.bool_]:
+        """Where the estimate converged: (...)."""
+        return np.equal(self.status, problem.CONVERGED)
+
+    @property
+    def uncertainty(self) -> Floats:
+        """Standard uncertainty of each component of the state: (..., 8), mm and rad."""
+        if self.covariance is None:
+            raise InputError("no covariance: it was left out by solve(..., covariance=False)")
+        root: Floats = np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
+        return root
+
+
+def solution(found: problem.Results, shape: tuple[int, ...]) -> Solution:
+    """What was found, in the leading shape of the readings."""
+    return Solution(
+        state=found.states[:, :8].reshape(*shape, 8),
+        status=found.status.reshape(shape),
+        power=found.states[:, 8].reshape(shape),
+        used=found.used.reshape(*shape, 3),
+        iterations=found.steps.reshape(shape),
+        residual=found.residuals.reshape(shape),
+        covariance=found.covariances.reshape(*shape, 8, 8) if found.covariances.size else None,
+    )
+
+
+class FirstRow:
+    """What was found for the first of some readings, whose arrays are used again, as a `Solution`.
+
+    Made once; a live loop asks for the solution of one reading at a time.
+    """
+
+    def __init__(self, found: problem.Results) -> None:
+        numbers = (found.status, found.states[:, 8], found.steps, found.residuals)
+        status, power, steps, residual = (array[:1].reshape(()) for array in numbers)
+        self.views = found.states[0, :8], status, power, found.used[0], steps, residual
+        self.covariance = found.covariances[0] if len(found.covariances) else None
+
+    def solution(self) -> Solution:
+        """In arrays of its own."""
+        covariance = None if self.covariance is None else self.covariance.copy()
+        state, status, power, used, steps, residual = (view.copy() for view in self.views)
+        return Solution(state, status, power, used, steps, residual, covariance)
+
+
+#: Where the numbers of `SolutionOfOne` are: the state and the power, then, four times each, steps
+#: and what is left, then the covariance if there is one.
+ITERATIONS, RESIDUAL, COVARIANCE = 9, 13, 17
+FIELDS: dict[str, Callable[[Floats], Any]] = {
+    "state": lambda numbers: numbers[:8],
+    "status": lambda numbers: np.array(problem.CONVERGED, np.int8),
+    "power": lambda numbers: np.array(numbers[8]),
+    "used": lambda numbers: np.ones(3, np.bool_),
+    "iterations": lambda numbers: np.array(numbers[ITERATIONS], np.int32),
+    "residual": lambda numbers: np.array(numbers[RESIDUAL]),
+    "covariance": lambda numbers: (
+        numbers[COVARIANCE:].reshape(8, 8) if len(numbers) > COVARIANCE else None
+    ),
+}
+
+
+def results_of(numbers: Floats) -> problem.Results:
+    """The numbers of `SolutionOfOne` as results, whose arrays are parts of them."""
+    found = Solution(*(make(numbers) for make in FIELDS.values()))
+    covariance = () if found.covariance is None else found.covariance
+    return problem.Results(
+        states=numbers[None, :9],
+        used=found.used[None],
+        status=found.status[None],
+        steps=found.iterations[None],
+        residuals=found.residual[None],
+        covariances=np.reshape(covariance, (-1, 8, 8)),
+    )
+
+
+class SolutionOfOne(Solution):
+    """That of a reading which converged, all detectors lit; made of the numbers that a block left.
+
+    A field is made when it is first asked for: to make all seven takes as long as the estimate, and
+    a loop asks for two or three.
+    """
+
+    @classmethod
+    def of(cls, numbers: Floats) -> SolutionOfOne:
+        """numbers: its own."""
+        found = object.__new__(cls)
+        found.__dict__["_numbers"] = numbers
+        return found
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in FIELDS or "_numbers" not in self.__dict__:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        made = self.__dict__[name] = FIELDS[name](self._numbers)
+        return made
+
+    def plain(self) -> Solution:
+        return Solution(*(getattr(self, name) for name in FIELDS))
+
+    def __repr__(self) -> str:
+        return repr(self.plain())
+
+    def __reduce__(self) -> Any:
+        """A copy is a plain `Solution`."""
+        return Solution, tuple(vars(self.plain()).values())
