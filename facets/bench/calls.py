@@ -79,7 +79,7 @@ def contenders(poses: int, few: int) -> list[Contender]:
     from . import stages
 
     zero, near = Solver(SENSOR), Solver(SENSOR, start="previous")
-    alone, vectors, out = stages.stage(stages.alone), packed(SENSOR), np.empty(poses)
+    alone, vectors, out = stages.stage(stages.FLOOR), packed(SENSOR), np.empty(poses)
 
     def floor(rows: Floats) -> None:
         alone(vectors, np.ascontiguousarray(rows[:, 9:]), out)

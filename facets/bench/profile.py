@@ -23,12 +23,12 @@ def profile(quick: bool, seed: int) -> list[Row]:
     states = rivals.states_in_range(poses, seed)
     vectors, out = packed(rivals.SENSOR), np.empty(poses)
     contenders = [
-        Contender(name, partial(run, stages.stage(work), vectors, out), poses)
-        for name, work in stages.CHAIN.items()
+        Contender(name, partial(run, stages.stage(name), vectors, out), poses)
+        for name in stages.CHAIN
     ]
     xi = readings(rivals.SENSOR, states)
     contenders.append(Contender("a warm solve", partial(warm, xi), poses))
-    alone = partial(run, stages.stage(stages.alone), vectors, out)
+    alone = partial(run, stages.stage(stages.FLOOR), vectors, out)
     contenders.append(Contender(stages.FLOOR, alone, poses))
     timings = alternate(contenders, states, 3 if quick else 15)
     rows, before = [], 0.0

@@ -8,28 +8,29 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from math import erf, erfc, exp, pi, sqrt
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..model import blocks, kernels
+from ..model.block_code import each_block
 from ..model.blocks import LANES
-from ..model.evaluators import PLAIN
 from ..model.jit import compiler
-from ..model.machine_code import straight_lanes
+from ..model.object_code import Write, function
 from ..optics.central import side_central
 from ..optics.forward import Geometry, placed, readings, shone_on
 from ..optics.gradient import linearised
 from ..optics.wedge import swept_series
 from ..scalars.lanes import LaneWriter
-from ..scalars.machine import leaves
+from ..scalars.nesting import leaves
 
 Array = Any
 
 compiled = compiler(__file__, calls=(kernels,))
 
 
-def staged(formula: Callable[[LaneWriter, Any, tuple[Any, ...]], Iterable[Any]]) -> Any:
+def staged(formula: Callable[[LaneWriter, Any, tuple[Any, ...]], Iterable[Any]]) -> Write:
     """Blocks' code that puts the sum of some numbers of a state into one place a pose."""
 
     def write(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
@@ -39,7 +40,7 @@ def staged(formula: Callable[[LaneWriter, Any, tuple[Any, ...]], Iterable[Any]])
             total = total + number
         code.store_lanes(total, found, 0)
 
-    return straight_lanes(write, PLAIN, LANES, 8 * LANES, LANES)
+    return each_block(write, 8, 1)
 
 
 def special(code: LaneWriter, vectors: Geometry, state: tuple[Any, ...]) -> Iterator[Any]:
@@ -55,58 +56,31 @@ def special(code: LaneWriter, vectors: Geometry, state: tuple[Any, ...]) -> Iter
         yield code.function("sin", angle) + code.function("cos", angle)
 
 
-block_special = staged(special)
-block_placed = staged(
-    lambda code, vectors, state: leaves((placed(vectors, state).q, placed(vectors, state).sides))
-)
-block_sides = staged(
-    lambda code, vectors, state: leaves(shone_on(placed(vectors, state)).integrals)
-)
-block_light = staged(lambda code, vectors, state: leaves(shone_on(placed(vectors, state)).moments))
-block_readings = staged(lambda code, vectors, state: leaves(readings(vectors, state)))
-block_jacobian = staged(lambda code, vectors, state: leaves(linearised(vectors, state)))
-
-
-def alone(packed: int, states: int, found: int, left: int, blocks: int) -> None:
-    block_special(packed, states, found, left, blocks)
-
-
-def up_to_placed(packed: int, states: int, found: int, left: int, blocks: int) -> None:
-    block_placed(packed, states, found, left, blocks)
-
-
-def up_to_sides(packed: int, states: int, found: int, left: int, blocks: int) -> None:
-    block_sides(packed, states, found, left, blocks)
-
-
-def up_to_light(packed: int, states: int, found: int, left: int, blocks: int) -> None:
-    block_light(packed, states, found, left, blocks)
-
-
-def up_to_readings(packed: int, states: int, found: int, left: int, blocks: int) -> None:
-    block_readings(packed, states, found, left, blocks)
-
-
-def up_to_jacobian(packed: int, states: int, found: int, left: int, blocks: int) -> None:
-    block_jacobian(packed, states, found, left, blocks)
-
-
 #: The functions alone, from numbers at hand: the floor of what follows.
 FLOOR = "functions of three edges alone"
 #: In the order of the chain: each does what the one before does, and more.
-CHAIN = {
-    "mirror turned; its edges seen along the beam": up_to_placed,
-    "special functions of three edges": up_to_sides,
-    "mass; centroid and covariance on three facets": up_to_light,
-    "three rays to the detectors": up_to_readings,
-    "their 72 derivatives": up_to_jacobian,
+CHAIN: dict[str, Callable[[LaneWriter, Any, tuple[Any, ...]], Iterable[Any]]] = {
+    "mirror turned; its edges seen along the beam": lambda code, vectors, state: leaves(
+        (placed(vectors, state).q, placed(vectors, state).sides)
+    ),
+    "special functions of three edges": lambda code, vectors, state: leaves(
+        shone_on(placed(vectors, state)).integrals
+    ),
+    "mass; centroid and covariance on three facets": lambda code, vectors, state: leaves(
+        shone_on(placed(vectors, state)).moments
+    ),
+    "three rays to the detectors": lambda code, vectors, state: leaves(readings(vectors, state)),
+    "their 72 derivatives": lambda code, vectors, state: leaves(linearised(vectors, state)),
 }
 
 
 @cache
-def stage(function: Callable[..., None]) -> Callable[[Array, Array, Array], None]:
-    """`function` as one of arrays: a sensor's vectors, (n, 8) states, (n,) results; n in blocks."""
-    code = blocks.compiled(function)
+def stage(name: str) -> Callable[[Array, Array, Array], None]:
+    """The floor, or a part of the chain, as a function of arrays: a sensor's vectors, (n, 8)
+    states, (n,) results; n in blocks."""
+    formula = special if name == FLOOR else CHAIN[name]
+    parts = (*blocks.CODE, Path(__file__))
+    code = function(f"stage_{[FLOOR, *CHAIN].index(name)}", 5, lambda: staged(formula), *parts)
 
     def work(vectors: Array, states: Array, out: Array) -> None:
         count = len(states) // LANES

@@ -22,10 +22,11 @@ from ..core.units import Booleans, Floats
 from ..model import blocks, evaluators, kernels, rare
 from ..model.jit import call_address, compilable, compiler
 from ..model.kernels import state_of, unpack_cut
+from ..model.kinds import kind_of
 from ..optics.footprint import extent, slopes
 from ..optics.forward import geometry, placed
 from ..optics.limits import central_landing
-from ..scalars.machine import leaves
+from ..scalars.nesting import leaves
 from .variables import FACETS, PSDS, with_values
 
 Array = Any
@@ -159,7 +160,7 @@ def measure(
     """out (n, 14): ranges (6) in mm and rad, uncertainties (6) in um and urad, condition; the last
     is left as it is.
 
-    read, linearise: addresses of the evaluators.  packed (n, m): `kernels.pack` of each design.
+    read, linearise: addresses of the evaluators.  packed (n, m): `packing.pack` of each design.
     halves (n, 3, 2) mm.  numbers: a place's sigma times the power (mm mW), a power's (mW), the
     least power at rest and in a range (mW), whether the beam follows, the tolerance of a range over
     `FARTHEST`.  why (n,): 0, SLOW, or the reason in `SKIPPED`.
@@ -377,7 +378,7 @@ class Columns(np.ndarray):
 def is_plain(sensor: Sensor, rules: Rules) -> bool:
     """Whether the compiled loop knows all that a sensor's ranges and resolution depend on."""
     return (
-        evaluators.kind_of(sensor) == "plain"
+        kind_of(sensor) == "plain"
         and sensor.electronics is None
         and sensor.calibration is None
         and rules.whole_spot
@@ -443,7 +444,7 @@ def possible(p: Floats) -> Booleans:
 
 
 def packed(p: Floats) -> Floats:
-    """`kernels.pack` of each row of 30 parameters: (n, m)."""
+    """`packing.pack` of each row of 30 parameters: (n, m)."""
     columns = tuple(np.ascontiguousarray(column).view(Columns) for column in p.T)
     parts = [np.broadcast_to(np.asarray(n + 0.0), len(p)) for n in leaves(geometry(columns))]
     address = np.broadcast_to(rare.ADDRESS, (len(p), len(rare.ADDRESS)))

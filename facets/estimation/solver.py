@@ -13,6 +13,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import power_floor, standard_deviations
 from ..model.arrays import as_rows, half_sizes, packed
+from ..model.kinds import kind_of
 from ..model.threads import part_of, share
 from ..optics.limits import COLUMNS, MOST
 from . import problem
@@ -215,23 +216,23 @@ def estimate(
     found: problem.Results,
 ) -> None:
     """Fills `found`: by blocks where the light is plain, and one by one what these leave."""
-    from ..model import evaluators
-
     if not by_blocks(sensor, asked):
+        from ..model import evaluators
+
         one_by_one(evaluators.nearly_linearised(sensor), sensor, readings, limits, asked, found)
         return
     from . import blocks
 
     left = blocks.estimate(packed(sensor), readings, limits, asked, found)
     if len(left):
+        from ..model import evaluators
+
         estimate_some(evaluators.linearised(sensor), left, sensor, readings, limits, asked, found)
 
 
 def by_blocks(sensor: Sensor, asked: problem.Problem) -> bool:
     """Whether blocks know what is asked; these are then compiled."""
-    from ..model import evaluators
-
-    if evaluators.kind_of(sensor) != "plain":
+    if kind_of(sensor) != "plain":
         return False
     from . import blocks
 

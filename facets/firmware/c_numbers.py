@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from ..scalars.machine import leaves, nested
+from ..scalars.nesting import leaves, nested
 
 #: A number of the formula, or one that is known already; or tuples of such.
 Numbers = Any

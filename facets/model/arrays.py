@@ -17,6 +17,8 @@ from ..optics.effects import Effects, Options
 from ..optics.forward import Geometry, Openings, geometry
 from ..optics.limits import COLUMNS, MOST
 from ..optics.parameters import BEAM, FACET, PSD
+from . import packing
+from .kinds import kind_of
 from .threads import share
 
 
@@ -140,19 +142,19 @@ def effect_jacobian(sensor: Sensor, state: ArrayLike, names: Sequence[str] | Non
     polarisation of light that is not polarised, would be. NaN as in `jacobian`.
     Raises `InputError` for a sensor with apertures.
     """
-    from .kernels import differentiate_light, pack
+    from .kernels import differentiate_light
 
     rows, shape = as_rows(state, 8, "state")
     if sensor.apertures.cut:
         raise InputError(CUT_LIGHT)
     given = parameters(sensor)
     copies = [
-        pack(geometry(given, openings(sensor), Effects(values, options(sensor))))
+        packing.pack(geometry(given, openings(sensor), Effects(values, options(sensor))))
         for name, values in zip(EFFECTS, stepped(effects(sensor)), strict=True)
         if names is None or name in names
     ]
     wanted = [n for n, name in enumerate(EFFECTS) if names is None or name in names]
-    plain = pack(geometry(given, openings(sensor), of_light(sensor)))
+    plain = packing.pack(geometry(given, openings(sensor), of_light(sensor)))
     out = np.zeros((len(rows), 9, len(EFFECTS)))
     if wanted:
         found = np.empty((len(rows), 9, len(wanted)))
@@ -171,21 +173,18 @@ def openings(sensor: Sensor) -> Openings:
 
 def packed(sensor: Sensor) -> Floats:
     """The sensor's vectors as one array for the kernels, made once a sensor and process."""
-    from . import kernels
-
     known: Floats | None = sensor.__dict__.get("_packed")
-    if known is None or not kernels.is_of_this_process(known):
-        known = sensor.__dict__["_packed"] = kernels.pack(geometry_of(sensor))
+    if known is None or not packing.is_of_this_process(known):
+        known = sensor.__dict__["_packed"] = packing.pack(geometry_of(sensor))
     return known
 
 
 def varied(sensor: Sensor) -> NDArray[np.complex128]:
     """The sensor packed once for each parameter, which carries `cut_parameters.STEP`: (30, ...)."""
-    from .kernels import pack
-
     light = of_light(sensor) if sensor.light.on else None
     copies = [
-        pack(geometry(moved, openings(sensor), light)) for moved in stepped(parameters(sensor))
+        packing.pack(geometry(moved, openings(sensor), light))
+        for moved in stepped(parameters(sensor))
     ]
     return np.array(copies, dtype=complex)
 
@@ -269,9 +268,9 @@ def by_blocks(
 
     name: of the block's results, see `blocks.LOOPS`.  one_by_one: what fills the rest.
     """
-    from . import blocks, evaluators
+    from . import blocks
 
-    plain = evaluators.kind_of(sensor) == "plain"
+    plain = kind_of(sensor) == "plain"
     if plain:
         blocks.kernel(name)  # compiled once, before threads ask for it
 

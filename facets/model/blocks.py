@@ -1,91 +1,42 @@
-"""The plain model at many states, a block of them at a time, as compiled functions.
+"""The plain model at many states, a block of them at a time, by machine code of `block_code`.
 
 Each lane of the processor has a pose (`scalars.lanes`). What does not fit a block, because a facet
 is faint, the apex far off the beam or the mirror far turned, is left, and computed by
 `evaluators`, one state at a time. What a pose gives does not depend on the others in its block, nor
-on how many there are. Importing this imports Numba.
+on how many there are.
 """
 
 from __future__ import annotations
 
-import ctypes
 import threading
 from collections.abc import Callable
 from functools import cache
-from math import nan
-from types import ModuleType
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import types  # noqa: TID253
 
 from ..core.units import Floats
-from ..optics import central
-from ..optics.forward import Geometry
-from ..optics.forward import readings as readings_uncut
-from ..optics.gradient import linearised as linearised_uncut
-from ..scalars import lanes, machine, polynomials
-from ..scalars.lanes import LaneWriter
-from ..scalars.machine import Value, leaves
-from . import evaluators, jit, kernels, machine_code
-from .evaluators import PLAIN
-from .machine_code import straight_lanes
 
 #: Poses in a block.
 LANES = 4
-#: Files that blocks are made of, beside the optics.
-PARTS = (lanes, machine, machine_code, polynomials, central, kernels, evaluators)
-
-
-def write_readings(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
-    """found: a row of nine readings for each row of eight numbers of a state."""
-    state = code.load_rows(states, 8, 8)
-    code.store_rows(list(leaves(readings_uncut(vectors, tuple(state)))), found, 9)
-
-
-def write_derivatives(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
-    """found: nine rows of eight derivatives for each state; NaN where there is no reading."""
-    state = code.load_rows(states, 8, 8)
-    derivatives: list[Value] = []
-    for values, rows in linearised_uncut(vectors, tuple(state)):
-        for value, row in zip(values, rows, strict=True):
-            lit = code.compare("==", value, value)
-            derivatives += [code.select(lit, each, nan) for each in row]
-    code.store_rows(derivatives, found, 72)
-
-
-block_readings = straight_lanes(write_readings, PLAIN, LANES, 8 * LANES, 9 * LANES)
-block_derivatives = straight_lanes(write_derivatives, PLAIN, LANES, 8 * LANES, 72 * LANES)
-
-
-def readings(packed: int, states: int, found: int, left: int, blocks: int) -> None:
-    block_readings(packed, states, found, left, blocks)
-
-
-def derivatives(packed: int, states: int, found: int, left: int, blocks: int) -> None:
-    block_derivatives(packed, states, found, left, blocks)
-
-
-LOOPS = {"readings": readings, "derivatives": derivatives}
-
-
-def compiled(function: Callable[..., None], *modules: ModuleType) -> Callable[..., None]:
-    """`function` of addresses and counts, compiled now if need be, to be called with them.
-
-    modules: that it is made of beside PARTS.  The interpreter's lock is let go.
-    """
-    count = function.__code__.co_argcount
-    signature: Any = types.void(*[types.int64] * count)
-    code = jit.callback(__file__, function, *PARTS, *modules, signature=signature)
-    start = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * count)(code.address)
-    start.keeps = code  # type: ignore[attr-defined]
-    return start
+#: The files that blocks are made of, beside the optics.
+CODE = tuple(Path(__file__).parent / name for name in ("block_code.py", "packing.py"))
 
 
 @cache
 def kernel(name: str) -> Callable[..., None]:
-    """One of LOOPS."""
-    return compiled(LOOPS[name])
+    """One of `block_code.LOOPS`, compiled now if need be: a function of the addresses of a sensor's
+    vectors, of states, of where results go and of where a 64-bit integer for each block tells by
+    its bits which lanes are left; and of how many blocks there are."""
+    from .object_code import Write, function
+
+    def written() -> Write:
+        from . import block_code
+
+        return block_code.LOOPS[name]
+
+    return function(name, 5, written, *CODE)
 
 
 class Padding(threading.local):

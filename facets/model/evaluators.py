@@ -24,21 +24,17 @@ from ..optics.forward import Geometry, by_power, placed, readings_of, with_power
 from ..optics.forward import readings as readings_uncut
 from ..optics.gradient import linearised as linearised_uncut
 from ..optics.limits import COLUMNS, MOST
-from ..scalars import machine
-from ..scalars.machine import Value, leaves
-from . import kernels, machine_code
+from ..scalars.machine import Value
+from ..scalars.nesting import leaves
+from . import kernels, machine_code, packing
 from .jit import callback, compilable, raise_failure
-from .kernels import EXAMPLE, unpack, unpack_cut
+from .kernels import unpack, unpack_cut
+from .kinds import kind_of
 from .machine_code import straight
+from .packing import PACKED, PARALLEL, PLAIN
 
 Pointer = Any
 Numbered = Iterable[tuple[int, Any]]
-
-#: How many numbers `kernels.pack` makes of a sensor.
-PACKED = len(list(leaves(EXAMPLE)))
-
-PLAIN = EXAMPLE._replace(openings=None, light=None)  # type: ignore[arg-type]
-PARALLEL = EXAMPLE._replace(light=None)  # type: ignore[arg-type]
 
 
 @compilable
@@ -227,7 +223,7 @@ def address(name: str) -> int:
     if name not in _COMPILED:
         with _COMPILING:  # another thread's would be lost, and its address with it
             if name not in _COMPILED:
-                parts = (kernels, machine, machine_code)
+                parts = (kernels, machine_code, packing)
                 _COMPILED[name] = callback(__file__, MODELS[name], *parts)
     return _COMPILED[name].address  # type: ignore[no-any-return]
 
@@ -250,17 +246,6 @@ def call_each(model: int, packed: Floats, given: Floats, found: Floats, memory: 
     for n in range(len(given)):
         start(vectors, asked + n * given.strides[0], results + n * found.strides[0], workspace)
     raise_failure()
-
-
-def kind_of(sensor: Sensor) -> str:
-    """Which formulas hold for a sensor; found once a sensor."""
-    known: str | None = sensor.__dict__.get("_kind")
-    if known is None:
-        bare = "cut" if sensor.apertures.cut else "plain"
-        both = "cut_light" if sensor.apertures.cut else "light"
-        known = both if sensor.light.on else bare
-        sensor.__dict__["_kind"] = known
-    return known
 
 
 def readings(sensor: Sensor) -> int:

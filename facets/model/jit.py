@@ -9,11 +9,8 @@ file that it calls into does.
 from __future__ import annotations
 
 import ctypes
-import hashlib
 import math
-import os
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -27,7 +24,6 @@ import numba.core.caching  # noqa: TID253
 import numba.core.codegen  # noqa: TID253
 import numba.core.cpu  # noqa: TID253
 import numba.core.registry  # noqa: TID253
-import platformdirs
 from llvmlite import ir
 from numba import types  # noqa: TID253
 from numba.extending import intrinsic, overload, register_jitable  # noqa: TID253
@@ -53,6 +49,7 @@ from ..optics import (
     wedge,
 )
 from ..scalars import dispatch
+from .code_folder import code_folder
 
 
 def is_complex(kind: Any) -> bool:
@@ -151,25 +148,8 @@ def compilable(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def cache_folder(*files: str | None) -> tuple[Path, object]:
-    """Where the machine code made of these files and of the optics is kept.
-
-    The user's cache, else a folder that goes with this process. The second is what keeps that
-    folder.
-    """
-    text = hashlib.sha256(numba.__version__.encode())
-    for file in (*(module.__file__ for module in (*TEXT, dispatch)), __file__, *files):
-        if file:
-            text.update(Path(file).read_bytes())
-    name = text.hexdigest()[:16]
-    base = os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_dir("facets-6dof")
-    folder = Path(base) / name
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return folder, None
-    except OSError:
-        passing = tempfile.TemporaryDirectory(prefix="facets-")
-        return Path(passing.name), passing
+    """Where machine code is kept that Numba makes of these files and of the optics."""
+    return code_folder(f"numba {numba.__version__}", __file__, *files)
 
 
 _REGISTERED: set[Callable[..., Any]] = set()

@@ -1,7 +1,7 @@
 """Compiled loops over states. Importing this imports Numba; the functions of `arrays` do so.
 
-Arrays in, arrays out: a sensor is its geometry's numbers (`pack`), states are (n, 8), readings
-(n, 9). Each state or reading is computed alone, so results do not depend on the batch.
+Arrays in, arrays out: a sensor is its geometry's numbers (`packing.pack`), states are (n, 8),
+readings (n, 9). Each state or reading is computed alone, so results do not depend on the batch.
 """
 
 from __future__ import annotations
@@ -16,40 +16,20 @@ from ..optics import bench_light
 from ..optics.cut_parameters import cut_by_parameter
 from ..optics.detected import cut_scene
 from ..optics.effects import Light, Options
-from ..optics.forward import Geometry, Openings, geometry, placed
+from ..optics.forward import Geometry, Openings, placed
 from ..optics.forward import scene as uncut_scene
 from ..optics.limits import COLUMNS, MOST
 from ..optics.parameters import detector_by_parameters
-from ..scalars.machine import leaves
-from . import rare
 from .jit import call_address, compilable, compiler
+from .packing import EXAMPLE
 
 Array = Any
 
 compiled = compiler(__file__)
 
 
-#: A sensor's vectors, for their arrangement alone.
-EXAMPLE = geometry((1.0,) * 30)
 #: Whose numbers are plain, whatever carries a derivative beside them.
 PLAIN = (Openings, Options)
-
-
-def pack(vectors: Geometry) -> np.ndarray:
-    """A sensor's vectors as one array, for `unpack`: real, or complex where one of them is.
-
-    Behind them, where they are real, comes the address of `rare.TABLE`; it holds for this process.
-    """
-    numbers = np.array([number + 0.0 for number in leaves(vectors)])
-    return numbers if np.iscomplexobj(numbers) else np.concatenate([numbers, rare.ADDRESS])
-
-
-def is_of_this_process(packed: np.ndarray) -> bool:
-    """Whether the address behind a sensor's vectors holds; a copy from elsewhere has another.
-
-    As a float an address is a very small number, never NaN.
-    """
-    return bool(packed[-1] == rare.ADDRESS[0])
 
 
 def expression(part: Any, numbers: Iterator[int], plain: bool = False) -> str:
@@ -67,7 +47,7 @@ def expression(part: Any, numbers: Iterator[int], plain: bool = False) -> str:
 
 
 def unpacking(example: Geometry) -> Callable[[Array], Geometry]:
-    """The function that takes what `pack` makes apart, in straight text that Numba compiles.
+    """The function that takes what `packing.pack` makes apart, in straight text for Numba.
 
     example: a sensor's vectors, with None for the last ones where these are not wanted.
     """

@@ -10,17 +10,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from itertools import count
 from typing import Any
 
 from llvmlite import ir
 from numba import types  # noqa: TID253
-from numba.core import cgutils  # noqa: TID253
 from numba.extending import intrinsic  # noqa: TID253
 
-from ..scalars.lanes import LaneWriter
-from ..scalars.machine import DOUBLE, LONG, Numbers, Value, Writer, leaves, nested
+from ..scalars.machine import DOUBLE, LONG, Value, Writer
+from ..scalars.nesting import Numbers, leaves, nested
 from . import rare
+from .packing import vectors_at
 
 NUMBER: Any = types.float64
 POINTER = ir.PointerType(DOUBLE)
@@ -97,23 +96,11 @@ class NumbaWriter(Writer):
             return self.builder.alloca(DOUBLE, numbers)
 
 
-def vectors_at(writer: Writer, pointer: Any, example: Any) -> Any:
-    """A sensor's vectors from memory, arranged like `example`, without the parts that are None."""
-    places = count()
-    vectors = [
-        part
-        if part is None
-        else nested(part, (writer.load(pointer, next(places)) for _ in leaves(part)))
-        for part in example
-    ]
-    return type(example)(*vectors)
-
-
 def straight(formula: Formula, example: Any, size: int, numbers: int) -> Any:
     """Machine code for `formula`, as a function of three pointers for compiled code.
 
     example: the vectors' arrangement; None stands for what is not wanted.  size: how many numbers
-    `kernels.pack` makes of a sensor, after which the address of the rare functions' addresses
+    `packing.pack` makes of a sensor, after which the address of the rare functions' addresses
     comes.  numbers: how many the formula is asked with.
     """
 
@@ -128,39 +115,5 @@ def straight(formula: Formula, example: Any, size: int, numbers: int) -> Any:
             return context.get_dummy_value()
 
         return types.void(packed, given, found), code
-
-    return intrinsic(write)
-
-
-#: Writes what a block of poses needs: with the sensor's vectors, from and to memory by pointers.
-LaneFormula = Callable[[LaneWriter, Any, Any, Any], None]
-
-
-def straight_lanes(formula: LaneFormula, example: Any, lanes: int, given: int, found: int) -> Any:
-    """Machine code for `formula`, block after block, as a function of addresses for compiled code.
-
-    They are those of a sensor's vectors, of what is asked, of where results go, and of where a
-    64-bit integer for each block tells by its bits in which lanes numbers mean nothing; and how
-    many blocks there are.  example: as for `straight`.  given, found: numbers that a block is
-    asked, and that it gives.
-    """
-
-    def write(_: Any, packed: Any, asked: Any, results: Any, left: Any, blocks: Any) -> Any:
-        def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            packed, asked, results = (
-                builder.inttoptr(value, ir.PointerType(DOUBLE)) for value in values[:3]
-            )
-            left = builder.inttoptr(values[3], ir.PointerType(LONG))
-            with cgutils.for_range(builder, values[4]) as loop:
-                writer = LaneWriter(builder, lanes)
-                here, there = (
-                    builder.gep(pointer, [builder.mul(loop.index, ir.Constant(LONG, numbers))])
-                    for pointer, numbers in ((asked, given), (results, found))
-                )
-                formula(writer, vectors_at(writer, packed, example), here, there)
-                builder.store(writer.bits(writer.left), builder.gep(left, [loop.index]))
-            return context.get_dummy_value()
-
-        return types.void(packed, asked, results, left, blocks), code
 
     return intrinsic(write)

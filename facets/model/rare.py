@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from ..optics import wedge
-from . import jit
 
 Pointer = Any
 KIND = ctypes.CFUNCTYPE(None, *[ctypes.POINTER(ctypes.c_double)] * 4)
@@ -43,9 +42,6 @@ def faint_or_dark(given: Pointer, found: Pointer, _: Pointer, __: Pointer) -> No
     put_moments(found, wedge.faint_or_dark((given[0], given[1]), first, second))
 
 
-for _part in (put_side, put_moments):
-    jit.compilable(_part)
-
 #: The functions, and how many numbers each gives.
 FUNCTIONS: dict[str, tuple[Callable[..., None], int]] = {
     "side_far": (side_far, 4),
@@ -63,12 +59,18 @@ _spent = 0.0
 
 @cache
 def _is_kept(name: str) -> bool:
+    from . import jit
+
     return jit.is_kept(__file__, FUNCTIONS[name][0])
 
 
 def _compiled(name: str) -> Any:
     """What calls the compiled function, compiled or loaded now if need be."""
+    from . import jit
+
     if name not in _COMPILED:
+        for part in (put_side, put_moments):
+            jit.compilable(part)
         _COMPILED[name] = jit.callback(__file__, FUNCTIONS[name][0])
         TABLE[NAMES.index(name)] = _COMPILED[name].address
     return KIND(_COMPILED[name].address)
@@ -88,6 +90,8 @@ def _call(name: str, *pointers: Any) -> None:
         if not (as_text and _ran_as_text(function, pointers)):
             _compiled(name)(*pointers)
     except BaseException as failure:  # ^C for instance; until it is raised there are no numbers
+        from . import jit
+
         jit.FAILURES.append(failure)
         for n in range(results):
             pointers[1][n] = float("nan")

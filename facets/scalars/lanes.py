@@ -17,7 +17,8 @@ from typing import Any
 from llvmlite import ir
 
 from . import polynomials
-from .machine import DOUBLE, LONG, Condition, Numbers, Value, Writer
+from .machine import DOUBLE, LONG, Condition, Value, Writer
+from .nesting import Numbers
 
 SHORT = ir.IntType(32)
 BIT = ir.IntType(1)

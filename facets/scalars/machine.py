@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from llvmlite import ir
+
+from .nesting import Numbers
 
 pi = math.pi
 
 DOUBLE = ir.DoubleType()
 LONG = ir.IntType(64)
-#: Numbers in nested tuples: `Value`s, or floats that are known already.
-Numbers = Any
 
 
 class Value:
@@ -195,18 +196,20 @@ def defined(value: Value, a: Value, b: Value, c: Value) -> Value:
     return value.writer.select((a > 0) & (b > 0) & (c > 0), value, value * math.nan)
 
 
-def leaves(part: Numbers) -> Iterator[Any]:
-    """The numbers of nested tuples, one after the other."""
-    if isinstance(part, tuple):
-        for inner in part:
-            yield from leaves(inner)
-    else:
-        yield part
-
-
-def nested(like: Numbers, numbers: Iterator[Any]) -> Numbers:
-    """Tuples like those given, with other numbers in them."""
-    if not isinstance(like, tuple):
-        return next(numbers)
-    inner = [nested(each, numbers) for each in like]
-    return type(like)(*inner) if hasattr(like, "_fields") else tuple(inner)
+@contextmanager
+def counted(builder: Any, count: Any) -> Iterator[Any]:
+    """A loop: what is written within it is done for each 64-bit number below `count`, which it
+    gives."""
+    with builder.goto_entry_block():
+        place = builder.alloca(LONG)
+    builder.store(ir.Constant(LONG, 0), place)
+    test, body, after = (builder.append_basic_block(name) for name in ("test", "body", "after"))
+    builder.branch(test)
+    builder.position_at_end(test)
+    number = builder.load(place)
+    builder.cbranch(builder.icmp_signed("<", number, count), body, after)
+    builder.position_at_end(body)
+    yield number
+    builder.store(builder.add(number, ir.Constant(LONG, 1)), place)
+    builder.branch(test)
+    builder.position_at_end(after)

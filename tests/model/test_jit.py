@@ -2,14 +2,15 @@
 
 import doctest
 import os
+import platform
 import shutil
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import facets
 
+PC = platform.machine() in ("x86_64", "AMD64")
 READ = "import facets; print(facets.readings(facets.Sensor(), [0] * 8)[2])"
 
 
@@ -46,6 +47,33 @@ def test_a_cache_folder_that_can_not_be_written_does_no_harm(tmp_path):
     assert float(done.stdout) > 0.09
 
 
+def test_what_a_disk_has_spoilt_is_made_again(tmp_path):
+    """LLVM would end the process on an object that is cut short."""
+    first = run(READ, str(tmp_path))
+    (kept,) = tmp_path.rglob("readings-*.o")
+    code = kept.read_bytes()
+    for spoilt in (code[:1000], b"", code[:-1] + bytes([code[-1] ^ 1])):
+        kept.write_bytes(spoilt)
+        again = run(READ, str(tmp_path))
+        assert "compiling readings, once" in again.stderr
+        assert again.stdout == first.stdout
+        assert kept.read_bytes() == code
+    assert [path.suffix for path in kept.parent.iterdir()] == [".o"]
+
+
+def test_code_for_one_processor_is_not_taken_for_another(tmp_path, monkeypatch):
+    run(READ, str(tmp_path))
+    monkeypatch.setenv("NUMBA_CPU_NAME", "x86-64" if PC else "generic")
+    assert "compiling readings, once" in run(READ, str(tmp_path)).stderr
+
+
+def test_plain_readings_and_poses_are_had_without_numba(tmp_path):
+    """Importing it would take longer than all else that a short command does."""
+    code = "import sys, facets; s = facets.Sensor(); r = facets.readings(s, [0, 0, 0.1] + [0] * 5)"
+    told = f"{code}; print(bool(facets.solve(s, r).ok), 'numba' in sys.modules)"
+    assert run(told, str(tmp_path)).stdout.split() == ["True", "False"]
+
+
 def test_numbas_own_settings_are_left_alone(tmp_path):
     code = "import numba; import facets.model.jit; print(numba.config.CACHE_DIR)"
     assert run(code, str(tmp_path)).stdout.strip() == str(tmp_path)
@@ -53,17 +81,19 @@ def test_numbas_own_settings_are_left_alone(tmp_path):
 
 def test_changed_text_is_compiled_anew(tmp_path, monkeypatch):
     """The folder's name follows every file that compiled code calls into."""
-    from facets.model import jit
+    from facets.model import code_folder
 
-    assert {Path(module.__file__).stem for module in jit.TEXT} >= {"wedge", "forward"}
+    assert {file.stem for file in code_folder.text_of(())} >= {"wedge", "forward", "dispatch"}
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
-    part = SimpleNamespace(__file__=str(tmp_path / "part.py"))
-    monkeypatch.setattr(jit, "TEXT", (*jit.TEXT, part))
-    folders = []
-    for text in ("x = 1", "x = 2", "x = 1"):
-        Path(part.__file__).write_text(text)
-        folders.append(jit.cache_folder()[0])
-    assert folders[0] == folders[2] != folders[1]
+    (tmp_path / "text").mkdir()
+    (tmp_path / "own.py").write_text("")
+    monkeypatch.setattr(code_folder, "TEXT", (*code_folder.TEXT, tmp_path / "text"))
+    for part in (tmp_path / "text" / "part.py", tmp_path / "own.py"):
+        folders = []
+        for text in ("x = 1", "x = 2", "x = 1"):
+            part.write_text(text)
+            folders.append(code_folder.code_folder("", tmp_path / "own.py")[0])
+        assert folders[0] == folders[2] != folders[1]
 
 
 def test_the_example_in_the_package_runs():

@@ -8,7 +8,7 @@ from llvmlite import ir
 from sensors import SENSORS, states
 
 import facets
-from facets.model import jit, kernels, rare
+from facets.model import jit, packing, rare
 from facets.model.arrays import geometry_of, packed
 from facets.optics.gradient import linearised
 from facets.scalars.machine import DOUBLE, Value, Writer
@@ -44,7 +44,7 @@ def test_a_copy_of_a_sensor_from_another_process_is_packed_again():
     stale[-1] = 0.0
     sensor.__dict__["_packed"] = stale
     np.testing.assert_array_equal(facets.readings(sensor, away), expected)
-    assert kernels.is_of_this_process(packed(sensor))
+    assert packing.is_of_this_process(packed(sensor))
 
 
 def wedges(count):

@@ -1,0 +1,131 @@
+"""Machine code of straight text that llvmlite makes and keeps, and that Python calls.
+
+Numba is not needed for it, and not imported: that takes longer than most commands have to compute.
+Code is made for the processor that runs it, as Numba does, whose environment variables
+NUMBA_CPU_NAME and NUMBA_CPU_FEATURES are heeded here, too.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import hashlib
+import os
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import llvmlite
+import llvmlite.binding as llvm
+
+from .code_folder import code_folder
+
+#: Writes a function's instructions with an `llvmlite` builder, of its arguments.
+Write = Callable[[Any, Sequence[Any]], None]
+#: In front of an object stands its SHA-256, so that what a disk has spoilt is made anew.
+DIGEST = 32
+_MAKING = threading.Lock()
+
+
+def function(
+    name: str, count: int, write: Callable[[], Write], *files: str | Path | None
+) -> Callable[..., None]:
+    """A function of `count` 64-bit integers, made now if it is not kept, to be called with them.
+
+    write: gives what writes it; only asked where it is made.  files: that this is made of, beside
+    the optics and the scalars.  The interpreter's lock is let go.
+    """
+    folder, passing = code_folder(f"llvmlite {llvmlite.__version__}", __file__, *files)
+    with _MAKING:
+        path = folder / f"{name}-{processor()[2]}.o"
+        code = read(path)
+        if code is None:
+            print(f"facets: compiling {name}, once ...", file=sys.stderr)
+            code = made(name, count, write())
+            keep(path, code)
+        engine = loaded(code)
+    start = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * count)(engine.get_function_address(name))
+    start.keeps = engine, passing  # type: ignore[attr-defined]
+    return start
+
+
+@cache
+def processor() -> tuple[str, str, str]:
+    """The processor's name and features as LLVM has them, and a short name for both."""
+    name = os.environ.get("NUMBA_CPU_NAME") or "host"
+    features = os.environ.get("NUMBA_CPU_FEATURES")
+    if features is None:
+        features = host_features() if name == "host" else ""
+    name = llvm.get_host_cpu_name() if name == "host" else name.replace("generic", "")
+    return name, features, hashlib.sha256(f"{name} {features}".encode()).hexdigest()[:12]
+
+
+def host_features() -> str:
+    try:
+        return llvm.get_host_cpu_features().flatten()  # type: ignore[no-any-return]
+    except RuntimeError:  # where LLVM can not tell them: those that go with the name
+        return ""
+
+
+def new_machine() -> Any:
+    """What makes code for this processor; an engine that is given it owns it."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    name, features, _ = processor()
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+    reloc = "static" if target.name.startswith("x86") else "default"
+    return target.create_target_machine(
+        cpu=name, features=features, opt=3, reloc=reloc, codemodel="jitdefault", jit=True
+    )
+
+
+def made(name: str, count: int, write: Write) -> bytes:
+    """The object with the function that `write` writes."""
+    from llvmlite import ir
+
+    module = ir.Module(name)
+    machine = new_machine()
+    module.triple, module.data_layout = machine.triple, str(machine.target_data)
+    kind = ir.FunctionType(ir.VoidType(), [ir.IntType(64)] * count)
+    written = ir.Function(module, kind, name)
+    builder = ir.IRBuilder(written.append_basic_block("entry"))
+    write(builder, written.args)
+    builder.ret_void()
+    parsed = llvm.parse_assembly(str(module))
+    parsed.verify()
+    options = llvm.create_pipeline_tuning_options(speed_level=3)
+    options.loop_vectorization = options.slp_vectorization = False  # it is vectors already
+    passes = llvm.create_pass_builder(machine, options)
+    passes.getModulePassManager().run(parsed, passes)
+    return machine.emit_object(parsed)  # type: ignore[no-any-return]
+
+
+def loaded(code: bytes) -> Any:
+    """What keeps an object in memory and knows its functions' addresses."""
+    machine, empty = new_machine(), llvm.parse_assembly("")
+    empty.triple = machine.triple
+    engine = llvm.create_mcjit_compiler(empty, machine)
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    return engine
+
+
+def read(path: Path) -> bytes | None:
+    """An object that was kept, or None."""
+    try:
+        kept = path.read_bytes()
+    except OSError:
+        return None
+    digest, code = kept[:DIGEST], kept[DIGEST:]
+    return code if hashlib.sha256(code).digest() == digest else None
+
+
+def keep(path: Path, code: bytes) -> None:
+    """Keeps an object, whole or not at all; where it can not be kept it is made again."""
+    mine = path.with_suffix(f".{os.getpid()}")
+    with contextlib.suppress(OSError):
+        mine.write_bytes(hashlib.sha256(code).digest() + code)
+        mine.replace(path)

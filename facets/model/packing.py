@@ -1,0 +1,52 @@
+"""A sensor's vectors as one array of numbers, for compiled code."""
+
+from __future__ import annotations
+
+from itertools import count
+from typing import Any
+
+import numpy as np
+
+from ..optics.forward import Geometry, geometry
+from ..scalars.nesting import leaves, nested
+from . import rare
+
+#: A sensor's vectors, for their arrangement alone.
+EXAMPLE = geometry((1.0,) * 30)
+#: How many numbers `pack` makes of a sensor, before the address.
+PACKED = len(list(leaves(EXAMPLE)))
+#: The arrangement where nothing cuts the light and rays are parallel, and where rays are parallel.
+PLAIN = EXAMPLE._replace(openings=None, light=None)  # type: ignore[arg-type]
+PARALLEL = EXAMPLE._replace(light=None)  # type: ignore[arg-type]
+
+
+def pack(vectors: Geometry) -> np.ndarray:
+    """A sensor's vectors as one array: real, or complex where one of them is.
+
+    Behind them, where they are real, comes the address of `rare.TABLE`; it holds for this process.
+    """
+    numbers = np.array([number + 0.0 for number in leaves(vectors)])
+    return numbers if np.iscomplexobj(numbers) else np.concatenate([numbers, rare.ADDRESS])
+
+
+def is_of_this_process(packed: np.ndarray) -> bool:
+    """Whether the address behind a sensor's vectors holds; a copy from elsewhere has another.
+
+    As a float an address is a very small number, never NaN.
+    """
+    return bool(packed[-1] == rare.ADDRESS[0])
+
+
+def vectors_at(writer: Any, pointer: Any, example: Any) -> Any:
+    """A sensor's vectors as code that is being written finds them in memory.
+
+    writer: a `scalars.machine.Writer`.  example: their arrangement; None for what is not wanted.
+    """
+    places = count()
+    vectors = [
+        part
+        if part is None
+        else nested(part, (writer.load(pointer, next(places)) for _ in leaves(part)))
+        for part in example
+    ]
+    return type(example)(*vectors)

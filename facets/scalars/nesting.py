@@ -1,0 +1,26 @@
+"""Numbers in nested tuples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+#: Numbers of any kind in nested tuples.
+Numbers = Any
+
+
+def leaves(part: Numbers) -> Iterator[Any]:
+    """The numbers of nested tuples, one after the other."""
+    if isinstance(part, tuple):
+        for inner in part:
+            yield from leaves(inner)
+    else:
+        yield part
+
+
+def nested(like: Numbers, numbers: Iterator[Any]) -> Numbers:
+    """Tuples like those given, with other numbers in them."""
+    if not isinstance(like, tuple):
+        return next(numbers)
+    inner = [nested(each, numbers) for each in like]
+    return type(like)(*inner) if hasattr(like, "_fields") else tuple(inner)
