@@ -239,7 +239,8 @@ def readings(
 
         evaluate(evaluators.readings(sensor), vectors, states, found)
 
-    share(by_blocks(sensor, "readings", vectors, rows, out, one_by_one), len(rows), threads)
+    name = "readings" if kind_of(sensor) == "plain" else None
+    share(by_blocks(sensor, name, rows, out, one_by_one), len(rows), threads)
     return out.reshape(*shape, 9)
 
 
@@ -258,33 +259,34 @@ def evaluate(model: int, vectors: Floats, given: Floats, found: Floats) -> None:
 
 def by_blocks(
     sensor: Sensor,
-    name: str,
-    vectors: Floats,
+    name: str | None,
     states: Floats,
     out: Floats,
     one_by_one: Callable[[Floats, Floats], None],
 ) -> Callable[[slice], None]:
-    """Fills a part of `out` for states (n, 8), by blocks where the light is plain.
+    """Fills a part of `out` for states (n, 8), by blocks where there are any for a sensor.
 
-    name: of the block's results, see `blocks.LOOPS`.  one_by_one: what fills the rest.
+    name: of the block's results, see `blocks.kernel`, or None.  one_by_one: what fills the rest,
+    but for a few states that Python can do sooner.
     """
+    if name is None:
+        return lambda part: one_by_one(states[part], out[part])
     from . import blocks
 
-    plain = kind_of(sensor) == "plain"
-    if plain:
-        blocks.kernel(name)  # compiled once, before threads ask for it
+    vectors = packed(sensor)
+    blocks.kernel(name)  # compiled once, before threads ask for it
 
     def run(part: slice) -> None:
         rows, found = states[part], out[part]
-        if not plain:
-            one_by_one(rows, found)
-            return
-        left = blocks.run(name, vectors, rows, found)
+        left = np.asarray(blocks.run(name, vectors, rows, found), int)
         if len(left):
-            which = np.asarray(left)
-            rest = np.empty((len(which), *found.shape[1:]))
-            one_by_one(rows[which], rest)
-            found[which] = rest
+            from . import as_text
+
+            left = as_text.fill(name, geometry_of(sensor), rows, found, left)
+        if len(left):
+            rest = np.empty((len(left), *found.shape[1:]))
+            one_by_one(rows[left], rest)
+            found[left] = rest
 
     return run
 
@@ -320,7 +322,8 @@ def derivatives(sensor: Sensor, states: Floats, threads: int = 1, near: bool = T
         evaluate(model(sensor), vectors, given, whole)
         found[:] = np.where(np.isnan(whole[:, 0, :9, None]), np.nan, whole[:, 1:, :8])
 
-    share(by_blocks(sensor, "derivatives", vectors, states, out, one_by_one), len(states), threads)
+    name = "derivatives" if kind_of(sensor) == "plain" else None
+    share(by_blocks(sensor, name, states, out, one_by_one), len(states), threads)
     return out
 
 
@@ -388,11 +391,16 @@ def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     >>> f"spot A spans {largest - least:.2f} mm along y"
     'spot A spans 0.74 mm along y'
     """
-    from . import evaluators
-
     rows, shape = as_rows(state, 8, "state")
-    vectors, out, model = packed(sensor), np.empty((len(rows), 3, 5)), evaluators.footprints(sensor)
-    share(lambda part: evaluate(model, vectors, rows[part], out[part]), len(rows), threads)
+    vectors, out = packed(sensor), np.empty((len(rows), 3, 5))
+
+    def one_by_one(states: Floats, found: Floats) -> None:
+        from . import evaluators
+
+        evaluate(evaluators.footprints(sensor), vectors, states, found)
+
+    name = None if sensor.light.on else "footprints"
+    share(by_blocks(sensor, name, rows, out, one_by_one), len(rows), threads)
     return out.reshape(*shape, 3, 5)
 
 

@@ -11,7 +11,8 @@ from typing import Any
 
 from llvmlite import ir
 
-from ..optics.forward import Geometry
+from ..optics.footprint import footprint, slopes
+from ..optics.forward import Geometry, placed
 from ..optics.forward import readings as readings_uncut
 from ..optics.gradient import linearised as linearised_uncut
 from ..scalars.lanes import LaneWriter
@@ -19,16 +20,17 @@ from ..scalars.machine import DOUBLE, LONG, Value, counted
 from ..scalars.nesting import leaves
 from .blocks import LANES
 from .object_code import Write
-from .packing import PLAIN, vectors_at
+from .packing import PARALLEL, PLAIN, vectors_at
 
 #: Writes what a block of poses needs: with the sensor's vectors, from and to memory by pointers.
 Formula = Callable[[LaneWriter, Geometry, Any, Any], None]
 
 
-def each_block(formula: Formula, given: int, found: int) -> Write:
+def each_block(formula: Formula, given: int, found: int, example: Geometry = PLAIN) -> Write:
     """Writes the code of a formula, block after block, as `blocks.kernel` gives it.
 
-    given, found: how many numbers a pose is asked with, and gives.
+    given, found: how many numbers a pose is asked with, and gives.  example: the arrangement of the
+    vectors that the formula takes.
     """
 
     def write(builder: Any, arguments: Sequence[Any]) -> None:
@@ -42,7 +44,7 @@ def each_block(formula: Formula, given: int, found: int) -> Write:
                 builder.gep(pointer, [builder.mul(index, ir.Constant(LONG, LANES * numbers))])
                 for pointer, numbers in ((asked, given), (results, found))
             )
-            formula(code, vectors_at(code, packed, PLAIN), here, there)
+            formula(code, vectors_at(code, packed, example), here, there)
             builder.store(code.bits(code.left), builder.gep(left, [index]))
 
     return write
@@ -65,7 +67,15 @@ def write_derivatives(code: LaneWriter, vectors: Geometry, states: Any, found: A
     code.store_rows(derivatives, found, 72)
 
 
+def write_footprints(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
+    """found: a row of fifteen numbers for each state, of which `footprint` gives five a spot."""
+    at = placed(vectors, tuple(code.load_rows(states, 8, 8)))
+    ends = [footprint(vectors, at, k, slopes(vectors, at, k)) for k in range(3)]
+    code.store_rows(list(leaves(tuple(ends))), found, 15)
+
+
 LOOPS = {
     "readings": each_block(write_readings, 8, 9),
     "derivatives": each_block(write_derivatives, 8, 72),
+    "footprints": each_block(write_footprints, 8, 15, PARALLEL),
 }

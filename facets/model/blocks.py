@@ -48,6 +48,7 @@ class Padding(threading.local):
         self.found = {
             "readings": found[: 9 * LANES].reshape(LANES, 9),
             "derivatives": found.reshape(LANES, 9, 8),
+            "footprints": found[: 15 * LANES].reshape(LANES, 3, 5),
         }
         self.addresses = [address_of(array) for array in (self.rows, found, self.left)]
         self.vectors: Any = None

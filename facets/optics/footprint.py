@@ -9,6 +9,7 @@ the coordinate: the arc of the paper's Fig. 2. For floats, and numbers that writ
 from __future__ import annotations
 
 from math import inf, nan, sqrt
+from typing import Any
 
 from ..scalars.dispatch import Number
 from .bench_light import mirrored, ray_at
@@ -65,10 +66,9 @@ def between(
     slope: Plane, q: Plane, u1: Plane, u2: Plane, opening: Number, centre: Number
 ) -> tuple[Number, Number]:
     """`extent` of the wedge at q between the sides u1 and u2. opening: the beam's, in sigmas."""
-    given = slope, q, u1, u2, opening, centre
     if hasattr(centre, "writer"):
-        return centre.writer.called(between_float, (centre, centre), *given)  # type: ignore[no-any-return]
-    return between_float(*given)
+        return between_straight(slope, q, u1, u2, opening, centre)
+    return between_float(slope, q, u1, u2, opening, centre)
 
 
 def between_float(
@@ -80,6 +80,46 @@ def between_float(
     if most < least:
         return nan, nan
     return centre + least, centre + most
+
+
+def between_straight(
+    slope: Plane, q: Plane, u1: Plane, u2: Plane, opening: Number, centre: Any
+) -> tuple[Number, Number]:
+    """The same without branches, for numbers that write machine code."""
+    code: Any = centre.writer
+    radius = code.select(code.compare("<", opening, RADIUS), opening, RADIUS)
+    back = (-slope[0], -slope[1])
+    most = reach_straight(code, slope, q, u1, u2, radius)
+    least = -reach_straight(code, back, q, u1, u2, radius)
+    empty = code.compare("<", most, least)
+    return code.select(empty, nan, centre + least), code.select(empty, nan, centre + most)
+
+
+def reach_straight(code: Any, slope: Plane, q: Plane, u1: Plane, u2: Plane, radius: Any) -> Any:
+    """`reach` without branches."""
+    square = radius * radius
+    found: Any = code.select(
+        code.compare("<=", q[0] * q[0] + q[1] * q[1], square),
+        slope[0] * q[0] + slope[1] * q[1],
+        -inf,
+    )
+
+    def at_most(here: Any, value: Any) -> Any:
+        return code.select(here & code.compare(">", value, found), value, found)
+
+    for u in (u1, u2):
+        a, h = q[0] * u[0] + q[1] * u[1], q[0] * u[1] - q[1] * u[0]
+        rest: Any = square - h * h
+        crossed = code.compare(">=", rest, 0.0)
+        half = code.function("sqrt", code.select(crossed, rest, 0.0))
+        for s in (-a - half, -a + half):
+            along = slope[0] * (q[0] + s * u[0]) + slope[1] * (q[1] + s * u[1])
+            found = at_most(crossed & code.compare(">", s, 0.0), along)
+    size: Any = code.function("sqrt", slope[0] * slope[0] + slope[1] * slope[1])
+    x, y = radius * slope[0] / size - q[0], radius * slope[1] / size - q[1]
+    within = code.compare(">=", u1[0] * y - u1[1] * x, 0.0)
+    within = within & code.compare(">=", x * u2[1] - y * u2[0], 0.0)
+    return at_most(within & code.compare(">", size, 0.0), radius * size)
 
 
 def spreading(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, Plane]:

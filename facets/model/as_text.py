@@ -1,0 +1,75 @@
+"""The model at single states as Python runs its text, where they are too few to load Numba for.
+
+That takes a second, and minutes where nothing is kept; a state takes a millisecond. The bits are
+those of compiled code, which has the same operations and the same C library.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Sequence
+from math import nan
+from typing import Any
+
+import numpy as np
+
+from ..core.units import Floats
+from ..optics.footprint import footprint, slopes
+from ..optics.forward import Geometry, placed
+from ..optics.forward import readings as readings_uncut
+from ..optics.gradient import linearised
+from ..scalars.nesting import leaves
+
+State = tuple[float, ...]
+
+#: For so long, s, a process runs the text before it loads compiled code, and for so many states at
+#: a time.
+SELDOM, FEW = 1.0, 300
+_spent = 0.0
+
+
+def readings(geometry: Geometry, state: State) -> list[float]:
+    return list(leaves(readings_uncut(geometry, state)))
+
+
+def derivatives(geometry: Geometry, state: State) -> list[Sequence[float]]:
+    """NaN where there is no reading."""
+    return [
+        row if value == value else [nan] * 8
+        for values, rows in linearised(geometry, state)
+        for value, row in zip(values, rows, strict=True)
+    ]
+
+
+def footprints(geometry: Geometry, state: State) -> list[Sequence[float]]:
+    at = placed(geometry, state)
+    return [footprint(geometry, at, k, slopes(geometry, at, k)) for k in range(3)]
+
+
+FORMULAS: dict[str, Callable[[Geometry, State], Any]] = {
+    function.__name__: function for function in (readings, derivatives, footprints)
+}
+
+
+def fill(name: str, geometry: Geometry, states: Floats, found: Floats, which: Any) -> Any:
+    """Fills some rows of `found` for states (n, 8); returns the numbers of those that are left.
+
+    name: of FORMULAS.  which: the rows' numbers.  They are left once compiled code is loaded, or
+    the time is over; so are states at which the text divides by zero or overflows, which Python's
+    floats refuse.
+    """
+    global _spent
+    left = []
+    few = len(which) <= FEW
+    for n in which.tolist():
+        begin = time.thread_time()
+        if not few or _spent >= SELDOM or f"{__package__}.jit" in sys.modules:
+            left.append(n)
+            continue
+        try:
+            found[n] = FORMULAS[name](geometry, tuple(states[n].tolist()))
+        except (ArithmeticError, ValueError):
+            left.append(n)
+        _spent += time.thread_time() - begin
+    return np.array(left, int)
