@@ -116,7 +116,7 @@ def with_effects(sensor: Sensor, values: Sequence[float] | Floats) -> Sensor:
 
 
 def stepped(values: Sequence[float] | Floats) -> list[tuple[complex, ...]]:
-    """Copies of some numbers, in each of which another carries `bench_light.STEP`."""
+    """Copies of some numbers, in each of which another carries `bench_gradient.STEP`."""
     from ..optics.cut_parameters import STEP
 
     plain = [complex(value) for value in values]

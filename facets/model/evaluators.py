@@ -17,7 +17,8 @@ from numba import carray  # type: ignore[attr-defined]  # noqa: TID253
 
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from ..optics import bench_light, cut_light
+from ..optics import bench_gradient, bench_light, cut_light
+from ..optics.curved_light import curved
 from ..optics.detected import cut_scene, linearised_where_cut
 from ..optics.footprint import footprint, slopes, spreading
 from ..optics.forward import Geometry, by_power, placed, readings_of, with_power
@@ -151,7 +152,7 @@ def put_light(found: Any, vectors: Any, detectors: Any) -> None:
 def linearised_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
     vectors = with_power(unpack(carray(packed, (PACKED,))), x[8])
     try:
-        put_light(carray(found, (10, 10)), vectors, bench_light.linearised(vectors, state_at(x)))
+        put_light(carray(found, (10, 10)), vectors, bench_gradient.linearised(vectors, state_at(x)))
     except Exception:
         put_nothing(found, 100)
 
@@ -169,7 +170,7 @@ def linearised_cut_light(packed: Pointer, x: Pointer, found: Pointer, memory: Po
 def nearly_linearised_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
     vectors = with_power(unpack(carray(packed, (PACKED,))), x[8])
     try:
-        detectors = bench_light.nearly_linearised(vectors, state_at(x))
+        detectors = bench_gradient.nearly_linearised(vectors, state_at(x))
         put_light(carray(found, (10, 10)), vectors, detectors)
     except Exception:
         put_nothing(found, 100)
@@ -193,7 +194,7 @@ def footprints_plain(packed: Pointer, x: Pointer, found: Pointer, memory: Pointe
 def footprints_light(packed: Pointer, x: Pointer, found: Pointer, memory: Pointer) -> None:
     """The same under the light of a bench."""
     vectors, out = unpack(carray(packed, (PACKED,))), carray(found, (3, 5))
-    at = bench_light.curved(vectors, placed(vectors, state_at(x)))
+    at = curved(vectors, placed(vectors, state_at(x)))
     for k in range(3):
         ends = footprint(vectors, at, k, spreading(vectors, at, k))
         for i in range(5):

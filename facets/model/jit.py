@@ -29,12 +29,15 @@ from numba import types  # noqa: TID253
 from numba.extending import intrinsic, overload, register_jitable  # noqa: TID253
 
 from ..optics import (
+    bench_gradient,
     bench_light,
     compensated,
+    curved_light,
     cut,
     cut_light,
     cut_parameters,
     detected,
+    edge_light,
     effects,
     footprint,
     forward,
@@ -103,6 +106,9 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
 }
 TEXT = (
     bench_light,
+    bench_gradient,
+    curved_light,
+    edge_light,
     effects,
     vectors,
     rays,
@@ -126,7 +132,7 @@ TEXT = (
 BARE: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 #: What is left to be called, because it is long and called from many places, or seldom.
 LONG = (tail_quadrature,)
-CALLED = (bench_light.varied, footprint.reach)
+CALLED = (bench_gradient.varied, footprint.reach)
 
 
 def register(module: ModuleType, inline: bool = True) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..optics import bench_light
+from ..optics import bench_gradient, bench_light
 from ..optics.cut_parameters import cut_by_parameter
 from ..optics.detected import cut_scene
 from ..optics.effects import Light, Options
@@ -127,14 +127,14 @@ def differentiate_cut(packed: Array, varied: Array, states: Array, out: Array) -
 def differentiate_light(packed: Array, varied: Array, states: Array, out: Array) -> None:
     """out (n, 9, m): derivatives under the light of a bench, by what is varied in m copies.
 
-    varied: (m, ...) the sensor with each number varied by `bench_light.STEP`.
+    varied: (m, ...) the sensor with each number varied by `bench_gradient.STEP`.
     """
     vectors = unpack(packed)
     for n in range(len(states)):
         state = state_of(states, n)
         at = bench_light.scene(vectors, state)
         for p in range(len(varied)):
-            detectors = bench_light.varied(unpack(varied[p]), state, at)
+            detectors = bench_gradient.varied(unpack(varied[p]), state, at)
             for k in range(3):
                 for i in range(3):
                     out[n, 3 * k + i, p] = detectors[k][i]

@@ -2,14 +2,15 @@
 
 Collimated light falls on all of a flat facet under one angle, so that a coating takes a share of a
 spot's power, whatever is cut, and leaves its place; other light is added at the detector. What else
-`bench_light` knows happens at edges, which apertures move or hide, and does not go with them.
+`edge_light` knows happens at edges, which apertures move or hide, and does not go with them.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from .bench_light import STEP, drawn, reflectance, with_background
+from .bench_gradient import STEP, drawn
+from .bench_light import reflectance, with_background
 from .detected import cut_scene, linearised_where_cut
 from .forward import Geometry, Scene, Three, readings_of
 from .region import Array

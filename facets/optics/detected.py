@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from . import bench_light
+from . import bench_gradient, bench_light
 from .cut import always_cut, linearised_cut, outline
 from .forward import Geometry, Scene, Three, placed, readings_of, shone_on, with_light
 from .forward import scene as uncut_scene
@@ -54,7 +54,7 @@ def linearised(
     Each is ((psi, zeta, power), (eight derivatives of each)); mm, mW, rad. NaN as in `reading`.
     """
     if geometry.light.options.on:
-        return bench_light.linearised(geometry, state)
+        return bench_gradient.linearised(geometry, state)
     if not geometry.openings.cut:
         return linearised_uncut(geometry, state)
     return linearised_where_cut(geometry, state, workspace)

@@ -12,7 +12,7 @@ from math import inf, nan, sqrt
 from typing import Any
 
 from ..scalars.dispatch import Number
-from .bench_light import mirrored, ray_at
+from .curved_light import mirrored, ray_at
 from .forward import Geometry, Scene
 from .limits import central_landing, outward, seen
 from .rays import gradient_of_shift, reflect, slanted

@@ -68,3 +68,11 @@ def rotation_axes(pitch: Number, yaw: Number) -> Matrix:
     cy, sy = cos(yaw), sin(yaw)
     zero = cp - cp
     return ((cy * cp, sy * cp, -sp), (-sy, cy, zero), (zero, zero, zero + 1))
+
+
+def cross2(a: tuple[Any, Any], b: tuple[Any, Any]) -> Number:
+    return a[0] * b[1] - a[1] * b[0]
+
+
+def dot2(a: tuple[Any, Any], b: tuple[Any, Any]) -> Number:
+    return a[0] * b[0] + a[1] * b[1]

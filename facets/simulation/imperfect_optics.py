@@ -2,7 +2,7 @@
 
 For simulations: to see what a coating, a diverging beam, facets that are not flat, edges that roll
 off or are lost and diffraction do to poses that are solved without a thought of them, and to check
-the closed form of these in `optics.bench_light`, of which nothing is used here. What
+the closed form of these in `optics.edge_light`, of which nothing is used here. What
 `sensor.imperfections` says comes on top of what `sensor.light` says.
 
 Each ray starts at the height of the beam's place, with a direction of its own where the wavefront

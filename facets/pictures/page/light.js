@@ -76,7 +76,7 @@ const Light = (() => {
   //     meets                      whether the facet faces the beam and its light the detector
   function drawing(geometry, state, rows = 9, columns = 25) {
     const flat = forward_placed(geometry, state);
-    const at = geometry.light.options.on ? bench_light_curved(geometry, flat) : flat;
+    const at = geometry.light.options.on ? curved_light_curved(geometry, flat) : flat;
     const radius = Math.min(2, geometry.openings.radius);
     const facets = [0, 1, 2].map((k) => {
       const central = ray(geometry, at, k, [0, 0]);

@@ -8,7 +8,7 @@ from typing import Any
 
 from ...core.sensor import Sensor
 from ...model.arrays import geometry_of
-from ...optics import bench_light, cut_light, detected, forward, limits, rays
+from ...optics import bench_light, curved_light, cut_light, detected, forward, limits, rays
 from .javascript import javascript, literal, name_of
 
 #: The optics' readings: of ideal light, of light that is cut, of a bench's light, and of both.
@@ -19,7 +19,7 @@ READINGS: dict[tuple[bool, bool], Callable[..., Any]] = {
     (True, True): cut_light.readings,
 }
 #: What `light.js` draws with.
-DRAWN = (forward.placed, bench_light.curved, rays.hit, rays.reflect, rays.flight, rays.land)
+DRAWN = (forward.placed, curved_light.curved, rays.hit, rays.reflect, rays.flight, rays.land)
 
 MODEL = """\
 const Model = (() => {{

@@ -1,0 +1,136 @@
+"""Light whose wavefront is curved: as seen from where it comes from, and on a detector's image.
+
+Seen from there, the mirror's edges are straight too, so that mass and centroid of the light on a
+facet stay those of a wedge (`curved`). The ray through the centroid is followed to the detector's
+image in the facet (`mirrored`), where its landing point is a ratio of two linear functions of the
+place in the beam; half its second derivative, contracted with the light's covariance, moves the
+centroid from there (`bowed`). For any number type.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from ..scalars.dispatch import Number
+from .forward import Geometry, Scene, in_sigmas, unit
+from .vectors import Matrix, Vector, add, combine, dot, dot2, rotate, subtract
+from .wedge import Plane
+
+
+def unbent(geometry: Geometry, at: Scene) -> tuple[Any, Any, Any, Any]:
+    """What carries vectors across the beam at the apex's height back to the height of its place."""
+    xx, xy, yx, yy = geometry.light.bend
+    height = dot(subtract(at.apex, at.place), geometry.direction)
+    a, b, c, d = height * xx + 1, height * xy, height * yx, height * yy + 1
+    size = a * d - b * c
+    return d / size, -b / size, -c / size, a / size
+
+
+def applied(matrix: tuple[Any, Any, Any, Any], x: Plane) -> Plane:
+    return matrix[0] * x[0] + matrix[1] * x[1], matrix[2] * x[0] + matrix[3] * x[1]
+
+
+def curved(geometry: Geometry, at: Scene) -> Scene:
+    """The scene with apex and edges as seen from where a curved wavefront's light comes from."""
+    back = unbent(geometry, at)
+    q = applied(back, at.q)
+    bent = applied(geometry.light.bend, q)
+    sides = (
+        seen_edge(geometry, back, bent, at.edges[0]),
+        seen_edge(geometry, back, bent, at.edges[1]),
+        seen_edge(geometry, back, bent, at.edges[2]),
+    )
+    return Scene(
+        at.apex, at.place, at.turn, at.normals, at.edges, q, sides, at.integrals, at.moments
+    )
+
+
+def seen_edge(
+    geometry: Geometry, back: tuple[Any, Any, Any, Any], bent: Plane, edge: Vector
+) -> Plane:
+    """The direction, in sigmas, of an edge as the light sees it."""
+    along = dot(edge, geometry.direction)
+    x, y = in_sigmas(geometry, edge)
+    return unit(applied(back, (x - along * bent[0], y - along * bent[1])))
+
+
+class Image(NamedTuple):
+    """A detector as seen in its facet, and the beam in the image's own frame: along its normal, y
+    and z, from its centre; mm.
+
+    axes: of the image, in the world.  halves: of its sensitive area.  start: the beam's place.
+    direction: of the beam.  spread, fan: as in geometry and light.  path: from the apex on.
+    """
+
+    axes: Matrix
+    halves: Plane
+    start: Vector
+    direction: Vector
+    spread: tuple[Vector, Vector]
+    fan: tuple[Vector, Vector]
+    path: Number
+
+
+def reflected(v: Vector, normal: Vector) -> Vector:
+    return combine(1, v, -2 * dot(v, normal), normal)
+
+
+def mirrored(geometry: Geometry, at: Scene, k: int) -> Image:
+    normal, (x, y, z) = at.normals[k], geometry.axes[k]
+    axes = reflected(x, normal), reflected(y, normal), reflected(z, normal)
+    apex = reflected(subtract(at.apex, geometry.centres[k]), normal)  # from the image's centre
+    direction = rotate(axes, geometry.direction)
+    spread, fan = geometry.spread, geometry.light.fan
+    return Image(
+        axes=axes,
+        halves=geometry.light.options.halves[k],
+        start=rotate(axes, add(apex, subtract(at.place, at.apex))),
+        direction=direction,
+        spread=(rotate(axes, spread[0]), rotate(axes, spread[1])),
+        fan=(rotate(axes, fan[0]), rotate(axes, fan[1])),
+        path=-dot(apex, axes[0]) / direction[0],
+    )
+
+
+class Ray(NamedTuple):
+    """One ray, straight on to a detector's image: how far it starts in front of the image's plane,
+    its direction along the plane's normal, the slopes with which it meets the plane, and where:
+    (psi, zeta), mm."""
+
+    height: Number
+    facing: Number
+    slopes: Plane
+    spot: Plane
+
+
+def ray_at(image: Image, x: Plane) -> Ray:
+    """The ray through the place x of the beam, in sigmas."""
+    start = add(image.start, combine(x[0], image.spread[0], x[1], image.spread[1]))
+    direction = add(image.direction, combine(x[0], image.fan[0], x[1], image.fan[1]))
+    facing = direction[0]
+    inverse = 1 / facing
+    slopes = direction[1] * inverse, direction[2] * inverse
+    spot = start[1] - start[0] * slopes[0], start[2] - start[0] * slopes[1]
+    return Ray(start[0], facing, slopes, spot)
+
+
+def bowed(image: Image, ray: Ray, shift: tuple[Any, Any, Any]) -> Plane:
+    """How far the light's mean landing point lies from the landing point of its mean, mm.
+
+    shift: one less the light's covariance, in sigmas, as xx, xy, yy.
+    """
+    (first, second), (x, y) = image.fan, image.spread
+    inverse = 1 / ray.facing
+    turn = first[0] * inverse, second[0] * inverse
+    lever = ray.height * turn[0] - x[0], ray.height * turn[1] - y[0]
+    a, b, c = 1 - shift[0], -shift[1], 1 - shift[2]
+    weights = a * lever[0] + b * lever[1], b * lever[0] + c * lever[1]
+    of_psi = (
+        first[1] * inverse - ray.slopes[0] * turn[0],
+        second[1] * inverse - ray.slopes[0] * turn[1],
+    )
+    of_zeta = (
+        first[2] * inverse - ray.slopes[1] * turn[0],
+        second[2] * inverse - ray.slopes[1] * turn[1],
+    )
+    return dot2(of_psi, weights), dot2(of_zeta, weights)

@@ -1,0 +1,353 @@
+"""What happens to the light along the facets' edges: it diffracts, is sent outward, or is lost.
+
+It is told by the edge's own light (`Step`). Diffraction spreads, at the distance s across the edge
+from where that light lands, the share a / s^2 a mm with a = wavelength x path x light / 4 pi^2
+(Fresnel's far field of an edge). What falls beyond the detector's sensitive area is lost, and what
+lies on it unequally far to both sides moves the centroid:
+
+    dP = -sum a (1/S+ + 1/S-)
+    c' = c - sum a [(x_e - c)(1/S+ + 1/S-) + v ln(S-/S+)] / (P + dP)
+
+To second order in the spot's size over S, an edge's light is as wide as it is (`Streak`), and the
+facet's point, where both edges end, spreads light of its own (`at_point`).
+
+A surface that rolls off by a depth d sends the strip's light outward: the spot moves by
+2 d cos(incidence) path x light / P across the edge. A lost strip moves the wedge's point inward,
+and with it where the surface begins to roll off. Masses are shares of the beam's power. For any
+number type.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from ..scalars.dispatch import Number, larger, log, pi, sqrt
+from .curved_light import Image, Ray, applied, ray_at
+from .forward import Geometry, Scene, Three, in_sigmas
+from .vectors import Vector, combine, cross, cross2, dot, dot2, rotate, scale
+from .wedge import Plane
+
+
+class Step(NamedTuple):
+    """A step of one mm across an edge, into the facet that begins there, and the edge's own light.
+
+    world: the step.  away: how far it leads away from the edge as the light sees it, in sigmas.
+    sine: between beam and edge.  light: that the step sweeps over, a share of the beam's, 1/mm.
+    far, middle: of the edge's own light, from the apex and its place, in sigmas.  along, fan: a
+    sigma along the edge, mm, and by how much a ray's direction changes over it; in the world.
+    spread: the variance of the edge's light along it, in sigmas squared.  blur: 1 - a f / L, that
+    of the waves that make it up (`streak`).
+    """
+
+    world: Vector
+    away: Number
+    sine: Number
+    light: Number
+    far: Number
+    middle: Plane
+    along: Vector
+    fan: Vector
+    spread: Number
+    blur: Number
+
+
+def step_across(geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], edge: int) -> Step:
+    along = at.edges[edge]
+    across = cross(along, geometry.direction)
+    square = dot(across, across)
+    size = sqrt(square)
+    step = scale(1 / size, across)
+    u, (length, first, second, _) = at.sides[edge], at.integrals[edge]
+    away = cross2(u, applied(back, in_sigmas(geometry, step)))
+    far = first / length
+    middle = at.q[0] + far * u[0], at.q[1] + far * u[1]
+    fan = geometry.light.fan
+    height = dot2(at.q, u)
+    waves = 1 - height * (far + height)
+    return Step(
+        world=step,
+        away=away,
+        sine=sqrt(square / dot(along, along)),
+        light=length * away,
+        far=far,
+        middle=middle,
+        along=combine(u[0], geometry.spread[0], u[1], geometry.spread[1]),
+        fan=combine(u[0], fan[0], u[1], fan[1]),
+        spread=second / length - far * far,
+        blur=larger(waves, waves * 0),
+    )
+
+
+def worn(
+    geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], steps: Three, k: int
+) -> tuple[Number, Plane, Plane]:
+    """Mass and centroid of the light on facet k less what strips along its edges and the tip lose,
+    and by how much the strips move its point, in sigmas.
+
+    A strip moves an edge inward by w, and both move the facet's point by d:
+    mass (1 - C.d - (d.P d - (C.d)^2) / 2) and C + P d, with centroid C and P one less the
+    covariance.
+    """
+    mass, centroid, (pxx, pxy, pyy), _ = at.moments[k]
+    following = (k + 1) % 3
+    first, second = at.sides[k], at.sides[following]
+    facing = -dot(geometry.direction, at.normals[k])
+    inward1 = geometry.light.strips[k] * facing / (2 * steps[k].sine)
+    inward2 = geometry.light.strips[following] * facing / (2 * steps[following].sine)
+    across1 = inward1 * steps[k].away
+    across2 = inward2 * steps[following].away
+    inverse = 1 / cross2(first, second)
+    d = (
+        (across2 * first[0] + across1 * second[0]) * inverse,
+        (across2 * first[1] + across1 * second[1]) * inverse,
+    )
+    pd = pxx * d[0] + pxy * d[1], pxy * d[0] + pyy * d[1]
+    step = dot2(centroid, d)
+    left = mass * (1 - step - (dot2(d, pd) - step * step) / 2)
+    lost, place = at_tip(geometry, at, back, k)
+    rest = left - lost
+    moved = centroid[0] + pd[0], centroid[1] + pd[1]
+    share = 1 / rest
+    centroid = (
+        (left * moved[0] - lost * place[0]) * share,
+        (left * moved[1] - lost * place[1]) * share,
+    )
+    return rest, centroid, d
+
+
+def at_tip(
+    geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], k: int
+) -> tuple[Number, Plane]:
+    """The share of the beam that facet k loses at the worn tip, and its centroid in sigmas.
+
+    It gets of the tip's area what lies between its edges, seen along the mirror's axis; its light
+    is told by the density at the apex and its slope there.
+    """
+    light = geometry.light
+    length, first, _, _ = at.integrals[k]
+    density = first + dot2(at.q, at.sides[k]) * length
+    axis = at.turn[0][2], at.turn[1][2], at.turn[2][2]
+    size = back[0] * back[3] - back[1] * back[2]
+    area = -dot(axis, geometry.direction) * light.tip * light.tip_shares[k]
+    offset = applied(back, in_sigmas(geometry, rotate(at.turn, light.tip_offsets[k])))
+    lost = density * (1 - dot2(at.q, offset)) * area * size * light.density
+    return lost, (at.q[0] + offset[0], at.q[1] + offset[1])
+
+
+class Sum(NamedTuple):
+    """What the edges add up to: light lost beyond the detector (a share of the beam), what that and
+    the light's unequal spread do to the first moment of place, and roll-off's part of it."""
+
+    lost: Number
+    moment: Plane
+
+
+class Streak(NamedTuple):
+    """The light that an edge spreads to both sides, as it lies on a detector's image.
+
+    share: a, of the a / s^2 at s steps across the edge; mm.  spot: where the edge's own light
+    lands.  v: a step.  wide: the standard deviation of the light along the edge; mm.
+    """
+
+    share: Number
+    spot: Plane
+    v: Plane
+    wide: Plane
+
+
+def seen_from(ray: Ray, image: Image, v: Vector) -> Plane:
+    """What a step v across the light, in the world, is on the image."""
+    level, across, up = rotate(image.axes, v)
+    return across - level * ray.slopes[0], up - level * ray.slopes[1]
+
+
+def streak(image: Image, step: Step, scatter: Number) -> Streak:
+    """What an edge spreads. scatter: wavelength x path / 4 pi^2, mm^2.
+
+    The light along an edge lands where its rays do, and each part of it is as wide as the waves
+    make it that such a short piece lets through: their variances add up. That of a piece which ends
+    at the apex has no bound, since its ends diffract; `at_point` has these, and what is left is
+    Hadamard's finite part, (wavelength x path / 4 pi sigma)^2 (1 - a f / L), with the density f at
+    the apex.
+    """
+    ray = ray_at(image, step.middle)
+    own, landed = dot(step.along, step.along), combine(1, step.along, image.path, step.fan)
+    inverse = 1 / own
+    waves = pi(own) * scatter * inverse
+    wide = sqrt(step.spread * dot(landed, landed) * inverse + waves * waves * step.blur)
+    along = seen_from(ray, image, step.along)
+    return Streak(
+        share=scatter * step.light,
+        spot=ray.spot,
+        v=seen_from(ray, image, step.world),
+        wide=(wide * along[0], wide * along[1]),
+    )
+
+
+def beyond(geometry: Geometry, image: Image, light: Streak, centre: Plane, total: Sum) -> Sum:
+    """`total` and what a streak loses beyond the detector's sensitive area.
+
+    It counts as two lines, one standard deviation to both sides of its middle.  centre: the spot's,
+    mm.
+    """
+    (x, y), v, wide, nearest = light.spot, light.v, light.wide, geometry.light.options.nearest
+    ahead, behind = rates((x + wide[0], y + wide[1]), v, image.halves, nearest)
+    ahead2, behind2 = rates((x - wide[0], y - wide[1]), v, image.halves, nearest)
+    half = light.share / 2
+    one, other = half * (ahead + behind), half * (ahead2 + behind2)
+    missing, lopsided = one + other, one - other
+    lean = half * log(ahead * ahead2 / (behind * behind2))
+    return Sum(
+        total.lost + missing,
+        (
+            total.moment[0] - (x - centre[0]) * missing - wide[0] * lopsided - v[0] * lean,
+            total.moment[1] - (y - centre[1]) * missing - wide[1] * lopsided - v[1] * lean,
+        ),
+    )
+
+
+def at_point(
+    geometry: Geometry,
+    at: Scene,
+    back: tuple[Any, Any, Any, Any],
+    image: Image,
+    k: int,
+    steps: tuple[Step, Step],
+    streaks: tuple[Streak, Streak],
+    scatter: Number,
+    centre: Plane,
+    total: Sum,
+) -> Sum:
+    """`total` and what facet k's point loses beyond the detector, where both edges end.
+
+    With s and t steps of the two streaks from where the apex's own ray lands, the point's waves are
+    A / s^2 t^2 on an area of ds dt, A = (wavelength x path / 4 pi^2)^2 x density at the apex / sine
+    between the edges. The finite part of its integral over the sensitive area is a sum over the
+    area's four sides, of lines alpha s + beta t = gamma, and its corners:
+
+        J = sum over corners of (alpha beta' - alpha' beta) / gamma gamma'
+            - sum over sides of alpha beta / gamma^2 [ln |t / s|]
+        first moments: - sum over sides of (beta v1 + alpha v2) / gamma [ln |t / s|]
+
+    with [] from a side's one end to its other. Over the whole plane it is nothing, so that what is
+    lost is -J. A streak that runs through a corner is as wide there as it is.
+    """
+    one, other = streaks
+    length, first, _, _ = at.integrals[k]
+    q = at.q
+    size = back[0] * back[3] - back[1] * back[2]
+    density = (first + dot2(q, at.sides[k]) * length) * size * geometry.light.density
+    sine = dot(cross(steps[0].world, steps[1].world), geometry.direction)
+    amount = -scatter * scatter * density / sine
+    spot = ray_at(image, q).spot
+    v, w = one.v, other.v
+    turn = cross2(v, w)
+    widths = dot2(one.wide, one.wide), dot2(other.wide, other.wide)
+    (y, z), nearest = image.halves, geometry.light.options.nearest
+    y1, z1, y0, z0 = y - spot[0], z - spot[1], -y - spot[0], -z - spot[1]
+    a, b = corner(v, w, widths, y1, z0), corner(v, w, widths, y1, z1)
+    c, d = corner(v, w, widths, y0, z1), corner(v, w, widths, y0, z0)
+    up = log(b[0] * a[1] / (b[1] * a[0]))
+    over = log(c[0] * b[1] / (c[1] * b[0]))
+    down = log(d[0] * c[1] / (d[1] * c[0]))
+    least = nearest + spot[0] * 0
+    y1, z1, y0, z0 = larger(y1, least), larger(z1, least), larger(-y0, least), larger(-z0, least)
+    level, upright = y1 * y0, z1 * z0
+    each = 1 / (2 * level * upright)
+    right, left, top, bottom = (
+        y0 * upright * each,
+        y1 * upright * each,
+        z0 * level * each,
+        z1 * level * each,
+    )  # half of one over the distance
+    on_right, on_top, on_left = right * up, top * over, left * down
+    on_bottom = -bottom * (up + over + down)
+    whole = 2 * turn * (right + left) * (top + bottom)
+    whole -= v[0] * w[0] * (right * on_right + left * on_left)
+    whole -= v[1] * w[1] * (top * on_top + bottom * on_bottom)
+    sideways, upward = on_right - on_left, on_top - on_bottom
+    missing = -2 * amount * whole
+    lean = (
+        amount * (2 * v[0] * w[0] * sideways + (w[1] * v[0] + v[1] * w[0]) * upward),
+        amount * ((w[0] * v[1] + v[0] * w[1]) * sideways + 2 * v[1] * w[1] * upward),
+    )
+    return Sum(
+        total.lost + missing,
+        (
+            total.moment[0] - (spot[0] - centre[0]) * missing - lean[0],
+            total.moment[1] - (spot[1] - centre[1]) * missing - lean[1],
+        ),
+    )
+
+
+def corner(v: Plane, w: Plane, widths: Plane, x: Number, y: Number) -> Plane:
+    """The squares of t and s of a corner (x, y) from where the apex's ray lands, as s v + t w.
+
+    widths: the squares of both streaks' standard deviations, mm^2.
+    """
+    s, t = x * w[1] - y * w[0], v[0] * y - v[1] * x
+    return t * t + widths[0], s * s + widths[1]
+
+
+def push(
+    geometry: Geometry,
+    at: Scene,
+    image: Image,
+    k: int,
+    edge: int,
+    step: Step,
+    light: Streak,
+    depth: Number,
+    moved: Plane,
+    total: Sum,
+) -> Sum:
+    """`total` and where an edge of facet k that rolls off sends its light.
+
+    depth: mm, positive for the facet that begins at the edge where it falls off; its negative for
+    the one that ends there.  moved: by how much lost strips move the facet's point, in sigmas.
+    """
+    facing = -dot(geometry.direction, at.normals[k])
+    width = geometry.light.rolloff_width * facing / step.sine
+    mean = strip_mean(at, k, edge, step, moved, width)
+    far = -2 * depth * facing * image.path * step.light * mean
+    return Sum(total.lost, (total.moment[0] + light.v[0] * far, total.moment[1] + light.v[1] * far))
+
+
+def strip_mean(at: Scene, k: int, edge: int, step: Step, moved: Plane, width: Number) -> Number:
+    """The light along a strip of facet k beside its edge, over the light along the edge itself.
+
+    moved: where the strip begins, from the apex, in sigmas.  width: of the strip, across the beam,
+    mm.  With D from there to where its inner side begins, along the other edge, and the light
+    L(a, h) along a line from q, a = q.u, h = q x u: the mean of 1 + (dL.x + x.d2L x / 2) / L over x
+    from `moved` to `moved` + D.
+    """
+    u = at.sides[edge]
+    if edge == k:
+        w = at.sides[(k + 1) % 3]
+        far = width * step.away / cross2(u, w)
+    else:
+        w = at.sides[k]
+        far = width * step.away / cross2(w, u)
+    a, h = dot2(at.q, u), cross2(at.q, u)
+    wide, deep = far * dot2(w, u), far * cross2(w, u)
+    along, across = dot2(moved, u) + wide / 2, cross2(moved, u) + deep / 2
+    ratio = step.far + a
+    rise = -ratio * along - h * across
+    bow = a * ratio * (along * along + wide * wide / 12)
+    bow += 2 * h * ratio * (along * across + wide * deep / 12)
+    bow += (h * h - 1) * (across * across + deep * deep / 12)
+    return 1 + rise + bow / 2
+
+
+def rates(spot: Plane, v: Plane, halves: Plane, nearest: Number) -> tuple[Number, Number]:
+    """One over how many steps v lead from a spot to the window's edge, ahead and behind."""
+    least = nearest + spot[0] * 0
+    right, left = larger(halves[0] - spot[0], least), larger(halves[0] + spot[0], least)
+    above, below = larger(halves[1] - spot[1], least), larger(halves[1] + spot[1], least)
+    level, upright = right * left, above * below
+    whole = 1 / (level * upright)  # one division for all four
+    x, y = v[0] * upright * whole, v[1] * level * whole
+    return (
+        larger(larger(x * left, -x * right), larger(y * below, -y * above)),
+        larger(larger(-x * left, x * right), larger(-y * below, y * above)),
+    )
