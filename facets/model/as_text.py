@@ -68,7 +68,8 @@ def fill(name: str, geometry: Geometry, states: Floats, found: Floats, which: An
             left.append(n)
             continue
         try:
-            found[n] = FORMULAS[name](geometry, tuple(states[n].tolist()))
+            with np.errstate(all="raise", under="ignore"):  # of the text's tables
+                found[n] = FORMULAS[name](geometry, tuple(states[n].tolist()))
         except (ArithmeticError, ValueError):
             left.append(n)
         _spent += time.thread_time() - begin

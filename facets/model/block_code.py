@@ -70,8 +70,12 @@ def write_derivatives(code: LaneWriter, vectors: Geometry, states: Any, found: A
 def write_footprints(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
     """found: a row of fifteen numbers for each state, of which `footprint` gives five a spot."""
     at = placed(vectors, tuple(code.load_rows(states, 8, 8)))
-    ends = [footprint(vectors, at, k, slopes(vectors, at, k)) for k in range(3)]
-    code.store_rows(list(leaves(tuple(ends))), found, 15)
+    ends: list[Any] = []
+    for k in range(3):
+        *edges, out = footprint(vectors, at, k, slopes(vectors, at, k))
+        landed = code.compare("==", edges[0], edges[0])  # lanes take x - x for zero, NaN or not
+        ends += [*edges, code.select(landed, out, nan)]
+    code.store_rows(ends, found, 15)
 
 
 LOOPS = {

@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from dataclasses import FrozenInstanceError, fields, replace
 
 import numpy as np
 import pytest
@@ -309,6 +310,33 @@ def test_a_copy_of_a_prepared_solver_has_memory_of_its_own(states, readings):
         for reading, state in zip(readings[:3], expected, strict=True):
             solver.solve(readings[4])
             np.testing.assert_array_equal(other.solve(reading).state, state)
+
+
+def test_a_solution_of_one_reading_is_a_solution(readings):
+    """Its fields are made when they are asked for; nobody need know."""
+    solver = facets.Solver(SENSOR, start="previous")
+    one, plain = solver.solve(readings[0]), facets.solve(SENSOR, readings[:1])
+    names = [field.name for field in fields(facets.Solution)]
+    kept = {name: np.copy(getattr(plain, name)[0]) for name in names}
+    solver.solve(readings[1])  # in the memory that the first one was found in
+    other = solver.solve(readings[0])
+    other.state[:] *= 1e3  # as somebody does who wants micrometres: nothing follows from it
+    assert solver.solve(readings[0]).iterations <= 2
+    copied = replace(one, power=2 * one.power)
+    for found in (one, copy.copy(one), copy.deepcopy(one), pickle.loads(pickle.dumps(one))):
+        assert isinstance(found, facets.Solution)
+        for name in names:
+            np.testing.assert_array_equal(getattr(found, name), kept[name])
+    assert copied.power == 2 * kept["power"]
+    assert repr(one).startswith("Solution(state=array(")
+    with pytest.raises(AttributeError, match="pose"):
+        one.pose  # noqa: B018
+    with pytest.raises(FrozenInstanceError):
+        one.status = 0
+    bare = facets.Solver(SENSOR, covariance=False).solve(readings[0])
+    assert bare.covariance is None
+    with pytest.raises(InputError, match="covariance"):
+        bare.uncertainty  # noqa: B018
 
 
 def test_one_reading_from_where_it_is_said_to_start(readings):

@@ -3,17 +3,19 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from sensors import SENSORS, states
 
 import facets
-from facets.model import blocks, evaluators, kernels
-from facets.model.arrays import evaluate, packed
+from facets.model import as_text, blocks, evaluators, kernels
+from facets.model.arrays import evaluate, geometry_of, packed
 
 NAMED = pytest.mark.parametrize("name", ["paper", "skewed0", "skewed2", "skewed4"])
-BOTH = pytest.mark.parametrize("function", [facets.readings, facets.jacobian])
+FUNCTIONS = [facets.readings, facets.jacobian, facets.footprints]
+ALL = pytest.mark.parametrize("function", FUNCTIONS)
 
 
 def one_by_one(sensor: facets.Sensor, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -49,7 +51,43 @@ def test_blocks_agree_with_one_pose_at_a_time(name):
     assert (np.abs(facets.jacobian(sensor, some) - slopes).max(axis=(0, 1)) < 1e-13 * scale).all()
 
 
-@BOTH
+@pytest.mark.parametrize("opening", [np.inf, 0.3])
+@pytest.mark.parametrize("name", ["paper", "skewed0", "skewed4"])
+def test_footprints_of_blocks_are_those_of_one_pose_at_a_time(name, opening):
+    """Also where facets meet no light inside the beam's circle, or inside its aperture."""
+    sensor = replace(SENSORS[name], apertures=facets.Apertures(beam=opening))
+    some, one = states(2000, seed=6, offset=0.8), np.empty((2000, 3, 5))
+    some[5, 0], some[6, 0], some[7, 2], some[8, 7] = np.nan, np.inf, -np.inf, np.inf
+    evaluate(evaluators.footprints(sensor), packed(sensor), some, one)
+    found = facets.footprints(sensor, some)
+    assert 0.1 < np.isnan(one[:, :, 0]).mean() < 0.9
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(one))
+    assert np.nanmax(np.abs(found - one)) < 2e-12
+
+
+@pytest.mark.parametrize("name", ["readings", "derivatives", "footprints"])
+def test_what_few_poses_give_as_text_has_the_bits_of_compiled_code(name, monkeypatch):
+    """Else results would depend on how many poses left their blocks before."""
+    sensor, some = SENSORS["skewed2"], states(60, seed=7, offset=1.5)
+    some[:30, 3:6] += np.linspace(0.6, 1.1, 30)[:, None]
+    some[50], some[51, 0] = np.nan, np.inf
+    expected = dict(zip(("readings", "derivatives"), one_by_one(sensor, some), strict=True))
+    expected["footprints"] = np.empty((60, 3, 5))
+    evaluate(evaluators.footprints(sensor), packed(sensor), some, expected["footprints"])
+    found, which = np.full_like(expected[name], 7.0), np.arange(60)
+    assert list(as_text.fill(name, geometry_of(sensor), some, found, which)) == list(which)
+    monkeypatch.delitem(sys.modules, "facets.model.jit")  # as before it is loaded
+    monkeypatch.setattr(as_text, "_spent", 0.0)
+    left = as_text.fill(name, geometry_of(sensor), some, found, which)
+    assert len(left) < len(which) / 2
+    told = np.setdiff1d(which, left)
+    assert np.isnan(expected[name][told]).any()
+    np.testing.assert_array_equal(found[told], expected[name][told])
+    monkeypatch.setattr(as_text, "_spent", as_text.SELDOM)
+    assert list(as_text.fill(name, geometry_of(sensor), some, found, which)) == list(which)
+
+
+@ALL
 def test_a_pose_gives_the_same_bits_wherever_it_stands(function):
     """In any lane, beside any other, in batches of any length; among them what leaves its block."""
     sensor, some = SENSORS["skewed2"], states(40, seed=4)
@@ -65,7 +103,7 @@ def test_a_pose_gives_the_same_bits_wherever_it_stands(function):
         np.testing.assert_array_equal(function(sensor, state), row)
 
 
-@BOTH
+@ALL
 def test_threads_do_not_change_bits(function):
     some = states(2100, seed=5)
     one, two = (function(SENSORS["paper"], some, threads=n) for n in (1, 2))
