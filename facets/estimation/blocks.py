@@ -131,34 +131,30 @@ def task_of(
 class One:
     """A block for one reading at a time, whose memory is kept; all lanes have the same reading.
 
+    It reads what `given` and `problem` have in their memory when it is asked.
     numbers: what is found, at the places of `SolutionOfOne`; overwritten by the next reading.
     state: (9,) of them.
     """
 
     def __init__(
-        self, packed: Array, limits: Limits, problem: Problem, covariance: bool, weighed: bool
+        self, packed: Array, given: Readings, limits: Limits, problem: Problem, covariance: bool
     ) -> None:
-        self._kernel = kernel(tuple(problem.free.tolist()))
+        self._kernel, self._sigmas = kernel(tuple(problem.free.tolist())), given.sigmas
         self.numbers = np.empty(COVARIANCE + (64 if covariance else 0))
         self.state = self.numbers[:UNKNOWNS]
-        self._values, self._weights = np.empty(9), np.empty(9)
-        self._start, left = np.empty(UNKNOWNS), np.empty(1, np.int64)
+        self._weights, left = np.empty_like(given.sigmas), np.empty(1, np.int64)
         found = np.split(self.numbers, (UNKNOWNS, RESIDUAL, COVARIANCE))
         arrays = (
-            packed, table_of(limits, problem), self._values, self._weights, problem.means,
-            self._start, *found, left,
+            packed, table_of(limits, problem), given.values, self._weights, problem.means,
+            problem.starts, *found, left,
         )  # fmt: skip
         self._kept, self._left = arrays, left.data
-        self._task = task_of(arrays, weighed, (0, 0, 0), problem, 1)
+        self._task = task_of(arrays, len(given.sigmas) > 0, (0, 0, 0), problem, 1)
         self._address = address_of(self._task)
 
-    def estimate(self, values: Array, sigmas: Array, start: Array) -> bool:
-        """Fills `numbers` for a reading (1, 9) from a start (9,); whether it could.
-
-        sigmas: (1, 9), or empty, of all readings alike.
-        """
-        self._values[:], self._start[:] = values, start
-        if len(sigmas):
-            self._weights[:] = inverse_of(sigmas)
+    def estimate(self) -> bool:
+        """Fills `numbers`; whether it could."""
+        if len(self._sigmas):
+            self._weights[:] = inverse_of(self._sigmas)
         self._kernel(self._address)
         return not self._left[0]

@@ -16,7 +16,6 @@ from ..model.arrays import packed
 from . import problem
 from .solution import FirstRow, Solution, SolutionOfOne, results_of
 from .solver import (
-    Plan,
     Prior,
     add_calibration,
     by_blocks,
@@ -66,6 +65,7 @@ class Solver:
         self._zero = starting("zero", self._plan, np.zeros((1, 9)), ())
         self._unknown_power = bool(self._plan.weights[2] == 0 and self._plan.free[-1] == 8)
         self._starts, self._sigmas = self._zero.copy(), np.empty((0, 9))
+        self._near = False  # whether the starts are where a reading ended
         if sensor.electronics is not None:
             self._sigmas = np.empty((1, 9))
         self._problem = problem.Problem(
@@ -79,9 +79,13 @@ class Solver:
         )
         self._task: problem.Task | None = None
         self._exact: problem.Task | None = None
-        self._block = block_of(sensor, self._plan, self._problem, covariance)
+        self._block: Any = None
+        if by_blocks(sensor, self._problem):
+            from .blocks import One
+
+            given = problem.Readings(self._values, self._sigmas)
+            self._block = One(packed(sensor), given, self._plan.limits, self._problem, covariance)
         self._first = FirstRow(self._found)
-        self._last: Floats | None = None
 
     def __reduce__(self) -> Any:
         """A copy is a solver of its own, which begins anew: its memory has other addresses."""
@@ -96,21 +100,28 @@ class Solver:
         values = np.asarray(reading, dtype=np.float64)
         if values.shape != (9,):
             raise InputError(f"a reading has shape {values.shape}; needed: (9,)")
-        return self.solve_from(values, self._last)
+        return self._solve(values, self._near)
 
     def solve_from(self, values: Floats, start: Floats | None) -> Solution:
-        """The same of a reading (9,) that is checked, from `start` (9,) or (1, 9) if one is given.
+        """The same of a checked reading (9,), from `start` (9,) or (1, 9) if one is given."""
+        if start is not None:
+            self._starts[:] = start
+        return self._solve(values, start is not None)
 
-        With start="previous" from zero where that leads to no pose.
-        """
-        self._values[:] = values
+    def _solve(self, values: Floats, begun: bool) -> Solution:
+        """From the starts where these are `begun`, and from zero, where that leads to no pose."""
+        self._values[0] = values
         if self._sensor.electronics is not None:
             self._sigmas[:] = standard_deviations(self._sensor, self._values)
-        in_block = start is not None and self._run(start)
-        if start is None or (self._warm and not in_block and not self._has_converged()):
-            start = self._from_zero()
-            in_block = self._run(start)
-        return self._of_block() if in_block else self._of_one(start)
+        in_block = begun and self._run()
+        if not begun:
+            in_block = self._run_from_zero()
+        elif self._warm and not in_block and not self._has_converged():
+            near = self._starts.copy()
+            in_block = self._run_from_zero()
+            if not in_block and not self._has_converged():
+                self._starts[:] = near
+        return self._of_block() if in_block else self._of_one()
 
     def _has_converged(self) -> bool:
         return bool(self._found.status[0] == problem.CONVERGED)
@@ -118,18 +129,18 @@ class Solver:
     def _of_block(self) -> Solution:
         """What the block has found, in an array of its own."""
         if self._warm:
-            self._last = self._block.state.copy()
+            self._starts[0], self._near = self._block.state, True
         numbers = self._block.numbers.copy()
         if self._sensor.calibration is not None:
             add_calibration(self._sensor, self._plan, results_of(numbers))
         return SolutionOfOne.of(numbers)
 
-    def _of_one(self, start: Floats) -> Solution:
+    def _of_one(self) -> Solution:
         """What was found without a block, in arrays of its own."""
         if self._sensor.light.on and self._found.status[0] == problem.STALLED:
-            self._run_exactly(start)
+            self._run_exactly()
         if self._warm and self._has_converged():
-            self._last = self._found.states[0].copy()
+            self._starts[0], self._near = self._found.states[0], True
         add_calibration(self._sensor, self._plan, self._found)
         return self._first.solution()
 
@@ -139,10 +150,12 @@ class Solver:
             return None
         return starting(start, self._plan, values, ())
 
-    def _from_zero(self) -> Floats:
+    def _run_from_zero(self) -> bool:
+        zero = self._zero
         if self._unknown_power:
-            return starting("zero", self._plan, self._values, ())
-        return self._zero
+            zero = starting("zero", self._plan, self._values, ())
+        self._starts[:] = zero
+        return self._run()
 
     def _task_of(self, model: int) -> problem.Task:
         return problem.Task(
@@ -164,32 +177,20 @@ class Solver:
             self._kernel = kernel()
         self._kernel(self._task.address)
 
-    def _run(self, start: Floats) -> bool:
-        """Estimates the reading from a start; whether the block has found its pose."""
-        if self._block is not None and self._block.estimate(self._values, self._sigmas, start):
+    def _run(self) -> bool:
+        """Estimates the reading from the starts; whether the block has found its pose."""
+        if self._block is not None and self._block.estimate():
             return True
-        self._starts[:] = start
         self._one_by_one()
         return False
 
-    def _run_exactly(self, start: Floats) -> None:
+    def _run_exactly(self) -> None:
         """With derivatives that leave nothing out, for where steps without them stall."""
         from ..model import evaluators
 
         if self._exact is None:
             self._exact = self._task_of(evaluators.linearised(self._sensor))
-        self._starts[:] = start
         self._kernel(self._exact.address)
-
-
-def block_of(sensor: Sensor, todo: Plan, asked: problem.Problem, covariance: bool) -> Any:
-    """A block that estimates one reading at a time, where blocks know what is asked; else None."""
-    if not by_blocks(sensor, asked):
-        return None
-    from . import blocks
-
-    weighed = sensor.electronics is not None
-    return blocks.One(packed(sensor), todo.limits, asked, covariance, weighed)
 
 
 def _solver(

@@ -24,6 +24,7 @@ def read(folder, name) -> pd.DataFrame:
     return pd.read_csv(folder / f"{name}.csv", comment="#")
 
 
+@pytest.mark.slow
 def test_errors_are_those_of_rounding(results):
     """No times: machines are noisy. 1e-12 mm is 300 mm's rounding times a dozen steps."""
     forward = read(results, "forward").set_index("way")
@@ -95,6 +96,7 @@ def test_rivals_agree_with_each_other():
     assert np.abs(sobol - exact).max() < 5e-4
 
 
+@pytest.mark.slow
 def test_slow_contenders_run_once_and_fast_ones_every_round():
     calls = {"slow": 0, "fast": 0}
     import time

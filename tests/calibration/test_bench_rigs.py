@@ -48,6 +48,7 @@ def test_the_model_reads_what_the_rays_read(bench, light, place, power):
     assert np.abs(off[:, 2::3]).max() < power
 
 
+@pytest.mark.slow
 def test_a_rig_with_every_effect_at_once_is_calibrated():
     """One of the twenty of `experiments/rigs.py --bench`, with fewer samples."""
     one = rigs.tried_on_bench(0, 300, "paper", fresh=300)

@@ -396,6 +396,7 @@ def run(tmp_path_factory):
     return folder, result.stdout
 
 
+@pytest.mark.slow
 def test_the_command_finds_the_rig(run):
     folder, told = run
     assert "keep their prior values" in told
@@ -411,6 +412,7 @@ def test_the_command_finds_the_rig(run):
     assert (folder / "mine.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_every_command_takes_the_calibrated_rig(run):
     """Raw readings of another motion: as fine as by the rig itself, with honest uncertainties."""
     folder, _ = run
@@ -472,6 +474,7 @@ def test_what_is_wrong_is_told(run, arguments, words):
     assert "Traceback" not in result.stderr
 
 
+@pytest.mark.slow
 def test_a_swapped_sign_is_told_and_nothing_is_written(run):
     """It used to be absorbed as a scale of -2, in a file that could not be loaded."""
     folder, _ = run

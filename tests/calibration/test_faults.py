@@ -84,6 +84,7 @@ def other_order(pose):
     ],
     ids=["sign", "exchange", "order", "urad", "degrees", "um", "uW", "yaw"],
 )
+@pytest.mark.slow
 def test_a_fault_of_columns_is_named(samples, of, change, words):
     found = judged(of(samples, change))
     assert not found.trusted
@@ -135,6 +136,7 @@ def slow(seed=2, late=0.0, count=150):
     return data._replace(pose=said_pose, velocity=velocities(time, said_pose), clock=clock)
 
 
+@pytest.mark.slow
 def test_a_late_reference_is_found():
     found = judged(slow(late=3e-4))
     taken = {row.key for row in found.search.rows if row.taken}
@@ -144,11 +146,13 @@ def test_a_late_reference_is_found():
     assert late == pytest.approx(3e-4, abs=2e-5)
 
 
+@pytest.mark.slow
 def test_a_late_reference_without_a_clock_is_not_trusted():
     found = judged(slow(late=1e-3)._replace(velocity=None, clock=None))
     assert not found.trusted
 
 
+@pytest.mark.slow
 def test_a_beam_that_moves_is_told(samples):
     rig, _ = measured()
     rng = np.random.default_rng(8)
@@ -169,6 +173,7 @@ def test_a_power_that_drifts_is_told(samples):
     assert "The laser's power changed by" in said(found)
 
 
+@pytest.mark.slow
 def test_too_few_axes_are_named():
     rng = np.random.default_rng(3)
     rig = rigs.drawn(NOMINAL, rng)
@@ -179,6 +184,7 @@ def test_too_few_axes_are_named():
     assert "hardly moves in roll, pitch, yaw" in said(found)
 
 
+@pytest.mark.slow
 def test_another_rig_s_configuration_is_not_trusted(samples):
     from dataclasses import replace
 

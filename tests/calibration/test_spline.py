@@ -72,6 +72,7 @@ def error(sensor, rig):
     return rigs.rms((found.state - state)[:, :6])[2:], rigs.rms(own)[2:]
 
 
+@pytest.mark.slow
 def test_waves_beyond_third_order_are_found_and_written(rig, tmp_path):
     data, _ = measured(rig, 160, BOX, np.random.default_rng(5))
     asked = settings(bend="auto", spline="auto")

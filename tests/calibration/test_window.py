@@ -45,6 +45,7 @@ def worst_ratio(sensor, rig):
     return (found / best).max()
 
 
+@pytest.mark.slow
 def test_what_hangs_over_the_edge_is_left_out(monkeypatch):
     rig, data, lost = over_the_edge()
     assert 10 < lost.sum() < 100

@@ -32,6 +32,7 @@ def signal(seed, white=WHITE, pink=FLICKER, mains=MAINS, drift=DRIFT, count=COUN
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_each_part_is_found_within_its_interval():
     """Over 40 signals: 95 % intervals hold the truth in 95 of 100 cases, as chance has it."""
     held = {"white": [], "flicker": [], "mains": [], "drift": []}
@@ -49,6 +50,7 @@ def test_each_part_is_found_within_its_interval():
     assert np.mean(list(held.values())) > 0.9
 
 
+@pytest.mark.slow
 def test_intervals_are_no_wider_than_they_must_be():
     """The spread of what is found over what is said of it."""
     found = [fit_noise(signal(seed), RATE) for seed in range(30)]

@@ -32,6 +32,7 @@ def stream(rng):
     return pack(whole.where((number < 5000) | (number >= 5003)))
 
 
+@pytest.mark.slow
 def test_known_noise_is_found_and_the_configuration_takes_it(tmp_path):
     (tmp_path / "board.bin").write_bytes(stream(np.random.default_rng(8)))
     acquired = command("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--plain",

@@ -69,6 +69,7 @@ def test_electronics_weigh_the_rows():
 
 
 @pytest.mark.parametrize("sampling", ["sobol", "uniform"])
+@pytest.mark.slow
 def test_the_paper_s_range_has_one_sign(sampling):
     config = facets.load("fig4")
     domain = range_box(config.sensor, config.range)
@@ -121,6 +122,7 @@ def test_directions_have_words():
     assert slope == pytest.approx(measures(PAPER, np.zeros((1, 8)))[0, 1])
 
 
+@pytest.mark.slow
 def test_a_singular_design_has_twins():
     config = facets.load("singular")
     domain = range_box(config.sensor, config.range)

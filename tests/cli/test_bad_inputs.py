@@ -61,6 +61,7 @@ def fault_of(number, folder, monkeypatch):
 
 
 @pytest.mark.parametrize("first", range(0, COUNT, BUNDLE))
+@pytest.mark.slow
 def test_bad_inputs_end_well(first, tmp_path, monkeypatch):
     numbers = range(first, min(first + BUNDLE, COUNT))
     faults = [fault_of(n, tmp_path / str(n), monkeypatch) for n in numbers]

@@ -102,6 +102,7 @@ def test_a_fit_that_noise_can_not_make_is_a_finding(run, tmp_path):
     assert run("solve", "rig", "r.csv", "-o", "q.csv", "--beam", "known")[0] == 0
 
 
+@pytest.mark.slow
 def test_the_older_spelling_of_an_option_is_taken(run):
     new = run("resolution", "paper", "--track", "-o", "new")
     old = run("resolution", "paper", "--tracking", "-o", "old")

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 
+import pytest
 from commands import command
 from facets.experiments.check_certificate import check
 
 
+@pytest.mark.slow
 def test_samples_searches_and_proves(tmp_path):
     box = "tx_mm=1,ty_mm=1,tz_mm=1,roll_mrad=3,pitch_mrad=3,yaw_mrad=3,offset_x_mm=0.05"
     result = command(
@@ -32,6 +34,7 @@ def test_samples_searches_and_proves(tmp_path):
     assert "--force" in again.stderr
 
 
+@pytest.mark.slow
 def test_what_is_not_proved_shows_in_the_exit_status(tmp_path):
     result = command(
         "jacobian", "singular", "--states", "2000", "--certify", "-o", "out", cwd=tmp_path
@@ -43,6 +46,7 @@ def test_what_is_not_proved_shows_in_the_exit_status(tmp_path):
     assert "counterexample" in result.stdout
 
 
+@pytest.mark.slow
 def test_every_larger_box_that_is_tried_is_proved_for_every_sensor_within_tolerances(tmp_path):
     """Where every factor is proved there is nothing between a proof and a failure to be found."""
     result = command(
@@ -63,6 +67,7 @@ def test_a_bad_box_is_an_error(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_of_a_box_that_is_mostly_dark_no_sign_is_claimed(tmp_path):
     done = command("jacobian", "paper", "--box", "tx_mm=2000", "--states", "2000", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

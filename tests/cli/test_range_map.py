@@ -5,6 +5,7 @@ import pytest
 from commands import command
 
 
+@pytest.mark.slow
 def test_a_range_map(tmp_path):
     done = command(
         "range-map", "paper", "--axes", "tx,ty", "--grid", "50", "-o", "out", cwd=tmp_path
@@ -18,6 +19,7 @@ def test_a_range_map(tmp_path):
     assert (tmp_path / "out/range.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_a_map_of_what_is_inside_with_the_beam_following(tmp_path):
     way = ["--tracking", "--axes", "tx,ty", "--inside", "tz", "--table", "parquet", "--plot", "svg"]
     done = command("range-map", "paper", *way, "-o", "out", cwd=tmp_path)
@@ -42,6 +44,7 @@ def test_wrong_arguments_are_explained(tmp_path, wrong, says):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_resolution(tmp_path):
     done = command("resolution", "paper", "-o", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

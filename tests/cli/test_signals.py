@@ -32,6 +32,7 @@ def running_with(mark):
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for processes in /proc")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.slow
 def test_explore_leaves_no_workers(tmp_path, number):
     """Also where it is killed: a worker ends when its parent has."""
     mark = f"mark-{uuid.uuid4()}"
@@ -45,6 +46,7 @@ def test_explore_leaves_no_workers(tmp_path, number):
 
 
 @pytest.mark.parametrize("number", STATUS)
+@pytest.mark.slow
 def test_solve_leaves_no_hidden_file(tmp_path, number):
     sensor = facets.load("paper").sensor
     row = ",".join(f"{x!r}" for x in facets.readings(sensor, np.zeros(8)).tolist())
@@ -60,6 +62,7 @@ def test_solve_leaves_no_hidden_file(tmp_path, number):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.slow
 def test_an_interrupted_optimize_gives_no_verdict(tmp_path, number):
     """Wherever it is: casadi swallows what a handler raises while IPOPT computes."""
     (tmp_path / "long.yaml").write_text("extends: layout\noptimize: {starts: 1000}\n")

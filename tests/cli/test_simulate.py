@@ -26,6 +26,7 @@ def folder(tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_simulate_writes_readings_poses_picture_and_record(folder):
     results = folder / "results" / "paper"
     names = ["motion.png", "poses.csv", "readings.csv", "ro-crate-metadata.json", "run.yaml"]

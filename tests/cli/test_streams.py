@@ -32,6 +32,7 @@ WAY = ("simulate", "paper", "--motion", "yaw-sweep", "-o", "out")
 FILES = ["motion.png", "poses.csv", "readings.csv", "ro-crate-metadata.json", "run.yaml"]
 
 
+@pytest.mark.slow
 def test_a_reader_that_is_gone_loses_nothing(tmp_path):
     pipe = closed_pipe()
     done = run(WAY, tmp_path, pipe)
@@ -42,6 +43,7 @@ def test_a_reader_that_is_gone_loses_nothing(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.slow
 def test_an_output_that_is_full_is_told_and_loses_nothing(tmp_path):
     with Path("/dev/full").open("w") as full:
         done = run(WAY, tmp_path, full)
@@ -51,6 +53,7 @@ def test_an_output_that_is_full_is_told_and_loses_nothing(tmp_path):
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == FILES
 
 
+@pytest.mark.slow
 def test_ascii_gets_letters_for_the_micro_sign(tmp_path):
     done = run(WAY, tmp_path, subprocess.PIPE, {"PYTHONIOENCODING": "ascii"})
     assert done.returncode == 0, done.stderr
@@ -85,6 +88,7 @@ def test_numbers_and_names_are_whole_at_any_width(tmp_path, columns):
           "--height", "300", "-o", "film.gif"), "film.gif"),
     ],
 )  # fmt: skip
+@pytest.mark.slow
 def test_a_file_that_can_not_be_finished_is_not_there(tmp_path, words, name):
     done = command(*words, cwd=tmp_path, limit=8192)
     assert done.returncode == 2, done.stderr

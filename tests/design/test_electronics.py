@@ -134,6 +134,7 @@ def test_a_front_with_electronics_has_the_float_models_measures():
     assert found.left_out == 0  # points whose measures are not what was found
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_gain(tmp_path):
     (tmp_path / "amplified.yaml").write_text(
         "extends: bench\noptimize: {starts: 1, variables: {transimpedance_kohm: [20, 2000], "

@@ -132,6 +132,7 @@ def looked_at_all():
         ("u_tz_um", "condition"),
     ],
 )
+@pytest.mark.slow
 def test_what_is_skipped_is_not_on_the_front(looked_at_all, objectives):
     """The front without skipping has the same designs, and the skipped are a good part of all."""
     pilot, full = looked_at_all
@@ -186,6 +187,7 @@ def test_a_run_goes_on_where_it_was_cut_off(tmp_path, monkeypatch):
             np.testing.assert_array_equal(column, whole[name])
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_though_a_worker_is_killed_and_one_added(tmp_path):
     distributed = pytest.importorskip("distributed")
     space = replace(SPACE, part=10, count=200)
@@ -215,6 +217,7 @@ def test_a_cluster_gives_the_same_though_a_worker_is_killed_and_one_added(tmp_pa
         np.testing.assert_allclose(found[name], expected, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_command_explores_and_refuses(tmp_path):
     arguments = ("explore", "layout", "--designs", "128", "-o", "out")
     result = command(*arguments, cwd=tmp_path)
@@ -274,6 +277,7 @@ def test_what_compiled_loops_do_not_know_is_looked_at_one_by_one():
     assert not replace(SPACE, required=True).plain
 
 
+@pytest.mark.slow
 def test_a_run_killed_outright_goes_on_and_makes_nothing_twice(tmp_path):
     words = ("explore", "layout", "--designs", "20000", "-o", "out", "--table", "parts")
     parts = tmp_path / "out" / "parts"

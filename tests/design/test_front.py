@@ -29,6 +29,7 @@ def roll_at(sensor):
     return 1e6 * uncertainties(sensor, np.zeros((1, 8)), Estimator("", np.inf))[0, 3]
 
 
+@pytest.mark.slow
 def test_radius_against_resolution_is_the_curve_that_it_is():
     """All else fixed, the front is u_roll as a function of the radius, and its slope the price."""
     space = space_of(("u_roll_urad", "head_mm"), ["radius_mm"])
@@ -53,6 +54,7 @@ def test_radius_against_resolution_is_the_curve_that_it_is():
     assert (curve > [at(diameter) - 1e-6 for diameter in mesh]).all()
 
 
+@pytest.mark.slow
 def test_no_design_of_a_cloud_beats_the_front():
     space = space_of(("u_roll_urad", "range_roll_mrad"), ["radius_mm", "pitch_mrad", "diameter_mm"])
     found = pareto_front(space, 12, 1)
@@ -69,6 +71,7 @@ def test_no_design_of_a_cloud_beats_the_front():
     assert not any(aimed(group) for words in table["holds_it_back"] for group in words.split("; "))
 
 
+@pytest.mark.slow
 def test_a_point_is_no_worse_than_a_global_search_finds():
     """Differential evolution on the float model, at one bound of the range."""
     from scipy.optimize import differential_evolution
@@ -92,6 +95,7 @@ def test_a_point_is_no_worse_than_a_global_search_finds():
     assert found.measures[middle, roll] <= rival.fun * (1 + 1e-6)
 
 
+@pytest.mark.slow
 def test_three_objectives_have_a_front():
     space = space_of(("u_roll_urad", "head_mm", "range_yaw_mrad"), ["radius_mm", "diameter_mm"])
     found = pareto_front(space, 9, 1)
@@ -100,6 +104,7 @@ def test_three_objectives_have_a_front():
     assert against(found, cloud).beaten == 0
 
 
+@pytest.mark.slow
 def test_what_is_required_holds_on_the_front():
     """The volume keeps a head from being as small as it could be by itself."""
     space = space_of(("u_roll_urad", "head_mm"), ["radius_mm"], required=True)
@@ -125,6 +130,7 @@ def test_what_has_no_front_is_refused(objectives, words):
         trade_of(space_of(objectives, ["radius_mm"]))
 
 
+@pytest.mark.slow
 def test_the_command_follows_a_front_and_writes_one_of_its_designs(tmp_path):
     goals = ("--objective", "u_roll_urad", "--objective", "range_roll_mrad")
     (tmp_path / "mine.yaml").write_text(

@@ -97,6 +97,7 @@ def test_no_neighbour_is_better(optimum):
     assert tried > 20
 
 
+@pytest.mark.slow
 def test_an_independent_optimiser_finds_no_better():
     """Two variables, Nelder and Mead's simplex on the float model with a penalty."""
     names = ["radius_mm", "diameter_mm"]
@@ -120,6 +121,7 @@ def test_an_independent_optimiser_finds_no_better():
     assert found.fun == pytest.approx(np.sqrt(best.objective), rel=5e-3)
 
 
+@pytest.mark.slow
 def test_the_optimum_is_that_of_all_constraints_with_casadis_own_derivatives(optimum):
     from facets.bench.casadi_layout import CasadiLayout
 
@@ -212,6 +214,7 @@ def test_one_detector_alone_can_vary():
     assert found.best.objective < found.before + 1e-6
 
 
+@pytest.mark.slow
 def test_the_best_parts_are_those_of_trying_each():
     psds = {"small": PsdPart(8.0, 0.0016, 100.0), "large": PsdPart(20.0, 0.004, None)}
     lasers = {"dim": LaserPart(0.3, 0.85, 50.0), "bright": LaserPart(1.0, 0.85, 500.0)}
@@ -295,6 +298,7 @@ def test_the_volume_has_its_corners():
     assert len(np.unique(shares[:, :6], axis=0)) > 64
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_configuration(tmp_path):
     (tmp_path / "once.yaml").write_text("extends: layout\noptimize: {starts: 1}\n")
     result = command("optimize", "once.yaml", "-o", "better.yaml", cwd=tmp_path)

@@ -94,6 +94,7 @@ addEventListener("load", () => setTimeout(() => {
 
 
 @needs_browser
+@pytest.mark.slow
 def test_a_browser_draws_the_page_and_brushing_and_clicks_work(written, tmp_path):
     folder, shown, texts = written
     acted = tmp_path / "acted.html"
@@ -122,6 +123,7 @@ def test_a_drawing_has_the_head_and_its_dimensions():
     assert all(f"{letter}: R" in skewed for letter in "ABC")
 
 
+@pytest.mark.slow
 def test_a_report_tells_the_whole_story(tmp_path):
     (tmp_path / "mine.yaml").write_text(
         "extends: layout\noptimize:\n  starts: 1\n"

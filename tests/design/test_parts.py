@@ -32,6 +32,7 @@ def test_the_market_has_what_it_says():
 
 
 @pytest.mark.parametrize("weights", [{"size": 1.0}, {"size": 1.0, "price": 2.0}])
+@pytest.mark.slow
 def test_branch_and_bound_is_enumeration(weights):
     layout = layout_of(
         ["duo-10", "duo-15", "tetra-20"], ["diode-1", "fibre-2"], ["amplifiers-20nw"]
@@ -46,6 +47,7 @@ def test_branch_and_bound_is_enumeration(weights):
     assert found.choices == 6
 
 
+@pytest.mark.slow
 def test_a_bound_is_no_worse_than_any_choice():
     layout = layout_of(["duo-10", "tetra-20"], ["diode-1", "fibre-2"], ["amplifiers-20nw"])
     bound = solve_from_present(*relaxed(CONFIG.sensor, layout, whole(layout)))
@@ -68,6 +70,7 @@ def few_of(psds, lasers, amplifiers):
     return found
 
 
+@pytest.mark.slow
 def test_of_a_large_catalogue_few_are_looked_at():
     few_of(list(MARKET.psds)[:20], list(MARKET.lasers)[:8], list(MARKET.amplifiers)[2:6])
 

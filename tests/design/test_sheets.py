@@ -44,6 +44,7 @@ def test_other_kinds_are_refused(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_optimize_writes_its_tables(tmp_path):
     (tmp_path / "mine.yaml").write_text(
         "extends: layout\noptimize: {starts: 1, variables: {radius_mm: [200, 250]}}\n"

@@ -112,6 +112,7 @@ def counted_by_hand(config, sensor, count):
     return sum(keeps_all(head, config.layout) for head in heads)
 
 
+@pytest.mark.slow
 def test_the_predicted_yield_is_that_of_heads_drawn_by_hand(plain):
     built = assembly(plain)
     predicted = shares(expanded(built), drawn(built)).kept
@@ -120,6 +121,7 @@ def test_the_predicted_yield_is_that_of_heads_drawn_by_hand(plain):
 
 
 @pytest.mark.parametrize(("accuracy", "which"), [(AS_BUILT, "built"), (CALIBRATED, "calibrated")])
+@pytest.mark.slow
 def test_the_predicted_accuracy_is_that_of_heads_calibrated_from_readings(
     tmp_path, accuracy, which
 ):
@@ -137,6 +139,7 @@ def test_the_predicted_accuracy_is_that_of_heads_calibrated_from_readings(
     assert within(predicted, passed(heads)[which], count)
 
 
+@pytest.mark.slow
 def test_a_layout_with_margins_has_the_yield_that_is_asked_for(plain, robust):
     found, best = robust
     assert found.result.found
@@ -176,6 +179,7 @@ def test_of_one_tolerance_alone_the_sensitivity_is_the_yield(tmp_path):
     assert only.halved.kept > only.alone.kept
 
 
+@pytest.mark.slow
 def test_the_tolerance_that_costs_most_comes_first(plain):
     built = assembly(plain)
     found = sensitivities(expanded(built), drawn(built))
@@ -197,6 +201,7 @@ def test_heads_without_tolerances_are_an_error(plain):
         assembly_of(plain.sensor, plain.layout, plain.range, known)
 
 
+@pytest.mark.slow
 def test_the_command_tells_yields_and_writes_tables(tmp_path):
     load(tmp_path, TEXT + CALIBRATED)
     told = command("tolerances", "loose.yaml", "--heads", "10", "-o", "out", cwd=tmp_path)
@@ -214,6 +219,7 @@ def test_the_command_tells_yields_and_writes_tables(tmp_path):
     assert "--force" in again.stderr
 
 
+@pytest.mark.slow
 def test_optimize_keeps_margins_and_reports_the_yield(tmp_path):
     load(tmp_path, TEXT + "  production: {yield_percent: 90}\n")
     told = command(
@@ -230,6 +236,7 @@ def test_optimize_keeps_margins_and_reports_the_yield(tmp_path):
     assert within(0.9, kept, 150)
 
 
+@pytest.mark.slow
 def test_a_yield_that_can_not_be_had_is_told(tmp_path):
     text = TEXT.replace("psd_place_mm: 0.05", "psd_place_mm: 3")
     load(tmp_path, text + "  production: {yield_percent: 99}\n")

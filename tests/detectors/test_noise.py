@@ -68,6 +68,7 @@ def test_a_tetra_lateral_bends_and_the_others_do_not():
 
 
 @pytest.mark.parametrize("kind", electrodes.KINDS)
+@pytest.mark.slow
 def test_noise_is_as_large_as_stated(kind):
     """100,000 draws: standard deviations to 1 %; a tetra-lateral's to 5 % off its middle, where
     what one axis takes from the other is left out, so that 20,000 do."""

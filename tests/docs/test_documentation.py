@@ -28,6 +28,7 @@ def test_python_in_the_text_runs(page, text):
     exec(compile(text, name_of(page), "exec"), {})
 
 
+@pytest.mark.slow
 def test_the_commands_of_the_readme_run(tmp_path):
     """Line for line, each command on what the one before has written; but for the search of a
     layout, which takes long and is run by the tests of the design.

@@ -70,6 +70,7 @@ def test_readings_with_anything_in_them(reading, way):
 
 
 @given(OTHERS, ALMOST, WAYS)
+@pytest.mark.slow
 def test_readings_with_anything_in_them_of_sensors_with_more(sensor, reading, way):
     check(sensor, reading, way)
 

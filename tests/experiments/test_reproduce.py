@@ -19,6 +19,7 @@ def run(tmp_path_factory):
     return result, folder / "out"
 
 
+@pytest.mark.slow
 def test_all_repeats_the_references(run):
     result, folder = run
     assert result.returncode == 0, result.stdout

@@ -103,6 +103,7 @@ def sensor_of(name: str) -> facets.Sensor:
 
 @needs_compiler
 @pytest.mark.parametrize("name", ["paper", "bench", "corrected"])
+@pytest.mark.slow
 def test_poses_are_those_of_facets(folders: dict[str, Path], name: str) -> None:
     """Double precision to rounding; single within a tenth of the noise, in covariance to 3 %."""
     sensor, rng = sensor_of(name), np.random.default_rng(2)
@@ -197,6 +198,7 @@ def test_statuses_are_those_of_facets(folders: dict[str, Path], case) -> None:  
 
 
 @needs_compiler
+@pytest.mark.slow
 def test_a_wrong_sensor_is_found_by_its_vectors(folders: dict[str, Path], tmp_path: Path) -> None:
     """The test program fails where code and vectors are of two sensors."""
     shutil.copytree(folders["bench"], tmp_path, dirs_exist_ok=True)
@@ -235,6 +237,7 @@ def test_counts_become_the_same_readings(folders: dict[str, Path], kind: str) ->
 @needs_compiler
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize("precision", [SINGLE, DOUBLE])
+@pytest.mark.slow
 def test_nothing_undefined_whatever_comes(
     folders: dict[str, Path], compiler: str, precision: str
 ) -> None:
@@ -289,6 +292,7 @@ needs_arm = pytest.mark.skipif(
     ],
     ids=["M7 double", "M7 single", "M4 single"],
 )
+@pytest.mark.slow
 def test_a_controller_finds_the_same_poses(folders: dict[str, Path], core: list[str]) -> None:
     """In QEMU; the number of instructions, which is no time, is printed with `pytest -s`."""
     folder, arm = folders["bench"], HELPERS / "cortex_m7"

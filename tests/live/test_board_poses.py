@@ -133,6 +133,7 @@ def test_the_exported_frames_are_read(tmp_path, library):
     assert (one["status"], one["used"], one["steps"], one["microseconds"]) == (3, 5, 7, 65000)
 
 
+@pytest.mark.slow
 def test_acquire_compares(tmp_path, library):
     words = ("--motion", "wobble", "--rate", "1000", "--firmware", str(library))
     with Program("emulate", "bench", *words, cwd=tmp_path) as bench:

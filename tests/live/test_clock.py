@@ -197,6 +197,7 @@ def board_life(first, count, begin, ppm=30.0, seed=1):
 
 
 @pytest.mark.parametrize("first", [0, 2**32 // PERIOD - 20_000])
+@pytest.mark.slow
 def test_host_times_and_drift_are_right_through_restarts_and_the_wrap(first):
     """Three lives of one board; the first begins before its clock wraps."""
     config = facets.load("bench")

@@ -217,6 +217,7 @@ def test_json_has_filtered_poses_where_there_are_any():
     assert "filtered" not in json.loads(json_of(np.ones(1, SAMPLE))[0])
 
 
+@pytest.mark.slow
 def test_a_replay_filters_as_a_live_run(tmp_path):
     data, true = board(4_000)
     (tmp_path / "board.bin").write_bytes(data)

@@ -43,6 +43,7 @@ def errors(seed, seconds, arrivals=polled, jitter=JITTER, drift=DRIFT):
 
 
 @pytest.mark.parametrize(("arrivals", "most"), [(polled, 1e-4), (crowded, 4e-4)])
+@pytest.mark.slow
 def test_times_are_known_in_ten_seconds_and_as_well_as_is_said(arrivals, most):
     """5 ms of jitter and 50 ppm: the error of 30 clocks, beside their stated uncertainty."""
     over, rates = [], []
@@ -96,6 +97,7 @@ def life(first, count, begin, rng, flags=None):
         yield encode("frames", whole.where(part)), came[n], true[part]
 
 
+@pytest.mark.slow
 def test_times_are_right_through_a_wrap_and_a_restart(monkeypatch):
     """The clock of the first life wraps after 12 s; the second begins 0.4 s after its end."""
     nothing = np.zeros((4, 9)), np.zeros(4, np.uint8)

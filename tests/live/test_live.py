@@ -72,6 +72,7 @@ def test_an_unread_stream_is_solved_to_the_truth():
 
 
 @pytest.mark.parametrize("faults", ["", "flip=1e-3,lose=1e-3,double=1e-3,drop=1e-3,block=0.5"])
+@pytest.mark.slow
 def test_a_soak_counts_every_loss_and_accepts_nothing_wrong(tmp_path, faults):
     found = soak(tmp_path, np.inf, 2000.0, faults, samples=8_000)
     assert found["samples"] >= 8_000
@@ -83,6 +84,7 @@ def test_a_soak_counts_every_loss_and_accepts_nothing_wrong(tmp_path, faults):
         assert found["solved"] + found["skipped"] == found["samples"]
 
 
+@pytest.mark.slow
 def test_a_replay_is_the_run_again(tmp_path):
     soak(tmp_path, np.inf, 2000.0, "drop=1e-3,flip=1e-3", samples=4_000)
     result = command("replay", "recording", "--compare", "-o", "poses.csv", cwd=tmp_path)
@@ -105,6 +107,7 @@ def test_a_killed_recording_loses_no_more_than_its_last_block(tmp_path, number):
             assert row["poses"] == row["recovered"]
 
 
+@pytest.mark.slow
 def test_what_is_recovered_leaves_the_recording_as_it_was(tmp_path):
     kill(tmp_path / "r", stream(20_000), 0.45)
     before = {file.name: file.read_bytes() for file in (tmp_path / "r").iterdir()}
@@ -131,6 +134,7 @@ def test_faults_are_checked():
             Faults.of(text)
 
 
+@pytest.mark.slow
 def test_tracking_follows_a_circle_within_the_noise(tmp_path, emulator):
     """Until the stage has moved 100 times, however long a busy machine takes for that."""
     (tmp_path / "calm.yaml").write_text(CALM)
@@ -166,6 +170,7 @@ def test_the_stage_never_moves_without_track(tmp_path, emulator):
     assert not (tmp_path / "recordings").exists()
 
 
+@pytest.mark.slow
 def test_an_unplugged_cable_ends_with_a_message_and_an_intact_recording(tmp_path, emulator):
     bench = emulator("bench", "--motion", "wobble", "--rate", "1000")
     with Program("acquire", "bench", "--port", "bench/board", "--plain", "-o", "rec",
@@ -199,6 +204,7 @@ def test_reconnect_goes_on(tmp_path, emulator):
     assert np.abs(apart).max() < 60e6  # no jump by an hour; a busy machine may read late
 
 
+@pytest.mark.slow
 def test_times_do_not_follow_the_ports_jitter(tmp_path, emulator):
     """A port that is looked at every 20 ms, a clock that is slow and wraps after a second."""
     faults = "jitter_ms=20,drift_ppm=50,uptime_s=4294"
@@ -247,6 +253,7 @@ def write(folder, name, **acquire):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.slow
 def test_a_signal_stops_the_stage_and_closes_the_recording(tmp_path, emulator, number):
     (tmp_path / "calm.yaml").write_text(CALM)
     bench = emulator("calm.yaml", "--folder", "bench", "--motion", "circle", "--rate", "1000")
@@ -267,6 +274,7 @@ def test_a_signal_stops_the_stage_and_closes_the_recording(tmp_path, emulator, n
     assert not (tmp_path / "bench" / "board").is_symlink()
 
 
+@pytest.mark.slow
 def test_messages_say_what_to_do(tmp_path):
     write(tmp_path, "hasty.yaml", wait=0)
     (tmp_path / "file").write_text("x")
@@ -294,6 +302,7 @@ def test_messages_say_what_to_do(tmp_path):
     assert list(tmp_path.glob("recordings/*")) == []
 
 
+@pytest.mark.slow
 def test_a_replay_into_something_that_is_there_is_refused(tmp_path):
     (tmp_path / "board.bin").write_bytes(stream(200))
     words = ("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--plain")
@@ -326,6 +335,7 @@ def test_a_stream_of_the_wrong_kind_says_so(tmp_path):
     assert "no sample came" in result.stderr
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_told_and_the_stream_is_read_to_its_end(tmp_path):
     """By the system's own limit on the size of a file, in a process of its own."""
     (tmp_path / "board.bin").write_bytes(stream(5_000))

@@ -108,6 +108,7 @@ def test_a_plan_reads_a_pose_with_its_uncertainties(engine, documents, file, exp
     assert descriptor["hints"]["sensor"]["fields"][0] == "sensor-tx_mm"
 
 
+@pytest.mark.slow
 def test_a_flight_holds_all_samples_of_a_recording(engine, documents, file, expected):
     engine(flight(PoseSensor(CONFIG, f"file:{file}", name="sensor")))
     assert len(documents.all["event_page"]) > 1

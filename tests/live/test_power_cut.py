@@ -93,6 +93,7 @@ def make_blocks(form):
 
 
 @pytest.mark.parametrize("form", ["frames", "cobs", "text"])
+@pytest.mark.slow
 def test_a_recording_survives_the_power_going_at_any_moment(form, tmp_path):
     log, begun, whole, sure = recorded(form)
     config = config_of(form)

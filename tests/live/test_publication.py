@@ -147,6 +147,7 @@ def test_a_local_reader_gets_every_sample_at_full_rate():
     assert (one.given, one.sent, one.dropped) == (30_000, 30_000, 0)
 
 
+@pytest.mark.slow
 def test_a_reader_that_takes_nothing_costs_itself_samples_and_nobody_else(monkeypatch):
     monkeypatch.setattr(module, "MOST", 2_000_000)
     monkeypatch.setattr(module, "END", 0.2)
@@ -212,6 +213,7 @@ def test_a_port_that_is_taken_is_refused():
             Publication(f"tcp://127.0.0.1:{port}", {})
 
 
+@pytest.mark.slow
 def test_an_inlet_of_the_lab_streaming_layer_gets_every_sample(tmp_path, monkeypatch):
     try:
         import pylsl
@@ -253,6 +255,7 @@ def test_an_inlet_of_the_lab_streaming_layer_gets_every_sample(tmp_path, monkeyp
     np.testing.assert_allclose(np.diff(times), np.diff(rows["host_s"]), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_an_acquisition_and_a_replay_publish(tmp_path):
     """Both to the end, with all that came: at two addresses at once, and one of them of no use."""
     (tmp_path / "board.bin").write_bytes(stream(2_000))

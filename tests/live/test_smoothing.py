@@ -42,6 +42,7 @@ def measured(rng, true):
 
 
 @pytest.mark.parametrize(("model", "strength"), [("acceleration", 1e-7), ("speed", 1e-4)])
+@pytest.mark.slow
 def test_errors_are_as_large_as_is_said(model, strength):
     """The root mean square of error over uncertainty is 1 within 5 %, over 20,000 samples."""
     rng = np.random.default_rng(2)
@@ -58,6 +59,7 @@ def test_errors_are_as_large_as_is_said(model, strength):
     assert "do not" not in found.sentence
 
 
+@pytest.mark.slow
 def test_a_known_sine_is_found_far_better_than_a_sample_has_it():
     rng = np.random.default_rng(5)
     time = 1e-3 * np.arange(4_000)
@@ -113,6 +115,7 @@ def test_the_smoother_is_the_least_squares_solution():
         np.testing.assert_allclose(found.covariance[n], expected, rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_pieces_of_a_long_recording_fit_together(monkeypatch):
     rng = np.random.default_rng(4)
     poses = measured(rng, walk(rng, 1_500, 2, 1e-2))
@@ -189,6 +192,7 @@ def wobble(count):
     return pack(Samples(kind, 0 * kind, number, 100 * number, counts)), 1e3 * state[:, 5]
 
 
+@pytest.mark.slow
 def test_a_replay_smooths_beside_the_raw_poses(tmp_path):
     data, true = wobble(1_500)
     (tmp_path / "board.bin").write_bytes(data)

@@ -65,6 +65,7 @@ def add_in_parts(bins, rows, times, seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.slow
 def test_bins_are_those_of_a_plain_count_whatever_the_order(seed):
     rows = some_rows(3_000, seed)
     times = rows["host_s"] - 50.0

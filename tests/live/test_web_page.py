@@ -62,6 +62,7 @@ def drag(browser, begin, end):
     browser.press("mouseReleased", x1, y, button="left", clickCount=1)
 
 
+@pytest.mark.slow
 def test_a_recording_on_the_page_is_that_of_the_record(recorded):
     poses = recorded_poses(recorded / "rec")
     order = np.argsort(poses["seq"])
@@ -130,6 +131,7 @@ def pause_zoom_and_follow(browser):
     browser.await_true("!facets.look.paused && facets.look.at === null")
 
 
+@pytest.mark.slow
 def test_a_wrong_token_shows_nothing(recorded):
     with Program("replay", "rec", "--web", "0", cwd=recorded) as replay:
         replay.await_output("the page stays at ")
@@ -159,6 +161,7 @@ def give(page, rows):
     page.flush()
 
 
+@pytest.mark.slow
 def test_the_rig_is_drawn_where_there_is_webgl_and_its_lack_is_said():
     drawn = rig_scripts(CONFIG.sensor)
     page = WebPage(CONFIG, "0", dict, {"kind": "acquire"}, drawn=drawn)
@@ -176,6 +179,7 @@ def test_the_rig_is_drawn_where_there_is_webgl_and_its_lack_is_said():
         page.close()
 
 
+@pytest.mark.slow
 def test_what_is_not_known_is_never_a_number_and_a_page_comes_back_by_itself():
     live = Live(Pipeline(CONFIG))
     page = WebPage(CONFIG, "0", lambda: status_of(live), {"kind": "acquire"})

@@ -230,6 +230,7 @@ def test_a_page_that_comes_later_or_again_is_told_all_that_was(page):
     assert sum(bin[0] for bin in first.bins[0].values()) == 500
 
 
+@pytest.mark.slow
 def test_a_page_that_takes_nothing_costs_nobody_else_anything(page):
     """It holds 4 MB that it was sent, in bins, and does not read them."""
     for first in range(0, 12_000, 1_000):
@@ -301,6 +302,7 @@ def test_a_process_that_dies_is_told_and_costs_the_run_nothing(page):
     assert page.dropped == 10_000
 
 
+@pytest.mark.slow
 def test_a_port_in_use_is_said_before_anything_is_recorded(still, tmp_path):
     result = command(
         "acquire", "bench", "--port", "nothing", "--web", str(still.port), "-o", "rec", cwd=tmp_path

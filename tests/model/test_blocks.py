@@ -149,6 +149,7 @@ print(*(hashlib.sha256(part.tobytes()).hexdigest() for part in parts))
 """
 
 
+@pytest.mark.slow
 def test_every_processor_gives_the_same_bits():
     """Code for the least that all have, and for all that this one has."""
     given = [

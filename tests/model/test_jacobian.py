@@ -39,6 +39,7 @@ def assert_close(closed: np.ndarray, exact: np.ndarray) -> None:
     [*CASES[:FEW], *(pytest.param(*case, marks=pytest.mark.study) for case in CASES[FEW:])],
     ids=range(len(CASES)),
 )
+@pytest.mark.slow
 def test_derivatives_by_state_and_by_parameters(name, state):
     sensor = SENSORS[name]
     with many_digits():

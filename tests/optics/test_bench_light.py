@@ -161,6 +161,7 @@ def test_diffraction_is_that_of_a_propagated_field(case):
     assert ours[2] / 0.3 == pytest.approx(case["reading"][2], abs=1e-4)
 
 
+@pytest.mark.slow
 def test_the_field_is_known_better_than_it_is_compared():
     """Its readings come again, and with half as many nodes again: to 1e-5 um. An angular spectrum
     by FFT, which is not paraxial, gives the same as far as its grid is fine."""
@@ -210,6 +211,7 @@ signed = partial(floats, allow_nan=False, allow_infinity=False)
     places=lists(signed(-6, 6), min_size=6, max_size=6),
     seed=integers(0, 1000),
 )
+@pytest.mark.slow
 def test_effects_together_are_those_of_rays(
     curvature, depths, width, strips, powers, places, seed
 ):  # fmt: skip
@@ -285,6 +287,7 @@ def forward(sensor, given, values, state):
 
 
 @pytest.mark.parametrize("name", ["paper", "skewed2"])
+@pytest.mark.slow
 def test_derivatives_against_differences_at_many_digits(name):
     """By the state, the 30 parameters and the light's own numbers, everything on."""
     sensor, state = replace(SENSORS[name], light=ALL), states(1, seed=8)[0]

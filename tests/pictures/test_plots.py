@@ -27,6 +27,7 @@ def picture(request):
         yield ALL[request.param](), request.param
 
 
+@pytest.mark.slow
 def test_nothing_written_is_too_small_or_lies_on_another(picture):
     drawing, name = picture
     found = texts_of(drawing)
@@ -166,6 +167,7 @@ def test_the_hue_of_a_front_is_its_third_objective():
     np.testing.assert_allclose(np.sort(values), np.sort(table["range_roll_mrad"][known]))
 
 
+@pytest.mark.slow
 def test_noise_is_drawn_by_detector_and_axis():
     from facets.pictures.noise import deviations, grouped, spectra
 

@@ -52,6 +52,7 @@ def hue_of(change, theme):
     return int((ways @ way / np.linalg.norm(ways, axis=1)).argmax())
 
 
+@pytest.mark.slow
 def test_each_sub_beam_is_drawn_along_its_ray_in_its_own_hue(drawn):
     theme, view, camera, lit, unlit, _ = drawn
     change = lit.astype(float) - unlit
@@ -172,6 +173,7 @@ def test_facets_are_not_black_at_any_inclination(inclination, tmp_path):
 
 @pytest.mark.parametrize("name", ["paper", "fig4", "skewed"])
 @pytest.mark.parametrize("view", ["both", "detector", "cutaway", "exploded"])
+@pytest.mark.slow
 def test_views_of_shipped_sensors_are_neither_empty_nor_full(name, view):
     with Picture(facets.load(name).sensor, REST, view, (200, 150), sharpness=1) as picture:
         image = picture.image()
@@ -217,6 +219,7 @@ def test_the_drawn_facets_lie_in_the_planes_of_the_model():
         assert np.abs(off).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_the_range_solid_ends_where_ranges_do():
     config = facets.load("paper")
     solid = range_solid(config.sensor, config.range)
@@ -298,6 +301,7 @@ def test_a_motion_is_drawn_as_large_as_its_spots_stay_on_their_detectors():
     assert [round_down(x) for x in (1, 1.99, 2, 7, 0.5, 1000)] == [1, 1, 2, 5, 0.5, 1000]
 
 
+@pytest.mark.slow
 def test_pictures_by_the_command(tmp_path):
     small = ("--width", "240", "--height", "200")
     for name, more in (("range.png", ("--view", "range", "--track")),
@@ -308,6 +312,7 @@ def test_pictures_by_the_command(tmp_path):
         assert (tmp_path / name).stat().st_size > 8000
 
 
+@pytest.mark.slow
 def test_a_film_says_by_how_much_its_motion_is_drawn_larger(tmp_path):
     arguments = ("--frames", "5", "--width", "240", "--height", "200", "-o", "film.gif")
     result = command("render", "bench", "--motion", "wobble", *arguments, cwd=tmp_path)

@@ -79,6 +79,7 @@ def placed(sensor, state):
 
 
 @needs_browser
+@pytest.mark.slow
 def test_each_way_to_the_readings_gives_what_python_gives(tmp_path):
     """Also where values are lost, and with what is drawn in its place."""
     given = {name: many_states(24, seed) for seed, name in enumerate(KINDS)}
@@ -205,6 +206,7 @@ def acted(tmp_path_factory):
 
 
 @needs_browser
+@pytest.mark.slow
 def test_sliders_move_the_readings_as_python_has_them(acted):
     wanted, told = acted
     assert len(told["moved"]) == 60
@@ -295,6 +297,7 @@ addEventListener("load", () => setTimeout(() => {
 
 
 @needs_browser
+@pytest.mark.slow
 def test_the_rig_in_space_shows_the_three_lights(tmp_path):
     page = tmp_path / "rig.html"
     text = rig_page(PAPER, "paper", np.zeros(8))

@@ -123,6 +123,7 @@ needs_browser = pytest.mark.skipif(not shutil.which("chromium"), reason="needs C
 
 
 @needs_browser
+@pytest.mark.slow
 def test_gltf_opens_in_a_browser(tmp_path):
     result = command("render", "paper", "-o", "close.gltf", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
@@ -133,6 +134,7 @@ def test_gltf_opens_in_a_browser(tmp_path):
     assert (np.ptp(image, axis=-1) > 0.05).mean() > 0.001
 
 
+@pytest.mark.slow
 def test_films_and_flat_pictures(tmp_path):
     arguments = ("--frames", "3", "--width", "320", "--height", "240")
     for name in ("film.gif", "film.mp4"):

@@ -198,6 +198,7 @@ SPOILS = {
 
 
 @pytest.mark.parametrize("name", SPOILS)
+@pytest.mark.slow
 def test_what_is_spoilt_is_refused_with_a_reason(content, tmp_path, name):
     spoil, reason = SPOILS[name]
     spoilt = copy.deepcopy(content)
@@ -258,6 +259,7 @@ def test_what_is_no_certificate_is_refused(tmp_path, text):
         check(tmp_path / "none.json")
 
 
+@pytest.mark.slow
 def test_the_checker_agrees_and_says_what_it_did_not_find_again(larger, certificate, capsys):
     assert larger.margin > Fraction(1, 2)
     assert larger.determinant > 0
@@ -343,6 +345,7 @@ def check_only_range(content):
     return check_range(Rig(content["parameters"], content["tolerances"]), content)
 
 
+@pytest.mark.slow
 def test_that_the_box_holds_the_range_is_found_again(whole_range, tmp_path):
     path = tmp_path / "certificate.json"
     path.write_text(json.dumps(whole_range))

@@ -25,6 +25,7 @@ def without_range(config):
     return replace(config, sensor=replace(config.sensor, psds=psds))
 
 
+@pytest.mark.slow
 def test_a_design_is_proved_and_told():
     config = small_range(facets.load("paper"))
     found = certify_design(config.sensor, config.range)
@@ -33,6 +34,7 @@ def test_a_design_is_proved_and_told():
     assert prove(config, 400).startswith("proved: within the ranges of its axes")
 
 
+@pytest.mark.slow
 def test_a_design_that_is_not_proved_is_told():
     config = facets.load("singular")
     assert not certify_design(config.sensor, config.range, work=10).unique
@@ -49,6 +51,7 @@ def test_a_design_without_a_range_is_told():
     assert "leaves the PSD" in prove(config, 10)
 
 
+@pytest.mark.slow
 def test_the_front_has_a_margin_of_each_design(capsys):
     config = small_range(facets.load("paper"))
     space = SimpleNamespace(sensor=config.sensor, rules=config.range, names=["radius_mm"])

@@ -28,6 +28,7 @@ def test_the_search_has_a_model_of_its_own_that_agrees(name):
     np.testing.assert_allclose(model.slopes(state), facets.jacobian(sensor, state), atol=1e-4)
 
 
+@pytest.mark.slow
 def test_the_search_breaks_what_is_not_so():
     sensor, rng = facets.load("singular").sensor, np.random.default_rng(1)
     box = range_box(sensor, facets.load("singular").range)
@@ -36,6 +37,7 @@ def test_the_search_breaks_what_is_not_so():
     assert broken_bound(case, model, Certificate(box, at_least=1e6), rng)
 
 
+@pytest.mark.slow
 def test_nothing_is_proved_that_the_search_breaks():
     counts = study(3, seed=1)
     assert counts["broken"] == 0

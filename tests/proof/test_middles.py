@@ -52,6 +52,7 @@ def certificate(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_it_is_checked_again(certificate):
     found = check(certificate)
     assert 0.1 < found.margin < 1
@@ -109,6 +110,7 @@ SPOILS = {
 
 
 @pytest.mark.parametrize("name", SPOILS)
+@pytest.mark.slow
 def test_what_is_spoilt_is_refused_with_a_reason(certificate, tmp_path, name, monkeypatch):
     from facets.experiments import certificate_pieces
 
@@ -122,6 +124,7 @@ def test_what_is_spoilt_is_refused_with_a_reason(certificate, tmp_path, name, mo
         check(path)
 
 
+@pytest.mark.slow
 def test_a_determinant_that_is_claimed_too_large_is_not_told(certificate, tmp_path):
     content = copy.deepcopy(json.loads(certificate.read_text()))
     content["least_determinant"] = 1e20

@@ -111,6 +111,7 @@ def test_the_paper_s_sensor_is_one_to_one_over_its_whole_range():
 
 
 @pytest.mark.parametrize("tracking", [False, True])
+@pytest.mark.slow
 def test_poses_that_keep_the_rules_lie_in_the_box_that_holds_the_range(tracking):
     """Poses near the corners of the range, which the box of the axes' ranges leaves out."""
     config = facets.load("paper")
@@ -149,6 +150,7 @@ def test_the_reach_is_the_same_whatever_the_clock_says(monkeypatch):
     assert first[1].margin == again[1].margin
 
 
+@pytest.mark.slow
 def test_a_singular_sensor_has_no_reach():
     assert find_reach(singular(), SMALL, SHARE, work=50) == (1.0, None)
 
@@ -170,6 +172,7 @@ def test_tolerances_come_from_what_is_known_before():
     assert len(found.exact) == 29
 
 
+@pytest.mark.slow
 def test_jacobians_of_sensors_within_tolerances_lie_in_the_intervals():
     sensor, rng = SENSORS["paper"], np.random.default_rng(4)
     off = np.array(tolerances_of(facets.load("paper"), 1.0).values)
@@ -186,6 +189,7 @@ def test_jacobians_of_sensors_within_tolerances_lie_in_the_intervals():
             assert (found <= bounds[:, :, 1] + 1e-9).all()
 
 
+@pytest.mark.slow
 def test_a_pair_is_found_in_the_box_of_a_singular_sensor():
     config = facets.load("singular")
     box, share = range_box(config.sensor, config.range), least_share(config.sensor, config.range)

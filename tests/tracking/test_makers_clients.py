@@ -61,6 +61,7 @@ def test_zaber_motion_drives_the_virtual_stage(serve):
     np.testing.assert_allclose(model.place, [5000 * STAGE.step, 0], atol=1e-3)
 
 
+@pytest.mark.slow
 def test_pipython_drives_the_virtual_stage(serve):
     model = StageModel(STAGE)
     with PISerial(serve(PiController(model)), 115200) as line:

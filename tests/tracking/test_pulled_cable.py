@@ -45,6 +45,7 @@ def pull(bench):
     bench.stage.close = lambda: None
 
 
+@pytest.mark.slow
 def test_a_pulled_stage_is_told_and_the_recording_goes_on(tmp_path, bench):
     words = ["acquire", "bench", "--track", "--port", "bench/board", "--stage-port", "bench/stage",
              "--samples", str(SAMPLES), "--max-loss", "1", "--plain", "-o", "rec"]  # fmt: skip

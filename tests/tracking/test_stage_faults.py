@@ -24,6 +24,7 @@ from facets.tracking.zaber import Zaber
 
 
 @pytest.mark.parametrize("count", [50, pytest.param(200, marks=pytest.mark.study)])
+@pytest.mark.slow
 def test_no_sequence_of_faults_takes_the_stage_out_of_its_envelope(count):
     tried = run(range(count))
     assert tried.sequences == count
