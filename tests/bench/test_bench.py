@@ -42,6 +42,7 @@ def test_errors_are_those_of_rounding(results):
     assert (stability.power_error < 1e-13).all()
 
 
+@pytest.mark.slow
 def test_everything_is_written_with_the_machine(results):
     names = {file.name for file in results.iterdir()}
     assert names == {
@@ -54,18 +55,21 @@ def test_everything_is_written_with_the_machine(results):
     assert {"processor", "cores", "numpy", "seed", "command"} <= set(about)
 
 
+@pytest.mark.slow
 def test_every_call_has_a_stored_ratio(results):
     calls = read(results, "calls")
     assert calls.stored.notna().all()
     assert calls.ratio.iloc[0] == calls.stored.iloc[0] == 1
 
 
+@pytest.mark.slow
 def test_nothing_is_lost_but_the_last_bit(results):
     digits = read(results, "digits")
     assert digits[["powers", "places"]].sum().tolist() == [120, 240]
     assert digits.loc[digits.digits_lost >= 1, ["powers", "places"]].to_numpy().sum() == 0
 
 
+@pytest.mark.slow
 def test_ways_to_the_special_function_agree(results):
     """All but the shortest rule hold 16 digits where the paper's sensor works."""
     special = read(results, "special").set_index("way").drop("Gauss-Legendre 6")
@@ -73,6 +77,7 @@ def test_ways_to_the_special_function_agree(results):
     assert special.error_far["facets: series"] < 3e-16
 
 
+@pytest.mark.slow
 def test_a_bound_spares_what_is_not_cut(results):
     cuts = read(results, "apertures").set_index("cut").poses_cut
     assert cuts["nothing cut"] == cuts["rim at 5 mm"] == 0
@@ -80,6 +85,7 @@ def test_a_bound_spares_what_is_not_cut(results):
     assert cuts["beam at 1/e^2"] == 1
 
 
+@pytest.mark.slow
 def test_casadi_finds_the_same_poses(results):
     inverse = read(results, "inverse").set_index("way")
     assert inverse.length_error_mm["casadi Newton on Gauss-Legendre 12"] < 1e-8

@@ -29,6 +29,7 @@ def test_all_repeats_the_references(run):
         assert (folder / f"{name}.csv").read_text().startswith("# config: ")
 
 
+@pytest.mark.slow
 def test_repeating_is_told_apart_from_agreeing_with_the_paper(run):
     """Table 2 repeats its reference, and 12 of its 20 numbers are within a tenth of the paper's."""
     result, folder = run
@@ -40,6 +41,7 @@ def test_repeating_is_told_apart_from_agreeing_with_the_paper(run):
     assert f"{near} of {len(rows['ours'])} numbers" in (folder / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_the_report_holds_everything_in_one_file(run):
     _, folder = run
     page = (folder / "report.html").read_text()
@@ -50,6 +52,7 @@ def test_the_report_holds_everything_in_one_file(run):
         assert experiment(name).TITLE.replace("'", "&#39;") in page
 
 
+@pytest.mark.slow
 def test_what_is_more_than_three_percent_off_the_paper_has_a_reason(run):
     _, folder = run
     for name in EXPERIMENTS:
@@ -59,6 +62,7 @@ def test_what_is_more_than_three_percent_off_the_paper_has_a_reason(run):
             assert not known or near or claim.why, (name, claim.what)
 
 
+@pytest.mark.slow
 def test_a_number_that_has_moved_is_a_miss(run, tmp_path, monkeypatch):
     _, folder = run
     expected = tmp_path / "expected"
@@ -90,6 +94,7 @@ def test_distances(here, there, off):
     assert study.Check("x", found, "", "").repeats == (off <= 1)
 
 
+@pytest.mark.slow
 def test_what_is_not_there_is_an_error(run, tmp_path):
     _, folder = run
     result = command("reproduce", "fig5", cwd=tmp_path)

@@ -218,6 +218,7 @@ def test_sliders_move_the_readings_as_python_has_them(acted):
 
 
 @needs_browser
+@pytest.mark.slow
 def test_lost_values_are_said_to_be_lost_and_why(acted):
     turned, dark, beside = acted[1]["typed"][:3]
     for shown in (turned, dark, beside):
@@ -235,6 +236,7 @@ def test_lost_values_are_said_to_be_lost_and_why(acted):
 
 
 @needs_browser
+@pytest.mark.slow
 def test_a_state_is_copied_and_pasted_as_text(acted):
     told = acted[1]
     json_text, link, unknown, wrong = told["typed"][3:]
@@ -250,6 +252,7 @@ def test_a_state_is_copied_and_pasted_as_text(acted):
 
 
 @needs_browser
+@pytest.mark.slow
 def test_the_mirror_moves_by_itself_until_it_is_stopped(acted):
     told = acted[1]
     lifted = cells(told["lifted"])
@@ -259,6 +262,7 @@ def test_the_mirror_moves_by_itself_until_it_is_stopped(acted):
 
 
 @needs_browser
+@pytest.mark.slow
 def test_without_webgl_the_page_says_so_and_draws_flat(acted):
     told = acted[1]
     assert told["flat"]

@@ -378,6 +378,7 @@ SPOILT_RANGES = {
 
 
 @pytest.mark.parametrize("name", SPOILT_RANGES)
+@pytest.mark.slow
 def test_a_range_that_the_box_does_not_hold_is_refused(whole_range, name):
     spoil, reason = SPOILT_RANGES[name]
     spoilt = copy.deepcopy(whole_range)
@@ -386,6 +387,7 @@ def test_a_range_that_the_box_does_not_hold_is_refused(whole_range, name):
         check_only_range(spoilt)
 
 
+@pytest.mark.slow
 def test_what_the_electronics_make_of_the_least_share_is_not_found_again(whole_range):
     content = copy.deepcopy(whole_range)
     content["resolved"]["sensor"]["noise"]["model"] = "electronics"
