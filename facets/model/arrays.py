@@ -17,7 +17,7 @@ from ..optics.effects import Effects, Options
 from ..optics.forward import Geometry, Openings, geometry
 from ..optics.limits import COLUMNS, MOST
 from ..optics.parameters import BEAM, FACET, PSD
-from . import packing
+from . import blocks, packing
 from .kinds import kind_of
 from .threads import share
 
@@ -221,6 +221,8 @@ def readings(
     >>> f"psi {psi:.3f} mm, zeta {zeta:.3f} mm, {power:.3f} mW"
     'psi 0.500 mm, zeta 0.280 mm, 0.100 mW'
     """
+    if irradiance == "exact" and (found := at_one(sensor, "readings", state, threads)) is not None:
+        return found
     rows, shape = as_rows(state, 8, "state")
     if irradiance == "paper":
         from ..optics.paper import paper_readings
@@ -239,7 +241,7 @@ def readings(
 
         evaluate(evaluators.readings(sensor), vectors, states, found)
 
-    name = "readings" if kind_of(sensor) == "plain" else None
+    name = named(sensor, "readings")
     share(by_blocks(sensor, name, rows, out, one_by_one), len(rows), threads)
     return out.reshape(*shape, 9)
 
@@ -257,6 +259,24 @@ def evaluate(model: int, vectors: Floats, given: Floats, found: Floats) -> None:
         kernels.evaluate(model, vectors, given, found)
 
 
+def named(sensor: Sensor, name: str) -> str | None:
+    """The name, where blocks know what it stands for of a sensor."""
+    if name == "footprints":
+        return None if sensor.light.on else name
+    return name if kind_of(sensor) == "plain" else None
+
+
+def at_one(sensor: Sensor, name: str, state: ArrayLike, threads: int) -> Floats | None:
+    """What a block gives at a single state (8,), at once: a loop asks for one after the other.
+
+    None where it is no such state, or leaves its block.
+    """
+    one = np.asarray(state, dtype=np.float64)
+    if one.shape != (8,) or threads < 0 or named(sensor, name) is None:
+        return None
+    return blocks.PADDING.one(name, packed(sensor), one)
+
+
 def by_blocks(
     sensor: Sensor,
     name: str | None,
@@ -271,18 +291,16 @@ def by_blocks(
     """
     if name is None:
         return lambda part: one_by_one(states[part], out[part])
-    from . import blocks
-
     vectors = packed(sensor)
     blocks.kernel(name)  # compiled once, before threads ask for it
 
     def run(part: slice) -> None:
         rows, found = states[part], out[part]
-        left = np.asarray(blocks.run(name, vectors, rows, found), int)
+        left = blocks.run(name, vectors, rows, found)
         if len(left):
             from . import as_text
 
-            left = as_text.fill(name, geometry_of(sensor), rows, found, left)
+            left = as_text.fill(name, geometry_of(sensor), rows, found, np.asarray(left))
         if len(left):
             rest = np.empty((len(left), *found.shape[1:]))
             one_by_one(rows[left], rest)
@@ -302,6 +320,8 @@ def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     >>> f"psi_a moves {slopes[0, 5]:.0f} mm per rad of yaw"
     'psi_a moves 250 mm per rad of yaw'
     """
+    if (found := at_one(sensor, "derivatives", state, threads)) is not None:
+        return found
     rows, shape = as_rows(state, 8, "state")
     return derivatives(sensor, rows, threads, near=False).reshape(*shape, 9, 8)
 
@@ -322,7 +342,7 @@ def derivatives(sensor: Sensor, states: Floats, threads: int = 1, near: bool = T
         evaluate(model(sensor), vectors, given, whole)
         found[:] = np.where(np.isnan(whole[:, 0, :9, None]), np.nan, whole[:, 1:, :8])
 
-    name = "derivatives" if kind_of(sensor) == "plain" else None
+    name = named(sensor, "derivatives")
     share(by_blocks(sensor, name, states, out, one_by_one), len(states), threads)
     return out
 
@@ -391,6 +411,8 @@ def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     >>> f"spot A spans {largest - least:.2f} mm along y"
     'spot A spans 0.74 mm along y'
     """
+    if (found := at_one(sensor, "footprints", state, threads)) is not None:
+        return found
     rows, shape = as_rows(state, 8, "state")
     vectors, out = packed(sensor), np.empty((len(rows), 3, 5))
 
@@ -399,7 +421,7 @@ def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
 
         evaluate(evaluators.footprints(sensor), vectors, states, found)
 
-    name = None if sensor.light.on else "footprints"
+    name = named(sensor, "footprints")
     share(by_blocks(sensor, name, rows, out, one_by_one), len(rows), threads)
     return out.reshape(*shape, 3, 5)
 

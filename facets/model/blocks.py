@@ -51,19 +51,29 @@ class Padding(threading.local):
             "footprints": found[: 15 * LANES].reshape(LANES, 3, 5),
         }
         self.addresses = [address_of(array) for array in (self.rows, found, self.left)]
+        self.bits = self.left.data
         self.vectors: Any = None
         self.where = 0
 
     def run(self, name: str, vectors: Floats, states: Floats, found: Floats) -> int:
         """Fills `found` for less than a block of states; returns a bit for each that is left."""
-        if vectors is not self.vectors:
-            self.vectors, self.where = vectors, address_of(vectors)
         short = len(states)
         self.rows[:short] = states
         self.rows[short:] = states[-1]
-        kernel(name)(self.where, *self.addresses, 1)
+        self._call(name, vectors)
         found[:] = self.found[name][:short]
-        return int(self.left[0]) & ((1 << short) - 1)
+        return self.bits[0] & ((1 << short) - 1)
+
+    def one(self, name: str, vectors: Floats, state: Floats) -> Floats | None:
+        """What is found at one state (8,); None where it is left."""
+        self.rows[:] = state
+        self._call(name, vectors)
+        return None if self.bits[0] else self.found[name][0].copy()
+
+    def _call(self, name: str, vectors: Floats) -> None:
+        if vectors is not self.vectors:
+            self.vectors, self.where = vectors, address_of(vectors)
+        kernel(name)(self.where, *self.addresses, 1)
 
 
 def run(name: str, vectors: Floats, states: Floats, found: Floats) -> Any:
