@@ -30,6 +30,7 @@ _HOMES = {
     "Rules": "core.rules",
     "Apertures": "core.sensor",
     "Beam": "core.sensor",
+    "BenchLight": "core.sensor",
     "Calibration": "core.sensor",
     "Correction": "core.sensor",
     "Electronics": "core.sensor",
@@ -89,6 +90,7 @@ if TYPE_CHECKING:
     from .core.rules import Rules as Rules
     from .core.sensor import Apertures as Apertures
     from .core.sensor import Beam as Beam
+    from .core.sensor import BenchLight as BenchLight
     from .core.sensor import Calibration as Calibration
     from .core.sensor import Correction as Correction
     from .core.sensor import Electronics as Electronics

@@ -123,8 +123,8 @@ def weighted(
 
 def write_step(
     code: LaneWriter, vectors: Any, asked: Question, free: Sequence[int], memory: dict[str, Memory]
-) -> tuple[Any, Any]:
-    """One step from where each lane is. Returns in which lanes it is the last, and the gain.
+) -> Any:
+    """One step from where each lane is. Returns in which lanes it is the last.
 
     Fills memory: the step's end, the sum of squares here, and the factor.
     """
@@ -156,7 +156,7 @@ def write_step(
     memory["gain"][0] = gain
     for n, number in enumerate(each for row in factor for each in row):
         memory["factor"][n] = number
-    return gain < small, gain
+    return gain < small
 
 
 def covariance_of(factor: Memory, free: Sequence[int]) -> Numbers:
@@ -221,10 +221,9 @@ def write_block(builder: Any, free: tuple[int, ...], task: list[Any], index: Any
     for c, number in enumerate(read(STARTS, UNKNOWNS, STARTS_ROWS)):
         memory["here"][c] = number
     memory["cost"][0], memory["small"][0], memory["steps"][0] = inf, asked.smallest(), 0.0
-    masks = builder.alloca  # placed by hand below, where the function begins
     with builder.goto_entry_block():
         kind = code.left.ir.type
-        gone, active, round_ = masks(kind), masks(kind), masks(LONG)
+        gone, active, round_ = builder.alloca(kind), builder.alloca(kind), builder.alloca(LONG)
     builder.store(code.left.ir, gone)
     builder.store((~code.left).ir, active)
     builder.store(ir.Constant(LONG, 0), round_)
@@ -234,7 +233,7 @@ def write_block(builder: Any, free: tuple[int, ...], task: list[Any], index: Any
     code.left = Condition(code, builder.load(gone))
     going = Condition(code, builder.load(active))
     memory["steps"][0] = memory["steps"][0] + code.select(going, 1.0, 0.0)
-    last, _ = write_step(code, vectors, asked, free, memory)
+    last = write_step(code, vectors, asked, free, memory)
     going = going & ~last & ~code.left
     for c in range(UNKNOWNS):
         memory["here"][c] = code.select(going, memory["end"][c], memory["here"][c])

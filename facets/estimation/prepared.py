@@ -65,7 +65,6 @@ class Solver:
         self._zero = starting("zero", self._plan, np.zeros((1, 9)), ())
         self._unknown_power = bool(self._plan.weights[2] == 0 and self._plan.free[-1] == 8)
         self._starts, self._sigmas = self._zero.copy(), np.empty((0, 9))
-        self._near = False  # whether the starts are where a reading ended
         if sensor.electronics is not None:
             self._sigmas = np.empty((1, 9))
         self._problem = problem.Problem(
@@ -86,6 +85,7 @@ class Solver:
             given = problem.Readings(self._values, self._sigmas)
             self._block = One(packed(sensor), given, self._plan.limits, self._problem, covariance)
         self._first = FirstRow(self._found)
+        self._last: Floats | None = None
 
     def __reduce__(self) -> Any:
         """A copy is a solver of its own, which begins anew: its memory has other addresses."""
@@ -100,27 +100,19 @@ class Solver:
         values = np.asarray(reading, dtype=np.float64)
         if values.shape != (9,):
             raise InputError(f"a reading has shape {values.shape}; needed: (9,)")
-        return self._solve(values, self._near)
+        return self.solve_from(values, self._last)
 
     def solve_from(self, values: Floats, start: Floats | None) -> Solution:
-        """The same of a checked reading (9,), from `start` (9,) or (1, 9) if one is given."""
-        if start is not None:
-            self._starts[:] = start
-        return self._solve(values, start is not None)
+        """The same of a reading (9,) that is checked, from `start` (9,) or (1, 9) if one is given.
 
-    def _solve(self, values: Floats, begun: bool) -> Solution:
-        """From the starts where these are `begun`, and from zero, where that leads to no pose."""
+        With start="previous" from zero where that leads to no pose.
+        """
         self._values[0] = values
         if self._sensor.electronics is not None:
             self._sigmas[:] = standard_deviations(self._sensor, self._values)
-        in_block = begun and self._run()
-        if not begun:
-            in_block = self._run_from_zero()
-        elif self._warm and not in_block and not self._has_converged():
-            near = self._starts.copy()
-            in_block = self._run_from_zero()
-            if not in_block and not self._has_converged():
-                self._starts[:] = near
+        in_block = start is not None and self._run(start)
+        if start is None or (self._warm and not in_block and not self._has_converged()):
+            in_block = self._run(self._from_zero())
         return self._of_block() if in_block else self._of_one()
 
     def _has_converged(self) -> bool:
@@ -129,7 +121,7 @@ class Solver:
     def _of_block(self) -> Solution:
         """What the block has found, in an array of its own."""
         if self._warm:
-            self._starts[0], self._near = self._block.state, True
+            self._last = self._block.state.copy()
         numbers = self._block.numbers.copy()
         if self._sensor.calibration is not None:
             add_calibration(self._sensor, self._plan, results_of(numbers))
@@ -140,7 +132,7 @@ class Solver:
         if self._sensor.light.on and self._found.status[0] == problem.STALLED:
             self._run_exactly()
         if self._warm and self._has_converged():
-            self._starts[0], self._near = self._found.states[0], True
+            self._last = self._found.states[0].copy()
         add_calibration(self._sensor, self._plan, self._found)
         return self._first.solution()
 
@@ -150,12 +142,10 @@ class Solver:
             return None
         return starting(start, self._plan, values, ())
 
-    def _run_from_zero(self) -> bool:
-        zero = self._zero
+    def _from_zero(self) -> Floats:
         if self._unknown_power:
-            zero = starting("zero", self._plan, self._values, ())
-        self._starts[:] = zero
-        return self._run()
+            return starting("zero", self._plan, self._values, ())
+        return self._zero
 
     def _task_of(self, model: int) -> problem.Task:
         return problem.Task(
@@ -177,15 +167,17 @@ class Solver:
             self._kernel = kernel()
         self._kernel(self._task.address)
 
-    def _run(self) -> bool:
-        """Estimates the reading from the starts; whether the block has found its pose."""
+    def _run(self, start: Floats) -> bool:
+        """Estimates the reading from a start; whether the block has found its pose."""
+        self._starts[:] = start
         if self._block is not None and self._block.estimate():
             return True
         self._one_by_one()
         return False
 
     def _run_exactly(self) -> None:
-        """With derivatives that leave nothing out, for where steps without them stall."""
+        """From the last start, with derivatives that leave nothing out, for where steps without
+        them stall."""
         from ..model import evaluators
 
         if self._exact is None:

@@ -21,7 +21,7 @@ from ..core.units import Floats
 #: Poses in a block.
 LANES = 4
 #: The files that blocks are made of, beside the optics.
-CODE = tuple(Path(__file__).parent / name for name in ("block_code.py", "packing.py"))
+CODE = tuple(Path(__file__).parent / name for name in ("blocks.py", "block_code.py", "packing.py"))
 
 
 @cache
@@ -40,7 +40,8 @@ def kernel(name: str) -> Callable[..., None]:
 
 
 class Padding(threading.local):
-    """Memory of a thread for the last block of a batch, which the last row fills up."""
+    """Memory of a thread for a single state, and for the last block of a batch, which the last row
+    fills up."""
 
     def __init__(self) -> None:
         self.rows, self.left = np.empty((LANES, 8)), np.empty(1, np.int64)

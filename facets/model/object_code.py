@@ -21,6 +21,8 @@ from typing import Any
 import llvmlite
 import llvmlite.binding as llvm
 
+from ..core.errors import OutputError
+from ..files.whole import Whole
 from .code_folder import code_folder
 
 #: Writes a function's instructions with an `llvmlite` builder, of its arguments.
@@ -125,7 +127,5 @@ def read(path: Path) -> bytes | None:
 
 def keep(path: Path, code: bytes) -> None:
     """Keeps an object, whole or not at all; where it can not be kept it is made again."""
-    mine = path.with_suffix(f".{os.getpid()}")
-    with contextlib.suppress(OSError):
-        mine.write_bytes(hashlib.sha256(code).digest() + code)
-        mine.replace(path)
+    with contextlib.suppress(OutputError), Whole(path) as temporary:
+        temporary.write_bytes(hashlib.sha256(code).digest() + code)

@@ -164,11 +164,8 @@ class LaneWriter(Writer):
         place = self.builder.gep(pointer, [ir.Constant(LONG, index)])
         return self.spread(self.builder.load(place))
 
-    def load_lanes(self, pointer: Any, index: int) -> Value:
-        """The number `index` of memory that has a number for each lane at each place."""
-        return Value(self, self.builder.load(self._lanes_at(pointer, index), align=8))
-
     def store_lanes(self, number: Value | float, pointer: Any, index: int) -> None:
+        """To the place `index` of memory that has a number for each lane at each place."""
         self.builder.store(self.value(number), self._lanes_at(pointer, index), align=8)
 
     def _lanes_at(self, pointer: Any, index: int) -> Any:

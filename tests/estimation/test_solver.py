@@ -363,6 +363,23 @@ def test_a_prepared_solver_goes_on_from_the_last_pose_and_finds_back():
     assert sum(int(one.iterations) for one in found) < cold.sum()
 
 
+def test_a_warm_solver_finds_whatever_is_found_from_zero():
+    """Under the light of a bench, too, where what stalls is tried again without approximations."""
+    light = facets.BenchLight(
+        wavelength=6e-4, rolloff=(2e-3,) * 6, rolloff_width=0.05, strips=(0.02,) * 3, tip=1e-3,
+        background=((1e-3, 0.1, 0.0),) * 3,
+    )  # fmt: skip
+    sensor, rng = replace(SENSOR, light=light), np.random.default_rng(1)
+    path = rng.normal(size=(150, 8)) * [0.3, 0.3, 1.5, 3e-3, 3e-3, 3e-3, 0.2, 0.2]
+    readings = facets.readings(sensor, path) + rng.normal(size=(150, 9)) * ([5e-3, 5e-3, 1e-4] * 3)
+    readings[::3] += rng.normal(size=(50, 9)) * ([0.3, 0.3, 5e-3] * 3)
+    solver = facets.Solver(sensor, start="previous")
+    warm = np.array([bool(solver.solve(reading).ok) for reading in readings])
+    cold = facets.solve(sensor, readings).ok
+    assert 30 < cold.sum() < 120
+    assert warm[cold].all()
+
+
 @pytest.mark.parametrize(
     ("arguments", "reading"),
     [({"start": "there"}, None), ({"max_steps": 0}, None), ({}, [0] * 8), ({}, [[0] * 9])],

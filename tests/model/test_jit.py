@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import facets
 
 PC = platform.machine() in ("x86_64", "AMD64")
@@ -59,6 +61,14 @@ def test_what_a_disk_has_spoilt_is_made_again(tmp_path):
         assert again.stdout == first.stdout
         assert kept.read_bytes() == code
     assert [path.suffix for path in kept.parent.iterdir()] == [".o"]
+
+
+def test_a_disk_that_is_full_keeps_nothing_and_does_no_harm(tmp_path):
+    pytest.importorskip("resource")
+    full = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (9000, 9000)); "
+    done = run(full + READ, str(tmp_path))
+    assert float(done.stdout) > 0.09
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
 
 
 def test_code_for_one_processor_is_not_taken_for_another(tmp_path, monkeypatch):
