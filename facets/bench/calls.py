@@ -29,20 +29,20 @@ from . import rivals
 from .clock import Contender
 
 SENSOR = rivals.SENSOR
-#: Ratios to the reference loop on an AMD EPYC, whose loop takes 6.7 us beside other work.
+#: Ratios to the reference loop on an AMD EPYC, whose loop takes 7.3 us in a slow hour.
 STORED = {
     "reference loop: 1000 steps": 1.0,
-    "functions of three edges alone: batch": 0.0073,
-    "readings: batch": 0.0117,
-    "Jacobians: batch": 0.0316,
-    "poses from zero: batch": 0.186,
-    "poses from near: batch": 0.081,
-    "readings: one call": 1.94,
-    "facets.solve: one call": 3.8,
-    "Solver.solve: one call": 2.8,
-    "Solver.solve: one call in a motion": 1.0,
-    "first reading: nothing compiled": 2.3e5,
-    "first pose: nothing compiled": 4.3e5,
+    "functions of three edges alone: batch": 0.0077,
+    "readings: batch": 0.0122,
+    "Jacobians: batch": 0.033,
+    "poses from zero: batch": 0.182,
+    "poses from near: batch": 0.077,
+    "readings: one call": 0.80,
+    "facets.solve: one call": 1.86,
+    "Solver.solve: one call": 1.21,
+    "Solver.solve: one call in a motion": 0.98,
+    "first reading: nothing compiled": 8.9e4,
+    "first pose: nothing compiled": 2.0e5,
 }
 #: Left out of a quick run, because they compile all anew.
 FIRST = {

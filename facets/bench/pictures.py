@@ -46,7 +46,7 @@ def diagram(axes: Axes, rows: Sequence[Row], error: str) -> None:
         axes.errorbar(time, value, xerr=spread, fmt=mark, ms=6, color=colour, elinewidth=1.0,
                       label=f"{number}  {row['way']}")  # fmt: skip
     axes.set(xscale="log", yscale="log", xlabel="time a pose, µs")
-    axes.margins(0.08, 0.2)
+    axes.margins(0.08, 0.25)
     if shown:
         numbers(axes, [(row["us_per_pose"], row[error]) for row in shown])
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.03), handlelength=0.9,
@@ -66,9 +66,11 @@ def numbers(axes: Axes, places: Sequence[tuple[float, float]]) -> None:
             up += 2.0
         taken.append((x, y + up))
         line = {"arrowstyle": "-", "lw": 0.6, "color": hues.grey, "shrinkA": 0, "shrinkB": 0}
+        ground = {"boxstyle": "round,pad=0.05", "fc": axes.get_facecolor(), "ec": "none"}
+        # the higher ones first, so that a lower number hides the line that passes under it
         axes.annotate(str(number), place, (0, up), textcoords="offset points", ha="center",
-                      va="center", fontsize=style.LEAST, fontweight="bold",
-                      arrowprops=line if up > 8 else None)  # fmt: skip
+                      va="center", fontsize=style.LEAST, fontweight="bold", bbox=ground,
+                      zorder=4 - 0.01 * number, arrowprops=line if up > 8 else None)  # fmt: skip
 
 
 def heat_map(rows: Sequence[Row]) -> Figure:
