@@ -34,7 +34,7 @@ layers: .venv/developed tree
 unit: .venv/developed
 	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder
 
-# What takes two seconds at most: nine tests of ten, in a fifth of the time.
+# What takes a second or two at most: six tests of seven, in a quarter of the time.
 quick: .venv/developed
 	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not study and not slow"
 

@@ -227,6 +227,7 @@ def calibrated():
     return [rigs.tried(seed, 300, NOMINAL) for seed in range(4)]
 
 
+@pytest.mark.slow
 def test_poses_are_as_fine_as_by_a_rig_that_is_known(calibrated):
     for _, found, rows in calibrated:
         assert found.ended
@@ -433,6 +434,7 @@ def test_every_command_takes_the_calibrated_rig(run):
     assert fine.returncode == 0, fine.stderr
 
 
+@pytest.mark.slow
 def test_a_recording_keeps_what_was_measured_of_the_rig(run, tmp_path):
     folder, _ = run
     text = "extends: mine.yaml\n"
@@ -448,6 +450,7 @@ def test_a_recording_keeps_what_was_measured_of_the_rig(run, tmp_path):
         moved_away.rename(hidden)
 
 
+@pytest.mark.slow
 def test_the_command_proposes_poses(run):
     folder, _ = run
     result = command("calibrate", "paper", "--propose", "5", "-o", "poses.csv", cwd=folder)
@@ -465,6 +468,7 @@ def test_the_command_proposes_poses(run):
         (("paper", "rig/readings.csv", "-o", "mine.txt"), "ends in .yaml"),
     ],
 )
+@pytest.mark.slow
 def test_what_is_wrong_is_told(run, arguments, words):
     folder, _ = run
     (folder / "trial.csv").write_text("a\n1\n")
@@ -495,6 +499,7 @@ def test_a_swapped_sign_is_told_and_nothing_is_written(run):
 
 
 @pytest.mark.parametrize("text", ["bend", "bend=perhaps", "nothing=on"])
+@pytest.mark.slow
 def test_an_effect_that_is_none_is_refused(run, text):
     folder, _ = run
     arguments = ("paper", "rig/readings.csv", "-o", "e.yaml", "--effect", text)
@@ -503,6 +508,7 @@ def test_an_effect_that_is_none_is_refused(run, text):
     assert "the names are curvature" in result.stderr
 
 
+@pytest.mark.slow
 def test_a_covariance_that_was_changed_is_refused(run):
     folder, _ = run
     path = folder / "mine-covariance.csv"

@@ -66,6 +66,7 @@ def test_a_fit_comes_back_from_far_away():
 
 
 @pytest.mark.parametrize("turn", [20, 65, 110, 155])
+@pytest.mark.slow
 def test_a_coating_is_found_whatever_the_polarisation(turn):
     """Half a turn is a whole period: from one start, some would end on the wrong side."""
     true = np.radians(turn)

@@ -62,6 +62,7 @@ def test_known_noise_is_found_and_the_configuration_takes_it(tmp_path):
     assert "--force replaces it" in again.stderr
 
 
+@pytest.mark.slow
 def test_a_recording_that_says_nothing_is_refused(tmp_path):
     (tmp_path / "board.bin").write_bytes(stream(np.random.default_rng(8))[: 64 * 20])
     command("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--plain", cwd=tmp_path)

@@ -100,6 +100,7 @@ def test_a_limit_on_the_condition_ends_the_range():
     assert CAUSES[found.high_cause] == "Jacobian near singular"
 
 
+@pytest.mark.slow
 def test_the_box_is_inside_and_touches_a_limit():
     sizes = np.array([axis.symmetric / 2 for axis in ranges.axis_ranges(SENSOR, Rules(), REST)])
     half, cause = ranges.box(SENSOR, Rules(), REST, sizes)

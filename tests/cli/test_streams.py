@@ -63,6 +63,7 @@ def test_ascii_gets_letters_for_the_micro_sign(tmp_path):
 
 
 @pytest.mark.parametrize("columns", ["40", "60", "200"])
+@pytest.mark.slow
 def test_numbers_and_names_are_whole_at_any_width(tmp_path, columns):
     done = command("resolution", "paper", "-o", "r", cwd=tmp_path, env={"COLUMNS": columns})
     assert done.returncode == 0, done.stderr

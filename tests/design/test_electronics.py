@@ -125,6 +125,7 @@ def test_a_drawn_design_past_its_full_scale_is_left_out():
     assert looked_at(space, np.array([5000.0]))[0] == 8
 
 
+@pytest.mark.slow
 def test_a_front_with_electronics_has_the_float_models_measures():
     layout = replace(CONFIG.layout, variables={"radius_mm": (100.0, 250.0)})
     goals = ("head_mm", "u_roll_urad")

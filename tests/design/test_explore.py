@@ -250,6 +250,7 @@ def test_the_command_explores_and_refuses(tmp_path):
                                                      "psd_a_height_mm": (-6.0, 6.0)})},
     ],
 )  # fmt: skip
+@pytest.mark.slow
 def test_compiled_loops_find_what_is_found_one_by_one(more):
     """All measures, and why a design is skipped; ranges to what they are followed to."""
     space = replace(SPACE, count=64, **more)

@@ -65,6 +65,7 @@ def optimum():
     return optimize(CONFIG.sensor, CONFIG.layout)
 
 
+@pytest.mark.slow
 def test_all_starts_end_at_the_same_optimum_and_it_is_better(optimum):
     assert all(end.found for end in optimum.results)
     assert np.ptp([end.objective for end in optimum.results]) < 1e-6
@@ -76,6 +77,7 @@ def test_all_starts_end_at_the_same_optimum_and_it_is_better(optimum):
     assert value < 0.75 * before
 
 
+@pytest.mark.slow
 def test_no_neighbour_is_better(optimum):
     """To 0.1 %, of those that keep what the optimum keeps: the whole ellipse on the detectors."""
     best, names = optimum.best.x, optimum.names

@@ -81,6 +81,7 @@ def test_of_the_whole_market_few_are_looked_at():
     assert len(found.tried) < 100
 
 
+@pytest.mark.slow
 def test_a_catalogue_that_can_not_do_it_says_what_stands_against_what():
     layout = layout_of(list(MARKET.psds), ["diode-0.5"], ["amplifiers-200nw"])
     found = optimize(CONFIG.sensor, replace(layout, limit=(float("inf"),) * 2 + (0.01,) * 4))

@@ -81,6 +81,7 @@ def test_targets_to_be_made_exist(page):
 
 
 @pytest.mark.parametrize("name", REFERENCE.command_names())
+@pytest.mark.slow
 def test_every_command_has_a_page_with_its_help(name):
     page = DOCS / "commands" / f"{name.split()[0]}.md"
     assert f"<!-- help: {name} -->" in page.read_text()

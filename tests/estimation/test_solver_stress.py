@@ -60,6 +60,7 @@ def check(sensor, reading, way) -> None:
 
 
 @given(PLAUSIBLE, WAYS)
+@pytest.mark.slow
 def test_plausible_readings(reading, way):
     check(PLAIN, reading, way)
 

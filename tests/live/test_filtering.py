@@ -184,6 +184,7 @@ def solved(config, data):
     return [pipeline.solve(b) for b in pipeline.take(data, 1_000.0)]
 
 
+@pytest.mark.slow
 def test_a_publication_has_filtered_poses_beside_the_raw_ones():
     config = facets.load("bench")
     parts = solved(config, board(3_000, moved=1e-4)[0])

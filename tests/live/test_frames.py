@@ -40,6 +40,7 @@ def same(one: Samples, other: Samples) -> bool:
 
 @pytest.mark.parametrize("form", FORMS)
 @given(cuts=st.lists(st.integers(0, 3000), max_size=12), count=st.integers(0, 30))
+@pytest.mark.slow
 def test_any_pieces_give_the_same(form, cuts, count):
     sent = samples(count)
     data = encode(form, sent)

@@ -94,6 +94,7 @@ def test_a_replay_is_the_run_again(tmp_path):
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.slow
 def test_a_killed_recording_loses_no_more_than_its_last_block(tmp_path, number):
     """A block is what came within HOLD, and the read that was under way."""
     data = stream(20_000)
@@ -160,6 +161,7 @@ def test_tracking_follows_a_circle_within_the_noise(tmp_path, emulator):
     assert names[-1] == "end"
 
 
+@pytest.mark.slow
 def test_the_stage_never_moves_without_track(tmp_path, emulator):
     bench = emulator("bench", "--motion", "wobble", "--rate", "1000")
     result = command("acquire", "bench", "--port", "bench/board", "--samples", "500", "--json",
@@ -187,6 +189,7 @@ def test_an_unplugged_cable_ends_with_a_message_and_an_intact_recording(tmp_path
     assert (tmp_path / "rec" / "recovered.parquet").exists()
 
 
+@pytest.mark.slow
 def test_reconnect_goes_on(tmp_path, emulator):
     emulator("bench", "--motion", "wobble", "--rate", "500", "--faults", "unplug=1,restart=0.5")
     with Program("acquire", "bench", "--port", "bench/board", "--plain", "-o", "rec", "--reconnect",
@@ -226,6 +229,7 @@ def test_times_do_not_follow_the_ports_jitter(tmp_path, emulator):
     assert command("replay", "rec", "--compare", cwd=tmp_path).returncode == 0
 
 
+@pytest.mark.slow
 def test_a_recording_of_a_version_without_timing_is_replayed_by_arrival(tmp_path):
     kill(tmp_path / "r", stream(2000), 0.2, signal.SIGTERM)
     meta = tmp_path / "r" / "meta.yaml"
@@ -236,6 +240,7 @@ def test_a_recording_of_a_version_without_timing_is_replayed_by_arrival(tmp_path
     assert recorded_config(tmp_path / "r").acquire.timing == "arrival"
 
 
+@pytest.mark.slow
 def test_a_board_that_is_not_there_yet_is_waited_for(tmp_path, emulator):
     with Program("acquire", "waits.yaml", "--port", "bench/board", "--samples", "100",
                  "-o", "rec", cwd=write(tmp_path, "waits.yaml", wait=3600)) as run:  # fmt: skip

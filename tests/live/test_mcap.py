@@ -12,6 +12,7 @@ from facets.experiments.kills import stream
 from facets.live.pose_table import recorded_poses
 
 
+@pytest.mark.slow
 def test_every_sample_is_in_the_file_with_its_schema(tmp_path):
     reader = pytest.importorskip("mcap.reader")
     (tmp_path / "board.bin").write_bytes(stream(300))

@@ -234,6 +234,7 @@ def test_a_flight_takes_the_samples_of_a_publication(engine, documents):
     assert set(documents.flown("status")) == {LABELS[0]}
 
 
+@pytest.mark.slow
 def test_a_plan_flies_on_the_virtual_bench(engine, documents, tmp_path):
     with Program("emulate", "bench", "--motion", "wobble", "--rate", "1000",
                  cwd=tmp_path) as bench:  # fmt: skip

@@ -117,6 +117,7 @@ def test_published_and_replayed_times_follow_the_pulses(tmp_path):
     assert any("1 pulses per second" in text for text in publications.sentences())
 
 
+@pytest.mark.slow
 def test_a_replayed_table_has_the_times(tmp_path):
     (tmp_path / "board.bin").write_bytes(marked_stream(300, 10_000))
     (tmp_path / "mine.yaml").write_text("extends: bench\nacquire: {mark: pps}\n")

@@ -23,6 +23,7 @@ def run(code: str, cache: str) -> subprocess.CompletedProcess:
     )
 
 
+@pytest.mark.slow
 def test_the_first_use_says_that_it_compiles_and_the_second_does_not(tmp_path):
     first, second = run(READ, str(tmp_path)), run(READ, str(tmp_path))
     assert "compiling readings, once" in first.stderr
@@ -49,6 +50,7 @@ def test_a_cache_folder_that_can_not_be_written_does_no_harm(tmp_path):
     assert float(done.stdout) > 0.09
 
 
+@pytest.mark.slow
 def test_what_a_disk_has_spoilt_is_made_again(tmp_path):
     """LLVM would end the process on an object that is cut short."""
     first = run(READ, str(tmp_path))
@@ -71,12 +73,14 @@ def test_a_disk_that_is_full_keeps_nothing_and_does_no_harm(tmp_path):
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
 
 
+@pytest.mark.slow
 def test_code_for_one_processor_is_not_taken_for_another(tmp_path, monkeypatch):
     run(READ, str(tmp_path))
     monkeypatch.setenv("NUMBA_CPU_NAME", "x86-64" if PC else "generic")
     assert "compiling readings, once" in run(READ, str(tmp_path)).stderr
 
 
+@pytest.mark.slow
 def test_plain_readings_and_poses_are_had_without_numba(tmp_path):
     """Importing it would take longer than all else that a short command does."""
     code = "import sys, facets; s = facets.Sensor(); r = facets.readings(s, [0, 0, 0.1] + [0] * 5)"

@@ -105,6 +105,7 @@ def with_parameters(sensor: facets.Sensor, values: np.ndarray) -> facets.Sensor:
 
 
 @pytest.mark.parametrize("cut", [CUTS["detectors"], CUTS["all"]], ids=["detectors", "all"])
+@pytest.mark.slow
 def test_derivatives_by_parameters(cut):
     sensor = replace(SENSORS["skewed2"], apertures=cut)
     some = drawn(cut, 10, seed=9)

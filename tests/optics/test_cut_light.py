@@ -67,6 +67,7 @@ def test_readings(name, cut):
 
 
 @pytest.mark.parametrize("cut", CUTS.values(), ids=CUTS)
+@pytest.mark.slow
 def test_derivatives(cut):
     sensor = replace(SENSORS["skewed2"], apertures=cut, light=LIGHT)
     for state in drawn(cut, 3):

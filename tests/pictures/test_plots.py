@@ -56,6 +56,7 @@ def test_two_texts_on_one_another_are_found():
 
 
 @pytest.mark.parametrize("kind", ["pdf", "svg"])
+@pytest.mark.slow
 def test_text_stays_text_in_vector_files(tmp_path, kind):
     path = tmp_path / f"layout.{kind}"
     style.save(figures.layout(), path)
@@ -119,6 +120,7 @@ def hue_in(drawing, axes, hue):
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
+@pytest.mark.slow
 def test_few_samples_are_seen(count):
     drawing = motion_picture([figures.segment(count=count)])
     hues = THEMES[chosen_style()]

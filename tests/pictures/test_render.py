@@ -182,6 +182,7 @@ def test_views_of_shipped_sensors_are_neither_empty_nor_full(name, view):
     assert 0.03 < shot.lit.mean() < 0.85
 
 
+@pytest.mark.slow
 def test_a_dark_detector_is_said_to_be():
     """Moved off the beam: sub-beams without light are not drawn, and nothing fails."""
     away = np.array([40.0, 0, 0, 0, 0, 0, 0, 0])

@@ -101,6 +101,7 @@ def orange(image):
     return ((image[..., 0] - image[..., 2] > 0.25) & (image[..., 0] > image[..., 1])).mean()
 
 
+@pytest.mark.slow
 def test_gltf_is_a_scene_of_many_bodies(rendered):
     content = json.loads((rendered / "scene.gltf").read_text())
     assert content["asset"]["version"].startswith("2")

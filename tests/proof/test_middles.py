@@ -134,6 +134,7 @@ def test_a_determinant_that_is_claimed_too_large_is_not_told(certificate, tmp_pa
         check(path)
 
 
+@pytest.mark.slow
 def test_nothing_is_proved_past_the_singular_sensor():
     found = certify(on_the_way(1.0), box_of_poses(-HALF, HALF), SHARE, work=150)
     assert not found.unique
@@ -208,6 +209,7 @@ def test_numbers_with_slopes():
     assert x < 3
 
 
+@pytest.mark.slow
 def test_where_a_box_is_not_proved_a_smaller_one_is():
     factor, found = find_core(on_the_way(0.93), box_of_poses(-HALF, HALF), SHARE, work=50)
     assert 0 < factor < 1

@@ -251,6 +251,7 @@ def coincident():
 
 
 @pytest.mark.parametrize("make", [singular, blind, coincident])
+@pytest.mark.slow
 def test_a_bad_design_is_never_certified(make):
     found = certify(make(), SMALL, SHARE, work=400)
     assert not found.regular

@@ -32,6 +32,7 @@ def test_polynomials_hold_their_digits(function, exact, ends, ulps):
             assert abs(mpmath.mpf(float(function(float(x)))) - right) <= ulps * ULP * abs(right)
 
 
+@pytest.mark.slow
 def test_a_side_near_the_centre_by_its_definition():
     """Absolute errors, of integrals of order one: 7e-16 of the second moment, 3e-16 of the rest."""
     rng = np.random.default_rng(2)
