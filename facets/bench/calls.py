@@ -41,6 +41,7 @@ STORED = {
     "facets.solve: one call": 1.86,
     "Solver.solve: one call": 1.21,
     "Solver.solve: one call in a motion": 0.98,
+    "Solver.solve: one call at rest": 0.71,
     "first reading: nothing compiled": 8.9e4,
     "first pose: nothing compiled": 2.0e5,
 }
@@ -88,6 +89,10 @@ def contenders(poses: int, few: int) -> list[Contender]:
         for reading in motion[: len(rows)]:
             near.solve(reading)
 
+    def at_rest(rows: Floats) -> None:
+        for _ in rows:
+            near.solve(motion[0])
+
     def floor(rows: Floats) -> None:
         alone(vectors, np.ascontiguousarray(rows[:, 9:]), out)
 
@@ -102,6 +107,7 @@ def contenders(poses: int, few: int) -> list[Contender]:
         Contender("facets.solve: one call", one_by_one(lambda r: solve(SENSOR, r[:9])), few),
         Contender("Solver.solve: one call", one_by_one(lambda r: zero.solve(r[:9])), few),
         Contender("Solver.solve: one call in a motion", in_motion, few),
+        Contender("Solver.solve: one call at rest", at_rest, few),
     ]
 
 

@@ -42,7 +42,7 @@ from .blocks import (
     WEIGHED,
     WEIGHT,
     WEIGHTS,
-)  # fmt: skip
+)
 from .problem import DARK, FAINTEST, SMALL, UNKNOWNS
 
 Numbers = list[Any]

@@ -6,6 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..model.blocks import address_of
+
 Array = Any
 
 CONVERGED, MAX_STEPS, SINGULAR, OUT_OF_RANGE, NO_LIGHT, NON_FINITE, STALLED = range(7)
@@ -118,13 +120,6 @@ class Results(NamedTuple):
     COUNT, COUNT_OF_SIGMAS, COUNT_OF_MEANS, COUNT_OF_FREE, COUNT_OF_STARTS, COUNT_OF_COVARIANCES,
     EIGHT, PREVIOUS, MOST_STEPS, DAMPED, PLACES,
 ) = range(31)  # fmt: skip
-
-
-def address_of(array: Array) -> int:
-    """Where the numbers of a contiguous array are."""
-    if not array.flags.c_contiguous:
-        raise ValueError("compiled code takes contiguous arrays only")
-    return array.__array_interface__["data"][0]  # type: ignore[no-any-return]
 
 
 class Task:

@@ -1,6 +1,6 @@
 """The model at single states as Python runs its text, where they are too few to load Numba for.
 
-That takes a second, and minutes where nothing is kept; a state takes a millisecond. The bits are
+That takes a second, and several where nothing is kept; a state takes a millisecond. The bits are
 those of compiled code, which has the same operations and the same C library.
 """
 

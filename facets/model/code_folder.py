@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -40,3 +41,8 @@ def code_folder(maker: str, *files: str | Path | None) -> tuple[Path, object]:
     except OSError:
         passing = tempfile.TemporaryDirectory(prefix="facets-")
         return Path(passing.name), passing
+
+
+def tell(name: str) -> None:
+    """Says on the standard error that a function has to be compiled."""
+    print(f"facets: compiling {name}, once ...", file=sys.stderr)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import ctypes
 import math
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -52,7 +51,7 @@ from ..optics import (
     wedge,
 )
 from ..scalars import dispatch
-from .code_folder import code_folder
+from .code_folder import code_folder, tell
 
 
 def is_complex(kind: Any) -> bool:
@@ -312,7 +311,7 @@ def is_kept(file: str, function: Callable[..., Any], *modules: ModuleType) -> bo
 def _tell(folder: Path, function: Callable[..., Any]) -> None:
     """Says on the standard error that a function has to be compiled, where that is so."""
     if not _is_in(folder, function):
-        print(f"facets: compiling {function.__name__}, once ...", file=sys.stderr)
+        tell(function.__name__)
 
 
 def _kept(function: Callable[..., Any], folder: Path, passing: object) -> Callable[..., Any]:

@@ -11,7 +11,6 @@ import contextlib
 import ctypes
 import hashlib
 import os
-import sys
 import threading
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -23,7 +22,7 @@ import llvmlite.binding as llvm
 
 from ..core.errors import OutputError
 from ..files.whole import Whole
-from .code_folder import code_folder
+from .code_folder import code_folder, tell
 
 #: Writes a function's instructions with an `llvmlite` builder, of its arguments.
 Write = Callable[[Any, Sequence[Any]], None]
@@ -45,7 +44,7 @@ def function(
         path = folder / f"{name}-{processor()[2]}.o"
         code = read(path)
         if code is None:
-            print(f"facets: compiling {name}, once ...", file=sys.stderr)
+            tell(name)
             code = made(name, count, write())
             keep(path, code)
         engine = loaded(code)
