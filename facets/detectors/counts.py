@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.sensor import Electronics, Sensor
 from ..core.units import Floats
-from ..model.arrays import half_sizes
+from ..model.arrays import half_sizes, mask_missed
 from . import electrodes
 from .noise import current_variances, currents_of, two_layers
 
@@ -30,8 +30,12 @@ def per_ampere(electronics: Electronics) -> float:
 def counts_of(
     sensor: Sensor, electronics: Electronics, exact: Floats, rng: np.random.Generator | None = None
 ) -> NDArray[np.int32]:
-    """What the converters say to exact readings (n, 9), with noise if rng is given: (n, 12)."""
-    currents = np.nan_to_num(currents_of(sensor, electronics, exact.reshape(-1, 3, 3)))
+    """What the converters say to exact readings (n, 9), with noise if rng is given: (n, 12).
+
+    A spot past its detector's edge makes no current, nor does what is NaN.
+    """
+    light = mask_missed(sensor, exact, exact).reshape(-1, 3, 3)
+    currents = np.nan_to_num(currents_of(sensor, electronics, light))
     if rng is not None:
         var = current_variances(electronics, currents)[..., :-1].sum(axis=-1)
         currents = currents + np.sqrt(var) * rng.standard_normal(currents.shape)

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from ..core.sensor import Electronics, Sensor
 from ..core.units import Floats
-from ..model.arrays import half_sizes
+from ..model.arrays import half_sizes, mask_missed
 from . import electrodes
 
 #: Elementary charge, C, and Boltzmann's constant, J/K: exact in the SI.
@@ -110,9 +110,13 @@ def two_layers(electronics: Electronics) -> bool:
 
 
 def currents_of(sensor: Sensor, electronics: Electronics, exact: Floats) -> Floats:
-    """The electrodes' currents (..., 3, 4), A, of the detectors' light (..., 3, 3) alone."""
+    """The electrodes' currents (..., 3, 4), A, of the detectors' light (..., 3, 3) alone.
+
+    A place past a detector's edge counts as on the edge, where noise is asked for the size it has;
+    who makes readings of currents leaves such spots out by `mask_missed`.
+    """
     half = half_sizes(sensor)
-    place = np.clip(exact[..., :2] / half, -0.999, 0.999)
+    place = np.clip(exact[..., :2] / half, -1, 1)
     light = 1e-3 * electronics.responsivity * exact[..., 2]
     if electronics.kind == "tetra-lateral":  # each detector has a shape of its own
         share = np.stack([
@@ -165,7 +169,7 @@ def two_layer_variances(sensor: Sensor, electronics: Electronics, exact: Floats)
     light = gain * exact[..., 2]
     shot = 2 * CHARGE * electronics.bandwidth
     even = current_variances(electronics, np.zeros(1), together=True).item()
-    square, amount = np.clip(exact[..., :2] / half, -0.999, 0.999) ** 2, np.abs(light)
+    square, amount = np.clip(exact[..., :2] / half, -1, 1) ** 2, np.abs(light)
     inverse = amount / (light * light)  # no number where there is no light
     out = np.empty(exact.shape)
     out[..., :2] = half**2 * (
@@ -193,8 +197,8 @@ def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> F
     them: noise is then drawn in the electrodes' currents.  reading: (..., 9), mm and mW, without
     noise.  rng: a generator of random numbers; the same seed gives the same noise.
 
-    Returns (..., 9). A detector whose amplifiers saturate, or whose currents fit no place on it,
-    reads NaN.
+    Returns (..., 9). A detector reads NaN where its spot's centroid lies past its edge (see
+    `reaches`), where its amplifiers saturate, and where its currents fit no place on it.
 
     >>> import numpy as np, facets
     >>> sensor = facets.Sensor()
@@ -206,14 +210,13 @@ def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> F
     exact = np.asarray(reading, dtype=float)
     if sensor.electronics is None:
         sigma = standard_deviations(sensor, exact)
-        noisy: Floats = exact + sigma * rng.standard_normal(sigma.shape)
-        return noisy
+        return mask_missed(sensor, exact, exact + sigma * rng.standard_normal(sigma.shape))
     currents = currents_of(sensor, sensor.electronics, exact.reshape(*exact.shape[:-1], 3, 3))
     parts = [
         sample_detector(sensor.electronics, half, currents[..., k, :], rng)
         for k, half in enumerate(half_sizes(sensor))
     ]
-    return np.concatenate(parts, axis=-1)
+    return mask_missed(sensor, exact, np.concatenate(parts, axis=-1))
 
 
 def sample_detector(

@@ -386,6 +386,16 @@ def on_detectors(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
     return inside
 
 
+def mask_missed(sensor: Sensor, place: ArrayLike, reading: ArrayLike) -> Floats:
+    """Readings (..., 9) with NaN for each detector that its spot misses.
+
+    place: (..., 9) readings that say where the spots are, without noise, also past an edge.
+    """
+    masked = np.array(reading, dtype=np.float64)
+    masked[~np.repeat(on_detectors(sensor, place), 3, axis=-1)] = np.nan
+    return masked
+
+
 def reaches(sensor: Sensor, state: ArrayLike) -> NDArray[np.bool_]:
     """Which spots' centroids lie on their detector's sensitive area: (..., 8) -> (..., 3).
 

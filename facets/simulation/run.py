@@ -16,7 +16,7 @@ from ..detectors.correction import uncorrected
 from ..detectors.noise import add_noise
 from ..estimation.solution import Solution, Status
 from ..estimation.table import labels, pose_columns, solve_readings
-from ..model.arrays import on_detectors
+from ..model.arrays import mask_missed, on_detectors
 from ..tracking.closed_loop import followed
 from .imperfect_optics import seen_late
 from .motion import states
@@ -80,10 +80,8 @@ def read_detectors(
     if noise and sensor.electronics and sensor.electronics.power_noise > 0:
         share = sensor.electronics.power_noise * rng.standard_normal((len(exact), 1))
         exact[:, 2::3] *= 1 + share
-    seen = add_noise(sensor, exact, rng) if noise else exact.copy()
-    seen = uncorrected(sensor, seen)
-    seen[~np.repeat(reached, 3, axis=1)] = np.nan
-    return seen, reached
+    seen = add_noise(sensor, exact, rng) if noise else mask_missed(sensor, exact, exact)
+    return uncorrected(sensor, seen), reached
 
 
 def add_pointing_jitter(sensor: Sensor, truth: Floats, rng: np.random.Generator) -> Floats:

@@ -39,6 +39,13 @@ def test_readings_come_back_within_a_step(kind, xy_sum):
     assert np.abs(found[:, places] - exact[:, places]).max() < worst
 
 
+def test_light_that_misses_a_detector_makes_no_counts():
+    exact = np.array([[7.0, 0, 0.1, 0, -6.6, 0.1, np.nan, 0, 0.1], [1.0, 2, 0.1] * 3])
+    counts = counts_of(PAPER, facets.Electronics(), exact)
+    assert not counts[0].any()
+    assert (counts[1] > 0).all()
+
+
 def test_dark_counts_are_taken_off():
     electronics = facets.Electronics(adc_bits=20)
     exact = facets.readings(PAPER, states(10, seed=3))

@@ -104,6 +104,35 @@ def test_place_noise_grows_as_the_light_falls():
     assert weak[0] / strong[0] == pytest.approx(10, rel=0.05)
 
 
+@pytest.mark.parametrize("kind", [None, *electrodes.KINDS])
+def test_a_spot_past_its_edge_is_no_reading(kind):
+    """Every converged pose is right: 0.1 mm past an edge is a thousand standard uncertainties."""
+    one = facets.Sensor() if kind is None else sensor(kind, Electronics())
+    rng = np.random.default_rng(5)
+    states = np.zeros((300, 8))
+    states[:, 2] = rng.uniform(-9, 9, 300)
+    states[:, 5] = rng.uniform(-0.02, 0.02, 300)
+    exact = facets.readings(one, states)
+    noisy = add_noise(one, exact, rng)
+    missed = np.repeat(~facets.reaches(one, states), 3, axis=1)
+    assert 0 < missed.sum() < missed.size
+    assert np.isnan(noisy[missed]).all()
+    solution = facets.solve(one, noisy, beam="known")
+    error = np.abs(solution.state - states)[solution.ok, :6]
+    assert (error < 10 * solution.uncertainty[solution.ok, :6]).all()
+    assert not (solution.used & missed[:, ::3]).any()
+
+
+@pytest.mark.parametrize("kind", ["duo-lateral", "pincushion"])
+def test_a_spot_up_to_its_edge_is_read_where_it_lies(kind):
+    one = sensor(kind, Electronics(adc_bits=24))
+    at_edge = np.array([6.5, -6.5, 0.1, -6.4999, 6.495, 0.1, np.nextafter(6.5, 7), 0, 0.1])
+    noisy = add_noise(one, np.tile(at_edge, (400, 1)), np.random.default_rng(6))
+    assert np.isnan(noisy[:, 6:]).all()
+    deviation = standard_deviations(one, at_edge)[:6]
+    assert (np.abs(noisy[:, :6].mean(axis=0) - at_edge[:6]) < deviation / 4).all()
+
+
 def test_saturated_amplifiers_give_no_reading():
     bright = np.tile([0, 0, 1.0], 3)
     small = Electronics(adc_range=1.0)  # 10 uA; half of 400 uA flows into each electrode

@@ -19,7 +19,7 @@ static void electrode_shares(facets_real y, facets_real z, facets_real share[4])
 
 static facets_real inside(facets_real x)
 {
-    return x > R(0.999) ? R(0.999) : x < R(-0.999) ? R(-0.999) : x;
+    return x > R(1.0) ? R(1.0) : x < R(-1.0) ? R(-1.0) : x;
 }
 
 /* The variance of a place, in half sizes: of the light that moves away and of that towards. */

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...core.units import Floats
 from ...detectors.correction import uncorrected
 from ...detectors.counts import counts_of, xy_sum_of
-from ...model.arrays import on_detectors
+from ...model.arrays import mask_missed
 from ...simulation.imperfect_optics import seen_late
 from ..board_poses import SOLVED
 from ..frames import ELECTRODES, OVERRUN, POSE, XY_SUM, Samples, encode
@@ -148,9 +148,8 @@ class Board:
     def sample(self, states: Floats, seq: NDArray[np.uint32], host: Floats, now: float) -> Samples:
         """What the board makes of the light: counts, with its own numbers and times."""
         sensor, electronics = self.config.sensor, self.config.electronics
-        exact = uncorrected(sensor, seen_late(sensor, seq / self.rate, states, states))
-        dark = ~np.repeat(on_detectors(sensor, exact), 3, axis=1)
-        exact[:, 2::3] = np.where(dark[:, 2::3], 0.0, exact[:, 2::3])
+        exact = seen_late(sensor, seq / self.rate, states, states)
+        exact = uncorrected(sensor, mask_missed(sensor, exact, exact))
         if self.schedule.is_on("block", now):
             exact[:, 2::3] = 0.0
         counts = counts_of(sensor, electronics, exact, self.rng)
