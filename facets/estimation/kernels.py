@@ -7,7 +7,6 @@ on the batch.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from numba import carray  # type: ignore[attr-defined]  # noqa: TID253
 
 from ..model.jit import bytes_at, compilable, doubles_at, integers_at, longs_at
 from ..model.jit import task as task_kernel
+from ..model.threads import once
 from . import gauss_newton, least_squares, normal_equations
 from . import problem as problems
 from .gauss_newton import enough, estimate, screen_reading
@@ -197,7 +197,7 @@ def solve_rows(task: Any) -> None:
     )
 
 
-@cache
+@once
 def kernel() -> Callable[[int], None]:
     """The compiled `solve_rows`, to be called with the address of a task's table."""
     modules = (gauss_newton, least_squares, normal_equations)

@@ -1,4 +1,4 @@
-"""A solver for one reading at a time: what is asked is checked once, and its memory is kept."""
+"""A solver for one reading at a time: what is asked is checked once, and memory is used again."""
 
 from __future__ import annotations
 
@@ -13,9 +13,11 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import standard_deviations
 from ..model.arrays import packed
+from ..model.threads import Pool
 from . import problem
 from .solution import FirstRow, Solution, SolutionOfOne, results_of
 from .solver import (
+    Plan,
     Prior,
     add_calibration,
     by_blocks,
@@ -30,11 +32,13 @@ class Solver:
     """Solves single readings of one sensor, as a live loop does.
 
     Gives what `facets.solve` gives for the same reading, in less time, because the arguments are
-    checked when the solver is made. Not to be shared by threads: its memory is used again.
+    checked when the solver is made, and memory is used again. Threads may share a solver: each call
+    has memory of its own, and gives what it would give alone. A process that is forked, and a copy,
+    have a solver of their own.
 
     beam, power, method, max_steps, covariance: as for `facets.solve`; a `Prior` has one mean.
-    start: "zero", or "previous", which starts where the last converged reading ended, and at zero
-    where that does not lead to a pose.
+    start: "zero", or "previous", which starts where the last converged reading of the same thread
+    ended, and at zero where that does not lead to a pose.
 
     >>> import facets
     >>> sensor = facets.Sensor()
@@ -59,8 +63,70 @@ class Solver:
         if start not in ("zero", "previous"):
             raise InputError(f'start is {start!r}; allowed: "zero" or "previous"')
         self._asked = (sensor, beam, power, start, method, max_steps, covariance)
-        self._sensor, self._warm = sensor, start == "previous"
         self._plan = plan(sensor, beam, power, method, ())
+        self._previous = _Previous() if start == "previous" else None
+        self._pool = Pool(self._prepare)
+        self._pool.put_back(self._prepare())  # refuses now what it would refuse later
+
+    def __reduce__(self) -> Any:
+        """A copy is a solver of its own, which begins anew: its memory has other addresses."""
+        return _solver, self._asked
+
+    def _prepare(self) -> PreparedEstimate:
+        sensor, _, _, _, method, max_steps, covariance = self._asked
+        return PreparedEstimate(sensor, self._plan, method, max_steps, covariance)
+
+    def solve(self, reading: ArrayLike) -> Solution:
+        """The pose of one reading (9,): psi, zeta (mm), power (mW) of detectors A, B, C.
+
+        Returns a `Solution` without leading shape. A reading that can not be solved gets a status
+        and NaN. Raises `InputError` for another shape.
+        """
+        values = np.asarray(reading, dtype=np.float64)
+        if values.shape != (9,):
+            raise InputError(f"a reading has shape {values.shape}; needed: (9,)")
+        return self.solve_from(values, None)
+
+    def solve_from(self, values: Floats, start: Floats | None) -> Solution:
+        """The same of a reading (9,) that is checked, from `start` (9,) or (1, 9) if one is given,
+        unless the solver itself knows where to start."""
+        prepared = self._pool.take()
+        previous = self._previous
+        if previous is None:
+            found = prepared.solve(values, start, False)
+        else:
+            found = prepared.solve(values, previous.end, True)
+            if prepared.end is not None:
+                previous.end = prepared.end
+        self._pool.put_back(prepared)
+        return found
+
+    def starting(self, start: str | ArrayLike, values: Floats) -> Floats | None:
+        """Where `facets.solve` starts for one reading (1, 9); None for zero."""
+        if isinstance(start, str) and start in ("zero", "previous"):
+            return None
+        return starting(start, self._plan, values, ())
+
+
+class _Previous(threading.local):
+    """Where the last converged reading of this thread ended: (9,), with the power."""
+
+    end: Floats | None = None
+
+
+class PreparedEstimate:
+    """The memory of one reading's estimate, for one call at a time.
+
+    end: (9,) where the estimate ended, an array of its own; None unless it was asked for and has
+    converged.
+    """
+
+    end: Floats | None = None
+
+    def __init__(
+        self, sensor: Sensor, todo: Plan, method: str, max_steps: int, covariance: bool
+    ) -> None:
+        self._sensor, self._plan = sensor, todo
         self._values, self._found = np.empty((1, 9)), empty_results(1, covariance)
         self._zero = starting("zero", self._plan, np.zeros((1, 9)), ())
         self._unknown_power = bool(self._plan.weights[2] == 0 and self._plan.free[-1] == 8)
@@ -85,62 +151,42 @@ class Solver:
             given = problem.Readings(self._values, self._sigmas)
             self._block = One(packed(sensor), given, self._plan.limits, self._problem, covariance)
         self._first = FirstRow(self._found)
-        self._last: Floats | None = None
 
-    def __reduce__(self) -> Any:
-        """A copy is a solver of its own, which begins anew: its memory has other addresses."""
-        return _solver, self._asked
+    def solve(self, values: Floats, start: Floats | None, warm: bool) -> Solution:
+        """The pose of a reading (9,), from `start` or else from zero.
 
-    def solve(self, reading: ArrayLike) -> Solution:
-        """The pose of one reading (9,): psi, zeta (mm), power (mW) of detectors A, B, C.
-
-        Returns a `Solution` without leading shape. A reading that can not be solved gets a status
-        and NaN. Raises `InputError` for another shape.
-        """
-        values = np.asarray(reading, dtype=np.float64)
-        if values.shape != (9,):
-            raise InputError(f"a reading has shape {values.shape}; needed: (9,)")
-        return self.solve_from(values, self._last)
-
-    def solve_from(self, values: Floats, start: Floats | None) -> Solution:
-        """The same of a reading (9,) that is checked, from `start` (9,) or (1, 9) if one is given.
-
-        With start="previous" from zero where that leads to no pose.
+        warm: whether to try zero where the start leads to no pose, and to keep the `end`.
         """
         self._values[0] = values
         if self._sensor.electronics is not None:
             self._sigmas[:] = standard_deviations(self._sensor, self._values)
         in_block = start is not None and self._run(start)
-        if start is None or (self._warm and not in_block and not self._has_converged()):
+        if start is None or (warm and not in_block and not self._has_converged()):
             in_block = self._run(self._from_zero())
-        return self._of_block() if in_block else self._of_one()
+        if in_block:
+            if warm:
+                self.end = self._block.state.copy()
+            return self._of_block()
+        return self._of_one(warm)
 
     def _has_converged(self) -> bool:
         return bool(self._found.status[0] == problem.CONVERGED)
 
     def _of_block(self) -> Solution:
         """What the block has found, in an array of its own."""
-        if self._warm:
-            self._last = self._block.state.copy()
         numbers = self._block.numbers.copy()
         if self._sensor.calibration is not None:
             add_calibration(self._sensor, self._plan, results_of(numbers))
         return SolutionOfOne.of(numbers)
 
-    def _of_one(self) -> Solution:
+    def _of_one(self, warm: bool) -> Solution:
         """What was found without a block, in arrays of its own."""
         if self._sensor.light.on and self._found.status[0] == problem.STALLED:
             self._run_exactly()
-        if self._warm and self._has_converged():
-            self._last = self._found.states[0].copy()
+        if warm:
+            self.end = self._found.states[0].copy() if self._has_converged() else None
         add_calibration(self._sensor, self._plan, self._found)
         return self._first.solution()
-
-    def starting(self, start: str | ArrayLike, values: Floats) -> Floats | None:
-        """Where `facets.solve` starts for one reading (1, 9); None for zero."""
-        if isinstance(start, str) and start in ("zero", "previous"):
-            return None
-        return starting(start, self._plan, values, ())
 
     def _from_zero(self) -> Floats:
         if self._unknown_power:
@@ -194,26 +240,23 @@ def _solver(
     )  # fmt: skip
 
 
-#: Solvers are kept for so many questions a thread.
+#: Solvers are kept for so many questions.
 MOST_KEPT = 8
-_kept = threading.local()
+_kept: dict[tuple[Any, ...], Solver] = {}
 
 
 def kept_solver(
     sensor: Sensor, beam: str, power: str, method: str, max_steps: int, covariance: bool
 ) -> Solver:
-    """A solver from zero for a sensor, made once a thread while no more than a few are asked for.
+    """A solver from zero for a sensor, made once while no more than a few are asked for.
 
     It keeps its sensor, so that another can not have its identity.
     """
-    if not hasattr(_kept, "solvers"):
-        _kept.solvers = {}
-    solvers: dict[tuple[Any, ...], Solver] = _kept.solvers
     key = (id(sensor), beam, power, method, max_steps, covariance)
-    found = solvers.get(key)
+    found = _kept.get(key)
     if found is None:
-        if len(solvers) >= MOST_KEPT:
-            solvers.clear()
+        if len(_kept) >= MOST_KEPT:
+            _kept.clear()
         found = _solver(sensor, beam, power, "zero", method, max_steps, covariance)
-        solvers[key] = found
+        _kept[key] = found
     return found

@@ -274,7 +274,7 @@ def at_one(sensor: Sensor, name: str, state: ArrayLike, threads: int) -> Floats 
     one = np.asarray(state, dtype=np.float64)
     if one.shape != (8,) or threads < 0 or named(sensor, name) is None:
         return None
-    return blocks.PADDING.one(name, packed(sensor), one)
+    return blocks.run_one(name, packed(sensor), one)
 
 
 def by_blocks(

@@ -8,7 +8,6 @@ on how many there are.
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..core.units import Floats
+from .threads import Pool
 
 #: Poses in a block.
 LANES = 4
@@ -39,9 +39,11 @@ def kernel(name: str) -> Callable[..., None]:
     return function(name, 5, written, *CODE)
 
 
-class Padding(threading.local):
-    """Memory of a thread for a single state, and for the last block of a batch, which the last row
-    fills up."""
+class Padding:
+    """Memory for a single state, and for the last block of a batch, which the last row fills up.
+
+    One of `PADDING` serves one call at a time.
+    """
 
     def __init__(self) -> None:
         self.rows, self.left = np.empty((LANES, 8)), np.empty(1, np.int64)
@@ -77,16 +79,32 @@ class Padding(threading.local):
         kernel(name)(self.where, *self.addresses, 1)
 
 
+def pad(name: str, vectors: Floats, states: Floats, found: Floats) -> int:
+    """`Padding.run` of memory that no other call uses."""
+    padding = PADDING.take()
+    bits = padding.run(name, vectors, states, found)
+    PADDING.put_back(padding)
+    return bits
+
+
+def run_one(name: str, vectors: Floats, state: Floats) -> Floats | None:
+    """`Padding.one` of memory that no other call uses."""
+    padding = PADDING.take()
+    found = padding.one(name, vectors, state)
+    PADDING.put_back(padding)
+    return found
+
+
 def run(name: str, vectors: Floats, states: Floats, found: Floats) -> Any:
     """Fills `found` for states (n, 8); returns the numbers of those that are left."""
     if len(states) == 1:
-        return (0,) if PADDING.run(name, vectors, states, found) else ()
+        return (0,) if pad(name, vectors, states, found) else ()
     whole, short = divmod(len(states), LANES)
     left = np.zeros(whole + 1, np.int64)
     if whole:
         kernel(name)(*map(address_of, (vectors, states, found, left)), whole)
     if short:
-        left[-1] = PADDING.run(name, vectors, states[-short:], found[-short:])
+        left[-1] = pad(name, vectors, states[-short:], found[-short:])
     return lanes_of(left, len(states)) if left.any() else ()
 
 
@@ -102,4 +120,4 @@ def address_of(array: Any) -> int:
     return array.__array_interface__["data"][0]  # type: ignore[no-any-return]
 
 
-PADDING = Padding()
+PADDING = Pool(Padding)

@@ -8,7 +8,6 @@ where compiled code is needed.
 from __future__ import annotations
 
 import ctypes
-import threading
 from collections.abc import Iterable
 from math import nan
 from typing import Any
@@ -33,6 +32,7 @@ from .kernels import unpack, unpack_cut
 from .kinds import kind_of
 from .machine_code import straight
 from .packing import PACKED, PARALLEL, PLAIN
+from .threads import once
 
 Pointer = Any
 Numbered = Iterable[tuple[int, Any]]
@@ -219,18 +219,16 @@ MODELS = {
 }
 
 
+@once
+def compiled(name: str) -> Any:
+    """One of `MODELS`, compiled now if need be."""
+    return callback(__file__, MODELS[name], kernels, machine_code, packing)
+
+
 def address(name: str) -> int:
-    """Where the compiled function is in this process, compiled now if need be."""
-    if name not in _COMPILED:
-        with _COMPILING:  # another thread's would be lost, and its address with it
-            if name not in _COMPILED:
-                parts = (kernels, machine_code, packing)
-                _COMPILED[name] = callback(__file__, MODELS[name], *parts)
-    return _COMPILED[name].address  # type: ignore[no-any-return]
+    """Where the compiled function is in this process."""
+    return compiled(name).address  # type: ignore[no-any-return]
 
-
-_COMPILED: dict[str, Any] = {}
-_COMPILING = threading.Lock()
 
 #: For so few rows no loop is compiled that calls a function for each: one in Python takes a
 #: millisecond.

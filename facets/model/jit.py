@@ -182,9 +182,15 @@ def compiler(
     return compiled
 
 
-#: What went wrong where compiled code has called Python, which can not raise through it; raised
-#: once the compiled code has ended.
-FAILURES: list[BaseException] = []
+class Failures(threading.local):
+    """What went wrong in this thread where compiled code has called Python, which can not raise
+    through it; raised once the compiled code has ended."""
+
+    def __init__(self) -> None:
+        self.raised: list[BaseException] = []
+
+
+FAILURES = Failures()
 
 
 class _Compiling(threading.local):
@@ -285,8 +291,17 @@ class Locator(getattr(numba.core.caching, "UserProvidedCacheLocator", object)): 
         return Path(self.get_cache_path()).parent.name
 
 
+#: Numba's configuration is one for all threads.
+_CONFIGURING = threading.RLock()
+
+
 def _in_folder(folder: Path, make: Callable[[], Any]) -> Any:
     """What `make` compiles, with its machine code kept in a folder."""
+    with _CONFIGURING:
+        return _configured(folder, make)
+
+
+def _configured(folder: Path, make: Callable[[], Any]) -> Any:
     config: Any = numba.config
     asked = {"CACHE_DIR": str(folder), "CACHE_LOCATOR_CLASSES": f"{__name__}.{Locator.__name__}"}
     kept = {name: getattr(config, name) for name in asked if hasattr(config, name)}
@@ -382,9 +397,9 @@ def task(file: str, function: Callable[..., Any], *modules: ModuleType) -> Calla
 
 def raise_failure() -> None:
     """Raises what went wrong in Python while compiled code ran."""
-    if FAILURES:
-        failure = FAILURES[0]
-        FAILURES.clear()
+    if FAILURES.raised:
+        failure = FAILURES.raised[0]
+        FAILURES.raised.clear()
         raise failure
 
 

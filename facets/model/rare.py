@@ -10,6 +10,7 @@ function's address into the table, and from then on the way is direct. Importing
 from __future__ import annotations
 
 import ctypes
+import threading
 import time
 from collections.abc import Callable
 from functools import cache, partial
@@ -50,6 +51,7 @@ FUNCTIONS: dict[str, tuple[Callable[..., None], int]] = {
 NAMES = list(FUNCTIONS)
 
 _COMPILED: dict[str, Any] = {}
+_COMPILING = threading.RLock()
 
 #: For so long, s, the functions run as text before they are compiled, which takes several times
 #: that.
@@ -68,11 +70,12 @@ def _compiled(name: str) -> Any:
     """What calls the compiled function, compiled or loaded now if need be."""
     from . import jit
 
-    if name not in _COMPILED:
-        for part in (put_side, put_moments):
-            jit.compilable(part)
-        _COMPILED[name] = jit.callback(__file__, FUNCTIONS[name][0])
-        TABLE[NAMES.index(name)] = _COMPILED[name].address
+    with _COMPILING:  # another thread's would be lost, and its address with it
+        if name not in _COMPILED:
+            for part in (put_side, put_moments):
+                jit.compilable(part)
+            _COMPILED[name] = jit.callback(__file__, FUNCTIONS[name][0])
+            TABLE[NAMES.index(name)] = _COMPILED[name].address
     return KIND(_COMPILED[name].address)
 
 
@@ -92,7 +95,7 @@ def _call(name: str, *pointers: Any) -> None:
     except BaseException as failure:  # ^C for instance; until it is raised there are no numbers
         from . import jit
 
-        jit.FAILURES.append(failure)
+        jit.FAILURES.raised.append(failure)
         for n in range(results):
             pointers[1][n] = float("nan")
 

@@ -1,14 +1,57 @@
-"""A kernel's rows shared among threads; compiled kernels let go of the interpreter's lock."""
+"""Rows shared among threads, and memory that they do not share.
+
+Compiled kernels let go of the interpreter's lock.
+"""
 
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache, wraps
 from itertools import pairwise
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from ..core.errors import InputError
+
+T = TypeVar("T")
+
+
+class Pool(Generic[T]):
+    """Memory that compiled code works in, each piece for one call at a time.
+
+    A call takes one out and puts it back, or drops it where it fails. Both are single steps of the
+    interpreter, so that no two calls have the same one: neither of threads, nor of a signal's
+    handler and what it interrupts, nor after a fork.
+    """
+
+    def __init__(self, make: Callable[[], T]) -> None:
+        self._make = make
+        self._idle: list[T] = []
+        self.put_back = self._idle.append
+
+    def take(self) -> T:
+        try:
+            return self._idle.pop()
+        except IndexError:
+            return self._make()
+
+
+def once(make: Callable[..., T]) -> Callable[..., T]:
+    """`make`, whose result for each arguments is made once, while other threads wait for it.
+
+    `functools.cache` lets each of them make its own.
+    """
+    lock, kept = threading.RLock(), cache(make)
+
+    @wraps(make)
+    def call(*arguments: Any) -> T:
+        with lock:
+            return kept(*arguments)
+
+    return call
+
 
 #: Rows that a thread is worth starting for: a millisecond of work.
 WORTHWHILE = 1000

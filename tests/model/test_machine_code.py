@@ -1,6 +1,7 @@
 """Formulas that write machine code: the same bits as in floats, and what is rare when it is met."""
 
 import ctypes
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -91,7 +92,15 @@ def test_what_the_text_refuses_is_left_to_machine_code(monkeypatch):
         np.testing.assert_array_equal(facets.readings(facets.Sensor(), state), expected)
     finally:
         rare.TABLE[number] = kept_address
-    assert jit.FAILURES == []
+    assert jit.FAILURES.raised == []
+
+
+def test_what_goes_wrong_in_one_thread_is_not_raised_in_another():
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(lambda: jit.FAILURES.raised.append(ArithmeticError())).result()
+        jit.raise_failure()
+        with pytest.raises(ArithmeticError):
+            pool.submit(jit.raise_failure).result()
 
 
 def test_what_goes_wrong_in_a_rare_function_is_raised_after_the_kernel(monkeypatch):
@@ -110,7 +119,7 @@ def test_what_goes_wrong_in_a_rare_function_is_raised_after_the_kernel(monkeypat
             facets.readings(facets.Sensor(), away)
     finally:
         rare.TABLE[number] = kept
-    assert jit.FAILURES == []
+    assert jit.FAILURES.raised == []
     assert np.isfinite(facets.readings(facets.Sensor(), away)).all()
 
 
