@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from ..core.arguments import checked
 from ..core.errors import InputError
 from ..core.names import ANGLES, POSE
 from ..core.rules import Rules
@@ -21,7 +22,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats, unit_of
 from ..detectors.noise import power_floor, standard_deviations
 from ..estimation.solver import solve
-from ..model.arrays import half_sizes, jacobian, margins, readings
+from ..model.arrays import as_rows, half_sizes, jacobian, margins, readings
 
 #: Why a range ends.
 CAUSES = ("spot leaves the PSD", "too little light", "Jacobian near singular", "too coarse")
@@ -187,15 +188,21 @@ class AxisRange:
         return 2 * min(self.high, -self.low)
 
 
-def require_inside(sensor: Sensor, rules: Rules, start: Floats) -> None:
-    """Raises `InputError` where a pose (6,) is outside the range, by how much and by which key."""
-    clear = clearances(sensor, start[None], rules)[0]
+def place_inside(sensor: Sensor, rules: Rules, start: ArrayLike) -> Floats:
+    """A pose (6,) as an array. Raises `InputError` where it is none, and where it is outside the
+    range, by how much and by which key."""
+    rows, shape = as_rows(start, 6, "start")
+    if shape:
+        raise InputError(f"start has shape {(*shape, 6)}; needed: (6,), one pose")
+    pose: Floats = rows[0]
+    clear = clearances(sensor, pose[None], rules)[0]
     if not clear.min() > 0:
-        place = ", ".join(f"{name} {value:.4g}" for name, value in zip(POSE, start, strict=True))
+        place = ", ".join(f"{name} {value:.4g}" for name, value in zip(POSE, pose, strict=True))
         raise InputError(
             f"the range is measured from {place} (mm, rad), which is outside it: "
-            f"{CAUSES[clear.argmin()]}; {remedy(sensor, rules, start, int(clear.argmin()))}"
+            f"{CAUSES[clear.argmin()]}; {remedy(sensor, rules, pose, int(clear.argmin()))}"
         )
+    return pose
 
 
 def remedy(sensor: Sensor, rules: Rules, start: Floats, cause: int) -> str:
@@ -215,8 +222,9 @@ def remedy(sensor: Sensor, rules: Rules, start: Floats, cause: int) -> str:
     return f"choose another place, or an easier {key}"
 
 
+@checked
 def axis_ranges(
-    sensor: Sensor, rules: Rules, start: Floats, tolerance: float = 1e-9
+    sensor: Sensor, rules: Rules, start: ArrayLike, tolerance: float = 1e-9
 ) -> list[AxisRange]:
     """How far each axis of the pose may go with the others where they are, and what ends it.
 
@@ -233,9 +241,9 @@ def axis_ranges(
     >>> f"{z.symmetric:.2f} mm, then {facets.CAUSES[z.high_cause]}"
     '12.15 mm, then spot leaves the PSD'
     """
-    require_inside(sensor, rules, start)
+    pose = place_inside(sensor, rules, start)
     rays = np.concatenate([-np.diag(FARTHEST), np.diag(FARTHEST)])
-    found = exits(sensor, rules, start, rays, tolerance)
+    found = exits(sensor, rules, pose, rays, tolerance)
     far = found.distance * np.tile(FARTHEST, 2)
     return [
         AxisRange(name, -far[i], far[i + 6], int(found.cause[i]), int(found.cause[i + 6]))
@@ -289,8 +297,9 @@ def tolerances(axes: Sequence[str]) -> Floats:
     return np.array([ANGLE_TOLERANCE if name in ANGLES else TOLERANCE for name in axes])
 
 
+@checked
 def trace(
-    sensor: Sensor, rules: Rules, axes: tuple[str, str], start: Floats | None = None
+    sensor: Sensor, rules: Rules, axes: tuple[str, str], start: ArrayLike | None = None
 ) -> Boundary:
     """The outline of the range over two axes of the pose, as in Figs. 6 and 10 of the paper.
 
@@ -307,8 +316,9 @@ def trace(
     >>> f"{outline.extent[0]:.1f} mm by {1e3 * outline.extent[1]:.0f} mrad"
     '12.6 mm by 49 mrad'
     """
-    pose = np.zeros(6) if start is None else start
-    require_inside(sensor, rules, pose)
+    if not set(axes) <= set(POSE) or axes[0] == axes[1]:
+        raise InputError(f"axes is {axes!r}; allowed: two different names of {', '.join(POSE)}")
+    pose = place_inside(sensor, rules, np.zeros(6) if start is None else start)
     cheap = Rules(rules.whole_spot, rules.snr, np.inf, (np.inf,) * 6, rules.tracking)
     boundary = traced(sensor, cheap, axes, pose)
     if cheap == rules:

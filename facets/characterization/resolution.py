@@ -14,7 +14,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from ..core.arguments import as_floats, checked
 from ..core.errors import InputError
 from ..core.rules import Rules
 from ..core.sensor import Sensor
@@ -22,7 +24,7 @@ from ..core.units import Floats
 from ..detectors.noise import sources as noise_sources
 from ..detectors.noise import variances
 from ..estimation.calibration_uncertainty import by_parameters
-from ..model.arrays import jacobian, readings
+from ..model.arrays import as_rows, jacobian, readings
 from .ranges import axis_ranges, states_of
 
 
@@ -53,13 +55,14 @@ def sources(sensor: Sensor) -> tuple[str, ...]:
     return (*noise_sources(sensor), "beam position", *["calibration"] * bool(sensor.calibration))
 
 
-def budgets(sensor: Sensor, states: Floats, how: Estimator) -> Floats:
+@checked
+def budgets(sensor: Sensor, states: ArrayLike, how: Estimator) -> Floats:
     """What the variance of each axis of the pose is made of.
 
-    states: (n, 8), mm and rad.  how: what a solution uses and knows (`facets.Estimator`).
+    states: (..., 8), mm and rad.  how: what a solution uses and knows (`facets.Estimator`).
 
-    Returns variances (n, 6, s) by source (`sources` names the s columns), mm^2 and rad^2; NaN where
-    a detector has no reading or the readings do not determine the pose.
+    Returns variances (..., 6, s) by source (`sources` names the s columns), mm^2 and rad^2; NaN
+    where a detector has no reading or the readings do not determine the pose.
 
     >>> import numpy as np, facets
     >>> known = facets.Estimator("beam known", beam=0.0)
@@ -67,6 +70,14 @@ def budgets(sensor: Sensor, states: Floats, how: Estimator) -> Floats:
     >>> [f"{share:.0%}" for share in parts[0] / parts[0].sum()]  # of x: places, powers, beam
     ['0%', '100%', '0%']
     """
+    if not as_floats(how.beam, "the estimator's beam") >= 0:
+        raise InputError(f"the estimator's beam is {how.beam}; allowed: 0 mm or more, or infinite")
+    rows, shape = as_rows(states, 8, "states")
+    return budgets_of_rows(sensor, rows, how).reshape(*shape, 6, len(sources(sensor)))
+
+
+def budgets_of_rows(sensor: Sensor, states: Floats, how: Estimator) -> Floats:
+    """`budgets` of states (n, 8)."""
     reading = readings(sensor, states)
     parts = variances(sensor, reading)
     sigma = np.sqrt(parts.sum(axis=-1))
@@ -114,12 +125,13 @@ def with_beam(rows: Floats, sigma: float) -> Floats:
     return wider
 
 
-def uncertainties(sensor: Sensor, states: Floats, how: Estimator) -> Floats:
+@checked
+def uncertainties(sensor: Sensor, states: ArrayLike, how: Estimator) -> Floats:
     """Standard uncertainties of the pose: what a solution can know at best.
 
-    states: (n, 8), mm and rad.  how: what it uses and knows (`facets.Estimator`).
+    states: (..., 8), mm and rad.  how: what it uses and knows (`facets.Estimator`).
 
-    Returns (n, 6), mm and rad: one standard deviation, by the Cramer-Rao bound; NaN where the
+    Returns (..., 6), mm and rad: one standard deviation, by the Cramer-Rao bound; NaN where the
     readings do not determine the pose.
 
     >>> import numpy as np, facets
@@ -128,7 +140,7 @@ def uncertainties(sensor: Sensor, states: Floats, how: Estimator) -> Floats:
     >>> f"z {1e3 * u[2]:.1f} um, yaw {1e6 * u[5]:.0f} urad"
     'z 1.5 um, yaw 6 urad'
     """
-    root: Floats = np.sqrt(budgets(sensor, states, how).sum(axis=2))
+    root: Floats = np.sqrt(budgets(sensor, states, how).sum(axis=-1))
     return root
 
 

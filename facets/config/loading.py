@@ -10,6 +10,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from ..core.arguments import checked
 from ..core.errors import ConfigError
 from ..core.names import DETECTORS
 from ..core.settings import Config
@@ -20,6 +21,7 @@ from .problems import messages, quoted
 from .yaml_positions import Marked, shown
 
 
+@checked
 def load(name_or_path: str | Path) -> Config:
     """A configuration, checked, with every default filled in.
 

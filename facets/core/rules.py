@@ -5,7 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf
 
+from .arguments import checked
+from .errors import InputError
 
+
+@checked
 @dataclass(frozen=True)
 class Rules:
     """What counts as inside the range.
@@ -22,3 +26,7 @@ class Rules:
     condition: float = 1e8
     coarsest: tuple[float, ...] = (inf,) * 6
     tracking: bool = False
+
+    def __post_init__(self) -> None:
+        if len(self.coarsest) != 6:
+            raise InputError(f"coarsest has {len(self.coarsest)} numbers; allowed: 6, one an axis")

@@ -13,6 +13,7 @@ from itertools import pairwise
 from math import pi
 from typing import Any
 
+from .arguments import checked
 from .errors import InputError
 from .names import DETECTORS
 
@@ -29,6 +30,7 @@ def _require_finite(thing: object) -> None:
             _require(math.isfinite(value), field.name, value, "a finite number")
 
 
+@checked
 @dataclass(frozen=True)
 class Beam:
     """A collimated Gaussian beam. Its centre (bx, by) in the x_w y_w plane is part of the state.
@@ -52,6 +54,7 @@ class Beam:
             _require(getattr(self, name) > 0, f"beam {name}", getattr(self, name), "above 0 mm")
 
 
+@checked
 @dataclass(frozen=True)
 class Facet:
     """One reflecting side of the mirror, through the apex, in the mirror frame.
@@ -74,6 +77,7 @@ class Facet:
 MONOMIALS = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
 
 
+@checked
 @dataclass(frozen=True)
 class Grid:
     """What is added to a detector's places, as measured on a grid, straight in between; mm.
@@ -97,6 +101,7 @@ class Grid:
             _require(whole, f"size of {name}", len(rows), f"{len(self.y)} x {len(self.z)}")
 
 
+@checked
 @dataclass(frozen=True)
 class Correction:
     """What a calibration adds to what a detector reads.
@@ -119,6 +124,7 @@ class Correction:
             _require(count == len(MONOMIALS), f"correction {name}", count, "9 coefficients")
 
 
+@checked
 @dataclass(frozen=True)
 class Psd:
     """A position-sensitive detector.
@@ -145,6 +151,7 @@ class Psd:
             _require(getattr(self, name) > 0, f"PSD {name}", getattr(self, name), "above 0 mm")
 
 
+@checked
 @dataclass(frozen=True)
 class Noise:
     """Gaussian noise of the readings, independent from reading to reading; 1 sigma.
@@ -163,6 +170,7 @@ class Noise:
             _require(getattr(self, name) > 0, f"noise {name}", getattr(self, name), "above 0")
 
 
+@checked
 @dataclass(frozen=True)
 class Electronics:
     """The detectors' electronics, from which their noise follows (`facets.detectors.noise`).
@@ -206,6 +214,7 @@ class Electronics:
         _require(1 <= self.adc_bits <= 32, "adc_bits", self.adc_bits, "1 to 32")
 
 
+@checked
 @dataclass(frozen=True)
 class Apertures:
     """What cuts the light, beside the facets' edges; by default nothing does.
@@ -257,6 +266,7 @@ REMEDIES = {
 }
 
 
+@checked
 @dataclass(frozen=True)
 class BenchLight:
     """What the light of a real bench does, in the model of every reading; by default nothing.
@@ -318,6 +328,7 @@ class BenchLight:
         return replace(self, delays=(0.0, 0.0, 0.0), polarization=None) != BenchLight()
 
 
+@checked
 @dataclass(frozen=True)
 class Imperfections:
     """What real optics do besides; for simulations, while poses are solved as if they did not.
@@ -348,6 +359,7 @@ class Imperfections:
         _require(self.sag_over > 0, "sag_over", self.sag_over, "above 0 mm")
 
 
+@checked
 @dataclass(frozen=True)
 class Calibration:
     """How well the sensor's parameters are known, after a calibration.
@@ -369,6 +381,7 @@ def _at_thirds(kind: type[Any]) -> tuple[Any, ...]:
     return tuple(kind(azimuth=2 * pi * k / 3) for k in range(3))
 
 
+@checked
 @dataclass(frozen=True)
 class Sensor:
     """The whole sensor. `facets` and `psds` run A, B, C.

@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.arguments import checked
 from ..core.sensor import Sensor
+from ..core.settings import Layout
 from ..core.units import Floats
 from .branching import best_parts, priced
 from .catalogue import Choice, choices, with_parts
@@ -23,7 +25,6 @@ from .problem import TRIED, Problem, Rows, problem_of
 from .variables import present_values
 
 if TYPE_CHECKING:
-    from ..core.settings import Layout
     from .ipopt import Result
 
 
@@ -80,6 +81,7 @@ class Optimum:
         return self.results[0]
 
 
+@checked
 def optimize(
     sensor: Sensor, layout: Layout, tell: Callable[[int, int], None] = lambda done, whole: None
 ) -> Optimum:

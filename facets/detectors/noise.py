@@ -18,9 +18,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..core.arguments import checked
 from ..core.sensor import Electronics, Sensor
 from ..core.units import Floats
-from ..model.arrays import half_sizes, mask_missed
+from ..model.arrays import as_rows, half_sizes, mask_missed
 from . import electrodes
 
 #: Elementary charge, C, and Boltzmann's constant, J/K: exact in the SI.
@@ -34,6 +35,7 @@ def sources(sensor: Sensor) -> tuple[str, ...]:
     return SIMPLE if sensor.electronics is None else ELECTRIC
 
 
+@checked
 def standard_deviations(sensor: Sensor, reading: ArrayLike) -> Floats:
     """Of each number of readings (..., 9), 1 sigma: mm and mW. NaN where the reading is.
 
@@ -43,14 +45,14 @@ def standard_deviations(sensor: Sensor, reading: ArrayLike) -> Floats:
     >>> f"{1e3 * sigma[0]:.1f} um, {1e6 * sigma[2]:.0f} nW"
     '2.6 um, 40 nW'
     """
-    exact = np.asarray(reading, dtype=float)
+    exact, shape = as_rows(reading, 9, "reading")
     if sensor.electronics is None:
         var = variances(sensor, exact).sum(axis=-1)
     else:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             formula = two_layer_variances if two_layers(sensor.electronics) else summed_variances
             var = formula(sensor, sensor.electronics, by_detector(exact))
-    root: Floats = np.sqrt(var.reshape(exact.shape))
+    root: Floats = np.sqrt(var.reshape(*shape, 9))
     return root
 
 
@@ -190,6 +192,7 @@ def at_either_end(kind: str, parts: Floats) -> Floats:
     return np.stack([a + c, b + d, a + b, c + d], axis=-2).reshape(shape)
 
 
+@checked
 def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> Floats:
     """Readings with noise, as the sensor's detectors would give them.
 
@@ -207,7 +210,8 @@ def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> F
     >>> f"{1e3 * noisy[:, 0].std():.1f} um at {exact[2]:.1f} mW"
     '2.6 um at 0.1 mW'
     """
-    exact = np.asarray(reading, dtype=float)
+    rows, shape = as_rows(reading, 9, "reading")
+    exact = rows.reshape(*shape, 9)
     if sensor.electronics is None:
         sigma = standard_deviations(sensor, exact)
         return mask_missed(sensor, exact, exact + sigma * rng.standard_normal(sigma.shape))

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..core.arguments import as_floats, checked
 from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.units import Floats
@@ -28,6 +29,7 @@ from .solver import (
 )
 
 
+@checked
 class Solver:
     """Solves single readings of one sensor, as a live loop does.
 
@@ -60,8 +62,6 @@ class Solver:
     ) -> None:
         if max_steps < 1:
             raise InputError(f"max_steps is {max_steps}; allowed: 1 or more")
-        if start not in ("zero", "previous"):
-            raise InputError(f'start is {start!r}; allowed: "zero" or "previous"')
         self._asked = (sensor, beam, power, start, method, max_steps, covariance)
         self._plan = plan(sensor, beam, power, method, ())
         self._previous = _Previous() if start == "previous" else None
@@ -82,7 +82,7 @@ class Solver:
         Returns a `Solution` without leading shape. A reading that can not be solved gets a status
         and NaN. Raises `InputError` for another shape.
         """
-        values = np.asarray(reading, dtype=np.float64)
+        values = as_floats(reading, "reading")
         if values.shape != (9,):
             raise InputError(f"a reading has shape {values.shape}; needed: (9,)")
         return self.solve_from(values, None)

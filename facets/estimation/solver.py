@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.arguments import as_floats, checked
 from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.units import Floats
@@ -20,6 +21,7 @@ from . import problem
 from .solution import Solution, Status, solution
 
 
+@checked
 @dataclass(frozen=True)
 class Prior:
     """What is known before the reading: a Gaussian of the given mean and standard deviation.
@@ -32,10 +34,9 @@ class Prior:
     sigma: ArrayLike
 
     def __post_init__(self) -> None:
-        sigma = np.asarray(self.sigma, dtype=float)
-        if not (sigma >= 0).all():
+        if not (as_floats(self.sigma, "a prior's sigma") >= 0).all():
             raise InputError(f"a prior's sigma is {self.sigma!r}; allowed: 0 or more")
-        if not np.isfinite(np.asarray(self.mean, dtype=float)).all():
+        if not np.isfinite(as_floats(self.mean, "a prior's mean")).all():
             raise InputError(f"a prior's mean is {self.mean!r}; allowed: finite numbers")
 
 
@@ -71,7 +72,7 @@ def prior_of_power(power: str | Prior, sensor: Sensor) -> Prior:
 
 def means_of(place: Prior, light: Prior, shape: tuple[int, ...]) -> Floats:
     """What is known of bx, by and the power: (1, 3), or (n, 3) where it differs by reading."""
-    where, amount = np.asarray(place.mean, float), np.asarray(light.mean, float)
+    where, amount = as_floats(place.mean, "mean"), as_floats(light.mean, "mean")
     shape = shape if where.shape[:-1] or amount.shape else ()
     try:
         means = np.empty((*shape, 3))
@@ -103,14 +104,17 @@ def make_limits(sensor: Sensor, eight: bool) -> problem.Limits:
 def plan(
     sensor: Sensor, beam: str | Prior, power: str | Prior, method: str, shape: tuple[int, ...]
 ) -> Plan:
-    if method not in ("least-squares", "paper"):
-        raise InputError(f'method is {method!r}; allowed: "least-squares", "paper"')
     paper = method == "paper"
     if paper and not (beam == "free" and power == "known"):
         raise InputError('method="paper" has the beam "free" and the power "known"')
     place, light = prior_of_beam(beam), prior_of_power(power, sensor)
     sigmas = np.empty(3)
-    sigmas[:2], sigmas[2] = place.sigma, light.sigma
+    try:
+        sigmas[:2], sigmas[2] = as_floats(place.sigma, "sigma"), as_floats(light.sigma, "sigma")
+    except ValueError:
+        raise InputError(
+            "a prior has too many sigmas; allowed: one number, or two for the beam's place"
+        ) from None
     free = np.concatenate([np.arange(6), 6 + np.flatnonzero(sigmas > 0)])
     with np.errstate(divide="ignore"):
         weights = np.where(sigmas > 0, 1 / sigmas, 0.0)
@@ -154,7 +158,8 @@ def starting(start: str | ArrayLike, todo: Plan, values: Floats, shape: tuple[in
     """
     unknown_power = todo.weights[2] == 0 and todo.free[-1] == 8
     if not isinstance(start, str):
-        states = np.asarray(start, dtype=np.float64)
+        rows, leading = as_rows(start, 8, "start")
+        states = rows.reshape(*leading, 8)
         if states.shape != (*shape, 8):
             try:
                 states = np.broadcast_to(states, (*shape, 8))
@@ -307,6 +312,7 @@ def estimate_stalled_again(
         estimate_some(model, stalled, sensor, readings, limits, asked, found)
 
 
+@checked
 def solve(
     sensor: Sensor,
     readings: ArrayLike,

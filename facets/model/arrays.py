@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.arguments import as_floats, checked
 from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.units import Floats
@@ -191,12 +192,13 @@ def varied(sensor: Sensor) -> NDArray[np.complex128]:
 
 def as_rows(values: ArrayLike, width: int, what: str) -> tuple[Floats, tuple[int, ...]]:
     """An (..., width) array as (n, width) rows, and the leading shape to give back."""
-    array = np.asarray(values, dtype=np.float64)
+    array = as_floats(values, what)
     if array.ndim == 0 or array.shape[-1] != width:
         raise InputError(f"{what} has shape {array.shape}; needed: (..., {width})")
     return np.ascontiguousarray(array).reshape(-1, width), array.shape[:-1]
 
 
+@checked
 def readings(
     sensor: Sensor,
     state: ArrayLike,
@@ -232,8 +234,6 @@ def readings(
                 "the paper's irradiance is that of ideal light; leave sensor.light out to compare"
             )
         return paper_readings(geometry_of(sensor), rows).reshape(*shape, 9)
-    if irradiance != "exact":
-        raise InputError(f'irradiance is {irradiance!r}; allowed: "exact", "paper"')
     vectors, out = packed(sensor), np.empty((len(rows), 9))
 
     def one_by_one(states: Floats, found: Floats) -> None:
@@ -271,7 +271,7 @@ def at_one(sensor: Sensor, name: str, state: ArrayLike, threads: int) -> Floats 
 
     None where it is no such state, or leaves its block.
     """
-    one = np.asarray(state, dtype=np.float64)
+    one = as_floats(state, "state")
     if one.shape != (8,) or threads < 0 or named(sensor, name) is None:
         return None
     return blocks.run_one(name, packed(sensor), one)
@@ -309,6 +309,7 @@ def by_blocks(
     return run
 
 
+@checked
 def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     """The derivatives of the readings with respect to the state, closed.
 
@@ -347,6 +348,7 @@ def derivatives(sensor: Sensor, states: Floats, threads: int = 1, near: bool = T
     return out
 
 
+@checked
 def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
     """The derivatives of the readings with respect to the sensor's parameters, closed.
 
@@ -396,6 +398,7 @@ def mask_missed(sensor: Sensor, place: ArrayLike, reading: ArrayLike) -> Floats:
     return masked
 
 
+@checked
 def reaches(sensor: Sensor, state: ArrayLike) -> NDArray[np.bool_]:
     """Which spots' centroids lie on their detector's sensitive area: (..., 8) -> (..., 3).
 
@@ -408,6 +411,7 @@ def reaches(sensor: Sensor, state: ArrayLike) -> NDArray[np.bool_]:
     return on_detectors(sensor, readings(sensor, state))
 
 
+@checked
 def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     """How far the spots reach, of the light inside the beam's 1/e^2 circle or smaller aperture.
 
@@ -436,6 +440,7 @@ def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     return out.reshape(*shape, 3, 5)
 
 
+@checked
 def margins(sensor: Sensor, state: ArrayLike, whole: bool = True, threads: int = 1) -> Floats:
     """How far each spot is from each of its limits, positive inside; mm.
 

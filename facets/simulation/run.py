@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.arguments import checked
 from ..core.errors import InputError
 from ..core.names import POSE, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..core.sensor import Sensor
+from ..core.settings import Config, Solve
 from ..core.units import Floats
 from ..detectors.correction import uncorrected
 from ..detectors.noise import add_noise
@@ -20,10 +23,6 @@ from ..model.arrays import mask_missed, on_detectors
 from ..tracking.closed_loop import followed
 from .imperfect_optics import seen_late
 from .motion import states
-
-if TYPE_CHECKING:
-    from ..core.sensor import Sensor
-    from ..core.settings import Config, Solve
 
 
 @dataclass(frozen=True)
@@ -116,6 +115,7 @@ def simulate_motion(
     return Segment(name, time, truth, seen, place, reached, solution)
 
 
+@checked
 def simulate(
     config: Config,
     motions: Sequence[str] = (),
@@ -144,6 +144,8 @@ def simulate(
     if unknown or not names:
         has = ", ".join(config.motions) or "none"
         raise InputError(f"{config.path}: no motion {', '.join(unknown)}; it has: {has}")
+    if seed is not None and seed < 0:
+        raise InputError(f"seed is {seed}; allowed: 0 or more")
     noisy = config.noise if noise is None else noise
     streams = np.random.SeedSequence(config.seed if seed is None else seed)
     children = dict(zip(config.motions, streams.spawn(len(config.motions)), strict=True))

@@ -1,0 +1,172 @@
+"""What public functions take for numbers, and what they refuse, in one and the same way."""
+
+import inspect
+import re
+from decimal import Decimal
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import facets
+from facets.core.arguments import as_floats
+
+CONFIG = facets.load("paper")
+SENSOR = CONFIG.sensor
+REST = np.zeros(8)
+READING = facets.readings(SENSOR, REST)
+FREE = facets.Estimator("free", np.inf)
+
+#: Every public function of an array of numbers, with what it takes.
+OF_STATES = {
+    "readings": lambda x: facets.readings(SENSOR, x),
+    "jacobian": lambda x: facets.jacobian(SENSOR, x),
+    "parameter_jacobian": lambda x: facets.parameter_jacobian(SENSOR, x),
+    "reaches": lambda x: facets.reaches(SENSOR, x),
+    "footprints": lambda x: facets.footprints(SENSOR, x),
+    "margins": lambda x: facets.margins(SENSOR, x),
+    "budgets": lambda x: facets.budgets(SENSOR, x, FREE),
+    "uncertainties": lambda x: facets.uncertainties(SENSOR, x, FREE),
+    "start": lambda x: facets.solve(SENSOR, READING, start=x).state,
+}
+OF_READINGS = {
+    "solve": lambda x: facets.solve(SENSOR, x, beam="known").state,
+    "Solver": lambda x: facets.Solver(SENSOR, beam="known").solve(x).state,
+    "standard_deviations": lambda x: facets.standard_deviations(SENSOR, x),
+    "add_noise": lambda x: facets.add_noise(SENSOR, x, np.random.default_rng(1)),
+}
+CASES = [
+    *(pytest.param(function, REST, id=name) for name, function in OF_STATES.items()),
+    *(pytest.param(function, READING, id=name) for name, function in OF_READINGS.items()),
+]
+
+
+@pytest.mark.parametrize(("function", "sound"), CASES)
+def test_what_is_missing_is_no_number(function, sound):
+    """A masked number, None, and what pandas calls missing give what NaN gives."""
+    values = sound.tolist()
+    expected = function([np.nan, *values[1:]])
+    masked = np.ma.array(sound, mask=[True] + [False] * (len(sound) - 1))
+    table = pd.DataFrame([[pd.NA, *values[1:]]], dtype="Float64")
+    for missing in (
+        masked,
+        masked.astype(object),
+        list(masked),
+        [None, *values[1:]],
+        [pd.NA, *values[1:]],
+        np.array([None, *values[1:]]),
+        table.loc[0],
+        pd.Series([pd.NA, *values[1:]]),
+    ):
+        np.testing.assert_array_equal(function(missing), expected)
+    if function not in (OF_READINGS["Solver"], OF_STATES["start"]):
+        np.testing.assert_array_equal(function(table), [expected])
+        np.testing.assert_array_equal(function([masked, sound])[0], expected)
+
+
+@pytest.mark.parametrize(
+    ("given", "fault"),
+    [
+        (None, "is None"),
+        ("1", "'1'"),
+        (CONFIG, "is a Config"),
+        (["1"] * 8, "has text in it: '1'"),
+        (np.array(["1"] * 8), "has text in it"),
+        ([1j] * 8, "has complex numbers in it: 1j"),
+        (np.zeros(8, complex), "has complex numbers in it"),
+        (np.ma.array(np.zeros(8, complex), mask=True), "has complex numbers in it"),
+        ([True] * 8, "has truth values in it"),
+        (np.zeros(8, "M8[s]"), "has values of the type datetime64"),
+        ([[0.0] * 8, [0.0]], "has rows of different lengths"),
+        ([{}] * 8, "has the dict {} in it"),
+        (iter([0.0] * 8), "has the list_iterator"),
+        ([10**400] * 8, "has a number in it that is too large"),
+        (np.zeros(5), "has shape (5,)"),
+        (3.0, "has shape ()"),
+    ],
+    ids=lambda value: str(value)[:25] if isinstance(value, str) else type(value).__name__,
+)
+def test_what_is_no_array_of_numbers_is_refused(given, fault):
+    for name, function in (OF_STATES | OF_READINGS).items():
+        with pytest.raises(facets.InputError, match=re.escape(fault)) as refused:
+            function(given)
+        assert re.search("needed: |allowed: ", str(refused.value)), name
+
+
+def test_numbers_of_other_types_are_numbers():
+    for eight in ([Decimal(0)] * 8, np.zeros(8, np.float32), np.zeros(8, ">f8"), range(8), [0] * 8):
+        assert as_floats(eight, "state").dtype == np.float64
+    assert as_floats([], "state").shape == (0,)
+    assert as_floats(np.empty((0, 8), object), "state").shape == (0, 8)
+    assert as_floats(REST, "state") is REST
+
+
+RNG = np.random.default_rng(1)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: facets.readings(CONFIG, REST), "sensor is a Config; .*; pass config.sensor"),
+        (lambda: facets.readings(REST, SENSOR), "sensor is the ndarray .* allowed: a Sensor"),
+        (lambda: facets.solve("paper", READING), r"pass facets.load\('paper'\).sensor"),
+        (lambda: facets.Solver(facets.Sensor), r"the class Sensor.*as Sensor\(\) makes it"),
+        (lambda: facets.simulate(SENSOR), "config is a Sensor; allowed: a Config"),
+        (lambda: facets.simulate("paper"), r"pass facets.load\('paper'\)"),
+        (lambda: facets.simulate(CONFIG, "yaw-sweep"), "motions is .* a sequence, each text"),
+        (lambda: facets.simulate(CONFIG, seed=-1), "seed is -1; allowed: 0 or more"),
+        (lambda: facets.optimize(SENSOR, CONFIG), "layout is a Config.*pass config.layout"),
+        (lambda: facets.axis_ranges(SENSOR, CONFIG, [0] * 6), "rules is .*pass config.range"),
+        (lambda: facets.axis_ranges(SENSOR, CONFIG.range, [REST[:6]]), "start has shape"),
+        (lambda: facets.trace(SENSOR, CONFIG.range, ("tz", "up")), "two different names of tx"),
+        (lambda: facets.trace(SENSOR, CONFIG.range, "tz"), "axes is .* a sequence of 2, each text"),
+        (lambda: facets.uncertainties(SENSOR, REST, ("", 0.0)), "allowed: an Estimator"),
+        (lambda: facets.uncertainties(SENSOR, REST, FREE._replace(beam=np.nan)), "beam is nan"),
+        (lambda: facets.load(None), "name_or_path is None; allowed: text or a Path"),
+        (lambda: facets.readings(SENSOR, REST, threads="2"), "threads is the str '2'"),
+        (lambda: facets.solve(SENSOR, READING, threads=True), "threads is the bool True"),
+        (lambda: facets.solve(SENSOR, READING, threads=-1), "threads is -1"),
+        (lambda: facets.readings(SENSOR, REST, "exakt"), 'irradiance is \'exakt\'.*"exact"'),
+        (lambda: facets.margins(SENSOR, REST, whole="no"), "whole is .* allowed: True or False"),
+        (lambda: facets.solve(SENSOR, READING, start=None), 'start is None; allowed: "zero"'),
+        (lambda: facets.solve(SENSOR, READING, start=0.0), "start has shape"),
+        (lambda: facets.solve(SENSOR, READING, beam=[0, 0]), 'beam is .*"known" or a Prior'),
+        (lambda: facets.solve(SENSOR, READING, max_steps=2.5), "max_steps is the float 2.5"),
+        (lambda: facets.Solver(SENSOR, max_steps="x"), "max_steps is the str 'x'"),
+        (lambda: facets.Solver(SENSOR, covariance=None), "covariance is None; allowed: True or"),
+        (lambda: facets.Solver(SENSOR, beam=facets.Prior((0, 0), (1, 1, 1))), "too many sigmas"),
+        (lambda: facets.Prior((0, 0), np.nan), "sigma is nan; allowed: 0 or more"),
+        (lambda: facets.Prior((0, "0"), 1), "a prior's mean has text in it"),
+        (lambda: facets.add_noise(SENSOR, READING, 1), r"rng is the int 1; .*default_rng\(1\)"),
+        (lambda: facets.Beam(power="0.3"), "power is the str '0.3'; allowed: a number"),
+        (lambda: facets.Beam(power=1j), "power is the complex 1j; allowed: a number"),
+        (lambda: facets.Electronics(adc_bits=16.5), "adc_bits is .* allowed: a whole number"),
+        (lambda: facets.Sensor(psds=facets.Psd()), "psds is a Psd; .*sequence of 3, each a Psd"),
+        (lambda: facets.Sensor(psds=(facets.Psd(),)), "a sequence of 3, each a Psd"),
+        (lambda: facets.Rules(coarsest=(1.0,)), "coarsest has 1 numbers; allowed: 6"),
+    ],
+)  # fmt: skip
+def test_an_argument_of_another_kind_is_refused(call, message):
+    with pytest.raises(facets.InputError, match=message):
+        call()
+
+
+def test_every_public_function_checks_its_arguments():
+    """And every class that a user makes objects of; the others are results, and lists of words."""
+    results = {"AxisRange", "Boundary", "Config", "Optimum", "Segment", "Solution"}
+    other = {"Estimator", "Status"}  # a NamedTuple, which who takes it looks at, and an Enum
+    for name in set(facets.__all__) - results - other:
+        thing = getattr(facets, name)
+        if inspect.isclass(thing) and not issubclass(thing, Exception):
+            thing = thing.__init__
+        if inspect.isfunction(thing):
+            assert hasattr(thing, "__wrapped__"), name
+
+
+def test_what_was_allowed_before_is_not_allowed_of_another_type():
+    for _ in range(3):
+        assert facets.solve(SENSOR, READING, beam="known", threads=1).ok
+    with pytest.raises(facets.InputError, match="beam"):
+        facets.solve(SENSOR, READING, beam="knwon", threads=1)
+    with pytest.raises(facets.InputError, match="threads"):
+        facets.solve(SENSOR, READING, beam="known", threads=1.0)
