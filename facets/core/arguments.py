@@ -67,7 +67,7 @@ def floats_of(values: Any) -> Floats:
     try:
         array = np.asarray(values)
         if array.dtype.kind in "fiu":
-            return array.astype(np.float64)
+            return array.astype(np.float64, copy=False)
         if array.dtype.kind == "O" and array.ndim == 0:
             return np.array(float(values))
         if array.dtype.kind == "O":
