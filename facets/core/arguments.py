@@ -28,6 +28,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 FLOAT = np.dtype(np.float64)
 #: Types of numbers that NumPy takes as they are.
 PLAIN = {float, int, np.float64}
+SEQUENCES = (tuple, Sequence)
 SHORT = Repr()
 SHORT.maxstring = SHORT.maxother = 40
 
@@ -71,7 +72,7 @@ def floats_of(values: Any) -> Floats:
         if array.dtype.kind == "O" and array.ndim == 0:
             return np.array(float(values))
         if array.dtype.kind == "O":
-            return floats_of_list(array.tolist()).reshape(array.shape)
+            return floats_of_list(array.ravel().tolist()).reshape(array.shape)
     except (TypeError, ValueError, OverflowError, RuntimeError):
         raise NotNumbersError(f"has {described(values)} in it") from None
     kinds = {"c": "complex numbers", "b": "truth values", "U": "text", "S": "bytes"}
@@ -80,19 +81,28 @@ def floats_of(values: Any) -> Floats:
 
 
 def floats_of_list(values: Sequence[Any]) -> Floats:
-    if not set(map(type, values)) <= PLAIN:
+    if not is_plain(values):
         pandas = sys.modules.get("pandas")
-        missing = (None,) if pandas is None else (None, pandas.NA)
-        values = [np.nan if any(value is one for one in missing) else value for value in values]
-    if set(map(type, values)) <= PLAIN:
-        try:
-            return np.array(values, dtype=np.float64)
-        except OverflowError:
-            raise NotNumbersError("has a number in it that is too large") from None
-    rows = [floats_of(value) for value in values]
-    if len({row.shape for row in rows}) > 1:
-        raise NotNumbersError("has rows of different lengths")
-    return np.array(rows)
+        missing = None if pandas is None else pandas.NA
+        values = [np.nan if one is None or one is missing else one for one in values]
+    if not is_plain(values):
+        values = [floats_of(value) for value in values]
+    try:
+        return np.array(values, dtype=np.float64)
+    except ValueError:
+        raise NotNumbersError("has rows of different lengths") from None
+    except OverflowError:
+        raise NotNumbersError("has a number in it that is too large") from None
+
+
+def is_plain(values: Sequence[Any]) -> bool:
+    """Whether NumPy makes of a list what stands in it: numbers, arrays of floats, lists of them."""
+    types = set(map(type, values))
+    if types <= PLAIN:
+        return True
+    if types == {np.ndarray}:
+        return all(value.dtype is FLOAT for value in values)
+    return types <= {list, tuple} and all(map(is_plain, values))
 
 
 def checked(function: F) -> F:
@@ -112,14 +122,15 @@ def checked(function: F) -> F:
 
     def check(name: str, value: Any) -> bool:
         """Whether all values of its type are allowed, as this one is."""
-        key = value if type(value) is str else type(value)
-        if key not in allowed.get(name, (key,)):
-            hint = hints_of(function).get(name, Any)
-            if not is_allowed(hint, value):
-                raise InputError(refusal(name, hint, value))
-            if not isinstance(value, list | tuple) and (key is not value or has_words(hint)):
-                allowed[name].add(key)
-        return key in allowed.get(name, ()) and key is not value
+        hint = hints_of(function).get(name, Any)
+        if not is_allowed(hint, value):
+            raise InputError(refusal(name, hint, value))
+        if isinstance(value, str) and has_words(hint):
+            allowed[name].add(value)
+        if isinstance(value, str) or any(get_origin(one) in SEQUENCES for one in options(hint)):
+            return False
+        allowed[name].add(type(value))
+        return True
 
     @wraps(function)
     def call(*given: Any, **named: Any) -> Any:
@@ -131,7 +142,10 @@ def checked(function: F) -> F:
         if not named:
             return function(*given)
         for name, value in named.items():
-            check(name, value)
+            known = allowed.get(name)
+            key = value if type(value) is str else type(value)
+            if known is not None and key not in known:
+                check(name, value)
         return function(*given, **named)
 
     return call  # type: ignore[return-value]
@@ -157,7 +171,7 @@ def is_one(option: Any, value: Any) -> bool:
         return True
     if origin is Literal:
         return isinstance(value, str) and value in get_args(option)
-    if origin is tuple or origin is Sequence:
+    if origin in SEQUENCES:
         kinds = [kind for kind in get_args(option) if kind is not ...]
         if not isinstance(value, list | tuple | np.ndarray):
             return False
@@ -196,7 +210,7 @@ def said(option: Any) -> str:
     """An annotation in words."""
     if get_origin(option) is Literal:
         return ", ".join(f'"{word}"' for word in get_args(option))
-    if get_origin(option) in (tuple, Sequence):
+    if get_origin(option) in SEQUENCES:
         kinds = dict.fromkeys(kind for kind in get_args(option) if kind is not ...)
         fixed = get_origin(option) is tuple and ... not in get_args(option)
         count = f" of {len(get_args(option))}" if fixed else ""

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from ..core.arguments import checked
 from ..core.sensor import Electronics, Sensor
 from ..core.units import Floats
-from ..model.arrays import as_rows, half_sizes, mask_missed
+from ..model.arrays import as_vectors, half_sizes, mask_missed
 from . import electrodes
 
 #: Elementary charge, C, and Boltzmann's constant, J/K: exact in the SI.
@@ -45,14 +45,14 @@ def standard_deviations(sensor: Sensor, reading: ArrayLike) -> Floats:
     >>> f"{1e3 * sigma[0]:.1f} um, {1e6 * sigma[2]:.0f} nW"
     '2.6 um, 40 nW'
     """
-    exact, shape = as_rows(reading, 9, "reading")
+    exact = as_vectors(reading, 9, "reading")
     if sensor.electronics is None:
         var = variances(sensor, exact).sum(axis=-1)
     else:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             formula = two_layer_variances if two_layers(sensor.electronics) else summed_variances
             var = formula(sensor, sensor.electronics, by_detector(exact))
-    root: Floats = np.sqrt(var.reshape(*shape, 9))
+    root: Floats = np.sqrt(var.reshape(exact.shape))
     return root
 
 
@@ -210,8 +210,7 @@ def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> F
     >>> f"{1e3 * noisy[:, 0].std():.1f} um at {exact[2]:.1f} mW"
     '2.6 um at 0.1 mW'
     """
-    rows, shape = as_rows(reading, 9, "reading")
-    exact = rows.reshape(*shape, 9)
+    exact = as_vectors(reading, 9, "reading")
     if sensor.electronics is None:
         sigma = standard_deviations(sensor, exact)
         return mask_missed(sensor, exact, exact + sigma * rng.standard_normal(sigma.shape))

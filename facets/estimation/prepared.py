@@ -102,10 +102,10 @@ class Solver:
         return found
 
     def starting(self, start: str | ArrayLike, values: Floats) -> Floats | None:
-        """Where `facets.solve` starts for one reading (1, 9); None for zero."""
+        """Where `facets.solve` starts for one reading (9,); None for zero."""
         if isinstance(start, str) and start in ("zero", "previous"):
             return None
-        return starting(start, self._plan, values, ())
+        return starting(start, self._plan, values[None], ())
 
 
 class _Previous(threading.local):

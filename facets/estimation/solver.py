@@ -13,7 +13,7 @@ from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import power_floor, standard_deviations
-from ..model.arrays import as_rows, half_sizes, packed
+from ..model.arrays import as_rows, as_vectors, half_sizes, packed
 from ..model.kinds import kind_of
 from ..model.threads import part_of, share
 from ..optics.limits import COLUMNS, MOST
@@ -158,8 +158,7 @@ def starting(start: str | ArrayLike, todo: Plan, values: Floats, shape: tuple[in
     """
     unknown_power = todo.weights[2] == 0 and todo.free[-1] == 8
     if not isinstance(start, str):
-        rows, leading = as_rows(start, 8, "start")
-        states = rows.reshape(*leading, 8)
+        states = as_vectors(start, 8, "start")
         if states.shape != (*shape, 8):
             try:
                 states = np.broadcast_to(states, (*shape, 8))
@@ -351,14 +350,15 @@ def solve(
     >>> facets.Status(int(facets.solve(sensor, np.zeros(9)).status)).label
     'no light'
     """
-    values, shape = as_rows(readings, 9, "readings")
+    given = as_vectors(readings, 9, "readings")
     if max_steps < 1:
         raise InputError(f"max_steps is {max_steps}; allowed: 1 or more")
-    if shape == () and isinstance(beam, str) and isinstance(power, str) and threads >= 0:
+    if given.ndim == 1 and isinstance(beam, str) and isinstance(power, str) and threads >= 0:
         from .prepared import kept_solver
 
         solver = kept_solver(sensor, beam, power, method, max_steps, covariance)
-        return solver.solve_from(values[0], solver.starting(start, values))
+        return solver.solve_from(given, solver.starting(start, given))
+    values, shape = as_rows(given, 9, "readings")
     todo = plan_kept(sensor, beam, power, method, shape)
     asked = problem.Problem(
         means=todo.means,
@@ -369,8 +369,8 @@ def solve(
         max_steps=max_steps,
         damped=method != "paper",
     )
-    given = problem.Readings(values, sigmas_of(sensor, values))
-    return solution(solve_rows(sensor, given, todo, asked, covariance, threads), shape)
+    rows = problem.Readings(values, sigmas_of(sensor, values))
+    return solution(solve_rows(sensor, rows, todo, asked, covariance, threads), shape)
 
 
 def sigmas_of(sensor: Sensor, values: Floats) -> Floats:

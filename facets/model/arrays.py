@@ -190,11 +190,17 @@ def varied(sensor: Sensor) -> NDArray[np.complex128]:
     return np.array(copies, dtype=complex)
 
 
+def as_vectors(values: ArrayLike, width: int, what: str) -> Floats:
+    """Numbers as an (..., width) array."""
+    array = as_floats(values, what)
+    if array.shape[-1:] != (width,):
+        raise InputError(f"{what} has shape {array.shape}; needed: (..., {width})")
+    return array
+
+
 def as_rows(values: ArrayLike, width: int, what: str) -> tuple[Floats, tuple[int, ...]]:
     """An (..., width) array as (n, width) rows, and the leading shape to give back."""
-    array = as_floats(values, what)
-    if array.ndim == 0 or array.shape[-1] != width:
-        raise InputError(f"{what} has shape {array.shape}; needed: (..., {width})")
+    array = as_vectors(values, width, what)
     return np.ascontiguousarray(array).reshape(-1, width), array.shape[:-1]
 
 

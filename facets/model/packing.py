@@ -13,6 +13,8 @@ from . import rare
 
 #: A sensor's vectors, for their arrangement alone.
 EXAMPLE = geometry((1.0,) * 30)
+#: The address of `rare.TABLE`, as a float.
+HERE = rare.ADDRESS.item()
 #: How many numbers `pack` makes of a sensor, before the address.
 PACKED = len(list(leaves(EXAMPLE)))
 #: The arrangement where nothing cuts the light and rays are parallel, and where rays are parallel.
@@ -34,7 +36,7 @@ def is_of_this_process(packed: np.ndarray) -> bool:
 
     As a float an address is a very small number, never NaN.
     """
-    return bool(packed[-1] == rare.ADDRESS[0])
+    return packed.item(-1) == HERE  # type: ignore[no-any-return]
 
 
 def vectors_at(writer: Any, pointer: Any, example: Any) -> Any:

@@ -29,11 +29,11 @@ class Pool(Generic[T]):
     def __init__(self, make: Callable[[], T]) -> None:
         self._make = make
         self._idle: list[T] = []
-        self.put_back = self._idle.append
+        self.put_back, self._take = self._idle.append, self._idle.pop
 
     def take(self) -> T:
         try:
-            return self._idle.pop()
+            return self._take()
         except IndexError:
             return self._make()
 
