@@ -75,9 +75,15 @@ def exactly(x: Any) -> Fraction:
 
 
 def slope_of_powers(rig: Rig, content: dict[str, Any]) -> Any:
-    """By what Eq. (11) is larger than the determinant of the 6 x 6 Jacobian, or more."""
+    """By what Eq. (11) is larger than the determinant of the 6 x 6 Jacobian, or more.
+
+    It is d(power_a, power_b) / d(bx, by), the powers being those of q = across . (t - b) / sigma.
+    So q turns with b by the parts of the two vectors across the beam that lie in the plane of x and
+    y, whose determinant is the vertical part of their cross product: of the beam's direction. A
+    beam that leans moves less across itself than its place does in the plane.
+    """
     least = arb(content["light"]["slope"][0]) * rig.power.lower() ** 2
-    return least / (rig.sigma[0] * rig.sigma[1])
+    return least * rig.down[2].abs_lower() / (rig.sigma[0] * rig.sigma[1])
 
 
 def check_pieces(rig: Rig, content: dict[str, Any], found: Finding) -> list[Jacobian]:
