@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import floor, log10
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
+from fractions import Fraction
+from math import inf, isfinite, nextafter
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -36,6 +38,12 @@ class Claim:
     whole_range: bool
     tolerances: Tolerances | None
     weakest: Floats | None
+
+    @property
+    def largest_power(self) -> float:
+        """Of the laser, mW."""
+        power = self.settings.sensor.beam.power
+        return power if self.off is None else power + self.off[0]
 
     @property
     def off(self) -> tuple[float, ...] | None:
@@ -175,24 +183,60 @@ def reach_file(file: Path) -> Path:
     return file.with_name(f"{file.stem}-reach{file.suffix}")
 
 
-def rounded_down(value: float, digits: int = 3) -> str:
-    """A bound from below, of so many digits, that stays one."""
-    if not value > 0:
-        return "0"
-    place = floor(log10(value)) - digits + 1
-    return f"{floor(value / 10.0**place * (1 - 1e-12)) * 10.0**place:.{digits}g}"
+def rounded_down(value: float | Fraction, digits: int = 3, per_unit: int = 1) -> str:
+    """A bound from below, in units of which `per_unit` are one of the value's."""
+    return rounded(value, ROUND_FLOOR, digits, per_unit)
+
+
+def rounded_up(value: float | Fraction, digits: int = 3, per_unit: int = 1) -> str:
+    """A bound from above, in units of which `per_unit` are one of the value's."""
+    return rounded(value, ROUND_CEILING, digits, per_unit)
+
+
+def rounded(value: float | Fraction, towards: str, digits: int, per_unit: int) -> str:
+    """A number of a statement of proof, rounded in one step: all of them are printed by this, so
+    that what is proved of the certificate's number is true of the printed one."""
+    if not isfinite(value):
+        return f"{value:g}"
+    exact = Fraction(value) * per_unit
+    context = Context(prec=digits, rounding=towards)
+    number = context.divide(Decimal(exact.numerator), Decimal(exact.denominator))
+    return f"{float(number):.{digits}g}"
+
+
+def light_text(share: float, largest_power: float) -> str:
+    """The least light of a set of states; largest_power: of the laser, mW.
+
+    The proof is about the share. Of a brighter laser than `largest_power` as much light is a
+    smaller share, which is why the light in uW is stated with it.
+    """
+    power = nextafter(largest_power, inf)  # as a float 0.3 is a little less than 0.3
+    light = Fraction(share) * Fraction(power)
+    return (
+        f"at least {rounded_up(share, 4, 100)} % of the light on each detector"
+        f" ({rounded_up(light, 4, 1000)} µW of a laser of {rounded_down(power, 4)} mW or less)"
+    )
+
+
+def box_lines(low: Floats, high: Floats) -> list[str]:
+    """The box of poses, its ends rounded inwards."""
+    from facets.characterization.state_box import COLUMNS, UNITS
+
+    lines = []
+    for name, unit, a, b in zip(COLUMNS, UNITS, low[:6], high[:6], strict=False):
+        per_unit = round(1 / unit)
+        ends = f"{rounded_up(a, 4, per_unit):>10} to {rounded_down(b, 4, per_unit)}"
+        lines.append(f"  {name:<12} {ends}")
+    return lines
 
 
 def describe_set(claim: Claim, found: Certificate, cover: RangeCover | None) -> list[str]:
     """Which states the certificate is about, and what it takes for granted."""
-    from facets.characterization.state_box import COLUMNS, UNITS
     from facets.core.sensor import Imperfections
 
-    power = 1000 * found.share * claim.settings.sensor.beam.power
-    lines = [f"taken: every state with at least {power:.4g} µW on each detector and its pose in"]
-    for name, unit, low, high in zip(COLUMNS, UNITS, found.box.low, found.box.high, strict=True):
-        if not name.startswith("offset"):
-            lines.append(f"  {name:<12} {low / unit:10.4g} to {high / unit:.4g}")
+    light = light_text(found.share, claim.largest_power)
+    lines = [f"taken: every state with {light}\n  and its pose in"]
+    lines += box_lines(found.box.low, found.box.high)
     lines += describe_range(claim, cover)
     lines.append(
         "  of the model that poses are solved with: collimated light, flat facets, no other light\n"
@@ -217,11 +261,12 @@ def describe_set(claim: Claim, found: Certificate, cover: RangeCover | None) -> 
 
 def describe_range(claim: Claim, cover: RangeCover | None) -> list[str]:
     if cover is not None:
-        x, y, z, roll, pitch, yaw = cover.farthest
+        lengths = ", ".join(rounded_down(far) for far in cover.farthest[:3])
+        angles = ", ".join(rounded_down(far, 3, 1000) for far in cover.farthest[3:])
         return [
-            "  which holds, proved by intervals, every pose that keeps the rules of the range for\n"
-            f"  any place of the beam, of those within {x:g}, {y:g}, {z:g} mm and"
-            f" {1e3 * roll:g}, {1e3 * pitch:g}, {1e3 * yaw:g} mrad"
+            "  The certificate's box, whose ends are rounded inwards here, holds every pose that keeps\n"
+            "  the rules of the range, for any place of the beam and any power up to that, of those\n"
+            f"  within {lengths} mm and {angles} mrad; this is proved by intervals."
         ]
     if claim.whole_range:
         return [
@@ -253,7 +298,7 @@ def verdict(found: Certificate, pair: PairSearch | None) -> list[str]:
         return lines
     if found.regular:
         lines.append("not proved: that no two of them have the same readings: the inequality fails,"
-                     f" its margin being {found.margin:.3g}")  # fmt: skip
+                     f" its margin being {rounded_down(found.margin)}")  # fmt: skip
     else:
         lines.append(f"not proved: {found.reason or 'some pieces were not done in the time given'}")
         lines += [f"  not proved in {piece_text(piece)}" for piece in found.doubtful[:3]]
@@ -282,9 +327,11 @@ def describe_pair(pair: PairSearch | None) -> list[str]:
 
 
 def piece_text(piece: Piece) -> str:
+    """Where nothing is proved, its ends rounded outwards."""
     from facets.characterization.state_box import COLUMNS, UNITS
 
-    return ", ".join(
-        f"{name} {low / unit:.4g} to {high / unit:.4g}"
-        for name, unit, low, high in zip(COLUMNS, UNITS, piece.low, piece.high, strict=False)
-    )
+    sides = []
+    for name, unit, low, high in zip(COLUMNS, UNITS, piece.low, piece.high, strict=False):
+        per_unit = round(1 / unit)
+        sides.append(f"{name} {rounded_down(low, 4, per_unit)} to {rounded_up(high, 4, per_unit)}")
+    return ", ".join(sides)

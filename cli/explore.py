@@ -225,7 +225,8 @@ def proof_margins(space: Space, table: dict[str, Any], work: int) -> Floats:
     ]
     proved = int(np.isfinite(margins).sum())
     typer.echo(f"of the front's {len(margins)} designs, {proved} are proved: readings determine"
-               " states within the ranges of their axes (proof_margin)")  # fmt: skip
+               " states within the ranges of their axes and with the least light of the rules of"
+               " `range` on each detector (proof_margin)")  # fmt: skip
     return np.array(margins)
 
 

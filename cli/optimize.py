@@ -326,21 +326,27 @@ def prove(better: Config, work: int) -> str:
     """In words, whether readings are proved to determine states, within so much work."""
     from facets.proof.designs import certify_design
 
-    from .certificates import rounded_down
+    from .certificates import light_text, rounded_down
 
     if not work:
         return "not looked for: whether readings determine states (--certify)"
     found = certify_design(better.sensor, better.range, work)
     if isinstance(found, str):
         return f"not proved that readings determine states: {found}"
+    if not found.share:
+        return f"not proved that readings determine states: {found.reason}"
+    states = (
+        "states within the ranges of the axes and with"
+        f" {light_text(found.share, better.sensor.beam.power)}"
+    )
     if found.unique:
         return (
-            "proved: within the ranges of its axes no two states have the same readings; margin"
-            f" {rounded_down(found.margin)} or more, of 1 ({found.seconds:.1f} s)"
+            f"proved: no two {states} have the same readings; margin {rounded_down(found.margin)}"
+            f" or more, of 1 ({found.seconds:.1f} s)"
         )
     return (
-        "not proved that readings determine states within the ranges of its axes, in the work"
-        f" allowed: {found.reason or 'the inequality fails'} ({found.seconds:.1f} s);\n"
+        f"not proved that readings determine {states}, in the work allowed:"
+        f" {found.reason or 'the inequality fails'} ({found.seconds:.1f} s);\n"
         "`facets jacobian --certify` says more"
     )
 

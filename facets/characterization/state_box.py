@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
@@ -102,6 +103,14 @@ def parse_box(text: str) -> StateBox:
             raise InputError(
                 f"--box has {part.strip()!r}; allowed: up to {most / UNITS[number]:.5g} either way"
             )
-        first, last = (-ends[0], ends[0]) if len(ends) == 1 else ends
-        low[number], high[number] = first * UNITS[number], last * UNITS[number]
+        exact = [Fraction(end.strip()) / round(1 / UNITS[number]) for end in value.split(":")]
+        first, last = (-exact[0], exact[0]) if len(exact) == 1 else exact
+        low[number], high[number] = 0.0 - float_above(-first), float_above(last)
     return StateBox(low, high)
+
+
+def float_above(exact: Fraction) -> float:
+    """The least float that is not below a number: a proof for a box of such ends is one for all
+    that was asked for."""
+    nearest = float(exact)
+    return nearest if nearest >= exact else float(np.nextafter(nearest, np.inf))

@@ -43,7 +43,8 @@ from .spot_jacobian import (
 )
 
 #: How far poses are looked for, mm and rad: past any range that a sensor of this kind can have.
-FARTHEST = (30.0, 30.0, 30.0, 0.3, 0.3, 0.5)
+#: The float 0.3 is less than 0.3; what is said to be looked at is rounded down.
+FARTHEST = (30.0, 30.0, 30.0, 0.3 + 1e-12, 0.3 + 1e-12, 0.5)
 #: The box aimed at is larger than what a straight sensor would need by this.
 SLACK = 1.06
 #: A box within so many times that one is not cut any further.
