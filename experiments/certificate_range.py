@@ -7,6 +7,7 @@ of certificate_optics.py; docs/uniqueness.md, Eq. (6), says why that proves it.
 
 from __future__ import annotations
 
+from decimal import ROUND_FLOOR, Context, Decimal
 from fractions import Fraction
 from typing import Any
 
@@ -29,6 +30,8 @@ from .certificate_schema import Refused, refuse_unless
 MOST, KEPT = 60_000, 0.8
 #: A part less than so much of the box in every axis that still may hold poses is the end.
 SMALLEST = 0.2
+#: A pose beside the box is so many times nearer to it than to the farthest.
+BESIDE = 1000
 #: Into how many parts a facet's angle is cut to bound the points on it.
 PARTS = 6
 #: Half the beam's 1/e^2 diameter, sigmas.
@@ -47,6 +50,8 @@ def check_range(rig: Rig, content: dict[str, Any]) -> tuple[list[str], list[str]
     unverified = check_rules(content)
     claim = content["range"]
     box = [(arb(a), arb(b)) for a, b in zip(content["low"], content["high"], strict=True)]
+    for part in poses_beyond(box, claim["farthest"]):
+        smaller_parts(rig, content, part, box)  # refuses a pose that it cannot rule out
     parts = 0
     todo = [[(-arb(x), arb(x)) for x in claim["farthest"]]]
     while todo:
@@ -57,9 +62,32 @@ def check_range(rig: Rig, content: dict[str, Any]) -> tuple[list[str], list[str]
         refuse_unless(parts <= MOST, f"that the box holds the range takes more than {MOST} parts:"
                       f" not found near {[float(a.mid()) for a, _ in part]}")  # fmt: skip
         todo += smaller_parts(rig, content, part, box)
-    x, y, z, *angles = claim["farthest"]
-    far = f"{x:g}, {y:g}, {z:g} mm and " + ", ".join(f"{1e3 * a:g}" for a in angles) + " mrad"
+    x, y, z, *angles = map(Fraction, claim["farthest"])
+    lengths = ", ".join(map(three_digits, (x, y, z)))
+    far = f"{lengths} mm and {', '.join(three_digits(1000 * a) for a in angles)} mrad"
     return [f"the box holds every pose of the range, of those within {far}"], unverified
+
+
+def three_digits(value: Fraction) -> str:
+    """A length that is looked among, rounded down."""
+    context = Context(prec=3, rounding=ROUND_FLOOR)
+    return f"{float(context.divide(Decimal(value.numerator), Decimal(value.denominator))):g}"
+
+
+def poses_beyond(box: Sides, farthest: list[float]) -> list[Sides]:
+    """A pose just beyond the middle of each face of the box: most false claims show there at once.
+
+    Raises `Refused` where nothing beyond the box is looked at, so that a box of any size would do.
+    """
+    middle = [((a + b) / 2).mid() for a, b in box]
+    poses = []
+    for axis, ((low, high), far) in enumerate(zip(box, map(arb, farthest), strict=True)):
+        refuse_unless(-far < low and high < far, "range: farthest does not reach beyond the box on"
+                      f" every side; axis {axis + 1} of tx, ty, tz, roll, pitch, yaw")  # fmt: skip
+        for end, beyond in ((low, -far), (high, far)):
+            place = (end + (beyond - end) / BESIDE).mid()
+            poses.append([(x, x) for x in (*middle[:axis], place, *middle[axis + 1 :])])
+    return poses
 
 
 def smaller_parts(rig: Rig, content: dict[str, Any], part: Sides, box: Sides) -> list[Sides]:

@@ -241,14 +241,22 @@ def check_configuration(content: dict[str, Any], found: Finding) -> None:
     refuse_unless(same, "the parameters are not those of the configuration's sensor")
     for block in ("apertures", "light"):
         given = resolved["sensor"].get(block) or {}
-        plain = all(is_off(value) for name, value in given.items() if name != "delays_us")
+        plain = all(is_off(name, value) for name, value in given.items() if name not in HARMLESS)
         refuse_unless(plain, f"sensor.{block} changes the light, which the theorem does not know")
 
 
-def is_off(value: Any) -> bool:
+#: Keys that are off where they are null: an aperture or a rim of no size lets no light pass.
+OFF_IF_NULL = ("beam_ratio", "rim_mm", "wavelength_nm", "index")
+#: Keys that change no reading of a state: when it is taken; the polarization, without an index.
+HARMLESS = ("delays_us", "polarization_deg")
+
+
+def is_off(name: str, value: Any) -> bool:
     """Whether a key of the light or of apertures takes nothing away and adds nothing."""
+    if name in OFF_IF_NULL:
+        return value is None
     if isinstance(value, list):
-        return all(is_off(part) for part in value)
+        return all(is_off(name, part) for part in value)
     return value is None or value is False or value == 0
 
 

@@ -1,6 +1,9 @@
 """Is anything proved that is not so? Random sensors up to singular ones, against a search.
 
-`python -m facets.experiments.false_proofs [SENSORS [SEED]]` writes one line a sensor and the sum.
+`python -m facets.experiments.false_proofs [SENSORS [SEED]]` writes one line a sensor and the sum;
+with `--leaning` the sensors have beams that lean, of elliptic and turned section, and boxes that
+stand elsewhere, and the bounds of `check_certificate` are put to the test as well: those of the
+certificate, and of one that claims as much light as the search finds.
 
 The search shares no code with the package: it has its own forward model, rays through centroids
 that are integrated by Gauss and Legendre, and its own derivatives, by differences. It breaks a
@@ -9,10 +12,14 @@ proof if it finds a determinant below the bound, or two states of the set that r
 
 from __future__ import annotations
 
+import json
 import sys
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +31,18 @@ from facets.config import load
 from facets.core.sensor import Sensor
 from facets.core.units import Floats
 from facets.model.arrays import parameters, sensor_with
+from facets.proof.certificate import write_certificate
 from facets.proof.uniqueness import Certificate, certify
+
+from .certificate_schema import Refused
+from .check_certificate import check
 
 #: Pieces that a proof may look at.
 WORK = 400
 #: States that are sampled, pairs that are searched, steps of the search.
 SAMPLES, PAIRS, STEPS = 4000, 300, 30
+#: Of a small set, in which few states have the light.
+MORE_SAMPLES = 40_000
 #: Steps of the differences, mm and rad, and where readings are the same and states are not.
 STEP = np.array([1e-4] * 3 + [1e-6] * 3 + [1e-4] * 2)
 SAME, APART = 1e-9, 1e-5
@@ -146,11 +159,30 @@ def random_cases(count: int, seed: int) -> list[Case]:
     return cases
 
 
+def leaning_cases(count: int, seed: int) -> list[Case]:
+    """The paper's sensor with beams that lean by up to 0.6 rad about each axis, of any section."""
+    rng = np.random.default_rng(seed)
+    paper = load("paper").sensor
+    cases = []
+    for _ in range(count):
+        values = np.array(parameters(paper))
+        values[1:3] *= rng.uniform(0.5, 2.0, 2)
+        values[3] = rng.uniform(-np.pi, np.pi)
+        values[4:6] = rng.uniform(-0.6, 0.6, 2)
+        middle = rng.uniform(-1, 1, 6) * np.array([5, 5, 5, 0.01, 0.01, 0.02])
+        half = rng.uniform(0, 0.1) * np.array([1, 0, 1, 0, 0, 0.01])
+        box = box_of_poses(middle - half, middle + half)
+        cases.append(Case(sensor_with(paper, values.tolist()), box, rng.uniform(0.28, 0.32)))
+    return cases
+
+
 def states_of(case: Case, model: Model, count: int, rng: np.random.Generator) -> Floats:
-    """States of the set."""
+    """States of the set: the beam goes by the apex within some sigmas across itself."""
     pose = rng.uniform(case.box.low[:6], case.box.high[:6], (count, 6))
     offset = rng.uniform(-1.5, 1.5, (count, 2)) * model.sigma
-    states = np.column_stack([pose, pose[:, :2] - offset])
+    through = pose[:, :3] - offset @ model.frame
+    place = through - through[:, 2:] / model.down[2] * model.down
+    states = np.column_stack([pose, place[:, :2]])
     lit = model(states)[:, 2::3].min(axis=1) >= case.share * model.power
     kept: Floats = states[lit]
     return kept
@@ -169,6 +201,25 @@ def broken_bound(case: Case, model: Model, found: Certificate, rng: np.random.Ge
     states = states_of(case, model, SAMPLES, rng)
     sizes = np.abs(np.linalg.det(model.slopes(states)[:, :8]))
     return bool((sizes < found.at_least * (1 - 1e-6)).any())
+
+
+def broken_check(case: Case, model: Model, found: Certificate, rng: np.random.Generator) -> bool:
+    """Whether a state has a smaller determinant than the checker finds, of the certificate or of
+    one whose bound of the powers' slope is as large as any that holds."""
+    states = states_of(case, model, MORE_SAMPLES, rng)
+    slopes = model.slopes(states)
+    least = np.abs(np.linalg.det(slopes[:, :8])).min()
+    moved = np.linalg.det(slopes[:, [2, 5], 6:]) * model.sigma.prod() / model.power**2
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "certificate.json"
+        write_certificate(path, case.sensor, found, {"config": "leaning"})
+        content = json.loads(path.read_text())
+        bounds = [check(path).determinant]
+        content["light"]["slope"][0] = 0.99 * float(np.abs(moved / model.down[2]).min())
+        path.write_text(json.dumps(content))
+        with suppress(Refused):
+            bounds.append(check(path).determinant)
+    return any(float(bound) > least * (1 + 1e-6) for bound in bounds)
 
 
 def broken_uniqueness(case: Case, model: Model, rng: np.random.Generator) -> bool:
@@ -196,14 +247,13 @@ def broken_uniqueness(case: Case, model: Model, rng: np.random.Generator) -> boo
     return bool((same & apart & inside(case, model, other) & inside(case, model, one)).any())
 
 
-def decide(case: Case, rng: np.random.Generator) -> tuple[str, bool]:
-    """The outcome, and whether the search breaks it."""
+def decide(case: Case, rng: np.random.Generator, checked: bool = False) -> tuple[str, bool]:
+    """The outcome, and whether the search breaks it.  checked: whether to ask the checker, too."""
     model = Model(parameters(case.sensor))
     found = certify(case.sensor, case.box, case.share, work=WORK)
     if found.unique:
-        return "unique", broken_bound(case, model, found, rng) or broken_uniqueness(
-            case, model, rng
-        )
+        broken = broken_bound(case, model, found, rng) or broken_uniqueness(case, model, rng)
+        return "unique", broken or (checked and broken_check(case, model, found, rng))
     states = states_of(case, model, SAMPLES, rng)
     if len(states):
         values = measures(case.sensor, states)[:, 1]
@@ -216,12 +266,15 @@ def decide(case: Case, rng: np.random.Generator) -> tuple[str, bool]:
 
 
 @np.errstate(all="ignore")  # a search may step to where there is no light: NaN, and no pair
-def study(count: int, seed: int, tell: Callable[[str], None] = lambda _: None) -> Counter[str]:
+def study(
+    count: int, seed: int, tell: Callable[[str], None] = lambda _: None, leaning: bool = False
+) -> Counter[str]:
     """How many are decided how; "broken" counts the proofs that the search breaks."""
     rng = np.random.default_rng(seed + 1)
     counts: Counter[str] = Counter()
-    for number, case in enumerate(random_cases(count, seed)):
-        outcome, broken = decide(case, rng)
+    cases = leaning_cases(count, seed) if leaning else random_cases(count, seed)
+    for number, case in enumerate(cases):
+        outcome, broken = decide(case, rng, leaning)
         counts[outcome] += 1
         counts["broken"] += broken
         tell(f"{number} {outcome}{' BROKEN' if broken else ''}")
@@ -230,8 +283,10 @@ def study(count: int, seed: int, tell: Callable[[str], None] = lambda _: None) -
 
 def main(arguments: list[str]) -> int:
     """1 where a proof was broken."""
-    count, seed = [*map(int, arguments), *(200, 1)[len(arguments) :]]
-    sums = study(count, seed, lambda line: print(line, flush=True))
+    numbers = [int(text) for text in arguments if text != "--leaning"]
+    count, seed = [*numbers, *(200, 1)[len(numbers) :]]
+    leaning = "--leaning" in arguments
+    sums = study(count, seed, lambda line: print(line, flush=True), leaning)
     print(", ".join(f"{name} {number}" for name, number in sums.items()))
     return 1 if sums["broken"] else 0
 
