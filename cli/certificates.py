@@ -264,9 +264,9 @@ def describe_range(claim: Claim, cover: RangeCover | None) -> list[str]:
         lengths = ", ".join(rounded_down(far) for far in cover.farthest[:3])
         angles = ", ".join(rounded_down(far, 3, 1000) for far in cover.farthest[3:])
         return [
-            "  The certificate's box, whose ends are rounded inwards here, holds every pose that keeps\n"
-            "  the rules of the range, for any place of the beam and any power up to that, of those\n"
-            f"  within {lengths} mm and {angles} mrad; this is proved by intervals."
+            "  The certificate's box, whose ends are rounded inwards here, holds every pose that\n"
+            "  keeps the rules of the range, for any place of the beam and any power up to that,\n"
+            f"  of those within {lengths} mm and {angles} mrad; this is proved by intervals."
         ]
     if claim.whole_range:
         return [

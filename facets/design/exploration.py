@@ -50,6 +50,7 @@ from ..files.tables import Whole, write_table
 from ..model.arrays import margins, readings
 from ..model.threads import cores
 from .electronics import FULL
+from .requirement import Requirement, margins_of, worst_places_of
 from .variables import sensor_of
 from .volume import states_of
 
@@ -215,19 +216,16 @@ def saturates(sensor: Sensor, states: Floats) -> bool:
 
 
 def meets(sensor: Sensor, layout: Layout, states: Floats) -> bool:
-    """Whether all that the layout asks for holds over the volume's states."""
+    """Whether all that the layout asks for holds over the volume, of which these are states."""
     if 2 * max(psd.radius for psd in sensor.psds) > layout.head:
-        return False
-    if not whole_on_detectors(sensor, states):
-        return False
-    if not readings(sensor, states)[:, 2::3].min() > layout.least_power:
         return False
     if saturates(sensor, states):
         return False
-    if np.isinf(layout.limit).all():
-        return True
-    sigma = uncertainties(sensor, states, Estimator("", np.inf)) * FINE
-    return bool((sigma <= layout.limit).all())
+    asked = Requirement(layout, states, rim=bool(np.isfinite(sensor.apertures.rim)))
+    if not margins_of(asked, sensor).min() > 0:
+        return False
+    between = replace(asked, states=worst_places_of(asked, sensor))
+    return not len(between.states) or bool(margins_of(between, sensor).min() > 0)
 
 
 def looked_at(

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..core.units import Floats
 from .exploration import MEASURES, NO_RIVALS, Space, front, looked_at
-from .search import active_constraints, pressing, solve
+from .search import active_constraints, pressing, settled, solve
 from .trade import Trade, trade_of
 
 #: Starts for the least of each objective; and every which point is looked for from elsewhere, too.
@@ -85,8 +85,8 @@ class Walk:
         problem = replace(trade.problem, aims={trade.objectives[objective]: 1.0})
         low, high = trade.bounds(most)
         guess, known = (start.unknowns, start.rows) if isinstance(start, End) else (start, None)
-        found, rows = solve(problem, guess, low, high, known=known, steps=STEPS)
-        unknowns = problem.with_slacks(found.x, spare=1.0)
+        problem, rows, found = solve(problem, guess, low, high, known=known, steps=STEPS)
+        problem, unknowns = settled(problem, found.x)
         costs = trade.costs(unknowns)
         kept = problem.values(unknowns).min() > -1e-7
         if not found.success or not kept or not (costs <= most + BETTER).all():

@@ -12,7 +12,7 @@ tape at one state; the search holds only those that matter (`search`).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ from ..core.units import Floats
 from ..optics.forward import geometry
 from .tape import Tape, tape_of
 from .variables import GAIN, Outcome, gain_of, heads_of, outcome_of, rim_clearances, with_values
-from .volume import states_of
+from .volume import span_of, states_of, worst_places
 
 if TYPE_CHECKING:
     from ..core.settings import Layout
@@ -35,6 +35,8 @@ EDGES = ("-y", "+y", "-z", "+z")
 #: What the slack of an aim, or the scale of the volume, starts from; for an aim that needs one.
 GUESS = {"resolution": 100.0, "condition": 10.0, "size": 100.0, "range": 0.3}
 Integers = NDArray[np.int64]
+#: By how much a constraint may be broken between the states that are asked.
+BROKEN = 1e-8
 
 
 class Wanted(NamedTuple):
@@ -70,6 +72,13 @@ class Rows:
         kept = (self.state[which], self.output[which], self.group[which], self.slack[which])
         return Rows(*kept, spare)
 
+    def joined(self, more: Rows) -> Rows:
+        """These and others; both have a spare or neither has."""
+        return Rows(*(
+            None if mine is None else np.concatenate([mine, getattr(more, name)])
+            for name, mine in vars(self).items()
+        ))  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -83,6 +92,9 @@ class Problem:
     states is an aim.  aims: how much each counts; `weighted` where they are added up.
     constant: what the parts' price adds to the objective.
     half: length over which clearances are told, mm.
+    span: (8, ...) a state of the volume is the shares of it times this; None where nothing is asked
+    over a volume.  inside: outputs that are asked all over it.  stated: how many of the states are
+    as stated, over which `averaged` is; others were added by `with_worst_places`.
     """
 
     sensor: Sensor
@@ -100,6 +112,9 @@ class Problem:
     weighted: bool
     constant: float = 0.0
     half: float = 1.0
+    span: Floats | None = None
+    inside: Integers = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    stated: int = 0
 
     @property
     def count(self) -> int:
@@ -140,6 +155,56 @@ class Problem:
         found = self.tape(unknowns[self.on_tape], self.states)[self.rows.state, self.rows.output, 0]
         values: Floats = found + np.where(self.rows.slack >= 0, unknowns[self.rows.slack], 0.0)
         return values if self.rows.spare is None else values - self.rows.spare
+
+    def with_worst_places(self, unknowns: Floats) -> Problem:
+        """The problem asked at more places of the volume: those between its states at which the
+        layout breaks a constraint by more than at these. Itself where there are none."""
+        if self.span is None or not self.span.any():
+            return self
+        first = np.array([int(np.argmax(self.rows.output == output)) for output in self.inside])
+        slack = self.rows.slack[first]
+        most = self.most_spare()
+        eased = np.where(slack >= 0, unknowns[slack], 0.0) - most
+        back = np.linalg.pinv(self.span)
+        shares = self.states @ back
+        within = np.isclose(shares @ self.span, self.states).all(axis=1)
+
+        def values(some: Floats) -> Floats:
+            found = self.tape(unknowns[self.on_tape], some @ self.span)[:, self.inside, 0]
+            margins: Floats = found + eased
+            return margins
+
+        wide = self.span.any(axis=1)
+        places, which = worst_places(values, shares[within], wide)
+        spare = self.spare_near(places, shares, self.inside[which])
+        left = values(places)[np.arange(len(places)), which] + most[which] - spare
+        broken = left < -BROKEN
+        if not broken.any():
+            return self
+        places, which = places[broken], which[broken]
+        states = np.arange(len(self.states), len(self.states) + len(places))
+        rows = self.rows.of(first[which])
+        more = replace(rows, state=states, spare=None if rows.spare is None else spare[broken])
+        return replace(self, states=np.concatenate([self.states, places @ self.span]),
+                       rows=self.rows.joined(more))  # fmt: skip
+
+    def most_spare(self) -> Floats:
+        """The most that each output that is asked over the volume must keep above zero."""
+        if self.rows.spare is None:
+            return np.zeros(len(self.inside))
+        spare = self.rows.spare
+        return np.array([spare[self.rows.output == output].max() for output in self.inside])
+
+    def spare_near(self, places: Floats, shares: Floats, outputs: Integers) -> Floats:
+        """What an output must keep above zero at a place: as at the nearest of the states."""
+        if self.rows.spare is None:
+            return np.zeros(len(places))
+        found = np.empty(len(places))
+        for n, (place, output) in enumerate(zip(places, outputs, strict=True)):
+            mine = np.flatnonzero(self.rows.output == output)
+            away = ((shares[self.rows.state[mine]] - place) ** 2).sum(axis=1)
+            found[n] = self.rows.spare[mine[away.argmin()]]
+        return found
 
     def at(self, unknowns: Floats, rows: Rows) -> tuple[Floats, Floats, Floats]:
         """Values (r,) of some rows, gradients (r, count) and Hessians (r, count, count)."""
@@ -183,7 +248,8 @@ class Problem:
     def cost(self, aim: str, unknowns: Floats) -> tuple[float, Floats, Floats]:
         """What one aim makes small, its gradient and its Hessian."""
         if aim == "mean-resolution":
-            found = self.tape(unknowns[self.on_tape], self.states, 2)[:, self.averaged]
+            states = self.states[: self.stated]
+            found = self.tape(unknowns[self.on_tape], states, 2)[:, self.averaged]
             mean = found.mean(axis=(0, 1))[None]
             value, gradient, hessian = self.expanded(mean)
             return float(value[0]), gradient[0], hessian[0]
@@ -298,7 +364,16 @@ def problem_of(sensor: Sensor, layout: Layout, constant: float = 0.0) -> Problem
         np.arange(len(wanted), len(wanted) + len(means)),
         {aim: weight for aim, weight in layout.aims.items() if aim != "price"},
         layout.aim == "weighted", constant, half_of(sizes),
+        span_of(layout), asked_at(wanted, len(states) - 1), len(states),
     )  # fmt: skip
+
+
+def asked_at(wanted: list[Wanted], state: int) -> Integers:
+    """Outputs that are asked at a state."""
+    return np.array([
+        output for output, each in enumerate(wanted)
+        if each.states is None or state in each.states
+    ], dtype=np.int64)  # fmt: skip
 
 
 def known_to_tape(names: list[str], extras: list[str]) -> Integers:

@@ -12,7 +12,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from .problem import problem_of
 from .search import solve_from
-from .volume import states_of
+from .volume import with_worst_states
 
 if TYPE_CHECKING:
     from ..core.settings import Layout
@@ -67,7 +67,9 @@ def worst_over(sensor: Sensor, layout: Layout) -> Floats:
     """The largest standard uncertainties (6,) over the volume, um and urad, by the float model."""
     from ..characterization.resolution import Estimator, uncertainties
 
-    states = np.array(states_of(layout, 1.0), dtype=float)
-    found = uncertainties(sensor, states, Estimator("", np.inf))
-    worst: Floats = found.max(axis=0) / np.array(FINE_UNITS[:6])
+    def fineness(states: Floats) -> Floats:
+        found: Floats = -uncertainties(sensor, states, Estimator("", np.inf))
+        return found / np.array(FINE_UNITS[:6])
+
+    worst: Floats = -fineness(with_worst_states(layout, fineness)).min(axis=0)
     return worst

@@ -7,7 +7,7 @@ its poses are off because the solver thinks of another head than this one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from ..detectors.correction import corrected, uncorrected
 from ..estimation.solver import solve
 from ..model.arrays import half_sizes, margins, readings
 from .problem import EDGES
-from .volume import states_of
+from .volume import shares_of_volume, span_of, states_of, wide_axes, worst_places
 
 if TYPE_CHECKING:
     from ..core.settings import Layout
@@ -68,10 +68,27 @@ class Requirement:
 
 
 def requirement_of(sensor: Sensor, layout: Layout, drifts: bool) -> Requirement:
-    """drifts: whether the laser's power is unknown in each sample."""
-    states = np.array([*states_of(layout, 1.0), [0.0] * 8], dtype=float)
+    """Asked at the volume's states, and where between them the sensor is nearest to a limit.
+
+    drifts: whether the laser's power is unknown in each sample.
+    """
     rim = bool(np.isfinite(sensor.apertures.rim))
-    return Requirement(layout, states, "unknown" if drifts else "known", rim)
+    power = "unknown" if drifts else "known"
+    asked = Requirement(layout, np.array(states_of(layout, 1.0)), power, rim)
+    between = worst_places_of(asked, sensor)
+    return replace(asked, states=np.concatenate([asked.states, between, np.zeros((1, 8))]))
+
+
+def worst_places_of(asked: Requirement, sensor: Sensor) -> Floats:
+    """States (k, 8) of the volume between those that are asked at which a margin is less."""
+    span, wide = span_of(asked.layout), wide_axes(asked.layout)
+
+    def values(shares: Floats) -> Floats:
+        return margins_of(replace(asked, states=shares @ span), sensor)
+
+    places, _ = worst_places(values, shares_of_volume(wide), wide)
+    found: Floats = places @ span
+    return found
 
 
 def margins_of(asked: Requirement, sensor: Sensor) -> Floats:

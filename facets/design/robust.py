@@ -120,7 +120,7 @@ def spare_of(problem: Problem, found: Expansion, factor: float) -> Floats:
     own = own_units(problem, built, spread)
     every = np.concatenate([own, np.zeros((len(own), 1))], axis=1)
     column = np.minimum(problem.rows.output, len(names))  # what follows is no requirement of heads
-    spare: Floats = every[problem.rows.state, column]
+    spare: Floats = every[problem.rows.state, column]  # heads are asked at the same states first
     return spare
 
 

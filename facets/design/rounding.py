@@ -12,7 +12,7 @@ import numpy as np
 
 from ..core.units import Floats
 from .problem import Problem
-from .search import SLACK, solve
+from .search import SLACK, settled, solve
 
 #: What can be set or made without effort, by the ending of a name, and of some names by itself.
 STEPS = {"mm": 0.1, "mrad": 1.0, "deg": 0.05, "mw": 0.01, "kohm": 1.0}
@@ -91,9 +91,9 @@ def held(
     low[n] = high[n] = guess[n] = share
     free = low[: len(problem.names)] < high[: len(problem.names)]
     if free.any() or "range" in problem.extras:
-        found, _ = solve(problem, problem.with_slacks(guess), low, high)
+        problem, _, found = solve(problem, problem.with_slacks(guess), low, high)
         guess = np.clip(found.x, low, high)
-    guess = problem.with_slacks(guess, spare=1.0)
+    problem, guess = settled(problem, guess)
     return guess if problem.values(guess).min() > -SLACK else None
 
 
@@ -103,8 +103,8 @@ def objective_of(problem: Problem, x: Floats, slack: float = SLACK) -> float:
     guess = problem.first_guess(x)
     low[: len(x)] = high[: len(x)] = guess[: len(x)]
     if "range" in problem.extras:
-        guess = solve(problem, guess, low, high)[0].x
-    guess = problem.with_slacks(guess, spare=1.0)
+        guess = solve(problem, guess, low, high).result.x
+    problem, guess = settled(problem, guess)
     if not problem.values(guess).min() > -slack:
         return float("nan")
     return problem.objective(guess)[0]

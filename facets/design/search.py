@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -215,6 +215,18 @@ def nearest(problem: Problem, values: Floats, most: int) -> NDArray[np.int64]:
     return np.concatenate(found)
 
 
+class Ending(NamedTuple):
+    """Where IPOPT ended.
+
+    problem: that was solved, with the places of the volume that were added.  rows: numbers of the
+    constraints that IPOPT was given.
+    """
+
+    problem: Problem
+    rows: NDArray[np.int64]
+    result: Result
+
+
 def solve(
     problem: Problem,
     guess: Floats,
@@ -223,9 +235,8 @@ def solve(
     elastic: bool = False,
     known: NDArray[np.int64] | None = None,
     steps: int = 300,
-) -> tuple[Result, NDArray[np.int64]]:
-    """Where IPOPT ends from a guess with all constraints, and the numbers of those that it was
-    given.
+) -> Ending:
+    """Where IPOPT ends from a guess with all constraints.
 
     known: numbers of rows that a neighbour's problem was solved with, whose end the guess is.
     steps: that IPOPT may take each time.
@@ -235,7 +246,7 @@ def solve(
     n, near = problem.count, known is not None
     rows = nearest(problem, problem.values(guess[:n]), NEAREST)
     if known is not None:
-        rows = np.union1d(rows, known)
+        rows = np.union1d(rows, known[known < len(problem.rows)])
     for _ in range(ROUNDS):
         held = Held(problem, problem.rows.of(rows), elastic)
         found = minimise(held, guess, low, high, near, steps)
@@ -245,13 +256,26 @@ def solve(
         broken = np.flatnonzero(~(values > -UNNOTICED))
         worst = nearest(problem, values, NEAREST)
         new = np.setdiff1d(np.intersect1d(worst, broken), rows)
-        if not found.success or not len(new):
-            return found, rows
+        if found.success and not len(new):  # is any broken between the states that are asked?
+            wider = problem.with_worst_places(found.x[:n])
+            new = np.arange(len(problem.rows), len(wider.rows))
+            problem = wider
+        if not len(new) or not found.success:
+            return Ending(problem, rows, found)
         rows = np.concatenate([rows, new])
         guess, near = found.x.copy(), True
         guess[:n] = problem.with_slacks(found.x[:n])
     held = Held(problem, problem.rows, elastic)
-    return minimise(held, guess, low, high, steps=steps), np.arange(len(problem.rows))
+    found = minimise(held, guess, low, high, steps=steps)
+    return Ending(problem, np.arange(len(problem.rows)), found)
+
+
+def settled(problem: Problem, unknowns: Floats) -> tuple[Problem, Floats]:
+    """The problem asked at the worst places of the volume, and the unknowns with the slacks that
+    these ask for."""
+    exact = problem.with_slacks(unknowns, spare=1.0)
+    wider = problem.with_worst_places(exact)
+    return wider, exact if wider is problem else wider.with_slacks(exact, spare=1.0)
 
 
 def pressing(problem: Problem, rows: NDArray[np.int64], found: Result) -> NDArray[np.int64]:
@@ -265,8 +289,8 @@ def solve_from(problem: Problem, start: Floats) -> StartResult:
     """Where a start (in the units of the variables' names) ends."""
     begin = time.perf_counter()
     guess, (low, high) = problem.first_guess(start), problem.bounds()
-    found, rows = solve(problem, guess, low, high)
-    exact = problem.with_slacks(found.x, spare=1.0)
+    problem, rows, found = solve(problem, guess, low, high)
+    problem, exact = settled(problem, found.x)
     values = problem.values(exact)
     return StartResult(
         start=start,
@@ -297,7 +321,7 @@ def shortfalls_of(problem: Problem, start: Floats) -> dict[str, float]:
     low, high = problem.bounds()
     count = len(problem.groups)
     guess = np.append(problem.first_guess(start), np.ones(count))
-    found, _ = solve(
+    _, _, found = solve(
         problem, guess, np.append(low, np.zeros(count)), np.append(high, np.full(count, np.inf)),
         elastic=True,
     )  # fmt: skip
@@ -316,9 +340,8 @@ def objective_at(problem: Problem) -> float:
     (low, high), count = problem.bounds(), len(problem.names)
     low[:count] = high[:count] = guess[:count]
     if "range" in problem.extras:
-        unknowns = solve(problem, guess, low, high)[0].x
-    else:
-        unknowns = problem.with_slacks(guess, spare=1.0)
+        guess = solve(problem, guess, low, high).result.x
+    problem, unknowns = settled(problem, guess)
     if not problem.values(unknowns).min() > -SLACK:
         return float("nan")
     return problem.objective(unknowns)[0]

@@ -19,7 +19,7 @@ from ..detectors.noise import power_floor
 from ..optics.forward import geometry
 from .exploration import FAR, MEASURES, NO_RIVALS, Space, looked_at
 from .footprint import edge_clearances, within_circle
-from .problem import EDGES, Problem, Wanted, headrooms, require_supported, rows_of
+from .problem import EDGES, Problem, Wanted, asked_at, headrooms, require_supported, rows_of
 from .tape import tape_of
 from .variables import (
     Outcome,
@@ -29,6 +29,7 @@ from .variables import (
     rim_clearances,
     with_values,
 )
+from .volume import span_of
 
 #: What can be traded: what has slopes.
 OBJECTIVES = ("head_mm", *FINE_COLUMNS[:6], *RANGE_COLUMNS)
@@ -115,6 +116,8 @@ def trade_of(space: Space) -> Trade:
         np.arange(count + len(ranges)), states, groups,
         rows_of(wanted, groups, objectives, count, len(states)),
         np.empty(0, dtype=np.int64), {}, False,
+        span=np.pad(span_of(space.layout), ((0, 0), (0, 8))) if space.required else None,
+        inside=asked_at(wanted, len(states) - 1),
     )  # fmt: skip
     signs = np.array([-1.0 if name in ranges else 1.0 for name in objectives])
     return Trade(space, problem, objectives, np.array(list(scales.values())), signs)

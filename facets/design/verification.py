@@ -22,7 +22,7 @@ from ..core.units import Floats
 from ..detectors.noise import add_noise
 from ..estimation.solver import solve
 from ..model.arrays import margins, readings
-from .volume import states_of
+from .volume import with_worst_states
 
 if TYPE_CHECKING:
     from ..core.settings import Layout
@@ -31,15 +31,22 @@ if TYPE_CHECKING:
 #: Noisy readings at the worst state of each axis, and random states of the volume.
 DRAWS, RANDOM = 5000, 4000
 FREE = Estimator("", np.inf)
+#: An uncertainty, or how far past an edge, of what can not be told.
+LOST = 1e9
 
 
-def volume(layout: Layout, rng: np.random.Generator) -> Floats:
-    """The states (n, 8) that the optimiser knows, and random ones between them."""
-    known = np.array(states_of(layout, 1.0), dtype=float)
-    drawn = rng.uniform(-1, 1, (RANDOM, 8)) * np.array(layout.volume)
-    if layout.following:
-        drawn[:, 6:] += drawn[:, :2]
-    return np.concatenate([known, drawn])
+def worst_states(sensor: Sensor, layout: Layout, rng: np.random.Generator) -> Floats:
+    """States (n, 8): those that the optimiser knows, random ones between them, and where a search
+    from the worst of all these ends."""
+
+    def values(states: Floats) -> Floats:
+        room = np.nan_to_num(margins(sensor, states)[:, :, :4].reshape(-1, 12), nan=-LOST)
+        fine = np.nan_to_num(uncertainties(sensor, states, FREE), nan=LOST)
+        powers = readings(sensor, states)[:, 2::3]
+        conditions = measures(sensor, states)[:, 2:3]
+        return np.concatenate([-fine, room, powers, -conditions], axis=1)
+
+    return with_worst_states(layout, values, rng.uniform(-1, 1, (RANDOM, 8)))
 
 
 def simulated(sensor: Sensor, states: Floats, rng: np.random.Generator) -> Floats:
@@ -56,7 +63,7 @@ def performance(
     sensor: Sensor, layout: Layout, rules: Rules, rng: np.random.Generator
 ) -> tuple[dict[str, float], Floats]:
     """What a sensor does, by name and unit, NaN where it can not; and its worst states (6, 8)."""
-    states = volume(layout, rng)
+    states = worst_states(sensor, layout, rng)
     sigma = uncertainties(sensor, states, FREE)
     found: dict[str, float] = {}
     worst = np.zeros(6, dtype=int)

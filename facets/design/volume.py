@@ -1,44 +1,128 @@
-"""The volume that a layout has to measure, as the states at which it is asked for."""
+"""The volume that a layout has to measure, as the states at which it is asked for.
+
+What is asked over the volume (uncertainties, clearances of spots, powers, the condition number) is
+worst at a corner nearly always, since each of them changes with the state nearly linearly. So all
+corners are states that are asked, 256 where the beam's place has a width too, and the middles of
+the faces and the centre besides. That is no theorem: a spot's height falls with the square of a
+roll, and an uncertainty has a least where the powers balance, so that the worst can lie between the
+corners, by thousandths of what changes over the volume. So where something is said of the whole
+volume, the places between are searched as well, from the worst states that were asked
+(`worst_places`).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.units import Floats
+from ..core.units import Booleans, Floats
 
 if TYPE_CHECKING:
     from ..core.settings import Layout
 
+#: A search between the corners begins with steps of this share of the volume's half width, and ends
+#: with the last of these; what is worst is flat there, so that it is found to a millionth.
+FIRST_STEP, LAST_STEP = 0.5, 1e-3
+#: From so many of the worst states of each value it begins.
+STARTS = 2
+#: A value whose least is further from zero than this share of its change over the states is not
+#: searched: it changes far less between the corners.
+NEAR = 0.2
+#: A value between the corners counts as worse where it is less by this share of that change.
+WORSE = 1e-9
 
-def shares_of_volume() -> Floats:
-    """Places in the volume, -1 to 1: corners of the pose and of the offset, faces, centre."""
-    corners = np.array(list(product((-1.0, 1.0), repeat=6)))
-    offsets = np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
-    with_offset = np.concatenate(
-        [
-            np.column_stack([corners, np.broadcast_to(o, (64, 2))])[n::4]
-            for n, o in enumerate(offsets)
-        ]
-    )
+
+def shares_of_volume(wide: Booleans | None = None) -> Floats:
+    """Places in the volume, -1 to 1: all corners, the middles of the faces, and the centre.
+
+    wide: (8,) the axes in which the volume has a width; the others stay at zero.
+    """
+    corners = np.array(list(product((-1.0, 1.0), repeat=8)))
     faces = np.concatenate([np.eye(8), -np.eye(8)])
-    return np.unique(np.concatenate([with_offset, faces, np.zeros((1, 8))]), axis=0)
+    shares = np.concatenate([corners, faces, np.zeros((1, 8))])
+    return np.unique(shares if wide is None else np.where(wide, shares, 0.0), axis=0)
+
+
+def wide_axes(layout: Layout) -> Booleans:
+    """(8,) the axes in which the volume has a width."""
+    return np.array(layout.volume) > 0
+
+
+def span_of(layout: Layout) -> Floats:
+    """(8, 8): a state is the shares of the volume times this."""
+    span = np.diag(np.array(layout.volume, dtype=float))
+    if layout.following:  # the last two are the beam's offset from the apex
+        span[0, 6], span[1, 7] = span[0, 0], span[1, 1]
+    return span
 
 
 def states_of(layout: Layout, scale: Any) -> list[Any]:
-    """States (8,) over the volume, `scale` times as large; mm and rad.
+    """States (8,) over the volume, `scale` times as large, a number or a symbol; mm and rad."""
+    states = shares_of_volume(wide_axes(layout)) @ span_of(layout)
+    return [[float(value) * scale for value in state] for state in states]
 
-    Symbols where `scale` is one; else each state once, although several places of the volume are
-    the same state where an axis has no width.
+
+def worst_places(
+    values: Callable[[Floats], Floats], shares: Floats, wide: Booleans, near: float = NEAR
+) -> tuple[Floats, Any]:
+    """Shares (k, 8) of the volume at which a value is less than at all those that are known, and
+    the numbers (k,) of these values.
+
+    values: of shares (n, 8), their margins (n, m), each of which should be large.  shares: those
+    that are known.  near: see `NEAR`; infinite to search all values.
     """
-    states = []
-    for share in shares_of_volume():
-        pose = [float(s * w) * scale for s, w in zip(share[:6], layout.volume[:6], strict=True)]
-        offset = [float(s * w) * scale for s, w in zip(share[6:], layout.volume[6:], strict=True)]
-        beam = [pose[0] + offset[0], pose[1] + offset[1]] if layout.following else offset
-        states.append([*pose, *beam])
-    if isinstance(scale, float):
-        return [list(row) for row in np.unique(np.array(states, dtype=float), axis=0)]
+    known = values(shares)
+    sound = np.isfinite(known).all(axis=0)
+    least, change = known.min(axis=0), np.ptp(np.where(sound, known, 0.0), axis=0)
+    numbers = np.flatnonzero(sound & (least < near * change))
+    if not len(numbers) or not wide.any():
+        return np.empty((0, 8)), numbers[:0]
+    order = np.argsort(known[:, numbers], axis=0, kind="stable")[:STARTS]
+    found = shares[order.T.ravel()]
+    which = np.repeat(numbers, len(order))
+    lowest = known[order.T.ravel(), which]
+    found, lowest = descend(values, found, which, lowest, wide)
+    best = np.array([np.flatnonzero(which == n)[lowest[which == n].argmin()] for n in numbers])
+    worse = lowest[best] < least[numbers] - WORSE * change[numbers]
+    return found[best[worse]], numbers[worse]
+
+
+def with_worst_states(
+    layout: Layout, values: Callable[[Floats], Floats], drawn: Floats | None = None
+) -> Floats:
+    """States (n, 8): those of `states_of`, some at drawn shares, and where between them any value
+    is least.
+
+    values: of states (n, 8), their margins (n, m), each of which should be large.
+    """
+    span, wide = span_of(layout), wide_axes(layout)
+    shares = shares_of_volume(wide)
+    if drawn is not None:
+        shares = np.concatenate([shares, np.where(wide, drawn, 0.0)])
+    places, _ = worst_places(lambda some: values(some @ span), shares, wide, np.inf)
+    states: Floats = np.concatenate([shares, places]) @ span
     return states
+
+
+def descend(
+    values: Callable[[Floats], Floats], places: Floats, which: Any, lowest: Floats, wide: Booleans
+) -> tuple[Floats, Floats]:
+    """The least of values `which` (k,) near places (k, 8), and where: along one axis at a time."""
+    places, lowest = places.copy(), lowest.copy()
+    sides = np.concatenate([np.eye(8)[wide], -np.eye(8)[wide]])
+    step = np.full(len(places), FIRST_STEP)
+    while (going := np.flatnonzero(step >= LAST_STEP)).size:
+        tried = np.clip(places[going, None] + step[going, None, None] * sides, -1.0, 1.0)
+        found = values(tried.reshape(-1, 8)).reshape(len(going), len(sides), -1)
+        own = np.take_along_axis(found, which[going, None, None], axis=2)[..., 0]
+        own = np.where(np.isnan(own), np.inf, own)
+        best = own.argmin(axis=1)
+        low = own[np.arange(len(going)), best]
+        better = low < lowest[going]
+        moved = going[better]
+        places[moved], lowest[moved] = tried[better, best[better]], low[better]
+        step[going[~better]] /= 2
+    return places, lowest

@@ -31,7 +31,9 @@ def test_a_design_is_proved_and_told():
     found = certify_design(config.sensor, config.range)
     assert found.unique
     assert proof_margin(config.sensor, config.range) == found.margin
-    assert prove(config, 400).startswith("proved: within the ranges of its axes")
+    told = prove(config, 400)
+    assert told.startswith("proved: no two states within the ranges of the axes and with at least")
+    assert "10.8 % of the light on each detector (32.4 µW of a laser of 0.3 mW or less)" in told
 
 
 @pytest.mark.slow
