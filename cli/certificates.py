@@ -235,14 +235,14 @@ def describe_set(claim: Claim, found: Certificate, cover: RangeCover | None) -> 
     from facets.core.sensor import Imperfections
 
     light = light_text(found.share, claim.largest_power)
-    lines = [f"taken: every state with {light}\n  and its pose in"]
+    lines = [f"taken: every state with {light}", "  and its pose in"]
     lines += box_lines(found.box.low, found.box.high)
     lines += describe_range(claim, cover)
     lines.append(
-        "  of the model that poses are solved with: collimated light, flat facets, no other light\n"
-        "  and nothing that cuts it; that every facet faces the beam and every sub-beam meets its\n"
-        "  detector's plane is part of what is proved; the laser's power may be known or not, the\n"
-        "  beam's place is free"
+        "  The model is the one that poses are solved with: collimated light, flat facets, no\n"
+        "  other light and nothing that cuts it. That every facet faces the beam and every\n"
+        "  sub-beam meets its detector's plane is part of what is proved. The laser's power may be\n"
+        "  known or not, and the beam may stand anywhere."
     )
     if claim.settings.sensor.imperfections != Imperfections():
         lines.append(
@@ -252,7 +252,7 @@ def describe_set(claim: Claim, found: Certificate, cover: RangeCover | None) -> 
         exact = ", ".join(claim.tolerances.exact) or "none"
         left_out = ", ".join(claim.tolerances.left_out) or "none"
         lines.append(
-            f"  and of every sensor within the tolerances of {claim.tolerances.source};\n"
+            f"  It is about every sensor within the tolerances of {claim.tolerances.source};\n"
             f"  taken as exact: {exact}\n  not allowed for: {left_out}"
         )
     lines.append(f"  {len(found.pieces)} pieces proved, {found.seconds:.1f} s")

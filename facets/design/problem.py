@@ -74,10 +74,16 @@ class Rows:
 
     def joined(self, more: Rows) -> Rows:
         """These and others; both have a spare or neither has."""
-        return Rows(*(
-            None if mine is None else np.concatenate([mine, getattr(more, name)])
-            for name, mine in vars(self).items()
-        ))  # fmt: skip
+        spare = None
+        if self.spare is not None and more.spare is not None:
+            spare = np.concatenate([self.spare, more.spare])
+        return Rows(
+            np.concatenate([self.state, more.state]),
+            np.concatenate([self.output, more.output]),
+            np.concatenate([self.group, more.group]),
+            np.concatenate([self.slack, more.slack]),
+            spare,
+        )
 
 
 @dataclass(frozen=True)
@@ -159,34 +165,37 @@ class Problem:
     def with_worst_places(self, unknowns: Floats) -> Problem:
         """The problem asked at more places of the volume: those between its states at which the
         layout breaks a constraint by more than at these. Itself where there are none."""
-        if self.span is None or not self.span.any():
+        span = self.span
+        if span is None or not span.any():
             return self
         first = np.array([int(np.argmax(self.rows.output == output)) for output in self.inside])
         slack = self.rows.slack[first]
         most = self.most_spare()
         eased = np.where(slack >= 0, unknowns[slack], 0.0) - most
-        back = np.linalg.pinv(self.span)
-        shares = self.states @ back
-        within = np.isclose(shares @ self.span, self.states).all(axis=1)
+        shares = self.states @ np.linalg.pinv(span)
+        within = np.isclose(shares @ span, self.states).all(axis=1)
 
         def values(some: Floats) -> Floats:
-            found = self.tape(unknowns[self.on_tape], some @ self.span)[:, self.inside, 0]
+            found = self.tape(unknowns[self.on_tape], some @ span)[:, self.inside, 0]
             margins: Floats = found + eased
             return margins
 
-        wide = self.span.any(axis=1)
-        places, which = worst_places(values, shares[within], wide)
+        places, which = worst_places(values, shares[within], np.asarray(span.any(axis=1)))
+        if not len(which):
+            return self
         spare = self.spare_near(places, shares, self.inside[which])
         left = values(places)[np.arange(len(places)), which] + most[which] - spare
         broken = left < -BROKEN
         if not broken.any():
             return self
-        places, which = places[broken], which[broken]
-        states = np.arange(len(self.states), len(self.states) + len(places))
-        rows = self.rows.of(first[which])
+        rows = self.rows.of(first[which[broken]])
+        states = np.arange(len(self.states), len(self.states) + len(rows))
         more = replace(rows, state=states, spare=None if rows.spare is None else spare[broken])
-        return replace(self, states=np.concatenate([self.states, places @ self.span]),
-                       rows=self.rows.joined(more))  # fmt: skip
+        return replace(
+            self,
+            states=np.concatenate([self.states, places[broken] @ span]),
+            rows=self.rows.joined(more),
+        )
 
     def most_spare(self) -> Floats:
         """The most that each output that is asked over the volume must keep above zero."""

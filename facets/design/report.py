@@ -68,8 +68,9 @@ def worst_over(sensor: Sensor, layout: Layout) -> Floats:
     from ..characterization.resolution import Estimator, uncertainties
 
     def fineness(states: Floats) -> Floats:
-        found: Floats = -uncertainties(sensor, states, Estimator("", np.inf))
-        return found / np.array(FINE_UNITS[:6])
+        sigma = uncertainties(sensor, states, Estimator("", np.inf))
+        fine: Floats = -sigma / np.array(FINE_UNITS[:6])
+        return fine
 
     worst: Floats = -fineness(with_worst_states(layout, fineness)).min(axis=0)
     return worst
