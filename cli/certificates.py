@@ -241,8 +241,8 @@ def describe_set(claim: Claim, found: Certificate, cover: RangeCover | None) -> 
     lines.append(
         "  The model is the one that poses are solved with: collimated light, flat facets, no\n"
         "  other light and nothing that cuts it. That every facet faces the beam and every\n"
-        "  sub-beam meets its detector's plane is part of what is proved. The laser's power may be\n"
-        "  known or not, and the beam may stand anywhere."
+        "  sub-beam meets its detector's plane is part of what is proved. The laser's power may\n"
+        "  be known or not, and the beam may stand anywhere."
     )
     if claim.settings.sensor.imperfections != Imperfections():
         lines.append(
