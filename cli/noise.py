@@ -7,22 +7,34 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .console import FINDING, with_progress
 from .options import Look, Style
 
 if TYPE_CHECKING:
-    from facets.characterization.noise_report import NoiseReport
+    from collections.abc import Callable
+
+    from facets.characterization.noise_report import Columns, NoiseReport
+    from facets.config import Config
 
 
 def noise(
-    recording: Annotated[Path, typer.Argument(help="Folder of a recording, the mirror at rest.")],
+    recording: Annotated[Path, typer.Argument(help="Folder of a recording of a mirror at rest.")],
     config: Annotated[
-        str | None, typer.Option(help="Solve by this one.  [default: the recording's own]")
+        str | None,
+        typer.Option(
+            help="Configuration to solve the recording with.  [default: the recording's own]"
+        ),
     ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder for noise.html and noise.csv.")
     ] = None,
     write: Annotated[
-        Path | None, typer.Option("--write", help="The configuration with the noise found: YAML.")
+        Path | None,
+        typer.Option(
+            "--write",
+            help="YAML file for a configuration with the noise found. Refused for a recording "
+            "whose mirror was not at rest.",
+        ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace older files.")] = False,
     look: Style = Look.screen,
@@ -32,35 +44,85 @@ def noise(
     White and flicker noise, mains and other lines, drift and spikes of every reading and of the
     poses, each with its 95 % interval, beside what the configuration states. --write makes a
     configuration whose noise is what was found, so that uncertainties say what this bench has.
+
+    A recording whose mirror moved or drifted, or whose detectors were saturated or dark, is not one
+    of noise: the command says what was found and exits with 1, and --write writes nothing.
     """
     from facets import load
     from facets.characterization.noise_report import noise_block, report_of, table_of
+    from facets.characterization.rest import reading_faults
+    from facets.core.errors import InputError
     from facets.files import provenance, tables, whole
-    from facets.live.pipeline import Pipeline
-    from facets.live.pose_table import join_columns, pose_columns
     from facets.live.recording import meta_of
-    from facets.live.replay import recorded_config, replay
+    from facets.live.replay import recorded_config
 
-    meta_of(recording)
+    from .replay import tell as tell_replay
+
+    meta_of(recording, own=config is None)
+    if write and write.suffix.lower() not in (".yaml", ".yml"):
+        raise InputError(f"{write}: a configuration's name ends in .yaml or .yml")
     settings = load(config) if config else recorded_config(recording)
     files = [output / "noise.html", output / "noise.csv"] if output else []
     tables.refuse_to_overwrite([*files, *([write] if write else [])], force)
-    parts = [pose_columns(poses) for poses in replay(recording, Pipeline(settings))]
-    report = report_of(join_columns(parts) if parts else {}, settings, str(recording))
+    columns = solved(recording, settings, tell_replay)
+    faults = reading_faults(columns, settings) if columns else []
+    if faults:
+        refuse(recording, faults, files, write)
+    reports: list[NoiseReport] = []
+    with_progress(
+        lambda done: reports.append(report_of(columns, settings, str(recording), done)),
+        "analysing the noise",
+    )
+    report = reports[0]
     tell(report)
+    if report.faults and write:
+        refuse(recording, report.faults, files, write)
     about = provenance.about(settings)
     if output:
         from facets.pictures.noise import page
 
+        text = page(report, f"Noise of {recording.name}", about)
         with whole.Whole(files[0]) as temporary:
-            temporary.write_text(page(report, f"Noise of {recording.name}", about), "utf-8")
+            temporary.write_text(text, "utf-8")
         tables.write_table(files[1], table_of(report), about)
         typer.echo(f"{output}/")
+    if report.faults:
+        refuse(recording, report.faults, [], None)
     if write:
         block = noise_block(report, settings.resolved)
         with whole.Whole(write) as temporary:
             temporary.write_text(provenance.configuration(settings, block, about), "utf-8")
         typer.echo(f"{write}")
+
+
+def solved(recording: Path, settings: Config, tell_replay: Callable[..., None]) -> Columns:
+    """The poses of a recording as columns, with a bar; says what of it is damaged."""
+    from facets.live.pipeline import Pipeline
+    from facets.live.pose_table import join_columns, pose_columns
+    from facets.live.recording import Damage
+    from facets.live.replay import replay
+
+    pipeline, damage, parts = Pipeline(settings), Damage(), []
+
+    def run(done: Callable[[int, int], None]) -> None:
+        for poses in replay(recording, pipeline, damage=damage, tell=done):
+            parts.append(pose_columns(poses))
+
+    with_progress(run, "solving the recording")
+    if damage.words or pipeline.parser.corrupt or pipeline.sequence.lost:
+        tell_replay(pipeline, recording, damage)
+    return join_columns(parts) if parts else {}
+
+
+def refuse(recording: Path, faults: list[str], files: list[Path], write: Path | None) -> None:
+    """Says why a recording is none of noise, and that nothing was written; exit status 1."""
+    typer.echo(f"{recording}: the mirror or its light was not at rest, so this is not its noise:")
+    for fault in faults:
+        typer.echo(f"  {fault}")
+    places = [*([f"{files[0].parent}/"] if files else []), *([str(write)] if write else [])]
+    if places:
+        typer.echo(f"Not written: {', '.join(places)}. Record the mirror at rest.")
+    raise typer.Exit(FINDING)
 
 
 def tell(report: NoiseReport) -> None:
@@ -81,7 +143,9 @@ def tell(report: NoiseReport) -> None:
             f"{one.configured:.3g})  white {model.white_deviation:.3g}  drift "
             f"{model.drift.value:.2g}/s  spikes {model.spikes}{lines}"
         )
-    typer.echo(
-        f"  sensor.noise: position_um {1e3 * report.position:.4g} at {report.at_power:g} mW, "
-        f"power_uw {1e3 * report.power:.4g}; {1e6 * report.common:.3g} ppm are common to the powers"
-    )
+    if not report.faults:
+        typer.echo(
+            f"  sensor.noise: position_um {1e3 * report.position:.4g} at {report.at_power:g} mW, "
+            f"power_uw {1e3 * report.power:.4g}; {1e6 * report.common:.3g} ppm are common to the "
+            "powers"
+        )

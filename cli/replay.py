@@ -8,6 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from facets.core.names import STATE_COLUMNS as POSE_COLUMNS
+
+from .console import FINDING
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
@@ -68,7 +72,7 @@ def replay(
     from facets.live.replay import recorded_config
     from facets.live.replay import replay as run
 
-    meta_of(recording)
+    meta_of(recording, own=config is None)
     settings = load(config) if config else recorded_config(recording)
     if smooth:
         check_smoothing(output, smooth_by)
@@ -90,7 +94,7 @@ def replay(
         else:
             save(output, found, pipeline, recording, smooth_by if smooth else "")
         if compare:
-            compared(recording, found)
+            compared(recording, found, pipeline, damage, config)
         if page:
             page.stay(lambda text: typer.echo(text, err=True))
 
@@ -246,7 +250,8 @@ def recover(
     tables.ending(path)
     tables.refuse_to_overwrite([path], force)
     pipeline, damage = Pipeline(settings), Damage()
-    write(path, run(recording, pipeline, damage=damage), provenance.about(settings))
+    replayed = run(recording, pipeline, damage=damage, salvage=True)
+    write(path, replayed, provenance.about(settings))
     tell(pipeline, recording, damage)
     typer.echo(f"{path}")
 
@@ -311,25 +316,80 @@ def tell(pipeline: Any, recording: Path, damage: Any) -> None:
             typer.echo(f"  {text}")
 
 
-def compared(recording: Path, found: list[Any]) -> None:
-    """Says whether the poses are those that were recorded, bit by bit."""
-    from facets.core.version import __version__
+def compared(
+    recording: Path, found: list[Any], pipeline: Any, damage: Any, config: str | None
+) -> None:
+    """Says whether the poses are those that were recorded, bit by bit, and all of them."""
     from facets.live.pose_table import join_columns, pose_columns, recorded_poses
-    from facets.live.recording import meta_of
+    from facets.live.recording import seal_of
     from facets.live.replay import compare
 
     new = join_columns([pose_columns(poses) for poses in found]) if found else {}
-    seen = compare(recorded_poses(recording), new)
+    seen, seal = compare(recorded_poses(recording), new), seal_of(recording)
+    lost = max(0, seal.poses - seen.recorded) if seal else 0
+    count = seen.recorded - seen.skipped - seen.absent
+    number = f"{count} of {seal.poses} recorded poses" if seal and lost else f"{count} recorded poses"
     verdict = "identical" if seen.same else f"NOT the same in {seen.different} samples"
-    typer.echo(f"{seen.recorded - seen.skipped} recorded poses: {verdict}")
+    typer.echo(f"{number}: {verdict if count else 'nothing can be compared'}")
     if seen.skipped:
         typer.echo(f"  {seen.skipped} samples were skipped in the run, and are solved now")
+    if lost:
+        typer.echo(f"  {recording / 'poses.arrows'}: {lost} poses are missing or damaged")
+    refused = bool(seal and seal.refused_bytes and not damage.words)
     if seen.absent:
-        typer.echo(f"  {seen.absent} were recorded without their bytes, which the disk refused")
-    if seen.same:
-        return
-    typer.echo(f"  the largest difference is {seen.worst:.2g} of the standard uncertainty")
-    version = meta_of(recording).get("facets")
-    if version != __version__:
+        why = (
+            "without their bytes, which the disk refused"
+            if refused
+            else "and their bytes cannot be read any more" if damage.words else
+            "but the bytes hold no such samples; the cause is unknown"
+        )
+        typer.echo(f"  {seen.absent} were recorded {why}")
+    incomplete = bool(lost) or (bool(seen.absent) and not refused)
+    if seen.unrecorded:
+        incomplete |= tell_unrecorded(seen, seal, lost)
+    if seen.different:
+        tell_different(recording, seen, damage, config)
+    if seen.different or incomplete:
+        raise typer.Exit(FINDING)
+
+
+def tell_unrecorded(seen: Any, seal: Any, lost: int) -> bool:
+    """Says which samples have no pose on record, and why if that is known; whether some are lost."""
+    first, last = seen.ends
+    text = f"  {seen.unrecorded} samples, from {first} to {last}, have no recorded pose"
+    if seal is None:
+        typer.echo(
+            f"{text}; the recording was not closed (the run was killed or the power failed), or "
+            "the end of events.jsonl is lost, so it is unknown how many poses were recorded"
+        )
+        return True
+    why = "the disk refused them" if seal.refused_poses else "the cause is unknown"
+    typer.echo(text if lost else f"{text}; {why}")
+    return not seal.refused_poses
+
+
+def tell_different(recording: Path, seen: Any, damage: Any, config: str | None) -> None:
+    """Says in what recorded and new poses differ, and the cause if it is known."""
+    from facets.core.version import __version__
+    from facets.live.recording import meta_of
+
+    names = ", ".join(seen.columns[:8]) + (", ..." if len(seen.columns) > 8 else "")
+    typer.echo(f"  they differ in {names}")
+    if any(name in seen.columns for name in POSE_COLUMNS):
+        typer.echo(
+            f"  the largest difference of a pose is {seen.worst:.2g} of the standard uncertainty"
+        )
+    version = meta_of(recording, own=False).get("facets")
+    if config is not None:
+        typer.echo(f"  they are solved by {config}, not by the recording's own configuration")
+    elif version != __version__:
         typer.echo(f"  facets {version} recorded them, facets {__version__} solved them again")
-    raise typer.Exit(1)
+    elif damage.since is not None and damage.since <= seen.since:
+        typer.echo(
+            f"  the recording is damaged (see above) from sample {damage.since} on, before the "
+            "first difference: what an arrival time or a lost byte changes, changes later samples"
+        )
+    else:
+        typer.echo(
+            f"  the cause is unknown; the first difference is in sample {seen.since}"
+        )

@@ -19,7 +19,7 @@ EACH_DECADE = 6
 
 @dataclass(frozen=True)
 class Allan:
-    """Averaging times (n,), s; deviations (n,) and the ends of their 95 % intervals."""
+    """Averaging times (n,), s; deviations (n,) and the ends of their intervals."""
 
     tau: Floats
     deviation: Floats
@@ -27,8 +27,11 @@ class Allan:
     high: Floats
 
 
-def allan(signal: Floats, rate: float) -> Allan:
-    """signal: (n,) evenly spaced, NaN in gaps, whose averages are not used.  rate: Hz."""
+def allan(signal: Floats, rate: float, level: float = 0.95) -> Allan:
+    """signal: (n,) evenly spaced, NaN in gaps, whose averages are not used.  rate: Hz.
+
+    level: of the intervals.
+    """
     from scipy.stats import chi2
 
     there = np.isfinite(signal)
@@ -50,8 +53,8 @@ def allan(signal: Floats, rate: float) -> Allan:
         degrees_of_freedom(used_ + 2 * int(m_), int(m_), float(s))
         for m_, used_, s in zip(m, used, slope, strict=True)
     ])  # fmt: skip
-    low = deviation * np.sqrt(freedom / chi2.ppf(0.975, freedom))
-    high = deviation * np.sqrt(freedom / chi2.ppf(0.025, freedom))
+    low = deviation * np.sqrt(freedom / chi2.ppf((1 + level) / 2, freedom))
+    high = deviation * np.sqrt(freedom / chi2.ppf((1 - level) / 2, freedom))
     return Allan(m / rate, deviation, low, high)
 
 

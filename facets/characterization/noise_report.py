@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -45,7 +46,8 @@ class Channel:
 class NoiseReport:
     """rate: Hz.  seconds: of what was looked at.  correlation: of the readings' fast noise (9, 9).
 
-    position, power: noise that the configuration should state, mm at `at_power` and mW.
+    faults: what speaks against a mirror at rest with steady light, in sentences; with any of them
+    the numbers are no noise.  position, power: noise that the configuration should state, mm at `at_power` and mW.
     common: of the three powers together, a share; the laser's.
     """
 
@@ -59,38 +61,62 @@ class NoiseReport:
     at_power: float
     power: float
     common: float
+    faults: list[str]
 
     def channel(self, name: str) -> Channel:
         return next(one for one in self.channels if one.name == name)
 
 
-def report_of(columns: Columns, config: Config, name: str) -> NoiseReport:
-    """Of a recording's columns, as `live.pose_table` has them. name: for messages.
+@dataclass(frozen=True)
+class Piece:
+    """Samples without a jump of the time.  rows: of the columns.  seq: (n,).  rate: Hz."""
 
-    Raises `InputError` where it says too little.
+    rows: slice
+    seq: NDArray[np.int64]
+    rate: float
+
+    def spread(self, column: NDArray[Any]) -> Floats:
+        """A column at evenly spaced times, NaN where a sample is missing."""
+        signal = np.full(int(self.seq[-1] - self.seq[0]) + 1, np.nan)
+        signal[self.seq - self.seq[0]] = column[self.rows]
+        return signal
+
+
+def report_of(
+    columns: Columns,
+    config: Config,
+    name: str,
+    tell: Callable[[int, int], None] = lambda *_: None,
+) -> NoiseReport:
+    """Of a recording's columns, as `live.pose_table` has them.
+
+    name: for messages.  tell: is told how many channels are done, and of how many. Raises
+    `InputError` where the recording says too little.
     """
-    if not columns or len(columns["seq"]) < FEWEST:
-        raise InputError(f"{name}: holds less than {FEWEST} samples, too few for their noise")
-    rows = longest_piece(columns)
-    seq, time = columns["seq"][rows], 1e-6 * columns["board_us"][rows]
-    rate = (len(seq) - 1) / (time[-1] - time[0]) * (seq[-1] - seq[0]) / (len(seq) - 1)
+    from .rest import movements
+
+    piece = longest_piece(columns, name)
+    rows, rate = piece.rows, piece.rate
+    time = 1e-6 * columns["board_us"][rows]
     channels = []
-    for column, (scale, unit) in CHANNELS.items():
-        signal = np.full(int(seq[-1] - seq[0]) + 1, np.nan)
-        signal[seq - seq[0]] = scale * columns[column][rows]
+    for n, (column, (scale, unit)) in enumerate(CHANNELS.items()):
+        tell(n, len(CHANNELS))
+        signal = scale * piece.spread(columns[column])
         try:
-            model = fit_noise(signal, float(rate))
+            model = fit_noise(signal, rate)
         except ValueError as error:
             raise InputError(f"{name}: {column}: {error}") from None
         stated = configured(column, columns, rows, config) * scale
-        channels.append(Channel(column, unit, signal, model, allan(signal, float(rate)), stated))
+        channels.append(Channel(column, unit, signal, model, allan(signal, rate), stated))
     readings = np.stack([columns[column][rows] for column in READING_COLUMNS], axis=1)
     found = by_name(channels)
     position, at_power = position_noise(found, readings, config)
     power, common = power_noise(found, readings)
+    faults = movements(columns, piece, [one.model for one in channels[:9]], config)
+    missing = int(piece.seq[-1] - piece.seq[0]) + 1 - len(piece.seq)
     return NoiseReport(
-        float(rate), float(time[-1] - time[0]), len(seq), int(seq[-1] - seq[0]) + 1 - len(seq),
-        channels, correlation(readings), position, at_power, power, common,
+        rate, float(time[-1] - time[0]), len(piece.seq), missing, channels,
+        correlation(readings), position, at_power, power, common, faults,
     )  # fmt: skip
 
 
@@ -98,15 +124,26 @@ def by_name(channels: list[Channel]) -> dict[str, Channel]:
     return {one.name: one for one in channels}
 
 
-def longest_piece(columns: Columns) -> slice:
-    """The rows between two jumps of the time, where most are; no more than MOST."""
+def longest_piece(columns: Columns, name: str) -> Piece:
+    """The samples between two jumps of the time, where most are; no more than MOST.
+
+    Raises `InputError` where they are too few. name: for its message.
+    """
+    if not columns or len(columns["seq"]) < FEWEST:
+        raise InputError(f"{name}: holds less than {FEWEST} samples, too few for their noise")
     passed, counted = np.diff(columns["board_us"]), np.diff(columns["seq"])
     usual = float(np.median(passed / counted))
     ends = np.flatnonzero(passed > usual * (counted + JUMP)) + 1
     starts = np.concatenate([[0], ends])
     stops = np.concatenate([ends, [len(columns["seq"])]])
     n = int(np.argmax(stops - starts))
-    return slice(int(starts[n]), int(min(stops[n], starts[n] + MOST)))
+    rows = slice(int(starts[n]), int(min(stops[n], starts[n] + MOST)))
+    seq, time = columns["seq"][rows], 1e-6 * columns["board_us"][rows]
+    if len(seq) < FEWEST:
+        raise InputError(
+            f"{name}: holds less than {FEWEST} samples without a gap, too few for their noise"
+        )
+    return Piece(rows, seq, float((seq[-1] - seq[0]) / (time[-1] - time[0])))
 
 
 def configured(name: str, columns: Columns, rows: slice, config: Config) -> float:

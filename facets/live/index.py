@@ -20,8 +20,8 @@ OLD = np.dtype(
         ("stage", "<f8", 5),
     ]
 )
-#: data_crc: CRC-32 of the block's bytes.  crc: of the row's bytes before it. Rows of a recording
-#: made before there were any end with `stage`.
+#: data_crc: see `block_crc`.  crc: CRC-32 of the row's bytes before it. Rows of a recording made
+#: before there were any end with `stage`.
 INDEX = np.dtype([*OLD.descr, ("data_crc", "<u4"), ("crc", "<u4")])
 SIZE = INDEX.itemsize
 
@@ -43,21 +43,26 @@ class Block(NamedTuple):
 class Damage:
     """What of a recording is not as it was written.
 
-    rows: of the index, spoilt.  missing: bytes that the index knows of and the file has not.
-    unproven: bytes without a row that proves them; those that came last before the end among them.
+    rows: of the index, spoilt.  absent: rows that were there when the recording was closed, and are
+    not any more.  missing: bytes that are known of and the file has not.  unproven: bytes without a
+    row that proves them; those that came last before the end among them.  since: the first sample
+    that any of this can have changed, where it is known.
     """
 
     rows: int = 0
+    absent: int = 0
     missing: int = 0
     unproven: int = 0
+    since: int | None = None
 
     @property
     def words(self) -> str:
         """In words, or nothing."""
         found = (
-            (self.rows, "rows of the index are spoilt"),
-            (self.missing, "bytes are missing"),
-            (self.unproven, "bytes have no row in the index that proves them"),
+            (self.rows, "rows of index.bin are spoilt"),
+            (self.absent, "rows of index.bin are missing"),
+            (self.missing, "bytes of bytes.bin are missing"),
+            (self.unproven, "bytes of bytes.bin have no row in index.bin that proves them"),
         )
         return ", ".join(f"{count} {what}" for count, what in found if count)
 
@@ -68,9 +73,24 @@ def make_row(block: Block, offset: int, utc: float) -> bytes:
     row["offset"], row["length"] = offset, len(block.data)
     row["monotonic"], row["utc"] = block.arrival, utc
     row["stage"] = pack_encoder(block.encoder)
-    row["data_crc"] = zlib.crc32(block.data)
+    row["data_crc"] = block_crc(block.data)
     row["crc"] = zlib.crc32(row.tobytes()[:-4])
     return row.tobytes()
+
+
+def block_crc(data: bytes) -> int:
+    """CRC-32 of a block's bytes from the last to the first.
+
+    From the first to the last it would be the same number for all blocks of a length: a frame ends
+    with its own CRC-32, and the CRC-32 of bytes with their CRC-32 behind them is a constant.
+    """
+    return zlib.crc32(data[::-1])
+
+
+def proves(row: np.void, data: bytes) -> bool:
+    """Whether a row of the index is that of these bytes; also one of an older version, which had
+    the CRC-32 from the first byte to the last."""
+    return int(row["data_crc"]) in (block_crc(data), zlib.crc32(data))
 
 
 def read_rows(raw: bytes) -> tuple[NDArray[np.void], bool, int]:

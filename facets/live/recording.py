@@ -6,7 +6,7 @@ index.bin       a row (`index.INDEX`) for each block of them: where, when, what 
                 then, and the sums that prove both
 poses.arrows    the poses as an Arrow stream, batch by batch; where the loop fell behind, the newest
                 first
-events.jsonl    a line for each thing that happened
+events.jsonl    a line for each thing that happened; the last, `closed`, says what the other files hold
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ import time
 import zlib
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass, fields
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, BinaryIO, Self
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from ..core.errors import FacetsError, InputError
 from ..tracking.encoder import Encoder
 from . import pose_table
 from .disk import Disk
-from .index import Block, Damage, make_row, read_rows, unpack_encoder
+from .index import Block, Damage, make_row, proves, read_rows, unpack_encoder
 from .pipeline import Poses, join_poses
 from .pose_table import join_columns, pose_columns, recorded_poses
 
@@ -51,6 +52,10 @@ NAMES = ("bytes.bin", "index.bin", "poses.arrows", "events.jsonl")
 FLUSH = 0.1
 #: After a disk refused, it is tried again so often, s.
 AGAIN = 1.0
+
+
+#: The event that a recording ends with, unless the run was killed or the power failed.
+CLOSED = "closed"
 
 
 class DiskError(FacetsError):
@@ -86,6 +91,8 @@ class Recording:
         self.refused = False
         self.locks = {name: threading.Lock() for name in NAMES}
         self.sizes = dict.fromkeys(NAMES, 0)
+        self.meta_crc = zlib.crc32(meta.encode())
+        self.rows = self.poses_written = self.poses_refused = 0
         self.retry = 0.0
         try:
             if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -168,6 +175,7 @@ class Recording:
         if written and not self.put("index.bin", make_row(block, offset, time.time())):
             self.take_back(offset)
             written = False
+        self.rows += written
         if not written:
             self.lost += len(block.data)
         elif self.refused:
@@ -198,7 +206,11 @@ class Recording:
         rows = pose_table.make_batch(pose_columns(join_poses(self.waiting)))
         self.waiting = []
         head = b"" if self.has_schema else pose_table.schema_of(rows)
-        self.has_schema |= self.put("poses.arrows", head, rows.serialize().to_pybytes())
+        if self.put("poses.arrows", head, rows.serialize().to_pybytes()):
+            self.has_schema = True
+            self.poses_written += len(rows)
+        else:
+            self.poses_refused += len(rows)
 
     def sync(self) -> None:
         """Has the system put on the disk what it was given."""
@@ -221,6 +233,7 @@ class Recording:
             closing.callback(self.sync)
             if self.syncer:
                 closing.callback(self.syncer.finish)
+            closing.callback(self.seal)
             closing.callback(self.end_poses)
 
     def close_file(self, handle: int) -> None:
@@ -231,6 +244,13 @@ class Recording:
         self.flush()
         if self.has_schema:
             self.put("poses.arrows", pose_table.END)
+
+    def seal(self) -> None:
+        """The last event: how much each file holds, so that what is cut off later is missed."""
+        self.event(
+            CLOSED, bytes=self.sizes["bytes.bin"], rows=self.rows, poses=self.poses_written,
+            meta_crc=self.meta_crc, refused_bytes=self.lost, refused_poses=self.poses_refused,
+        )  # fmt: skip
 
     def discard(self) -> None:
         """Takes back a recording in which nothing is yet."""
@@ -258,20 +278,66 @@ class Syncer(threading.Thread):
             self.join(timeout=10.0)
 
 
-def blocks(folder: Path, damage: Damage | None = None) -> Iterator[Block]:
+@dataclass(frozen=True)
+class Seal:
+    """What a recording's files held when it was closed; see `Recording.seal`."""
+
+    bytes: int
+    rows: int
+    poses: int
+    meta_crc: int
+    refused_bytes: int
+    refused_poses: int
+
+
+def seal_of(folder: Path) -> Seal | None:
+    """None of a recording that was not closed, or was made before recordings were sealed."""
+    names = [field.name for field in fields(Seal)]
+    try:
+        lines = (folder / "events.jsonl").read_bytes().splitlines()
+        last = next(json.loads(line) for line in reversed(lines) if line.strip())
+        if last["event"] == CLOSED:
+            return Seal(*(int(last[name]) for name in names))
+    except (OSError, StopIteration, ValueError, KeyError, TypeError):
+        pass
+    return None
+
+
+def blocks(folder: Path, damage: Damage | None = None, salvage: bool = False) -> Iterator[Block]:
     """The blocks of a recording, also of one that ended in the middle of a write.
 
     Bytes that no sound row of the index knows of come as blocks of their own, `doubtful`, and the
     beam's place is then unknown where a stage carried it. damage: is told what is not as it was
-    written.
+    written.  salvage: do without the index if it is missing or not that of these bytes; else this
+    raises `InputError`.
     """
     damage = damage if damage is not None else Damage()
+    seal = seal_of(folder)
+    raw = read_index(folder, salvage)
+    rows, proven, damage.rows = read_rows(raw)
+    if not proven:
+        count = contiguous(rows)
+        rows, damage.rows = rows[:count], len(rows) - count
+    path = folder / "bytes.bin"
     try:
-        rows, proven, damage.rows = read_rows((folder / "index.bin").read_bytes())
-        file = (folder / "bytes.bin").open("rb")
+        file = path.open("rb")
     except OSError as error:
-        raise InputError(f"{folder}: is no recording: {error.strerror}") from None
-    carried = bool(len(rows)) and not np.isnan(rows["stage"][:, 0]).all()
+        raise missing_file(path, error, "a recording cannot be solved without its bytes") from None
+    if proven and not any_agrees(rows, file):
+        if not salvage and not size_of(folder):
+            raise InputError(f"{path}: is empty, and the index knows of {len(rows)} blocks of bytes")
+        if not salvage:
+            raise InputError(
+                f"{folder / 'index.bin'}: none of its {len(rows)} rows agrees with {path}: one of "
+                f"the two is damaged or of another recording. `facets recover {folder}` solves "
+                "the bytes without it"
+            )
+        rows = rows[:0]
+    if seal:
+        damage.absent = max(0, seal.rows - len(rows) - damage.rows)
+        damage.missing = max(0, seal.bytes - size_of(folder))
+    known_missing = damage.missing
+    carried = not len(rows) or not np.isnan(rows["stage"][:, 0]).all()
     nowhere = Encoder(-np.inf, np.zeros(2), np.zeros(2)) if carried else None
     with file:
         place = 0
@@ -289,10 +355,11 @@ def blocks(folder: Path, damage: Damage | None = None) -> Iterator[Block]:
                 damage.unproven += len(data)
                 if data:
                     yield Block(data, arrival, nowhere, doubtful=True)
-            data = file.read(length)
+            data = file.read(min(length, size_of(folder)))
             place = offset + length
-            damage.missing += length - len(data)
-            sound = not proven or zlib.crc32(data) == int(row["data_crc"])
+            damage.missing += max(0, length - len(data) - known_missing)
+            known_missing = max(0, known_missing - length + len(data))
+            sound = not proven or proves(row, data)
             damage.unproven += 0 if sound else len(data)
             if data:
                 yield Block(data, arrival, unpack_encoder(row["stage"]), doubtful=not sound)
@@ -302,9 +369,52 @@ def blocks(folder: Path, damage: Damage | None = None) -> Iterator[Block]:
             yield Block(rest, float("nan"), nowhere, doubtful=True)
 
 
+def read_index(folder: Path, salvage: bool) -> bytes:
+    path = folder / "index.bin"
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        if salvage:
+            return b""
+        raise missing_file(
+            path, error, f"`facets recover {folder}` solves the bytes without it"
+        ) from None
+
+
+def missing_file(path: Path, error: OSError, remedy: str) -> InputError:
+    what = "is missing" if isinstance(error, FileNotFoundError) else f"can not be read: {error.strerror}"
+    return InputError(f"{path}: {what}; {remedy}")
+
+
+def contiguous(rows: Any) -> int:
+    """How many rows without a CRC follow each other as a recording writes them."""
+    ends = np.cumsum(rows["length"])
+    begins = np.append(np.zeros(1, ends.dtype), ends[:-1])[: len(rows)]
+    return int(np.argmin(np.append(rows["offset"] == begins, False)))
+
+
+def any_agrees(rows: Any, file: BinaryIO) -> bool:
+    """Whether the bytes of any row are those of the file, which is then at its beginning."""
+    for row in rows:
+        file.seek(int(row["offset"]))
+        if proves(row, file.read(int(row["length"]))):
+            file.seek(0)
+            return True
+    file.seek(0)
+    return False
+
+
+def size_of(folder: Path) -> int:
+    """Bytes that a recording holds, 0 where it has no file of them."""
+    try:
+        return (folder / "bytes.bin").stat().st_size
+    except OSError:
+        return 0
+
+
 def utc_offset(folder: Path) -> float | None:
     """Of the wall clock over the host's monotonic one, s, at the recording's beginning."""
-    rows, _, _ = read_rows((folder / "index.bin").read_bytes())
+    rows, _, _ = read_rows(read_index(folder, salvage=True))
     known = rows[np.isfinite(rows["monotonic"])]
     return float(known["utc"][0] - known["monotonic"][0]) if len(known) else None
 
@@ -314,21 +424,38 @@ def kept(total: str) -> str:
     return f"measured-{total[:12]}.csv"
 
 
-def meta_of(folder: Path) -> dict[str, Any]:
-    """How a recording was made; raises `InputError` where the folder is none."""
+def meta_of(folder: Path, own: bool = True) -> dict[str, Any]:
+    """How a recording was made; raises `InputError` where the folder is none.
+
+    own: refuse a `meta.yaml` that is not the one that the recording was closed with.
+    """
     from ruamel.yaml import YAML
     from ruamel.yaml.error import YAMLError
 
     path = folder / "meta.yaml"
+    remedy = (
+        f"what came is in {folder / 'bytes.bin'}, which `facets acquire CONFIG --port "
+        f"file:{folder / 'bytes.bin'}` reads"
+    )
     if not path.is_file():
-        raise InputError(f"{folder}: is no recording: it has no meta.yaml")
+        if (folder / "bytes.bin").is_file():
+            raise InputError(f"{path}: is missing; {remedy}")
+        what = "it has no meta.yaml" if folder.is_dir() else "there is no such folder"
+        raise InputError(f"{folder}: is no recording: {what}")
     try:
-        found = YAML(typ="safe").load(path)
-    except (YAMLError, UnicodeDecodeError):
+        data = path.read_bytes()
+        found = YAML(typ="safe").load(data.decode())
+    except OSError as error:
+        raise InputError(f"{path}: can not be read: {error.strerror}") from None
+    except (YAMLError, ValueError, RecursionError):
         found = None
     if not isinstance(found, dict) or not isinstance(found.get("resolved"), dict):
+        raise InputError(f"{path}: is damaged, it holds no configuration; {remedy}")
+    seal = seal_of(folder)
+    if own and seal and seal.meta_crc != zlib.crc32(data):
         raise InputError(
-            f"{path}: is damaged, it holds no configuration; what came is in bytes.bin, which "
-            "`facets acquire CONFIG --port file:bytes.bin` reads"
+            f"{path}: is not the file that this recording was closed with: it was changed, or is "
+            "of another recording. Put the right one back, or name a configuration: "
+            f"`facets replay {folder} --config CONFIG`"
         )
     return found

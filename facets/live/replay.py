@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import re
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.errors import ConfigError, InputError
+from ..core.version import __version__
 from ..estimation.solution import Status
 from .pipeline import FULL, LABELS, SKIPPED, Pipeline, Poses
 from .pose_table import Columns, pose_columns
-from .recording import Damage, blocks, kept, meta_of
+from .recording import Damage, blocks, kept, meta_of, size_of
 
 if TYPE_CHECKING:
     from ..core.settings import Config
@@ -22,7 +25,8 @@ if TYPE_CHECKING:
 def recorded_config(folder: Path) -> Config:
     """The configuration that a recording was made with, as it keeps it.
 
-    One of a version that knew no `acquire.timing` has its times by arrival, as they were.
+    One of a version that knew no `acquire.timing` has its times by arrival, as they were. Raises
+    `InputError` where `meta.yaml` holds none that this version can use.
     """
     import tempfile
 
@@ -30,29 +34,62 @@ def recorded_config(folder: Path) -> Config:
 
     from ..config.loading import load, measured
 
-    meta = meta_of(folder)
-    if "timing" not in meta["resolved"].get("acquire", {}):  # of a version that had no other
-        meta["resolved"].setdefault("acquire", {})["timing"] = "arrival"
-    for keys, name, total in measured(meta["resolved"]):
-        keys[name] = str((folder / kept(total)).resolve())
-    with tempfile.TemporaryDirectory() as place:
-        path = Path(place) / f"{meta['config']}.yaml"
-        with path.open("w", encoding="utf-8") as file:
-            YAML(typ="safe").dump(meta["resolved"], file)
-        return load(path)
+    meta, path = meta_of(folder), folder / "meta.yaml"
+    try:
+        resolved = meta["resolved"]
+        if "timing" not in resolved.get("acquire", {}):  # of a version that had no other
+            resolved.setdefault("acquire", {})["timing"] = "arrival"
+        for keys, name, total in measured(resolved):
+            keys[name] = str((folder / kept(total)).resolve())
+    except (KeyError, TypeError, AttributeError):
+        raise InputError(
+            f"{path}: is damaged, its configuration is not whole; name one: "
+            f"`facets replay {folder} --config CONFIG`"
+        ) from None
+    with tempfile.TemporaryDirectory(prefix="facets-") as place:
+        copy = Path(place) / f"{Path(str(meta.get('config') or 'recorded')).name}.yaml"
+        with copy.open("w", encoding="utf-8") as file:
+            YAML(typ="safe").dump(resolved, file)
+        try:
+            return load(copy)
+        except ConfigError as error:
+            problems = re.sub(rf"\S*{re.escape(Path(place).name)}\S*?\.yaml(:\d+)?", str(path), str(error))
+            raise InputError(f"{problems}{version_hint(meta)}") from None
+
+
+def version_hint(meta: dict[str, Any]) -> str:
+    """What a configuration that cannot be used may be due to: another version wrote it."""
+    version = str(meta.get("facets", "an unknown version"))
+    if version == __version__:
+        return ""
+    return (
+        f"\nfacets {version} made this recording, and this is facets {__version__}: use that "
+        "version, or name a configuration: `facets replay RECORDING --config CONFIG`"
+    )
 
 
 def replay(
-    folder: Path, pipeline: Pipeline, real_time: bool = False, damage: Damage | None = None
+    folder: Path,
+    pipeline: Pipeline,
+    real_time: bool = False,
+    damage: Damage | None = None,
+    tell: Callable[[int, int], None] = lambda *_: None,
+    salvage: bool = False,
 ) -> Iterator[Poses]:
     """The poses of a recording, block by block as they came; equal to those of the run.
 
     All samples are solved, also those that the run had no time for. damage: is told what of the
     recording is not as it was written; of a format without checksums, what is not proven is not
-    read, since it could be anything.
+    read, since it could be anything.  tell: is told how many bytes are done, and of how many.
+    salvage: see `blocks`.
     """
     begin: tuple[float, float] | None = None
-    for block in blocks(folder, damage):
+    damage = damage if damage is not None else Damage()
+    done, whole, doubtful = 0, size_of(folder), False
+    for block in blocks(folder, damage, salvage):
+        tell(done, whole)
+        done += len(block.data)
+        doubtful |= block.doubtful
         if block.doubtful and pipeline.config.acquire.format == "text":
             continue
         if real_time and np.isfinite(block.arrival):
@@ -60,6 +97,8 @@ def replay(
             time.sleep(max(0.0, begin[0] + block.arrival - begin[1] - time.monotonic()))
         poses = pipeline.feed(block.data, block.arrival, block.encoder)
         if poses is not None:
+            if doubtful and damage.since is None:
+                damage.since = int(poses.seq[0])
             yield poses
 
 
@@ -78,21 +117,26 @@ def label(poses: Poses) -> Columns:
 class Comparison:
     """Recorded poses beside those of a replay, sample by sample.
 
-    recorded: poses on record.  skipped: samples among them that the run did not solve.  absent:
-    that the replay does not have, since their bytes are not recorded.  different: that are not the
-    same to the last bit.  worst: of their pose, in standard uncertainties; infinite where only one
-    of the two has a pose.
+    recorded: poses on record.  skipped: samples among them that the run did not solve.  absent: that
+    the replay does not have, since their bytes are not there.  unrecorded: samples of the replay
+    without a pose on record.  different: that are not the same to the last bit, `columns` in which
+    of their columns.  worst: of their pose, in standard uncertainties; infinite where only one of
+    the two has a pose.  since: the first sample that is different or absent.
     """
 
     recorded: int
     skipped: int
     absent: int
+    unrecorded: int
+    ends: tuple[int, int]
     different: int
+    columns: tuple[str, ...]
     worst: float
+    since: int | None
 
     @property
     def same(self) -> bool:
-        """Whether all that the run solved, and whose bytes there are, is the same."""
+        """Whether all that is there of both is the same."""
         return not self.different
 
 
@@ -101,22 +145,30 @@ def compare(old: Columns, new: Columns) -> Comparison:
 
     A sample that an older version called "non finite" and this one "saturated" is the same.
     """
-    if not old or not new:
-        count = len(old["seq"]) if old else 0
-        return Comparison(count, 0, count, 0, 0.0)
-    place = np.clip(np.searchsorted(new["seq"], old["seq"]), 0, len(new["seq"]) - 1)
-    there = new["seq"][place] == old["seq"]
+    none: Columns = {"seq": np.zeros(0, np.int64), "status": np.zeros(0, np.int8)}
+    old, new = old or none, new or none
+    there = np.isin(old["seq"], new["seq"])
+    unrecorded = new["seq"][~np.isin(new["seq"], old["seq"])]
+    ends = (int(unrecorded[0]), int(unrecorded[-1])) if len(unrecorded) else (0, 0)
     skipped = old["status"] == SKIPPED
-    rows, solved = place[there & ~skipped], there & ~skipped
-    apart = np.zeros(len(rows), bool)
-    for name in old:
+    solved = there & ~skipped
+    rows = np.searchsorted(new["seq"], old["seq"][solved])
+    apart, columns = np.zeros(len(rows), bool), []
+    for name in old if len(rows) else ():
         one, other = old[name][solved], new[name][rows]
         if name == "status":
             other = np.where((one == Status.NON_FINITE) & (other == FULL), one, other)
-        apart |= (one != other) & ~(is_nan(one) & is_nan(other))
+        differs = (one != other) & ~(is_nan(one) & is_nan(other))
+        if differs.any():
+            columns.append(name)
+        apart |= differs
+    absent = ~there & ~skipped
+    doubtful = np.append(old["seq"][absent], old["seq"][solved][apart])
     return Comparison(
-        len(old["seq"]), int(skipped.sum()), int((~there & ~skipped).sum()), int(apart.sum()),
+        len(old["seq"]), int(skipped.sum()), int(absent.sum()), len(unrecorded), ends,
+        int(apart.sum()), tuple(columns),
         distance(old, new, np.flatnonzero(solved)[apart], rows[apart]),
+        int(doubtful.min()) if len(doubtful) else None,
     )  # fmt: skip
 
 

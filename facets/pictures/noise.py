@@ -36,6 +36,7 @@ def page(report: NoiseReport, title: str, about: dict[str, str]) -> str:
         f"<p>{report.samples} samples in {report.seconds:.4g} s at {report.rate:.6g} Hz, "
         f"{report.missing} missing. What the mirror did while it was recorded is part of all this: "
         "noise is what a mirror that stands still gives.</p>",
+        faults(report.faults),
         f"<section><table>{table(report.channels)}</table></section>",
         "<p>Amplitudes with 95 % intervals. In the spectra a band reaches from the least to the "
         "largest of neighbouring frequencies, the line is the fitted white and flicker noise, and "
@@ -47,15 +48,32 @@ def page(report: NoiseReport, title: str, about: dict[str, str]) -> str:
         deviations(grouped(report.channels)),
         "<h2>Correlation of the readings&#39; fast noise</h2>",
         f"<table>{correlations(report)}</table>",
-        f"<p>The three powers have {1e6 * report.common:.3g} ppm in common (the laser). For the "
-        f"configuration: position_um {1e3 * report.position:.4g} at {report.at_power:g} mW, "
-        f"power_uw {1e3 * report.power:.4g}.</p>",
+        f"<p>The three powers have {1e6 * report.common:.3g} ppm in common (the laser)."
+        f"{'' if report.faults else for_configuration(report)}</p>",
         f"<h2>How this was made</h2><table>{head}</table>",
     ]  # fmt: skip
     body = "\n".join(parts)
     return (
         f"<!doctype html><html lang=en><meta charset=utf-8><title>{escape(title)}</title>"
         f"<style>{chosen_hues().css}{CSS}</style>\n{body}\n</html>\n"
+    )
+
+
+def faults(sentences: list[str]) -> str:
+    """What speaks against a mirror at rest, if anything does."""
+    if not sentences:
+        return ""
+    items = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
+    return (
+        "<p><strong>The mirror or its light was not at rest, so this is not its noise:</strong>"
+        f"</p><ul>{items}</ul>"
+    )
+
+
+def for_configuration(report: NoiseReport) -> str:
+    return (
+        f" For the configuration: position_um {1e3 * report.position:.4g} at {report.at_power:g} "
+        f"mW, power_uw {1e3 * report.power:.4g}."
     )
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from ..interruption import deferring
-from ..recording import utc_offset
+from ..recording import CLOSED, utc_offset
 from ..sample_rows import rows_of
 from .page import WebPage
 from .status import status_of_replay
@@ -41,7 +41,7 @@ def events_of(recording: Path) -> list[tuple[float, str]]:
             name, moment = str(row.pop("event")), float(row.pop("monotonic"))
             row.pop("utc", None)
             more = ", ".join(f"{key} {value}" for key, value in row.items())
-            if name != "move":
+            if name not in ("move", CLOSED):
                 found.append((moment, f"{name}: {more}" if more else name))
     return list(found)
 

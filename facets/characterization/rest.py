@@ -1,0 +1,434 @@
+"""Whether a recording is one of a mirror at rest with steady light, so that its scatter is noise.
+
+What electronics alone give is white and flicker noise, independent from detector to detector, mains
+pick-up, and a slow drift. Against that every reading is tested, on the recording itself and not on
+what the configuration expects:
+
+light      no converter at its end, no detector dark, a steady total power
+steps      readings finer than the converter's steps, else the noise hides between them
+drift      the slope over the whole recording, beside the noise of one sample
+slow       the Allan deviation of the rest: of white and flicker noise it never rises with the
+           averaging time; of a motion, a step, or a random walk it does
+fast       what one detector reads, predicted from the other two at every time scale: of noise
+           nothing can be, of a motion of the mirror, or of the beam, nearly all
+bursts     the same variance throughout
+
+A finding needs both: to be beyond chance, and to be large enough to spoil the number that the
+recording is for, the standard deviation of one sample.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.names import DETECTORS, POSE, READING_COLUMNS
+from ..core.units import ANGLE, LENGTH, Floats
+from .allan import allan
+from .noise_model import NoiseModel, fill, fit_noise, line_matrix, spikes_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ..core.settings import Config
+    from .noise_report import Columns, Piece
+
+#: Share of samples that may be saturated or dark: a normal distribution that loses its upper
+#: thousandth has a standard deviation that is 0.5 % too small.
+LOST_SHARE = 1e-3
+#: Share by which the total power may change: the noise of a place goes with one over the power, and
+#: is told to 5 %.
+POWER_CHANGE = 0.05
+#: Share of equal readings one after the other: where it is a half, the noise is half a step of the
+#: converter, and what is written would be the converter's step.
+EQUAL_SHARE = 0.5
+#: Drift over the recording, in standard deviations of one sample. It is not part of what is
+#: written; but if a fifth of it were not even, this would be as large as the noise.
+DRIFT = 5.0
+#: Variance that may be added to that of the noise, as a share: 0.2 makes the standard deviation
+#: that is written 10 % too large.
+ADDED_VARIANCE = 0.2
+#: The same as an Allan deviation: a sinusoid of amplitude A adds A^2 / 2, and its largest Allan
+#: deviation is 0.73 A.
+ADDED_DEVIATION = 0.73 * (2 * ADDED_VARIANCE) ** 0.5
+#: The same for lines at multiples of the mains' frequency, which electronics pick up.
+MAINS_VARIANCE = 1.0
+#: Chance of one false alarm in one test, of which a recording has some hundreds.
+CHANCE = 1e-6
+#: The same as standard deviations of a normal distribution.
+TAIL = 5.0
+#: Intervals of Allan deviations for the test, of which a recording has some tens.
+LEVEL = 0.999
+#: Segments of a recording that are compared, and the fewest samples in each.
+SEGMENTS, FEWEST_EACH = 64, 16
+#: Bursts are looked for in segments that are longer by this factor, so that noise behind a low pass
+#: has samples enough in each; a burst has at least the second number times the usual variance.
+LONGER, BURST = 4, 4.0
+#: The fewest differences from which one detector is predicted by the others.
+FEWEST_DIFFERENCES = 100
+#: A slow change is the mirror's or the beam's if no larger share of it, in squares, is left.
+UNEXPLAINED = 0.1
+#: A slow change is that of one detector if no larger share of it, in squares, is elsewhere.
+ELSEWHERE = 0.05
+
+
+def movements(
+    columns: Columns, piece: Piece, models: Sequence[NoiseModel], config: Config
+) -> list[str]:
+    """What speaks against a mirror at rest with steady light, in sentences; empty if nothing does.
+
+    piece: the samples that are looked at.  models: of the nine readings.
+    """
+    steady = Steady(columns, piece, models, config)
+    wandering = steady.wandering()
+    slow = wandering + [
+        one for one in steady.drifting() if one[0] // 3 not in {n // 3 for n, _ in wandering}
+    ]
+    found = [*steady.unsteady_power(), *(sentence for _, sentence in slow)]
+    # what moves slowly moves together, too: to say so once is enough
+    found += [steady.cause()] if slow else steady.together()
+    return [*found, *steady.mains(), *steady.bursts()]
+
+
+def reading_faults(columns: Columns, config: Config) -> list[str]:
+    """Why readings do not show the noise at all, in sentences: saturated, dark, or too coarse."""
+    from ..detectors.counts import SATURATED
+    from ..detectors.noise import power_floor
+    from ..estimation.problem import FAINTEST
+
+    floor = FAINTEST * power_floor(config.sensor)
+    full = columns["flags"] & SATURATED > 0
+    found = []
+    for k, letter in enumerate(DETECTORS):
+        names = READING_COLUMNS[3 * k : 3 * k + 3]
+        one = np.stack([columns[name] for name in names])
+        missing = ~np.isfinite(one).all(axis=0)
+        shares = {
+            "saturated": float((full & missing).mean()),
+            "without light": float((~full & (missing | (one[2] < floor))).mean()),
+        }
+        lost = [
+            f"Detector {letter.upper()} is {words} in {percent(share)} of the samples (allowed: "
+            f"{percent(LOST_SHARE)})."
+            for words, share in shares.items()
+            if share > LOST_SHARE
+        ]
+        equal = (np.diff(one, axis=1) == 0).mean(axis=1)
+        if not lost and equal.max() > EQUAL_SHARE:
+            found.append(
+                f"On detector {letter.upper()}, {percent(float(equal.max()))} of the successive "
+                f"values of {names[int(np.argmax(equal))]} are equal: its noise is smaller than "
+                "the converter's step and cannot be told."
+            )
+        found += lost
+    return found
+
+
+class Steady:
+    """The readings of a recording, evenly spaced, without spikes and mains; tests of them.
+
+    Nine channels: places psi and zeta of each detector, um, and its share of the light, in
+    thousandths. The laser's power, which all three have in common, cancels in the shares.
+    """
+
+    def __init__(
+        self, columns: Columns, piece: Piece, models: Sequence[NoiseModel], config: Config
+    ) -> None:
+        self.config, self.rate = config, piece.rate
+        every = np.stack([fill(piece.spread(columns[name])) for name in READING_COLUMNS], axis=1)
+        self.mean = every.mean(axis=0)
+        self.raw = every
+        self.total = every[:, 2::3].sum(axis=1)
+        scaled = 1e3 * every
+        scaled[:, 2::3] /= self.total[:, None]
+        for n in range(9):
+            scaled[:, n] = fill(np.where(spikes_of(scaled[:, n]), np.nan, scaled[:, n]))
+        self.time = np.arange(len(scaled)) / piece.rate
+        self.length = len(scaled) / piece.rate
+        self.models = [
+            fit_noise(scaled[:, n], self.rate) if n % 3 == 2 else model
+            for n, model in enumerate(models)
+        ]
+        lines = mains_lines(self.models)
+        self.slope, self.hum, self.rest = without_lines(scaled, self.time, lines)
+        powers = 1e3 * every[:, 2::3] / self.total.mean()
+        for n in range(3):
+            powers[:, n] = fill(np.where(spikes_of(powers[:, n]), np.nan, powers[:, n]))
+        self.powers = without_lines(powers, self.time, lines)[2]
+        count = max(8, min(SEGMENTS, len(scaled) // FEWEST_EACH))
+        self.segments = np.array_split(np.arange(len(scaled)), count)
+        variances = [segment_variance(self.rest[rows]) for rows in self.segments]
+        self.noise = np.sqrt(np.maximum(np.median(variances, axis=0), 1e-30))
+
+    def unsteady_power(self) -> list[str]:
+        """A laser that changes, or light that misses all detectors."""
+        means = np.array([self.total[rows].mean() for rows in self.segments])
+        change = float(np.ptp(means) / abs(means.mean()))
+        if change <= POWER_CHANGE:
+            return []
+        return [
+            f"The power on all detectors together changes by {percent(change)} "
+            f"(allowed: {percent(POWER_CHANGE)}): the laser, or light that misses the detectors."
+        ]
+
+    def drifting(self) -> list[tuple[int, str]]:
+        """Channels whose slope is large; the worst of each detector."""
+        sure = np.abs(self.slope) > TAIL * np.array([model.drift.sigma for model in self.models])
+        size = np.where(sure, np.abs(self.slope) * self.length, 0.0)
+        return [
+            (n, f"{subject(n)} drifts by {amount(n, size[n])} over the recording, "
+                f"{digits(size[n] / self.noise[n])} times the noise of one sample (allowed: "
+                f"{DRIFT:g}).")
+            for n in worst_of_each(size / self.noise, DRIFT)
+        ]  # fmt: skip
+
+    def wandering(self) -> list[tuple[int, str]]:
+        """Channels whose Allan deviation rises; the worst of each detector."""
+        size = np.zeros(9)
+        for n in range(9):
+            found = allan(self.rest[:, n], self.rate, LEVEL)
+            for k in np.flatnonzero(found.tau >= self.length / SEGMENTS):
+                before = (found.tau <= found.tau[k] / 4) & (found.tau >= self.length / 1024)
+                if before.any() and found.low[k] > found.high[before].min():
+                    size[n] = max(size[n], found.deviation[k])
+        return [
+            (n, f"{subject(n)} {self.manner(n)} {amount(n, self.swing(n))}, "
+                f"{digits(self.swing(n) / self.noise[n])} times the noise of one sample: slower than "
+                "noise of electronics.")
+            for n in worst_of_each(size / self.noise, ADDED_DEVIATION)
+        ]  # fmt: skip
+
+    def means(self) -> Floats:
+        """Of the segments, the drift included: (segments, 9)."""
+        whole = self.rest + np.outer(self.time - self.time.mean(), self.slope)
+        return np.array([whole[rows].mean(axis=0) for rows in self.segments])
+
+    def swing(self, channel: int) -> float:
+        return float(np.ptp(self.means()[:, channel]))
+
+    def manner(self, channel: int) -> str:
+        """A step, if one explains nearly all of a slow change; else it wanders."""
+        means = self.means()[:, channel]
+        left = [
+            means[:k].var() * k + means[k:].var() * (len(means) - k) for k in range(1, len(means))
+        ]
+        k = int(np.argmin(left)) + 1
+        if left[k - 1] > 0.1 * means.var() * len(means):
+            return "wanders by"
+        return f"jumps after {self.time[self.segments[k][0]]:.3g} s by"
+
+    def together(self) -> list[str]:
+        """What the detectors have in common, at the time scale where that is most."""
+        worst, size, allowed = (0.0, 0.0, 0), 1, self.allowed()
+        while len(self.rest) // size - 1 >= FEWEST_DIFFERENCES:
+            apart = np.diff(block_means(self.rest, size), axis=0) / self.noise
+            powers = np.diff(block_means(self.powers, size), axis=0) / self.noise[2::3]
+            for ratio, channel in (*predicted(apart, allowed), *exchanged(powers, allowed[2::3])):
+                worst = max(worst, (ratio, size / self.rate, channel))
+            size *= 2
+        ratio, tau, channel = worst
+        if ratio <= 1:
+            return []
+        added = (ratio * ADDED_VARIANCE) ** 0.5
+        what = "The shares of light on the detectors" if channel % 3 == 2 else "The spots"
+        return [
+            f"{what} move together within {tau:.2g} s, by {digits(added)} times the noise of one "
+            f"sample on detector {DETECTORS[channel // 3].upper()} (root mean square): the mirror "
+            "or the beam moves or vibrates, or the same disturbance enters all detectors."
+        ]
+
+    def allowed(self) -> Floats:
+        """Variances (9,), over those of the noise, that detectors may have in common: what the
+        configuration states of the beam's pointing comes on top."""
+        electronics = self.config.sensor.electronics
+        pointing = electronics.pointing if electronics else 0.0
+        beam = self.jacobian()[:, 6:] * pointing / self.noise[:, None]
+        found: Floats = ADDED_VARIANCE + 2 * (beam**2).sum(axis=1)
+        return found
+
+    def mains(self) -> list[str]:
+        """Lines at the mains' frequency that are larger than the noise."""
+        found = []
+        for n in worst_of_each(self.hum / self.noise**2, MAINS_VARIANCE):
+            found.append(
+                f"{subject(n)} swings with the mains by {amount(n, (2 * self.hum[n]) ** 0.5)} "
+                f"(amplitude), {digits((2 * self.hum[n]) ** 0.5 / self.noise[n])} times the noise of "
+                "one sample: pick-up of the electronics or a vibration, which cannot be told apart."
+            )
+        return found
+
+    def bursts(self) -> list[str]:
+        """Segments with a larger variance than others, where they count."""
+        parts = np.array_split(np.arange(len(self.rest)), len(self.segments) // LONGER)
+        variances = np.array([segment_variance(self.rest[rows]) for rows in parts])
+        usual = np.median(variances, axis=0)
+        ratio = np.where(
+            variances.max(axis=0) > BURST * usual, variances.mean(axis=0) / usual - 1, 0.0
+        )
+        n = int(np.argmax(ratio))
+        if ratio[n] <= ADDED_VARIANCE:
+            return []
+        k = int(np.argmax(variances[:, n]))
+        return [
+            f"{subject(n)} scatters {digits((variances[k, n] / usual[n]) ** 0.5)} times as much as "
+            f"usual around {self.time[parts[k]].mean():.3g} s. The cause is unknown: a knock, a "
+            "loose cable, something in the beam."
+        ]
+
+    def jacobian(self) -> Floats:
+        """Of the channels by the state, (9, 8), at the mean readings' pose, else at rest."""
+        from ..estimation.solver import solve
+        from ..model.arrays import jacobian
+
+        sensor = self.config.sensor
+        solution = solve(sensor, self.mean, beam="known", power="unknown")
+        state = solution.state if bool(solution.ok) else np.zeros(8)
+        found = 1e3 * np.asarray(jacobian(sensor, state))
+        found[2::3] /= self.mean[2::3].sum()
+        return found
+
+    def cause(self) -> str:
+        """Whose slow change it is, where that can be told."""
+        slow = self.means()
+        slow = (slow - slow.mean(axis=0)) / self.noise
+        energy = (slow**2).sum(axis=0)
+        jacobian = self.jacobian() / self.noise[:, None]
+        for columns, words in ((slice(6, 8), "beam"), (slice(0, 6), "mirror")):
+            states = slow @ np.linalg.pinv(jacobian[:, columns]).T
+            left = slow - states @ jacobian[:, columns].T
+            if (left**2).sum() <= UNEXPLAINED * energy.sum():
+                return self.motion(words, states, jacobian[:, columns])
+        places = energy.reshape(3, 3)[:, :2].sum(axis=1)  # all shares change where one power does
+        k = int(np.argmax(places))
+        if places.sum() - places[k] <= ELSEWHERE * places.sum():
+            return (
+                f"Only detector {DETECTORS[k].upper()} changes, so it is not the mirror but that "
+                "detector, its mount or its electronics."
+            )
+        return (
+            "The cause is unknown: the detectors do not change together as a motion of the mirror "
+            "or of the beam would have it."
+        )
+
+    @staticmethod
+    def motion(words: str, states: Floats, jacobian: Floats) -> str:
+        """The sentence for a motion that explains what changes slowly."""
+        if words == "beam":
+            size = float(np.ptp(states, axis=0).max())
+            return (
+                f"All detectors change as when the beam moves, by {digits(size * LENGTH.fine_factor)} "
+                f"{LENGTH.fine_unit}, or as when the mirror moves across the beam."
+            )
+        effect = (states.std(axis=0) * np.linalg.norm(jacobian, axis=0))
+        axis = int(np.argmax(effect))
+        unit = LENGTH if axis < 3 else ANGLE
+        size = float(np.ptp(states[:, axis]))
+        return (
+            f"All detectors change as when the mirror moves, mostly in {POSE[axis]}, by "
+            f"{digits(size * unit.fine_factor)} {unit.fine_unit}."
+        )
+
+
+def mains_lines(models: Sequence[NoiseModel]) -> list[float]:
+    """Frequencies of the mains' lines in any of the signals, each once."""
+    found: list[float] = []
+    for model in models:
+        for line in model.lines:
+            if line.name.startswith("mains") and all(
+                abs(line.frequency - other) > 2 / model.length for other in found
+            ):
+                found.append(line.frequency)
+    return found
+
+
+def without_lines(
+    signals: Floats, time: Floats, frequencies: list[float]
+) -> tuple[Floats, Floats, Floats]:
+    """Slopes (m,), variances of sinusoids (m,), and what is left of signals (n, m)."""
+    matrix = line_matrix(time, frequencies)
+    centred = signals - signals.mean(axis=0)
+    coefficients = np.linalg.solve(matrix.T @ matrix, matrix.T @ centred)
+    waves = (coefficients[:-1] ** 2).sum(axis=0) / 2
+    return coefficients[-1], waves, centred - matrix @ coefficients
+
+
+def segment_variance(part: Floats) -> Floats:
+    """Of the columns of (n, m) about their own lines."""
+    place = np.arange(len(part)) - (len(part) - 1) / 2
+    centred = part - part.mean(axis=0)
+    centred = centred - np.outer(place, place @ centred / (place @ place))
+    found: Floats = (centred**2).sum(axis=0) / (len(part) - 2)
+    return found
+
+
+def block_means(signals: Floats, size: int) -> Floats:
+    count = len(signals) // size
+    found: Floats = signals[: count * size].reshape(count, size, -1).mean(axis=1)
+    return found
+
+
+def predicted(apart: Floats, allowed: Floats) -> list[tuple[float, int]]:
+    """The variance of each place that the other detectors predict, over what is allowed.
+
+    apart: differences of neighbouring means (n, 9), over the noise. The regression of independent
+    noise explains a part of about 6 / n, which counts as chance.
+    """
+    from scipy.stats import chi2
+
+    found = []
+    for n in (0, 1, 3, 4, 6, 7):
+        others = np.delete(apart, np.s_[3 * (n // 3) : 3 * (n // 3) + 3], axis=1)
+        fitted = others @ np.linalg.lstsq(others, apart[:, n], rcond=None)[0]
+        explained = float(fitted @ fitted)
+        left = max(float(((apart[:, n] - fitted) ** 2).mean()), 1e-300)
+        if explained > left * chi2.ppf(1 - CHANCE, others.shape[1]):
+            variance = (explained / len(apart) - left * others.shape[1] / len(apart)) / 2
+            found.append((variance / float(allowed[n]), n))
+    return found
+
+
+def exchanged(apart: Floats, allowed: Floats) -> list[tuple[float, int]]:
+    """The variance of each detector's light that the others lack, over what is allowed.
+
+    apart: differences of neighbouring means of the powers (n, 3), over the noise. Noise of their
+    own has no covariance, the laser's a positive one; light that goes from one detector to others
+    has a negative one, of half its variance where it goes to both alike.
+    """
+    covariance = apart.T @ apart / len(apart)
+    scale = np.sqrt(np.diagonal(covariance))
+    found = []
+    for one, other in ((0, 1), (1, 2), (0, 2)):
+        chance = TAIL * scale[one] * scale[other] / len(apart) ** 0.5
+        if covariance[one, other] < -chance:
+            variance = -covariance[one, other]  # twice it, over two for a difference
+            found.append((float(variance / allowed[one]), 3 * one + 2))
+    return found
+
+
+def worst_of_each(ratios: Floats, allowed: float) -> list[int]:
+    """The channel of each detector whose ratio is largest, where it is above what is allowed."""
+    by_detector = np.nan_to_num(ratios).reshape(3, 3)
+    return [
+        3 * k + int(np.argmax(row)) for k, row in enumerate(by_detector) if row.max() > allowed
+    ]
+
+
+def subject(channel: int) -> str:
+    what = ("The spot's place psi", "The spot's place zeta", "The share of light")[channel % 3]
+    return f"{what} on detector {DETECTORS[channel // 3].upper()}"
+
+
+def amount(channel: int, value: float) -> str:
+    return f"{digits(value / 10)} %" if channel % 3 == 2 else f"{digits(value)} µm"
+
+
+def digits(value: float) -> str:
+    """Three digits, and no exponent below a million."""
+    return f"{float(f'{value:.3g}'):,g}"
+
+
+def percent(share: float) -> str:
+    return f"{100 * share:.3g} %"
+
+
