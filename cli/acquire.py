@@ -104,11 +104,13 @@ def acquire(
     from facets import load
     from facets.live.acquire import Ending, Live
     from facets.live.pipeline import Pipeline
+    from facets.live.publication import require_packages
 
     check_options(seconds, plain, json)
     check_filter(filter_by, publish)
     settings = load(config)
     name = required(port or settings.acquire.port, "--port", "acquire.port")
+    require_packages(publish, web)
     live = Live(Pipeline(settings))
     live.pipeline.warm_up()
     recording = started(settings, output) if record else None

@@ -66,8 +66,10 @@ def replay(
     out the same to the last bit; --compare says whether, and exits with 1 where not.
     """
     from facets import load
+    from facets.core.extras import require_extra
     from facets.files import tables
     from facets.live.pipeline import Pipeline
+    from facets.live.publication import require_packages
     from facets.live.recording import Damage, meta_of
     from facets.live.replay import recorded_config
     from facets.live.replay import replay as run
@@ -79,9 +81,12 @@ def replay(
     if filter_by:
         check_filter(filter_by, smooth, output, publish)
     if output:
-        if not is_mcap(output):
+        if is_mcap(output):
+            require_extra("mcap.writer", str(output))
+        else:
             tables.ending(output)
         tables.refuse_to_overwrite([output], force)
+    require_packages(publish, web)
     pipeline, damage = Pipeline(settings), Damage()
     replayed = run(recording, pipeline, real_time, damage)
     if publish:
@@ -328,9 +333,9 @@ def compared(
     seen, seal = compare(recorded_poses(recording), new), seal_of(recording)
     lost = max(0, seal.poses - seen.recorded) if seal else 0
     count = seen.recorded - seen.skipped - seen.absent
-    number = f"{count} of {seal.poses} recorded poses" if seal and lost else f"{count} recorded poses"
+    of_all = f" of {seal.poses}" if seal and lost else ""
     verdict = "identical" if seen.same else f"NOT the same in {seen.different} samples"
-    typer.echo(f"{number}: {verdict if count else 'nothing can be compared'}")
+    typer.echo(f"{count}{of_all} recorded poses: {verdict if count else 'nothing can be compared'}")
     if seen.skipped:
         typer.echo(f"  {seen.skipped} samples were skipped in the run, and are solved now")
     if lost:
@@ -340,8 +345,9 @@ def compared(
         why = (
             "without their bytes, which the disk refused"
             if refused
-            else "and their bytes cannot be read any more" if damage.words else
-            "but the bytes hold no such samples; the cause is unknown"
+            else "and their bytes cannot be read any more"
+            if damage.words
+            else "but the bytes hold no such samples; the cause is unknown"
         )
         typer.echo(f"  {seen.absent} were recorded {why}")
     incomplete = bool(lost) or (bool(seen.absent) and not refused)
@@ -354,7 +360,7 @@ def compared(
 
 
 def tell_unrecorded(seen: Any, seal: Any, lost: int) -> bool:
-    """Says which samples have no pose on record, and why if that is known; whether some are lost."""
+    """Says which samples have no pose on record, and why if known; whether that is a loss."""
     first, last = seen.ends
     text = f"  {seen.unrecorded} samples, from {first} to {last}, have no recorded pose"
     if seal is None:
@@ -390,6 +396,4 @@ def tell_different(recording: Path, seen: Any, damage: Any, config: str | None) 
             "first difference: what an arrival time or a lost byte changes, changes later samples"
         )
     else:
-        typer.echo(
-            f"  the cause is unknown; the first difference is in sample {seen.since}"
-        )
+        typer.echo(f"  the cause is unknown; the first difference is in sample {seen.since}")

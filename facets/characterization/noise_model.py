@@ -224,7 +224,7 @@ def whittle(frequency: Floats, power: Floats) -> tuple[Estimate, Estimate]:
 def new_lines(
     rest: Floats, rate: float, frequency: Floats, power: Floats, expected: Floats, most: int
 ) -> list[tuple[float, float]]:
-    """Frequencies and powers of what stands out of the noise, the strongest first; `most` at most."""
+    """Frequencies and powers of what stands out of the noise, the strongest first."""
     over = power / expected
     limit = np.log(len(over) / CHANCE)
     found: list[tuple[float, float]] = []

@@ -47,7 +47,8 @@ class NoiseReport:
     """rate: Hz.  seconds: of what was looked at.  correlation: of the readings' fast noise (9, 9).
 
     faults: what speaks against a mirror at rest with steady light, in sentences; with any of them
-    the numbers are no noise.  position, power: noise that the configuration should state, mm at `at_power` and mW.
+    the numbers are no noise.  position, power: noise that the configuration should state, mm at
+    `at_power` and mW.
     common: of the three powers together, a share; the laser's.
     """
 

@@ -194,8 +194,8 @@ class Steady:
                     size[n] = max(size[n], found.deviation[k])
         return [
             (n, f"{subject(n)} {self.manner(n)} {amount(n, self.swing(n))}, "
-                f"{digits(self.swing(n) / self.noise[n])} times the noise of one sample: slower than "
-                "noise of electronics.")
+                f"{digits(self.swing(n) / self.noise[n])} times the noise of one sample: slower "
+                "than noise of electronics.")
             for n in worst_of_each(size / self.noise, ADDED_DEVIATION)
         ]  # fmt: skip
 
@@ -249,14 +249,13 @@ class Steady:
 
     def mains(self) -> list[str]:
         """Lines at the mains' frequency that are larger than the noise."""
-        found = []
-        for n in worst_of_each(self.hum / self.noise**2, MAINS_VARIANCE):
-            found.append(
-                f"{subject(n)} swings with the mains by {amount(n, (2 * self.hum[n]) ** 0.5)} "
-                f"(amplitude), {digits((2 * self.hum[n]) ** 0.5 / self.noise[n])} times the noise of "
-                "one sample: pick-up of the electronics or a vibration, which cannot be told apart."
-            )
-        return found
+        size = (2 * self.hum) ** 0.5
+        return [
+            f"{subject(n)} swings with the mains by {amount(n, size[n])} (amplitude), "
+            f"{digits(size[n] / self.noise[n])} times the noise of one sample: pick-up of the "
+            "electronics or a vibration, which cannot be told apart."
+            for n in worst_of_each(self.hum / self.noise**2, MAINS_VARIANCE)
+        ]
 
     def bursts(self) -> list[str]:
         """Segments with a larger variance than others, where they count."""
@@ -317,10 +316,11 @@ class Steady:
         if words == "beam":
             size = float(np.ptp(states, axis=0).max())
             return (
-                f"All detectors change as when the beam moves, by {digits(size * LENGTH.fine_factor)} "
-                f"{LENGTH.fine_unit}, or as when the mirror moves across the beam."
+                "All detectors change as when the beam moves, by "
+                f"{digits(size * LENGTH.fine_factor)} {LENGTH.fine_unit}, or as when the "
+                "mirror moves across the beam."
             )
-        effect = (states.std(axis=0) * np.linalg.norm(jacobian, axis=0))
+        effect = states.std(axis=0) * np.linalg.norm(jacobian, axis=0)
         axis = int(np.argmax(effect))
         unit = LENGTH if axis < 3 else ANGLE
         size = float(np.ptp(states[:, axis]))
@@ -409,9 +409,7 @@ def exchanged(apart: Floats, allowed: Floats) -> list[tuple[float, int]]:
 def worst_of_each(ratios: Floats, allowed: float) -> list[int]:
     """The channel of each detector whose ratio is largest, where it is above what is allowed."""
     by_detector = np.nan_to_num(ratios).reshape(3, 3)
-    return [
-        3 * k + int(np.argmax(row)) for k, row in enumerate(by_detector) if row.max() > allowed
-    ]
+    return [3 * k + int(np.argmax(row)) for k, row in enumerate(by_detector) if row.max() > allowed]
 
 
 def subject(channel: int) -> str:
@@ -430,5 +428,3 @@ def digits(value: float) -> str:
 
 def percent(share: float) -> str:
     return f"{100 * share:.3g} %"
-
-

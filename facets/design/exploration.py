@@ -41,6 +41,7 @@ from ..characterization.ranges import (
 from ..characterization.resolution import Estimator, uncertainties
 from ..characterization.singularity import measures
 from ..core.errors import InputError, OutputError
+from ..core.extras import require_extra
 from ..core.names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS, STATE_UNITS
 from ..core.rules import Rules
 from ..core.sensor import Sensor
@@ -456,12 +457,9 @@ def clustered(
 
 def client_of(address: str) -> Any:
     """Of a Dask cluster.  Raises `InputError` where none answers."""
+    distributed = require_extra("distributed", "--scheduler")
     try:
-        from dask.distributed import Client
-    except ImportError:
-        raise InputError("--scheduler needs the extra `cluster`: facets-6dof[cluster]") from None
-    try:
-        return Client(address, timeout="10s")  # type: ignore[no-untyped-call]
+        return distributed.Client(address, timeout="10s")
     except OSError as error:
         raise InputError(f"--scheduler {address}: no cluster answers: {error}") from None
 

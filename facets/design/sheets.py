@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import InputError
+from ..core.extras import require_extra
 from ..files.tables import Whole
 
 #: Headings and rows of a table.
@@ -23,12 +24,7 @@ def require_writable(path: Path) -> None:
     if path.suffix.lower() not in KINDS:
         raise InputError(f"{path}: tables are written as {' or '.join(KINDS)}")
     if path.suffix.lower() == ".xlsx":
-        try:
-            import openpyxl  # noqa: F401
-        except ImportError:
-            raise InputError(
-                f"{path}: a workbook needs the extra `sheets`: facets-6dof[sheets]"
-            ) from None
+        require_extra("openpyxl", str(path))
 
 
 def write_sheets(path: Path, tables: dict[str, Rows], origin: str) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.errors import InputError
+from ..core.extras import require_extra
 from ..core.names import READING_COLUMNS, STATE_COLUMNS
 from .sample_rows import rows_of, unit_of
 from .senders import json_of
@@ -29,13 +29,10 @@ class McapFile:
 
     def __init__(self, path: Path, about: dict[str, str], utc_offset: float) -> None:
         """about: how it was made.  utc_offset: of the wall clock over the monotonic one, s."""
-        try:
-            from mcap.writer import Writer
-        except ImportError:
-            raise InputError(f"{path}: needs mcap (pip install 'facets-6dof[mcap]')") from None
+        writer = require_extra("mcap.writer", str(path))
         self.offset = utc_offset
         self.file = path.open("wb")
-        self.writer: Any = Writer(self.file)
+        self.writer: Any = writer.Writer(self.file)
         self.writer.start(library="facets")
         self.writer.add_metadata("facets", about)
         self.sample = self.channel("/facets/sample", "facets.Sample", sample_schema())

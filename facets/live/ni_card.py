@@ -16,6 +16,8 @@ from urllib.parse import parse_qsl
 
 import numpy as np
 
+from ..core.errors import InputError
+from ..core.extras import require_extra
 from ..core.units import Floats
 from .frames import ELECTRODES, Samples, pack
 from .ports import POLL, Closing, PortError, PortInUse
@@ -68,25 +70,23 @@ class Card(Closing):
             )
         self.rate, self.bits, self.full = options["rate"], options["bits"], options["range"]
         try:
-            import nidaqmx
-            from nidaqmx.constants import AcquisitionType, TerminalConfiguration
-            from nidaqmx.stream_readers import AnalogMultiChannelReader
-        except ImportError as error:
-            raise PortInUse(
-                f"{name}: needs nidaqmx (pip install 'facets-6dof[ni]'): {error}"
-            ) from None
+            nidaqmx = require_extra("nidaqmx", name)
+            constants = require_extra("nidaqmx.constants", name)
+            readers = require_extra("nidaqmx.stream_readers", name)
+        except InputError as error:
+            raise PortInUse(str(error)) from None
         self.task: Any = None
         try:
             self.task = nidaqmx.Task()
             self.task.ai_channels.add_ai_voltage_chan(
                 channels,
-                terminal_config=getattr(TerminalConfiguration, TERMINALS[terminal]),
+                terminal_config=getattr(constants.TerminalConfiguration, TERMINALS[terminal]),
                 min_val=-self.full,
                 max_val=self.full,
             )
             self.task.timing.cfg_samp_clk_timing(
                 self.rate,
-                sample_mode=AcquisitionType.CONTINUOUS,
+                sample_mode=constants.AcquisitionType.CONTINUOUS,
                 samps_per_chan=int(self.rate * BUFFER),
             )
             count = len(self.task.ai_channels)
@@ -100,7 +100,7 @@ class Card(Closing):
         if count != CHANNELS:
             self.close()
             raise PortInUse(f"{name}: names {count} channels, not {CHANNELS}: four a detector")
-        self.reader = AnalogMultiChannelReader(self.task.in_stream)
+        self.reader = readers.AnalogMultiChannelReader(self.task.in_stream)
         self.made = 0
 
     def read(self) -> bytes:

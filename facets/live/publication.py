@@ -21,6 +21,7 @@ from urllib.parse import urlsplit
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.extras import require_extra
 from ..core.version import __version__
 from .pulses import PulseClock, pulse_columns
 from .sample_rows import SAMPLE, description, rows_of
@@ -39,6 +40,15 @@ COMPILE = 600.0
 #: A replay waits for a first receiver so long, s.
 FIRST = 20.0
 GONE = "its process has ended"
+
+
+def require_packages(addresses: Sequence[str] | None, web: str | None) -> None:
+    """Raises `InputError` where a receiver, or the page, needs a package that is not installed."""
+    for address in addresses or ():
+        if address.startswith("lsl:"):
+            require_extra("pylsl", address)
+    if web is not None:
+        require_extra("aiohttp", "--web")
 
 
 class Publication:

@@ -6,7 +6,7 @@ index.bin       a row (`index.INDEX`) for each block of them: where, when, what 
                 then, and the sums that prove both
 poses.arrows    the poses as an Arrow stream, batch by batch; where the loop fell behind, the newest
                 first
-events.jsonl    a line for each thing that happened; the last, `closed`, says what the other files hold
+events.jsonl    a line for each thing that happened; the last says how much the others hold
 """
 
 from __future__ import annotations
@@ -113,6 +113,7 @@ class Recording:
 
     def begin(self, meta: str, resolved: dict[str, Any]) -> None:
         """The files that are there before the first byte comes, whatever happens then."""
+        self.above = [one for one in self.folder.parents if not one.exists()]
         self.disk.make_folder(self.folder)
         self.save("meta.yaml", meta.encode())
         for keys, name, total in measured(resolved):
@@ -253,11 +254,14 @@ class Recording:
         )  # fmt: skip
 
     def discard(self) -> None:
-        """Takes back a recording in which nothing is yet."""
+        """Takes back a recording in which nothing is yet, and the folders that were made for it."""
         self.close()
         for file in self.folder.iterdir():
             file.unlink()
         self.folder.rmdir()
+        for folder in self.above:
+            with suppress(OSError):  # another run may have begun in it
+                folder.rmdir()
 
 
 class Syncer(threading.Thread):
@@ -324,15 +328,15 @@ def blocks(folder: Path, damage: Damage | None = None, salvage: bool = False) ->
     except OSError as error:
         raise missing_file(path, error, "a recording cannot be solved without its bytes") from None
     if proven and not any_agrees(rows, file):
-        if not salvage and not size_of(folder):
-            raise InputError(f"{path}: is empty, and the index knows of {len(rows)} blocks of bytes")
-        if not salvage:
+        if seal and not salvage and not size_of(folder):
+            raise InputError(f"{path}: is empty, but held {seal.bytes} bytes when it was closed")
+        if seal and not salvage:
             raise InputError(
                 f"{folder / 'index.bin'}: none of its {len(rows)} rows agrees with {path}: one of "
                 f"the two is damaged or of another recording. `facets recover {folder}` solves "
                 "the bytes without it"
             )
-        rows = rows[:0]
+        rows, damage.rows = rows[:0], damage.rows + len(rows)
     if seal:
         damage.absent = max(0, seal.rows - len(rows) - damage.rows)
         damage.missing = max(0, seal.bytes - size_of(folder))
@@ -376,14 +380,18 @@ def read_index(folder: Path, salvage: bool) -> bytes:
     except OSError as error:
         if salvage:
             return b""
-        raise missing_file(
-            path, error, f"`facets recover {folder}` solves the bytes without it"
-        ) from None
+        if not size_of(folder):
+            raise InputError(
+                f"{folder}: is no recording: it has no index.bin and no bytes"
+            ) from None
+        remedy = f"`facets recover {folder}` solves the bytes without it"
+        raise missing_file(path, error, remedy) from None
 
 
 def missing_file(path: Path, error: OSError, remedy: str) -> InputError:
-    what = "is missing" if isinstance(error, FileNotFoundError) else f"can not be read: {error.strerror}"
-    return InputError(f"{path}: {what}; {remedy}")
+    if isinstance(error, FileNotFoundError):
+        return InputError(f"{path}: is missing; {remedy}")
+    return InputError(f"{path}: can not be read: {error.strerror}; {remedy}")
 
 
 def contiguous(rows: Any) -> int:

@@ -32,9 +32,14 @@ def recorded_config(folder: Path) -> Config:
 
     from ruamel.yaml import YAML
 
-    from ..config.loading import load, measured
+    from ..config.loading import fingerprint, load, measured
 
     meta, path = meta_of(folder), folder / "meta.yaml"
+    if meta.get("config_sha256") not in (None, fingerprint(meta["resolved"])):
+        raise InputError(
+            f"{path}: is damaged or was changed, its config_sha256 is not that of its "
+            f"configuration; name one: `facets replay {folder} --config CONFIG`"
+        )
     try:
         resolved = meta["resolved"]
         if "timing" not in resolved.get("acquire", {}):  # of a version that had no other
@@ -53,7 +58,8 @@ def recorded_config(folder: Path) -> Config:
         try:
             return load(copy)
         except ConfigError as error:
-            problems = re.sub(rf"\S*{re.escape(Path(place).name)}\S*?\.yaml(:\d+)?", str(path), str(error))
+            copied = rf"\S*{re.escape(Path(place).name)}\S*?\.yaml(:\d+)?"
+            problems = re.sub(copied, lambda _: str(path), str(error))
             raise InputError(f"{problems}{version_hint(meta)}") from None
 
 
@@ -117,11 +123,11 @@ def label(poses: Poses) -> Columns:
 class Comparison:
     """Recorded poses beside those of a replay, sample by sample.
 
-    recorded: poses on record.  skipped: samples among them that the run did not solve.  absent: that
-    the replay does not have, since their bytes are not there.  unrecorded: samples of the replay
-    without a pose on record.  different: that are not the same to the last bit, `columns` in which
-    of their columns.  worst: of their pose, in standard uncertainties; infinite where only one of
-    the two has a pose.  since: the first sample that is different or absent.
+    recorded: poses on record.  skipped: samples among them that the run did not solve.  absent:
+    those that the replay does not have.  unrecorded: samples of the replay without a pose on
+    record, the first and the last of which are `ends`.  different: those that are not the same to
+    the last bit, in `columns`.  worst: difference of a pose, in standard uncertainties; infinite
+    where only one of the two has a pose.  since: the first sample that is different or absent.
     """
 
     recorded: int

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FacetsError, InputError
+from ..core.extras import require_extra
 from ..core.names import READING_COLUMNS, STATE_COLUMNS
 from .sample_rows import HEAD as HEAD_COLUMNS
 from .sample_rows import MAGIC, NUMBERS, SAMPLE, unit_of
@@ -220,12 +221,7 @@ class Lsl:
     """An outlet of the Lab Streaming Layer, with names and units of its channels."""
 
     def __init__(self, name: str, about: dict[str, Any], wait: float) -> None:
-        try:
-            import pylsl
-        except (ImportError, RuntimeError) as error:  # RuntimeError: its library is not found
-            raise InputError(
-                f"lsl: needs pylsl (pip install 'facets-6dof[lsl]'): {error}"
-            ) from None
+        pylsl = require_extra("pylsl", f"lsl:{name}")
         names = tuple(name for name, _ in about.get("dtype", ())) or SAMPLE.names or ()
         self.channels = ("status", "flags", *names[len(HEAD_COLUMNS) :])
         source = f"facets-{about.get('config_sha256', '')[:16]}"

@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from ..core.errors import InputError
+from ..core.extras import require_extra
 from .frames import XY_SUM
 from .ni_card import counts_of_volts, frames_of, numbers_of
 from .ports import Closing, PortError, PortInUse
@@ -38,11 +40,9 @@ class Heads(Closing):
             )
         self.period, self.bits, self.full = 1 / options["rate"], options["bits"], options["range"]
         try:
-            from pylablib.devices import Thorlabs
-        except ImportError as error:
-            raise PortInUse(
-                f"{name}: needs pylablib (pip install 'facets-6dof[thorlabs]'): {error}"
-            ) from None
+            Thorlabs = require_extra("pylablib.devices.Thorlabs", name)
+        except InputError as error:
+            raise PortInUse(str(error)) from None
         self.heads: list[Any] = []
         try:
             for number in numbers:

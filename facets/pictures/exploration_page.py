@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import InputError
+from ..core.extras import require_extra
 from ..core.hues import chosen_hues
 from ..core.sensor import Sensor
 from .head_drawing import drawing
@@ -25,11 +25,7 @@ MOST = 9
 
 def plotly_text() -> str:
     """plotly's own JavaScript. Raises `InputError` where plotly is not installed."""
-    try:
-        from plotly.offline import get_plotlyjs
-    except ImportError:
-        raise InputError("--report needs plotly: pip install 'facets-6dof[pages]'") from None
-    return str(get_plotlyjs())
+    return str(require_extra("plotly.offline", "--report").get_plotlyjs())
 
 
 def page(

@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from ..core.errors import InputError
+from ..core.extras import require_extra
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
 from .line import PATIENCE
@@ -34,11 +36,9 @@ def open_kinesis(name: str, settings: Settings) -> Kinesis:
             "kinesis:27000001,27000002, or of one with two channels"
         )
     try:
-        from pylablib.devices import Thorlabs
-    except ImportError as error:
-        raise StageError(
-            f"{name}: needs pylablib (pip install 'facets-6dof[thorlabs]'): {error}"
-        ) from None
+        Thorlabs = require_extra("pylablib.devices.Thorlabs", name)
+    except InputError as error:
+        raise StageError(str(error)) from None
     motors: list[Any] = []
     try:
         for number in numbers:

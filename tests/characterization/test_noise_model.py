@@ -4,21 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from colours import flicker
 
 from facets.characterization.allan import allan, degrees_of_freedom
 from facets.characterization.noise_model import fit_noise, name_of, slope_sigma
 
 RATE, COUNT = 1000.0, 1 << 15
 WHITE, FLICKER, MAINS, DRIFT = 2e-3, 0.05, 0.15, 0.01
-
-
-def flicker(rng, density, count, rate):
-    """1/f noise by its spectrum, from eight times as long a piece, so that it has slow parts."""
-    size = 8 * count
-    frequency = np.fft.rfftfreq(size, 1 / rate)[1:]
-    drawn = rng.standard_normal((2, len(frequency)))
-    half = np.sqrt(density / frequency * rate * size / 4) * (drawn[0] + 1j * drawn[1])
-    return np.fft.irfft(np.concatenate([[0], half]), size)[:count]
 
 
 def signal(seed, white=WHITE, pink=FLICKER, mains=MAINS, drift=DRIFT, count=COUNT):

@@ -69,3 +69,39 @@ def test_a_recording_that_says_nothing_is_refused(tmp_path):
     result = command("noise", "rec", cwd=tmp_path)
     assert result.returncode == 2
     assert "too few for their noise" in result.stderr
+
+
+@pytest.mark.slow
+def test_a_recording_of_a_moving_mirror_is_refused_and_leaves_nothing(tmp_path):
+    """One recording at rest makes the configuration; one of the moving mirror does not."""
+    config = facets.load("bench")
+    count = 4_000
+    state = np.zeros((count, 8))
+    state[:, 5] = 1e-3 * np.sin(np.arange(count) / 300)
+    counts = counts_of(
+        config.sensor, config.electronics, facets.readings(config.sensor, state),
+        np.random.default_rng(1),
+    )  # fmt: skip
+    number = np.arange(count, dtype=np.uint32)
+    kind = np.ones(count, np.uint8)
+    (tmp_path / "board.bin").write_bytes(
+        pack(Samples(kind, 0 * kind, number, 100 * number, counts))
+    )
+    acquired = command("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--plain",
+                       cwd=tmp_path)  # fmt: skip
+    assert acquired.returncode == 0, acquired.stderr
+    result = command("noise", "rec", "-o", "new/noise", "--write", "new/n.yaml", cwd=tmp_path)
+    assert result.returncode == 1
+    assert "All detectors change as when the mirror moves, mostly in yaw" in result.stdout
+    assert "Not written: new/noise/, new/n.yaml." in result.stdout
+    assert "position_um" not in result.stdout
+    assert not (tmp_path / "new").exists()
+    result = command("noise", "rec", "-o", "noise", cwd=tmp_path)
+    assert result.returncode == 1
+    assert "was not at rest" in result.stdout
+    page = (tmp_path / "noise" / "noise.html").read_text()
+    assert "was not at rest" in page
+    assert "For the configuration" not in page
+    result = command("noise", "rec", "--write", "foo.txt", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "foo.txt: a configuration's name ends in .yaml or .yml" in result.stderr

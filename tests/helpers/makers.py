@@ -188,3 +188,4 @@ def install(monkeypatch):
     )
     module("pylablib")
     module("pylablib.devices", Thorlabs=thorlabs)
+    monkeypatch.setitem(sys.modules, "pylablib.devices.Thorlabs", thorlabs)

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from ...core.errors import InputError
+from ...core.extras import require_extra
 from ..sample_rows import SAMPLE
 from ..senders import lots
 from .guard import Guard, place
@@ -48,7 +49,6 @@ TYPES = {
     ".svg": "image/svg+xml",
     ".json": "application/json",
 }
-NEEDS = "--web needs aiohttp (pip install 'facets-6dof[web]')"
 
 
 class Inbox:
@@ -292,12 +292,8 @@ def main() -> None:
     about = json.loads(next(iter(lots(stream))))
     own = about.pop("page")
     try:
-        import aiohttp  # noqa: F401
-
+        require_extra("aiohttp", "--web")
         line = listening(own["host"], own["port"])
-    except ImportError:
-        say({"error": NEEDS})
-        return
     except InputError as error:
         say({"error": str(error)})
         return

@@ -1,0 +1,44 @@
+"""Packages that some commands need and that are installed by extras of `facets-6dof`."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from .errors import InputError
+
+#: The extra that brings a package.
+EXTRAS = {
+    "aiohttp": "web",
+    "distributed": "cluster",
+    "mcap": "mcap",
+    "nidaqmx": "ni",
+    "openpyxl": "sheets",
+    "plotly": "pages",
+    "pylablib": "thorlabs",
+    "pylsl": "lsl",
+}
+
+
+def require_extra(module: str, purpose: str) -> Any:
+    """Import a module of an optional package.
+
+    Parameters
+    ----------
+    module : str
+        Name of the module, such as "mcap.writer".
+    purpose : str
+        What needs it, for the message: an option, a file or an address.
+
+    Raises
+    ------
+    InputError
+        Where it cannot be imported; the message names the extra to install.
+    """
+    package = module.partition(".")[0]
+    try:
+        return import_module(module)
+    except (ImportError, RuntimeError) as error:  # RuntimeError: its own library is not found
+        raise InputError(
+            f"{purpose} needs {package}: pip install 'facets-6dof[{EXTRAS[package]}]' ({error})"
+        ) from None

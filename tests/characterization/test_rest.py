@@ -1,0 +1,181 @@
+"""A mirror at rest is told from one that is not, on signals from outside any model of noise.
+
+Ten thousand samples at 1 kHz, with white noise that is known; what is added is known as well.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from colours import flicker
+
+import facets
+from facets.characterization.noise_model import fit_noise
+from facets.characterization.noise_report import longest_piece
+from facets.characterization.rest import movements, reading_faults
+from facets.core.names import READING_COLUMNS, STATE
+from facets.detectors.counts import SATURATED
+
+COUNT, RATE = 8_000, 1_000.0
+CONFIG = facets.load("paper")
+SIGMA = np.tile([3e-4, 3e-4, 2e-5], 3)  # mm, mm, mW
+TIME = np.arange(COUNT) / RATE
+LENGTH = COUNT / RATE
+REST = facets.readings(CONFIG.sensor, np.zeros(8))
+JACOBIAN = facets.jacobian(CONFIG.sensor, np.zeros(8))
+
+
+def noise(seed=1):
+    return REST + SIGMA * np.random.default_rng(seed).standard_normal((COUNT, 9))
+
+
+def motion(axis, course):
+    """Readings' change by a motion of that course, in standard deviations of the noise."""
+    k = STATE.index(axis)
+    state = np.zeros((COUNT, 8))
+    state[:, k] = course / np.abs(JACOBIAN[:, k] / SIGMA).max()
+    return facets.readings(CONFIG.sensor, state) - REST
+
+
+def table(readings, flags=0):
+    columns = {name: readings[:, n] for n, name in enumerate(READING_COLUMNS)}
+    return columns | {
+        "seq": np.arange(len(readings)),
+        "board_us": np.arange(len(readings)) * round(1e6 / RATE),
+        "flags": np.zeros(len(readings), np.uint8) + flags,
+    }
+
+
+def faults(readings, flags=0):
+    columns = table(readings, flags)
+    found = reading_faults(columns, CONFIG)
+    if found:
+        return found
+    piece = longest_piece(columns, "it")
+    models = [fit_noise(piece.spread(columns[name]), piece.rate) for name in READING_COLUMNS]
+    return movements(columns, piece, models, CONFIG)
+
+
+def swing(frequency):
+    return np.sin(2 * np.pi * frequency * TIME)
+
+
+def walk():
+    steps = np.random.default_rng(3).standard_normal(COUNT)
+    return np.cumsum(steps) / COUNT**0.5
+
+
+AFTER = TIME > 0.4 * LENGTH
+RANDOM = np.random.default_rng(4).standard_normal(COUNT)
+
+
+@pytest.mark.parametrize(
+    ("axis", "course", "words"),
+    [
+        ("yaw", 10 * TIME / LENGTH, ["drifts by", "when the mirror moves, mostly in yaw"]),
+        ("tz", 2 * swing(3 / LENGTH), ["zeta on detector A wanders", "mostly in tz"]),
+        ("pitch", 1.2 * swing(5), ["move together", "the mirror or the beam moves or vibrates"]),
+        ("roll", 1.5 * swing(333.3), ["move together within 0.0"]),
+        ("yaw", 2 * RANDOM, ["The spots move together within 0.001 s"]),
+        ("tx", 5 * swing(33), ["The shares of light on the detectors move together"]),
+        ("tx", 5 * AFTER, ["jumps after 3.25 s", "when the beam moves", "or as when the mirror"]),
+        ("roll", 6 * AFTER, ["jumps after 3.25 s", "when the mirror moves, mostly in roll"]),
+        ("ty", 8 * walk(), ["The share of light on detector", "wanders by"]),
+        ("bx", 5 * swing(2 / LENGTH), ["when the beam moves"]),
+    ],
+)
+def test_a_motion_is_found_and_named(axis, course, words):
+    found = " ".join(faults(noise() + motion(axis, course)))
+    for word in words:
+        assert word in found
+
+
+def one(channel, course):
+    added = np.zeros((COUNT, 9))
+    added[:, READING_COLUMNS.index(channel)] = SIGMA[0] * course
+    return added
+
+
+BURST = np.where((TIME > 2) & (TIME < 2.04), 30.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("channel", "course", "words"),
+    [
+        ("zeta_b_mm", 8 * walk(), "Only detector B changes, so it is not the mirror"),
+        ("psi_c_mm", 5 * AFTER, "The spot's place psi on detector C jumps after 3.25 s"),
+        ("psi_a_mm", 8 * TIME / LENGTH, "psi on detector A drifts by 2.4"),
+        ("zeta_b_mm", BURST, "zeta on detector B scatters"),
+        ("zeta_b_mm", 8 * swing(50.02), "swings with the mains by 2.41 µm (amplitude)"),
+    ],
+)
+def test_what_is_not_the_mirror_is_told_as_that(channel, course, words):
+    found = " ".join(faults(noise() + one(channel, course)))
+    assert words in found
+    assert "mirror moves" not in found
+
+
+def lowpass(readings):
+    from scipy.signal import lfilter
+
+    kept = np.exp(-2 * np.pi * 0.1)
+    return REST + lfilter([1 - kept], [1, -kept], readings - REST, axis=0)
+
+
+def with_flicker(corner):
+    """Noise with as much flicker of its own on each reading as makes that corner, Hz."""
+    rng = np.random.default_rng(6)
+    added = [flicker(rng, s**2 / (RATE / 2) * corner, COUNT, RATE) for s in SIGMA]
+    return noise() + np.stack(added, axis=1)
+
+
+@pytest.mark.parametrize(
+    "readings",
+    [
+        noise(),
+        lowpass(noise()),
+        with_flicker(100),
+        with_flicker(50_000),
+        noise() + 0.8 * SIGMA * swing(49.97)[:, None],
+        noise() + one("psi_a_mm", 3 * TIME / LENGTH),
+        noise() * np.where(np.arange(9) % 3 == 2, 1 + 0.02 * TIME[:, None] / LENGTH, 1.0),
+        noise() + np.where(np.arange(COUNT)[:, None] % 1999 == 1000, 50 * SIGMA, 0.0),
+        np.round(noise() / SIGMA) * SIGMA,
+        noise()[:70],
+    ],
+    ids=["white", "low pass", "1/f", "1/f alone", "hum", "small drift", "laser", "spikes", "bits",
+         "short"],
+)  # fmt: skip
+def test_a_mirror_at_rest_with_honest_electronics_is_at_rest(readings):
+    assert faults(readings) == []
+
+
+def test_no_more_than_a_few_of_many_recordings_of_strong_flicker_are_refused():
+    """The worst case of electronics: nothing but flicker, on all readings."""
+    refused = 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        added = [flicker(rng, s**2 / (RATE / 2) * 50_000, 1_000, RATE) for s in SIGMA]
+        refused += faults(noise(seed)[:1_000] + np.stack(added, axis=1)) != []
+    assert refused <= 1
+
+
+def test_lost_light_saturation_and_coarse_converters_are_told():
+    dark = noise()
+    dark[1000:, 3:5], dark[1000:, 5] = np.nan, 1e-9
+    assert faults(dark) == [
+        "Detector B is without light in 87.5 % of the samples (allowed: 0.1 %)."
+    ]
+    full = noise()
+    full[:80, 6:] = np.nan
+    flags = np.where(np.arange(COUNT) < 80, SATURATED, 0).astype(np.uint8)
+    assert faults(full, flags) == [
+        "Detector C is saturated in 1 % of the samples (allowed: 0.1 %)."
+    ]
+    coarse = noise()
+    coarse[:, 1] = np.round(coarse[:, 1] / (5 * SIGMA[1])) * 5 * SIGMA[1]
+    (words,) = faults(coarse)
+    assert "successive values of zeta_a_mm are equal" in words
+    weak = noise()
+    weak[AFTER, 2::3] *= 0.9
+    assert "The power on all detectors together changes by 10." in " ".join(faults(weak))

@@ -1,0 +1,30 @@
+"""A short recording, written without a port or a clock."""
+
+from __future__ import annotations
+
+from facets.experiments.kills import stream
+
+import facets
+from facets.files.provenance import run_record
+from facets.live.frames import SIZE
+from facets.live.index import Block
+from facets.live.pipeline import Pipeline
+from facets.live.recording import Recording
+
+CONFIG = facets.load("bench")
+BLOCKS, EACH = 12, 25
+
+
+def record(folder, first=0, count=BLOCKS, close=True):
+    """A run of so many blocks, from sample `first` of the stream on."""
+    meta = run_record(CONFIG, None, 0.0, {"first": first})
+    recording, pipeline = Recording(folder, meta, CONFIG.resolved), Pipeline(CONFIG)
+    data = stream(first + count * EACH)[first * SIZE :]
+    for n in range(count):
+        part = data[n * EACH * SIZE : (n + 1) * EACH * SIZE]
+        block = Block(part, 1.0 + 0.0025 * n - 1e-5 * n**1.5, None)
+        recording.block(block)
+        recording.poses(pipeline.feed(block.data, block.arrival))
+        recording.flush()
+    if close:
+        recording.close()
