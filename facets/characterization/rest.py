@@ -86,9 +86,9 @@ def movements(
         one for one in steady.drifting() if one[0] // 3 not in {n // 3 for n, _ in wandering}
     ]
     found = [*steady.unsteady_power(), *(sentence for _, sentence in slow)]
-    # what moves slowly moves together, too: to say so once is enough
-    found += [steady.cause()] if slow else steady.together()
-    return [*found, *steady.mains(), *steady.bursts()]
+    # what moves slowly also moves together and scatters unevenly: to say so once is enough
+    found += [steady.cause()] if slow else [*steady.together(), *steady.bursts()]
+    return [*found, *steady.mains()]
 
 
 def reading_faults(columns: Columns, config: Config) -> list[str]:
