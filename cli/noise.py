@@ -116,7 +116,9 @@ def solved(recording: Path, settings: Config, tell_replay: Callable[..., None]) 
 
 def refuse(recording: Path, faults: list[str], files: list[Path], write: Path | None) -> None:
     """Says why a recording is none of noise, and that nothing was written; exit status 1."""
-    typer.echo(f"{recording}: the mirror or its light was not at rest, so this is not its noise:")
+    from facets.characterization.rest import NOT_AT_REST
+
+    typer.echo(f"{recording}: {NOT_AT_REST}:")
     for fault in faults:
         typer.echo(f"  {fault}")
     places = [*([f"{files[0].parent}/"] if files else []), *([str(write)] if write else [])]

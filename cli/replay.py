@@ -365,8 +365,9 @@ def tell_unrecorded(seen: Any, seal: Any, lost: int) -> bool:
     text = f"  {seen.unrecorded} samples, from {first} to {last}, have no recorded pose"
     if seal is None:
         typer.echo(
-            f"{text}; the recording was not closed (the run was killed or the power failed), or "
-            "the end of events.jsonl is lost, so it is unknown how many poses were recorded"
+            f"{text}; how many poses were recorded is unknown, because the end of events.jsonl, "
+            "which says that, is missing: the run was killed, the power failed, an older version "
+            "recorded it, or it was cut off"
         )
         return True
     why = "the disk refused them" if seal.refused_poses else "the cause is unknown"

@@ -6,7 +6,7 @@ what the configuration expects:
 
 light      no converter at its end, no detector dark, a steady total power
 steps      readings finer than the converter's steps, else the noise hides between them
-drift      the slope over the whole recording, beside the noise of one sample
+drift      the slope over the whole recording
 slow       the Allan deviation of the rest: of white and flicker noise it never rises with the
            averaging time; of a motion, a step, or a random walk it does
 fast       what one detector reads, predicted from the other two at every time scale: of noise
@@ -14,7 +14,8 @@ fast       what one detector reads, predicted from the other two at every time s
 bursts     the same variance throughout
 
 A finding needs both: to be beyond chance, and to be large enough to spoil the number that the
-recording is for, the standard deviation of one sample.
+recording is for, the standard deviation of one sample. Beside that stands the median scatter within
+short segments, about their own lines, in which a slow motion shows least.
 """
 
 from __future__ import annotations
@@ -34,6 +35,10 @@ if TYPE_CHECKING:
     from ..core.settings import Config
     from .noise_report import Columns, Piece
 
+#: What all the sentences mean together.
+NOT_AT_REST = (
+    "this is no recording of noise, because the mirror was not at rest or its light not steady"
+)
 #: Share of samples that may be saturated or dark: a normal distribution that loses its upper
 #: thousandth has a standard deviation that is 0.5 % too small.
 LOST_SHARE = 1e-3
@@ -43,7 +48,7 @@ POWER_CHANGE = 0.05
 #: Share of equal readings one after the other: where it is a half, the noise is half a step of the
 #: converter, and what is written would be the converter's step.
 EQUAL_SHARE = 0.5
-#: Drift over the recording, in standard deviations of one sample. It is not part of what is
+#: Drift over the recording, beside the scatter within segments. It is not part of what is
 #: written; but if a fifth of it were not even, this would be as large as the noise.
 DRIFT = 5.0
 #: Variance that may be added to that of the noise, as a share: 0.2 makes the standard deviation
@@ -129,7 +134,8 @@ class Steady:
     """The readings of a recording, evenly spaced, without spikes and mains; tests of them.
 
     Nine channels: places psi and zeta of each detector, um, and its share of the light, in
-    thousandths. The laser's power, which all three have in common, cancels in the shares.
+    thousandths. The laser's power, which all three have in common, cancels in the shares. noise:
+    (9,), the median scatter within segments.
     """
 
     def __init__(
@@ -138,7 +144,6 @@ class Steady:
         self.config, self.rate = config, piece.rate
         every = np.stack([fill(piece.spread(columns[name])) for name in READING_COLUMNS], axis=1)
         self.mean = every.mean(axis=0)
-        self.raw = every
         self.total = every[:, 2::3].sum(axis=1)
         scaled = 1e3 * every
         scaled[:, 2::3] /= self.total[:, None]
@@ -160,6 +165,7 @@ class Steady:
         self.segments = np.array_split(np.arange(len(scaled)), count)
         variances = [segment_variance(self.rest[rows]) for rows in self.segments]
         self.noise = np.sqrt(np.maximum(np.median(variances, axis=0), 1e-30))
+        self.scatter = f"the scatter within {self.length / count:.2g} s"
 
     def unsteady_power(self) -> list[str]:
         """A laser that changes, or light that misses all detectors."""
@@ -178,7 +184,7 @@ class Steady:
         size = np.where(sure, np.abs(self.slope) * self.length, 0.0)
         return [
             (n, f"{subject(n)} drifts by {amount(n, size[n])} over the recording, "
-                f"{digits(size[n] / self.noise[n])} times the noise of one sample (allowed: "
+                f"{digits(size[n] / self.noise[n])} times {self.scatter} (allowed: "
                 f"{DRIFT:g}).")
             for n in worst_of_each(size / self.noise, DRIFT)
         ]  # fmt: skip
@@ -194,7 +200,7 @@ class Steady:
                     size[n] = max(size[n], found.deviation[k])
         return [
             (n, f"{subject(n)} {self.manner(n)} {amount(n, self.swing(n))}, "
-                f"{digits(self.swing(n) / self.noise[n])} times the noise of one sample: slower "
+                f"{digits(self.swing(n) / self.noise[n])} times {self.scatter}: slower "
                 "than noise of electronics.")
             for n in worst_of_each(size / self.noise, ADDED_DEVIATION)
         ]  # fmt: skip
@@ -230,12 +236,12 @@ class Steady:
         ratio, tau, channel = worst
         if ratio <= 1:
             return []
-        added = (ratio * ADDED_VARIANCE) ** 0.5
+        added, letter = (ratio * allowed[channel]) ** 0.5, DETECTORS[channel // 3].upper()
         what = "The shares of light on the detectors" if channel % 3 == 2 else "The spots"
         return [
-            f"{what} move together within {tau:.2g} s, by {digits(added)} times the noise of one "
-            f"sample on detector {DETECTORS[channel // 3].upper()} (root mean square): the mirror "
-            "or the beam moves or vibrates, or the same disturbance enters all detectors."
+            f"{what} move together within {tau:.2g} s, on detector {letter} by "
+            f"{digits(added)} times {self.scatter} (root mean square): the mirror or the beam "
+            "moves or vibrates, or the same disturbance enters all detectors."
         ]
 
     def allowed(self) -> Floats:
@@ -252,7 +258,7 @@ class Steady:
         size = (2 * self.hum) ** 0.5
         return [
             f"{subject(n)} swings with the mains by {amount(n, size[n])} (amplitude), "
-            f"{digits(size[n] / self.noise[n])} times the noise of one sample: pick-up of the "
+            f"{digits(size[n] / self.noise[n])} times {self.scatter}: pick-up of the "
             "electronics or a vibration, which cannot be told apart."
             for n in worst_of_each(self.hum / self.noise**2, MAINS_VARIANCE)
         ]

@@ -316,9 +316,8 @@ def blocks(folder: Path, damage: Damage | None = None, salvage: bool = False) ->
     raises `InputError`.
     """
     damage = damage if damage is not None else Damage()
-    seal = seal_of(folder)
-    raw = read_index(folder, salvage)
-    rows, proven, damage.rows = read_rows(raw)
+    seal, size = seal_of(folder), size_of(folder)
+    rows, proven, damage.rows = read_rows(read_index(folder, salvage))
     if not proven:
         count = contiguous(rows)
         rows, damage.rows = rows[:count], len(rows) - count
@@ -328,7 +327,7 @@ def blocks(folder: Path, damage: Damage | None = None, salvage: bool = False) ->
     except OSError as error:
         raise missing_file(path, error, "a recording cannot be solved without its bytes") from None
     if proven and not any_agrees(rows, file):
-        if seal and not salvage and not size_of(folder):
+        if seal and not salvage and not size:
             raise InputError(f"{path}: is empty, but held {seal.bytes} bytes when it was closed")
         if seal and not salvage:
             raise InputError(
@@ -339,7 +338,7 @@ def blocks(folder: Path, damage: Damage | None = None, salvage: bool = False) ->
         rows, damage.rows = rows[:0], damage.rows + len(rows)
     if seal:
         damage.absent = max(0, seal.rows - len(rows) - damage.rows)
-        damage.missing = max(0, seal.bytes - size_of(folder))
+        damage.missing = max(0, seal.bytes - size)
     known_missing = damage.missing
     carried = not len(rows) or not np.isnan(rows["stage"][:, 0]).all()
     nowhere = Encoder(-np.inf, np.zeros(2), np.zeros(2)) if carried else None
@@ -359,7 +358,7 @@ def blocks(folder: Path, damage: Damage | None = None, salvage: bool = False) ->
                 damage.unproven += len(data)
                 if data:
                     yield Block(data, arrival, nowhere, doubtful=True)
-            data = file.read(min(length, size_of(folder)))
+            data = file.read(min(length, size))
             place = offset + length
             damage.missing += max(0, length - len(data) - known_missing)
             known_missing = max(0, known_missing - length + len(data))

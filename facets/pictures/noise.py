@@ -63,11 +63,10 @@ def faults(sentences: list[str]) -> str:
     """What speaks against a mirror at rest, if anything does."""
     if not sentences:
         return ""
+    from ..characterization.rest import NOT_AT_REST
+
     items = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
-    return (
-        "<p><strong>The mirror or its light was not at rest, so this is not its noise:</strong>"
-        f"</p><ul>{items}</ul>"
-    )
+    return f"<p><strong>{NOT_AT_REST.capitalize()}:</strong></p><ul>{items}</ul>"
 
 
 def for_configuration(report: NoiseReport) -> str:

@@ -52,7 +52,7 @@ def faults(readings, flags=0):
     if found:
         return found
     piece = longest_piece(columns, "it")
-    models = [fit_noise(piece.spread(columns[name]), piece.rate) for name in READING_COLUMNS]
+    models = [fit_noise(1e3 * piece.spread(columns[name]), RATE) for name in READING_COLUMNS]
     return movements(columns, piece, models, CONFIG)
 
 
