@@ -6,7 +6,7 @@ BIN := .venv/bin
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 
-.PHONY: run test test-full lint tree types layers unit quick studies portable bench reproduce docs gallery three clean
+.PHONY: run test test-full lint tree types layers unit quick studies portable installed lowest bench reproduce docs gallery three clean
 
 run: .venv/installed
 	$(BIN)/facets simulate paper -o results/paper --force
@@ -36,11 +36,11 @@ unit: .venv/developed
 
 # What takes a second or two at most: six tests of seven, in a quarter of the time.
 quick: .venv/developed
-	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not study and not slow"
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not study and not wheel and not slow"
 
 # All of that, and the studies, too.
 test-full: lint types layers
-	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m ""
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not wheel"
 
 # What takes minutes, and of which the suite has a shorter case.
 studies: .venv/developed
@@ -52,6 +52,15 @@ portable: .venv/developed
 	OPENBLAS_CORETYPE=Prescott NUMBA_CPU_NAME=x86-64 NUMBA_CACHE_DIR=build/portable \
 	  $(BIN)/pytest -n auto --dist loadfile tests/optics/test_wedge.py tests/estimation/test_solver.py \
 	  tests/characterization/test_singularity.py
+
+# The package as others have it: the wheel, built and installed outside of this folder, with the newest
+# versions of what it needs, and every command and the tests marked `installed` run there.
+installed: .venv/developed
+	$(BIN)/python tests/helpers/installed.py
+
+# The same with the oldest versions that pyproject.toml allows.
+lowest: .venv/developed
+	$(BIN)/python tests/helpers/installed.py --lowest
 
 bench: .venv/installed
 	$(BIN)/facets bench -o results/bench --force

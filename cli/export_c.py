@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -45,4 +46,4 @@ def export_c(
             temporary.write_text(text, "utf-8")
     shown = ", ".join(str(path) for path in files if path.parent == Path())
     typer.echo(f"{folder}/: {shown}, and what is in teensy41/ and callers/")
-    typer.echo(f"next: make -C {folder} test")
+    typer.echo(f"next: make -C {shlex.quote(str(folder))} test")

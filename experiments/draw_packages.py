@@ -18,6 +18,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PROGRAMS = ("cli", "experiments")
+#: `configs` holds no code, and `__main__`, which is no folder, only starts the program.
+NOT_DRAWN = ("configs", "__main__")
 
 Arrow = tuple[str, str]
 Place = tuple[float, float]
@@ -28,12 +30,13 @@ DARK, LIGHT, INK = "#2f5d8a", "#cfd6dd", "#1d2733"
 
 
 def layers() -> list[list[str]]:
-    """The folders by layer, from the top, as the contract has them; `configs` holds no code."""
+    """The folders by layer, from the top, as the contract has them, less those without an arrow."""
     contract = configparser.ConfigParser()
-    contract.read(ROOT / ".importlinter")
+    if not contract.read(ROOT / ".importlinter"):
+        raise SystemExit("draw_packages draws the folders of a checkout: run it in one")
     lines = contract["importlinter:contract:layers"]["layers"].splitlines()
-    rows = [re.findall(r"\w+", line) for line in lines if line.strip()]
-    return [[name for name in row if name != "configs"] for row in rows]
+    rows = [[name for name in re.findall(r"\w+", line) if name not in NOT_DRAWN] for line in lines]
+    return [row for row in rows if row]
 
 
 def folder_of(module: str) -> str:

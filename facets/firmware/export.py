@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
-from importlib.resources.abc import Traversable
 from pathlib import Path
 
 import numpy as np
 
 from ..core.sensor import Sensor
-from .source import Provenance, Source, filled, source
+from .source import Provenance, Source, filled, source, template
 from .vectors import Vectors, vectors
 
 #: Of the shipped configuration `bench`, by GCC 12.2 with -O2, counted by QEMU 7.2.
@@ -26,8 +24,21 @@ For the shipped configuration `bench` (GCC 12.2, `-O2`; instructions as QEMU cou
 Without the C library's `erf`, `exp` and their like, which add some 20 kB. The Cortex-M4F has no
 double precision, in which the last part of each reading is computed in either build."""
 
-#: What the two text files of the solver are made of, which are no files of the folder.
-PARTS = ("light.c", "estimator.c", "counts.c", "numbers.h.in", "facets.h.in")
+#: The other files of the folder, by their paths in it and in the package; `.in` is taken away. They
+#: are named one by one, because an installed package's folders hold more than was put there: pip
+#: adds compiled Python.
+FILES = (
+    "CMakeLists.txt.in",
+    "Makefile.in",
+    "README.md.in",
+    "facets_frame.c",
+    "facets_frame.h",
+    "facets_test.c",
+    "callers/facets_ctypes.py",
+    "callers/facets_matlab.m",
+    "callers/labview.md",
+    "teensy41/teensy41.ino",
+)
 
 
 def export(sensor: Sensor, about: Provenance) -> dict[Path, str]:
@@ -38,22 +49,8 @@ def export(sensor: Sensor, about: Provenance) -> dict[Path, str]:
         Path("facets.c"): code.code,
         Path("vectors.h"): vectors_header(vectors(sensor), about),
     }
-    for path, text in templates(files(__package__).joinpath("c")):
-        if path.name not in PARTS:
-            found[path.with_suffix("") if path.suffix == ".in" else path] = completed(
-                text, code, about
-            )
-    return found
-
-
-def templates(folder: Traversable, above: Path = Path()) -> list[tuple[Path, str]]:
-    """Every file under a folder of the package, by its path there."""
-    found = []
-    for each in sorted(folder.iterdir(), key=lambda each: each.name):
-        if each.is_dir():
-            found += templates(each, above / each.name)
-        else:
-            found.append((above / each.name, each.read_text(encoding="utf-8")))
+    for name in FILES:
+        found[Path(name.removesuffix(".in"))] = completed(template(name), code, about)
     return found
 
 

@@ -1,0 +1,173 @@
+"""The package as others have it: built, installed outside of the checkout, and tried there.
+
+    python tests/helpers/installed.py [--lowest]
+
+Builds a wheel of the files that git knows, a source distribution, and a wheel of that, and compares
+what they hold. Installs the wheel with its extras into a fresh environment in a temporary folder
+whose path has spaces, and runs there the tests that are marked `wheel` or `installed`.
+
+--lowest: with the oldest versions that `pyproject.toml` allows instead of the newest; each must be
+the very version that is written there.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from packaging.requirements import Requirement
+
+ROOT = Path(__file__).parents[2]
+UV = Path(sys.executable).with_name("uv")
+#: Folders whose files are installed, and where.
+PACKAGES = {
+    "facets": "facets",
+    "cli": "facets/cli",
+    "experiments": "facets/experiments",
+    "configs": "facets/configs",
+}
+#: Extras that are not for users, or need a driver by the maker of some hardware.
+LEFT_OUT = ("dev", "bench-peers", "ni", "thorlabs")
+#: What the tests need beside pytest; the versions are those of the extra `dev`.
+TEST_TOOLS = ("pytest", "pytest-xdist", "hypothesis")
+
+
+def run(*words: str | Path, cwd: Path) -> None:
+    """Runs a command; what it prints is shown where it fails, and this process ends then."""
+    done = subprocess.run(words, cwd=cwd, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise SystemExit(f"{done.stdout}{done.stderr}\nfailed: {' '.join(map(str, words))}")
+
+
+def known_files() -> list[str]:
+    """The files of the checkout, those included that are not yet committed."""
+    asked = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    text = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    return [name for name in text.split("\0") if name and (ROOT / name).is_file()]
+
+
+def copy_files(names: Sequence[str], folder: Path) -> Path:
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(ROOT / name, folder / name)
+    return folder
+
+
+def package_files(names: Sequence[str]) -> set[str]:
+    """Where the files of the packages must lie in a wheel."""
+    placed = set()
+    for name in names:
+        top, _, rest = name.partition("/")
+        if top in PACKAGES and rest:
+            placed.add(f"{PACKAGES[top]}/{rest}")
+    return placed
+
+
+def wheel_files(wheel: Path) -> dict[str, bytes]:
+    """The files of the packages in a wheel; what describes the wheel itself is left out."""
+    with zipfile.ZipFile(wheel) as archive:
+        return {
+            name: archive.read(name)
+            for name in archive.namelist()
+            if not name.split("/")[0].endswith(".dist-info")
+        }
+
+
+def compare(wheel: Path, from_sdist: Path, names: Sequence[str]) -> None:
+    """Ends this process where a file is missing from the wheel, or should not be in it."""
+    held, expected = wheel_files(wheel), package_files(names)
+    faults = [
+        *(f"not in the wheel: {name}" for name in sorted(expected - set(held))),
+        *(f"in the wheel, but no file of the packages: {name}" for name in set(held) - expected),
+    ]
+    if held != wheel_files(from_sdist):
+        faults.append("the wheel that is made of the source distribution differs")
+    if faults:
+        raise SystemExit("\n".join([*faults, "see [tool.setuptools] in pyproject.toml"]))
+
+
+def build(names: Sequence[str], folder: Path) -> Path:
+    """The wheel, built of the files of that name and compared with them."""
+    source = copy_files(names, folder / "source tree")
+    run(UV, "build", "--quiet", "--out-dir", folder / "from sdist", source, cwd=folder)
+    run(UV, "build", "--quiet", "--wheel", "--out-dir", folder / "wheel", source, cwd=folder)
+    (wheel,), (from_sdist,) = ((folder / f).glob("*.whl") for f in ("wheel", "from sdist"))
+    compare(wheel, from_sdist, names)
+    return wheel
+
+
+def environment(wheel: Path, project: dict[str, Any], folder: Path, lowest: bool) -> Path:
+    """A fresh environment with the wheel in it, compiled as pip does; its folder of programs."""
+    extras = [name for name in project["optional-dependencies"] if name not in LEFT_OUT]
+    tools = [
+        text
+        for text in project["optional-dependencies"]["dev"]
+        if Requirement(text).name in TEST_TOOLS
+    ]
+    run(UV, "venv", "--quiet", "--python", sys.executable, folder / "an environment", cwd=folder)
+    programs = folder / "an environment" / ("Scripts" if os.name == "nt" else "bin")
+    resolution = ["--resolution", "lowest-direct"] if lowest else []
+    asked = f"{project['name']}[{','.join(extras)}] @ {wheel.as_uri()}"
+    run(
+        UV, "pip", "install", "--quiet", "--compile-bytecode", "--python", programs / "python",
+        *resolution, asked, *tools, cwd=folder,
+    )  # fmt: skip
+    if lowest:
+        refuse_higher(programs, [*project["dependencies"], *tools, *(
+            text for name in extras for text in project["optional-dependencies"][name]
+        )])  # fmt: skip
+    return programs
+
+
+def refuse_higher(programs: Path, requirements: Sequence[str]) -> None:
+    """Ends this process where a version is installed that is above the bound that is written."""
+    show = "import importlib.metadata as m, sys; print(*(m.version(n) for n in sys.argv[1:]))"
+    wanted = [Requirement(text) for text in requirements]
+    names = [each.name for each in wanted]
+    found = subprocess.run(
+        [programs / "python", "-c", show, *names], capture_output=True, text=True, check=True
+    )
+    faults = [
+        f"{each}, but {version} is the lowest that can be installed: raise the bound"
+        for each, version in zip(wanted, found.stdout.split(), strict=True)
+        if not is_lowest(each, version)
+    ]
+    if faults:
+        raise SystemExit("\n".join(faults))
+
+
+def is_lowest(requirement: Requirement, version: str) -> bool:
+    """Whether a version is the bound, or begins as it does (4.2.0.1 where 4.2 is the bound)."""
+    bounds = [each.version for each in requirement.specifier if each.operator == ">="]
+    short = version + ".0.0"
+    return all(short == bound or short.startswith(f"{bound}.") for bound in bounds)
+
+
+def main(arguments: Sequence[str]) -> int:
+    lowest = "--lowest" in arguments
+    names = known_files()
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    with tempfile.TemporaryDirectory(prefix="facets installed ") as temporary:
+        folder = Path(temporary)
+        programs = environment(build(names, folder), project, folder, lowest)
+        beside = [name for name in names if name.split("/")[0] not in PACKAGES]
+        pages = [name for name in names if name.endswith(".md")]
+        tests = copy_files([*beside, *pages], folder / "no checkout")
+        words = ["-n", "auto", "--dist", "worksteal", "-m", "wheel or installed", "--durations=12"]
+        environment_variables = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+        return subprocess.run(
+            [programs / "pytest", *words, *(a for a in arguments if a != "--lowest")],
+            cwd=tests, env=environment_variables, check=False,
+        ).returncode  # fmt: skip
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
