@@ -10,6 +10,8 @@ from commands import PROGRAM
 
 import facets
 
+pytestmark = pytest.mark.installed
+
 HEAVY = (
     "numpy", "numba", "scipy", "pandas", "pyarrow", "matplotlib", "pydantic", "ruamel", "rich",
 )  # fmt: skip

@@ -26,6 +26,8 @@ from facets.config.geometry import written
 from facets.core.errors import ConfigError
 from facets.core.sensor import Sensor
 
+pytestmark = pytest.mark.installed
+
 
 @pytest.fixture
 def write(tmp_path, monkeypatch):

@@ -16,6 +16,7 @@ TABLES = {
 }
 
 
+@pytest.mark.installed
 def test_latex_escapes_what_it_would_take_for_something_else(tmp_path):
     write_sheets(tmp_path / "t.tex", TABLES, "facets optimize layout")
     text = (tmp_path / "t.tex").read_text()
@@ -27,6 +28,7 @@ def test_latex_escapes_what_it_would_take_for_something_else(tmp_path):
     assert not re.search(r"(?<!\\)_", text.split("\n", 2)[2])
 
 
+@pytest.mark.installed
 def test_a_workbook_has_numbers_as_numbers(tmp_path):
     openpyxl = pytest.importorskip("openpyxl")
     write_sheets(tmp_path / "t.xlsx", TABLES, "facets optimize layout")

@@ -13,6 +13,8 @@ from facets.design.tape import tape_of
 from facets.model.arrays import parameters
 from facets.optics.forward import geometry
 
+pytestmark = pytest.mark.installed
+
 X, S = ca.SX.sym("x", 3), ca.SX.sym("s", 2)
 a, b, c = (X[i] for i in range(3))
 s, t = (S[i] for i in range(2))

@@ -15,6 +15,7 @@ import facets
 WRITTEN = [(page, text) for page in PAGES for text in blocks(page, "python")]
 
 
+@pytest.mark.installed
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
 def test_configurations_in_the_text_load(page, tmp_path):
     for n, text in enumerate(blocks(page, "yaml")):
@@ -23,11 +24,13 @@ def test_configurations_in_the_text_load(page, tmp_path):
         facets.load(path)
 
 
+@pytest.mark.installed
 @pytest.mark.parametrize(("page", "text"), WRITTEN, ids=lambda value: getattr(value, "stem", ""))
 def test_python_in_the_text_runs(page, text):
     exec(compile(text, name_of(page), "exec"), {})
 
 
+@pytest.mark.installed
 @pytest.mark.slow
 def test_the_commands_of_the_readme_run(tmp_path):
     """Line for line, each command on what the one before has written; but for the search of a

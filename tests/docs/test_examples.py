@@ -7,6 +7,8 @@ import pytest
 
 import facets
 
+pytestmark = pytest.mark.installed
+
 
 def callables() -> list[str]:
     return [name for name in facets.__all__ if callable(getattr(facets, name))]

@@ -20,6 +20,8 @@ from facets.estimation.normal_equations import (
     solve_factored,
 )
 
+pytestmark = pytest.mark.installed
+
 SENSOR = facets.Sensor()
 HALF_RANGE = np.array([0.1, 0.1, 6.0, 12e-3, 12e-3, 24e-3, 0.05, 0.05])
 

@@ -9,6 +9,8 @@ import pytest
 from facets.core.errors import InputError, OutputError
 from facets.files import tables
 
+pytestmark = pytest.mark.installed
+
 
 def read(path, needed=("a", "b"), optional=(), rows=1000):
     chunks = list(tables.read_chunks(path, needed, optional, rows))

@@ -13,6 +13,7 @@ the very version that is written there.
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -151,6 +152,13 @@ def is_lowest(requirement: Requirement, version: str) -> bool:
     return all(short == bound or short.startswith(f"{bound}.") for bound in bounds)
 
 
+def marked_files(folder: Path) -> list[str]:
+    """The files with a test that is to be run; others may need packages that only `dev` has."""
+    files = sorted((folder / "tests").rglob("test_*.py"))
+    marks = re.compile(r"pytest\.mark\.(installed|wheel)\b")
+    return [str(file.relative_to(folder)) for file in files if marks.search(file.read_text())]
+
+
 def main(arguments: Sequence[str]) -> int:
     lowest = "--lowest" in arguments
     names = known_files()
@@ -162,6 +170,7 @@ def main(arguments: Sequence[str]) -> int:
         pages = [name for name in names if name.endswith(".md")]
         tests = copy_files([*beside, *pages], folder / "no checkout")
         words = ["-n", "auto", "--dist", "worksteal", "-m", "wheel or installed", "--durations=12"]
+        words += marked_files(tests)
         environment_variables = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
         return subprocess.run(
             [programs / "pytest", *words, *(a for a in arguments if a != "--lowest")],

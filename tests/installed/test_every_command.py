@@ -15,6 +15,7 @@ import sysconfig
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from textwrap import dedent
 
 import pytest
 import typer
@@ -27,8 +28,7 @@ pytestmark = pytest.mark.wheel
 PROGRAM = Path(sysconfig.get_path("scripts")) / "facets"
 GUARD = 300.0  # s; for a program that hangs
 
-#: What the live commands and the searches are given: a mirror at rest, a stage that waits for a
-#: busy machine, and a search of one variable.
+#: What the live commands are given: a mirror at rest, and a stage that waits for a busy machine.
 FILES = {
     "my bench.yaml": """
         extends: bench
@@ -45,14 +45,14 @@ CHAINS = {
         solve paper 'a motion/readings.parquet' -o 'a motion/poses again.csv' --beam known
         simulate rig --motion calibration --reference -o 'a rig'
         calibrate paper 'a rig/readings.csv' -o 'a rig/calibrated.yaml'
-        solve 'a rig/calibrated.yaml' 'a rig/readings.csv' -o 'a rig/poses.csv' --beam known
+        solve 'a rig/calibrated.yaml' 'a rig/readings.csv' -o 'a rig/poses by it.csv' --beam known
         """,
     "live": """
         emulate 'my bench.yaml' --motion rest --rate 1000 --folder 'virtual bench' &
         acquire 'my bench.yaml' --port 'virtual bench/board' --samples 2000 -o 'a run' --plain
         acquire 'my bench.yaml' --port 'virtual bench/board' --stage-port 'virtual bench/stage'
           --track --samples 200 -o 'tracked' --plain
-        replay 'a run' --compare --smooth -o 'a run again.mcap'
+        replay 'a run' --compare -o 'a run again.mcap'
         recover 'a run'
         noise 'a run' -o 'the noise' --write 'with noise.yaml'
         """,
@@ -64,7 +64,7 @@ CHAINS = {
     "jacobian": "jacobian paper -o 'a jacobian'",
     "optimize": """
         optimize layout -o 'a layout.yaml' --sheets 'a layout.xlsx' --report --certify 0
-        render 'a layout.yaml' -o 'a layout.png'
+        render 'a layout.yaml' -o 'the picture of a layout.png'
         """,
     "explore": "explore layout --designs 4 -o 'a space' --report 'a space.html'",
     "render": """
@@ -86,7 +86,7 @@ CHAINS = {
 
 def lines(chain: str) -> list[str]:
     """The commands of a chain; a line that is indented further goes on with the one before."""
-    return re.sub(r"\n {10}", " ", CHAINS[chain]).strip().splitlines()
+    return re.sub(r"\n +", " ", dedent(CHAINS[chain]).strip()).splitlines()
 
 
 def command_names(group: typer.core.TyperGroup | None = None, above: str = "") -> Iterator[str]:

@@ -11,6 +11,8 @@ from facets.experiments.kills import stream
 
 from facets.live.pose_table import recorded_poses
 
+pytestmark = pytest.mark.installed
+
 
 @pytest.mark.slow
 def test_every_sample_is_in_the_file_with_its_schema(tmp_path):

@@ -32,6 +32,8 @@ from bluesky.utils import FailedStatus  # noqa: E402
 
 from facets.live.ophyd_device import COLUMNS, Interval, PoseSensor  # noqa: E402
 
+pytestmark = pytest.mark.installed
+
 CONFIG = facets.load("bench")
 
 

@@ -27,6 +27,8 @@ from facets.live.web.replay_page import events_of
 from facets.live.web.status import stage, status_of
 from facets.tracking.encoder import Encoder
 
+pytestmark = pytest.mark.installed
+
 aiohttp = pytest.importorskip("aiohttp")
 CONFIG = facets.load("bench")
 

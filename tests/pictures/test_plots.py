@@ -71,6 +71,7 @@ def test_text_stays_text_in_vector_files(tmp_path, kind):
     assert "after over before" in written
 
 
+@pytest.mark.installed
 @pytest.mark.parametrize("name", THEMES)
 def test_a_style_has_its_ground_and_its_dots(tmp_path, name):
     from matplotlib.image import imread

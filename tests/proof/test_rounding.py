@@ -22,6 +22,8 @@ from facets.proof.tolerances import Tolerances
 from facets.proof.uniqueness import Certificate, certify
 from facets.scalars.intervals import around, between, ends, magnitude, positive
 
+pytestmark = pytest.mark.installed
+
 
 @pytest.mark.parametrize("least_sine", [light_sharing.least_sine, certificate_optics.least_sine])
 def test_the_sine_of_an_opening_about_a_right_angle_is_not_taken_as_1(least_sine):

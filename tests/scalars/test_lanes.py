@@ -13,6 +13,8 @@ from facets.optics.wedge import side
 from facets.scalars.lanes import LEFT, LaneWriter
 from facets.scalars.machine import DOUBLE, LONG
 
+pytestmark = pytest.mark.installed
+
 LANES = 4
 
 
