@@ -20,8 +20,6 @@ from facets.estimation.normal_equations import (
     solve_factored,
 )
 
-pytestmark = pytest.mark.installed
-
 SENSOR = facets.Sensor()
 HALF_RANGE = np.array([0.1, 0.1, 6.0, 12e-3, 12e-3, 24e-3, 0.05, 0.05])
 
@@ -50,6 +48,7 @@ def worst_error(solution: facets.Solution, states: np.ndarray) -> tuple[float, f
     return error[[0, 1, 2, 6, 7]].max(), error[3:6].max()
 
 
+@pytest.mark.installed
 def test_exact_readings_of_100000_states_solve_from_zero():
     """Readings carry 1e-13 mm of rounding; a free beam amplifies it to some 1e-12 mm in x, y."""
     states = states_in_range(100_000, seed=1)

@@ -1,5 +1,6 @@
 """The exported C against facets itself: poses, statuses, counts, and what it refuses."""
 
+import re
 import shutil
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from facets.core.errors import InputError
 from facets.core.sensor import BenchLight, Correction, Grid
 from facets.detectors.correction import corrected
 from facets.detectors.counts import counts_of, readings_of, xy_sum_of
+from facets.firmware import export as export_module
 from facets.firmware.export import export
 from facets.firmware.library import FirmwareLibrary
 from facets.firmware.source import Provenance
@@ -338,3 +340,15 @@ def test_what_the_c_would_not_give_is_refused(change: dict[str, object], word: s
     sensor = replace(facets.Sensor(), **change)  # type: ignore[arg-type]
     with pytest.raises(InputError, match=word):
         export(sensor, Provenance("test", "0", "test"))
+
+
+def test_every_file_of_the_package_is_written_or_part_of_one_that_is() -> None:
+    """They are named one by one; Python's compiled files beside them are none of them."""
+    folder = Path(export_module.__file__).parent
+    held = {
+        path.relative_to(folder / "c").as_posix()
+        for path in (folder / "c").rglob("*")
+        if path.is_file() and path.parent.name != "__pycache__"
+    }
+    parts = re.findall(r'template\("([^"]+)"\)', (folder / "source.py").read_text("utf-8"))
+    assert held == {*export_module.FILES, *parts}

@@ -113,18 +113,19 @@ def environment(wheel: Path, project: dict[str, Any], folder: Path, lowest: bool
         for text in project["optional-dependencies"]["dev"]
         if Requirement(text).name in TEST_TOOLS
     ]
+    asked = [f"{project['name']}[{','.join(extras)}] @ {wheel.as_uri()}", *tools]
+    if lowest:  # "direct" is what is asked for here, not what the wheel asks for in turn
+        asked += project["dependencies"]
+        asked += [text for name in extras for text in project["optional-dependencies"][name]]
     run(UV, "venv", "--quiet", "--python", sys.executable, folder / "an environment", cwd=folder)
     programs = folder / "an environment" / ("Scripts" if os.name == "nt" else "bin")
     resolution = ["--resolution", "lowest-direct"] if lowest else []
-    asked = f"{project['name']}[{','.join(extras)}] @ {wheel.as_uri()}"
     run(
         UV, "pip", "install", "--quiet", "--compile-bytecode", "--python", programs / "python",
-        *resolution, asked, *tools, cwd=folder,
+        *resolution, *asked, cwd=folder,
     )  # fmt: skip
     if lowest:
-        refuse_higher(programs, [*project["dependencies"], *tools, *(
-            text for name in extras for text in project["optional-dependencies"][name]
-        )])  # fmt: skip
+        refuse_higher(programs, asked[1:])
     return programs
 
 
@@ -170,6 +171,8 @@ def main(arguments: Sequence[str]) -> int:
         pages = [name for name in names if name.endswith(".md")]
         tests = copy_files([*beside, *pages], folder / "no checkout")
         words = ["-n", "auto", "--dist", "worksteal", "-m", "wheel or installed", "--durations=12"]
+        if lowest:  # what they bring beside themselves is newer than they know
+            words += ["-W", "default::DeprecationWarning"]
         words += marked_files(tests)
         environment_variables = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
         return subprocess.run(
