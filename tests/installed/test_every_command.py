@@ -20,13 +20,13 @@ from textwrap import dedent
 import pytest
 import typer
 from facets.cli import app
+from programs import GUARD
 
 import facets
 
 pytestmark = pytest.mark.wheel
 
 PROGRAM = Path(sysconfig.get_path("scripts")) / "facets"
-GUARD = 300.0  # s; for a program that hangs
 
 #: What the live commands are given: a mirror at rest, and a stage that waits for a busy machine.
 FILES = {
