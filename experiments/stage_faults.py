@@ -2,8 +2,9 @@
 
 Drivers, envelope, search and tracker run as they are, against the virtual controllers, over a wire
 in memory and on a clock that is counted, not waited for. Whatever befalls samples, wire, controller
-and loop: the stage stays within its soft limits, is never faster than it may be, and stands still
-within `stopping_time` of the last sample that it may follow and of every fault that ends tracking.
+and loop: the stage stays within its soft limits, is never faster than it may be, follows a prediction
+no longer and no further than it may from a good sample, and stands still within `stopping_time` of
+the last sample that it may follow and of every fault that ends tracking.
 
 `python -m facets.experiments.stage_faults 5000 --seed 1` prints what was tried, as JSON; a sequence
 that fails is told with its seed. `--bytes` pulls the cable at each byte instead.
@@ -71,13 +72,17 @@ class Tried:
     moves: int = 0
     stops: int = 0
     searches: int = 0
+    predictions: int = 0
+    found_again: int = 0
     steps: int = 0
     faults: Counter[str] = field(default_factory=Counter)
     drivers: Counter[str] = field(default_factory=Counter)
     ended_by: Counter[str] = field(default_factory=Counter)
     most_speed: float = 0.0
     most_past_border: float = -np.inf
-    most_stopping: float = 0.0  # of these three 1, 0 mm and 1 is what is allowed
+    most_stopping: float = 0.0
+    most_prediction_time: float = 0.0
+    most_prediction_distance: float = 0.0  # of these five 1, 0 mm, 1, 1 and 1 is what is allowed
 
 
 class Watched(StageModel):
@@ -152,6 +157,7 @@ class World:
         self.tracker: Tracker | None = None
         self.fed = self.watched = self.now
         self.permit = -np.inf  # when a sample last came that may be followed
+        self.good: deque[tuple[float, Floats]] = deque(maxlen=100)  # from which one may predict
         self.failed = np.inf  # when the tracker gave up
         self.barred = np.inf  # when tracking was made impossible
         low, high = np.array(self.settings.low), np.array(self.settings.high)
@@ -283,9 +289,12 @@ class World:
             (powers > 0).all()
             and (self.settings.law != "feedforward" or bool(np.isfinite(apex).all()))
         )
-        if np.isfinite(powers).all() and needs and abs(self.now - taken) <= self.settings.stale:
+        known = np.isfinite(powers).all() or searching and not np.isnan(powers).any()
+        if known and needs and abs(self.now - taken) <= self.settings.stale:
             self.permit = self.now
         rows = np.array([taken - 1e-3, taken])
+        if np.isfinite(apex).all():
+            self.good += [(row, apex) for row in rows.tolist()]
         with np.errstate(all="ignore"):
             self.tracker.feed(rows, np.array([powers, powers]), np.array([apex, apex]))
 
@@ -309,8 +318,31 @@ class World:
         if name == "stop":
             self.tried.stops += 1
         self.tried.searches += name == "search"
+        self.tried.found_again += more.get("outcome") == "found"
+        if more.get("predicted"):
+            self.judge_prediction(np.array([more["x"], more["y"]]))
         if self.is_on("disk full"):
             raise OSError(28, "No space left on device")
+
+
+    def judge_prediction(self, sent: Floats) -> None:
+        """Whether some good sample is as young, and was as near, as a prediction's has to be."""
+        s, tried = self.settings, self.tried
+        if not s.bridge:
+            raise Broken("predicted where that is turned off")
+        shares = [
+            (
+                (self.model.sent[-1] - taken - TICK) / s.bridge,
+                (float(np.hypot(*(sent - apex))) - ROUNDING) / s.bridge_distance,
+            )
+            for taken, apex in self.good
+        ]
+        time, distance = min(shares, key=max)
+        if max(time, distance) > 1:
+            raise Broken(f"predicted {time:.3f} of the time, {distance:.3f} of the distance allowed")
+        tried.predictions += 1
+        tried.most_prediction_time = max(tried.most_prediction_time, time)
+        tried.most_prediction_distance = max(tried.most_prediction_distance, distance)
 
 
 def light(off: Floats) -> Floats:
@@ -334,6 +366,8 @@ def drawn_settings(rng: np.random.Generator, driver: str) -> Settings:
         max_step=float(rng.choice([0.01, 0.1, 0.5])),
         rate=float(rng.choice([50.0, 100.0, 200.0])),
         stale=float(rng.choice([0.02, 0.05])),
+        bridge=float(rng.choice([0.0, 0.06, 0.15, 0.15])),
+        bridge_distance=float(rng.choice([0.05, 1.0])),
         lag=float(rng.choice([0.002, 0.008])),
         acceleration=float(rng.choice([300.0, 2000.0])),
     )

@@ -170,6 +170,8 @@ def stage(keys: dict[str, Any]) -> Stage:
         gain=keys["gain"],
         integral=keys["integral"],
         stale=keys["stale_ms"] / 1000,
+        bridge=keys["bridge_ms"] / 1000,
+        bridge_distance=keys["bridge_mm"],
         lag=keys["lag_ms"] / 1000,
         latency=keys["latency_ms"] / 1000,
         acceleration=keys["acceleration_mm_s2"],

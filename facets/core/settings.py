@@ -133,6 +133,7 @@ class Stage:
 
     zero: the beam's place at the stage's zero.  low, high: soft limits of the beam's place.
     step: one native unit.  accuracy: of the encoder, 1 sigma.  gain, integral: per command.
+    bridge, bridge_distance: for how long and how far a mirror's motion may be predicted.
     """
 
     driver: str
@@ -150,6 +151,8 @@ class Stage:
     gain: float
     integral: float
     stale: float
+    bridge: float
+    bridge_distance: float
     lag: float
     latency: float
     acceleration: float

@@ -70,7 +70,7 @@ def values(live: Live) -> dict[str, Any]:
     if live.tracker:
         found |= {
             "stage_mm": [rounded(x) for x in live.tracker.encoder.place],
-            "stage": live.tracker.stopped or "following",
+            "stage": live.tracker.state,
             "moves": live.tracker.moves,
         }
     return found

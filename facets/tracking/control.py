@@ -84,8 +84,11 @@ class Law:
     def command(self, seen: Seen) -> Floats:
         """The next place of the beam (2,), mm."""
         s = self.settings
+        if seen.apex is not None:
+            self.observe(seen.time, seen.apex)
         if s.law == "feedforward":
-            wanted = self.ahead(seen)
+            assert seen.apex is not None
+            wanted = self.ahead(seen.now)
         else:
             off = self.inverse @ tracking_error(seen.powers)
             integral = s.integral if s.law == "pi" else 0.0
@@ -99,26 +102,36 @@ class Law:
 
     def towards(self, powers: Floats, beam: Floats, lit: float) -> Floats | None:
         """Where Eq. (14) says that the apex is (2,), mm, however far: its direction is right also
-        where a facet is dark. None where there is less light than a share `lit` of the beam's."""
-        light = np.maximum(powers, 0.0)
+        where a facet is dark, and it never shows more than there is. beam: where the beam was then.
+        A power that is infinite, of a saturated detector, is what the others leave of the beam's.
+        None where there is less light than a share `lit` of the beam's."""
+        full = np.isposinf(powers)
+        light = np.maximum(np.where(full, 0.0, powers), 0.0)
+        if full.any():
+            light[full] = max(light.max(), (self.power - light.sum()) / full.sum())
         if not np.isfinite(light).all() or light.sum() < lit * self.power:
             return None
-        place: Floats = beam - self.settings.gain * (self.inverse @ tracking_error(light))
+        place: Floats = beam - self.inverse @ tracking_error(light)
         return place
 
-    def ahead(self, seen: Seen) -> Floats:
-        """Where the apex will be when the stage has answered."""
-        assert seen.apex is not None
-        if self.last is not None and seen.time > self.last[0]:
-            passed = seen.time - self.last[0]
+    def observe(self, time: float, apex: Floats) -> None:
+        """Takes the mirror's speed from its places at one time after the other, s."""
+        if self.last is not None and time > self.last[0]:
+            passed = time - self.last[0]
             share = min(1.0, passed / SMOOTH)
-            self.speed += share * ((seen.apex - self.last[1]) / passed - self.speed)
+            self.speed += share * ((apex - self.last[1]) / passed - self.speed)
             most = self.settings.max_speed  # of a faster one the sample is in doubt, or it is lost
             self.speed = np.clip(self.speed, -most, most)
-        self.last = seen.time, seen.apex.copy()
+        self.last = time, apex.copy()
+
+    def ahead(self, now: float) -> Floats:
+        """Where the apex will be when the stage has answered to a command at a time, s."""
+        assert self.last is not None
+        time, apex = self.last
         s = self.settings  # the command holds for a period, so on average half of one longer
-        horizon = seen.now - seen.time + s.latency + s.lag + 0.5 / s.rate
-        return seen.apex + horizon * self.speed
+        horizon = now - time + s.latency + s.lag + 0.5 / s.rate
+        place: Floats = apex + horizon * self.speed
+        return place
 
     def hold(self, wanted: Floats, beam: Floats) -> Floats:
         """A command within step, speed and soft limits."""
@@ -126,10 +139,11 @@ class Law:
         self.limited += not np.allclose(held, wanted, rtol=0, atol=1e-12)
         return held
 
-    def forget(self) -> None:
-        """After a loss: what was summed up no longer holds."""
+    def forget(self, since: float = np.inf) -> None:
+        """After a loss: what was summed up no longer holds, nor a motion seen before `since`, s."""
         self.goal, self.summed = None, np.zeros(2)
-        self.last, self.speed = None, np.zeros(2)
+        if self.last is not None and self.last[0] < since:
+            self.last, self.speed = None, np.zeros(2)
 
 
 #: Over what time the mirror's speed is taken, s.

@@ -4,7 +4,9 @@ Each command is a short move to a place: no further than `Limits.reach` from whe
 within the soft limits, made from a sample and a place of the stage that are fresh, on a stage whose
 own speed and acceleration are bounded. A stage that hears nothing more stands still by itself, no
 later than `stopping_time` after the last sample that was good; that holds with the cable pulled and
-the process dead. What is in doubt stops it sooner.
+the process dead. What is in doubt stops it sooner. A short gap between samples may be bridged by
+predicted places: for no longer than `stage.bridge_ms` after the last good sample, and no further
+than `stage.bridge_mm` from where the mirror was then; the end of either is a stop.
 """
 
 from __future__ import annotations
@@ -43,14 +45,14 @@ REST = 1e-4
 def stopping_time(settings: Settings) -> float:
     """How long after the last good sample a stage can move at most, s, whatever happens.
 
-    A command comes no later than `stale` after its sample. Its move begins after the latency, has
+    A command comes no later than `stale`, or predicted than `bridge`, after its sample. Its move begins after the latency, has
     `reach` to go at the largest speed, from where the stage was up to PLACE ago, and ends by the
     stage's lag and acceleration.
     """
     s = settings
     reach = Limits.of(s).reach
     settling = s.lag * math.log(max(reach / REST, 1.0)) + 2 * s.max_speed / s.acceleration
-    return s.stale + s.latency + PLACE + reach / s.max_speed + settling
+    return max(s.stale, s.bridge) + s.latency + PLACE + reach / s.max_speed + settling
 
 
 class Envelope:
@@ -116,16 +118,39 @@ class Envelope:
         limits: narrower ones.  None: nothing was sent, since something is not fresh.
         """
         self.beat = now = self.clock()
+        held = self._allow(wanted, now, limits or self.limits)
+        if held is None or not -AHEAD <= now - sampled <= self.settings.stale:
+            return None
+        return self._send(held, now)
+
+    def bridge(self, wanted: Floats, sampled: float, origin: Floats) -> Floats | None:
+        """Sends the stage towards a predicted place (2,), as `go`; returns where to, or None.
+
+        sampled: when the last good sample was taken, on the clock, s.  origin: where the mirror was
+        then (2,), mm; the stage is sent no further from there than the settings allow.
+        """
+        self.beat = now = self.clock()
+        most = self.settings.bridge_distance
+        away = float(np.hypot(*(wanted - origin)))
+        near = origin + (wanted - origin) * min(1.0, most / away) if away > 0 else wanted
+        held = self._allow(near, now, self.limits)
+        if held is None or not -AHEAD <= now - sampled <= self.settings.bridge:
+            return None
+        if np.hypot(*(held - origin)) > most:  # the stage itself is further away
+            return None
+        return self._send(held, now)
+
+    def _allow(self, wanted: Floats, now: float, narrow: Limits) -> Floats | None:
+        """The place nearest to `wanted` that may be commanded now; None where none may be."""
         at = self.encoder
         if not np.isfinite(wanted).all():
             raise StageError("the stage was to be sent to a place that is no number")
-        if self.failed or self.stalled or at is None:
+        if self.failed or self.stalled or at is None or now - at.time > PLACE:
             return None
-        if not -AHEAD <= now - sampled <= self.settings.stale or now - at.time > PLACE:
-            return None
-        narrow = limits or self.limits
         held = self.limits.hold(narrow.hold(wanted, at.place), at.place)
-        held = self._slowed(held, now, at, min(narrow.speed, self.limits.speed))
+        return self._slowed(held, now, at, min(narrow.speed, self.limits.speed))
+
+    def _send(self, held: Floats, now: float) -> Floats:
         self.moving, self.sent = True, (now, held)
         self._driver.move(held)
         self.beat = self.clock()

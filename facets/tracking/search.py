@@ -1,8 +1,9 @@
 """How a mirror that was lost is looked for: towards the light while there is any, else in a spiral.
 
-A motion with limits of its own, slower and shorter than tracking, and with an end: a spiral of
-FARTHEST around where the light went out, and so many commands that a stage which does not follow
-ends it, too.
+Light shows the way to the mirror over several millimetres, so the stage goes there within the limits
+of tracking, for CHASE at most. In the dark it goes back to the last good place, or to where the light
+went out, and from there in a spiral with limits of its own, slower and shorter than tracking. It ends
+at FARTHEST, and after so many commands that a stage which does not follow ends it, too.
 """
 
 from __future__ import annotations
@@ -17,41 +18,46 @@ from .limits import Limits
 
 #: Between turns, between places, and from the middle to the end, mm.
 TURN, STEP, FARTHEST = 0.25, 0.1, 2.0
-#: No faster than this, mm/s.
+#: In the dark no faster than this, mm/s.
 SPEED = 10.0
 #: How much longer than the spiral takes a search may go on, and how long it may follow light, s.
 SPARE, CHASE = 3.0, 10.0
 
 
 class Search:
-    """One search after the other. outcome: how the last one ended, '' while one goes on."""
+    """One search after the other.
+
+    outcome: how the last one ended, '' while one goes on.  limits: of the place that `next` gave.
+    """
 
     def __init__(self, settings: Settings) -> None:
-        full = Limits.of(settings)
+        self.full = full = Limits.of(settings)
         speed = min(settings.max_speed, SPEED)
         self.step = min(STEP, full.reach, speed / settings.rate)
-        self.limits = Limits(full.low, full.high, speed, self.step)
+        self.narrow = self.limits = Limits(full.low, full.high, speed, self.step)
         self.most_spiral = ceil(SPARE * pi * FARTHEST**2 / TURN / self.step)
         self.most_chase = ceil(CHASE * settings.rate)
         self.forget()
 
     def forget(self) -> None:
         """The next call of `next` begins anew."""
+        self.limits = self.narrow
         self.centre: Floats | None = None
         self.goal: Floats | None = None
         self.angle = 0.0
         self.spirals = self.chases = 0
         self.outcome = ""
 
-    def next(self, place: Floats, towards: Floats | None) -> Floats | None:
+    def next(self, place: Floats, towards: Floats | None, home: Floats) -> Floats | None:
         """Where to look next (2,), mm; None at the end, of which `outcome` tells.
 
         place: where the stage is.  towards: where the light says that the mirror is, or None in
-        the dark.
+        the dark.  home: the last good place, to which a search that begins in the dark goes back.
         """
-        if self.outcome:
+        if self.is_over(towards is not None):
             return None
         if towards is not None:
+            self.limits = self.full
             self.chases += 1
             self.centre = self.goal = None  # the spiral begins where the light goes out
             self.angle = 0.0
@@ -59,9 +65,11 @@ class Search:
                 return towards
             self.outcome = f"the light was followed for {CHASE:g} s without a pose"
             return None
+        self.limits = self.narrow
         self.spirals += 1
         if self.centre is None or self.goal is None:
-            self.centre = self.goal = place.copy()
+            self.centre = (place if self.chases else home).copy()
+            self.goal = self.centre
         elif hypot(*(place - self.goal)) < 2 * self.step:  # else the stage is still on its way
             self.goal = self.turned()
         if self.radius <= FARTHEST and self.spirals <= self.most_spiral:
@@ -69,6 +77,12 @@ class Search:
         at = ", ".join(f"{x:.3f}" for x in self.centre)
         self.outcome = f"the mirror was not found within {FARTHEST:g} mm of ({at}) mm"
         return None
+
+    def is_over(self, has_light: bool) -> bool:
+        """Whether the search has ended. One that ended in the dark begins anew with the light."""
+        if self.outcome and has_light and self.chases <= self.most_chase:
+            self.forget()
+        return bool(self.outcome)
 
     @property
     def radius(self) -> float:
@@ -79,5 +93,5 @@ class Search:
         assert self.centre is not None
         self.angle += self.step / hypot(self.radius, TURN / (2 * pi))
         at = self.centre + self.radius * np.array([cos(self.angle), sin(self.angle)])
-        held: Floats = np.clip(at, self.limits.low, self.limits.high)
+        held: Floats = np.clip(at, self.narrow.low, self.narrow.high)
         return held

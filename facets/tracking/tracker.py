@@ -27,7 +27,7 @@ LIT, BRIGHT = 0.02, 3.0
 
 class Sample(NamedTuple):
     """What the tracker needs of one. time: on the host's clock; came: when it was told, s.
-    powers: (3,) mW.  apex: (2,) mm, or None.  doubt: why nothing may follow it, or nothing."""
+    powers: (3,) mW, infinite where a detector is saturated.  apex: (2,) mm, or None.  doubt: why nothing may follow it, or nothing."""
 
     time: float
     came: float
@@ -36,6 +36,7 @@ class Sample(NamedTuple):
     doubt: str
 
 
+STALLED = "the loop has stalled"
 NOTHING = Sample(-np.inf, -np.inf, np.full(3, np.nan), None, "waiting for light")
 
 
@@ -48,11 +49,15 @@ def join(thread: threading.Thread) -> None:
 class Tracker:
     """Sends the stage after the newest good sample, for as long as that is fresh.
 
+    A short gap is bridged: the stage follows the predicted motion, within the bounds of the
+    envelope. Where the mirror is not met again by then, the stage stops, or looks for the mirror.
+
     A context: the threads run within it, and at its end the stage stands and its port is closed.
     It never raises in between: whatever goes wrong stops the stage, and is told in `error`.
 
-    stopped: why the stage stands still, '' while it follows.  moves: commands sent.  note: what a
-    person should be told.
+    stopped: why nothing is followed, '' while something is.  bridging: whether what is followed is
+    a prediction.  bridges: gaps that were bridged, so far.  moves: commands sent.  begun: when the
+    first was, s.  note: what a person should be told.
     """
 
     def __init__(
@@ -70,10 +75,12 @@ class Tracker:
         self.envelope = Envelope(port, settings, say, clock)
         self.tell = self.envelope.tell
         self.search = Search(settings) if search else None
-        self.searching = False
+        self.searching = self.bridging = False
         self.newest = self.good = NOTHING
         self.stopped, self.error, self.note = NOTHING.doubt, "", ""
-        self.moves = 0
+        self.home = self.encoder.place
+        self.moves = self.bridges = 0
+        self.begun = np.inf
         self.ending = threading.Event()
         self.threads = [
             threading.Thread(target=self.loop, name="tracker", daemon=True),
@@ -85,6 +92,13 @@ class Tracker:
         """Where the stage last said that it was."""
         assert self.envelope.encoder is not None
         return self.envelope.encoder
+
+    @property
+    def state(self) -> str:
+        """What the stage does, in words."""
+        if self.searching:
+            return f"searching: {self.stopped}"
+        return self.stopped or ("bridging a gap" if self.bridging else "following")
 
     def __enter__(self) -> Tracker:
         for thread in self.threads:
@@ -111,7 +125,8 @@ class Tracker:
         join(watchdog)
 
     def feed(self, times: Floats, powers: Floats, apexes: Floats) -> None:
-        """Takes samples: host times (n,) s, powers (n, 3) mW, apexes (n, 2) mm or NaN."""
+        """Takes samples: host times (n,) s, powers (n, 3) mW, infinite where a detector is
+        saturated, apexes (n, 2) mm or NaN."""
         came = self.clock()
         if not len(times):
             return
@@ -129,6 +144,8 @@ class Tracker:
         doubt, needs_pose = "", self.settings.law == "feedforward"
         if not came - self.settings.stale <= taken <= came + AHEAD:
             doubt = "no fresh sample"
+        elif np.isposinf(powers).any():
+            doubt = "a detector is saturated"
         elif not (np.isfinite(powers).all() and (powers > 0).all()):
             doubt = "not every detector has light"
         elif not LIT * self.law.power <= powers.max() <= BRIGHT * self.law.power:
@@ -168,14 +185,30 @@ class Tracker:
         good, newest = self.good, self.newest
         doubt = self.doubt(good, newest, place, now)
         if self.envelope.stalled:
-            doubt = "the loop has stalled"
+            doubt = STALLED
         if doubt:
-            self.pause(doubt, newest, place, now)
+            if self.envelope.stalled or not self.bridge(now):
+                self.pause(doubt, newest, place, now)
             return
         self.end_search("found")
         self.stopped = self.note = ""
+        self.bridging, self.home = False, self.encoder.at(np.array([good.time]))[0]
         seen = Seen(good.time, now, good.powers, good.apex, place)
         self.go(self.law.command(seen), good.time)
+
+    def bridge(self, now: float) -> bool:
+        """Follows the predicted motion in a gap; whether that is possible."""
+        if self.stopped not in ("", STALLED) or self.law.last is None:
+            return False
+        time, apex = self.law.last
+        if now - time > self.settings.bridge:
+            return False
+        self.bridges += not self.bridging
+        self.bridging, self.stopped = True, ""
+        sent = self.envelope.bridge(self.law.ahead(now), time, apex)
+        if sent is not None:
+            self.count(sent, predicted=True)
+        return True
 
     def doubt(self, good: Sample, newest: Sample, place: Floats, now: float) -> str:
         """Why nothing may move, or nothing."""
@@ -191,28 +224,39 @@ class Tracker:
 
     def go(self, place: Floats, sampled: float, search: Search | None = None) -> None:
         sent = self.envelope.go(place, sampled, search.limits if search else None)
-        if sent is None:  # it took too long; the next round asks again, and stops if need be
-            return
+        if sent is not None:  # else it took too long: the next round asks again, and may stop
+            self.count(sent)
+
+    def count(self, sent: Floats, **more: Any) -> None:
         self.moves += 1
-        self.tell("move", x=round(float(sent[0]), 6), y=round(float(sent[1]), 6))
+        self.begun = min(self.begun, self.clock())
+        self.tell("move", x=round(float(sent[0]), 6), y=round(float(sent[1]), 6), **more)
 
     def pause(self, reason: str, newest: Sample, place: Floats, now: float) -> None:
         """Stands still, or looks for the mirror where that was asked for."""
         fresh = now - newest.time <= self.settings.stale and newest.doubt != "no fresh sample"
-        fresh = fresh and bool(np.isfinite(newest.powers).all())
-        looks = self.search is not None and self.moves > 0 and fresh and not self.search.outcome
-        if not self.stopped or (self.envelope.moving and not looks) or self.envelope.stalled:
+        fresh = fresh and not np.isnan(newest.powers).any()
+        search = self.search if fresh and self.moves > 0 else None
+        towards = None
+        if search is not None:
+            beam = self.encoder.at(np.array([newest.time]))[0]
+            towards = self.law.towards(newest.powers, beam, LIT)
+            search = None if search.is_over(towards is not None) else search
+        if self.envelope.stalled or not search and (self.envelope.moving or not self.stopped):
             self.envelope.halt(reason)
-            self.law.forget()
-        self.stopped = reason
-        if looks and self.search is not None:
-            self.look_for(self.search, newest, place)
+        self.law.forget(since=now - self.settings.bridge)
+        self.stopped, self.bridging = reason, False
+        if search is not None:
+            self.look_for(search, newest, place, towards)
 
-    def look_for(self, search: Search, newest: Sample, place: Floats) -> None:
+    def look_for(
+        self, search: Search, newest: Sample, place: Floats, towards: Floats | None
+    ) -> None:
         if not self.searching:
             self.searching = True
-            self.tell("search", x=round(float(place[0]), 6), y=round(float(place[1]), 6))
-        goal = search.next(place, self.law.towards(newest.powers, place, LIT))
+            at = {"x": round(float(place[0]), 6), "y": round(float(place[1]), 6)}
+            self.tell("search", reason=self.stopped, **at)
+        goal = search.next(place, towards, self.home)
         if goal is None:
             self.end_search(search.outcome)
             self.envelope.halt(search.outcome)

@@ -233,9 +233,80 @@ def test_a_good_sample_counts_until_it_is_stale():
     port.now += 0.06
     feed(follower, port, apex=None)
     follower.step()
-    assert follower.moves == 2
-    assert follower.stopped == "no pose"
+    assert follower.state == "bridging a gap"
+    assert events[-1][1]["predicted"]
+    port.now += STAGE.bridge
+    feed(follower, port, apex=None)
+    follower.step()
+    assert follower.moves == 3
+    assert follower.stopped == follower.state == "no pose"
     assert events[-1] == ("stop", {"reason": "no pose"})
+
+
+def steady(follower, port, speed, count=10):
+    """Feeds a mirror that moves along x, each 10 ms a sample; where it is at last."""
+    for n in range(count):
+        port.now = port.now + 0.01 if n else port.now
+        port.device.model.advance(port.now)
+        apex = (0.5 + 0.01 * speed * n, 0.0)
+        feed(follower, port, apex=apex)
+        assert follower.step()
+        assert not follower.stopped
+    return apex[0]
+
+
+@pytest.mark.parametrize("speed", [6.28, 18.0])
+def test_a_gap_is_bridged_along_the_motion_for_so_long_and_so_far_and_ends_in_a_stop(speed):
+    follower, port, events = tracker()
+    last, begin = steady(follower, port, speed), port.now
+    events.clear()
+    offsets = []
+    while not follower.stopped:
+        port.now += 0.01
+        port.device.model.advance(port.now)
+        feed(follower, port, apex=None, powers=(0.1, 0.0, 0.1))
+        assert follower.step()
+        offsets.append(last + speed * (port.now - begin) - port.device.model.place[0])
+        assert port.now - begin < 1.0
+    predicted = [(name, more) for name, more in events if more.get("predicted")]
+    assert follower.bridges == 1
+    assert 8 <= len(predicted) <= 11
+    assert port.now - begin == pytest.approx(STAGE.bridge, abs=0.011)
+    away = max(more["x"] for _, more in predicted) - last
+    assert away <= STAGE.bridge_distance + 1e-5
+    if speed < 10:  # else it is bound by the distance
+        assert np.abs(offsets[:-2]).max() < 0.05
+    else:
+        assert away == pytest.approx(STAGE.bridge_distance, abs=1e-3)
+    assert events[-1] == ("stop", {"reason": "not every detector has light"})
+    moves = follower.moves
+    for _ in range(20):
+        port.now += 0.01
+        feed(follower, port, apex=None, powers=(0.1, 0.0, 0.1))
+        assert follower.step()
+    assert follower.moves == moves
+
+
+def test_no_gap_is_bridged_where_that_is_turned_off():
+    follower, port, events = tracker(replace(STAGE, bridge=0.0))
+    steady(follower, port, 6.28)
+    port.now += 0.06
+    assert follower.step()
+    assert follower.stopped == "no fresh sample"
+    assert not any(more.get("predicted") for _, more in events)
+
+
+def test_the_envelope_predicts_no_older_and_no_further_than_the_settings_allow():
+    port = Port(ZaberDevice(StageModel(STAGE)))
+    envelope = Envelope(port, STAGE, lambda *_, **__: None, port.clock)
+    there, origin = np.array([0.6, 0.0]), np.array([0.5, 0.0])
+    assert envelope.bridge(there, port.now - STAGE.bridge - 0.001, origin) is None
+    assert envelope.bridge(there, port.now + 0.01, origin) is None
+    assert envelope.bridge(there, port.now, origin + 1.2 * STAGE.bridge_distance) is None
+    assert moves_of(port) == 0
+    np.testing.assert_allclose(envelope.bridge(there, port.now - 0.14, origin)[1], 0.0)
+    with pytest.raises(StageError, match="no number"):
+        envelope.bridge(np.array([np.nan, 0.0]), port.now, origin)
 
 
 def test_a_loss_stops_and_only_search_looks():
@@ -243,6 +314,7 @@ def test_a_loss_stops_and_only_search_looks():
         follower, port, _ = tracker(search=search)
         feed(follower, port)
         follower.step()
+        port.now += STAGE.bridge
         for _ in range(6):
             port.now += 0.06
             port.device.model.advance(port.now)
@@ -267,7 +339,7 @@ def test_a_search_in_the_dark_ends_and_says_so():
     follower, port, events = tracker(search=True)
     feed(follower, port)
     follower.step()
-    port.now += 0.06
+    port.now += STAGE.bridge
     cycles, places = 0, []
     while "not found" not in follower.note:
         cycles += 1
@@ -282,12 +354,52 @@ def test_a_search_in_the_dark_ends_and_says_so():
     assert names[-2:] == ["search ended", "stop"]
     away = np.hypot(*(np.array(places) - places[0]).T)
     assert FARTHEST * 0.9 < away.max() < FARTHEST * 1.1
-    steps = np.hypot(*np.diff([list(m.values()) for n, m in events if n == "move"], axis=0).T)
+    steps = np.hypot(
+        *np.diff([[m["x"], m["y"]] for n, m in events if n == "move"], axis=0).T
+    )
     assert steps[1:].max() <= STAGE.max_step
     before = follower.moves
     feed(follower, port, apex=None, powers=(0.0, 0.0, 0.0))
     follower.step()
     assert follower.moves == before  # it does not begin again by itself
+    feed(follower, port, apex=None, powers=(0.3, 0.0, 0.0))
+    follower.step()
+    assert follower.moves == before + 1  # but with the light
+    assert follower.searching
+
+
+def test_a_search_in_the_dark_begins_at_the_last_good_place():
+    follower, port, events = tracker(search=True)
+    steady(follower, port, 6.28)
+    home = follower.home.copy()
+    for _ in range(40):
+        port.now += 0.01
+        port.device.model.advance(port.now)
+        feed(follower, port, apex=None, powers=(0.0, 0.0, 0.0))
+        assert follower.step()
+        if follower.searching:
+            break
+    search = next(more for name, more in events if name == "search")
+    assert search["reason"] == "not every detector has light"
+    assert search["x"] > home[0] + 0.5  # the prediction went on
+    np.testing.assert_allclose(follower.search.centre, home, atol=0.02)
+
+
+def test_a_saturated_detector_shows_the_way_and_is_not_followed():
+    follower, port, _ = tracker(search=True)
+    feed(follower, port)
+    follower.step()
+    port.now += STAGE.bridge
+    for _ in range(30):
+        port.now += 0.01
+        port.device.model.advance(port.now)
+        feed(follower, port, apex=None, powers=(np.inf, 0.01, 0.01))
+        assert follower.step()
+    assert follower.stopped == "a detector is saturated"
+    assert port.device.model.place[0] < -1.0
+    assert abs(port.device.model.place[1]) < 1e-3
+    dark = follower.law.towards(np.array([np.nan, 0.1, 0.1]), np.zeros(2), 0.02)
+    assert dark is None
 
 
 def test_a_search_goes_towards_the_light_and_finds_it():
@@ -313,14 +425,14 @@ def test_a_search_goes_towards_the_light_and_finds_it():
 def test_a_search_has_the_limits_of_the_stage():
     search = Search(replace(STAGE, max_step=0.01, low=(-1, -1), high=(1, 1)))
     place, places = np.zeros(2), []
-    while (goal := search.next(place, None)) is not None:
+    while (goal := search.next(place, None, np.zeros(2))) is not None:
         place = search.limits.hold(goal, place)
         places.append(place)
     assert "not found" in search.outcome
     assert np.hypot(*np.diff(places, axis=0).T).max() <= 0.01 + 1e-12
     assert np.abs(places).max() <= 1.0
     stuck = Search(STAGE)
-    while stuck.next(np.zeros(2), None) is not None:  # a stage that does not follow ends it, too
+    while stuck.next(np.zeros(2), None, np.zeros(2)) is not None:  # a stage that does not follow ends it, too
         pass
     assert "not found" in stuck.outcome
 

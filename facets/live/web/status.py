@@ -144,7 +144,7 @@ def stage(tracker: Tracker | None, live: Live) -> dict[str, Any]:
         "target": None,
         "error": None,
         "why": "it was not sent anywhere, or was stopped",
-        "state": tracker.stopped or "following",
+        "state": tracker.state,
         "moves": tracker.moves,
         "chi": None,
     }
