@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -31,7 +32,12 @@ Track = Annotated[
 ]
 StagePort = Annotated[str | None, typer.Option(help="Of the stage.  [default: the config's]")]
 Search = Annotated[
-    bool, typer.Option("--search", help="With --track: look for a mirror that was lost.")
+    bool,
+    typer.Option(
+        "--search/--no-search",
+        help="With --track: look for a mirror that was lost, or stop the stage until the mirror "
+        "comes back.",
+    ),
 ]
 Seconds = Annotated[float | None, typer.Option(min=0, help="Then it ends.")]
 Samples = Annotated[int | None, typer.Option(min=1, help="Then it ends.")]
@@ -80,7 +86,7 @@ def acquire(
     record: Record = True,
     track: Track = False,
     stage_port: StagePort = None,
-    search: Search = False,
+    search: Search = True,
     seconds: Seconds = None,
     samples: Samples = None,
     reconnect: Reconnect = False,
@@ -124,8 +130,9 @@ def acquire(
         raise
     ending = Ending(seconds or float("inf"), samples or float("inf"))
     shown = display(live, plain, json, rate)
-    stream(live, reader, recording, ending, on_page(page, shown) if page else shown)
-    reasons = complaints(live, max_loss, compare)
+    judge = partial(complaints, max_loss=max_loss, compare=compare)
+    stream(live, reader, recording, ending, on_page(page, shown) if page else shown, judge)
+    reasons = judge(live)
     for reason in reasons:
         tell(f"exit status 1: {reason}")
     if reasons:
@@ -197,6 +204,7 @@ def stream(
     recording: Recording | None,
     ending: Ending,
     shown: AbstractContextManager[Callable[[Live], None]],
+    judge: Callable[[Live], list[str]],
 ) -> None:
     """Runs to the end and sums up. What went wrong is told after what came until then."""
     from facets.core.errors import FacetsError
@@ -205,7 +213,7 @@ def stream(
     failure: FacetsError | None = None
     with shown as show:
         try:
-            run(live, reader, recording, ending, show)
+            run(live, reader, recording, ending, show, judge)
         except FacetsError as error:
             failure = error
     report(live, recording)

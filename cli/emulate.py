@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from facets.config import Config
     from facets.firmware.library import FirmwareLibrary
     from facets.live.virtual import Bench
 
@@ -57,8 +58,8 @@ def emulate(
 
     settings = load(config)
     code = library_of(firmware, settings.acquire.format) if firmware else None
+    warm_up(settings)  # before there are ports: who opens them waits for answers
     bench = Bench(settings, motion, rate, Faults.of(faults), seed, folder, code)
-    warm_up(bench)
     typer.echo(
         f"board: {bench.board.port.link}   stage: {bench.stage.link} ({settings.stage.driver})"
     )
@@ -78,11 +79,11 @@ def library_of(path: Path, form: str) -> FirmwareLibrary:
     return FirmwareLibrary(path)
 
 
-def warm_up(bench: Bench) -> None:
+def warm_up(settings: Config) -> None:
     import numpy as np
 
     from facets.model import rare
     from facets.model.arrays import readings
 
     rare.prepare()
-    readings(bench.config.sensor, np.zeros(8))
+    readings(settings.sensor, np.zeros(8))

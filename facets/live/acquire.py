@@ -9,22 +9,27 @@ up.
 
 from __future__ import annotations
 
+import signal
 import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
+from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import FacetsError
+from ..detectors.counts import SATURATED
 from ..estimation.solution import Status
+from ..tracking.priority import urgent
 from ..tracking.tracker import Tracker
+from .beam_loss import BeamLoss
 from .interruption import deferring
 from .pipeline import BATCH, Batch, Pipeline, Poses
 from .ports import Port, PortError, SerialPort, await_port, open_port
@@ -66,7 +71,8 @@ class Live:
     was solved, from its last byte to its poses.  backlog: samples that wait, and the most that did.
     age: how long the oldest of them has waited, s.  behind: whether the loop has fallen behind.
     late: samples that were solved after newer ones.  recording: what is written, if anything.
-    publications: who else gets the samples, if anybody.
+    publications: who else gets the samples, if anybody.  beam_loss: of a beam that is to follow.
+    is_urgent: whether the system gave the run a real-time priority.
     """
 
     pipeline: Pipeline
@@ -83,6 +89,8 @@ class Live:
     tracker: Tracker | None = None
     recording: Recording | None = None
     publications: Publications | None = None
+    is_urgent: bool = False
+    beam_loss: BeamLoss = field(default_factory=BeamLoss)
     note: str = ""
 
     @property
@@ -166,9 +174,10 @@ class Reader(threading.Thread):
 
     def run(self) -> None:
         try:
-            self.drain()
-            while not self.ending.is_set() and (self.port is None or not self.port.ended):
-                self.step()
+            with nullcontext() if self.port and self.port.waits else urgent():
+                self.drain()
+                while not self.ending.is_set() and (self.port is None or not self.port.ended):
+                    self.step()
         except FacetsError as error:
             self.error = error
         except Exception as error:
@@ -347,13 +356,16 @@ class Loop:
     def keep(self, poses: Poses, arrival: float) -> None:
         """Passes poses on: to the view, to the stage, to the recording."""
         live = self.live
+        if live.tracker:
+            has_pose = poses.solution.status == Status.CONVERGED
+            live.beam_loss.add(poses.host, has_pose, live.tracker.begun)
         if live.newest is None or poses.seq[-1] > live.newest.seq[-1]:
             live.newest = poses
             live.latency.append(time.monotonic() - arrival)
             if len(live.latency) > 20_000:
                 del live.latency[:10_000]
             if live.tracker:
-                live.tracker.feed(poses.host, poses.readings[:, 2::3], apexes_of(poses))
+                live.tracker.feed(poses.host, powers_of(poses), apexes_of(poses))
         else:
             live.late += len(poses)
         self.record(poses)
@@ -397,11 +409,32 @@ class Loop:
         while self.backlog:
             self.give_up()
         self.tell_backlog()
-        tally, sequence = self.live.pipeline.tally, self.live.pipeline.sequence
+
+    def tell_end(self, status: int, reasons: list[str]) -> None:
+        """The last event: what came of the run, its exit status and every reason for it."""
+        live = self.live
+        tally, sequence = live.pipeline.tally, live.pipeline.sequence
+        followed = {"beam_lost": live.beam_loss.share} if live.beam_loss.solved else {}
         self.event(
             "end", samples=tally.samples, lost=sequence.lost, restarts=sequence.restarts,
-            late=self.live.late, statuses=dict(tally.statuses), messages=self.live.messages(),
+            late=live.late, statuses=dict(tally.statuses), messages=live.messages(), **followed,
+            is_urgent=live.is_urgent, exit_status=status, reasons=reasons,
         )  # fmt: skip
+
+
+def end_of(
+    error: BaseException | None, signals: Sequence[int], complaints: Callable[[], list[str]]
+) -> tuple[int, list[str]]:
+    """The exit status of a run that ended by an error, by a signal or by itself, and its reasons."""
+    reasons = complaints()
+    if error is not None and not isinstance(error, KeyboardInterrupt):
+        known = isinstance(error, FacetsError)
+        words = str(error) if known else f"{type(error).__name__}: {error}"
+        return 2 if known else 1, [words, *reasons]
+    if signals and signals[0] != signal.SIGINT:
+        name = signal.Signals(signals[0]).name
+        return 128 + signals[0], [f"the program was ended by {name}", *reasons]
+    return int(bool(reasons)), reasons
 
 
 def acquire(
@@ -410,10 +443,12 @@ def acquire(
     recording: Recording | None,
     ending: Ending,
     show: Callable[[Live], None] = lambda _: None,
+    complaints: Callable[[Live], list[str]] = lambda _: [],
 ) -> None:
     """Solves what the reader brings until the stream, the time or the samples end, or ^C.
 
-    show: called after each batch. Whatever happens, and whatever fails of it: the stage stops, the
+    complaints: why a run that came to its end is not a good one, which the recording keeps.  show:
+    called after each batch. Whatever happens, and whatever fails of it: the stage stops, the
     reading ends, what came is solved as far as there is time, and the recording is closed. An error
     of the stage stops the stage and nothing else; see `Live.stage_error`.
     """
@@ -426,18 +461,37 @@ def acquire(
             closing.callback(recording.close)
         if live.publications:
             closing.callback(live.publications.close)
-        closing.callback(loop.finish)
+
+        def finish(
+            kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+        ) -> None:
+            try:
+                loop.finish()
+            finally:
+                ended = end_of(error or reader.error, signals, lambda: complaints(live))
+                loop.tell_end(*ended)
+
+        closing.push(finish)
         closing.callback(reader.finish)
         if live.tracker:
             closing.enter_context(live.tracker)
         live.begin = time.monotonic()
         reader.start()
+        if not loop.patient:
+            live.is_urgent = closing.enter_context(urgent())
         try:
             loop.run(ending, signals)
         except KeyboardInterrupt:
             live.note = INTERRUPTED
     if reader.error:
         raise reader.error
+
+
+def powers_of(poses: Poses) -> NDArray[np.float64]:
+    """The detectors' powers (n, 3), mW; infinite where a detector is saturated."""
+    powers = poses.readings[:, 2::3]
+    full = (poses.flags & SATURATED > 0)[:, None] & np.isnan(powers)
+    return np.where(full, np.inf, powers)
 
 
 def apexes_of(poses: Poses) -> NDArray[np.float64]:

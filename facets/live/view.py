@@ -18,7 +18,7 @@ from ..estimation.solution import Status
 from ..model.arrays import half_sizes
 from ..tracking.control import tracking_error
 from .acquire import Live
-from .pipeline import LABELS
+from .pipeline import FLAGS, LABELS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -72,6 +72,8 @@ def values(live: Live) -> dict[str, Any]:
             "stage_mm": [rounded(x) for x in live.tracker.encoder.place],
             "stage": live.tracker.state,
             "moves": live.tracker.moves,
+            "bridged_gaps": live.tracker.bridges,
+            "beam_lost": rounded(live.beam_loss.share),
         }
     return found
 
@@ -127,12 +129,26 @@ def plain_line(live: Live) -> str:
 
 def summary(live: Live) -> Iterator[str]:
     """What is said at the end of a run, line by line."""
+    if live.tracker:
+        yield live.beam_loss.sentence
     yield plain_line(live)
     tally = live.pipeline.tally
     yield f"{tally.samples} samples, {100 * live.loss:.4f} % lost"
-    for words, count in (*tally.statuses.items(), *tally.flags.items()):
-        if words != Status.CONVERGED.label and count:
+    if live.tracker and live.tracker.bridges:
+        yield f"  {live.tracker.bridges} gaps were bridged by the predicted motion"
+    if live.tracker and live.beam_loss.lost and not live.is_urgent:
+        yield (
+            "  the run had no real-time priority, with which a busy machine loses the beam more "
+            "seldom; see 'Beside other programs' in docs/commands/acquire.md"
+        )
+    full = FLAGS[SATURATED]
+    for words, count in tally.statuses.items():
+        if words not in (Status.CONVERGED.label, full) and count:
             yield f"  {count} {words}"
+    for words, count in tally.flags.items():
+        without = f", {tally.statuses[full]} of them without a pose" if words == full else ""
+        if count:
+            yield f"  {count} {words}{without}"
     if tally.misfit.sentence:
         yield f"  {tally.misfit.sentence}"
     if live.late or tally.skipped:

@@ -17,6 +17,7 @@ from .control import Law, Seen
 from .encoder import Encoder
 from .envelope import AHEAD, Envelope
 from .line import PATIENCE
+from .priority import urgent
 from .search import Search
 
 #: How often the loop is watched, s.
@@ -159,13 +160,15 @@ class Tracker:
         """Goes round at the rate of the settings until told to end, or until the first error."""
         period = 1 / self.settings.rate
         due = self.clock()
-        while not self.ending.is_set() and self.step():
-            due = max(due + period, self.clock())
-            self.ending.wait(max(0.0, due - self.clock()))
+        with urgent():
+            while not self.ending.is_set() and self.step():
+                due = max(due + period, self.clock())
+                self.ending.wait(max(0.0, due - self.clock()))
 
     def watch(self) -> None:
-        while not self.ending.wait(WATCH):
-            self.envelope.watch()
+        with urgent():
+            while not self.ending.wait(WATCH):
+                self.envelope.watch()
 
     def step(self) -> bool:
         """Once round; False after an error, of any kind, by which time the stage was stopped."""

@@ -96,6 +96,7 @@ def run(monkeypatch, seconds, count):
     loop = Loop(live, Board(clock, count), kept, lambda now: seen.append(now.messages()))
     loop.run(Ending())
     loop.finish()
+    loop.tell_end(0, [])
     return live, kept, seen
 
 
