@@ -1,16 +1,32 @@
 """A virtual bench full of faults: is every accepted sample right, and every loss counted?
 
-`python -m facets.experiments.soak [SECONDS] [RATE] [READERS]`: ten minutes at 10 kHz by default.
-READERS, 0 by default, is how many other programs get every sample meanwhile, by `tcp://`.
+`python -m facets.experiments.soak`: ten minutes at 10 kHz. `--readers` is how many other programs
+get every sample meanwhile, by `tcp://`.
+
+`python -m facets.experiments.soak --runs 20 --busy 2` repeats the live example of the README instead,
+`emulate bench --motion circle` and `acquire bench --track` for 20 s each, beside two processes that do
+nothing but calculate, and prints for each run for what share of the time the beam was lost, the
+latency, the exit status and its reasons. `--mixed` are processes that work in bursts and start others,
+as a browser or a compiler does. The share counts each sample that the bench made between the first
+pose and the last sample and that has no pose, whatever the reason. Where the user may ask for a real-time
+priority the runs have one; `--ordinary` takes that permission away from them.
 """
 
 from __future__ import annotations
 
+import argparse
+import json
 import multiprocessing
+import os
 import resource
+import shutil
+import signal
+import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +47,24 @@ FAULTS = "flip=1e-4,lose=1e-4,double=1e-4,drop=1e-4,stall=0.1,block=0.1,saturate
 WRONG = 6.5
 #: So long a reader may take to begin, and to tell, s.
 PATIENCE = 60.0
+
+#: A program that calculates without end, and one that works in bursts and starts others, as a
+#: browser or a compiler does.
+BUSY = "while True: pass"
+MIXED = """
+import random, subprocess, sys, time
+draw = random.Random(int(sys.argv[1]))
+while True:
+    end = time.perf_counter() + draw.uniform(0.001, 0.15)
+    while time.perf_counter() < end:
+        bytearray(2_000_000)
+    if draw.random() < 0.3:
+        subprocess.run([sys.executable, "-c", "import json, decimal, email"])
+    time.sleep(draw.uniform(0, 0.02))
+"""
+PROGRAM = [sys.executable, "-c", "from facets.cli import main; main()"]
+#: Takes a program's permission to ask for a real-time priority away.
+ORDINARY = ["setpriv", "--bounding-set", "-sys_nice"]
 
 
 def bench(folder: Path, rate: float, faults: str, ending: Any) -> None:
@@ -137,10 +171,107 @@ def judged(folder: Path, live: Live) -> dict[str, Any]:
     }
 
 
-if __name__ == "__main__":
-    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 600.0
-    rate = float(sys.argv[2]) if len(sys.argv) > 2 else 10_000.0
-    readers = int(sys.argv[3]) if len(sys.argv) > 3 else 0
+@contextmanager
+def load(busy: int, mixed: int) -> Iterator[None]:
+    """So many other programs, while the context lasts."""
+    texts = [(BUSY, n) for n in range(busy)] + [(MIXED, n) for n in range(mixed)]
+    with ExitStack() as closing:
+        for text, seed in texts:
+            one = subprocess.Popen([sys.executable, "-c", text, str(seed)])
+            closing.callback(one.wait)
+            closing.callback(one.kill)
+        yield
+
+
+def follow_circle(folder: Path, seconds: float, ordinary: bool) -> dict[str, Any]:
+    """The live example of the README, in a new folder: what came of it."""
+    before = ORDINARY if ordinary else []
+    bench = subprocess.Popen(
+        [*PROGRAM, "emulate", "bench", "--motion", "circle"], cwd=folder, stdout=subprocess.DEVNULL
+    )
+    try:
+        last = time.monotonic() + PATIENCE
+        while not (folder / "bench" / "stage").exists() and time.monotonic() < last:
+            time.sleep(0.02)
+        run = subprocess.run(
+            [*before, *PROGRAM, "acquire", "bench", "--track", "--port", "bench/board",
+             "--stage-port", "bench/stage", "--plain", "--seconds", str(seconds), "-o", "recorded"],
+            cwd=folder, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+    finally:
+        bench.send_signal(signal.SIGINT)
+        bench.wait()
+    (folder / "output.txt").write_text(run.stdout + run.stderr, "utf-8")
+    return {"status": run.returncode, "p99": p99_of(run.stdout), **recorded(folder, run.stderr)}
+
+
+def p99_of(output: str) -> str:
+    """The last latency that the command printed, with its unit."""
+    words = output.split()
+    places = [n for n, word in enumerate(words) if word == "p99"]
+    return " ".join(words[places[-1] + 1 : places[-1] + 3]) if places else "-"
+
+
+def recorded(folder: Path, errors: str) -> dict[str, Any]:
+    """What the recording says of a run; of one that did not begin, what it said itself."""
+    path = folder / "recorded"
+    if not path.exists():
+        return {"lost": 1.0, "urgent": False, "reasons": [errors.strip().splitlines()[-1]]}
+    events = (path / "events.jsonl").read_text("utf-8").splitlines()
+    end = json.loads(events[-1]) if events else {}
+    poses = recorded_poses(path)
+    good = poses["seq"][poses["status"] == 0] if poses else np.zeros(0)
+    made = int(poses["seq"].max() - good.min() + 1) if len(good) else 1
+    return {
+        "lost": 1 - len(good) / made,
+        "urgent": end.get("is_urgent", False),
+        "reasons": end.get("reasons", ["the recording has no end"]),
+    }
+
+
+def count_runs(runs: int, busy: int, mixed: int, seconds: float, ordinary: bool) -> None:
+    """So many runs, one after the other, as a table."""
+    if ordinary and shutil.which(ORDINARY[0]) is None:
+        raise SystemExit("--ordinary needs the program setpriv of util-linux")
+    print(f"{runs} runs of {seconds:g} s beside {busy} busy and {mixed} mixed processes")
+    print(" run   beam lost   p99        load   status   reasons", flush=True)
+    shares = []
+    with load(busy, mixed):
+        for run in range(1, runs + 1):
+            with tempfile.TemporaryDirectory() as place:
+                found = follow_circle(Path(place), seconds, ordinary)
+            shares.append(found["lost"])
+            print(
+                f"{run:4}   {100 * found['lost']:7.2f} %   {found['p99']:8}  "
+                f"{os.getloadavg()[0]:5.1f}   {found['status']:6}   "
+                f"{' '.join(found['reasons']) or '-'}",
+                flush=True,
+            )
+    priority = "with a real-time priority" if found["urgent"] else "without a real-time priority"
+    print(
+        f"{priority}: {shares.count(0.0)} of {runs} runs without loss, at most "
+        f"{100 * max(shares):.2f} % lost, {100 * np.mean(shares):.2f} % in the mean"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, help="of a run: 600, of the live example 20")
+    parser.add_argument("--rate", type=float, default=10_000.0, help="samples per second")
+    parser.add_argument("--readers", type=int, default=0, help="programs that get every sample")
+    parser.add_argument("--runs", type=int, default=0, help="repeat the live example this often")
+    parser.add_argument("--busy", type=int, default=0, help="processes that calculate beside it")
+    parser.add_argument("--mixed", type=int, default=0, help="processes that work in bursts")
+    parser.add_argument("--ordinary", action="store_true", help="without a real-time priority")
+    given = parser.parse_args()
+    if given.runs:
+        count_runs(given.runs, given.busy, given.mixed, given.seconds or 20.0, given.ordinary)
+        return
     with tempfile.TemporaryDirectory() as place:
-        for name, value in soak(Path(place), seconds, rate, readers=readers).items():
+        seconds = given.seconds or 600.0
+        for name, value in soak(Path(place), seconds, given.rate, readers=given.readers).items():
             print(f"{name:24} {value}")
+
+
+if __name__ == "__main__":
+    main()
