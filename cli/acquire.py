@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .options import Web
+
 if TYPE_CHECKING:
     from facets.config import Config
     from facets.live.acquire import Ending, Live, Reader
@@ -62,14 +64,6 @@ Filter = Annotated[
         "--filter",
         help="With --publish: filtered poses beside the raw ones, for a motion that is nearly of "
         "constant acceleration, speed or place.",
-    ),
-]
-Web = Annotated[
-    str | None,
-    typer.Option(
-        metavar="[HOST:]PORT",
-        help="Show the run on a page in browsers, of this machine (127.0.0.1) where no other "
-        "address is given; port 0 is any that is free.",
     ),
 ]
 Compare = Annotated[

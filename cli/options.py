@@ -7,6 +7,21 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer.core import TyperCommand
+
+
+class Command(TyperCommand):
+    """A command whose option `--web` may stand without a value, which typer has no way to say."""
+
+    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
+        for n in range(len(args) - 1, -1, -1):
+            if args[n] == "--web" and (n + 1 == len(args) or args[n + 1].startswith("-")):
+                args[n] = f"--web={ANY_PORT}"
+        return super().parse_args(ctx, args)
+
+
+#: Of a page whose port is not given: any that is free.
+ANY_PORT = "0"
 
 
 class TableKind(StrEnum):
@@ -47,6 +62,16 @@ Style = Annotated[
 ]
 Table = Annotated[TableKind, typer.Option(help="Kind of the table.")]
 At = Annotated[str | None, typer.Option(help="Where the other axes stand: tz_mm=1,yaw_mrad=2.")]
+
+
+Web = Annotated[
+    str | None,
+    typer.Option(
+        metavar="[[HOST:]PORT]",
+        help="Show the samples on a page in browsers and print its address. Without a port: any "
+        "that is free. Without a host: for browsers on this machine only (127.0.0.1).",
+    ),
+]
 
 
 def folder_option(default: str) -> typer.models.OptionInfo:

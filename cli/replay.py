@@ -11,6 +11,7 @@ import typer
 from facets.core.names import STATE_COLUMNS as POSE_COLUMNS
 
 from .console import FINDING
+from .options import Web
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -50,14 +51,7 @@ def replay(
         list[str] | None,
         typer.Option(help="Give every sample to other programs, as `facets acquire` does."),
     ] = None,
-    web: Annotated[
-        str | None,
-        typer.Option(
-            metavar="[HOST:]PORT",
-            help="Show the recording on a page in browsers, as `facets acquire` does; it stays "
-            "until ^C.",
-        ),
-    ] = None,
+    web: Web = None,
 ) -> None:
     """Run a recording through the parser and the solver again.
 

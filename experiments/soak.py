@@ -73,7 +73,8 @@ def bench(folder: Path, rate: float, faults: str, ending: Any) -> None:
             raise KeyboardInterrupt
 
     config = facets.load("bench")
-    Bench(config, "wobble", rate, Faults.of(faults), 3, folder).run(float("inf"), go_on)
+    bench = Bench(config, "wobble", rate, Faults.of(faults), 3, folder, truth=True)
+    bench.run(float("inf"), go_on)
 
 
 def read(address: str, told: Any) -> None:

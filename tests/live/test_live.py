@@ -45,6 +45,12 @@ def events_of(folder):
     return [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
 
 
+def end_of(folder):
+    """The event with which a run ended."""
+    (end,) = (event for event in events_of(folder) if event["event"] == "end")
+    return end
+
+
 @pytest.fixture
 def emulator(tmp_path):
     """Starts `facets emulate` in the test's folder, once it runs; ends it after the test."""
@@ -140,13 +146,17 @@ def test_faults_are_checked():
 def test_tracking_follows_a_circle_within_the_noise(tmp_path, emulator):
     """Until the stage has moved 100 times, however long a busy machine takes for that."""
     (tmp_path / "calm.yaml").write_text(CALM)
-    emulator("calm.yaml", "--folder", "bench", "--motion", "circle", "--rate", "1000")
+    emulator("calm.yaml", "--motion", "circle", "--rate", "1000", "--truth")
     with Program("acquire", "calm.yaml", "--track", *PORTS, "--plain", "-o", "rec", "--max-loss=1",
                  cwd=tmp_path) as run:  # fmt: skip
         events = tmp_path / "rec" / "events.jsonl"
         run.await_true(lambda: count_lines(events, '"move"') > 100, "100 moves")
         assert run.end() == 0, run.stderr
     assert "beam is lost above" in run.stderr
+    lines = run.stdout.splitlines()
+    (end,) = [n for n, line in enumerate(lines) if "since the stage first moved" in line]
+    assert lines[end].startswith("The beam was ")
+    assert "% lost" in lines[end + 2]  # the first sentence of the summary, after the last line
     poses, truth = recorded_poses(tmp_path / "rec"), truth_of(tmp_path / "bench")
     good = poses["status"] == 0
     assert good.sum() > 500
@@ -169,7 +179,11 @@ def test_the_stage_never_moves_without_track(tmp_path, emulator):
                      "--no-record", cwd=tmp_path)  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert bench.end() == 0
-    assert json.loads(bench.stdout.splitlines()[-1])["moves"] == 0
+    assert "The stage never moved." in bench.stdout
+    assert "The board made " in bench.stdout
+    assert bench.stdout.splitlines()[-1] == "bench/: counts.json"
+    assert json.loads((tmp_path / "bench" / "counts.json").read_text())["moves"] == 0
+    assert not (tmp_path / "bench" / "truth.bin").exists()
     assert not (tmp_path / "recordings").exists()
 
 
@@ -182,6 +196,9 @@ def test_an_unplugged_cable_ends_with_a_message_and_an_intact_recording(tmp_path
         bench.end()
         assert run.end(None) == 2
     assert "went away" in run.stderr
+    end = end_of(tmp_path / "rec")
+    assert end["exit_status"] == 2
+    assert "went away" in end["reasons"][0]
     assert "samples, " in run.stdout
     assert "Traceback" not in run.stderr
     result = command("replay", "rec", "--compare", cwd=tmp_path)
@@ -212,7 +229,8 @@ def test_reconnect_goes_on(tmp_path, emulator):
 def test_times_do_not_follow_the_ports_jitter(tmp_path, emulator):
     """A port that is looked at every 20 ms, a clock that is slow and wraps after a second."""
     faults = "jitter_ms=20,drift_ppm=50,uptime_s=4294"
-    bench = emulator("bench", "--motion", "wobble", "--rate", "500", "--faults", faults)
+    bench = emulator("bench", "--motion", "wobble", "--rate", "500", "--faults", faults, "--truth")
+    assert "bench/truth.bin, 2.31 MB a minute" in bench.stdout
     result = command("acquire", "bench", "--port", "bench/board", "--plain", "-o", "rec",
                      "--samples", "3000", "--max-loss=1", cwd=tmp_path)  # fmt: skip
     assert result.returncode == 0, result.stderr
@@ -275,9 +293,11 @@ def test_a_signal_stops_the_stage_and_closes_the_recording(tmp_path, emulator, n
     names = [event["event"] for event in events_of(tmp_path / "rec")]
     assert "stop" in names[len(names) - names[::-1].index("move") :]
     assert names[-2:] == ["end", "closed"]
+    end = end_of(tmp_path / "rec")
+    assert end["exit_status"] == status
+    assert end["reasons"] == ([] if status == 0 else [f"the program was ended by {number.name}"])
     assert command("replay", "rec", "--compare", cwd=tmp_path).returncode == 0
     assert bench.end(number) == (0 if number == signal.SIGINT else 128 + number)
-    assert json.loads(bench.stdout.splitlines()[-1])["moves"] > 0
     assert json.loads((tmp_path / "bench" / "counts.json").read_text())["moves"] > 0
     assert not (tmp_path / "bench" / "board").is_symlink()
 
@@ -294,6 +314,7 @@ def test_messages_say_what_to_do(tmp_path):
         (("acquire", "bench", "--port", "file:none.bin"), "can not be read"),
         (("acquire", "bench", *here, "--seconds", "0"), "end before it begins"),
         (("acquire", "bench", *here, "--plain", "--json"), "give one of them"),
+        (("acquire", "bench", "--port", "file:none.bin", "--no-record", "--web"), "can not be read"),
         (("acquire", "bench", *here, "-o", "file"), "is a file"),
         (("acquire", "bench", *here, "-o", "file/deeper"), "can not be written"),
         (("replay", "nothing"), "no such folder"),
@@ -332,6 +353,9 @@ def test_losses_are_named_as_the_reason_for_the_exit_status(tmp_path):
                      cwd=tmp_path)  # fmt: skip
     assert result.returncode == 1
     assert "exit status 1: 10 samples were lost, 5 % of all" in result.stderr
+    end = end_of(tmp_path / "rec")
+    assert end["exit_status"] == 1
+    assert end["reasons"] == ["10 samples were lost, 5 % of all; --max-loss allows 0.1 %."]
 
 
 def test_a_stream_of_the_wrong_kind_says_so(tmp_path):

@@ -31,7 +31,7 @@ def recorded(tmp_path_factory):
     """The folder of a recording `rec` of 6,000 samples, made with a page that nobody opened."""
     folder = tmp_path_factory.mktemp("recorded")
     (folder / "board.bin").write_bytes(stream(6_000))
-    words = ("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--web", "0")
+    words = ("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--web")
     result = command(*words, "--plain", cwd=folder)
     assert result.returncode == 0, result.stderr
     assert "the page is at http://127.0.0.1:" in result.stderr
@@ -133,7 +133,7 @@ def pause_zoom_and_follow(browser):
 
 @pytest.mark.slow
 def test_a_wrong_token_shows_nothing(recorded):
-    with Program("replay", "rec", "--web", "0", cwd=recorded) as replay:
+    with Program("replay", "rec", "--web", cwd=recorded) as replay:
         replay.await_output("the page stays at ")
         url = replay.stderr.partition("the page is at ")[2].split()[0]
         with Browser(url.rstrip("/")[:-1] + "/") as browser:

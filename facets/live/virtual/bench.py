@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import select
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -41,6 +41,8 @@ FEWEST = 10
 #: away from samples that come late and from a stage that is not answered: the circle of the shipped
 #: bench goes on by 0.03 mm, a tenth of the range in which there are poses.
 SLIP = 0.005
+#: From so long on it is said that the bench's clock stood still, s.
+NOTICED_SLIP = 0.05
 
 
 class Bench:
@@ -58,7 +60,9 @@ class Bench:
         seed: int,
         folder: Path,
         firmware: FirmwareLibrary | None = None,
+        truth: bool = False,
     ) -> None:
+        """truth: whether the true state of each sample is written."""
         if config.stage.driver == "other":
             raise InputError("the virtual bench has no stage for stage.driver: other; say zaber")
         self.config, self.rate, self.folder = config, rate, folder
@@ -74,7 +78,7 @@ class Bench:
         self.count = Count()
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self.truth = (folder / "truth.bin").open("wb", buffering=0)
+            self.truth = (folder / "truth.bin").open("wb", buffering=0) if truth else None
         except OSError as error:
             raise OutputError(f"{folder}: is no folder to write in: {error.strerror}") from None
         self.board = Board(config, rate, self.schedule, self.count, folder / "board", firmware)
@@ -101,7 +105,8 @@ class Bench:
             closing.callback(self.stage.close)
             closing.callback(self.board.close)
             closing.callback(self.write_counts)
-            closing.callback(self.truth.close)
+            if self.truth:
+                closing.callback(self.truth.close)
             with suppress(KeyboardInterrupt):
                 last = time.monotonic() + 0.5
                 while self.board.pending and time.monotonic() < last:
@@ -110,6 +115,26 @@ class Bench:
 
     def write_counts(self) -> None:
         (self.folder / "counts.json").write_text(json.dumps(asdict(self.count)), "utf-8")
+
+    def summary(self) -> Iterator[str]:
+        """What the bench did, in sentences."""
+        count = self.count
+        yield (
+            f"The board made {count.made} samples in {self.last:.1f} s: {count.sent} were sent, "
+            f"{count.spoilt} of them damaged, and {count.dropped} were dropped."
+        )
+        if count.dropped > count.sent:
+            yield "  Most were dropped, as by a board whose port nobody reads."
+        yield f"The stage obeyed {count.moves} moves." if count.moves else "The stage never moved."
+        if count.restarts:
+            yield f"The board restarted {count.restarts} times."
+        if count.slipped >= NOTICED_SLIP:
+            yield (
+                f"The machine was too busy: the bench's clock stood still for "
+                f"{count.slipped:.2g} s in all, and the mirror with it."
+            )
+        files = "counts.json and truth.bin" if self.truth else "counts.json"
+        yield f"{self.folder}/: {files}"
 
     def now(self) -> float:
         """The bench's time, s, which slips where the machine is too busy for it."""
@@ -147,20 +172,10 @@ class Bench:
         seq = (first + np.arange(due)).astype(np.uint32)
         self.count.made += due
         host = self.begin + seq / self.rate
-        self.write_truth(seq, host, states, self.board.take(states, seq, host, now))
+        fate = self.board.take(states, seq, host, now)
+        if self.truth:
+            self.truth.write(truth_rows(seq, host, states, fate))
         self.cost += 0.2 * ((time.perf_counter() - start) / due - self.cost)
-
-    def write_truth(
-        self,
-        seq: NDArray[np.uint32],
-        host: NDArray[np.float64],
-        states: NDArray[np.float64],
-        fate: NDArray[np.uint8],
-    ) -> None:
-        rows = np.zeros(len(seq), TRUTH)
-        rows["seq"], rows["fate"], rows["state"] = seq, fate, states
-        rows["host"] = host
-        self.truth.write(rows.tobytes())
 
     def answer(self) -> None:
         """Waits a round for the stage's commands, and answers them line by line."""
@@ -174,8 +189,19 @@ class Bench:
             self.mirror.begin = min(self.mirror.begin, self.model.now)
 
 
+def truth_rows(
+    seq: NDArray[np.uint32],
+    host: NDArray[np.float64],
+    states: NDArray[np.float64],
+    fate: NDArray[np.uint8],
+) -> bytes:
+    rows = np.zeros(len(seq), TRUTH)
+    rows["seq"], rows["fate"], rows["host"], rows["state"] = seq, fate, host, states
+    return rows.tobytes()
+
+
 def truth_of(folder: Path) -> NDArray[np.void]:
-    """What the bench wrote down: `TRUTH` rows."""
+    """What the bench wrote down, if it was to: `TRUTH` rows."""
     raw = (folder / "truth.bin").read_bytes()
     whole = len(raw) // TRUTH.itemsize * TRUTH.itemsize
     return np.frombuffer(raw[:whole], TRUTH)

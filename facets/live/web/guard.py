@@ -25,8 +25,8 @@ def parse_address(text: str) -> tuple[str, int]:
     bare = ":" in host and not head.startswith("[")
     if not host or bare or not (port.isascii() and port.isdigit()) or int(port) > 65_535:
         raise InputError(
-            f"--web {text}: is no address; give PORT (8080, or 0 for any that is free) or "
-            "HOST:PORT ([::1]:8080 for IPv6)"
+            f"--web {text}: is no address; give --web=PORT (8080, or 0 for any that is free), "
+            "--web=HOST:PORT ([::1]:8080 for IPv6), or --web alone as the last option"
         )
     return host, int(port)
 
