@@ -3,6 +3,10 @@
 Of nine readings, those beside the unknowns check the others: their number is the redundancy. The
 squared residual of a right model follows the chi-square distribution with so many degrees of
 freedom; beyond `LEVEL` of it the reading is flagged, for solving and for a live loop alike.
+
+Where most are flagged, what is likeliest is found by solving some of them again: with another power
+of the laser, and with the beam at another place, one for all. A free beam for each reading would prove
+nothing: of the nine numbers it leaves one, and that one knows the power, not the geometry.
 """
 
 from __future__ import annotations
@@ -37,6 +41,11 @@ LIMITS = (
 DOUBT, WRONG = 10.0, 5.0
 #: Of the newest readings, whose residuals make the median.
 KEPT = 10_000
+#: So many flagged readings of the whole run, at most, are solved again; their median residual, over
+#: the noise's, up to which a cause explains them; and by which factor it has to be smaller.
+EXAMPLES, EXPLAINED, SMALLER = 60, 2.0, 0.5
+#: A mirror whose poses scatter by less than so many standard uncertainties did not move.
+STILL = 10.0
 
 
 def redundancy(used: NDArray[np.bool_], options: Solve) -> NDArray[np.int64]:
@@ -101,7 +110,9 @@ class Misfit:
     """How many readings were judged, and flagged.  sizes: of the newest residuals, at least KEPT
     where there were so many, over what noise leaves; kept: how many.
 
-    carried: whether a stage carries the beam, whose place is known by its encoder.
+    carried: whether a stage carries the beam, whose place is known by its encoder.  examples:
+    flagged readings from all over the run, each with the place of the beam that was assumed, every
+    `stride` of them.
     """
 
     judged: int = 0
@@ -109,8 +120,23 @@ class Misfit:
     sizes: deque[Floats] = field(default_factory=deque)
     kept: int = 0
     carried: bool = False
+    examples: list[tuple[Floats, Floats]] = field(default_factory=list)
+    stride: int = 1
+    sensor: Sensor | None = None
+    options: Solve | None = None
 
-    def add(self, flags: NDArray[np.bool_], solution: Solution, options: Solve) -> None:
+    def add(
+        self,
+        flags: NDArray[np.bool_],
+        solution: Solution,
+        options: Solve,
+        sensor: Sensor,
+        readings: Floats,
+    ) -> None:
+        """Some solved readings (n, 9), and which of them are flagged (n,)."""
+        if flags.any():
+            self.sensor, self.options = sensor, options
+            self.keep_examples(flags, solution, readings)
         count = redundancy(solution.used, options)
         there = solution.ok & (count > 0)
         self.judged += int(there.sum())
@@ -120,6 +146,16 @@ class Misfit:
         self.kept += len(over)
         while self.kept - len(self.sizes[0]) >= KEPT:
             self.kept -= len(self.sizes.popleft())
+
+    def keep_examples(
+        self, flags: NDArray[np.bool_], solution: Solution, readings: Floats
+    ) -> None:
+        rows = np.flatnonzero(flags)
+        rows = rows[(self.flagged + np.arange(len(rows))) % self.stride == 0]
+        self.examples += [(readings[row].copy(), solution.state[row, 6:].copy()) for row in rows]
+        while len(self.examples) > EXAMPLES:
+            self.examples = self.examples[::2]
+            self.stride *= 2
 
     @property
     def mostly(self) -> bool:
@@ -137,9 +173,14 @@ class Misfit:
             f"{self.flagged} of {self.judged} poses have a residual beyond chance "
             f"({chance:.2g} would by chance); the median residual is {size:.3g} times the noise"
         )
+        if size > WRONG or self.mostly:
+            cause = self.cause(size)
+            if cause:
+                return f"{told}. {cause} Until then the poses and their uncertainties are wrong."
         if size > WRONG:
             return (
-                f"{told}: this is not the geometry of the sensor that gave the readings. Check the "
+                f"{told}. The cause is unknown: neither another place of the beam nor another "
+                "power of the laser explains the readings. Check the sensor's geometry in the "
                 "configuration, the order of the detectors and the columns' signs and units, or "
                 "calibrate the rig; the stated uncertainties do not hold."
             )
@@ -155,3 +196,89 @@ class Misfit:
             f"{told}: single readings are spoilt ({causes}); the column residual of the poses "
             "says which."
         )
+
+    def cause(self, size: float) -> str:
+        """What explains the examples, whose residuals are `size` times the noise; or nothing."""
+        sensor, options = self.sensor, self.options
+        if sensor is None or options is None or options.method == "paper" or not self.examples:
+            return ""
+        readings, places = (np.array(part) for part in zip(*self.examples, strict=True))
+        enough = min(EXPLAINED, SMALLER * size)
+        if options.power != "unknown":
+            power = power_that_explains(sensor, readings, places, enough)
+            if power is not None:
+                return (
+                    f"The readings fit a laser of {power:.3g} mW instead of {sensor.beam.power:.3g} "
+                    "mW, which is the likeliest cause: correct sensor.beam.power_mw, or solve with "
+                    "power: unknown."
+                )
+        if options.beam == "free":
+            return ""
+        power_known = "unknown" if options.power == "unknown" else "known"
+        found = place_that_explains(sensor, readings, places, power_known, enough)
+        return self.words_of_place(found, places.mean(axis=0)) if found is not None else ""
+
+    def words_of_place(self, found: tuple[Floats, bool], assumed: Floats) -> str:
+        """The sentences for a beam that stands elsewhere by so much (2,), mm."""
+        away, moved = found
+        if self.carried:
+            words = (
+                f"The readings fit a beam ({away[0]:.4g}, {away[1]:.4g}) mm from where the stage "
+                "says that it is, which is the likeliest cause: correct stage.zero_mm."
+            )
+        else:
+            place = assumed + away
+            words = (
+                f"The readings fit a beam at ({place[0]:.4g}, {place[1]:.4g}) mm instead of "
+                f"({assumed[0]:.4g}, {assumed[1]:.4g}) mm, which is the likeliest cause: move the "
+                "beam back, say where it is, or solve with beam: free; where a stage carries it, "
+                "acquire with --track."
+            )
+        if moved:
+            return words
+        return (
+            f"{words} A wrong geometry in the configuration would explain the readings as well, "
+            "because the mirror stood still."
+        )
+
+
+def power_that_explains(
+    sensor: Sensor, readings: Floats, places: Floats, enough: float
+) -> float | None:
+    """The power of the laser, mW, with which readings (n, 9) fit; None where they do not."""
+    from .solver import Prior, solve
+
+    solution = solve(sensor, readings, beam=Prior(places, 0.0), power="unknown")
+    if median_size(solution, 7) > enough:
+        return None
+    return float(np.median(solution.power[solution.ok]))
+
+
+def place_that_explains(
+    sensor: Sensor, readings: Floats, places: Floats, power: str, enough: float
+) -> tuple[Floats, bool] | None:
+    """How far the beam stands from `places` (n, 2), mm, for readings (n, 9) to fit, all of them by
+    the same; and whether the mirror moved meanwhile. None where they do not."""
+    from .solver import Prior, solve
+
+    free = solve(sensor, readings, beam="free", power=power)
+    good = free.ok
+    if not good.any():
+        return None
+    away = np.median(free.state[good, 6:] - places[good], axis=0)
+    sigma = np.median(free.uncertainty[good, 6:], axis=0)
+    together = solve(sensor, readings, beam=Prior(places + away, sigma), power=power)
+    if median_size(together, 6 + (power == "unknown")) > enough:
+        return None
+    poses, u = free.state[good, :6], np.median(free.uncertainty[good, :6], axis=0)
+    return away, bool((poses.std(axis=0) > STILL * u).any())
+
+
+def median_size(solution: Solution, unknowns: int) -> float:
+    """The median residual over what noise leaves of readings with so many unknowns; infinite where
+    less than half of them have a pose that can be checked."""
+    count = 3 * solution.used.sum(axis=-1) - unknowns
+    good = solution.ok & (count > 0)
+    if 2 * good.sum() < len(good):
+        return np.inf
+    return float(np.median(solution.residual[good] / np.sqrt(count[good])))

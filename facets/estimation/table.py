@@ -79,16 +79,21 @@ def solve_readings(
             readings, place = readings.copy(), place.copy()
             readings[lost], place[lost] = np.nan, 0.0
         beam = Prior(place[0] if len(place) == 1 else place, sigma)
-    exact = corrected(sensor, readings)
     return solve(
         sensor,
-        exact if time is None else align(sensor, time, exact),
+        exact_readings(sensor, readings, time),
         beam=beam,
         power=power_known(sensor, options),
         method=options.method,  # type: ignore[arg-type]
         start=options.start,
         max_steps=options.max_steps,
     )
+
+
+def exact_readings(sensor: Sensor, readings: Floats, time: Floats | None) -> Floats:
+    """Readings (n, 9), as the detectors gave them, as the model has them, of one instant each."""
+    exact = corrected(sensor, readings)
+    return exact if time is None else align(sensor, time, exact)
 
 
 def power_known(sensor: Sensor, options: Solve) -> Any:
@@ -102,17 +107,23 @@ def power_known(sensor: Sensor, options: Solve) -> Any:
 
 
 def solve_chunk(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Solution:
-    readings = np.column_stack([chunk.columns[name] for name in READING_COLUMNS])
+    readings, time = readings_of(sensor, chunk)
     place = None
     if all(name in chunk.columns for name in BEAM_COLUMNS):
         place = np.column_stack([chunk.columns[name] for name in BEAM_COLUMNS])
+    return solve_readings(sensor, options, readings, place, time)
+
+
+def readings_of(sensor: Sensor, chunk: tables.Chunk) -> tuple[Floats, Floats | None]:
+    """A chunk's readings (n, 9), and their times (n,), s, where it has them."""
+    readings = np.column_stack([chunk.columns[name] for name in READING_COLUMNS])
     time = chunk.columns.get("time_s")
     if time is None and any(sensor.light.delays):
         raise InputError(
             "sensor.light.delays_us are given, but the readings have no column time_s to tell how "
             "fast they change; add the column, or set the delays to 0"
         )
-    return solve_readings(sensor, options, readings, place, time)
+    return readings, time
 
 
 def require_known_beam(path: Path, chunk: tables.Chunk, advice: str) -> None:
@@ -197,7 +208,11 @@ def solve_table(
                 columns = pose_columns(solution, status) | {"misfit": beyond.astype(int)}
                 writer.write({**time, **columns})
                 count.statuses.update(status.tolist())
-                count.misfit.add(beyond, solution, options)
+                if beyond.any():
+                    exact = exact_readings(config.sensor, *readings_of(config.sensor, chunk))
+                else:
+                    exact = np.empty((0, 9))
+                count.misfit.add(beyond, solution, options, config.sensor, exact)
                 count.pairs += int((solution.ok & (solution.used.sum(axis=-1) < 3)).sum())
                 bad = chunk.lines[chunk.unparsable][: 5 - len(count.unparsable_lines)]
                 count.unparsable_lines += bad.tolist()

@@ -249,10 +249,11 @@ class Pipeline:
         """
         options = self.config.solve
         exact = corrected(self.config.sensor, batch.readings)
+        exact = align(self.config.sensor, 1e-6 * batch.time, exact)
         beam = self.beam(batch.host, batch.encoder)
         solution = solve_series(
             self.config.sensor,
-            align(self.config.sensor, 1e-6 * batch.time, exact),
+            exact,
             beam=beam,
             power=power_known(self.config.sensor, options),
             method=options.method,
@@ -263,7 +264,7 @@ class Pipeline:
         known = replace(options, beam="free" if beam == "free" else "prior")
         self.tally.misfit.carried |= batch.encoder is not None
         beyond = beyond_chance(self.config.sensor, known, solution)
-        self.tally.misfit.add(beyond, solution, known)
+        self.tally.misfit.add(beyond, solution, known, self.config.sensor, exact)
         self.doubts.add(batch.readings, batch.flags, beyond)
         self.board.compare(batch.seq, solution)
         return self.finish(batch, with_causes(solution, batch.flags))

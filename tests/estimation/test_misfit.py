@@ -40,11 +40,11 @@ def test_chance_flags_as_many_as_it_should():
     assert 0.03 < share < 0.07
 
 
-def flags(sensor, raw):
+def flags(sensor, raw, options=OPTIONS):
     found = Misfit()
-    solution = solve_readings(sensor, OPTIONS, raw, None)
-    marks = beyond_chance(sensor, OPTIONS, solution, LEVEL)
-    found.add(marks, solution, OPTIONS)
+    solution = solve_readings(sensor, options, raw, None)
+    marks = beyond_chance(sensor, options, solution, LEVEL)
+    found.add(marks, solution, options, sensor, raw)
     return marks, found
 
 
@@ -60,11 +60,75 @@ def test_a_spoilt_reading_is_flagged():
     assert "single readings are spoilt" in found.sentence
 
 
-def test_another_geometry_is_told():
-    psds = [replace(psd, height=0.8 * n) for n, psd in enumerate(CONFIG.sensor.psds)]
-    wrong = replace(CONFIG.sensor, psds=(psds[0], psds[1], psds[2]))
-    found = flags(wrong, read())[1]
-    assert "not the geometry of the sensor" in found.sentence
+BENCH = facets.load("bench").sensor
+KNOWN = replace(CONFIG.solve, beam="known", power="known")
+
+
+def read_bench(beam=(0.0, 0.0), moves=True, power=1.0, count=400):
+    """Readings of the bench's sensor, whose beam stands elsewhere, or is of another power."""
+    rng = np.random.default_rng(3)
+    state = np.zeros((count, 8))
+    state[:, :6] = [*beam, 0.5, 1e-3, -1e-3, 2e-3]
+    if moves:
+        state[:, :6] += rng.uniform(-1, 1, (count, 6)) * [0.05, 0.05, 1, 4e-3, 4e-3, 5e-3]
+    state[:, 6:] = beam
+    sensor = replace(BENCH, beam=replace(BENCH.beam, power=power * BENCH.beam.power))
+    return add_noise(sensor, facets.readings(sensor, state), rng)
+
+
+def radii(sensor, step):
+    """The sensor with the detectors B and C further out than they are."""
+    psds = tuple(replace(psd, radius=psd.radius + step * n) for n, psd in enumerate(sensor.psds))
+    return replace(sensor, psds=psds)
+
+
+@pytest.mark.parametrize("options", [KNOWN, OPTIONS], ids=["power known", "power unknown"])
+@pytest.mark.parametrize("moves", [True, False], ids=["moves", "stands"])
+def test_a_beam_that_stands_elsewhere_is_the_likeliest_cause(options, moves):
+    sentence = flags(BENCH, read_bench((4.0, -1.5), moves), options)[1].sentence
+    assert "fit a beam at (4, -1.5) mm instead of (0, 0) mm" in sentence
+    assert "likeliest cause" in sentence
+    assert ("because the mirror stood still" in sentence) == (not moves)
+
+
+def test_a_beam_elsewhere_than_its_stage_says_is_told_so():
+    _, found = flags(BENCH, read_bench((0.3, 0.1)), KNOWN)
+    found.carried = True
+    assert "(0.3, 0.1) mm from where the stage says" in found.sentence
+    assert "stage.zero_mm" in found.sentence
+
+
+def test_another_power_of_the_laser_is_told():
+    sentence = flags(BENCH, read_bench(power=0.8), KNOWN)[1].sentence
+    assert "fit a laser of 0.24 mW instead of 0.3 mW" in sentence
+
+
+@pytest.mark.parametrize("options", [KNOWN, OPTIONS], ids=["power known", "power unknown"])
+def test_what_nothing_explains_is_unknown(options):
+    """Another geometry, order or sign: a free beam for each reading would fit most of them."""
+    good = read_bench()
+    sign = good.copy()
+    sign[:, 0] *= -1
+    order = good[:, [3, 4, 5, 0, 1, 2, 6, 7, 8]]
+    for sensor, raw in ((radii(BENCH, 5.0), good), (BENCH, sign), (BENCH, order)):
+        sentence = flags(sensor, raw, options)[1].sentence
+        assert "The cause is unknown" in sentence
+        assert "geometry" in sentence
+    free = replace(options, beam="free", power="known")
+    assert "fit a beam" not in flags(BENCH, 1e3 * good, free)[1].sentence
+
+
+def test_examples_are_of_the_whole_run():
+    found = Misfit()
+    raw = read_bench((4.0, -1.5))
+    solution = solve_readings(BENCH, KNOWN, raw, None)
+    marks = beyond_chance(BENCH, KNOWN, solution)
+    for n in range(50):
+        found.add(marks, solution, KNOWN, BENCH, raw + 1000 * n)
+    numbers = {int(reading[0] // 1000) for reading, _ in found.examples}
+    assert len(found.examples) <= misfit.EXAMPLES
+    assert min(numbers) < 2
+    assert max(numbers) > 47
 
 
 def test_the_limits_that_are_kept_are_those_of_the_distribution():
