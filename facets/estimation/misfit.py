@@ -132,11 +132,15 @@ class Misfit:
         options: Solve,
         sensor: Sensor,
         readings: Floats,
+        places: Floats,
     ) -> None:
-        """Some solved readings (n, 9), and which of them are flagged (n,)."""
+        """Some solved readings (n, 9), and which of them are flagged (n,).
+
+        places: (2,) or (n, 2), where the beam was taken to be, mm.
+        """
         if flags.any():
             self.sensor, self.options = sensor, options
-            self.keep_examples(flags, solution, readings)
+            self.keep_examples(flags, readings, np.broadcast_to(places, (len(flags), 2)))
         count = redundancy(solution.used, options)
         there = solution.ok & (count > 0)
         self.judged += int(there.sum())
@@ -147,12 +151,10 @@ class Misfit:
         while self.kept - len(self.sizes[0]) >= KEPT:
             self.kept -= len(self.sizes.popleft())
 
-    def keep_examples(
-        self, flags: NDArray[np.bool_], solution: Solution, readings: Floats
-    ) -> None:
+    def keep_examples(self, flags: NDArray[np.bool_], readings: Floats, places: Floats) -> None:
         rows = np.flatnonzero(flags)
         rows = rows[(self.flagged + np.arange(len(rows))) % self.stride == 0]
-        self.examples += [(readings[row].copy(), solution.state[row, 6:].copy()) for row in rows]
+        self.examples += [(readings[row].copy(), places[row].copy()) for row in rows]
         while len(self.examples) > EXAMPLES:
             self.examples = self.examples[::2]
             self.stride *= 2
@@ -223,16 +225,15 @@ class Misfit:
         away, moved = found
         if self.carried:
             words = (
-                f"The readings fit a beam ({away[0]:.4g}, {away[1]:.4g}) mm from where the stage "
+                f"The readings fit a beam {point(away)} mm from where the stage "
                 "says that it is, which is the likeliest cause: correct stage.zero_mm."
             )
         else:
             place = assumed + away
             words = (
-                f"The readings fit a beam at ({place[0]:.4g}, {place[1]:.4g}) mm instead of "
-                f"({assumed[0]:.4g}, {assumed[1]:.4g}) mm, which is the likeliest cause: move the "
-                "beam back, say where it is, or solve with beam: free; where a stage carries it, "
-                "acquire with --track."
+                f"The readings fit a beam at {point(place)} mm instead of {point(assumed)} mm, "
+                "which is the likeliest cause: move the beam back, say where it is, or solve with "
+                "beam: free; where a stage carries it, acquire with --track."
             )
         if moved:
             return words
@@ -240,6 +241,12 @@ class Misfit:
             f"{words} A wrong geometry in the configuration would explain the readings as well, "
             "because the mirror stood still."
         )
+
+
+def point(place: Floats) -> str:
+    """A place (2,), to the micrometre."""
+    x, y = (round(float(value), 3) + 0.0 for value in place)
+    return f"({x:g}, {y:g})"
 
 
 def power_that_explains(

@@ -108,10 +108,14 @@ def power_known(sensor: Sensor, options: Solve) -> Any:
 
 def solve_chunk(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Solution:
     readings, time = readings_of(sensor, chunk)
-    place = None
-    if all(name in chunk.columns for name in BEAM_COLUMNS):
-        place = np.column_stack([chunk.columns[name] for name in BEAM_COLUMNS])
-    return solve_readings(sensor, options, readings, place, time)
+    return solve_readings(sensor, options, readings, place_of(chunk), time)
+
+
+def place_of(chunk: tables.Chunk) -> Floats | None:
+    """Where a chunk says that the beam is (n, 2), mm, if it does."""
+    if not all(name in chunk.columns for name in BEAM_COLUMNS):
+        return None
+    return np.column_stack([chunk.columns[name] for name in BEAM_COLUMNS])
 
 
 def readings_of(sensor: Sensor, chunk: tables.Chunk) -> tuple[Floats, Floats | None]:
@@ -208,11 +212,12 @@ def solve_table(
                 columns = pose_columns(solution, status) | {"misfit": beyond.astype(int)}
                 writer.write({**time, **columns})
                 count.statuses.update(status.tolist())
+                exact = np.empty((0, 9))
                 if beyond.any():
                     exact = exact_readings(config.sensor, *readings_of(config.sensor, chunk))
-                else:
-                    exact = np.empty((0, 9))
-                count.misfit.add(beyond, solution, options, config.sensor, exact)
+                place = place_of(chunk)
+                place = np.zeros(2) if place is None else place
+                count.misfit.add(beyond, solution, options, config.sensor, exact, place)
                 count.pairs += int((solution.ok & (solution.used.sum(axis=-1) < 3)).sum())
                 bad = chunk.lines[chunk.unparsable][: 5 - len(count.unparsable_lines)]
                 count.unparsable_lines += bad.tolist()

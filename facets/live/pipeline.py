@@ -264,7 +264,8 @@ class Pipeline:
         known = replace(options, beam="free" if beam == "free" else "prior")
         self.tally.misfit.carried |= batch.encoder is not None
         beyond = beyond_chance(self.config.sensor, known, solution)
-        self.tally.misfit.add(beyond, solution, known, self.config.sensor, exact)
+        places = np.zeros(2) if isinstance(beam, str) else np.asarray(beam.mean)
+        self.tally.misfit.add(beyond, solution, known, self.config.sensor, exact, places)
         self.doubts.add(batch.readings, batch.flags, beyond)
         self.board.compare(batch.seq, solution)
         return self.finish(batch, with_causes(solution, batch.flags))

@@ -97,7 +97,7 @@ def test_a_fit_that_noise_can_not_make_is_a_finding(run, tmp_path):
     status, out, _ = run("solve", "paper", "r.csv", "-o", "p.csv", "--beam", "known")
     assert "10 of 10 rows solved" in out
     assert "10 of 10 poses have a residual beyond chance" in out
-    assert "not the geometry of the sensor" in " ".join(out.split())
+    assert "A wrong geometry in the configuration" in " ".join(out.split())
     assert status == 1
     assert run("solve", "rig", "r.csv", "-o", "q.csv", "--beam", "known")[0] == 0
 

@@ -44,7 +44,7 @@ def flags(sensor, raw, options=OPTIONS):
     found = Misfit()
     solution = solve_readings(sensor, options, raw, None)
     marks = beyond_chance(sensor, options, solution, LEVEL)
-    found.add(marks, solution, options, sensor, raw)
+    found.add(marks, solution, options, sensor, raw, np.zeros(2))
     return marks, found
 
 
@@ -124,7 +124,7 @@ def test_examples_are_of_the_whole_run():
     solution = solve_readings(BENCH, KNOWN, raw, None)
     marks = beyond_chance(BENCH, KNOWN, solution)
     for n in range(50):
-        found.add(marks, solution, KNOWN, BENCH, raw + 1000 * n)
+        found.add(marks, solution, KNOWN, BENCH, raw + 1000 * n, np.zeros(2))
     numbers = {int(reading[0] // 1000) for reading, _ in found.examples}
     assert len(found.examples) <= misfit.EXAMPLES
     assert min(numbers) < 2
