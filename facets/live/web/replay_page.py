@@ -40,10 +40,29 @@ def events_of(recording: Path) -> list[tuple[float, str]]:
             row = json.loads(line)
             name, moment = str(row.pop("event")), float(row.pop("monotonic"))
             row.pop("utc", None)
-            more = ", ".join(f"{key} {value}" for key, value in row.items())
+            more = ", ".join(phrase(key, value) for key, value in row.items() if says(value))
             if name not in ("move", CLOSED):
                 found.append((moment, f"{name}: {more}" if more else name))
     return list(found)
+
+
+def says(value: Any) -> bool:
+    """Whether there is anything to tell of a value."""
+    return value == 0 and value is not False or bool(value)
+
+
+def phrase(name: str, value: Any) -> str:
+    """A value of an event with its name, in words."""
+    name = name.replace("_", " ")
+    if value is True:
+        return name
+    if isinstance(value, float):
+        value = f"{value:.4g}"
+    elif isinstance(value, list):
+        value = "; ".join(map(str, value))
+    elif isinstance(value, dict):
+        value = ", ".join(f"{count} {words}" for words, count in value.items())
+    return f"{name} {value}"
 
 
 class ReplayPage:

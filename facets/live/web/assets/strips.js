@@ -4,6 +4,9 @@ import { decimals, fine, signed } from "./numbers.js";
 
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
+// Around a strip, px: half of a label's height, and half of the width of the last time below it.
+const PAD = 8, RIGHT = 30;
+
 export class Strips {
   // hooks: zoom(from, to), wheel(factor, at), follow(), hover(time or null)
   constructor(root, components, hooks) {
@@ -38,7 +41,7 @@ export class Strips {
       ticks: { stroke: () => css("--grid"), width: 1, size: 4 }, font: "11px system-ui, sans-serif" };
     plot.u = new uPlot({
       width: Math.max(100, place.clientWidth), height: Math.max(40, place.clientHeight),
-      padding: [4, 8, last ? 0 : 4, 0], legend: { show: false },
+      padding: [PAD, RIGHT, last ? 0 : PAD, 0], legend: { show: false },
       cursor: { sync: { key: "strips", setSeries: false }, y: false, points: { show: false },
         drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => this.hooks.follow() } },
       scales: { x: { time: false, auto: false }, y: { auto: false } },
