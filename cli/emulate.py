@@ -10,7 +10,6 @@ import typer
 if TYPE_CHECKING:
     from facets.config import Config
     from facets.firmware.library import FirmwareLibrary
-    from facets.live.virtual import Bench
 
 
 def emulate(

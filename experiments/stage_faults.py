@@ -2,9 +2,9 @@
 
 Drivers, envelope, search and tracker run as they are, against the virtual controllers, over a wire
 in memory and on a clock that is counted, not waited for. Whatever befalls samples, wire, controller
-and loop: the stage stays within its soft limits, is never faster than it may be, follows a prediction
-no longer and no further than it may from a good sample, and stands still within `stopping_time` of
-the last sample that it may follow and of every fault that ends tracking.
+and loop: the stage stays within its soft limits, is never faster than it may be, follows a
+prediction no longer and no further than it may from a good sample, and stands still within
+`stopping_time` of the last sample that it may follow and of every fault that ends tracking.
 
 `python -m facets.experiments.stage_faults 5000 --seed 1` prints what was tried, as JSON; a sequence
 that fails is told with its seed. `--bytes` pulls the cable at each byte instead.
@@ -289,7 +289,7 @@ class World:
             (powers > 0).all()
             and (self.settings.law != "feedforward" or bool(np.isfinite(apex).all()))
         )
-        known = np.isfinite(powers).all() or searching and not np.isnan(powers).any()
+        known = np.isfinite(powers).all() or (searching and not np.isnan(powers).any())
         if known and needs and abs(self.now - taken) <= self.settings.stale:
             self.permit = self.now
         rows = np.array([taken - 1e-3, taken])
@@ -324,7 +324,6 @@ class World:
         if self.is_on("disk full"):
             raise OSError(28, "No space left on device")
 
-
     def judge_prediction(self, sent: Floats) -> None:
         """Whether some good sample is as young, and was as near, as a prediction's has to be."""
         s, tried = self.settings, self.tried
@@ -339,7 +338,7 @@ class World:
         ]
         time, distance = min(shares, key=max)
         if max(time, distance) > 1:
-            raise Broken(f"predicted {time:.3f} of the time, {distance:.3f} of the distance allowed")
+            raise Broken(f"predicted {time:.3f} of the time, {distance:.3f} of the way allowed")
         tried.predictions += 1
         tried.most_prediction_time = max(tried.most_prediction_time, time)
         tried.most_prediction_distance = max(tried.most_prediction_distance, distance)

@@ -4,9 +4,9 @@ Of nine readings, those beside the unknowns check the others: their number is th
 squared residual of a right model follows the chi-square distribution with so many degrees of
 freedom; beyond `LEVEL` of it the reading is flagged, for solving and for a live loop alike.
 
-Where most are flagged, what is likeliest is found by solving some of them again: with another power
-of the laser, and with the beam at another place, one for all. A free beam for each reading would prove
-nothing: of the nine numbers it leaves one, and that one knows the power, not the geometry.
+Where most are flagged, what is likeliest is found by solving some of them again: with another
+power of the laser, and with the beam at another place, one for all. A free beam for each reading
+would prove nothing: of the nine numbers it leaves one, which knows the power, not the geometry.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -210,14 +210,14 @@ class Misfit:
             power = power_that_explains(sensor, readings, places, enough)
             if power is not None:
                 return (
-                    f"The readings fit a laser of {power:.3g} mW instead of {sensor.beam.power:.3g} "
-                    "mW, which is the likeliest cause: correct sensor.beam.power_mw, or solve with "
-                    "power: unknown."
+                    f"The readings fit a laser of {power:.3g} mW instead of "
+                    f"{sensor.beam.power:.3g} mW, which is the likeliest cause: correct "
+                    "sensor.beam.power_mw, or solve with power: unknown."
                 )
         if options.beam == "free":
             return ""
-        power_known = "unknown" if options.power == "unknown" else "known"
-        found = place_that_explains(sensor, readings, places, power_known, enough)
+        unknown = options.power == "unknown"
+        found = place_that_explains(sensor, readings, places, unknown, enough)
         return self.words_of_place(found, places.mean(axis=0)) if found is not None else ""
 
     def words_of_place(self, found: tuple[Floats, bool], assumed: Floats) -> str:
@@ -262,12 +262,16 @@ def power_that_explains(
 
 
 def place_that_explains(
-    sensor: Sensor, readings: Floats, places: Floats, power: str, enough: float
+    sensor: Sensor, readings: Floats, places: Floats, unknown: bool, enough: float
 ) -> tuple[Floats, bool] | None:
     """How far the beam stands from `places` (n, 2), mm, for readings (n, 9) to fit, all of them by
-    the same; and whether the mirror moved meanwhile. None where they do not."""
+    the same; and whether the mirror moved meanwhile. None where they do not.
+
+    unknown: whether the power is.
+    """
     from .solver import Prior, solve
 
+    power: Literal["known", "unknown"] = "unknown" if unknown else "known"
     free = solve(sensor, readings, beam="free", power=power)
     good = free.ok
     if not good.any():
@@ -275,7 +279,7 @@ def place_that_explains(
     away = np.median(free.state[good, 6:] - places[good], axis=0)
     sigma = np.median(free.uncertainty[good, 6:], axis=0)
     together = solve(sensor, readings, beam=Prior(places + away, sigma), power=power)
-    if median_size(together, 6 + (power == "unknown")) > enough:
+    if median_size(together, 6 + unknown) > enough:
         return None
     poses, u = free.state[good, :6], np.median(free.uncertainty[good, :6], axis=0)
     return away, bool((poses.std(axis=0) > STILL * u).any())

@@ -425,7 +425,7 @@ class Loop:
 def end_of(
     error: BaseException | None, signals: Sequence[int], complaints: Callable[[], list[str]]
 ) -> tuple[int, list[str]]:
-    """The exit status of a run that ended by an error, by a signal or by itself, and its reasons."""
+    """The exit status of a run that an error, a signal or nothing ended, and its reasons."""
     reasons = complaints()
     if error is not None and not isinstance(error, KeyboardInterrupt):
         known = isinstance(error, FacetsError)

@@ -45,9 +45,9 @@ REST = 1e-4
 def stopping_time(settings: Settings) -> float:
     """How long after the last good sample a stage can move at most, s, whatever happens.
 
-    A command comes no later than `stale`, or predicted than `bridge`, after its sample. Its move begins after the latency, has
-    `reach` to go at the largest speed, from where the stage was up to PLACE ago, and ends by the
-    stage's lag and acceleration.
+    A command comes no later than `stale` after its sample, a predicted one than `bridge`. Its move
+    begins after the latency, has `reach` to go at the largest speed, from where the stage was up to
+    PLACE ago, and ends by the stage's lag and acceleration.
     """
     s = settings
     reach = Limits.of(s).reach

@@ -27,9 +27,7 @@ def urgent() -> Iterator[bool]:
     if sys.platform == "linux" and len(os.sched_getaffinity(0)) > 1:
         policy, before = os.sched_getscheduler(0), os.sched_getparam(0)
         with suppress(OSError):
-            os.sched_setscheduler(
-                0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY)
-            )
+            os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
             allowed = True
     try:
         yield allowed

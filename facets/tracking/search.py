@@ -1,9 +1,10 @@
 """How a mirror that was lost is looked for: towards the light while there is any, else in a spiral.
 
-Light shows the way to the mirror over several millimetres, so the stage goes there within the limits
-of tracking, for CHASE at most. In the dark it goes back to the last good place, or to where the light
-went out, and from there in a spiral with limits of its own, slower and shorter than tracking. It ends
-at FARTHEST, and after so many commands that a stage which does not follow ends it, too.
+Light shows the way to the mirror over several millimetres, so the stage goes there within the
+limits of tracking, for CHASE at most. In the dark it goes back to the last good place, or to where
+the light went out, and from there in a spiral with limits of its own, slower and shorter than
+tracking. It ends at FARTHEST, and after so many commands that a stage which does not follow ends
+it, too.
 """
 
 from __future__ import annotations

@@ -28,7 +28,8 @@ LIT, BRIGHT = 0.02, 3.0
 
 class Sample(NamedTuple):
     """What the tracker needs of one. time: on the host's clock; came: when it was told, s.
-    powers: (3,) mW, infinite where a detector is saturated.  apex: (2,) mm, or None.  doubt: why nothing may follow it, or nothing."""
+    powers: (3,) mW, infinite where a detector is saturated.  apex: (2,) mm, or None.  doubt: why
+    nothing may follow it, or nothing."""
 
     time: float
     came: float
@@ -245,7 +246,7 @@ class Tracker:
             beam = self.encoder.at(np.array([newest.time]))[0]
             towards = self.law.towards(newest.powers, beam, LIT)
             search = None if search.is_over(towards is not None) else search
-        if self.envelope.stalled or not search and (self.envelope.moving or not self.stopped):
+        if self.envelope.stalled or (not search and (self.envelope.moving or not self.stopped)):
             self.envelope.halt(reason)
         self.law.forget(since=now - self.settings.bridge)
         self.stopped, self.bridging = reason, False

@@ -314,7 +314,7 @@ def test_messages_say_what_to_do(tmp_path):
         (("acquire", "bench", "--port", "file:none.bin"), "can not be read"),
         (("acquire", "bench", *here, "--seconds", "0"), "end before it begins"),
         (("acquire", "bench", *here, "--plain", "--json"), "give one of them"),
-        (("acquire", "bench", "--port", "file:none.bin", "--no-record", "--web"), "can not be read"),
+        (("acquire", "bench", "--port", "file:none.bin", "--web"), "can not be read"),
         (("acquire", "bench", *here, "-o", "file"), "is a file"),
         (("acquire", "bench", *here, "-o", "file/deeper"), "can not be written"),
         (("replay", "nothing"), "no such folder"),

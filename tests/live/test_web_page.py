@@ -131,6 +131,51 @@ def pause_zoom_and_follow(browser):
     browser.await_true("!facets.look.paused && facets.look.at === null")
 
 
+#: What of the page's texts is cut, or reaches past the page's edge.
+CUT = """
+[...document.querySelectorAll('.head, .number, .u, .face p, .face h3, #when, dt, dd, #at-text')]
+  .filter((one) => one.scrollWidth > one.clientWidth + 1
+    || one.getBoundingClientRect().right > document.documentElement.clientWidth + 1)
+  .map((one) => one.textContent)
+"""
+#: Whether the strips have the width of their place; and the longest unit that stands beside one.
+FITTED = "facets.strips.plots.every(({ box, u }) => u.width === box.lastChild.clientWidth)"
+UNITS = """
+document.querySelectorAll('.scale').forEach(
+  (one) => { one.textContent = '\\u00b5rad from \\u22123.00012 mrad'; })
+"""
+#: By how much the label of a time at the right end, or of a value at the upper end, is cut, px.
+LABELS = """
+facets.strips.plots.flatMap(({ u }) => {
+  const ctx = document.createElement('canvas').getContext('2d'), ratio = devicePixelRatio;
+  ctx.font = '11px system-ui, sans-serif';
+  const right = u.width - (u.bbox.left + u.bbox.width) / ratio, top = u.bbox.top / ratio;
+  return [ctx.measureText('1234.5 s').width / 2 - right, 5.5 - top];
+})
+"""
+
+
+@pytest.mark.slow
+def test_nothing_on_the_page_is_cut_on_a_telephone_and_on_a_screen(recorded):
+    with Program("replay", "rec", "--web", cwd=recorded) as replay:
+        replay.await_output("the page stays at ")
+        url = replay.stderr.partition("the page is at ")[2].split()[0]
+        with Browser(url) as browser:
+            browser.await_true("!!document.querySelector('.number')?.dataset.value")
+            for width, height in ((360, 740), (768, 1024), (1440, 900)):
+                browser.send(
+                    "Emulation.setDeviceMetricsOverride",
+                    width=width, height=height, deviceScaleFactor=1, mobile=False,
+                )  # fmt: skip
+                browser.await_true(f"innerWidth === {width}")
+                browser.await_true(FITTED)
+                browser.ask(UNITS)
+                assert browser.ask("document.documentElement.scrollWidth") <= width
+                assert browser.ask(CUT) == []
+                assert max(browser.ask(LABELS)) <= 0
+        replay.end(signal.SIGTERM)
+
+
 @pytest.mark.slow
 def test_a_wrong_token_shows_nothing(recorded):
     with Program("replay", "rec", "--web", cwd=recorded) as replay:

@@ -354,9 +354,7 @@ def test_a_search_in_the_dark_ends_and_says_so():
     assert names[-2:] == ["search ended", "stop"]
     away = np.hypot(*(np.array(places) - places[0]).T)
     assert FARTHEST * 0.9 < away.max() < FARTHEST * 1.1
-    steps = np.hypot(
-        *np.diff([[m["x"], m["y"]] for n, m in events if n == "move"], axis=0).T
-    )
+    steps = np.hypot(*np.diff([[m["x"], m["y"]] for n, m in events if n == "move"], axis=0).T)
     assert steps[1:].max() <= STAGE.max_step
     before = follower.moves
     feed(follower, port, apex=None, powers=(0.0, 0.0, 0.0))
@@ -432,7 +430,8 @@ def test_a_search_has_the_limits_of_the_stage():
     assert np.hypot(*np.diff(places, axis=0).T).max() <= 0.01 + 1e-12
     assert np.abs(places).max() <= 1.0
     stuck = Search(STAGE)
-    while stuck.next(np.zeros(2), None, np.zeros(2)) is not None:  # a stage that does not follow ends it, too
+    here = np.zeros(2)
+    while stuck.next(here, None, here) is not None:  # a stage that does not follow ends it, too
         pass
     assert "not found" in stuck.outcome
 

@@ -48,7 +48,7 @@ def events_of(recording: Path) -> list[tuple[float, str]]:
 
 def says(value: Any) -> bool:
     """Whether there is anything to tell of a value."""
-    return value == 0 and value is not False or bool(value)
+    return (value == 0 and value is not False) or bool(value)
 
 
 def phrase(name: str, value: Any) -> str:
