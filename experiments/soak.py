@@ -219,7 +219,7 @@ def recorded(folder: Path, errors: str) -> dict[str, Any]:
     if not path.exists():
         return {"lost": 1.0, "urgent": False, "reasons": [errors.strip().splitlines()[-1]]}
     events = map(json.loads, (path / "events.jsonl").read_text("utf-8").splitlines())
-    end = next((event for event in events if event["event"] == "end"), {})
+    end: dict[str, Any] = next((event for event in events if event["event"] == "end"), {})
     poses = recorded_poses(path)
     good = poses["seq"][poses["status"] == 0] if poses else np.zeros(0)
     made = int(poses["seq"].max() - good.min() + 1) if len(good) else 1
