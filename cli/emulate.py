@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from facets.config import Config
     from facets.firmware.library import FirmwareLibrary
     from facets.live.virtual import Bench
 
@@ -56,7 +57,7 @@ def emulate(
     from facets.live.virtual import Bench, Faults
 
     settings = load(config)
-    code = library_of(firmware, settings.acquire.format) if firmware else None
+    code = library_of(firmware, settings) if firmware else None
     bench = Bench(settings, motion, rate, Faults.of(faults), seed, folder, code)
     warm_up(bench)
     typer.echo(
@@ -68,14 +69,20 @@ def emulate(
         typer.echo(json.dumps(bench.count.__dict__))
 
 
-def library_of(path: Path, form: str) -> FirmwareLibrary:
-    """The exported solver; its poses need frames, which lines of text have not."""
+def library_of(path: Path, settings: Config) -> FirmwareLibrary:
+    """The sensor's exported solver; its poses need frames, which lines of text have not."""
     from facets.core.errors import InputError
     from facets.firmware.library import FirmwareLibrary
 
-    if form == "text":
+    if settings.acquire.format == "text":
         raise InputError("--firmware sends poses as frames; acquire.format is text: have it frames")
-    return FirmwareLibrary(path)
+    library = FirmwareLibrary(path)
+    if not library.is_of(settings.sensor):
+        raise InputError(
+            f"{path}: was exported for another sensor than that of {settings.name}; export and "
+            f"compile it again: facets export-c {settings.name}"
+        )
+    return library
 
 
 def warm_up(bench: Bench) -> None:

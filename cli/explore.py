@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from facets.core.errors import InputError
+
 from .console import FINDING, leave_out_picture, load_config, name_files, with_progress
 from .options import (
     ConfigName,
@@ -141,6 +143,7 @@ def explore(
     whole = "parts" if table == Designs.parts else f"designs.{table.value}"
     files = [folder / n for n in (whole, "front.csv", f"front.{plot.value}")]
     about = provenance.about(settings, seed)
+    require_same(settings, folder, force)
     if front:
         followed = follow_front(space, folder, points, about, plot)
         if report:
@@ -158,6 +161,22 @@ def explore(
     name_files(folder, files)
     if not best.any():
         raise typer.Exit(FINDING)
+
+
+def require_same(settings: Config, folder: Path, force: bool) -> None:
+    """Refuses a folder with designs of another configuration, which `force` lets go."""
+    from facets.design.exploration import forget, parts_in
+    from facets.files import provenance, tables
+
+    tabled = [folder / name for name in ("front.csv", "pareto.csv")]
+    remedy = "--force begins anew, -o names another folder"
+    for file in [*parts_in(folder)[:1], *(file for file in tabled if file.exists())]:
+        try:
+            provenance.require_origin(file, tables.read_head(file), settings, remedy)
+        except InputError:
+            if not force:
+                raise
+            forget(folder)
 
 
 def begin(
@@ -274,7 +293,6 @@ def own_measures(space: Space) -> dict[str, float]:
 
 def require_page(report: Path | None, force: bool) -> None:
     """Refuses what can not be written before anything is computed."""
-    from facets.core.errors import InputError
     from facets.files import tables
     from facets.pictures.exploration_page import plotly_text
 
@@ -323,7 +341,6 @@ def write_pick(
     force: bool,
 ) -> None:
     """One design of an earlier run, as a configuration that extends the one it is made from."""
-    from facets.core.errors import InputError
     from facets.design.changes import as_extension, moved
     from facets.design.variables import sensor_of
     from facets.files import provenance, tables
@@ -335,7 +352,7 @@ def write_pick(
     file = output_folder(source, settings.name, "explore") / (
         "pareto.csv" if front else "front.csv"
     )
-    x = makeable(space, design_in(file, "point" if front else "design", number, space.names))
+    x = makeable(space, chosen_design(settings, space, file, front, number))
     sensor = sensor_of(space.sensor, space.names, x)
     about = provenance.about(settings) | {"design": f"{number} of {file.name}"}
     with tables.Whole(path) as temporary:
@@ -361,16 +378,19 @@ def makeable(space: Space, x: Floats) -> Floats:
     return made
 
 
-def design_in(file: Path, key: str, number: int, names: list[str]) -> Floats:
-    """The variables of one design of a table that an earlier run has written."""
+def chosen_design(settings: Config, space: Space, file: Path, front: bool, number: int) -> Floats:
+    """The variables of one design of a table that an earlier run of the configuration wrote."""
     import numpy as np
 
-    from facets.core.errors import InputError
-    from facets.files.tables import read_chunks
+    from facets.files.provenance import require_origin
+    from facets.files.tables import read_chunks, read_head
 
     if not file.is_file():
         raise InputError(f"{file}: no such file; run `facets explore` first, or name its folder "
                          "by --from")  # fmt: skip
+    require_origin(file, read_head(file), settings, "name the configuration that it was made from, "
+                   f"or explore {settings.name} first")  # fmt: skip
+    key, names = "point" if front else "design", space.names
     chunks = [chunk.columns for chunk in read_chunks(file, [key, *names])]
     table = {name: np.concatenate([chunk[name] for chunk in chunks]) for name in (key, *names)}
     rows = np.flatnonzero(table[key] == number)

@@ -337,6 +337,12 @@ def identity(space: Space, about: dict[str, str]) -> str:
     return f"{about.get('config_sha256', '')} {asked} {' '.join(space.objectives)}\n"
 
 
+def forget(folder: Path) -> None:
+    """Takes the designs of an older search away."""
+    shutil.rmtree(folder / "parts", ignore_errors=True)
+    (folder / MARK).unlink(missing_ok=True)
+
+
 def prepare(folder: Path, space: Space, about: dict[str, str], force: bool) -> None:
     """Looks whether a search can go on in a folder; `force` takes an older search away.
 
@@ -344,8 +350,7 @@ def prepare(folder: Path, space: Space, about: dict[str, str], force: bool) -> N
     """
     mark, mine = folder / MARK, identity(space, about)
     if force and mark.exists():
-        shutil.rmtree(folder / "parts", ignore_errors=True)
-        mark.unlink()
+        forget(folder)
     if mark.exists() and mark.read_text() != mine:
         raise OutputError(
             f"{folder}: holds another search; --force begins anew, -o names another folder"

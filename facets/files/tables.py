@@ -143,6 +143,28 @@ class Sheet:
                 yield self.first + self.reader.line_num, row
 
 
+def read_head(path: Path) -> dict[str, str]:
+    """How a table was made, as it begins: see `provenance.about`. Empty where it does not say."""
+    require_table(path)
+    if ending(path) == ".parquet":
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        try:
+            metadata = pq.read_schema(path).metadata or {}
+        except (pa.ArrowException, OSError):
+            return {}
+        return {key.decode(): value.decode(errors="replace") for key, value in metadata.items()}
+    head = {}
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        for line in file:
+            if not line.startswith("#"):
+                break
+            key, _, value = line[1:].partition(":")
+            head[key.strip()] = value.strip()
+    return head
+
+
 def delimiter_of(header: str) -> str:
     """A comma; where there is none, a semicolon or a tab."""
     return next((mark for mark in ",;\t" if mark in header), ",")
