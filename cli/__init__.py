@@ -32,6 +32,7 @@ from facets.core.errors import FacetsError
 
 from . import signals
 from .console import BAD_INPUT, INTERRUPTED, Guarded, message
+from .options import Command
 
 #: The commands in the order of the help, and the module that each is in.
 COMMANDS = {
@@ -85,7 +86,7 @@ def app_of(names: Iterable[str]) -> typer.Typer:
         if name == "config":
             made.add_typer(module.app, name=name)
         else:
-            made.command(name)(getattr(module, name.replace("-", "_")))
+            made.command(name, cls=Command)(getattr(module, name.replace("-", "_")))
     return made
 
 

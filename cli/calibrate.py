@@ -85,9 +85,12 @@ def with_effects(settings: Config, asked: list[str]) -> Config:
 
     from facets.core.errors import InputError
 
-    effects = dict(settings.calibrate.effects)
+    effects, named = dict(settings.calibrate.effects), set()
     for text in asked:
         name, _, decision = text.partition("=")
+        if name in named:
+            raise InputError(f"--effect has {name} twice; give it once")
+        named.add(name)
         if name not in effects or decision not in ("on", "off", "auto"):
             raise InputError(
                 f"--effect {text}: not NAME=on, NAME=off or NAME=auto; the names are "

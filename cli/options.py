@@ -3,10 +3,54 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from math import isfinite
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
+
+from facets.core.plain_numbers import plain_number
+
+
+class Command(TyperCommand):
+    """A command that refuses, of every option, what cannot be meant: nothing at all, the same value
+    twice, and numbers that are infinite or have underscores."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        typed, _, _ = self.make_parser(ctx).parse_args(args=list(args))
+        rest: list[str] = super().parse_args(ctx, args)
+        for param in self.get_params(ctx):
+            value = typed.get(param.name)
+            texts = value if isinstance(value, list | tuple) else [value]
+            counts = isinstance(ctx.params.get(param.name), int | float)
+            if reason := why_meaningless([t for t in texts if isinstance(t, str)], counts):
+                raise typer.BadParameter(reason, ctx=ctx, param=param)
+        return rest
+
+
+def why_meaningless(texts: list[str], is_number: bool) -> str:
+    """Why values of an option, as they were typed, mean nothing; "" where they do."""
+    for n, text in enumerate(texts):
+        if not text.strip():
+            return "it is empty; give a value, or leave the option out"
+        if text in texts[:n]:
+            return f"{text} is given twice"
+        if is_number and is_odd_number(text):
+            return f"{text!r} is not a plain finite number"
+    return ""
+
+
+def is_odd_number(text: str) -> bool:
+    """Whether Python takes it for a number, and a person would not have typed it as one."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    try:
+        return not isfinite(plain_number(text))
+    except ValueError:
+        return True
 
 
 class TableKind(StrEnum):

@@ -19,6 +19,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.plain_numbers import plain_number
 from ..core.units import Booleans, Floats, Integers
 from .whole import Whole as Whole
 from .whole import refuse_to_overwrite as refuse_to_overwrite
@@ -180,6 +181,22 @@ def open_sheet(path: Path) -> Iterator[Sheet]:
             sheet.text.detach()
 
 
+def read_numbers(path: Path, names: Sequence[str] = ()) -> tuple[list[str], Floats]:
+    """A small CSV table of nothing but numbers: its names, or those that are needed, and its rows.
+
+    Raises `InputError` with the line of what is no number.
+    """
+    with open_sheet(path) as sheet:
+        use = columns_to_read(path, sheet.names, names or sheet.names, ())
+        places, rows = [sheet.names.index(name) for name in use], []
+        for line, row in sheet.rows():
+            try:
+                rows.append([number(row[place]) for place in places])
+            except (ValueError, IndexError):
+                raise InputError(f"{path}:{line}: this row can not be read as numbers") from None
+    return use, np.array(rows, dtype=float).reshape(len(rows), len(use))
+
+
 def read_csv(
     path: Path, needed: Sequence[str], optional: Sequence[str], rows: int
 ) -> Iterator[Chunk]:
@@ -233,7 +250,12 @@ def number(cell: str) -> float:
     text = cell.strip()
     if len(text) > 1 and text[0] == text[-1] == '"':
         text = text[1:-1]
-    return float(text or "nan")
+    return plain_number(text or "nan")
+
+
+def is_plain(text: str) -> bool:
+    """Whether NumPy reads numbers in a text as `number` does."""
+    return text.isascii() and "_" not in text
 
 
 def is_number(cell: str) -> bool:
@@ -248,7 +270,7 @@ def numbers(rows: list[list[str]], places: list[int], width: int) -> tuple[Float
     """Cells as floats (n, columns), and which rows are not numbers; an empty cell is NaN."""
     bad = np.array([len(row) != width for row in rows])
     cells = [[row[i] or "nan" for i in places] for row in rows] if not bad.any() else None
-    if cells is not None:
+    if cells is not None and is_plain("".join(map("".join, cells))):
         with suppress(ValueError):
             return np.array(cells, dtype=float).reshape(len(rows), len(places)), bad
     values = np.full((len(rows), len(places)), np.nan)

@@ -53,11 +53,13 @@ def from_table(file: Path, rate: float) -> tuple[Floats, Floats]:
             raise InputError(f"{file}:{line}: this row can not be read as numbers")
         zero = np.zeros(len(chunk.lines))
         state = np.column_stack([chunk.columns.get(name, zero) for name in STATE_COLUMNS])
-        if not np.isfinite(state).all():
-            line = chunk.lines[~np.isfinite(state).all(axis=1)][0]
-            raise InputError(f"{file}:{line}: a state needs finite numbers")
+        time = chunk.columns.get("time_s", (rows + np.arange(len(state))) / rate)
+        finite = np.isfinite(state).all(axis=1) & np.isfinite(time)
+        if not finite.all():
+            line = chunk.lines[~finite][0]
+            raise InputError(f"{file}:{line}: a state and its time need finite numbers")
         parts.append(state * STATE_UNITS)
-        times.append(chunk.columns.get("time_s", (rows + np.arange(len(state))) / rate))
+        times.append(time)
         rows += len(state)
     if not rows:
         raise InputError(f"{file}: no rows")
