@@ -194,11 +194,12 @@ def write_results(settings: Config, found: Verdict, files: list[Path]) -> None:
             )
             raise typer.Exit(FINDING) from None
         beside = [(source, path.with_name(source.name)) for source in bent.values()]
-        for source, target in ((matrix, covariance), *beside, (trial, path)):
-            with tables.Whole(target) as temporary:
-                copyfile(source, temporary)
-    tables.write_table(table, found_table(found.search.sensor, found.found), about)
-    style.save(residual_picture(found.fitted, found.found, found.errors), picture)
+        with tables.ResultSet():
+            for source, target in ((matrix, covariance), *beside, (trial, path)):
+                with tables.Whole(target) as temporary:
+                    copyfile(source, temporary)
+            tables.write_table(table, found_table(found.search.sensor, found.found), about)
+            style.save(residual_picture(found.fitted, found.found, found.errors), picture)
     typer.echo(", ".join(str(file) if file == path else file.name for file in files))
 
 

@@ -127,7 +127,7 @@ def explore(
     asked for its ranges, which take most of the time. Exit status 1 where no design has them all.
     """
     from facets.design import exploration, gallery
-    from facets.files import provenance
+    from facets.files import provenance, tables
 
     settings = load_config(config)
     exploration.require_measures(goals := objective or list(GOALS))
@@ -145,22 +145,31 @@ def explore(
     about = provenance.about(settings, seed)
     require_same(settings, folder, force)
     if front:
-        followed = follow_front(space, folder, points, about, plot)
-        if report:
-            write_page(settings, space, followed, older_designs(space, folder), report)
+        with tables.ResultSet():
+            followed, files = follow_front(space, folder, points, about, plot)
+            if report:
+                write_page(settings, space, followed, older_designs(space, folder), report)
+        name_results(folder, files, report)
         return
     if scheduler:
         typer.echo(exploration.cluster_words(scheduler))
     begin(space, folder, files, about, force)
     start = time.perf_counter()
     with_progress(lambda tell: exploration.explore(space, folder, about, scheduler, tell))
-    best = write(space, folder, files, about, time.perf_counter() - start, certify)
-    if report and best.any():
-        drawn = exploration.collect(folder)
-        write_page(settings, space, gallery.best_of(drawn, goals, best), drawn, report)
-    name_files(folder, files)
+    with tables.ResultSet():
+        best = write(space, folder, files, about, time.perf_counter() - start, certify)
+        if report and best.any():
+            drawn = exploration.collect(folder)
+            write_page(settings, space, gallery.best_of(drawn, goals, best), drawn, report)
+    name_results(folder, files, report)
     if not best.any():
         raise typer.Exit(FINDING)
+
+
+def name_results(folder: Path, files: list[Path], page: Path | None) -> None:
+    if page is not None and page.exists():
+        typer.echo(f"{page}: the designs as a page")
+    name_files(folder, files)
 
 
 def require_same(settings: Config, folder: Path, force: bool) -> None:
@@ -251,8 +260,9 @@ def proof_margins(space: Space, table: dict[str, Any], work: int) -> Floats:
 
 def follow_front(
     space: Space, folder: Path, points: int, about: dict[str, str], plot: PlotKind
-) -> dict[str, Any]:
-    """The front by continuation, as pareto.csv and a picture; exit status 1 where there is none."""
+) -> tuple[dict[str, Any], list[Path]]:
+    """The front by continuation, and the files of its table and picture; exit status 1 where there
+    is none."""
     from facets.design import front as fronts
     from facets.files import tables
     from facets.pictures import style
@@ -275,8 +285,7 @@ def follow_front(
     if cloud is not None:
         report_against(fronts.against(found, cloud), len(cloud["design"]), space.objectives[0])
     style.save(pareto_picture(table, list(space.objectives), cloud, own_measures(space)), files[1])
-    name_files(folder, files)
-    return table
+    return table, files
 
 
 def own_measures(space: Space) -> dict[str, float]:
@@ -316,9 +325,7 @@ def write_page(
     from facets.files.tables import Whole
     from facets.pictures.exploration_page import page
 
-    path.parent.mkdir(parents=True, exist_ok=True)
     table, sensors = gallery(space, front, others)
-    texts = texts_of(settings, sensors, path.parent)
     count = int((table["kind"] == "front").sum())
     some = f"Shown are {count} of the {len(front[space.names[0]])} designs on the front"
     if others is not None:
@@ -326,9 +333,9 @@ def write_page(
         some += f", and {shown} others of {len(others['design'])} designs that were drawn"
     goals = list(space.objectives)
     with Whole(path) as temporary:
+        texts = texts_of(settings, sensors, path.parent)
         text = page(settings.name, space.names, goals, table, sensors, texts, f"{some}.")
         temporary.write_text(text, "utf-8")
-    typer.echo(f"{path}: the designs as a page")
 
 
 def write_pick(

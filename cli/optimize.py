@@ -84,19 +84,37 @@ def optimize(
         raise typer.Exit(FINDING)
     found = with_yield(settings, found)
     made = None if exact else in_steps(settings, found)
-    better = write_config(settings, found, made, path)
+    with tables.ResultSet():
+        better = write_config(settings, found, made, path)
+        if not isinstance(better, str):
+            story = tell_story(settings, better, found, made, files, certify, heads)
+            if report:
+                write_report(story, *pages[:2])
+            if sheets:
+                write_tables(story, sheets)
+    if isinstance(better, str):
+        typer.echo(f"{path} is written, but does not load:\n{better}", err=True)
+        raise typer.Exit(FINDING)
+    typer.echo(", ".join([str(path), *(file.name for file in (*files, *pages))]))
+
+
+def tell_story(
+    settings: Config,
+    better: Config,
+    found: Optimum,
+    made: Rounded | None,
+    files: list[Path],
+    certify: int,
+    heads: int,
+) -> Story:
+    """All that is said of the layout, printed; its comparison is written."""
     table = write_comparison(settings, better, *files)
     show_result(settings, better, found, made, table)
     reasons = show_reasons(settings, found)
     proof = prove(better, certify)
     typer.echo(f"{proof}\n")
     built = show_heads(settings, better, heads)
-    story = Story(settings, better, found, made, table, reasons, proof, built)
-    if report:
-        write_report(story, *pages[:2])
-    if sheets:
-        write_tables(story, sheets)
-    typer.echo(", ".join([str(path), *(file.name for file in (*files, *pages))]))
+    return Story(settings, better, found, made, table, reasons, proof, built)
 
 
 def in_steps(settings: Config, found: Optimum) -> Rounded | None:
@@ -167,20 +185,24 @@ def price_of(settings: Config, found: Optimum) -> float:
     return priced(settings.layout, found.tried[0][0].price) if found.tried else 0.0
 
 
-def write_config(settings: Config, found: Optimum, made: Rounded | None, path: Path) -> Config:
-    """The layout found, written and loaded again. Exits where it does not load."""
+def write_config(
+    settings: Config, found: Optimum, made: Rounded | None, path: Path
+) -> Config | str:
+    """The layout found, written and loaded again; why, where it does not load."""
+    from dataclasses import replace
+
     from facets import load
     from facets.core.errors import ConfigError
-    from facets.files import provenance, tables
+    from facets.files import provenance, tables, whole
 
     about = provenance.about(settings, settings.layout.seed)
     with tables.Whole(path) as temporary:
         temporary.write_text(as_yaml(settings, found, made, path.parent, about), "utf-8")
+    file = whole.staged(path)
     try:
-        return load(path)
+        return replace(load(file), name=path.stem, path=path.resolve())
     except ConfigError as error:  # a sub-beam may miss a detector elsewhere than in the volume
-        typer.echo(f"{path} is written, but does not load:\n{error}", err=True)
-        raise typer.Exit(FINDING) from None
+        return str(error).replace(file.name, path.name)
 
 
 def write_comparison(settings: Config, better: Config, csv: Path, picture: Path) -> dict[str, Any]:

@@ -20,7 +20,8 @@ class Command(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         typed, _, _ = self.make_parser(ctx).parse_args(args=list(args))
         rest: list[str] = super().parse_args(ctx, args)
-        for param in self.get_params(ctx):
+        params: list[Any] = self.get_params(ctx)
+        for param in params:
             value = typed.get(param.name)
             texts = value if isinstance(value, list | tuple) else [value]
             counts = isinstance(ctx.params.get(param.name), int | float)

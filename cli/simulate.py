@@ -84,7 +84,8 @@ def simulate(
     tables.refuse_to_overwrite(files.all, force)
     segments = study.simulate(settings, motion or [], noise, seed, track)
     drawn = settings.seed if seed is None else seed
-    write(settings, segments, files, drawn, reference, start)
+    with tables.ResultSet():
+        write(settings, segments, files, drawn, reference, start)
     for segment in segments:
         print_segment(segment)
     name_files(files.folder, files.all)

@@ -44,8 +44,9 @@ def tolerances(
     found = yields_of(settings, settings.sensor, heads, seed)
     show_yields(settings, found)
     about = provenance.about(settings, seed)
-    tables.write_table(files[0], sensitivity_columns(settings, found), about)
-    tables.write_table(files[1], head_columns(found.heads), about)
+    with tables.ResultSet():
+        tables.write_table(files[0], sensitivity_columns(settings, found), about)
+        tables.write_table(files[1], head_columns(found.heads), about)
     name_files(folder, files)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -44,9 +45,13 @@ def problems(keys: dict[str, Any], tree: Marked, resolve: Resolve) -> list[str]:
         return _without_light(keys, sensor, tree, resolve)
     found: dict[tuple[Path_, ...], list[int]] = {}
     for k in lost:
-        paths = culprits(tree, ("sensor",), lambda other, k=k: _miss(resolve(other), k))
+        paths = culprits(tree, ("sensor",), partial(_miss_of, resolve, k))
         found.setdefault(tuple(paths), []).append(k)
     return [_missed(keys, tree, paths, ks, resolve) for paths, ks in found.items()]
+
+
+def _miss_of(resolve: Resolve, k: int, tree: Marked) -> float:
+    return _miss(resolve(tree), k)
 
 
 def _without_light(

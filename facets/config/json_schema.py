@@ -212,8 +212,8 @@ def suggestion(path: Path_, plain: Any = None) -> str:
     elsewhere = [".".join(map(str, p)) for p in _every(()) if p[-1] == wrong]
     if not elsewhere:
         return ""
-    block = elsewhere[0].rpartition(".")[0]
-    return f"it belongs in {block}" if block else "it belongs at the file's top level"
+    above = elsewhere[0].rpartition(".")[0]
+    return f"it belongs in {above}" if above else "it belongs at the file's top level"
 
 
 def _every(path: Path_) -> Iterator[Path_]:

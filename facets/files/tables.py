@@ -21,6 +21,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.plain_numbers import plain_number
 from ..core.units import Booleans, Floats, Integers
+from .whole import ResultSet as ResultSet
 from .whole import Whole as Whole
 from .whole import refuse_to_overwrite as refuse_to_overwrite
 
