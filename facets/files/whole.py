@@ -96,6 +96,7 @@ class Whole:
 
     def __init__(self, path: Path, alone: bool = False) -> None:
         self.path, self.alone = path, alone
+        self.removes = False  # a set also takes older files away
 
     def __enter__(self) -> Path:
         self.folders = missing_folders(self.path.parent)
@@ -194,17 +195,17 @@ class ResultSet:
                 if file.path.exists():
                     keep_beside(file.path, file.backup)
             for file in files:
-                if file.temporary.exists():
-                    file.temporary.replace(file.path)
-                else:
+                if file.removes:
                     file.path.unlink(missing_ok=True)
+                else:
+                    file.temporary.replace(file.path)
             for folder in {file.path.parent for file in files}:
                 bring_to_disk(folder)
         except BaseException:
             for file in files:
                 if file.backup.exists():
                     file.backup.replace(file.path)
-                elif not file.temporary.exists():
+                elif not (file.removes or file.temporary.exists()):
                     file.path.unlink(missing_ok=True)
             raise
 
@@ -226,7 +227,7 @@ def take_away(path: Path) -> None:
         path.unlink(missing_ok=True)
         return
     nothing = Whole(path)
-    nothing.folders, nothing.temporary = [], hidden_name(path)
+    nothing.folders, nothing.temporary, nothing.removes = [], hidden_name(path), True
     _sets[-1].add(nothing)
 
 
