@@ -164,6 +164,7 @@ def show_heads(settings: Config, better: Config, heads: int) -> list[Section]:
     if not heads:
         return []
     from facets.pictures.design_report import Section
+    from facets.pictures.wording import rows_in_words
 
     from .tolerances import error_rows, show_yields, tolerance_rows, yield_rows, yields_of
 
@@ -174,7 +175,8 @@ def show_heads(settings: Config, better: Config, heads: int) -> list[Section]:
     if found.accurate:
         within = ("Largest error in the volume, from rest; 95 % of the heads are within.",)
         parts.append(Section("Accuracy", within, *error_rows(settings, found)))
-    which = Section("Which tolerance costs most", (), *tolerance_rows(settings, found), wide=True)
+    headings, rows = tolerance_rows(settings, found)
+    which = Section("Which tolerance costs most", (), headings, rows_in_words(rows), wide=True)
     return [*parts, which]
 
 
@@ -450,12 +452,13 @@ def write_tables(story: Story, path: Path) -> None:
     """The tables of the report, by their titles."""
     from facets.design.sheets import Rows, write_sheets
     from facets.files.provenance import command_line
+    from facets.pictures.wording import rows_in_words
 
     found: dict[str, Rows] = {
         "What was asked for": (("asked", "value"), requirement(story.settings)),
-        "What changes": changes(story.settings, story.better, story.made, story.found.names),
-        "Before and after": comparison(story.table),
-        "What holds it back": (("what", "how"), story.reasons),
+        "What changes": changes_in_words(story),
+        "Before and after": comparison_in_words(story),
+        "What holds it back": (("what", "how"), rows_in_words(story.reasons)),
     }
     if story.found.tried:
         found["Parts"] = parts(story.found)
@@ -465,25 +468,25 @@ def write_tables(story: Story, path: Path) -> None:
 
 
 def sections(story: Story, scene: Path) -> list[Section]:
+    """The parts of the page; quantities in words there, each with its unit."""
     from facets.pictures.design_report import Section, inline
     from facets.pictures.head_drawing import drawing
     from facets.pictures.layout import layout_picture
+    from facets.pictures.wording import rows_in_words
 
     asked = Section("What was asked for", rows=requirement(story.settings))
-    changed = Section(
-        "What changes", (), *changes(story.settings, story.better, story.made, story.found.names),
-        wide=True,
-    )  # fmt: skip
+    changed = Section("What changes", (), *changes_in_words(story), wide=True)
     head = Section(
         "The head", (f"Lengths in mm. {scene.name} has it in three dimensions, with beams.",),
         drawing=drawing(story.better.sensor),
     )  # fmt: skip
     compared = Section(
         "Before and after", ("The worst over the volume (1 sigma), and symmetric ranges.",),
-        *comparison(story.table),
+        *comparison_in_words(story),
     )  # fmt: skip
     bars = Section("The same, drawn", drawing=inline(layout_picture(story.table), "bars"))
-    reasons = Section("What holds it back, and what more would give", rows=story.reasons)
+    reasons = Section("What holds it back, and what more would give",
+                      rows=rows_in_words(story.reasons))  # fmt: skip
     found = [asked, head, changed, compared, bars, reasons, *story.built]
     if story.found.tried:
         found.append(Section("Parts", (), *parts(story.found), wide=True))
@@ -491,17 +494,36 @@ def sections(story: Story, scene: Path) -> list[Section]:
     return found
 
 
+def changes_in_words(story: Story) -> tuple[list[str], list[list[str]]]:
+    """What changes, with the keys of the sensor in words."""
+    from facets.pictures.wording import rows_in_words
+
+    (_, *headings), rows = changes(story.settings, story.better, story.made, story.found.names)
+    return ["of the sensor", *headings], rows_in_words(rows)
+
+
+def comparison_in_words(story: Story) -> tuple[list[str], list[list[str]]]:
+    from facets.pictures.wording import rows_in_words
+
+    headings, rows = comparison(story.table)
+    return headings, rows_in_words(rows)
+
+
 def requirement(settings: Config) -> list[list[str]]:
-    """What the block `optimize` asks for, as rows."""
+    """What the block `optimize` asks for, in words, as rows."""
+    from facets.pictures.wording import AIMS, amount, between
+
     asked = settings.resolved["optimize"]
-    rows = [["aim", str(asked["aim"])], ["the beam", str(asked["beam"])]]
-    for block, words in (("volume", "volume, +-"), ("unit", "counts as 1"), ("limit", "at most")):
-        values = [f"{key} {value:g}" for key, value in asked[block].items() if value]
+    aim = str(asked["aim"])
+    rows = [["aim", AIMS.get(aim, aim)], ["beam", str(asked["beam"])]]
+    blocks = (("volume", "volume", "±"), ("unit", "uncertainty that counts as 1", ""),
+              ("limit", "uncertainty at most", ""))  # fmt: skip
+    for block, words, sign in blocks:
+        values = [amount(key, value, sign) for key, value in asked[block].items() if value]
         if values:
             rows.append([words, ", ".join(values)])
     if asked["head_mm"]:
-        rows.append(["head, mm", f"at most {asked['head_mm']:g}"])
-    rows.append(["power on a detector, uW", f"at least {asked['least_power_uw']:g}"])
-    bounds = [f"{key} {low:g} to {high:g}" for key, (low, high) in
-              ((k, v) for k, v in asked["variables"].items() if v)]  # fmt: skip
+        rows.append(["diameter of the head", f"at most {asked['head_mm']:g} mm"])
+    rows.append(["power on a detector", f"at least {asked['least_power_uw']:g} µW"])
+    bounds = [between(key, *bounds) for key, bounds in asked["variables"].items() if bounds]
     return [*rows, ["may vary", ", ".join(bounds)]]
