@@ -314,11 +314,15 @@ def at_once(space: Space, some: Floats) -> tuple[NDArray[Any], Floats, Floats]:
     """
     from .survey import surveyed
 
+    def measure(x: Floats) -> tuple[Floats, NDArray[Any]]:
+        return surveyed(
+            space.sensor, space.rules, space.names, x, space.volume, space.layout.least_power,
+            space.rules.snr * power_floor(space.sensor), FINE_ENOUGH,
+        )  # fmt: skip
+
+    measure(some[:1])  # loads the compiled code, which is no time of a design
     begin = time.perf_counter()
-    found, why = surveyed(
-        space.sensor, space.rules, space.names, some, space.volume, space.layout.least_power,
-        space.rules.snr * power_floor(space.sensor), FINE_ENOUGH,
-    )  # fmt: skip
+    found, why = measure(some)
     values = found.copy()
     values[:, AT_RANGES] *= FAR
     seconds = np.full(len(some), (time.perf_counter() - begin) / max(1, len(some)))

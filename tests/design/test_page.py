@@ -131,7 +131,7 @@ def check_that_nothing_is_cut(page):
         return
     wider = "[...document.querySelectorAll('section')].filter(s => s.scrollWidth > s.clientWidth)"
     with Browser(f"file://{page}") as browser:
-        browser.await_true("document.readyState === 'complete' && document.querySelector('footer')")
+        browser.await_true("document.readyState === 'complete' && !!document.querySelector('footer')")
         for width in (360, 768, 1300, 1440):
             browser.send("Emulation.setDeviceMetricsOverride", width=width, height=1400,
                          deviceScaleFactor=1, mobile=False)  # fmt: skip
