@@ -286,7 +286,10 @@ def show_result(
     if made is not None:
         typer.echo(f"        {in_words(aim, made.objective)}, in numbers that can be made")
     typer.echo("")
-    show_table("what changes", *changes(settings, better, made, found.names), left=(0, 3))
+    headings, rows = changes(settings, better, made, found.names)
+    show_table("what changes", headings, rows, left=(0, 3))
+    if any(row[3].endswith(BREAKS) for row in rows):
+        typer.echo(f"{BREAKING}\n")
     show_comparison(table)
 
 
@@ -307,6 +310,15 @@ def shown(value: Any) -> str:
     return f"{value:.7g}" if isinstance(value, float) else str(value)
 
 
+#: What an error of the size that a number is made to can do, and what to do about that.
+BREAKS = "breaks a limit"
+BREAKING = (
+    "breaks a limit: the best layout stands at that limit, so that an error of this size to the\n"
+    "wrong side leaves what is asked for. optimize.production.yield_percent asks for a layout\n"
+    "with margins for its tolerances."
+)
+
+
 def tolerances(made: Rounded | None, names: list[str]) -> dict[str, str]:
     """By the last part of a key: to what it is made, and what an error of that costs."""
     if made is None:
@@ -314,7 +326,7 @@ def tolerances(made: Rounded | None, names: list[str]) -> dict[str, str]:
     found = {}
     for name, step, cost in zip(names, made.steps, made.costs, strict=True):
         if step:
-            worse = "breaks a limit" if cost == float("inf") else f"costs up to {cost:.2g} %"
+            worse = BREAKS if cost == float("inf") else f"costs up to {cost:.2g} %"
             found[KEYS.get(name, name)] = f"+- {step / 2:g}, which {worse}"
     return found
 

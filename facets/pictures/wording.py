@@ -103,7 +103,7 @@ def limit_in_words(group: str) -> str:
         if group.endswith(end):
             key = group.removesuffix(end).strip()
             return f"{label(key).partition(', ')[0]} {words}"
-    words = group.split()
-    if words[:2] == ["uncertainty", "of"] and words[2] in ("tx", "ty", "tz"):
-        return group.replace(words[2], WORDS[words[2]], 1)
+    axis = group.removeprefix("uncertainty of ").partition(" ")[0]
+    if axis in WORDS:
+        return group.replace(axis, WORDS[axis], 1)
     return group.replace("-z", "\N{MINUS SIGN}z").replace("-y", "\N{MINUS SIGN}y")

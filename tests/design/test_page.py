@@ -131,7 +131,9 @@ def check_that_nothing_is_cut(page):
         return
     wider = "[...document.querySelectorAll('section')].filter(s => s.scrollWidth > s.clientWidth)"
     with Browser(f"file://{page}") as browser:
-        browser.await_true("document.readyState === 'complete' && !!document.querySelector('footer')")
+        browser.await_true(
+            "document.readyState === 'complete' && !!document.querySelector('footer')"
+        )
         for width in (360, 768, 1300, 1440):
             browser.send("Emulation.setDeviceMetricsOverride", width=width, height=1400,
                          deviceScaleFactor=1, mobile=False)  # fmt: skip
@@ -152,8 +154,8 @@ def test_a_report_tells_the_whole_story(tmp_path):
                      cwd=tmp_path)  # fmt: skip
     assert result.returncode == 0, result.stderr
     text = (tmp_path / "new.html").read_text("utf-8")
-    for part in ("What was asked for", "What changes", "diameter of the head, mm", "after over before", "<svg",
-                 "What holds it back", "new.gltf", "proved"):  # fmt: skip
+    for part in ("What was asked for", "What changes", "diameter of the head, mm", "<svg",
+                 "after over before", "What holds it back", "new.gltf", "proved"):  # fmt: skip
         assert part in text, part
     assert not re.search(r"\b(u|range)_\w+_(um|mm|u?rad|mrad)\b|\+- ", text)
     check_that_nothing_is_cut(tmp_path / "new.html")
