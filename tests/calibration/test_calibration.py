@@ -91,7 +91,7 @@ def test_a_measured_table_corrects_as_what_it_was_measured_of(tmp_path):
     np.testing.assert_array_equal(fixed[:, [0, 1, 2, 5, 6, 7, 8]], raw[:, [0, 1, 2, 5, 6, 7, 8]])
     np.testing.assert_allclose(uncorrected(config.sensor, fixed), raw, atol=1e-12)
     (tmp_path / "a.csv").write_text("\n".join(lines[:-1]))
-    with pytest.raises(InputError, match="not a grid: 20 rows, 7 values of psi_mm, 3 of zeta_mm"):
+    with pytest.raises(ConfigError, match="not a grid: 20 rows, 7 values of psi_mm, 3 of zeta_mm"):
         facets.load(tmp_path / "my.yaml")
     (tmp_path / "my.yaml").write_text(text.replace("b: {", "").replace("}}}}", "}}}"))
     (tmp_path / "a.csv").unlink()
