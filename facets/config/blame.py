@@ -22,7 +22,8 @@ def message(tree: Marked, paths: Sequence[Path_], reason: str) -> str:
     known.sort(key=lambda one: one[0].file != tree.file)
     (mark, path), *others = known or [(found[0][0], paths[0])]
     beside = ", ".join(f"{dotted(path)} ({other.place})" for other, path in others)
-    return f"{mark.place}: {dotted(path)}: {reason}{beside and f'; together with {beside}'}"
+    told = reason if reason.startswith(dotted(path)) else f"{dotted(path)}: {reason}"
+    return f"{mark.place}: {told}{beside and f'; together with {beside}'}"
 
 
 def leaves(mark: Marked, path: Path_ = ()) -> Iterator[tuple[Path_, Marked]]:
