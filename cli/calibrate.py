@@ -352,10 +352,10 @@ def propose_poses(settings: Config, path: Path, count: int, force: bool) -> None
     import numpy as np
 
     from facets.calibration.identifiability import mean_left, proposed, told_by
-    from facets.calibration.table import REFERENCE, choice
+    from facets.calibration.table import choice
     from facets.calibration.tour import short_order, travel
     from facets.core.errors import InputError
-    from facets.core.names import STATE_UNITS
+    from facets.core.names import STATE_COLUMNS, STATE_UNITS
     from facets.files import provenance, tables
 
     tables.refuse_to_overwrite([path], force)
@@ -376,7 +376,7 @@ def propose_poses(settings: Config, path: Path, count: int, force: bool) -> None
     rest = np.zeros((1, 6))
     order = short_order(shares, rest[0])
     columns: dict[str, Any] = {
-        name: poses[chosen[order], n] / STATE_UNITS[n] for n, name in enumerate(REFERENCE)
+        name: poses[chosen[order], n] / STATE_UNITS[n] for n, name in enumerate(STATE_COLUMNS[:6])
     }
     columns["rank"], columns["mean_left"] = order + 1, left[order]
     tables.write_table(path, columns, provenance.about(settings))

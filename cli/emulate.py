@@ -34,6 +34,14 @@ def emulate(
         Path | None,
         typer.Option(help="A library of `facets export-c`: the board solves with it, too."),
     ] = None,
+    reference: Annotated[
+        bool,
+        typer.Option(
+            "--reference",
+            help="At the end, write what a reference instrument says of the mirror's poses to "
+            "FOLDER/reference.csv, for `facets calibrate --reference`.",
+        ),
+    ] = False,
 ) -> None:
     """Run a virtual bench: moving mirror, detectors, and a stage that carries the beam.
 
@@ -58,7 +66,7 @@ def emulate(
 
     settings = load(config)
     code = library_of(firmware, settings) if firmware else None
-    bench = Bench(settings, motion, rate, Faults.of(faults), seed, folder, code)
+    bench = Bench(settings, motion, rate, Faults.of(faults), seed, folder, code, reference)
     warm_up(bench)
     typer.echo(
         f"board: {bench.board.port.link}   stage: {bench.stage.link} ({settings.stage.driver})"

@@ -114,7 +114,7 @@ def write(
     about = provenance.about(settings, seed)
     columns = study.reading_table(segments)
     if reference:
-        columns |= study.reference_columns(segments, settings.calibrate.reference, seed)
+        columns |= study.reference_table(segments, settings.calibrate.reference, seed)
     tables.write_table(files.readings, columns, about)
     tables.write_table(files.poses, study.pose_table(segments), about)
     style.save(motion.motion_picture(segments), files.picture)

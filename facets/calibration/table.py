@@ -49,9 +49,15 @@ def read(path: Path, settings: Calibrate) -> Data:
 def whole_table(
     path: Path, needed: tuple[str, ...], optional: tuple[str, ...]
 ) -> dict[str, Floats]:
-    """Columns of a table in memory."""
+    """Columns of a table in memory; a recording's `host_s` stands in for `time_s`."""
     chunks = []
-    for chunk in tables.read_chunks(path, needed, optional, tables.CHUNK):
+    others = tuple(name for name in needed if name != "time_s")
+    for chunk in tables.read_chunks(path, others, (*optional, "time_s", "host_s"), tables.CHUNK):
+        host = chunk.columns.pop("host_s", None)
+        if host is not None:
+            chunk.columns.setdefault("time_s", host)
+        elif "time_s" in needed and "time_s" not in chunk.columns:
+            raise InputError(f"{path}: missing columns: time_s (or host_s, a recording's)")
         require_known_beam(path, chunk, "say `calibrate: {beam: still}` if the laser stood still")
         chunks.append(chunk.columns)
     if not chunks:

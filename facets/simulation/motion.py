@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from ..core.errors import InputError
@@ -24,7 +22,7 @@ def named(config: Config, name: str) -> Motion:
 def states(motion: Motion, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Times (n,) in s and true states (n, 8) in mm and rad. rng: only for random motions."""
     if isinstance(motion, Table):
-        return from_table(motion.file, motion.rate)
+        return from_table(motion)
     time = np.arange(motion.samples) / motion.rate
     if isinstance(motion, Steps):
         places = np.linspace(motion.start, motion.stop, motion.steps)
@@ -40,9 +38,9 @@ def states(motion: Motion, rng: np.random.Generator) -> tuple[Floats, Floats]:
     return time, rng.uniform(centre - box, centre + box, (motion.samples, 8))
 
 
-def from_table(file: Path, rate: float) -> tuple[Floats, Floats]:
+def from_table(motion: Table) -> tuple[Floats, Floats]:
     """States from a table with any of the columns tx_mm ... by_mm; those left out are zero."""
-    times, parts, rows = [], [], 0
+    file, times, parts = motion.file, [], []
     for chunk in read_chunks(file, optional=(*STATE_COLUMNS, "time_s")):
         if not any(name in chunk.columns for name in STATE_COLUMNS):
             raise InputError(
@@ -53,14 +51,23 @@ def from_table(file: Path, rate: float) -> tuple[Floats, Floats]:
             raise InputError(f"{file}:{line}: this row can not be read as numbers")
         zero = np.zeros(len(chunk.lines))
         state = np.column_stack([chunk.columns.get(name, zero) for name in STATE_COLUMNS])
-        time = chunk.columns.get("time_s", (rows + np.arange(len(state))) / rate)
-        finite = np.isfinite(state).all(axis=1) & np.isfinite(time)
+        time = chunk.columns.get("time_s")
+        finite = np.isfinite(np.column_stack([state] if time is None else [state, time])).all(axis=1)
         if not finite.all():
             line = chunk.lines[~finite][0]
             raise InputError(f"{file}:{line}: a state and its time need finite numbers")
         parts.append(state * STATE_UNITS)
-        times.append(time)
-        rows += len(state)
-    if not rows:
+        if time is not None:
+            times.append(time)
+    if not parts:
         raise InputError(f"{file}: no rows")
-    return np.concatenate(times), np.concatenate(parts)
+    rows = np.concatenate(parts)
+    if not times:
+        rows = np.repeat(rows, motion.samples_per_step, axis=0)
+        return np.arange(len(rows)) / motion.rate, rows
+    if motion.samples_per_step > 1:
+        raise InputError(
+            f"{file}: has a column time_s, which says when each row is taken; remove that column, "
+            f"or samples_per_step: {motion.samples_per_step} from the motion"
+        )
+    return np.concatenate(times), rows

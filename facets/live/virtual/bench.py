@@ -15,11 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import InputError, OutputError
+from ...files import provenance, tables
 from ...tracking.stage import StageModel
 from .board import TRUTH, Board, Count
 from .faults import Faults, Schedule
 from .mirror import Mirror
 from .pty import Pty
+from .reference import Reference
 from .stages import PiController, ZaberDevice
 
 if TYPE_CHECKING:
@@ -28,8 +30,6 @@ if TYPE_CHECKING:
 
 #: How often the bench goes round, s.
 ROUND = 1e-3
-#: A mirror that goes further than this leaves a fixed beam: it waits for the stage, mm.
-BEAM = 0.3
 #: Making samples may keep the stage waiting no longer than about this, s.
 PATIENCE = 0.01
 #: Samples are made and sent for so long at once, s, as the packets of a USB board are.
@@ -45,7 +45,10 @@ SLIP = 0.02
 class Bench:
     """Goes round until told to end. folder: holds the ports `board` and `stage`, and the truth.
 
-    A motion that leaves the beam begins when the stage is first asked to move.
+    The beam stands at the origin, and so does the stage; where the motion leaves a beam there, the
+    beam is set up on the mirror. A motion that leaves that one, too, begins when the stage is first
+    asked to move.  reference: whether `reference.csv` is written beside the ports at the end, with
+    what a reference says of the poses.
     """
 
     def __init__(
@@ -57,16 +60,20 @@ class Bench:
         seed: int,
         folder: Path,
         firmware: FirmwareLibrary | None = None,
+        reference: bool = False,
     ) -> None:
         if config.stage.driver == "other":
             raise InputError("the virtual bench has no stage for stage.driver: other; say zaber")
         self.config, self.rate, self.folder = config, rate, folder
         self.mirror = Mirror(config, motion, seed)
         self.model = StageModel(config.stage)
-        self.model.place = self.mirror.states[0, :2].copy()  # the beam was set up on the mirror
-        self.model.target = self.model.place.copy()
-        if self.mirror.reach < BEAM:
+        place = np.zeros(2)
+        if self.mirror.leaves(place):
+            place = self.mirror.states[0, :2]
+        self.model.place, self.model.target = place.copy(), place.copy()
+        if not self.mirror.leaves(place):
             self.mirror.begin = 0.0
+        self.reference = Reference(config, self.mirror, seed) if reference else None
         zaber = config.stage.driver == "zaber"
         self.device = ZaberDevice(self.model) if zaber else PiController(self.model)
         self.schedule = Schedule(faults, np.random.default_rng(seed))
@@ -100,6 +107,7 @@ class Bench:
             closing.callback(self.stage.close)
             closing.callback(self.board.close)
             closing.callback(self.write_counts)
+            closing.callback(self.write_reference)
             closing.callback(self.truth.close)
             with suppress(KeyboardInterrupt):
                 last = time.monotonic() + 0.5
@@ -109,6 +117,11 @@ class Bench:
 
     def write_counts(self) -> None:
         (self.folder / "counts.json").write_text(json.dumps(asdict(self.count)), "utf-8")
+
+    def write_reference(self) -> None:
+        if self.reference:
+            about = provenance.about(self.config)
+            tables.write_table(self.folder / "reference.csv", self.reference.columns(), about)
 
     def now(self) -> float:
         """The bench's time, s, which slips where the machine is too busy for it."""
@@ -146,6 +159,8 @@ class Bench:
         seq = (first + np.arange(due)).astype(np.uint32)
         self.count.made += due
         host = self.begin + seq / self.rate
+        if self.reference:
+            self.reference.read(times, host)
         self.write_truth(seq, host, states, self.board.take(states, seq, host, now))
         self.cost += 0.2 * ((time.perf_counter() - start) / due - self.cost)
 
