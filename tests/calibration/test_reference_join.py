@@ -55,6 +55,21 @@ def test_the_offset_of_the_clocks_is_found(folder):
     np.testing.assert_allclose(found.data.velocity[5:-5], speed[5:-5], atol=0.02 * speed.max())
 
 
+def test_a_recording_brings_the_time_of_its_computer(folder, tmp_path):
+    text = (folder / "readings.csv").read_text()
+    for name in ("host_s", "clock"):
+        (tmp_path / f"{name}.csv").write_text(text.replace("time_s", name))
+    wanted = read_joined(
+        folder / "readings.csv", folder / "ref.csv", CONFIG.sensor, CONFIG.calibrate
+    )
+    found = read_joined(
+        tmp_path / "host_s.csv", folder / "ref.csv", CONFIG.sensor, CONFIG.calibrate
+    )
+    assert found.offset == wanted.offset
+    with pytest.raises(InputError, match=r"clock\.csv: missing columns: time_s"):
+        read_joined(tmp_path / "clock.csv", folder / "ref.csv", CONFIG.sensor, CONFIG.calibrate)
+
+
 def test_tables_that_share_no_time_are_refused(folder):
     with pytest.raises(InputError, match=r"they share no time; .* offset of"):
         read_joined(folder / "readings.csv", folder / "later.csv", CONFIG.sensor, CONFIG.calibrate)

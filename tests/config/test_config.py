@@ -158,7 +158,7 @@ motions:
         rate=1000,
     )
     assert motions["r"] == Random((1, 0, 0, 0, 0, 0, 0, 0), (0, 0, 0, 0, 0.008, 0, 0, 0), 9, 1000)
-    assert motions["t"] == Table((Path.cwd() / "poses.csv").resolve(), 1000)
+    assert motions["t"] == Table((Path.cwd() / "poses.csv").resolve(), 1, 1000)
 
 
 def test_the_fingerprint_follows_values_and_motion_order_not_spelling(write):
