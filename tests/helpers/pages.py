@@ -55,7 +55,11 @@ def steps(page: Path) -> list[Step]:
 
 
 def shape(line: str) -> str:
-    """A printed line without its numbers and the widths of its columns."""
+    """A printed line without its numbers, its detectors' letters and the widths of its columns.
+
+    Of detectors that stand alike, rounding decides which is named.
+    """
+    line = re.sub(r"\bPSD [ABC]\b", "PSD", line)
     return " ".join(re.sub(r"[-+±]*\d[\d.,]*(e[-+]?\d+)?", "#", line).split())
 
 
