@@ -26,7 +26,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def reader(folder: Path) -> Iterator[Reader]:
     reader = Reader(folder)
     yield reader
-    reader.stop()
+    reader.end()
 
 
 @pytest.mark.slow

@@ -43,7 +43,12 @@ class Reader:
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True,
         )  # fmt: skip
         assert self.bench.stdout is not None
-        assert any("bench/board" in line for line in self.bench.stdout), line
+        printed = []
+        for text in self.bench.stdout:  # up to the ports' names
+            printed.append(text)
+            if "bench/board" in text:
+                return
+        raise AssertionError(f"{line}{''.join(printed)}")
 
     def stop(self) -> None:
         """Ctrl-C in the first terminal."""
@@ -53,6 +58,12 @@ class Reader:
         os.killpg(bench.pid, signal.SIGINT)
         printed, _ = bench.communicate(timeout=60)
         assert bench.returncode == 0, printed
+
+    def end(self) -> None:
+        """Closes the first terminal, if it is still busy."""
+        if self.bench:
+            os.killpg(self.bench.pid, signal.SIGKILL)
+            self.bench.communicate()
 
     def type(self, line: str) -> None:
         """In the second terminal; a comment in the line states its exit status if that is not 0."""
