@@ -62,6 +62,7 @@ def emulate(
         raise InputError(
             "--seconds 0 would end before it begins; give more, or leave it out to run until ^C"
         )
+    from facets.files import provenance, tables
     from facets.live.virtual import Bench, Faults
 
     settings = load(config)
@@ -72,7 +73,12 @@ def emulate(
         f"board: {bench.board.port.link}   stage: {bench.stage.link} ({settings.stage.driver})"
     )
     typer.echo("running; ^C ends it")
-    bench.run(seconds or float("inf"))
+    try:
+        bench.run(seconds or float("inf"))
+    finally:
+        if bench.reference:
+            columns, about = bench.reference.columns(), provenance.about(settings, seed)
+            tables.write_table(folder / "reference.csv", columns, about)
     with suppress(OSError):  # the terminal may be gone
         typer.echo(json.dumps(bench.count.__dict__))
 

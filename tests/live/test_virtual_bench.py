@@ -9,7 +9,7 @@ import pytest
 import facets
 from facets.core.names import STATE_UNITS
 from facets.core.settings import Random, Sine
-from facets.live.virtual import Bench, Faults, truth_of
+from facets.live.virtual import Bench, Faults
 
 CONFIG = facets.load("bench")
 ZERO = (0.0,) * 8
@@ -56,11 +56,10 @@ def test_a_reference_reads_the_pose_as_well_as_the_configuration_says(tmp_path):
             made.make(10, (first + 10) / 1000)
     finally:
         made.end()
-    said = pd.read_csv(tmp_path / "reference.csv", comment="#")
-    truth = truth_of(tmp_path)
+    said = pd.DataFrame(made.reference.columns())
     assert len(said) == pytest.approx(400, abs=2)
-    rows = np.searchsorted(truth["host"], said["time_s"] - 1e-6)
-    error = said.iloc[:, 1:] - truth["state"][rows, :6] / STATE_UNITS[:6]
+    truth = made.mirror.at(said["time_s"].to_numpy() - 100.0)
+    error = said.iloc[:, 1:] - (truth / STATE_UNITS)[:, :6]
     sigma = np.array(CONFIG.calibrate.reference) / STATE_UNITS[:6]
     assert (error.abs().max() < 6 * sigma).all()
     assert (error.std() > 0.3 * sigma).all()

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import InputError, OutputError
-from ...files import provenance, tables
 from ...tracking.stage import StageModel
 from .board import TRUTH, Board, Count
 from .faults import Faults, Schedule
@@ -47,8 +46,7 @@ class Bench:
 
     The beam stands at the origin, and so does the stage; where the motion leaves a beam there, the
     beam is set up on the mirror. A motion that leaves that one, too, begins when the stage is first
-    asked to move.  reference: whether `reference.csv` is written beside the ports at the end, with
-    what a reference says of the poses.
+    asked to move.  reference: whether a reference beside the sensor reads the poses.
     """
 
     def __init__(
@@ -107,7 +105,6 @@ class Bench:
             closing.callback(self.stage.close)
             closing.callback(self.board.close)
             closing.callback(self.write_counts)
-            closing.callback(self.write_reference)
             closing.callback(self.truth.close)
             with suppress(KeyboardInterrupt):
                 last = time.monotonic() + 0.5
@@ -117,11 +114,6 @@ class Bench:
 
     def write_counts(self) -> None:
         (self.folder / "counts.json").write_text(json.dumps(asdict(self.count)), "utf-8")
-
-    def write_reference(self) -> None:
-        if self.reference:
-            about = provenance.about(self.config)
-            tables.write_table(self.folder / "reference.csv", self.reference.columns(), about)
 
     def now(self) -> float:
         """The bench's time, s, which slips where the machine is too busy for it."""
