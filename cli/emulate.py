@@ -80,6 +80,8 @@ def emulate(
             columns, about = bench.reference.columns(), provenance.about(settings, seed)
             tables.write_table(folder / "reference.csv", columns, about)
     with suppress(OSError):  # the terminal may be gone
+        if bench.reference:
+            typer.echo(f"The reference's readings were written to {folder / 'reference.csv'}.")
         typer.echo(json.dumps(bench.count.__dict__))
 
 
