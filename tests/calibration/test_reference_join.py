@@ -8,7 +8,7 @@ from facets.experiments import rigs
 
 import facets
 from facets.calibration.reference_join import read_joined
-from facets.calibration.table import REFERENCE
+from facets.calibration.table import REFERENCE, recording_time
 from facets.core.errors import InputError
 from facets.core.names import READING_COLUMNS, STATE_UNITS
 from facets.files import tables
@@ -68,6 +68,17 @@ def test_a_recording_brings_the_time_of_its_computer(folder, tmp_path):
     assert found.offset == wanted.offset
     with pytest.raises(InputError, match=r"clock\.csv: missing columns: time_s"):
         read_joined(tmp_path / "clock.csv", folder / "ref.csv", CONFIG.sensor, CONFIG.calibrate)
+
+
+def test_a_busy_machine_does_not_move_the_times_of_a_recording():
+    board = np.arange(20_000) / 1000
+    host = 500 + (1 + 20e-6) * board
+    late = host.copy()
+    late[:1500] -= 0.07  # until the line of arrivals has settled
+    late[9000:9400] += 0.03
+    assert recording_time(late, board) == pytest.approx(host, abs=3e-4)
+    board[10_000:] -= 5  # the board restarted
+    assert recording_time(late, board) is late
 
 
 def test_tables_that_share_no_time_are_refused(folder):
