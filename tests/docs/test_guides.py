@@ -12,6 +12,7 @@ from reader import Reader
 import facets
 
 
+@pytest.mark.installed
 @pytest.mark.slow
 def test_the_readme_and_the_guides_can_be_followed_in_one_folder(tmp_path: Path) -> None:
     for page in (ROOT / "README.md", *GUIDES):
