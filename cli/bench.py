@@ -50,10 +50,11 @@ def bench(
     about = facts(seed)
     if gone := peers.missing(*peers.PACKAGES):
         typer.echo(f'left out, not installed: {", ".join(gone)}  (extra "bench-peers")\n')
-    results = {name: run_study(name, quick, seed, output, about) for name in STUDIES}
-    with tables.Whole(output / "machine.json") as temporary:
-        temporary.write_text(json.dumps({"about": about, **results}, indent=1), "utf-8")
-    draw(results, output)
+    with tables.ResultSet():
+        results = {name: run_study(name, quick, seed, output, about) for name in STUDIES}
+        with tables.Whole(output / "machine.json") as temporary:
+            temporary.write_text(json.dumps({"about": about, **results}, indent=1), "utf-8")
+        draw(results, output)
     typer.echo(f"{output}/: {', '.join(names)}")
 
 

@@ -85,9 +85,12 @@ def with_effects(settings: Config, asked: list[str]) -> Config:
 
     from facets.core.errors import InputError
 
-    effects = dict(settings.calibrate.effects)
+    effects, named = dict(settings.calibrate.effects), set()
     for text in asked:
         name, _, decision = text.partition("=")
+        if name in named:
+            raise InputError(f"--effect has {name} twice; give it once")
+        named.add(name)
         if name not in effects or decision not in ("on", "off", "auto"):
             raise InputError(
                 f"--effect {text}: not NAME=on, NAME=off or NAME=auto; the names are "
@@ -191,11 +194,12 @@ def write_results(settings: Config, found: Verdict, files: list[Path]) -> None:
             )
             raise typer.Exit(FINDING) from None
         beside = [(source, path.with_name(source.name)) for source in bent.values()]
-        for source, target in ((matrix, covariance), *beside, (trial, path)):
-            with tables.Whole(target) as temporary:
-                copyfile(source, temporary)
-    tables.write_table(table, found_table(found.search.sensor, found.found), about)
-    style.save(residual_picture(found.fitted, found.found, found.errors), picture)
+        with tables.ResultSet():
+            for source, target in ((matrix, covariance), *beside, (trial, path)):
+                with tables.Whole(target) as temporary:
+                    copyfile(source, temporary)
+            tables.write_table(table, found_table(found.search.sensor, found.found), about)
+            style.save(residual_picture(found.fitted, found.found, found.errors), picture)
     typer.echo(", ".join(str(file) if file == path else file.name for file in files))
 
 
@@ -348,10 +352,10 @@ def propose_poses(settings: Config, path: Path, count: int, force: bool) -> None
     import numpy as np
 
     from facets.calibration.identifiability import mean_left, proposed, told_by
-    from facets.calibration.table import REFERENCE, choice
+    from facets.calibration.table import choice
     from facets.calibration.tour import short_order, travel
     from facets.core.errors import InputError
-    from facets.core.names import STATE_UNITS
+    from facets.core.names import STATE_COLUMNS, STATE_UNITS
     from facets.files import provenance, tables
 
     tables.refuse_to_overwrite([path], force)
@@ -372,7 +376,7 @@ def propose_poses(settings: Config, path: Path, count: int, force: bool) -> None
     rest = np.zeros((1, 6))
     order = short_order(shares, rest[0])
     columns: dict[str, Any] = {
-        name: poses[chosen[order], n] / STATE_UNITS[n] for n, name in enumerate(REFERENCE)
+        name: poses[chosen[order], n] / STATE_UNITS[n] for n, name in enumerate(STATE_COLUMNS[:6])
     }
     columns["rank"], columns["mean_left"] = order + 1, left[order]
     tables.write_table(path, columns, provenance.about(settings))

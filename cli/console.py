@@ -57,7 +57,9 @@ def name_files(folder: Path, files: Sequence[Path]) -> None:
 
 def leave_out_picture(path: Path, why: str) -> None:
     """Says that there is nothing to draw; an older picture of something else does not stay."""
-    path.unlink(missing_ok=True)
+    from facets.files.whole import take_away
+
+    take_away(path)
     typer.echo(f"no picture: {why}")
 
 

@@ -43,6 +43,14 @@ def emulate(
         Path | None,
         typer.Option(help="A library of `facets export-c`: the board solves with it, too."),
     ] = None,
+    reference: Annotated[
+        bool,
+        typer.Option(
+            "--reference",
+            help="At the end, write what a reference instrument says of the mirror's poses to "
+            "FOLDER/reference.csv, for `facets calibrate --reference`.",
+        ),
+    ] = False,
 ) -> None:
     """Run a virtual bench: moving mirror, detectors, and a stage that carries the beam.
 
@@ -62,22 +70,30 @@ def emulate(
         raise InputError(
             "--seconds 0 would end before it begins; give more, or leave it out to run until ^C"
         )
+    from facets.files import provenance, tables
     from facets.live.virtual import Bench, Faults
 
     settings = load(config)
-    code = library_of(firmware, settings.acquire.format) if firmware else None
+    code = library_of(firmware, settings) if firmware else None
     warm_up(settings)  # before there are ports: who opens them waits for answers
-    bench = Bench(settings, motion, rate, Faults.of(faults), seed, folder, code, truth)
+    bench = Bench(settings, motion, rate, Faults.of(faults), seed, folder, code, reference, truth)
     typer.echo(
         f"board: {bench.board.port.link}   stage: {bench.stage.link} ({settings.stage.driver})"
     )
     if truth:
         typer.echo(f"The true states are written to {folder / 'truth.bin'}, {size_of(rate)}.")
     typer.echo("running; ^C ends it")
-    bench.run(seconds or float("inf"))
+    try:
+        bench.run(seconds or float("inf"))
+    finally:
+        if bench.reference:
+            columns, about = bench.reference.columns(), provenance.about(settings, seed)
+            tables.write_table(folder / "reference.csv", columns, about)
     with suppress(OSError):  # the terminal may be gone
         for text in bench.summary():
             typer.echo(text)
+        if bench.reference:
+            typer.echo(f"The reference's readings were written to {folder / 'reference.csv'}.")
 
 
 def size_of(rate: float) -> str:
@@ -87,14 +103,20 @@ def size_of(rate: float) -> str:
     return f"{60e-6 * rate * TRUTH.itemsize:.3g} MB a minute"
 
 
-def library_of(path: Path, form: str) -> FirmwareLibrary:
-    """The exported solver; its poses need frames, which lines of text have not."""
+def library_of(path: Path, settings: Config) -> FirmwareLibrary:
+    """The sensor's exported solver; its poses need frames, which lines of text have not."""
     from facets.core.errors import InputError
     from facets.firmware.library import FirmwareLibrary
 
-    if form == "text":
+    if settings.acquire.format == "text":
         raise InputError("--firmware sends poses as frames; acquire.format is text: have it frames")
-    return FirmwareLibrary(path)
+    library = FirmwareLibrary(path)
+    if not library.is_of(settings.sensor):
+        raise InputError(
+            f"{path}: was exported for another sensor than that of {settings.name}; export and "
+            f"compile it again: facets export-c {settings.name}"
+        )
+    return library
 
 
 def warm_up(settings: Config) -> None:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from facets.core.errors import InputError
+
 from .console import FINDING, leave_out_picture, load_config, name_files, with_progress
 from .options import (
     ConfigName,
@@ -125,7 +127,7 @@ def explore(
     asked for its ranges, which take most of the time. Exit status 1 where no design has them all.
     """
     from facets.design import exploration, gallery
-    from facets.files import provenance
+    from facets.files import provenance, tables
 
     settings = load_config(config)
     exploration.require_measures(goals := objective or list(GOALS))
@@ -141,23 +143,49 @@ def explore(
     whole = "parts" if table == Designs.parts else f"designs.{table.value}"
     files = [folder / n for n in (whole, "front.csv", f"front.{plot.value}")]
     about = provenance.about(settings, seed)
+    require_same(settings, folder, force)
     if front:
-        followed = follow_front(space, folder, points, about, plot)
-        if report:
-            write_page(settings, space, followed, older_designs(space, folder), report)
+        with tables.ResultSet():
+            followed, files = follow_front(space, folder, points, about, plot)
+            if report:
+                write_page(settings, space, followed, older_designs(space, folder), report)
+        name_results(folder, files, report)
         return
     if scheduler:
         typer.echo(exploration.cluster_words(scheduler))
     begin(space, folder, files, about, force)
     start = time.perf_counter()
     with_progress(lambda tell: exploration.explore(space, folder, about, scheduler, tell))
-    best = write(space, folder, files, about, time.perf_counter() - start, certify)
-    if report and best.any():
-        drawn = exploration.collect(folder)
-        write_page(settings, space, gallery.best_of(drawn, goals, best), drawn, report)
-    name_files(folder, files)
+    with tables.ResultSet():
+        best = write(space, folder, files, about, time.perf_counter() - start, certify)
+        if report and best.any():
+            drawn = exploration.collect(folder)
+            write_page(settings, space, gallery.best_of(drawn, goals, best), drawn, report)
+    name_results(folder, files, report)
     if not best.any():
         raise typer.Exit(FINDING)
+
+
+def name_results(folder: Path, files: list[Path], page: Path | None) -> None:
+    if page is not None and page.exists():
+        typer.echo(f"{page}: the designs as a page")
+    name_files(folder, files)
+
+
+def require_same(settings: Config, folder: Path, force: bool) -> None:
+    """Refuses a folder with designs of another configuration, which `force` lets go."""
+    from facets.design.exploration import forget, parts_in
+    from facets.files import provenance, tables
+
+    tabled = [folder / name for name in ("front.csv", "pareto.csv")]
+    remedy = "--force begins anew, -o names another folder"
+    for file in [*parts_in(folder)[:1], *(file for file in tabled if file.exists())]:
+        try:
+            provenance.require_origin(file, tables.read_head(file), settings, remedy)
+        except InputError:
+            if not force:
+                raise
+            forget(folder)
 
 
 def begin(
@@ -232,8 +260,9 @@ def proof_margins(space: Space, table: dict[str, Any], work: int) -> Floats:
 
 def follow_front(
     space: Space, folder: Path, points: int, about: dict[str, str], plot: PlotKind
-) -> dict[str, Any]:
-    """The front by continuation, as pareto.csv and a picture; exit status 1 where there is none."""
+) -> tuple[dict[str, Any], list[Path]]:
+    """The front by continuation, and the files of its table and picture; exit status 1 where there
+    is none."""
     from facets.design import front as fronts
     from facets.files import tables
     from facets.pictures import style
@@ -256,8 +285,7 @@ def follow_front(
     if cloud is not None:
         report_against(fronts.against(found, cloud), len(cloud["design"]), space.objectives[0])
     style.save(pareto_picture(table, list(space.objectives), cloud, own_measures(space)), files[1])
-    name_files(folder, files)
-    return table
+    return table, files
 
 
 def own_measures(space: Space) -> dict[str, float]:
@@ -274,7 +302,6 @@ def own_measures(space: Space) -> dict[str, float]:
 
 def require_page(report: Path | None, force: bool) -> None:
     """Refuses what can not be written before anything is computed."""
-    from facets.core.errors import InputError
     from facets.files import tables
     from facets.pictures.exploration_page import plotly_text
 
@@ -298,9 +325,7 @@ def write_page(
     from facets.files.tables import Whole
     from facets.pictures.exploration_page import page
 
-    path.parent.mkdir(parents=True, exist_ok=True)
     table, sensors = gallery(space, front, others)
-    texts = texts_of(settings, sensors, path.parent)
     count = int((table["kind"] == "front").sum())
     some = f"Shown are {count} of the {len(front[space.names[0]])} designs on the front"
     if others is not None:
@@ -308,9 +333,9 @@ def write_page(
         some += f", and {shown} others of {len(others['design'])} designs that were drawn"
     goals = list(space.objectives)
     with Whole(path) as temporary:
+        texts = texts_of(settings, sensors, path.parent)
         text = page(settings.name, space.names, goals, table, sensors, texts, f"{some}.")
         temporary.write_text(text, "utf-8")
-    typer.echo(f"{path}: the designs as a page")
 
 
 def write_pick(
@@ -323,7 +348,6 @@ def write_pick(
     force: bool,
 ) -> None:
     """One design of an earlier run, as a configuration that extends the one it is made from."""
-    from facets.core.errors import InputError
     from facets.design.changes import as_extension, moved
     from facets.design.variables import sensor_of
     from facets.files import provenance, tables
@@ -335,7 +359,7 @@ def write_pick(
     file = output_folder(source, settings.name, "explore") / (
         "pareto.csv" if front else "front.csv"
     )
-    x = makeable(space, design_in(file, "point" if front else "design", number, space.names))
+    x = makeable(space, chosen_design(settings, space, file, front, number))
     sensor = sensor_of(space.sensor, space.names, x)
     about = provenance.about(settings) | {"design": f"{number} of {file.name}"}
     with tables.Whole(path) as temporary:
@@ -361,16 +385,19 @@ def makeable(space: Space, x: Floats) -> Floats:
     return made
 
 
-def design_in(file: Path, key: str, number: int, names: list[str]) -> Floats:
-    """The variables of one design of a table that an earlier run has written."""
+def chosen_design(settings: Config, space: Space, file: Path, front: bool, number: int) -> Floats:
+    """The variables of one design of a table that an earlier run of the configuration wrote."""
     import numpy as np
 
-    from facets.core.errors import InputError
-    from facets.files.tables import read_chunks
+    from facets.files.provenance import require_origin
+    from facets.files.tables import read_chunks, read_head
 
     if not file.is_file():
         raise InputError(f"{file}: no such file; run `facets explore` first, or name its folder "
                          "by --from")  # fmt: skip
+    require_origin(file, read_head(file), settings, "name the configuration that it was made from, "
+                   f"or explore {settings.name} first")  # fmt: skip
+    key, names = "point" if front else "design", space.names
     chunks = [chunk.columns for chunk in read_chunks(file, [key, *names])]
     table = {name: np.concatenate([chunk[name] for chunk in chunks]) for name in (key, *names)}
     rows = np.flatnonzero(table[key] == number)

@@ -28,7 +28,7 @@ def export_c(
     """
     from facets.core.errors import InputError
     from facets.files.provenance import command_line
-    from facets.files.whole import Whole, refuse_to_overwrite
+    from facets.files.whole import ResultSet, Whole, refuse_to_overwrite
     from facets.firmware.export import export
     from facets.firmware.source import Provenance
 
@@ -41,9 +41,10 @@ def export_c(
     about = Provenance(settings.name, settings.sha256, command_line())
     files = export(settings.sensor, about)
     refuse_to_overwrite([folder / path for path in files], force)
-    for path, text in files.items():
-        with Whole(folder / path) as temporary:
-            temporary.write_text(text, "utf-8")
+    with ResultSet():
+        for path, text in files.items():
+            with Whole(folder / path) as temporary:
+                temporary.write_text(text, "utf-8")
     shown = ", ".join(str(path) for path in files if path.parent == Path())
     typer.echo(f"{folder}/: {shown}, and what is in teensy41/ and callers/")
     typer.echo(f"next: make -C {shlex.quote(str(folder))} test")

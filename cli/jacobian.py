@@ -125,6 +125,8 @@ def jacobian(
     exit status 1 where that is not proved. Without --box that box holds the whole range by the
     config's rules, where that can be proved.
     """
+    from facets.files import tables
+
     settings = load_config(config)
     folder = output_folder(output, settings.name, "jacobian")
     asked = Asked(
@@ -132,11 +134,12 @@ def jacobian(
         folder / f"jacobian.{plot.value}", folder / f"states.{table.value}" if table else None,
         time.perf_counter(),
     )  # fmt: skip
-    found, worst, pair = survey_box(asked, asked.files(certify, reach), force, search)
-    results = write(asked, found, pair)
-    if certify:
-        results |= certify_and_report(asked, limit, reach, tolerances, worst)
-    write_record(asked, results, asked.files(certify, reach))
+    with tables.ResultSet():
+        found, worst, pair = survey_box(asked, asked.files(certify, reach), force, search)
+        results = write(asked, found, pair)
+        if certify:
+            results |= certify_and_report(asked, limit, reach, tolerances, worst)
+        write_record(asked, results, asked.files(certify, reach))
     name_files(folder, [file for file in asked.files(certify, reach) if file.exists()])
     if certify and not results["unique"]:
         raise typer.Exit(FINDING)

@@ -78,20 +78,23 @@ def noise(
     if report.faults and write:
         refuse(recording, report.faults, files, write)
     about = provenance.about(settings)
-    if output:
-        from facets.pictures.noise import page
+    with tables.ResultSet():
+        if output:
+            from facets.pictures.noise import page
 
-        text = page(report, f"Noise of {recording.name}", about)
-        with whole.Whole(files[0]) as temporary:
-            temporary.write_text(text, "utf-8")
-        tables.write_table(files[1], table_of(report), about)
+            text = page(report, f"Noise of {recording.name}", about)
+            with whole.Whole(files[0]) as temporary:
+                temporary.write_text(text, "utf-8")
+            tables.write_table(files[1], table_of(report), about)
+        if write:
+            block = noise_block(report, settings.resolved)
+            with whole.Whole(write) as temporary:
+                temporary.write_text(provenance.configuration(settings, block, about), "utf-8")
+    if output:
         typer.echo(f"{output}/")
     if report.faults:
         refuse(recording, report.faults, [], None)
     if write:
-        block = noise_block(report, settings.resolved)
-        with whole.Whole(write) as temporary:
-            temporary.write_text(provenance.configuration(settings, block, about), "utf-8")
         typer.echo(f"{write}")
 
 

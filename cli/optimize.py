@@ -84,19 +84,37 @@ def optimize(
         raise typer.Exit(FINDING)
     found = with_yield(settings, found)
     made = None if exact else in_steps(settings, found)
-    better = write_config(settings, found, made, path)
+    with tables.ResultSet():
+        better = write_config(settings, found, made, path)
+        if not isinstance(better, str):
+            story = tell_story(settings, better, found, made, files, certify, heads)
+            if report:
+                write_report(story, *pages[:2])
+            if sheets:
+                write_tables(story, sheets)
+    if isinstance(better, str):
+        typer.echo(f"{path} is written, but does not load:\n{better}", err=True)
+        raise typer.Exit(FINDING)
+    typer.echo(", ".join([str(path), *(file.name for file in (*files, *pages))]))
+
+
+def tell_story(
+    settings: Config,
+    better: Config,
+    found: Optimum,
+    made: Rounded | None,
+    files: list[Path],
+    certify: int,
+    heads: int,
+) -> Story:
+    """All that is said of the layout, printed; its comparison is written."""
     table = write_comparison(settings, better, *files)
     show_result(settings, better, found, made, table)
     reasons = show_reasons(settings, found)
     proof = prove(better, certify)
     typer.echo(f"{proof}\n")
     built = show_heads(settings, better, heads)
-    story = Story(settings, better, found, made, table, reasons, proof, built)
-    if report:
-        write_report(story, *pages[:2])
-    if sheets:
-        write_tables(story, sheets)
-    typer.echo(", ".join([str(path), *(file.name for file in (*files, *pages))]))
+    return Story(settings, better, found, made, table, reasons, proof, built)
 
 
 def in_steps(settings: Config, found: Optimum) -> Rounded | None:
@@ -146,6 +164,7 @@ def show_heads(settings: Config, better: Config, heads: int) -> list[Section]:
     if not heads:
         return []
     from facets.pictures.design_report import Section
+    from facets.pictures.wording import rows_in_words
 
     from .tolerances import error_rows, show_yields, tolerance_rows, yield_rows, yields_of
 
@@ -156,7 +175,8 @@ def show_heads(settings: Config, better: Config, heads: int) -> list[Section]:
     if found.accurate:
         within = ("Largest error in the volume, from rest; 95 % of the heads are within.",)
         parts.append(Section("Accuracy", within, *error_rows(settings, found)))
-    which = Section("Which tolerance costs most", (), *tolerance_rows(settings, found), wide=True)
+    headings, rows = tolerance_rows(settings, found)
+    which = Section("Which tolerance costs most", (), headings, rows_in_words(rows), wide=True)
     return [*parts, which]
 
 
@@ -167,20 +187,24 @@ def price_of(settings: Config, found: Optimum) -> float:
     return priced(settings.layout, found.tried[0][0].price) if found.tried else 0.0
 
 
-def write_config(settings: Config, found: Optimum, made: Rounded | None, path: Path) -> Config:
-    """The layout found, written and loaded again. Exits where it does not load."""
+def write_config(
+    settings: Config, found: Optimum, made: Rounded | None, path: Path
+) -> Config | str:
+    """The layout found, written and loaded again; why, where it does not load."""
+    from dataclasses import replace
+
     from facets import load
     from facets.core.errors import ConfigError
-    from facets.files import provenance, tables
+    from facets.files import provenance, tables, whole
 
     about = provenance.about(settings, settings.layout.seed)
     with tables.Whole(path) as temporary:
         temporary.write_text(as_yaml(settings, found, made, path.parent, about), "utf-8")
+    file = whole.staged(path)
     try:
-        return load(path)
+        return replace(load(file), name=path.stem, path=path.resolve())
     except ConfigError as error:  # a sub-beam may miss a detector elsewhere than in the volume
-        typer.echo(f"{path} is written, but does not load:\n{error}", err=True)
-        raise typer.Exit(FINDING) from None
+        return str(error).replace(file.name, path.name)
 
 
 def write_comparison(settings: Config, better: Config, csv: Path, picture: Path) -> dict[str, Any]:
@@ -262,7 +286,10 @@ def show_result(
     if made is not None:
         typer.echo(f"        {in_words(aim, made.objective)}, in numbers that can be made")
     typer.echo("")
-    show_table("what changes", *changes(settings, better, made, found.names), left=(0, 3))
+    headings, rows = changes(settings, better, made, found.names)
+    show_table("what changes", headings, rows, left=(0, 3))
+    if any(row[3].endswith(BREAKS) for row in rows):
+        typer.echo(f"{BREAKING}\n")
     show_comparison(table)
 
 
@@ -283,6 +310,15 @@ def shown(value: Any) -> str:
     return f"{value:.7g}" if isinstance(value, float) else str(value)
 
 
+#: What an error of the size that a number is made to can do, and what to do about that.
+BREAKS = "breaks a limit"
+BREAKING = (
+    "breaks a limit: the best layout stands at that limit, so that an error of this size to the\n"
+    "wrong side leaves what is asked for. optimize.production.yield_percent asks for a layout\n"
+    "with margins for its tolerances."
+)
+
+
 def tolerances(made: Rounded | None, names: list[str]) -> dict[str, str]:
     """By the last part of a key: to what it is made, and what an error of that costs."""
     if made is None:
@@ -290,7 +326,7 @@ def tolerances(made: Rounded | None, names: list[str]) -> dict[str, str]:
     found = {}
     for name, step, cost in zip(names, made.steps, made.costs, strict=True):
         if step:
-            worse = "breaks a limit" if cost == float("inf") else f"costs up to {cost:.2g} %"
+            worse = BREAKS if cost == float("inf") else f"costs up to {cost:.2g} %"
             found[KEYS.get(name, name)] = f"+- {step / 2:g}, which {worse}"
     return found
 
@@ -428,12 +464,13 @@ def write_tables(story: Story, path: Path) -> None:
     """The tables of the report, by their titles."""
     from facets.design.sheets import Rows, write_sheets
     from facets.files.provenance import command_line
+    from facets.pictures.wording import rows_in_words
 
     found: dict[str, Rows] = {
         "What was asked for": (("asked", "value"), requirement(story.settings)),
-        "What changes": changes(story.settings, story.better, story.made, story.found.names),
-        "Before and after": comparison(story.table),
-        "What holds it back": (("what", "how"), story.reasons),
+        "What changes": changes_in_words(story),
+        "Before and after": comparison_in_words(story),
+        "What holds it back": (("what", "how"), rows_in_words(story.reasons)),
     }
     if story.found.tried:
         found["Parts"] = parts(story.found)
@@ -443,25 +480,25 @@ def write_tables(story: Story, path: Path) -> None:
 
 
 def sections(story: Story, scene: Path) -> list[Section]:
+    """The parts of the page; quantities in words there, each with its unit."""
     from facets.pictures.design_report import Section, inline
     from facets.pictures.head_drawing import drawing
     from facets.pictures.layout import layout_picture
+    from facets.pictures.wording import rows_in_words
 
     asked = Section("What was asked for", rows=requirement(story.settings))
-    changed = Section(
-        "What changes", (), *changes(story.settings, story.better, story.made, story.found.names),
-        wide=True,
-    )  # fmt: skip
+    changed = Section("What changes", (), *changes_in_words(story), wide=True)
     head = Section(
         "The head", (f"Lengths in mm. {scene.name} has it in three dimensions, with beams.",),
         drawing=drawing(story.better.sensor),
     )  # fmt: skip
     compared = Section(
         "Before and after", ("The worst over the volume (1 sigma), and symmetric ranges.",),
-        *comparison(story.table),
+        *comparison_in_words(story),
     )  # fmt: skip
     bars = Section("The same, drawn", drawing=inline(layout_picture(story.table), "bars"))
-    reasons = Section("What holds it back, and what more would give", rows=story.reasons)
+    reasons = Section("What holds it back, and what more would give",
+                      rows=rows_in_words(story.reasons))  # fmt: skip
     found = [asked, head, changed, compared, bars, reasons, *story.built]
     if story.found.tried:
         found.append(Section("Parts", (), *parts(story.found), wide=True))
@@ -469,17 +506,36 @@ def sections(story: Story, scene: Path) -> list[Section]:
     return found
 
 
+def changes_in_words(story: Story) -> tuple[list[str], list[list[str]]]:
+    """What changes, with the keys of the sensor in words."""
+    from facets.pictures.wording import rows_in_words
+
+    (_, *headings), rows = changes(story.settings, story.better, story.made, story.found.names)
+    return ["of the sensor", *headings], rows_in_words(rows)
+
+
+def comparison_in_words(story: Story) -> tuple[list[str], list[list[str]]]:
+    from facets.pictures.wording import rows_in_words
+
+    headings, rows = comparison(story.table)
+    return headings, rows_in_words(rows)
+
+
 def requirement(settings: Config) -> list[list[str]]:
-    """What the block `optimize` asks for, as rows."""
+    """What the block `optimize` asks for, in words, as rows."""
+    from facets.pictures.wording import AIMS, amount, between
+
     asked = settings.resolved["optimize"]
-    rows = [["aim", str(asked["aim"])], ["the beam", str(asked["beam"])]]
-    for block, words in (("volume", "volume, +-"), ("unit", "counts as 1"), ("limit", "at most")):
-        values = [f"{key} {value:g}" for key, value in asked[block].items() if value]
+    aim = str(asked["aim"])
+    rows = [["aim", AIMS.get(aim, aim)], ["beam", str(asked["beam"])]]
+    blocks = (("volume", "volume", "±"), ("unit", "uncertainty that counts as 1", ""),
+              ("limit", "uncertainty at most", ""))  # fmt: skip
+    for block, words, sign in blocks:
+        values = [amount(key, value, sign) for key, value in asked[block].items() if value]
         if values:
             rows.append([words, ", ".join(values)])
     if asked["head_mm"]:
-        rows.append(["head, mm", f"at most {asked['head_mm']:g}"])
-    rows.append(["power on a detector, uW", f"at least {asked['least_power_uw']:g}"])
-    bounds = [f"{key} {low:g} to {high:g}" for key, (low, high) in
-              ((k, v) for k, v in asked["variables"].items() if v)]  # fmt: skip
+        rows.append(["diameter of the head", f"at most {asked['head_mm']:g} mm"])
+    rows.append(["power on a detector", f"at least {asked['least_power_uw']:g} µW"])
+    bounds = [between(key, *bounds) for key, bounds in asked["variables"].items() if bounds]
     return [*rows, ["may vary", ", ".join(bounds)]]

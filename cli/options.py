@@ -3,25 +3,64 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from math import isfinite
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand
 
-
-class Command(TyperCommand):
-    """A command whose option `--web` may stand without a value, which typer has no way to say."""
-
-    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
-        for n in range(len(args) - 1, -1, -1):
-            if args[n] == "--web" and (n + 1 == len(args) or args[n + 1].startswith("-")):
-                args[n] = f"--web={ANY_PORT}"
-        return super().parse_args(ctx, args)
-
+from facets.core.plain_numbers import plain_number
 
 #: Of a page whose port is not given: any that is free.
 ANY_PORT = "0"
+
+
+class Command(TyperCommand):
+    """A command that refuses, of every option, what cannot be meant: nothing at all, the same value
+    twice, and numbers that are infinite or have underscores.
+
+    Its option `--web` may stand without a value, which typer has no way to say.
+    """
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        for n in range(len(args) - 1, -1, -1):
+            if args[n] == "--web" and (n + 1 == len(args) or args[n + 1].startswith("-")):
+                args[n] = f"--web={ANY_PORT}"
+        typed, _, _ = self.make_parser(ctx).parse_args(args=list(args))
+        rest: list[str] = super().parse_args(ctx, args)
+        params: list[Any] = self.get_params(ctx)
+        for param in params:
+            value = typed.get(param.name)
+            texts = value if isinstance(value, list | tuple) else [value]
+            counts = isinstance(ctx.params.get(param.name), int | float)
+            if reason := why_meaningless([t for t in texts if isinstance(t, str)], counts):
+                raise typer.BadParameter(reason, ctx=ctx, param=param)
+        return rest
+
+
+def why_meaningless(texts: list[str], is_number: bool) -> str:
+    """Why values of an option, as they were typed, mean nothing; "" where they do."""
+    for n, text in enumerate(texts):
+        if not text.strip():
+            return "it is empty; give a value, or leave the option out"
+        if text in texts[:n]:
+            return f"{text} is given twice"
+        if is_number and is_odd_number(text):
+            return f"{text!r} is not a plain finite number"
+    return ""
+
+
+def is_odd_number(text: str) -> bool:
+    """Whether Python takes it for a number, and a person would not have typed it as one."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    try:
+        return not isfinite(plain_number(text))
+    except ValueError:
+        return True
 
 
 class TableKind(StrEnum):

@@ -33,18 +33,21 @@ def numbers_at(text: str | None, names: Sequence[str]) -> list[float]:
 
     from facets.core.errors import InputError
     from facets.core.names import STATE_UNITS
+    from facets.core.plain_numbers import assignments, plain_number
 
     found = [0.0] * len(names)
-    for part in text.split(",") if text else []:
-        name, _, value = part.partition("=")
+    form = "NAME=NUMBER"
+    given = {} if text is None else assignments(text, "--at", names, form)
+    for name, value in given.items():
+        number = names.index(name)
         try:
-            number = names.index(name.strip())
-            found[number] = float(value) * STATE_UNITS[number]
+            found[number] = plain_number(value) * STATE_UNITS[number]
         except ValueError:
-            may = ", ".join(names)
-            raise InputError(f"--at has {part.strip()!r}; allowed: NAME=NUMBER, of {may}") from None
+            raise InputError(
+                f"--at has '{name}={value}'; allowed: {form}, of {', '.join(names)}"
+            ) from None
         if not isfinite(found[number]):
-            raise InputError(f"--at has {part.strip()!r}; allowed: finite numbers")
+            raise InputError(f"--at has '{name}={value}'; allowed: finite numbers")
     return found
 
 

@@ -90,7 +90,8 @@ def range_map(
     boundaries = trace_all(settings, rules, pairs, pose)
     for boundary in boundaries:
         report(settings, rules, boundary, grid)
-    write(settings, rules, boundaries, inside, files, start)
+    with tables.ResultSet():
+        write(settings, rules, boundaries, inside, files, start)
     report_calls(boundaries, time.perf_counter() - start)
     name_files(folder, files)
     if len(boundaries) < len(pairs):

@@ -201,8 +201,13 @@ def film_states(settings: Config, motion: str | None, recording: Path | None, fr
 
     if recording is not None:
         from facets.core.names import STATE_COLUMNS, STATE_UNITS
-        from facets.live.recording import recorded_poses
+        from facets.files.provenance import require_origin
+        from facets.live.recording import meta_of, recorded_poses
+        from facets.live.replay import recorded_config
 
+        if recorded_config(recording).sensor != settings.sensor:
+            remedy = "render it with the configuration that it was recorded with"
+            require_origin(recording, meta_of(recording), settings, remedy)
         poses = recorded_poses(recording)
         if not poses or not (poses["status"] == 0).any():
             raise InputError(f"{recording}: holds no poses; see `facets recover`")

@@ -43,10 +43,11 @@ def reproduce(
     tables.refuse_to_overwrite([output / f"{name}.csv" for name in wanted], force=True)
     typer.echo(f"{'':11}  {'':4}  {'paper':>9}  {'ours':>9}  {'ratio':>7}")
     results = []
-    for result in run(wanted, quick, output):
-        show(result)
-        results.append(result)
-    write_report(report, results, quick)
+    with tables.ResultSet():
+        for result in run(wanted, quick, output):
+            show(result)
+            results.append(result)
+        write_report(report, results, quick)
     missed = [result.name for result in results if not result.repeats]
     seconds = sum(result.seconds for result in results)
     told = f"changed: {', '.join(missed)}" if missed else "all repeat the stored references"

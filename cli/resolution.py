@@ -55,11 +55,12 @@ def resolution(
     found = resolve(settings.sensor, rules, estimators(settings.solve.beam_sigma))
     show(found)
     table, picture, record = files
-    tables.write_table(table, resolution_columns(found), provenance.about(settings))
-    style.save(drawing.budget_picture(found), picture)
-    results = {"tracking": track, "estimators": [row.how.name for row in found]}
-    seconds = time.perf_counter() - start
-    provenance.write_record(record, settings, None, seconds, results, files)
+    with tables.ResultSet():
+        tables.write_table(table, resolution_columns(found), provenance.about(settings))
+        style.save(drawing.budget_picture(found), picture)
+        results = {"tracking": track, "estimators": [row.how.name for row in found]}
+        seconds = time.perf_counter() - start
+        provenance.write_record(record, settings, None, seconds, results, files)
     name_files(folder, files)
 
 

@@ -84,7 +84,8 @@ def simulate(
     tables.refuse_to_overwrite(files.all, force)
     segments = study.simulate(settings, motion or [], noise, seed, track)
     drawn = settings.seed if seed is None else seed
-    write(settings, segments, files, drawn, reference, start)
+    with tables.ResultSet():
+        write(settings, segments, files, drawn, reference, start)
     for segment in segments:
         print_segment(segment)
     name_files(files.folder, files.all)
@@ -113,7 +114,7 @@ def write(
     about = provenance.about(settings, seed)
     columns = study.reading_table(segments)
     if reference:
-        columns |= study.reference_columns(segments, settings.calibrate.reference, seed)
+        columns |= study.reference_table(segments, settings.calibrate.reference, seed)
     tables.write_table(files.readings, columns, about)
     tables.write_table(files.poses, study.pose_table(segments), about)
     style.save(motion.motion_picture(segments), files.picture)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -44,8 +45,9 @@ def tolerances(
     found = yields_of(settings, settings.sensor, heads, seed)
     show_yields(settings, found)
     about = provenance.about(settings, seed)
-    tables.write_table(files[0], sensitivity_columns(settings, found), about)
-    tables.write_table(files[1], head_columns(found.heads), about)
+    with tables.ResultSet():
+        tables.write_table(files[0], sensitivity_columns(settings, found), about)
+        tables.write_table(files[1], head_columns(found.heads), about)
     name_files(folder, files)
 
 
@@ -87,6 +89,33 @@ def show_yields(settings: Config, found: Yields) -> None:
         typer.echo(f"{found.heads.unsettled} calibrations did not settle; their heads fail\n")
     show_table("tolerances, the most worth while first", *tolerance_rows(settings, found),
                left=(0, 4))  # fmt: skip
+    if advice := margin_advice(settings, found):
+        typer.echo(f"{fill(advice, 98)}\n")
+
+
+#: Below this share of heads a design is said to leave too little margin.
+FEW = 0.5
+
+
+def margin_advice(settings: Config, found: Yields) -> str:
+    """What to do about a design that few heads keep; "" where more do, or nothing is loose."""
+    from facets.design.production import passed
+
+    share = passed(found.heads)["kept"] / found.count
+    if share >= FEW or not found.by_tolerance:
+        return ""
+    strongest = found.by_tolerance[0]
+    words = (
+        f"Only {percent(share)} of the heads keep spots, light and limits: the design leaves too "
+        f"little margin, most of all for {strongest.key} ({strongest.worst}). The best layout for "
+        "perfect heads stands at its limits"
+    )
+    if settings.layout.production:
+        return f"{words}; take smaller tolerances in calibrate.before, or ask for less."
+    return (
+        f"{words}. For a layout with margins set optimize.production.yield_percent, such as 95, "
+        "and run `facets optimize` again; or take smaller tolerances in calibrate.before."
+    )
 
 
 def kinds_of(settings: Config, found: Yields) -> dict[str, str]:

@@ -16,6 +16,7 @@ from facets.config import to_yaml
 from facets.core.hues import chosen_hues
 from facets.files.provenance import PACKAGES, command_line
 from facets.files.tables import Whole
+from facets.files.whole import staged
 
 from .reproduce import Result
 
@@ -35,7 +36,7 @@ def embedded(path: Path | None) -> str:
     """A picture as the text of its own address, so that the page needs no other file."""
     if path is None:
         return ""
-    return "data:image/svg+xml;base64," + b64encode(path.read_bytes()).decode()
+    return "data:image/svg+xml;base64," + b64encode(staged(path).read_bytes()).decode()
 
 
 def facts() -> dict[str, str]:

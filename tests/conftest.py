@@ -24,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).parent / "helpers"))
 #: Files that take long, the longest first. They are begun with, so that at the end no process works
 #: on one of them while the others have nothing left to do.
 LONG = (
+    "docs/test_guides.py",
     "bench/test_bench.py",
     "calibration/test_bench_rigs.py",
     "calibration/test_calibration.py",

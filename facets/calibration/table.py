@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 #: What the reference says, one column an axis that it measures.
 REFERENCE = tuple(f"ref_{name}" for name in STATE_COLUMNS[:6])
 BEAM = STATE_COLUMNS[6:]
+#: Over how long a board's clock is taken to be even, and how often it is compared, s.
+CLOCK_WINDOW_S, CLOCK_STEP_S = 10.0, 0.05
 #: What says when and how a sample was taken.
 RUN = ("time_s", "temperature_c", "seat_deg")
 
@@ -49,14 +51,41 @@ def read(path: Path, settings: Calibrate) -> Data:
 def whole_table(
     path: Path, needed: tuple[str, ...], optional: tuple[str, ...]
 ) -> dict[str, Floats]:
-    """Columns of a table in memory."""
+    """Columns of a table in memory; a recording's times are its `time_s` where it has none."""
     chunks = []
-    for chunk in tables.read_chunks(path, needed, optional, tables.CHUNK):
+    others = tuple(name for name in needed if name != "time_s")
+    times = ("time_s", "host_s", "board_us")
+    for chunk in tables.read_chunks(path, others, (*optional, *times), tables.CHUNK):
+        if "time_s" in needed and not {"time_s", "host_s"} & set(chunk.columns):
+            raise InputError(f"{path}: missing columns: time_s (or host_s, a recording's)")
         require_known_beam(path, chunk, "say `calibrate: {beam: still}` if the laser stood still")
         chunks.append(chunk.columns)
     if not chunks:
         raise InputError(f"{path}: no rows; a calibration needs 10 at least")
-    return {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0]}
+    columns = {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0]}
+    host, board = columns.pop("host_s", None), columns.pop("board_us", None)
+    if host is not None and "time_s" not in columns:
+        columns["time_s"] = host if board is None else recording_time(host, 1e-6 * board)
+    return columns
+
+
+def recording_time(host: Floats, board: Floats) -> Floats:
+    """When samples (n,) were taken: `host` s, without what a busy machine errs by for a moment.
+
+    board: the board's clock, s, which hardly drifts within CLOCK_WINDOW_S: over so long the median
+    of the difference of both clocks is taken. Where the board's clock does not go on, it is `host`.
+    """
+    if len(host) < 2 or not (np.isfinite(host) & np.isfinite(board)).all():
+        return host
+    if (np.diff(board) <= 0).any():
+        return host
+    from scipy.ndimage import median_filter
+
+    knots = np.arange(board[0], board[-1], CLOCK_STEP_S)
+    apart = (host - board)[np.searchsorted(board, knots)]
+    size = int(CLOCK_WINDOW_S / CLOCK_STEP_S)
+    found: Floats = board + np.interp(board, knots, median_filter(apart, size, mode="reflect"))
+    return found
 
 
 def gathered(path: Path, columns: dict[str, Floats], settings: Calibrate) -> Data:

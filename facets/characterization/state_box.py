@@ -10,6 +10,7 @@ import numpy as np
 from ..config.section import MAX_LENGTH
 from ..core.errors import InputError
 from ..core.names import ANGLES, POSE
+from ..core.plain_numbers import assignments, plain_number
 from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Floats
@@ -86,23 +87,18 @@ def least_share(sensor: Sensor, rules: Rules, power_off: float = 0.0) -> float:
 def parse_box(text: str) -> StateBox:
     """'tx_mm=1,yaw_mrad=-2:5' as a box: half widths about zero or both ends; else no width."""
     low, high = np.zeros(8), np.zeros(8)
-    for part in text.split(","):
-        name, _, value = part.strip().partition("=")
+    form = "NAME=HALF or NAME=LOW:HIGH"
+    for name, value in assignments(text, "--box", COLUMNS, form).items():
+        number, has = COLUMNS.index(name), f"--box has '{name}={value}'; allowed: "
         try:
-            number = COLUMNS.index(name.strip())
-            ends = [float(end) for end in value.split(":")]
+            ends = [plain_number(end) for end in value.split(":")]
         except ValueError:
-            raise InputError(
-                f"--box has {part.strip()!r}; allowed: NAME=HALF or NAME=LOW:HIGH, of "
-                f"{', '.join(COLUMNS)}"
-            ) from None
+            raise InputError(f"{has}{form}, of {', '.join(COLUMNS)}") from None
         if len(ends) > 2 or (len(ends) == 1 and ends[0] < 0):
-            raise InputError(f"--box has {part.strip()!r}; allowed: a half width, or LOW:HIGH")
+            raise InputError(f"{has}a half width, or LOW:HIGH")
         most = np.pi if UNITS[number] < 1 else MAX_LENGTH
         if not all(abs(end) * UNITS[number] <= most for end in ends):
-            raise InputError(
-                f"--box has {part.strip()!r}; allowed: up to {most / UNITS[number]:.5g} either way"
-            )
+            raise InputError(f"{has}up to {most / UNITS[number]:.5g} either way")
         exact = [Fraction(end.strip()) / round(1 / UNITS[number]) for end in value.split(":")]
         first, last = (-exact[0], exact[0]) if len(exact) == 1 else exact
         low[number], high[number] = 0.0 - float_above(-first), float_above(last)

@@ -1,35 +1,31 @@
 """Does every sub-beam of a configured sensor find its detector, with the mirror at rest at zero?
 
-If not, some key is wrong. The key blamed is the one whose return to the paper's value brings the
-spot closest to the middle of its detector.
+If not, some key is wrong. The key blamed is the one of the user's own file without which the spot
+comes closest to the middle of its detector.
 """
 
 from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ..core.names import DETECTORS
-from ..core.sensor import Sensor
+from ..core.sensor import Apertures, BenchLight, Sensor
 from ..model.arrays import geometry_of, on_detectors
+from ..model.arrays import readings as model_readings
 from ..optics.forward import path, readings, scene
 from . import build
-from .problems import quoted
+from .blame import culprits, message, without
+from .problems import is_number, quoted
 from .yaml_positions import Marked, Path_, dotted
 
 ZERO = (0.0,) * 8
-NOMINAL: dict[str, dict[str, Any]] = {
-    "mirror": {"inclination_deg": 45.0},
-    "psd": {
-        "radius_mm": 250.0,
-        "height_mm": 0.0,
-        "roll_mrad": 0.0,
-        "pitch_mrad": 0.0,
-        "yaw_mrad": 0.0,
-        "size_mm": [13.0, 13.0],
-    },
-}
+Resolve = Callable[[Marked], dict[str, Any]]
 
 
 class Landing(NamedTuple):
@@ -40,32 +36,66 @@ class Landing(NamedTuple):
     on: bool
 
 
-def problems(keys: dict[str, Any], tree: Marked) -> list[str]:
-    """A line for each key of the resolved `sensor` block that makes a sub-beam miss."""
-    disorder = _disorder(keys["mirror"], tree)
-    if disorder:
-        return [disorder]
+def problems(keys: dict[str, Any], tree: Marked, resolve: Resolve) -> list[str]:
+    """A line for each key of the resolved `sensor` block that makes a sub-beam miss, or leaves it
+    without light.  resolve: gives the block of another tree."""
     sensor = build.sensor(keys)
     lost = [k for k, landing in enumerate(landings(sensor)) if not landing.on]
-    culprits: dict[Path_, list[int]] = {}
+    if not lost:
+        return _without_light(keys, sensor, tree, resolve)
+    found: dict[tuple[Path_, ...], list[int]] = {}
     for k in lost:
-        culprits.setdefault(_given(_culprit(keys, k), tree), []).append(k)
-    return [_missed(keys, tree, culprit, ks) for culprit, ks in culprits.items()]
+        paths = culprits(tree, ("sensor",), partial(_miss_of, resolve, k))
+        found.setdefault(tuple(paths), []).append(k)
+    return [_missed(keys, tree, paths, ks, resolve) for paths, ks in found.items()]
 
 
-def _disorder(mirror: dict[str, Any], tree: Marked) -> str:
+def _miss_of(resolve: Resolve, k: int, tree: Marked) -> float:
+    return _miss(resolve(tree), k)
+
+
+def _without_light(
+    keys: dict[str, Any], sensor: Sensor, tree: Marked, resolve: Resolve
+) -> list[str]:
+    """What cuts the light may leave a detector none."""
+    dark = [k for k, power in enumerate(_powers(sensor)) if not power > 0]
+    if not dark:
+        return []
+    paths = culprits(tree, ("sensor",), lambda other: _darkness(resolve(other)))
+    names = ", ".join(DETECTORS[k] for k in dark)
+    got = f"got {quoted(tree.find(paths[0])[0].plain())}"
+    got += _without_key(tree, paths, resolve, dark[0])
+    return [message(tree, paths, f"leaves no light on PSD {names} at the nominal pose ({got})")]
+
+
+def _powers(sensor: Sensor) -> list[float]:
+    """Of the three sub-beams at the nominal pose, mW; where nothing cuts light, more than none."""
+    if sensor.apertures == Apertures() and sensor.light == BenchLight():
+        return [sensor.beam.power] * 3
+    found: list[float] = model_readings(sensor, np.zeros(8))[2::3].tolist()
+    return found
+
+
+def _darkness(keys: dict[str, Any]) -> float:
+    """0 where all detectors have light at the nominal pose."""
+    sensor = build.sensor(keys)
+    on = all(landing.on for landing in landings(sensor))
+    return 0.0 if on and all(power > 0 for power in _powers(sensor)) else math.inf
+
+
+def disorder(mirror: dict[str, Any], tree: Marked) -> list[str]:
     """Facets that do not make a pyramid: a, b, c must go round once, counter-clockwise."""
     azimuths = [mirror[name]["azimuth_deg"] for name in DETECTORS]
     gaps = [(azimuths[(k + 1) % 3] - azimuths[k]) % 360 for k in range(3)]
     if all(0 < gap < 180 for gap in gaps):
-        return ""
+        return []
     moved = [k for k in range(3) if azimuths[k] % 360 != 120 * k]
-    place: Path_ = ("sensor", "mirror", DETECTORS[moved[0]], "azimuth_deg")
-    return (
-        f"{tree.find(place)[0].place}: {dotted(place)}: facets a, b, c must follow one another "
-        f"counter-clockwise seen from above, each by less than 180 deg (got {_short(azimuths)}; "
-        "allowed: for instance 0, 120, 240)"
+    paths = [("sensor", "mirror", DETECTORS[k], "azimuth_deg") for k in moved]
+    reason = (
+        "facets a, b, c must follow one another counter-clockwise seen from above, each by less "
+        f"than 180 deg (got {_short(azimuths)}; allowed: for instance 0, 120, 240)"
     )
+    return [message(tree, paths, reason)]
 
 
 def landings(sensor: Sensor) -> list[Landing]:
@@ -76,19 +106,6 @@ def landings(sensor: Sensor) -> list[Landing]:
         return [Landing(math.nan, math.nan, False)] * 3
     on = on_detectors(sensor, [number for spot in spots for number in spot])
     return [Landing(spots[k][0], spots[k][1], bool(on[k])) for k in range(3)]
-
-
-def _culprit(keys: dict[str, Any], k: int) -> Path_:
-    """The path, below `sensor`, of the key that most likely sends sub-beam k astray."""
-    name = DETECTORS[k]
-    suspects: list[tuple[Path_, Any]] = [(("beam", "tilt_mrad"), [0.0, 0.0])]
-    for block, nominal in NOMINAL.items():
-        suspects += [((block, name, key), value) for key, value in nominal.items()]
-        suspects.append(((block, name, "azimuth_deg"), 120.0 * k))
-    changed = [(path, value) for path, value in suspects if _at(keys, path) != value]
-    if not changed:
-        return ("psd", name)
-    return min(changed, key=lambda suspect: _miss(_with(keys, *suspect), k))[0]
 
 
 def _at(keys: Any, path: Path_) -> Any:
@@ -111,17 +128,13 @@ def _miss(keys: dict[str, Any], k: int) -> float:
     return math.inf if math.isnan(miss) else miss
 
 
-def _given(culprit: Path_, tree: Marked) -> Path_:
-    """The key as the file has it: the detector's own, or the one common to the three."""
-    block, *_, key = culprit
-    for place in (("sensor", *culprit), ("sensor", block, key)):
-        if tree.find(place)[1] == place:
-            return place
-    return ("sensor", *culprit)
-
-
-def _missed(keys: dict[str, Any], tree: Marked, culprit: Path_, lost: list[int]) -> str:
-    mark, _ = tree.find(culprit)
+def _missed(
+    keys: dict[str, Any],
+    tree: Marked,
+    paths: tuple[Path_, ...],
+    lost: list[int],
+    resolve: Resolve,
+) -> str:
     sensor = build.sensor(keys)
     names = ", ".join(DETECTORS[k] for k in lost)
     if len(lost) == 1:
@@ -130,8 +143,22 @@ def _missed(keys: dict[str, Any], tree: Marked, culprit: Path_, lost: list[int])
     else:
         what = f"facets {names} send their sub-beams past their PSDs at the nominal pose: "
         what += "; ".join(f"{DETECTORS[k]} {_where(sensor, k)}" for k in lost)
-    got = f"got {quoted(mark.plain())}; {_remedy(keys, culprit, lost)}"
-    return f"{mark.place}: {dotted(culprit)}: {what} ({got})"
+    got = f"got {quoted(tree.find(paths[0])[0].plain())}"
+    got += _without_key(tree, paths, resolve, lost[0]) + _lift(keys, paths[0], lost)
+    return message(tree, paths, f"{what} ({got})")
+
+
+def _without_key(tree: Marked, paths: Sequence[Path_], resolve: Resolve, k: int) -> str:
+    """What would stand there if the key were left out, which would cure it."""
+    if len(paths) > 1:
+        return "; more than one key does it"
+    (_, *path) = paths[0]
+    value: Any = resolve(without(tree, paths))
+    if path and path[0] in ("mirror", "psd") and path[1] not in DETECTORS:
+        path.insert(1, DETECTORS[k])
+    for key in path:
+        value = value[key]
+    return f"; {_short(value)} would bring it back"
 
 
 def _where(sensor: Sensor, k: int) -> str:
@@ -154,34 +181,22 @@ def _why_never(sensor: Sensor, k: int) -> str:
     return "never meets the plane of its PSD, or only its back"
 
 
-def _remedy(keys: dict[str, Any], culprit: Path_, lost: list[int]) -> str:
-    """What would bring the spots back, as far as one change can."""
+def _lift(keys: dict[str, Any], culprit: Path_, lost: list[int]) -> str:
+    """Where detectors that a facet's inclination leaves behind would have to be."""
     k = lost[0]
-    own = _culprit(keys, k)
-    nominal = _nominal(own, k)
-    cures = []
-    if nominal is not None and _miss(_with(keys, own, nominal), k) <= 1:
-        cures.append(f"{_short(nominal)} would bring it back")
     height: Path_ = ("psd", DETECTORS[k], "height_mm")
     zeta = landings(build.sensor(keys))[k].zeta
-    if "inclination_deg" in culprit and not math.isnan(zeta):
-        lifted = round(_at(keys, height) + zeta, 1)
-        if _miss(_with(keys, height, lifted), k) <= 1:
-            key = "psd.height_mm" if len(lost) == 3 else dotted(height)
-            cures.append(f"or set sensor.{key} to {lifted:g}")
-    return "; ".join(cures) or "more than one key keeps it off"
+    if "inclination_deg" not in culprit or math.isnan(zeta):
+        return ""
+    lifted = round(_at(keys, height) + zeta, 1)
+    if _miss(_with(keys, height, lifted), k) > 1:
+        return ""
+    key = "psd.height_mm" if len(lost) == 3 else dotted(height)
+    return f"; or set sensor.{key} to {lifted:g}"
 
 
 def _short(value: Any) -> str:
     """45 for 45.0, [0, 0] for [0.0, 0.0]."""
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return f"[{', '.join(_short(item) for item in value)}]"
-    return f"{value:g}"
-
-
-def _nominal(path: Path_, k: int) -> Any:
-    if path[-1] == "tilt_mrad":
-        return [0.0, 0.0]
-    if path[-1] == "azimuth_deg":
-        return 120.0 * k
-    return NOMINAL[str(path[0])].get(str(path[-1]))
+    return f"{value:g}" if is_number(value) else quoted(value)

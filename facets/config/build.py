@@ -258,7 +258,7 @@ def motion(keys: dict[str, Any]) -> Motion:
     """A motion from its resolved block."""
     kind, rate = keys["kind"], keys["rate_hz"]
     if kind == "table":
-        return Table(Path(keys["file"]), rate)
+        return Table(Path(keys["file"]), keys["samples_per_step"], rate)
     if kind == "steps":
         ends = state(keys["from"]), state(keys["to"])
         return Steps(*ends, keys["steps"], keys["samples_per_step"], rate)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from dataclasses import replace
 from pathlib import Path
 
 from ..core.errors import ConfigError
@@ -108,11 +109,11 @@ def merge(parent: Marked, child: Marked, path: tuple[str, ...] = ()) -> Marked:
     a motion or a part without a value (`x-steps:`) takes the inherited one away.
     """
     if not isinstance(parent.value, dict):
-        return child
+        return replace(child, below=parent)
     if child.value is None:
         return parent
     if not isinstance(child.value, dict) or _other_motion(parent, child, path):
-        return child
+        return replace(child, below=parent)
     merged = dict(parent.value)
     for key, value in child.value.items():
         if key not in merged:

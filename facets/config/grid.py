@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 from typing import Any
 
@@ -10,21 +9,14 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.sensor import Grid
+from ..files.tables import read_numbers
 
 COLUMNS = ("psi_mm", "zeta_mm", "add_psi_um", "add_zeta_um")
 
 
 def read(path: Path) -> Grid:
     """Rows in any order, one for each crossing of a grid. Raises `InputError` where one is not."""
-    with path.open(encoding="utf-8", newline="") as file:
-        lines = csv.DictReader(line for line in file if not line.startswith("#"))
-        try:
-            rows = np.array([[float(line[name]) for name in COLUMNS] for line in lines])
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(
-                f"{path}: not a grid: {error}; needed are numbers in {', '.join(COLUMNS)}"
-            ) from None
-    rows = rows.reshape(-1, len(COLUMNS))
+    _, rows = read_numbers(path, COLUMNS)
     y, z = np.unique(rows[:, 0]), np.unique(rows[:, 1])
     crossings = len(np.unique(rows[:, :2], axis=0))
     if not np.isfinite(rows).all() or not len(rows) == crossings == len(y) * len(z):

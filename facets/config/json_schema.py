@@ -33,6 +33,9 @@ UNITS = {
     "ms": "ms",
     "mm_s": "mm/s",
     "mm_s2": "mm/s^2",
+    "us": "us",
+    "um2": "um^2",
+    "per_m": "1/m",
     "a_w": "A/W",
 }
 
@@ -85,7 +88,7 @@ def entry(path: Path_, plain: Any = None) -> dict[str, Any] | None:
 
 def _inside(node: dict[str, Any], key: str | int, plain: Any) -> dict[str, Any] | None:
     if isinstance(key, int):
-        return node
+        return _item(node, key)
     inner = node.get("properties", {}).get(key)
     if inner is None and isinstance(node.get("additionalProperties"), dict):
         inner = node["additionalProperties"]
@@ -100,6 +103,17 @@ def _inside(node: dict[str, Any], key: str | int, plain: Any) -> dict[str, Any] 
     if isinstance(kind, str) and kind in kinds:
         return _followed({"$ref": kinds[kind]})
     return {"type": "object", "properties": {"kind": {"enum": list(kinds)}}}  # the rest depends
+
+
+def _item(node: dict[str, Any], place: int) -> dict[str, Any] | None:
+    """What a list may hold at a place."""
+    for option in (node, *node.get("anyOf", [])):
+        if place < len(option.get("prefixItems", [])):
+            found: dict[str, Any] = option["prefixItems"][place]
+            return found
+        if "items" in option:
+            return _followed(option["items"])
+    return node
 
 
 def _followed(node: dict[str, Any]) -> dict[str, Any]:
@@ -145,14 +159,25 @@ def _words(node: dict[str, Any]) -> str:
         first = node["anyOf"][0]
         return f"one or two numbers{_range(first)}" if _numeric(first) else _words(first)
     kind = node.get("type")
-    if kind == "array" and "items" in node:
-        return f"a list of {node['minItems']} numbers{_range(node['items'])}"
     if kind == "array":
-        return f"a list of two numbers{_range(node['prefixItems'][0])}"
+        return _words_of_list(node)
     if kind in ("number", "integer"):
         return f"a {'whole ' if kind == 'integer' else ''}number{_range(node)}"
     words = {"boolean": "true or false", "string": "text"}
     return words.get(str(kind), "")
+
+
+COUNTS = {2: "two", 3: "three", 6: "six"}
+
+
+def _words_of_list(node: dict[str, Any]) -> str:
+    """'a list of two numbers from 0 to 100', 'a list of three pairs of numbers'."""
+    inner = node["items"] if "items" in node else node["prefixItems"][0]
+    count = node.get("minItems", "")
+    many = COUNTS.get(count, str(count))
+    if inner.get("type") == "array":
+        return f"a list of {many} pairs of numbers{_range(inner['prefixItems'][0])}"
+    return f"a list of {many} numbers{_range(inner)}"
 
 
 def _range(node: dict[str, Any]) -> str:
@@ -185,7 +210,10 @@ def suggestion(path: Path_, plain: Any = None) -> str:
     if near := nearest(str(wrong), here):
         return near
     elsewhere = [".".join(map(str, p)) for p in _every(()) if p[-1] == wrong]
-    return f"it belongs in {elsewhere[0].rpartition('.')[0]}" if elsewhere else ""
+    if not elsewhere:
+        return ""
+    above = elsewhere[0].rpartition(".")[0]
+    return f"it belongs in {above}" if above else "it belongs at the file's top level"
 
 
 def _every(path: Path_) -> Iterator[Path_]:

@@ -225,6 +225,8 @@ Depths = Annotated[
     BeforeValidator(as_tuple),
 ]
 Widths = Annotated[tuple[Micrometres, Micrometres, Micrometres], BeforeValidator(as_tuple)]
+Strip = Annotated[float, Field(ge=0, le=1e3)]
+Strips = Annotated[tuple[Strip, Strip, Strip], BeforeValidator(as_tuple)]
 Powers = Annotated[tuple[Microwatts, Microwatts, Microwatts], BeforeValidator(as_tuple)]
 Place = Annotated[tuple[Millimetres, Millimetres], BeforeValidator(as_tuple)]
 Places = Annotated[tuple[Place, Place, Place], BeforeValidator(as_tuple)]
@@ -254,7 +256,7 @@ class Imperfections(Section):
         (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), description="as in `light`, on top of what that says"
     )
     rolloff_width_um: float = Field(0.0, ge=0, le=1000, description="likewise")
-    strips_um: Widths = Field((0.0, 0.0, 0.0), description="likewise")
+    strips_um: Strips = Field((0.0, 0.0, 0.0), description="likewise")
     tip_um2: float = Field(0.0, ge=0, le=1e6, description="likewise")
     background_uw: Powers = Field((0.0, 0.0, 0.0), description="likewise")
     background_mm: Places = Field(((0.0, 0.0), (0.0, 0.0), (0.0, 0.0)), description="likewise")

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import hashlib
 import json
-from math import pi
+from math import inf, pi
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from ..core.arguments import checked
-from ..core.errors import ConfigError
+from ..core.errors import ConfigError, InputError
 from ..core.names import DETECTORS
 from ..core.settings import Config
 from . import alignment_check, build
+from .blame import culprits, message
 from .files import find, gather
 from .keys import Document
 from .problems import messages, quoted
-from .yaml_positions import Marked, shown
+from .yaml_positions import Marked, dotted, shown
 
 
 @checked
@@ -64,10 +65,9 @@ def fingerprint(resolved: dict[str, Any]) -> str:
 
 def _resolved(tree: Marked) -> dict[str, Any]:
     try:
-        document = Document.model_validate(tree.plain())
+        resolved = build.resolve(Document.model_validate(tree.plain()))
     except ValidationError as error:
         raise ConfigError("\n".join(messages(error, tree))) from None
-    resolved = build.resolve(document)
     if lost := _find_measured(tree, resolved["sensor"]):
         raise ConfigError("\n".join(lost))  # without it there is no sensor to look at
     problems = [
@@ -75,7 +75,10 @@ def _resolved(tree: Marked) -> dict[str, Any]:
             _aperture_conflicts(tree, resolved["sensor"])
             or _light_conflicts(tree, resolved["sensor"])
             or _wide_edges(tree, resolved["sensor"])
-            or alignment_check.problems(resolved["sensor"], tree)
+            or _gained_strips(tree, resolved["sensor"])
+            or alignment_check.disorder(resolved["sensor"]["mirror"], tree)
+            or _impossible(tree, resolved["sensor"])
+            or alignment_check.problems(resolved["sensor"], tree, _sensor_keys)
         ),
         *_find_tables(tree, resolved["motions"]),
         *_method_conflicts(tree, resolved["solve"]),
@@ -85,6 +88,29 @@ def _resolved(tree: Marked) -> dict[str, Any]:
     if problems:
         raise ConfigError("\n".join(problems))
     return resolved
+
+
+def _sensor_keys(tree: Marked) -> dict[str, Any]:
+    """The `sensor` block of a tree that differs from a sound one in what it leaves out."""
+    found: dict[str, Any] = build.resolve(Document.model_validate(tree.plain()))["sensor"]
+    _find_measured(tree, found)
+    return found
+
+
+def _impossible(tree: Marked, sensor: dict[str, Any]) -> list[str]:
+    """What the sensor itself refuses."""
+
+    def refusal(keys: dict[str, Any]) -> str:
+        try:
+            build.sensor(keys)
+        except InputError as error:
+            return str(error)
+        return ""
+
+    if not (reason := refusal(sensor)):
+        return []
+    paths = culprits(tree, ("sensor",), lambda other: inf if refusal(_sensor_keys(other)) else 0.0)
+    return [message(tree, paths, reason)]
 
 
 def _find_tables(tree: Marked, motions: dict[str, Any]) -> list[str]:
@@ -142,8 +168,8 @@ def _find_measured(tree: Marked, sensor: dict[str, Any]) -> list[str]:
         if keys[name] is None:
             continue
         found = [tree.find(("sensor", *place)) for place in places]
-        mark = next(mark for mark, path in found if path[-1] == name)
-        where = f"{mark.place}: sensor.{block}.{name}: "
+        mark, path = next((mark, path) for mark, path in found if path[-1] == name)
+        where = f"{mark.place}: {dotted(path)}: "
         file = mark.file.parent / Path(keys[name]).expanduser()
         if not file.is_file():
             problems.append(f"{where}no such file (got {keys[name]!r}; looked for {shown(file)})")
@@ -152,7 +178,7 @@ def _find_measured(tree: Marked, sensor: dict[str, Any]) -> list[str]:
         if keys[total] not in (None, summed):
             problems.append(f"{where}{shown(file)} has changed: its sha256 is {summed}")
         keys[name], keys[total] = str(file.resolve()), summed
-    return problems
+    return list(dict.fromkeys(problems))  # three detectors may share a key
 
 
 def _aperture_conflicts(tree: Marked, sensor: dict[str, Any]) -> list[str]:
@@ -160,10 +186,13 @@ def _aperture_conflicts(tree: Marked, sensor: dict[str, Any]) -> list[str]:
     tip, rim = sensor["apertures"]["tip_um"], sensor["apertures"]["rim_mm"]
     if rim is None or 1000 * rim > tip:
         return []
-    mark, _ = tree.find(("sensor", "apertures", "rim_mm"))
+    paths = [("sensor", "apertures", name) for name in ("rim_mm", "tip_um")]
     return [
-        f"{mark.place}: sensor.apertures.rim_mm: the facets would end before they begin "
-        f"(got {rim:g}; allowed: above {tip / 1000:g} mm, the tip)"
+        message(
+            tree,
+            paths,
+            f"the facets would end, at {rim:g} mm from the axis, before they begin, at {tip:g} um",
+        )
     ]
 
 
@@ -186,12 +215,9 @@ def _light_conflicts(tree: Marked, sensor: dict[str, Any]) -> list[str]:
     for name, remedy in EDGE_LIGHT.items():
         value = sensor["light"][name]
         if any(value) if isinstance(value, list | tuple) else value:
-            mark, _ = tree.find(("sensor", "light", name))
-            cutting, _ = tree.find(("sensor", "apertures", cuts[0]))
-            problems.append(
-                f"{mark.place}: sensor.light.{name} does not go with sensor.apertures."
-                f"{cuts[0]} ({cutting.place}): {remedy}; leave one of the two out"
-            )
+            paths = [("sensor", "light", name), ("sensor", "apertures", cuts[0])]
+            reason = f"sensor.light.{name} does not go with sensor.apertures.{cuts[0]}: {remedy}"
+            problems.append(message(tree, paths, f"{reason}; leave one of the two out"))
     return problems
 
 
@@ -208,11 +234,30 @@ def _wide_edges(tree: Marked, sensor: dict[str, Any]) -> list[str]:
         ("tip_um2", abs(light["tip_um2"]), pi * (narrow / 8) ** 2, "µm²"),
     ):
         if widest > most:
-            mark, _ = tree.find(("sensor", "light", name))
+            paths = [("sensor", "light", name), ("sensor", "beam", "diameter_mm")]
+            reason = (
+                f"sensor.light.{name} is not small beside the beam, which the model needs (got "
+                f"{widest:g}; allowed: up to {most:.3g} {unit} with a beam of {narrow / 1e3:g} mm)"
+            )
+            problems.append(message(tree, paths, reason))
+    return problems
+
+
+def _gained_strips(tree: Marked, sensor: dict[str, Any]) -> list[str]:
+    """What an edge or the tip loses is no less than nothing, but for an estimate of nothing."""
+    if sensor["calibration"]["file"] is not None:
+        return []
+    problems = []
+    for name in ("strips_um", "tip_um2"):
+        value = sensor["light"][name]
+        if min(value if isinstance(value, list | tuple) else [value]) < 0:
             problems.append(
-                f"{mark.place}: sensor.light.{name} is not small beside the beam, which the model "
-                f"needs (got {widest:g}; allowed: up to {most:.3g} {unit} with a beam of "
-                f"{narrow / 1e3:g} mm)"
+                message(
+                    tree,
+                    [("sensor", "light", name)],
+                    f"what is lost cannot be below zero (got {quoted(value)}; allowed: from 0; "
+                    "below 0 only as an estimate, with its uncertainty in sensor.calibration)",
+                )
             )
     return problems
 
@@ -230,16 +275,18 @@ def _empty_bounds(tree: Marked, variables: dict[str, Any]) -> list[str]:
 def _layout_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:
     """What parts decide does not vary; a weighted aim has weights."""
     problems = [
-        f"{tree.find(('optimize', 'variables', name))[0].place}: optimize.variables.{name}: "
-        f"comes from optimize.parts.{kind}; leave one of them out"
+        message(
+            tree,
+            [("optimize", "variables", name), ("optimize", "parts", kind)],
+            f"{name} cannot both vary and come from optimize.parts.{kind}; leave one of them out",
+        )
         for name, kind in (("size_mm", "psds"), ("power_mw", "lasers"))
         if keys["variables"][name] is not None and keys["parts"][kind]
     ]
     if keys["aim"] == "weighted" and not any(keys["weights"].values()):
-        mark = tree.find(("optimize", "aim"))[0]
-        problems.append(
-            f"{mark.place}: optimize.aim: weighted, but every one of optimize.weights is 0"
-        )
+        weights = [("optimize", "weights", name) for name in keys["weights"]]
+        reason = "the aim is weighted, but every one of optimize.weights is 0"
+        problems.append(message(tree, [("optimize", "aim"), *weights], reason))
     return problems
 
 
@@ -252,10 +299,14 @@ def _method_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:
         return []
     problems = []
     for key, needed in (("beam", "free"), ("power", "known")):
-        mark, path = tree.find(("solve", key))
-        if keys[key] != needed and len(path) == 2:
+        place = ("solve", key)
+        if keys[key] != needed and tree.find(place)[1] == place:
             problems.append(
-                f"{mark.place}: solve.{key}: does not go with `method: paper` "
-                f"(got {quoted(keys[key])}; allowed: {needed})"
+                message(
+                    tree,
+                    [place, ("solve", "method")],
+                    f"solve.{key}: {keys[key]} does not go with `method: paper` "
+                    f"(allowed: {needed})",
+                )
             )
     return problems

@@ -123,8 +123,11 @@ class TableKeys(Section):
 
     kind: Literal["table"]
     file: str = Field(min_length=1, description="CSV file, path from this file")
+    samples_per_step: int = Field(
+        1, ge=1, le=1_000_000, description="readings at each row; 1 where the file has time_s"
+    )
     rate_hz: float = Field(
-        1000.0, gt=0, le=1e9, description="rows per second where the file has no time_s"
+        1000.0, gt=0, le=1e9, description="readings per second where the file has no time_s"
     )
 
 

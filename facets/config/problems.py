@@ -87,7 +87,7 @@ def _reason_of_number(value: Any, may: str) -> str:
     if isinstance(value, list) and "two" not in may and "list" not in may:
         return "must be one number, not a list"
     if isinstance(value, list) or (is_number(value) and "list" in may):
-        return f"must be {_how_many(may)} numbers"
+        return f"must be {_how_many(may)}"
     if not is_number(value):
         return "must be a number"
     if not math.isfinite(value):
@@ -99,8 +99,8 @@ def _reason_of_number(value: Any, may: str) -> str:
 
 def _how_many(may: str) -> str:
     """Out of 'a list of 9 numbers from ...'."""
-    found = re.search(r"list of (\w+) numbers", may)
-    return found[1] if found else "two"
+    found = re.search(r"(?:list of|one or) (\w+ (?:pairs of )?numbers)", may)
+    return found[1] if found else "two numbers"
 
 
 def is_number(value: Any) -> bool:

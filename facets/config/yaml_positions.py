@@ -27,11 +27,13 @@ class Marked:
     """A YAML value. `value`: a scalar, a list of Marked, or a dict of Marked by key.
 
     line: of the key, for an entry of a mapping, so that an unknown key is pointed at itself.
+    below: what stands there in the files that this one extends; None for nothing.
     """
 
     value: Any
     file: Path
     line: int
+    below: Marked | None = None
 
     @property
     def place(self) -> str:
@@ -174,10 +176,13 @@ class _Reader:
 
     def _scalar(self, node: ScalarNode, line: int, path: Path_) -> Any:
         try:
-            return self.constructor.construct_object(node)
+            value = self.constructor.construct_object(node)
         except (ValueError, OverflowError) as error:  # a date that is none, a number of miles
             self._problem(line, path, f"not a value: {str(error).partition(';')[0]}")
             return None
+        if isinstance(value, int | float) and "_" in node.value:
+            self._problem(line, path, f"a number has no underscores (got {node.value})")
+        return value
 
     def _entries(self, node: MappingNode, path: Path_) -> Iterator[tuple[str, Marked]]:
         lines: dict[str, int] = {}

@@ -74,11 +74,13 @@ class Random:
 class Table:
     """States from a CSV file; its columns are the axis keys (tx_mm ...), time_s if given.
 
-    file: absolute path.  rate: of the rows where the file has no time_s, Hz.
+    file: absolute path.  samples_per_step: of each row, and rate: of samples, Hz, both where the
+    file has no time_s.
     """
 
     kind: ClassVar[str] = "table"
     file: Path
+    samples_per_step: int
     rate: float
 
 

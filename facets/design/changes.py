@@ -168,19 +168,16 @@ def plainly(value: Any) -> Any:
 
 def loads_to(text: str, folder: Path, keys: dict[str, Any], settings: Config) -> bool:
     """Whether the text, as a file of the folder, is the configuration with those keys."""
-    import tempfile
-
     from ..config.loading import load
     from ..core.errors import ConfigError
+    from ..files.whole import hidden_name
 
-    with tempfile.NamedTemporaryFile(
-        "w", suffix=".yaml", dir=folder, encoding="utf-8", delete=False
-    ) as file:
-        file.write(text)
+    path = hidden_name(folder / "design.yaml")
     try:
-        found = load(file.name).resolved["sensor"]
+        path.write_text(text, "utf-8")
+        found = load(path).resolved["sensor"]
     except ConfigError:
         return True  # why is told where the file itself is loaded
     finally:
-        Path(file.name).unlink()
+        path.unlink(missing_ok=True)
     return bool(differences(settings.resolved["sensor"], found) == keys)

@@ -314,11 +314,15 @@ def at_once(space: Space, some: Floats) -> tuple[NDArray[Any], Floats, Floats]:
     """
     from .survey import surveyed
 
+    def measure(x: Floats) -> tuple[Floats, NDArray[Any]]:
+        return surveyed(
+            space.sensor, space.rules, space.names, x, space.volume, space.layout.least_power,
+            space.rules.snr * power_floor(space.sensor), FINE_ENOUGH,
+        )  # fmt: skip
+
+    measure(some[:1])  # loads the compiled code, which is no time of a design
     begin = time.perf_counter()
-    found, why = surveyed(
-        space.sensor, space.rules, space.names, some, space.volume, space.layout.least_power,
-        space.rules.snr * power_floor(space.sensor), FINE_ENOUGH,
-    )  # fmt: skip
+    found, why = measure(some)
     values = found.copy()
     values[:, AT_RANGES] *= FAR
     seconds = np.full(len(some), (time.perf_counter() - begin) / max(1, len(some)))
@@ -337,6 +341,12 @@ def identity(space: Space, about: dict[str, str]) -> str:
     return f"{about.get('config_sha256', '')} {asked} {' '.join(space.objectives)}\n"
 
 
+def forget(folder: Path) -> None:
+    """Takes the designs of an older search away."""
+    shutil.rmtree(folder / "parts", ignore_errors=True)
+    (folder / MARK).unlink(missing_ok=True)
+
+
 def prepare(folder: Path, space: Space, about: dict[str, str], force: bool) -> None:
     """Looks whether a search can go on in a folder; `force` takes an older search away.
 
@@ -344,8 +354,7 @@ def prepare(folder: Path, space: Space, about: dict[str, str], force: bool) -> N
     """
     mark, mine = folder / MARK, identity(space, about)
     if force and mark.exists():
-        shutil.rmtree(folder / "parts", ignore_errors=True)
-        mark.unlink()
+        forget(folder)
     if mark.exists() and mark.read_text() != mine:
         raise OutputError(
             f"{folder}: holds another search; --force begins anew, -o names another folder"

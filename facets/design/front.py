@@ -306,7 +306,7 @@ def columns(found: Front) -> dict[str, NDArray[Any]]:
         if n != first:
             table[f"{names[first]}_per_{name}"] = found.prices[:, n]
     active = [
-        "; ".join(f"{group} {size:.2g}" for group, size in each.items() if not aimed(group))
+        "; ".join(f"{group} ({size:.2g})" for group, size in each.items() if not aimed(group))
         for each in found.active
     ]
     return table | {"holds_it_back": np.array(active, dtype=str)}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats
-from .exploration import MEASURES, NO_RIVALS, SKIPPED, Space, looked_at
+from .exploration import MEASURES, NO_RIVALS, SKIPPED, Space, at_once, looked_at
 from .rounding import nearest_steps
 from .variables import present_values, sensor_of
 
@@ -36,8 +36,8 @@ def picked(count: int, most: int) -> NDArray[np.int64]:
 
 
 def gallery(space: Space, front: Table, others: Table | None) -> tuple[Table, list[Sensor]]:
-    """A table of the design as it is, the front's and some others, and the sensors of all, those of
-    designs in numbers that can be made.
+    """A table of the design as it is, the front's and some others, and the sensors of all, in
+    numbers that can be made.
 
     front, others: tables with the variables and measures; the front may say in `holds_it_back`
     what does.
@@ -58,13 +58,30 @@ def gallery(space: Space, front: Table, others: Table | None) -> tuple[Table, li
         parts.append((rows, "other", [f"design {n}" for n in others["design"][some]],
                       [""] * len(some)))  # fmt: skip
     every = np.concatenate([part[0] for part in parts])
+    every[1:] = made_of(space, every[1:])
     table: Table = {name: every[:, n].astype(float) for n, name in enumerate(names)}
     table["kind"] = np.array([part[1] for part in parts for _ in part[0]])
     table["title"] = np.array([title for part in parts for title in part[2]])
     table["remark"] = np.array([remark for part in parts for remark in part[3]])
+    sensors = [sensor_of(space.sensor, space.names, row[: len(space.names)]) for row in every[1:]]
+    return table, [space.sensor, *sensors]
+
+
+def made_of(space: Space, rows: Floats) -> Floats:
+    """Variables and measures of designs (n, all) in numbers that can be made, measured again.
+
+    A design that would not have all measures then stays as it was found.
+    """
     count = len(space.names)
-    made = [rounded(space, row[:count]) for row in every[1:]]
-    return table, [space.sensor, *(sensor_of(space.sensor, space.names, x) for x in made)]
+    x = np.array([rounded(space, row[:count]) for row in rows]).reshape(-1, count)
+    if not len(x):
+        return rows
+    if space.plain:
+        why, values, _ = at_once(space, x)
+    else:
+        found = [looked_at(space, each) for each in x]
+        why, values = np.array([each[0] for each in found]), np.array([each[1] for each in found])
+    return np.where((why == 0)[:, None], np.concatenate([x, values], axis=1), rows)
 
 
 def rounded(space: Space, x: Floats) -> Floats:

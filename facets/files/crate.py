@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from .tables import UNITS, open_sheet
-from .whole import Whole
+from .whole import Whole, staged
 
 NAME = "ro-crate-metadata.json"
 PROFILE = "https://w3id.org/ro/crate/1.1"
@@ -43,7 +43,7 @@ def write_crate(folder: Path, files: Sequence[Path], about: dict[str, str], seco
     path = folder / NAME
     if path.exists() and not is_ours(path):
         return
-    there = [file for file in files if file.is_file()]
+    there = [file for file in files if staged(file).is_file()]
     with Whole(path) as temporary:
         text = json.dumps(crate(there, about, seconds), indent=1, ensure_ascii=False)
         temporary.write_text(text + "\n", "utf-8")
@@ -101,14 +101,15 @@ def crate(files: Sequence[Path], about: dict[str, str], seconds: float) -> dict[
 
 
 def entity_of(file: Path) -> dict[str, Any]:
-    with file.open("rb") as data:
+    content = staged(file)
+    with content.open("rb") as data:
         total = hashlib.file_digest(data, "sha256").hexdigest()
     return {
         "@id": file.name,
         "@type": "File",
         "name": file.name,
         "encodingFormat": TYPES.get(file.suffix.lower(), "application/octet-stream"),
-        "contentSize": str(file.stat().st_size),
+        "contentSize": str(content.stat().st_size),
         "sha256": total,
     }
 
@@ -116,7 +117,7 @@ def entity_of(file: Path) -> dict[str, Any]:
 def columns_of(file: Path) -> list[dict[str, Any]]:
     """The columns of a table that have a unit; none for what is no table."""
     found = []
-    for name in names_of(file):
+    for name in names_of(staged(file)):
         unit = UNITS.get(name.rpartition("_")[2])
         if unit is None:
             continue

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import platform
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..core.errors import InputError
 from ..core.version import __version__
 from .tables import Whole
 
@@ -38,6 +39,27 @@ def about(config: Config, seed: int | None = None) -> dict[str, str]:
         "made": datetime.now(UTC).isoformat(timespec="seconds"),
     }
     return {key: value for key, value in known.items() if value is not None}
+
+
+def require_origin(source: Path, made: Mapping[str, Any], config: Config, remedy: str) -> None:
+    """Raise `InputError` where a former result was not made from this very configuration.
+
+    source: the result's file or folder.  made: what it says of how it was made, as `about`.
+    remedy: what to do instead.
+    """
+    checksum, name = made.get("config_sha256"), made.get("config")
+    if checksum == config.sha256:
+        return
+    if not checksum:
+        what = f"does not say from which configuration it was made, so {config.name} may be another"
+    elif name == config.name:
+        by = made.get("facets", __version__)
+        what = f"was made from another state of {name}"
+        what += f", by facets {by}" if by != __version__ else ""
+    else:
+        of = f"configuration {name}" if name else "another configuration"
+        what = f"was made from {of}, not from {config.name}"
+    raise InputError(f"{source}: {what}; {remedy}")
 
 
 def configuration(config: Config, sensor: dict[str, Any], about: dict[str, str]) -> str:

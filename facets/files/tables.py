@@ -19,7 +19,9 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.plain_numbers import plain_number
 from ..core.units import Booleans, Floats, Integers
+from .whole import ResultSet as ResultSet
 from .whole import Whole as Whole
 from .whole import refuse_to_overwrite as refuse_to_overwrite
 
@@ -143,6 +145,28 @@ class Sheet:
                 yield self.first + self.reader.line_num, row
 
 
+def read_head(path: Path) -> dict[str, str]:
+    """How a table was made, as it begins: see `provenance.about`. Empty where it does not say."""
+    require_table(path)
+    if ending(path) == ".parquet":
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        try:
+            metadata = pq.read_schema(path).metadata or {}
+        except (pa.ArrowException, OSError):
+            return {}
+        return {key.decode(): value.decode(errors="replace") for key, value in metadata.items()}
+    head = {}
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        for line in file:
+            if not line.startswith("#"):
+                break
+            key, _, value = line[1:].partition(":")
+            head[key.strip()] = value.strip()
+    return head
+
+
 def delimiter_of(header: str) -> str:
     """A comma; where there is none, a semicolon or a tab."""
     return next((mark for mark in ",;\t" if mark in header), ",")
@@ -156,6 +180,22 @@ def open_sheet(path: Path) -> Iterator[Sheet]:
             yield sheet
         finally:
             sheet.text.detach()
+
+
+def read_numbers(path: Path, names: Sequence[str] = ()) -> tuple[list[str], Floats]:
+    """A small CSV table of nothing but numbers: its names, or those that are needed, and its rows.
+
+    Raises `InputError` with the line of what is no number.
+    """
+    with open_sheet(path) as sheet:
+        use = columns_to_read(path, sheet.names, names or sheet.names, ())
+        places, rows = [sheet.names.index(name) for name in use], []
+        for line, row in sheet.rows():
+            try:
+                rows.append([number(row[place]) for place in places])
+            except (ValueError, IndexError):
+                raise InputError(f"{path}:{line}: this row can not be read as numbers") from None
+    return use, np.array(rows, dtype=float).reshape(len(rows), len(use))
 
 
 def read_csv(
@@ -211,7 +251,12 @@ def number(cell: str) -> float:
     text = cell.strip()
     if len(text) > 1 and text[0] == text[-1] == '"':
         text = text[1:-1]
-    return float(text or "nan")
+    return plain_number(text or "nan")
+
+
+def is_plain(text: str) -> bool:
+    """Whether NumPy reads numbers in a text as `number` does."""
+    return text.isascii() and "_" not in text
 
 
 def is_number(cell: str) -> bool:
@@ -226,7 +271,7 @@ def numbers(rows: list[list[str]], places: list[int], width: int) -> tuple[Float
     """Cells as floats (n, columns), and which rows are not numbers; an empty cell is NaN."""
     bad = np.array([len(row) != width for row in rows])
     cells = [[row[i] or "nan" for i in places] for row in rows] if not bad.any() else None
-    if cells is not None:
+    if cells is not None and is_plain("".join(map("".join, cells))):
         with suppress(ValueError):
             return np.array(cells, dtype=float).reshape(len(rows), len(places)), bad
     values = np.full((len(rows), len(places)), np.nan)

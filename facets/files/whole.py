@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import errno
 import os
+import secrets
 import shutil
+import signal
 import tempfile
-from collections.abc import Sequence
-from contextlib import suppress
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
+from typing import Any
 
 from ..core.errors import OutputError
 from .completeness import require_complete
@@ -84,25 +88,27 @@ class Whole:
 
     `with Whole(path) as temporary:` write to `temporary`, a path in the same folder. At the end the
     file is looked over (some libraries do not notice a full disk), brought to the disk, and then
-    given its name, so that neither an error nor a power failure leaves half of it.
+    given its name, so that neither an error nor a power failure leaves half of it. Within a
+    `ResultSet` it waits for the other files of the set.
+
+    alone: whether it belongs to no set, as what is kept for later runs.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, alone: bool = False) -> None:
+        self.path, self.alone = path, alone
+        self.removes = False  # a set also takes older files away
 
     def __enter__(self) -> Path:
+        self.folders = missing_folders(self.path.parent)
+        self.temporary = hidden_name(self.path)
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(
-                dir=self.path.parent, prefix=f".{self.path.stem[:40]}-", suffix=self.path.suffix
-            )
-        except OSError as error:
-            raise cannot_write(self.path, error) from None
-        os.close(handle)
-        umask = os.umask(0)
-        os.umask(umask)
-        self.temporary = Path(name)
-        self.temporary.chmod(0o666 & ~umask)
+            os.close(os.open(self.temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+        except BaseException as error:
+            self.discard()
+            if isinstance(error, OSError):
+                raise cannot_write(self.path, error) from None
+            raise
         return self.temporary
 
     def __exit__(
@@ -112,16 +118,154 @@ class Whole:
             if kind is None:
                 require_complete(self.temporary)
                 bring_to_disk(self.temporary)
-                self.temporary.replace(self.path)
-                bring_to_disk(self.path.parent)
+                if _sets and not self.alone:
+                    _sets[-1].add(self)
+                else:
+                    self.temporary.replace(self.path)
+                    bring_to_disk(self.path.parent)
                 return
-        except OSError as lost:
-            raise cannot_write(self.path, lost) from None
-        finally:
-            with suppress(OSError):
-                self.temporary.unlink(missing_ok=True)
+        except BaseException as lost:
+            self.discard()
+            if isinstance(lost, OSError):
+                raise cannot_write(self.path, lost) from None
+            raise
+        self.discard()
         if isinstance(error, OSError):
             raise cannot_write(self.path, error) from None
+
+    @property
+    def backup(self) -> Path:
+        """Where the older file of that name waits while a set is published."""
+        return self.temporary.with_name(f"{self.temporary.name}.old")
+
+    def discard(self) -> None:
+        """Takes away what was written so far, and the folders that were made for it."""
+        with undisturbed():
+            for path in (self.temporary, self.backup):
+                with suppress(OSError):
+                    path.unlink(missing_ok=True)
+            for folder in self.folders:
+                with suppress(OSError):
+                    folder.rmdir()
+
+
+class ResultSet:
+    """The results of a command: files that appear under their names together, or none of them.
+
+    `with ResultSet():` every `Whole` in it waits until the end, when all of them are given their
+    names. After an error, a full disk or ^C there is none of them, nor a folder that was made for
+    them, and the older files of these names are as they were.
+    """
+
+    def __init__(self) -> None:
+        self.files: dict[Path, Whole] = {}
+
+    def __enter__(self) -> ResultSet:
+        _sets.append(self)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None
+    ) -> None:
+        _sets.remove(self)
+        try:
+            if kind is None:
+                with undisturbed():
+                    self.publish()
+        except OSError as lost:
+            raise cannot_write(Path(lost.filename or next(iter(self.files))), lost) from None
+        finally:
+            for file in reversed(self.files.values()):
+                file.discard()
+
+    def add(self, file: Whole) -> None:
+        """Takes a file that is written; an earlier one of the same name goes."""
+        older = self.files.get(file.path)
+        self.files[file.path] = file
+        if older is not None:
+            file.folders = older.folders
+            older.folders = []
+            older.discard()
+
+    def publish(self) -> None:
+        """Gives all files their names; where that fails, all older files are put back."""
+        files = self.files.values()
+        try:
+            for file in files:
+                if file.path.exists():
+                    keep_beside(file.path, file.backup)
+            for file in files:
+                if file.removes:
+                    file.path.unlink(missing_ok=True)
+                else:
+                    file.temporary.replace(file.path)
+            for folder in {file.path.parent for file in files}:
+                bring_to_disk(folder)
+        except BaseException:
+            for file in files:
+                if file.backup.exists():
+                    file.backup.replace(file.path)
+                elif not (file.removes or file.temporary.exists()):
+                    file.path.unlink(missing_ok=True)
+            raise
+
+
+#: The sets that are being written, the innermost last.
+_sets: list[ResultSet] = []
+
+
+def staged(path: Path) -> Path:
+    """Where the file of that name can be read: within a `ResultSet` it has no name of its own
+    yet."""
+    found = next((one.files[path] for one in reversed(_sets) if path in one.files), None)
+    return path if found is None else found.temporary
+
+
+def take_away(path: Path) -> None:
+    """Takes an older file away; within a `ResultSet`, with the others of the set."""
+    if not _sets:
+        path.unlink(missing_ok=True)
+        return
+    nothing = Whole(path)
+    nothing.folders, nothing.temporary, nothing.removes = [], hidden_name(path), True
+    _sets[-1].add(nothing)
+
+
+def hidden_name(path: Path) -> Path:
+    """A name that no other file has, beside that one."""
+    return path.with_name(f".{path.stem[:40]}-{secrets.token_hex(4)}{path.suffix}")
+
+
+def missing_folders(folder: Path) -> list[Path]:
+    """The folder and those above that are not there, the innermost first."""
+    return [one for one in (folder, *folder.parents) if not one.exists()]
+
+
+def keep_beside(path: Path, backup: Path) -> None:
+    """A second name for a file; where a disk knows none, a copy."""
+    try:
+        os.link(path, backup)
+    except OSError:
+        shutil.copy2(path, backup)
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Within it signals wait, so that ^C does not come between moves of files."""
+    waiting: list[tuple[int, FrameType | None]] = []
+    before: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            number = getattr(signal, name, None)  # Windows has no SIGHUP
+            if number is not None and callable(signal.getsignal(number)):
+                before[number] = signal.signal(number, lambda *args: waiting.append(args))
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for number, frame in waiting:
+            before[number](number, frame)
 
 
 def bring_to_disk(path: Path) -> None:

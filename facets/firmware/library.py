@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import ctypes
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError
 from ..core.units import Floats
+
+if TYPE_CHECKING:
+    from ..core.sensor import Sensor
+
+
+#: States at which a library is compared with a sensor, mm and rad; and how far a reading of numbers
+#: of 32 bits may be off, mm or mW.
+SPREAD, CLOSE_MM = np.array([0.1, 0.1, 0.1, 5e-3, 5e-3, 5e-3, 0.1, 0.1]), 2e-4
 
 
 class Solved(NamedTuple):
@@ -60,6 +68,14 @@ class FirmwareLibrary:
         for state, reading in zip(rows, out, strict=True):
             self._code.facets_readings(pointer(state), pointer(reading))
         return out.astype(float)
+
+    def is_of(self, sensor: Sensor) -> bool:
+        """Whether it was exported for this sensor: whether it has its readings at a few states."""
+        from ..model.arrays import readings
+
+        states = SPREAD * np.random.default_rng(1).uniform(-1, 1, (4, 8))
+        close = np.isclose(self.readings(states), readings(sensor, states), 1e-4, CLOSE_MM)
+        return bool(close.all())
 
     def solve(
         self,

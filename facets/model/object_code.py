@@ -126,5 +126,5 @@ def read(path: Path) -> bytes | None:
 
 def keep(path: Path, code: bytes) -> None:
     """Keeps an object, whole or not at all; where it can not be kept it is made again."""
-    with contextlib.suppress(OutputError), Whole(path) as temporary:
+    with contextlib.suppress(OutputError), Whole(path, alone=True) as temporary:
         temporary.write_bytes(hashlib.sha256(code).digest() + code)

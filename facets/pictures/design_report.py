@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from ..core.hues import chosen_hues
 from .style import svg_text
+from .wording import typeset
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,7 +39,9 @@ def report(name: str, summary: str, sections: Sequence[Section], origin: str) ->
     from jinja2 import Environment
 
     text = files("facets.pictures").joinpath("design_report.html").read_text("utf-8")
-    page = Environment(autoescape=True).from_string(text)
+    places = Environment(autoescape=True)
+    places.filters["typeset"] = typeset
+    page = places.from_string(text)
     return page.render(
         name=name,
         summary=summary,

@@ -17,7 +17,7 @@ from ..core.extras import require_extra
 from ..core.hues import chosen_hues
 from ..core.sensor import Sensor
 from .head_drawing import drawing
-from .style import measure_label
+from .wording import label, limit_in_words, lines_of
 
 #: Columns that the plots have room for.
 MOST = 9
@@ -47,6 +47,7 @@ def page(
     columns = [
         {
             "label": label(key),
+            "lines": lines_of(label(key)),
             "values": rounded(table[key]),
             "plotted": key in plotted,
             "listed": key in plotted,
@@ -57,17 +58,18 @@ def page(
     data = {
         "kind": kinds,
         "title": table["title"].tolist(),
-        "remark": table["remark"].tolist(),
+        "remark": [remark_in_words(remark) for remark in table["remark"].tolist()],
         "columns": columns,
         "yaml": texts,
         "drawing": [drawing(sensor) for sensor in sensors],
         "first": kinds.index("front") if "front" in kinds else 0,
     }
+    goals = [label(key).partition(", ")[0] for key in objectives]
     text = files("facets.pictures").joinpath("exploration_page.html").read_text("utf-8")
     # what ends a script must not stand in one
     content = json.dumps(data, ensure_ascii=False, allow_nan=False).replace("</", "<\\/")
     for mark, value in (
-        ("NAME", html.escape(name)), ("OBJECTIVES", ", ".join(map(html.escape, objectives))),
+        ("NAME", html.escape(name)), ("OBJECTIVES", html.escape(", ".join(goals))),
         ("SUMMARY", html.escape(summary)), ("HUES", chosen_hues().css),
     ):  # fmt: skip
         text = text.replace(mark, value)
@@ -76,12 +78,10 @@ def page(
     return f"{before}{plotly_text()}{start}= {content};{end}"
 
 
-#: What a column's name ends in where it has a unit.
-UNITS = ("mm", "um", "mrad", "urad", "deg", "mw")
-
-
-def label(key: str) -> str:
-    return measure_label(key) if key.rpartition("_")[2] in UNITS else key.replace("_", " ")
+def remark_in_words(remark: str) -> str:
+    """What holds a design back: "radius_mm at its most (1); spot on ..." in words."""
+    parts = [part.rpartition(" (") for part in remark.split("; ")] if remark else []
+    return ", ".join(f"{limit_in_words(group)} ({size}" for group, _, size in parts)
 
 
 def order(key: str, plotted: list[str]) -> int:

@@ -13,6 +13,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import readings
 from ..optics.forward import psd_axes, psd_centre
+from .wording import typeset
 
 #: Of each of the two views, in units of the picture, and the space around it.
 SIZE, EDGE = 300.0, 46.0
@@ -64,7 +65,7 @@ def line(
 
 def text(x: float, y: float, words: str, anchor: str = "middle", colour: str = "") -> str:
     place = f"x='{x:.1f}' y='{y:.1f}' text-anchor='{anchor}'"
-    return f"<text {place} {FONT} fill='{colour or chosen_hues().ink}'>{words}</text>"
+    return f"<text {place} {FONT} fill='{colour or chosen_hues().ink}'>{typeset(words)}</text>"
 
 
 def plan(sensor: Sensor, centres: Floats, sides: Floats, spots: Floats, scale: float) -> list[str]:

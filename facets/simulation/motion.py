@@ -24,7 +24,12 @@ def named(config: Config, name: str) -> Motion:
 def states(motion: Motion, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Times (n,) in s and true states (n, 8) in mm and rad. rng: only for random motions."""
     if isinstance(motion, Table):
-        return from_table(motion.file, motion.rate)
+        time, state = from_table(motion.file, motion.rate)
+        if motion.samples_per_step == 1:
+            return time, state
+        refuse_times(motion)
+        state = np.repeat(state, motion.samples_per_step, axis=0)
+        return np.arange(len(state)) / motion.rate, state
     time = np.arange(motion.samples) / motion.rate
     if isinstance(motion, Steps):
         places = np.linspace(motion.start, motion.stop, motion.steps)
@@ -53,12 +58,23 @@ def from_table(file: Path, rate: float) -> tuple[Floats, Floats]:
             raise InputError(f"{file}:{line}: this row can not be read as numbers")
         zero = np.zeros(len(chunk.lines))
         state = np.column_stack([chunk.columns.get(name, zero) for name in STATE_COLUMNS])
-        if not np.isfinite(state).all():
-            line = chunk.lines[~np.isfinite(state).all(axis=1)][0]
-            raise InputError(f"{file}:{line}: a state needs finite numbers")
+        time = chunk.columns.get("time_s", (rows + np.arange(len(state))) / rate)
+        finite = np.isfinite(state).all(axis=1) & np.isfinite(time)
+        if not finite.all():
+            line = chunk.lines[~finite][0]
+            raise InputError(f"{file}:{line}: a state and its time need finite numbers")
         parts.append(state * STATE_UNITS)
-        times.append(chunk.columns.get("time_s", (rows + np.arange(len(state))) / rate))
+        times.append(time)
         rows += len(state)
     if not rows:
         raise InputError(f"{file}: no rows")
     return np.concatenate(times), np.concatenate(parts)
+
+
+def refuse_times(motion: Table) -> None:
+    """Raises `InputError` where the file says itself when each row is taken."""
+    if any("time_s" in chunk.columns for chunk in read_chunks(motion.file, optional=("time_s",))):
+        raise InputError(
+            f"{motion.file}: has a column time_s, which says when each row is taken; remove that "
+            f"column, or samples_per_step: {motion.samples_per_step} from the motion"
+        )

@@ -23,6 +23,7 @@ from ..model.arrays import mask_missed, on_detectors
 from ..tracking.closed_loop import followed
 from .imperfect_optics import seen_late
 from .motion import states
+from .reference import reference_columns, reference_poses
 
 
 @dataclass(frozen=True)
@@ -191,21 +192,13 @@ def reading_table(segments: Sequence[Segment]) -> dict[str, Any]:
     return columns | {name: place[:, i] for i, name in enumerate(STATE_COLUMNS[6:])}
 
 
-def reference_columns(
+def reference_table(
     segments: Sequence[Segment], sigma: Sequence[float], seed: int
 ) -> dict[str, Any]:
-    """What a reference beside the sensor says of the poses, for `facets calibrate`.
-
-    sigma: (6,) its standard uncertainty, mm and rad; an axis that it does not measure is infinite.
-    """
-    rng = np.random.default_rng([seed, 6])
+    """Columns of what a reference says of the poses, for `facets calibrate`; sigma: (6,)."""
     truth = np.concatenate([segment.truth[:, :6] for segment in segments])
-    noise = rng.standard_normal(truth.shape)
-    return {
-        f"ref_{STATE_COLUMNS[n]}": (truth[:, n] + sigma[n] * noise[:, n]) / STATE_UNITS[n]
-        for n in range(6)
-        if np.isfinite(sigma[n])
-    }
+    rng = np.random.default_rng([seed, 6])
+    return reference_columns(reference_poses(truth, sigma, rng))
 
 
 def pose_table(segments: Sequence[Segment]) -> dict[str, Any]:

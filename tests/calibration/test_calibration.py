@@ -28,12 +28,14 @@ from facets.calibration.identifiability import information, mean_left, proposed,
 from facets.calibration.unknowns import ALL, PLACE, Choice, block, values_of
 from facets.characterization.resolution import Estimator, uncertainties
 from facets.core.errors import ConfigError, InputError
+from facets.core.settings import Table
 from facets.detectors.calibrated import KNOWN
 from facets.detectors.correction import coefficients, corrected, slopes, uncorrected
 from facets.files.provenance import run_record
 from facets.live.recording import Recording
 from facets.live.replay import recorded_config
 from facets.model.arrays import parameters, sensor_with
+from facets.simulation.motion import states
 
 NOMINAL = facets.Sensor()
 EVERY = Choice(ALL, np.ones(len(ALL)))
@@ -91,7 +93,7 @@ def test_a_measured_table_corrects_as_what_it_was_measured_of(tmp_path):
     np.testing.assert_array_equal(fixed[:, [0, 1, 2, 5, 6, 7, 8]], raw[:, [0, 1, 2, 5, 6, 7, 8]])
     np.testing.assert_allclose(uncorrected(config.sensor, fixed), raw, atol=1e-12)
     (tmp_path / "a.csv").write_text("\n".join(lines[:-1]))
-    with pytest.raises(InputError, match="not a grid: 20 rows, 7 values of psi_mm, 3 of zeta_mm"):
+    with pytest.raises(ConfigError, match="not a grid: 20 rows, 7 values of psi_mm, 3 of zeta_mm"):
         facets.load(tmp_path / "my.yaml")
     (tmp_path / "my.yaml").write_text(text.replace("b: {", "").replace("}}}}", "}}}"))
     (tmp_path / "a.csv").unlink()
@@ -456,6 +458,8 @@ def test_the_command_proposes_poses(run):
     result = command("calibrate", "paper", "--propose", "5", "-o", "poses.csv", cwd=folder)
     assert result.returncode == 0, result.stderr
     assert (folder / "poses.csv").read_text().count("\n") == 11
+    _, visit = states(Table(folder / "poses.csv", 2, 10.0), np.random.default_rng(1))
+    assert len(visit) == 10  # a motion as it stands
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from facets.experiments import rigs
 
 import facets
 from facets.calibration.reference_join import read_joined
-from facets.calibration.table import REFERENCE
+from facets.calibration.table import REFERENCE, recording_time
 from facets.core.errors import InputError
 from facets.core.names import READING_COLUMNS, STATE_UNITS
 from facets.files import tables
@@ -53,6 +53,32 @@ def test_the_offset_of_the_clocks_is_found(folder):
     delay = (left * speed).sum() / (speed**2).sum()
     assert np.abs(left - delay * speed).max(axis=0) == pytest.approx(0, abs=2e-3)
     np.testing.assert_allclose(found.data.velocity[5:-5], speed[5:-5], atol=0.02 * speed.max())
+
+
+def test_a_recording_brings_the_time_of_its_computer(folder, tmp_path):
+    text = (folder / "readings.csv").read_text()
+    for name in ("host_s", "clock"):
+        (tmp_path / f"{name}.csv").write_text(text.replace("time_s", name))
+    wanted = read_joined(
+        folder / "readings.csv", folder / "ref.csv", CONFIG.sensor, CONFIG.calibrate
+    )
+    found = read_joined(
+        tmp_path / "host_s.csv", folder / "ref.csv", CONFIG.sensor, CONFIG.calibrate
+    )
+    assert found.offset == wanted.offset
+    with pytest.raises(InputError, match=r"clock\.csv: missing columns: time_s"):
+        read_joined(tmp_path / "clock.csv", folder / "ref.csv", CONFIG.sensor, CONFIG.calibrate)
+
+
+def test_a_busy_machine_does_not_move_the_times_of_a_recording():
+    board = np.arange(20_000) / 1000
+    host = 500 + (1 + 20e-6) * board
+    late = host.copy()
+    late[:1500] -= 0.07  # until the line of arrivals has settled
+    late[9000:9400] += 0.03
+    assert recording_time(late, board) == pytest.approx(host, abs=3e-4)
+    board[10_000:] -= 5  # the board restarted
+    assert recording_time(late, board) is late
 
 
 def test_tables_that_share_no_time_are_refused(folder):

@@ -23,6 +23,7 @@ from facets.config import (
 )
 from facets.config.alignment_check import landings
 from facets.config.geometry import written
+from facets.config.json_schema import names
 from facets.core.errors import ConfigError
 from facets.core.sensor import Sensor
 
@@ -157,7 +158,7 @@ motions:
         rate=1000,
     )
     assert motions["r"] == Random((1, 0, 0, 0, 0, 0, 0, 0), (0, 0, 0, 0, 0.008, 0, 0, 0), 9, 1000)
-    assert motions["t"] == Table((Path.cwd() / "poses.csv").resolve(), 1000)
+    assert motions["t"] == Table((Path.cwd() / "poses.csv").resolve(), 1, 1000)
 
 
 def test_the_fingerprint_follows_values_and_motion_order_not_spelling(write):
@@ -441,6 +442,137 @@ def test_a_missed_detector_names_facet_place_and_key(write, text, start, words):
     assert message.startswith(start)
     for word in words:
         assert word in message
+
+
+# ---- errors that arise from several keys, of several files
+
+CONFLICTS = [  # (keys below, the user's keys, the key that is named, words)
+    ("", "sensor: {beam: {diameter_mm: 1000}}", "sensor.beam.diameter_mm", ["got 1000", "0.85"]),
+    (
+        "",
+        "sensor: {apertures: {tip_um: 9000}}",
+        "sensor.apertures.tip_um",
+        ["no light on PSD a, b"],
+    ),
+    ("", "sensor: {apertures: {rim_mm: 1e-9}}", "sensor.apertures.rim_mm", ["no light", "nothing"]),
+    (
+        "",
+        "sensor: {light: {background_uw: [-200, 0, 0]}}",
+        "sensor.light.background_uw",
+        ["no light on PSD a at"],
+    ),
+    (
+        "",
+        "sensor: {apertures: {tip_um: 9000, gap_um: 9000}}",
+        "sensor.apertures.tip_um",
+        ["more than one key", "together with sensor.apertures.gap_um (my.yaml:2)"],
+    ),
+    (
+        "",
+        "sensor: {imperfections: {wavefront_radius_mm: 0}}",
+        "sensor.imperfections.wavefront_radius_mm",
+        ["any but 0"],
+    ),
+    (
+        "sensor: {apertures: {rim_mm: 1}}",
+        "sensor: {apertures: {tip_um: 2000}}",
+        "sensor.apertures.tip_um",
+        ["rim_mm (base.yaml:2)"],
+    ),
+    (
+        "sensor: {light: {wavelength_nm: 600}}",
+        "sensor: {apertures: {tip_um: 10}}",
+        "sensor.apertures.tip_um",
+        ["wavelength_nm (base.yaml:2)"],
+    ),
+    (
+        "sensor: {light: {strips_um: [50, 0, 0]}}",
+        "sensor: {beam: {diameter_mm: 0.1}}",
+        "sensor.beam.diameter_mm",
+        ["not small beside the beam", "strips_um (base.yaml:2)"],
+    ),
+    (
+        "solve: {beam: known}",
+        "solve: {method: paper}",
+        "solve.method",
+        ["solve.beam (base.yaml:2)"],
+    ),
+    (
+        "optimize: {variables: {size_mm: [1, 10]}}",
+        "optimize: {parts: {psds: {x: {size_mm: 4}}}}",
+        "optimize.parts.psds",
+        ["optimize.variables.size_mm (base.yaml:2)"],
+    ),
+    (
+        "sensor: {psd: {a: {radius_mm: 240}}}",
+        "sensor: {mirror: {inclination_deg: 49}}",
+        "sensor.mirror.inclination_deg",
+        ["facets a, b, c", "45 would bring it back"],
+    ),
+    (
+        "",
+        "sensor: {light: {strips_um: [-1, 0, 0]}}",
+        "sensor.light.strips_um",
+        ["cannot be below zero"],
+    ),
+    ("", "sensor: {beam: {optimize: 3}}", "sensor.beam.optimize", ["at the file's top level"]),
+    (
+        "",
+        "sensor: {light: {delays_us: [-1e9, 0, 0]}}",
+        "sensor.light.delays_us[0]",
+        ["out of range", "-1000000 to 1000000 us"],
+    ),
+    ("", "sensor: {light: {delays_us: [1, 2]}}", "sensor.light.delays_us", ["three numbers"]),
+    ("", "sensor: {beam: {power_mw: 1_0}}", "sensor.beam.power_mw", ["no underscores", "1_0"]),
+]
+
+
+@pytest.mark.parametrize(("below", "own", "key", "words"), CONFLICTS)
+def test_an_error_of_several_keys_names_the_key_of_the_file_that_was_asked_for(
+    write, below, own, key, words
+):
+    write(f"extends: paper\n{below}\n", "base.yaml")
+    (message,) = problems(write(f"extends: base.yaml\n{own}\n"))
+    assert message.startswith(f"my.yaml:2: {key}: ")
+    for word in words:
+        assert word in message
+
+
+def test_where_only_an_extended_file_is_wrong_that_file_is_named(write):
+    write("extends: paper\nsensor: {mirror: {inclination_deg: 49}}\n", "base.yaml")
+    (message,) = problems(write("extends: base.yaml\nsensor: {psd: {a: {pitch_mrad: 9}}}\n"))
+    assert message.startswith("base.yaml:2: sensor.mirror.inclination_deg: facets a, b, c")
+
+
+def test_an_estimate_of_a_strip_may_be_below_zero(write):
+    matrix = "parameter,sensor.light.strip_ca\n"
+    path = write(matrix, "covariance.csv")
+    text = "sensor: {light: {strips_um: [-1, 0, 0]}, calibration: {file: covariance.csv}}"
+    assert not any("below zero" in line for line in problems(write(text)))
+    path.unlink()
+
+
+def keys_of(path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
+    """All keys of a configuration that are no blocks."""
+    inner = names(path)
+    return [found for name in inner for found in keys_of((*path, name))] if inner else [path]
+
+
+@pytest.mark.slow
+def test_an_absurd_value_of_any_key_is_blamed_on_that_key_and_file(write):
+    seen = 0
+    for path in keys_of():
+        if path == ("extends",):
+            continue
+        lines = [f"{'  ' * depth}{key}:" for depth, key in enumerate(path)]
+        value = "1000" if path[:2] in (("sensor", "beam"), ("sensor", "psd")) else "1e9"
+        try:
+            load(write("\n".join(["extends: paper", *lines]) + f" {value}\n"))
+        except ConfigError as error:
+            for line in str(error).splitlines():
+                seen += 1
+                assert line.startswith(f"my.yaml:{len(path) + 1}: {'.'.join(path)}"), line
+    assert seen > 150
 
 
 def test_the_advice_given_for_a_missed_detector_holds(write):

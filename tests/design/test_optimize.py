@@ -257,7 +257,10 @@ def test_a_layout_is_checked_again_by_what_shares_nothing_with_the_optimiser():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("  variables: {size_mm: [5, 20]}\n", "variables.size_mm: comes from optimize.parts.psds"),
+        (
+            "  variables: {size_mm: [5, 20]}\n",
+            "size_mm cannot both vary and come from optimize.parts.psds",
+        ),
         ("  aim: weighted\n", "every one of optimize.weights is 0"),
         ("  variables: {psd_d_radius_mm: [5, 20]}\n", "unknown key"),
     ],

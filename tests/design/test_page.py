@@ -123,6 +123,27 @@ def test_a_drawing_has_the_head_and_its_dimensions():
     assert all(f"{letter}: R" in skewed for letter in "ABC")
 
 
+def check_that_nothing_is_cut(page):
+    """No table is wider than its place on a desk's screen, and no page than a telephone's."""
+    from browser import CHROMIUM, Browser
+
+    if CHROMIUM is None:
+        return
+    wider = "[...document.querySelectorAll('section')].filter(s => s.scrollWidth > s.clientWidth)"
+    with Browser(f"file://{page}") as browser:
+        browser.await_true(
+            "document.readyState === 'complete' && !!document.querySelector('footer')"
+        )
+        for width in (360, 768, 1300, 1440):
+            browser.send("Emulation.setDeviceMetricsOverride", width=width, height=1400,
+                         deviceScaleFactor=1, mobile=False)  # fmt: skip
+            wide = browser.ask("document.documentElement.scrollWidth")
+            assert wide <= width
+            assert width < 1000 or browser.ask(f"{wider}.length") == 0, browser.ask(
+                f"{wider}.map(s => s.textContent.slice(0, 80))"
+            )
+
+
 @pytest.mark.slow
 def test_a_report_tells_the_whole_story(tmp_path):
     (tmp_path / "mine.yaml").write_text(
@@ -133,9 +154,11 @@ def test_a_report_tells_the_whole_story(tmp_path):
                      cwd=tmp_path)  # fmt: skip
     assert result.returncode == 0, result.stderr
     text = (tmp_path / "new.html").read_text("utf-8")
-    for part in ("What was asked for", "What changes", "head_mm", "after over before", "<svg",
-                 "What holds it back", "new.gltf", "proved"):  # fmt: skip
+    for part in ("What was asked for", "What changes", "diameter of the head, mm", "<svg",
+                 "after over before", "What holds it back", "new.gltf", "proved"):  # fmt: skip
         assert part in text, part
+    assert not re.search(r"\b(u|range)_\w+_(um|mm|u?rad|mrad)\b|\+- ", text)
+    check_that_nothing_is_cut(tmp_path / "new.html")
     assert json.loads((tmp_path / "new.gltf").read_text())["asset"]["version"].startswith("2")
     lines = [line for line in (tmp_path / "new.yaml").read_text().splitlines() if line[:1] != "#"]
     assert "extends: mine.yaml" in lines
@@ -144,3 +167,72 @@ def test_a_report_tells_the_whole_story(tmp_path):
     refused = command("explore", "layout", "--report", "page.txt", cwd=tmp_path)
     assert refused.returncode == 2
     assert ".html" in refused.stderr
+
+
+#: What a label's box is: none may be cut, and none may lie on another.
+BOXES = """(() => {
+  const names = data.columns.filter(c => c.plotted).map(c => c.lines.join(""));
+  const labels = [...document.querySelectorAll("#axes .axis-title, #axes .axis-extent-text, " +
+    "#matrix .xtitle, #matrix .x2title, #matrix g[class*=title] text")];
+  const page = document.documentElement.clientWidth;
+  return {page, wide: document.documentElement.scrollWidth, names, boxes: labels
+    .filter(l => l.textContent.trim()).map(l => {
+      const b = l.getBoundingClientRect(), p = l.closest(".plot"), o = p.getBoundingClientRect();
+      return {text: l.textContent, left: b.left + p.scrollLeft - o.left, top: b.top,
+        right: b.right + p.scrollLeft - o.left, bottom: b.bottom, room: p.scrollWidth};
+    })};
+})()"""
+
+
+@needs_browser
+@pytest.mark.slow
+def test_no_label_of_the_plots_is_cut_or_lies_on_another(written):
+    from browser import Browser
+
+    folder, _, _ = written
+    with Browser("about:blank", webgl=True) as browser:
+        for width in (360, 768, 1300, 1440):
+            browser.send("Emulation.setDeviceMetricsOverride", width=width, height=1400,
+                         deviceScaleFactor=1, mobile=False)  # fmt: skip
+            browser.send("Page.navigate", url=f"file://{folder / 'page.html'}?{width}")
+            browser.await_true(f"location.search === '?{width}' && document.body.dataset.drawn")
+            check_labels(browser.ask(BOXES))
+
+
+def check_labels(seen):
+    assert seen["wide"] <= seen["page"]
+    boxes = seen["boxes"]
+    texts = [box["text"] for box in boxes]
+    assert all(texts.count(name) > 1 for name in seen["names"][1:-1]), texts  # in both plots
+    for n, box in enumerate(boxes):
+        assert 0 <= box["left"] <= box["right"] <= box["room"], box
+        for other in boxes[:n]:
+            apart = (
+                box["right"] <= other["left"] + 1
+                or other["right"] <= box["left"] + 1
+                or box["bottom"] <= other["top"] + 1
+                or other["bottom"] <= box["top"] + 1
+            )
+            assert apart, (seen["page"], box, other)
+
+
+def test_a_page_shows_each_design_in_one_set_of_numbers(written):
+    """The table's head is the drawing's, in numbers that can be made."""
+    _, shown, texts = written
+    for n in range(1, len(texts)):
+        radius = shown["radius_mm"][n]
+        assert shown["head_mm"][n] == pytest.approx(2 * radius, rel=1e-12)
+        assert f"radius_mm: {radius:g}" in texts[n]
+
+
+def test_what_is_said_on_pages_is_in_words_with_units():
+    from facets.pictures.wording import label, limit_in_words, lines_of, rows_in_words
+
+    assert label("u_tx_um") == "uncertainty of shift in x, µm"
+    assert label("azimuth_b_deg") == "azimuth B, deg"
+    assert lines_of("diameter of the head, mm") == ["diameter of", "the head", "mm"]
+    assert limit_in_words("radius_mm at its least") == "radius at its lower bound"
+    assert rows_in_words([["u_roll_urad", "1.5"], ["psd.b.pitch_mrad", "+- 0.5, which"]]) == [
+        ["uncertainty of roll, µrad", "1.5"],
+        ["PSD B, pitch, mrad", "±0.5, which"],
+    ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -199,6 +200,23 @@ def test_heads_without_tolerances_are_an_error(plain):
     known = replace(plain.calibrate, before={"mount_deg": 3.0})
     with pytest.raises(InputError, match="no tolerance of the head"):
         assembly_of(plain.sensor, plain.layout, plain.range, known)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.4, 0.6])
+def test_a_design_without_margin_is_told_what_to_do(plain, share):
+    from facets.cli.tolerances import Yields, margin_advice
+
+    from facets.design.production import Heads
+
+    margins = np.where(np.arange(10) < 10 * share, 0.1, -0.1)
+    heads = Heads(margins, margins, margins, np.zeros((10, 2, 6)), 0)
+    strongest = SimpleNamespace(key="psd_place_mm", worst="spot on PSD B, -z edge")
+    advice = margin_advice(plain, Yields(None, heads, [strongest], False))
+    assert (advice == "") == (share > 0.5)
+    if advice:
+        assert f"Only {100 * share:.1f} % of the heads" in advice
+        assert "psd_place_mm (spot on PSD B, -z edge)" in advice
+        assert "optimize.production.yield_percent" in advice
 
 
 @pytest.mark.slow

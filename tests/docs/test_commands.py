@@ -22,7 +22,7 @@ def lines(page, start):
 
 def parse(line):
     """Parsed as the program would, without running anything; SystemExit or an error if wrong."""
-    words = shlex.split(line.partition(" > ")[0])[1:]
+    words = shlex.split(line.partition(" > ")[0], comments=True)[1:]
     depth = 2 if words[0] == "config" else 1
     command, _ = REFERENCE.command_of(" ".join(words[:depth]))
     return command.make_context(words[depth - 1], words[depth:])

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import re
-import shlex
 from itertools import pairwise
 
 import pytest
-from commands import command
-from pages import DOCS, PAGES, ROOT, blocks, hook, links, name_of, prose
+from pages import DOCS, GUIDES, PAGES, ROOT, blocks, hook, links, name_of, prose
 
 import facets
 
@@ -16,7 +14,7 @@ WRITTEN = [(page, text) for page in PAGES for text in blocks(page, "python")]
 
 
 @pytest.mark.installed
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
+@pytest.mark.parametrize("page", [page for page in PAGES if page not in GUIDES], ids=name_of)
 def test_configurations_in_the_text_load(page, tmp_path):
     for n, text in enumerate(blocks(page, "yaml")):
         path = tmp_path / f"{n}.yaml"
@@ -28,27 +26,6 @@ def test_configurations_in_the_text_load(page, tmp_path):
 @pytest.mark.parametrize(("page", "text"), WRITTEN, ids=lambda value: getattr(value, "stem", ""))
 def test_python_in_the_text_runs(page, text):
     exec(compile(text, name_of(page), "exec"), {})
-
-
-@pytest.mark.installed
-@pytest.mark.slow
-def test_the_commands_of_the_readme_run(tmp_path):
-    """Line for line, each command on what the one before has written; but for the search of a
-    layout, which takes long and is run by the tests of the design.
-    """
-    (script,) = blocks(ROOT / "README.md", "bash")
-    search = "facets optimize layout -o results/better.yaml"
-    assert search in script
-    for line in script.splitlines():
-        if line == search:
-            (tmp_path / "results" / "better.yaml").write_text("extends: paper\n")
-            continue
-        program, *words = shlex.split(line)
-        assert program == "facets"
-        result = command(*words, cwd=tmp_path)
-        assert result.returncode == 0, result.stderr
-    for name in ("moved/readings.csv", "poses.csv", "better.yaml", "reach", "rig.png"):
-        assert (tmp_path / "results" / name).exists(), name
 
 
 def anchors(page):

@@ -287,3 +287,21 @@ def test_parquet_says_units_and_reads_as_before(tmp_path):
     assert schema.metadata[b"config"] == b"paper"
     (chunk,) = tables.read_chunks(path, ["tx_mm", "u_yaw_mrad"])
     assert chunk.columns["u_yaw_mrad"].tolist() == [1, 1, 1]
+
+
+@pytest.mark.parametrize("cell", ["1_0", "\N{FULLWIDTH DIGIT ONE}", "0x10"])
+def test_a_number_that_nobody_writes_so_is_none(tmp_path, cell):
+    path = tmp_path / "t.csv"
+    path.write_text(f"a,b\n1,2\n{cell},3\n4,5\n", encoding="utf-8")
+    columns, _, bad = read(path)
+    assert bad == [3]
+    assert np.isnan(columns["a"][1])
+    with pytest.raises(InputError, match=r"t\.csv:3: this row"):
+        tables.read_numbers(path)
+
+
+def test_a_small_table_of_numbers_has_each_column_once(tmp_path):
+    path = tmp_path / "t.csv"
+    path.write_text("# a: b\na,b,a\n1,2,3\n")
+    with pytest.raises(InputError, match="twice: a"):
+        tables.read_numbers(path)

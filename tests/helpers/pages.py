@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
@@ -16,6 +17,7 @@ PAGES = [
     *sorted(DOCS.rglob("*.md")),
 ]
 LINK = re.compile(r"\[(?:[^\[\]]|\[[^\]]*\])*\]\(([^)\s]+)\)")
+GUIDES = [DOCS / f"{name}.md" for name in ("experimenters", "designers", "doubters")]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
 
@@ -26,6 +28,39 @@ def name_of(page: Path) -> str:
 def blocks(page: Path, *languages: str) -> list[str]:
     """The code blocks of a page in these languages; "" for those that name none."""
     return [text for language, text in FENCE.findall(page.read_text()) if language in languages]
+
+
+@dataclass(frozen=True)
+class Step:
+    """A code block of a page, with the text since the block before it."""
+
+    text: str
+    language: str
+    block: str
+
+    @property
+    def file(self) -> str:
+        """The file of a configuration: the last that the text names."""
+        return re.findall(r"`([\w-]+\.yaml)`", self.text)[-1]
+
+
+def steps(page: Path) -> list[Step]:
+    """The blocks of a page from top to bottom; the text after the last one is a step without."""
+    text, *others = FENCE.split(page.read_text())
+    found = []
+    for language, block, after in zip(*(others[n::3] for n in range(3)), strict=True):
+        found.append(Step(text, language, block))
+        text = after
+    return [*found, Step(text, "", "")]
+
+
+def shape(line: str) -> str:
+    """A printed line without its numbers, its detectors' letters and the widths of its columns.
+
+    Of detectors that stand alike, rounding decides which is named.
+    """
+    line = re.sub(r"\bPSD [ABC]\b", "PSD", line)
+    return " ".join(re.sub(r"[-+±]*\d[\d.,]*(e[-+]?\d+)?", "#", line).split())
 
 
 def prose(page: Path) -> str:

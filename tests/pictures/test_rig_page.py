@@ -113,6 +113,29 @@ def test_each_way_to_the_readings_gives_what_python_gives(tmp_path):
                 assert np.allclose(one["spots"], placed(sensor, state), rtol=0, atol=1e-9)
 
 
+@needs_browser
+@pytest.mark.slow
+def test_readings_are_shown_as_a_person_writes_them(tmp_path):
+    """At rest a spot's place is rounding, which is zero; a power so small is told as a power of
+    ten."""
+    told = """<script>addEventListener("load", () => setTimeout(() => {
+      const cells = [...document.querySelectorAll("td[data-reading]")];
+      const said = {rest: cells.map((cell) => cell.textContent)};
+      const far = document.getElementById("text");
+      far.value = "tx_mm=-1.5";
+      far.dispatchEvent(new Event("input"));
+      said.far = cells.map((cell) => cell.textContent);
+      document.body.dataset.told = JSON.stringify(said);
+    }, 1000));</script></html>"""
+    page = tmp_path / "rig.html"
+    page.write_text(rig_page(PAPER, "paper", np.zeros(8)).replace("</html>", told), "utf-8")
+    said = in_browser(page, tmp_path / "profile", "--disable-3d-apis")
+    places = [text for n, text in enumerate(said["rest"]) if n % 3 < 2]
+    assert all(re.fullmatch("\u2212?\\d+\\.\\d{4}", text) for text in places), said
+    assert not any("e" in text for text in said["far"] if text != "lost"), said
+    assert any("\u00d7 10\u207b" in text for text in said["far"]), said
+
+
 #: What a user does: moves one slider after the other, types numbers, pastes states.
 ACTS = """<script>
 addEventListener("load", () => setTimeout(() => {

@@ -46,7 +46,7 @@ def test_random_states_fill_their_box_and_follow_the_seed():
 def test_a_table_is_read_in_its_units(tmp_path):
     file = tmp_path / "poses.csv"
     file.write_text("yaw_mrad,time_s,tx_mm\n1,0.5,0.1\n2,0.75,0.2\n")
-    time, state = states(Table(file, 100.0), RNG)
+    time, state = states(Table(file, 1, 100.0), RNG)
     assert time.tolist() == [0.5, 0.75]
     assert state[:, 0].tolist() == [0.1, 0.2]
     assert state[:, 5] == pytest.approx([0.001, 0.002])
@@ -55,7 +55,22 @@ def test_a_table_is_read_in_its_units(tmp_path):
 def test_a_table_without_times_takes_the_rate(tmp_path):
     file = tmp_path / "poses.csv"
     file.write_text("tx_mm\n1\n2\n3\n")
-    assert states(Table(file, 100.0), RNG)[0] == pytest.approx([0, 0.01, 0.02])
+    assert states(Table(file, 1, 100.0), RNG)[0] == pytest.approx([0, 0.01, 0.02])
+
+
+def test_a_table_without_times_may_stand_still_at_each_row(tmp_path):
+    file = tmp_path / "poses.csv"
+    file.write_text("tx_mm\n1\n2\n")
+    time, state = states(Table(file, 3, 100.0), RNG)
+    assert time == pytest.approx(np.arange(6) / 100)
+    assert state[:, 0].tolist() == [1, 1, 1, 2, 2, 2]
+
+
+def test_a_table_with_times_does_not_stand_still(tmp_path):
+    file = tmp_path / "poses.csv"
+    file.write_text("tx_mm,time_s\n1,0\n2,1\n")
+    with pytest.raises(InputError, match=r"poses\.csv: .* time_s.* samples_per_step: 3"):
+        states(Table(file, 3, 100.0), RNG)
 
 
 @pytest.mark.parametrize(
@@ -71,4 +86,4 @@ def test_a_bad_table_is_named_with_its_line(tmp_path, text, words):
     file = tmp_path / "poses.csv"
     file.write_text(text)
     with pytest.raises(InputError, match=words):
-        states(Table(file, 1.0), RNG)
+        states(Table(file, 1, 1.0), RNG)

@@ -20,6 +20,7 @@ from .board import TRUTH, Board, Count
 from .faults import Faults, Schedule
 from .mirror import Mirror
 from .pty import Pty
+from .reference import Reference
 from .stages import PiController, ZaberDevice
 
 if TYPE_CHECKING:
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
 
 #: How often the bench goes round, s.
 ROUND = 1e-3
-#: A mirror that goes further than this leaves a fixed beam: it waits for the stage, mm.
-BEAM = 0.3
 #: Making samples may keep the stage waiting no longer than about this, s.
 PATIENCE = 0.01
 #: Samples are made and sent for so long at once, s, as the packets of a USB board are.
@@ -48,7 +47,9 @@ NOTICED_SLIP = 0.05
 class Bench:
     """Goes round until told to end. folder: holds the ports `board` and `stage`, and the truth.
 
-    A motion that leaves the beam begins when the stage is first asked to move.
+    The beam stands at the origin, and so does the stage; where the motion leaves a beam there, the
+    beam is set up on the mirror. A motion that leaves that one, too, begins when the stage is first
+    asked to move.  reference: whether a reference beside the sensor reads the poses.
     """
 
     def __init__(
@@ -60,6 +61,7 @@ class Bench:
         seed: int,
         folder: Path,
         firmware: FirmwareLibrary | None = None,
+        reference: bool = False,
         truth: bool = False,
     ) -> None:
         """truth: whether the true state of each sample is written."""
@@ -68,10 +70,13 @@ class Bench:
         self.config, self.rate, self.folder = config, rate, folder
         self.mirror = Mirror(config, motion, seed)
         self.model = StageModel(config.stage)
-        self.model.place = self.mirror.states[0, :2].copy()  # the beam was set up on the mirror
-        self.model.target = self.model.place.copy()
-        if self.mirror.reach < BEAM:
+        place = np.zeros(2)
+        if self.mirror.leaves(place):
+            place = self.mirror.states[0, :2]
+        self.model.place, self.model.target = place.copy(), place.copy()
+        if not self.mirror.leaves(place):
             self.mirror.begin = 0.0
+        self.reference = Reference(config, self.mirror, seed) if reference else None
         zaber = config.stage.driver == "zaber"
         self.device = ZaberDevice(self.model) if zaber else PiController(self.model)
         self.schedule = Schedule(faults, np.random.default_rng(seed))
@@ -172,6 +177,8 @@ class Bench:
         seq = (first + np.arange(due)).astype(np.uint32)
         self.count.made += due
         host = self.begin + seq / self.rate
+        if self.reference:
+            self.reference.read(times, host)
         fate = self.board.take(states, seq, host, now)
         if self.truth:
             self.truth.write(truth_rows(seq, host, states, fate))

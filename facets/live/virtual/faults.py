@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from math import inf
 from typing import ClassVar
 
 import numpy as np
 
 from ...core.errors import InputError
+from ...core.plain_numbers import assignments, plain_number
 
 
 @dataclass(frozen=True)
@@ -56,18 +58,18 @@ class Faults:
     def of(cls, text: str) -> Faults:
         """The faults that a command line names: `flip=1e-4,drop=1e-3`."""
         names = [field.name for field in fields(cls)]
-        given = {}
-        for part in filter(None, text.split(",")):
-            name, _, value = part.strip().partition("=")
+        found, form = {}, "NAME=NUMBER"
+        given = assignments(text, "--faults", names, form) if text else {}
+        for name, value in given.items():
             try:
-                given[name] = float(value)
+                found[name] = plain_number(value)
             except ValueError:
-                given[name] = -1.0
-            if name not in names or not given[name] >= 0:
+                found[name] = -1.0
+            if not 0 <= found[name] < inf:
                 raise InputError(
-                    f"--faults has {part.strip()!r}; allowed: NAME=NUMBER of {', '.join(names)}"
+                    f"--faults has '{name}={value}'; allowed: {form}, of {', '.join(names)}"
                 )
-        return cls(**given)
+        return cls(**found)
 
 
 class Schedule:

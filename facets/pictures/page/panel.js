@@ -6,7 +6,7 @@
   const first = PAGE.state.slice();
   // in the units that are shown, so that a number that was typed stays as it is
   let shown = first.map((x, n) => tidy(x / parts[n].factor));
-  const sliders = [];
+  const sliders = [], PICOMETRE = 1e-9;
   // page.html?theme=light&view=mirror, for those who show the page inside another
   const asked = new URLSearchParams(location.search);
   let chosen = ["dark", "light"].find((name) => name === asked.get("theme"));
@@ -73,7 +73,7 @@
     readings.forEach((value, n) => {
       const cell = document.querySelector(`td[data-reading="${n}"]`), lost = Number.isNaN(value);
       cell.dataset.value = String(value);
-      cell.textContent = lost ? "lost" : digits(value, n % 3 === 2 ? 5 : 4);
+      cell.textContent = lost ? "lost" : n % 3 === 2 ? digits(value, 5) : digits(value, 4, PICOMETRE);
       cell.className = lost || off.includes("ABC"[Math.floor(n / 3)]) ? "lost" : "";
     });
     share(readings);
@@ -95,11 +95,20 @@
       `${RIG.beam.power} mW.`;
   }
 
-  // With a true minus sign; what is not zero never looks like it.
-  function digits(value, places) {
-    const text = value !== 0 && Math.abs(value) < 0.5 * 10 ** -places
-      ? value.toExponential(1) : value.toFixed(places);
+  // With a true minus sign, as a person writes it. A place of less than a picometre is the rounding
+  // of numbers of some hundred mm; a power has none, and what is not zero never looks like it.
+  function digits(value, places, nothing = 0) {
+    if (Math.abs(value) < nothing) value = 0;
+    if (value !== 0 && Math.abs(value) < 0.5 * 10 ** -places) return powerOfTen(value);
+    const text = value.toFixed(places);
     return (Number(text) === 0 ? text.replace("-", "") : text).replace(/-/g, "\u2212");
+  }
+
+  // 6.2 × 10⁻¹⁷
+  function powerOfTen(value) {
+    const [number, exponent] = value.toExponential(1).split("e");
+    const raised = [...String(+exponent)].map((sign) => sign === "-" ? "\u207b" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[+sign]);
+    return `${number.replace("-", "\u2212")} × 10${raised.join("")}`;
   }
 
   function words() {

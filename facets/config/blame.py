@@ -1,0 +1,81 @@
+"""Which keys a problem that arises from several of them is put down to, and where those stand.
+
+A user can change the file that was asked for, so its keys are named where any of them takes part,
+and those of the files that it extends only where none does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+from .yaml_positions import Marked, Path_, dotted
+
+Misses = Callable[[Marked], float]
+
+
+def message(tree: Marked, paths: Sequence[Path_], reason: str) -> str:
+    """`FILE:LINE: key.path: reason`, of the first of some keys that the user's own file sets, else
+    of the first that any file sets; the others that are set stand behind the reason."""
+    found = [(*tree.find(path), path) for path in paths]
+    known = [(mark, path) for mark, at, path in found if at == path]
+    known.sort(key=lambda one: one[0].file != tree.file)
+    (mark, path), *others = known or [(found[0][0], paths[0])]
+    beside = ", ".join(f"{dotted(path)} ({other.place})" for other, path in others)
+    told = reason if reason.startswith(dotted(path)) else f"{dotted(path)}: {reason}"
+    return f"{mark.place}: {told}{beside and f'; together with {beside}'}"
+
+
+def leaves(mark: Marked, path: Path_ = ()) -> Iterator[tuple[Path_, Marked]]:
+    """The values of a tree that are no blocks of keys, with their paths."""
+    if isinstance(mark.value, dict):
+        for key, child in mark.value.items():
+            yield from leaves(child, (*path, key))
+    else:
+        yield path, mark
+
+
+def without(tree: Marked, paths: Sequence[Path_]) -> Marked:
+    """The tree as it would be if the files that say them left some keys out."""
+    for path in paths:
+        tree = _without(tree, path)
+    return tree
+
+
+def _without(mark: Marked, path: Path_) -> Marked:
+    key, *rest = path
+    inside = dict(mark.value)
+    if rest:
+        inside[key] = _without(inside[key], tuple(rest))
+    elif (below := inside[key].below) is not None:
+        inside[key] = below
+    else:
+        del inside[key]
+    return replace(mark, value=inside)
+
+
+def culprits(tree: Marked, block: Path_, misses: Misses) -> list[Path_]:
+    """The keys of a block that make it fail: left out, it would not.
+
+    misses: by how much a tree fails, up to 1 where it does not. One key of the user's own file
+    where that is enough; else the fewest of that file, then of all files.
+    """
+    every = [(path, mark) for path, mark in leaves(tree.find(block)[0], block) if path]
+    own = [path for path, mark in every if mark.file == tree.file]
+    for some in (own, [path for path, _ in every]):
+        alone = [(misses(without(tree, [path])), n) for n, path in enumerate(some)]
+        if alone and min(alone)[0] <= 1:
+            return [some[min(alone)[1]]]
+        if some and misses(without(tree, some)) <= 1:
+            return fewest(tree, some, misses)
+    return own[:1] or [block]
+
+
+def fewest(tree: Marked, paths: list[Path_], misses: Misses) -> list[Path_]:
+    """Those of some keys without which the others would not do, one after the other."""
+    chosen = list(paths)
+    for path in paths:
+        fewer = [one for one in chosen if one != path]
+        if misses(without(tree, fewer)) <= 1:
+            chosen = fewer
+    return chosen

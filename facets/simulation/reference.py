@@ -1,0 +1,34 @@
+"""What a reference beside the sensor says of the mirror's poses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..core.names import STATE_COLUMNS, STATE_UNITS
+from ..core.units import Floats
+
+
+def reference_poses(poses: Floats, sigma: Sequence[float], rng: np.random.Generator) -> Floats:
+    """The poses (n, 6) with the reference's errors; NaN on an axis that it does not measure.
+
+    sigma: (6,) its standard uncertainties, mm and rad, infinite where it does not measure.  An
+    error stays the same while the mirror stands still, as an encoder's does.
+    """
+    error = rng.standard_normal(poses.shape)
+    moved = np.append(True, (np.diff(poses, axis=0) != 0).any(axis=1))
+    arrival = np.maximum.accumulate(np.where(moved, np.arange(len(poses)), 0))
+    measured = np.isfinite(sigma)
+    found: Floats = poses + np.where(measured, sigma, 0.0) * error[arrival]
+    found[:, ~measured] = np.nan
+    return found
+
+
+def reference_columns(poses: Floats) -> dict[str, Floats]:
+    """Columns `ref_tx_mm` ... of `reference_poses` (n, 6), those of the axes that are measured."""
+    return {
+        f"ref_{STATE_COLUMNS[n]}": poses[:, n] / STATE_UNITS[n]
+        for n in range(6)
+        if not np.isnan(poses[:, n]).any()
+    }

@@ -1,0 +1,84 @@
+"""A former result is taken for the configuration that it was made from, and for no other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bad_inputs import recorded
+from commands import command
+
+import facets
+from facets.core.errors import InputError
+from facets.design.exploration import Space, part_table
+from facets.files import provenance, tables
+
+LAYOUT, PAPER = facets.load("layout"), facets.load("paper")
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_a_table_says_from_which_configuration_it_was_made(tmp_path, ending):
+    path = tmp_path / f"t.{ending}"
+    tables.write_table(path, {"a": np.zeros(3)}, provenance.about(LAYOUT, 1))
+    made = tables.read_head(path)
+    assert made["config"] == "layout"
+    provenance.require_origin(path, made, LAYOUT, "")
+    with pytest.raises(InputError, match=r"from configuration layout, not from paper; do so"):
+        provenance.require_origin(path, made, PAPER, "do so")
+    with pytest.raises(InputError, match=r"another state of layout, by facets 0\.1"):
+        provenance.require_origin(
+            path, made | {"config_sha256": "0" * 64, "facets": "0.1"}, LAYOUT, ""
+        )
+    with pytest.raises(InputError, match="does not say"):
+        provenance.require_origin(path, {}, LAYOUT, "")
+
+
+@pytest.fixture
+def explored(tmp_path):
+    """A folder of designs of `layout`, as `facets explore` leaves it."""
+    space = Space(LAYOUT.sensor, LAYOUT.range, LAYOUT.layout, "sobol", 2, 1)
+    x = np.array([list(bounds) for bounds in LAYOUT.layout.variables.values()]).T
+    table = part_table(space, 0, x, np.zeros(2, dtype=int), np.ones((2, 15)), np.ones(2))
+    about = provenance.about(LAYOUT, 1)
+    (tmp_path / "out" / "parts").mkdir(parents=True)
+    tables.write_table(tmp_path / "out" / "parts" / "0000000000.parquet", table, about)
+    tables.write_table(tmp_path / "out" / "front.csv", table, about)
+    tables.write_table(tmp_path / "out" / "pareto.csv", {"point": np.arange(2), **table}, about)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--pick", "0", "--from", "out", "-o", "mine.yaml"),
+        ("--pick", "0", "--front", "--from", "out", "-o", "mine.yaml"),
+        ("-o", "out"),
+        ("--front", "-o", "out"),
+    ],
+)
+@pytest.mark.parametrize("config", ["paper", "other.yaml"])
+def test_designs_of_another_configuration_are_not_taken(explored, words, config):
+    (explored / "other.yaml").write_text("extends: layout\nsensor: {psd: {height_mm: 1}}\n")
+    before = {path: path.read_bytes() for path in explored.rglob("*") if path.is_file()}
+    result = command("explore", config, *words, cwd=explored)
+    assert result.returncode == 2
+    assert "was made from configuration layout, not from" in result.stderr
+    assert before == {path: path.read_bytes() for path in explored.rglob("*") if path.is_file()}
+
+
+def test_designs_of_the_same_configuration_are_taken(explored):
+    words = ("explore", "layout", "--pick", "1", "--from", "out", "-o", "mine.yaml")
+    result = command(*words, cwd=explored)
+    assert result.returncode == 0, result.stderr
+    assert facets.load(explored / "mine.yaml").path.is_file()
+
+
+def test_a_recording_of_another_sensor_is_neither_drawn_nor_compared(tmp_path):
+    recorded(tmp_path)
+    for words in (
+        ("render", "paper", "--recording", "recording", "-o", "film.gif"),
+        ("replay", "recording", "--config", "paper", "--compare"),
+    ):
+        result = command(*words, cwd=tmp_path)
+        assert result.returncode == 2, result.stdout
+        assert "recording: was made from configuration" in result.stderr
+    assert not (tmp_path / "film.gif").exists()

@@ -1,0 +1,212 @@
+"""Results appear together or not at all: after an error, a full disk or ^C at any step."""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import signal
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import command
+from facets.cli import main
+
+from facets.core.errors import OutputError
+from facets.files import whole
+from facets.files.whole import ResultSet, Whole, staged, take_away
+
+FULL = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def tree(folder: Path) -> dict[str, bytes | None]:
+    """All that is in a folder, hidden files and empty folders too."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None
+        for path in folder.rglob("*")
+    }
+
+
+def write_three(folder: Path) -> None:
+    """A set over two folders, with an older file replaced, a new one, and an older one gone."""
+    with ResultSet():
+        for name in ("here/old.csv", "new/deep/first.csv", "new/deep/second.csv"):
+            with Whole(folder / name) as temporary:
+                temporary.write_text(f"new {name}")
+        take_away(folder / "here" / "gone.csv")
+        assert staged(folder / "here" / "old.csv").read_text() == "new here/old.csv"
+        assert not staged(folder / "here" / "gone.csv").exists()
+        assert (folder / "here" / "old.csv").read_text() == "old"
+
+
+@pytest.fixture
+def older(tmp_path):
+    (tmp_path / "here").mkdir()
+    for name in ("old.csv", "gone.csv"):
+        (tmp_path / "here" / name).write_text("old")
+    return tmp_path
+
+
+def test_all_of_a_set_appears_at_the_end(older):
+    write_three(older)
+    assert tree(older) == {
+        "here": None,
+        "here/old.csv": b"new here/old.csv",
+        "new": None,
+        "new/deep": None,
+        "new/deep/first.csv": b"new new/deep/first.csv",
+        "new/deep/second.csv": b"new new/deep/second.csv",
+    }
+
+
+#: What a set does with the disk, and how often.
+STEPS = [("os.open", 3), ("os.fsync", 5), ("Path.mkdir", 3), ("os.link", 2), ("Path.replace", 3)]
+
+
+def failing(monkeypatch, name: str, step: int, error: BaseException) -> list[int]:
+    """Makes the call number `step` of a function of `os` or `Path` fail; counts the calls."""
+    owner, attribute = (os, name[3:]) if name.startswith("os.") else (Path, name[5:])
+    genuine, calls = getattr(owner, attribute), [0]
+
+    def call(*words, **options):
+        calls[0] += 1
+        if calls[0] == step:
+            raise error
+        return genuine(*words, **options)
+
+    monkeypatch.setattr(owner, attribute, call)
+    return calls
+
+
+@pytest.mark.parametrize("error", [FULL, KeyboardInterrupt()], ids=["full disk", "interrupt"])
+@pytest.mark.parametrize(("name", "step"), [(n, k + 1) for n, most in STEPS for k in range(most)])
+def test_after_a_failure_at_any_step_all_is_as_it_was(older, monkeypatch, name, step, error):
+    before = tree(older)
+    calls = failing(monkeypatch, name, step, error)
+    if name == "os.link" and isinstance(error, OSError):  # a disk without them: copies
+        write_three(older)
+        assert (older / "here" / "old.csv").read_text() == "new here/old.csv"
+        assert calls[0] >= step
+        return
+    with pytest.raises(OutputError if isinstance(error, OSError) else KeyboardInterrupt):
+        write_three(older)
+    monkeypatch.undo()
+    assert calls[0] >= step
+    assert tree(older) == before
+
+
+def test_a_signal_does_not_come_between_the_moves_of_a_set(older, monkeypatch):
+    genuine = Path.replace
+
+    def replace(path, target):
+        signal.raise_signal(signal.SIGINT)
+        return genuine(path, target)
+
+    monkeypatch.setattr(Path, "replace", replace)
+    with pytest.raises(KeyboardInterrupt):
+        write_three(older)
+    monkeypatch.undo()
+    assert sorted(tree(older)) == ["here", "here/old.csv", "new", "new/deep",
+                                   "new/deep/first.csv", "new/deep/second.csv"]  # fmt: skip
+
+
+def test_a_file_alone_belongs_to_no_set(tmp_path):
+    def fail():
+        with ResultSet(), Whole(tmp_path / "kept.o", alone=True) as temporary:
+            temporary.write_text("kept")
+            raise KeyboardInterrupt
+
+    with ResultSet():
+        with Whole(tmp_path / "kept.o", alone=True) as temporary:
+            temporary.write_text("kept")
+        assert (tmp_path / "kept.o").exists()
+    with pytest.raises(KeyboardInterrupt):
+        fail()
+    assert tree(tmp_path) == {"kept.o": b"kept"}
+
+
+def test_a_full_disk_leaves_no_folder_behind(tmp_path):
+    result = command("simulate", "paper", "--motion", "yaw-sweep", "-o", "deep/out", cwd=tmp_path,
+                     limit=20_000)  # fmt: skip
+    assert result.returncode == 2
+    assert "can not be written" in result.stderr
+    assert tree(tmp_path) == {}
+
+
+OPTIMUM = "extends: layout\noptimize: {starts: 1, variables: {radius_mm: [100, 260]}}\n"
+LOOSE = "extends: layout\ncalibrate: {before: {psd_mm: 0.05}}\n"
+COMMANDS = [
+    ("simulate", "paper", "--motion", "yaw-sweep", "-o", "out"),
+    ("resolution", "paper", "-o", "out"),
+    ("range-map", "paper", "--axes", "tx,ty", "-o", "out"),
+    ("jacobian", "paper", "--states", "1000", "--no-search", "--table", "csv", "-o", "out"),
+    ("jacobian", "paper", "--states", "1000", "--box", "tx_mm=0.01", "--certify", "--reach",
+     "-o", "out"),
+    ("tolerances", "layout", "--heads", "10", "-o", "out"),
+    ("optimize", "mine.yaml", "--report", "--sheets", "out/x.tex", "--certify", "0",
+     "-o", "out/x.yaml"),
+    ("export-c", "paper", "-o", "out"),
+    ("reproduce", "table1", "--quick", "-o", "out"),
+]  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    (tmp_path / "mine.yaml").write_text(OPTIMUM)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run(words, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["facets", *words])
+    monkeypatch.setattr(sys, "stdout", io.StringIO())
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    with pytest.raises(SystemExit) as end:
+        main()
+    return end.value.code
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", COMMANDS, ids=lambda words: " ".join(words[:2]))
+def test_every_command_writes_all_its_results_in_one_set(words, folder, monkeypatch):
+    before, seen = tree(folder), []
+
+    def publish(results):
+        seen.append(set(results.files))
+        raise FULL if len(words) % 2 else KeyboardInterrupt
+
+    monkeypatch.setattr(ResultSet, "publish", publish)
+    assert run(words, monkeypatch) in (2, 130)
+    assert tree(folder) == before
+    assert len(seen) == 1
+    assert len(seen[0]) > 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("more", [(), ("--front", "--points", "3", "--objective", "u_roll_urad",
+                                       "--objective", "range_roll_mrad")])  # fmt: skip
+def test_a_search_keeps_its_parts_alone_where_its_results_can_not_be_written(
+    folder, monkeypatch, more
+):
+    monkeypatch.setattr(ResultSet, "publish", lambda _: failed())
+    words = ("explore", "mine.yaml", "--designs", "32", "-o", "out", "--report", "out/p.html")
+    assert run((*words, *more), monkeypatch) == 2
+    parts = {"out", "out/parts", "out/parts/0000000000.parquet", "out/search.txt"}
+    assert set(tree(folder)) == {"mine.yaml"} | (set() if more else parts)
+
+
+def failed() -> None:
+    raise FULL
+
+
+@pytest.mark.parametrize("call", ["Whole", "ResultSet"])
+def test_a_set_that_fails_in_itself_is_said(tmp_path, monkeypatch, call):
+    failing(monkeypatch, "os.fsync", 1 if call == "Whole" else 2, FULL)
+    with (
+        pytest.raises(OutputError, match="can not be written: No space left"),
+        ResultSet(),
+        whole.Whole(tmp_path / "a") as temporary,
+    ):
+        np.savetxt(temporary, np.zeros(3))

@@ -1,0 +1,83 @@
+"""A reader who types what a page of the documentation says, in a folder."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+from pages import Step, shape
+
+
+class Reader:
+    """Types what a page says: a block for the first terminal runs until the text stops it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.bench: subprocess.Popen[str] | None = None
+        self.printed: list[str] = []
+        here = str(Path(sys.executable).parent)
+        self.environment = {**os.environ, "PATH": f"{here}{os.pathsep}{os.environ['PATH']}"}
+
+    def follow(self, step: Step) -> None:
+        if "Ctrl-C" in step.text:
+            self.stop()
+        if step.language == "yaml":
+            (self.folder / step.file).write_text(step.block)
+        elif step.language == "bash" and "first terminal" in step.text:
+            self.start(step.block)
+        elif step.language == "bash":
+            for line in step.block.splitlines():
+                self.type(line)
+        elif step.language in ("", "text") and self.printed:
+            self.compare(step.block.splitlines())
+
+    def start(self, line: str) -> None:
+        assert self.bench is None, f"the first terminal is still busy: {line}"
+        self.bench = subprocess.Popen(
+            ["bash", "-c", line], cwd=self.folder, env=self.environment, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True,
+        )  # fmt: skip
+        assert self.bench.stdout is not None
+        printed = []
+        for text in self.bench.stdout:  # up to the ports' names
+            printed.append(text)
+            if "bench/board" in text:
+                return
+        raise AssertionError(f"{line}{''.join(printed)}")
+
+    def stop(self) -> None:
+        """Ctrl-C in the first terminal."""
+        bench, self.bench = self.bench, None
+        if bench is None:
+            return
+        os.killpg(bench.pid, signal.SIGINT)
+        printed, _ = bench.communicate(timeout=60)
+        assert bench.returncode == 0, printed
+
+    def end(self) -> None:
+        """Closes the first terminal, if it is still busy."""
+        if self.bench:
+            os.killpg(self.bench.pid, signal.SIGKILL)
+            self.bench.communicate()
+
+    def type(self, line: str) -> None:
+        """In the second terminal; a comment in the line states its exit status if that is not 0."""
+        done = subprocess.run(
+            ["bash", "-c", line], cwd=self.folder, env=self.environment, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=600,
+        )  # fmt: skip
+        told = re.search(r"# ends with status (\d+)", line)
+        assert done.returncode == (int(told[1]) if told else 0), f"{line}\n{done.stdout}"
+        self.printed += done.stdout.splitlines()
+
+    def compare(self, lines: Iterable[str]) -> None:
+        """What a page shows has been printed, but for its numbers; `...` stands for anything."""
+        printed = "\n".join(map(shape, self.printed))
+        for line in lines:
+            pattern = re.escape(shape(line)).replace(re.escape("..."), ".*")
+            assert re.search(f"^{pattern}$", printed, flags=re.MULTILINE), line
