@@ -49,6 +49,13 @@ def solve(
     power: Annotated[Power | None, typer.Option(help="The laser's power.")] = None,
     method: Annotated[Method | None, typer.Option(help="paper: Newton on eight readings.")] = None,
     start: Annotated[Start | None, typer.Option(help="previous: for slow motion.")] = None,
+    accept_unchecked: Annotated[
+        bool,
+        typer.Option(
+            "--accept-unchecked",
+            help="Give poses that no number is left to check, as those of two detectors.",
+        ),
+    ] = False,
 ) -> None:
     """Solve a table of readings for poses.
 
@@ -67,6 +74,8 @@ def solve(
     given = {"beam": beam, "power": power, "method": method, "start": start}
     chosen = {key: word.value for key, word in given.items() if word is not None}
     options = replace(settings.solve, **chosen)  # type: ignore[arg-type]
+    if accept_unchecked:
+        options = replace(options, accept_unchecked=True)
     tables.ending(output)
     if output.exists() and readings.exists() and output.samefile(readings):
         raise InputError(f"{output}: is the table of readings itself")
@@ -113,10 +122,24 @@ def report(count: Count, output: Path) -> None:
         lines = ", ".join(map(str, count.unparsable_lines))
         more = " ..." if count.statuses["unparsable"] > len(count.unparsable_lines) else ""
         typer.echo(f"  not numbers in line {lines}{more}")
-    if count.pairs:
-        typer.echo(
-            f"  {count.pairs} of the poses from two detectors only (column used): no reading is\n"
-            "  left to check them, and another pose, far away, may give the same ones"
+    for sentence in (unchecked_sentence(count), count.misfit.sentence):
+        if sentence:
+            typer.echo(fill(sentence, 98, initial_indent="  ", subsequent_indent="  "))
+
+
+def unchecked_sentence(count: Count) -> str:
+    """What to say of rows that have, or could have, a pose which nothing checks."""
+    from facets.estimation.solution import Status
+
+    refused = count.statuses[Status.UNCHECKED.label]
+    if refused:
+        return (
+            f"{refused} rows have as many numbers as unknowns, so that nothing would tell a spoilt "
+            "number; --accept-unchecked gives their poses."
         )
-    if count.misfit.sentence:
-        typer.echo(fill(count.misfit.sentence, 98, initial_indent="  ", subsequent_indent="  "))
+    if count.unchecked:
+        return (
+            f"{count.unchecked} poses are from as many numbers as unknowns: nothing checks them, "
+            "and another pose, far away, may give the same numbers."
+        )
+    return ""

@@ -70,7 +70,7 @@ def find_ambiguous_pair(sensor: Sensor, near: Floats) -> AmbiguousPair | None:
             seen = readings(sensor, one)
             found = solve(sensor, seen, start=near - side * reach * direction)
             gap = np.linalg.norm((found.state - one) / UNITS) / np.linalg.norm(direction / UNITS)
-            if found.ok and found.residual < EQUAL and gap > reach:
+            if found.converged and found.residual < EQUAL and gap > reach:
                 return between(sensor, one, found.state)
     return None
 

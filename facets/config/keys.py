@@ -387,6 +387,9 @@ class SolveKeys(Section):
         "zero", description="where each solution starts: from zero or from the sample before"
     )
     max_steps: int = Field(50, ge=1, le=10_000, description="then a sample counts as not solved")
+    accept_unchecked: bool = Field(
+        False, description="give poses that no number is left to check, as those of two detectors"
+    )
 
 
 class Document(Section):

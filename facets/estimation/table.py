@@ -17,7 +17,7 @@ from ..core.units import Booleans, Floats
 from ..detectors.correction import corrected
 from ..detectors.skew import align
 from ..files import tables
-from .misfit import Misfit, beyond_chance
+from .misfit import Misfit
 from .solution import Solution, Status
 from .solver import Prior, solve
 
@@ -36,13 +36,14 @@ class Count:
     """What became of the rows.
 
     unparsable_lines: of the first few that are no numbers.  misfit: rows that were solved, but
-    with a residual beyond chance.  pairs: rows that were solved from two detectors.
+    with a residual beyond chance.  unchecked: rows that were solved, on request, though nothing
+    checks them.
     """
 
     statuses: Counter[str] = field(default_factory=Counter)
     unparsable_lines: list[int] = field(default_factory=list)
     misfit: Misfit = field(default_factory=Misfit)
-    pairs: int = 0
+    unchecked: int = 0
 
     @property
     def rows(self) -> int:
@@ -88,6 +89,7 @@ def solve_readings(
         method=options.method,  # type: ignore[arg-type]
         start=options.start,
         max_steps=options.max_steps,
+        accept_unchecked=options.accept_unchecked,
     )
 
 
@@ -193,12 +195,12 @@ def solve_table(
                 solution = solve_chunk(config.sensor, options, chunk)
                 status = labels(solution, chunk.unparsable)
                 time = {k: v for k, v in chunk.columns.items() if k == "time_s"}
-                beyond = beyond_chance(config.sensor, options, solution)
-                columns = pose_columns(solution, status) | {"misfit": beyond.astype(int)}
+                columns = pose_columns(solution, status)
+                columns["misfit"] = solution.misfit.astype(int)
                 writer.write({**time, **columns})
                 count.statuses.update(status.tolist())
-                count.misfit.add(beyond, solution, options)
-                count.pairs += int((solution.ok & (solution.used.sum(axis=-1) < 3)).sum())
+                count.misfit.add(solution)
+                count.unchecked += int((solution.converged & (solution.checks == 0)).sum())
                 bad = chunk.lines[chunk.unparsable][: 5 - len(count.unparsable_lines)]
                 count.unparsable_lines += bad.tolist()
                 progress(chunk.bytes_read)

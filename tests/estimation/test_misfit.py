@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 import facets
 from facets.detectors.noise import add_noise
-from facets.estimation import misfit
-from facets.estimation.misfit import LEVEL, Misfit, beyond_chance, redundancy
+from facets.estimation.chance import LEVEL, LIMITS
+from facets.estimation.misfit import Misfit
 from facets.estimation.table import solve_readings
 
 CONFIG = facets.load("paper")
@@ -29,23 +30,25 @@ def read(count=2000, seed=1):
     [("known", "known", 3), ("known", "unknown", 2), ("free", "known", 1), ("free", "unknown", 0)],
 )
 def test_redundancy_is_what_is_read_beside_what_is_sought(beam, power, count):
-    options = replace(CONFIG.solve, beam=beam, power=power)
-    assert redundancy(np.ones((1, 3), bool), options)[0] == count
-    assert redundancy(np.array([[True, True, False]]), options)[0] == max(count - 3, 0)
+    raw = read(2)
+    raw[1, 4] = np.nan
+    found = facets.solve(CONFIG.sensor, raw, beam=beam, power=power)
+    assert found.checks.tolist() == [count, max(count - 3, 0)]
+    assert found.limit.tolist() == LIMITS[found.checks].tolist()
+    assert found.checks[0] == facets.solve(CONFIG.sensor, raw[0], beam=beam, power=power).checks
 
 
 def test_chance_flags_as_many_as_it_should():
     solution = solve_readings(CONFIG.sensor, OPTIONS, read(), None)
-    share = beyond_chance(CONFIG.sensor, OPTIONS, solution, 0.05).mean()
+    share = (solution.residual > np.sqrt(chi2.isf(0.05, 2))).mean()
     assert 0.03 < share < 0.07
 
 
 def flags(sensor, raw):
     found = Misfit()
     solution = solve_readings(sensor, OPTIONS, raw, None)
-    marks = beyond_chance(sensor, OPTIONS, solution, LEVEL)
-    found.add(marks, solution, OPTIONS)
-    return marks, found
+    found.add(solution)
+    return solution.misfit, found
 
 
 def test_nothing_is_said_where_all_is_right():
@@ -68,9 +71,5 @@ def test_another_geometry_is_told():
 
 
 def test_the_limits_that_are_kept_are_those_of_the_distribution():
-    from scipy.stats import chi2
-
-    exact = np.sqrt(chi2.isf(misfit.LEVEL, np.arange(1, 10)))
-    assert misfit.LIMITS[1:] == pytest.approx(exact, rel=1e-12)
-    assert misfit.limit_of(3, misfit.LEVEL) == misfit.LIMITS[3]
-    assert misfit.limit_of(3, 1e-3) == pytest.approx(np.sqrt(chi2.isf(1e-3, 3)))
+    exact = np.sqrt(chi2.isf(LEVEL, np.arange(1, 10)))
+    assert LIMITS[1:] == pytest.approx(exact, rel=1e-12)
