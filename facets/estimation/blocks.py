@@ -18,7 +18,7 @@ import numpy as np
 from ..model.blocks import CODE, LANES, address_of, lanes_of
 from .chance import Chance, count_checks
 from .problem import CONVERGED, PATIENCE, UNKNOWNS, Limits, Problem, Readings, Results
-from .solution import CHECKS, COVARIANCE, LIMIT, RESIDUAL
+from .solution import CHECKS, COVARIANCE, RESIDUAL
 
 Array = Any
 
@@ -158,8 +158,7 @@ class One:
         state, steps, residual, checks, covariances = np.split(
             self.numbers, (UNKNOWNS, RESIDUAL, CHECKS, COVARIANCE)
         )
-        checks[0] = chance.checks(np.array(3))
-        checks[LIMIT - CHECKS] = chance.limits(chance.checks(np.array(3)))
+        checks[:] = chance.checks(np.ones(3, bool)), chance.limit
         arrays = (
             packed, table_of(limits, problem), given.values, self._weights, problem.means,
             problem.starts, state, steps, residual, covariances, left,

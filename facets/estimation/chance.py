@@ -44,13 +44,21 @@ class Chance(NamedTuple):
     none: int
     widening: float
 
-    def checks(self, detectors: NDArray[np.int64]) -> NDArray[np.int8]:
-        """How many numbers check each pose (n,), from the number of detectors used (n,)."""
-        return np.maximum(3 * detectors + self.none, 0).astype(np.int8)
+    def checks(self, used: NDArray[np.bool_]) -> NDArray[np.int8]:
+        """How many numbers check each pose (...), from the detectors used (..., 3)."""
+        if used.all():  # counting takes longer than a step of the estimate
+            return np.full(used.shape[:-1], max(9 + self.none, 0), np.int8)
+        found = np.maximum(3 * np.count_nonzero(used, axis=-1) + self.none, 0)
+        return np.asarray(found, np.int8)
 
     def limits(self, checks: NDArray[np.int8]) -> Floats:
-        """The residuals (n,) that noise alone hardly leaves; infinite where nothing checks."""
-        return self.widening * LIMITS[checks]
+        """The residuals (...) that noise alone hardly leaves; infinite where nothing checks."""
+        return np.asarray(self.widening * LIMITS.take(checks))
+
+    @property
+    def limit(self) -> float:
+        """That of a pose from all three detectors."""
+        return float(self.widening * LIMITS[max(9 + self.none, 0)])
 
 
 def widening_of(sensor: Sensor) -> float:

@@ -55,7 +55,7 @@ def has_fold(sensor: Sensor) -> bool:
 
 
 def states_about(sensor: Sensor) -> Floats:
-    """States (n, 8) as far from rest as spots can go on their detectors; the same ones each time."""
+    """States (n, 8) about rest, as far as spots can go on their detectors; always the same."""
     half = half_sizes(sensor).min()
     distance = max(float(np.hypot(psd.radius, psd.height)) for psd in sensor.psds)
     across = OFFSET * min(sensor.beam.diameter_x, sensor.beam.diameter_y)
@@ -97,7 +97,8 @@ def cut_spots(sensor: Sensor, found: Results) -> Rows:
     """The poses in which a spot that took part reaches past its detector's edge."""
     rows = np.flatnonzero(found.status == CONVERGED)
     inside = (margins(sensor, found.states[rows, :8].copy())[..., :4] >= 0).all(axis=2)
-    return rows[(found.used[rows] & ~inside).any(axis=1)]
+    cut: NDArray[np.bool_] = (found.used[rows] & ~inside).any(axis=1)
+    return rows[cut]
 
 
 def second_solutions(sensor: Sensor, chance: Chance, found: Results, again: Again) -> Rows:
@@ -118,7 +119,6 @@ def second_solutions_of(
     _, values, directions = np.linalg.svd(matrices)
     weakest, answer = directions[:, -1], values[:, -1]
     step = weakest / np.abs(weakest).max(axis=1, keepdims=True) * FINE_UNITS
-    limit = chance.limits(chance.checks(np.array(3)))
     doubtful = np.zeros(len(rows), bool)
     for side in (1.0, -1.0):
         fold = side * fold_distance(sensor, here, side * step)
@@ -131,7 +131,7 @@ def second_solutions_of(
             other = again(rows[some], start)
             off = (other.states[:, :8] - here[some]) / FINE_UNITS
             apart = np.abs((off * weakest[some]).sum(axis=1)) * answer[some]
-            doubtful[some] = (other.residuals <= limit) & (apart > APART)
+            doubtful[some] = (other.residuals <= chance.limit) & (apart > APART)
     return rows[doubtful]
 
 

@@ -46,9 +46,9 @@ class Solution:
     state: (..., 8) mm, rad, NaN where not converged.  status: (...) of `Status`.
     power: (...) of the beam, mW.  used: (..., 3) the detectors that took part.
     iterations: (...).  residual: (...) root of the weighted sum of squares left, in sigmas.
-    checks: (...) by how many the numbers of the detectors used, and the priors, exceed the unknowns;
-    0 where nothing checks the pose.  limit: (...) the residual that noise alone exceeds once in
-    10,000; infinite without checks.
+    checks: (...) by how many numbers, those of the detectors used and the priors, exceed the
+    unknowns; 0 where nothing checks the pose.  limit: (...) the residual that noise alone exceeds
+    once in 10,000; infinite without checks.
     covariance: (..., 8, 8) of the state, or None where not asked for; zero for what was known.
     With `Sensor.calibration` that of the parameters is in it, the same in every sample.
     """
@@ -81,8 +81,9 @@ class Solution:
     def ok(self) -> NDArray[np.bool_]:
         """Where there is a pose, and its residual is no misfit: (...).
 
-        One in 10,000 right poses is marked as a misfit by chance. No residual tells of a number
-        that nothing else checks: with a free beam that is each spot's place.
+        One in 10,000 right poses is marked as a misfit by chance. What one spoilt number can do
+        to a pose that is `ok` is told by `facets.unseen_errors`: with a free beam nothing checks
+        the places of the spots.
         """
         return self.converged & ~self.misfit
 
@@ -97,7 +98,7 @@ class Solution:
 
 def solution(found: problem.Results, shape: tuple[int, ...], chance: Chance) -> Solution:
     """What was found, in the leading shape of the readings."""
-    checks = chance.checks(np.count_nonzero(found.used, axis=1))
+    checks = chance.checks(found.used)
     return Solution(
         state=found.states[:, :8].reshape(*shape, 8),
         status=found.status.reshape(shape),
@@ -128,11 +129,9 @@ class FirstRow:
         """In arrays of its own."""
         covariance = None if self.covariance is None else self.covariance.copy()
         state, status, power, used, steps, residual = (view.copy() for view in self.views)
-        checks = self.chance.checks(np.count_nonzero(used))
+        checks = self.chance.checks(used)
         limit = self.chance.limits(checks)
-        return Solution(
-            state, status, power, used, steps, residual, checks, np.asarray(limit), covariance
-        )
+        return Solution(state, status, power, used, steps, residual, checks, limit, covariance)
 
 
 #: Where the numbers of `SolutionOfOne` are: the state and the power, then, four times each, steps
