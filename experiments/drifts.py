@@ -11,7 +11,6 @@ minute, most of it compiling.
 from __future__ import annotations
 
 from dataclasses import replace
-
 from typing import Any
 
 import numpy as np
