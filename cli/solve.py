@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from facets.estimation.table import Count
 
 
+#: Errors of a pose that are worth a word, and those without a bound; standard uncertainties.
+MUCH, BOUNDLESS = 10.0, 1e4
+
+
 class Beam(StrEnum):
     free = "free"
     known = "known"
@@ -122,7 +126,8 @@ def report(count: Count, output: Path) -> None:
         lines = ", ".join(map(str, count.unparsable_lines))
         more = " ..." if count.statuses["unparsable"] > len(count.unparsable_lines) else ""
         typer.echo(f"  not numbers in line {lines}{more}")
-    for sentence in (unchecked_sentence(count), count.misfit.sentence):
+    beside = (unchecked_sentence(count), edge_sentence(count), unseen_sentence(count))
+    for sentence in (count.misfit.sentence, *beside):
         if sentence:
             typer.echo(fill(sentence, 98, initial_indent="  ", subsequent_indent="  "))
 
@@ -134,12 +139,39 @@ def unchecked_sentence(count: Count) -> str:
     refused = count.statuses[Status.UNCHECKED.label]
     if refused:
         return (
-            f"{refused} rows have as many numbers as unknowns, so that nothing would tell a spoilt "
-            "number; --accept-unchecked gives their poses."
+            f"Rows with as many numbers as unknowns: {refused}. Nothing would tell a spoilt number "
+            "there; --accept-unchecked gives their poses."
         )
     if count.unchecked:
         return (
-            f"{count.unchecked} poses are from as many numbers as unknowns: nothing checks them, "
-            "and another pose, far away, may give the same numbers."
+            f"Poses from as many numbers as unknowns: {count.unchecked}. Nothing checks them, and "
+            "another pose, far away, may give the same numbers."
         )
     return ""
+
+
+def edge_sentence(count: Count) -> str:
+    if not count.edges:
+        return ""
+    return (
+        f"Poses with a spot nearer to its detector's edge than its own size: {count.edges}. Light may "
+        "be lost there, and their stated uncertainties do not hold then. Set sensor.apertures.detectors "
+        "for a model with edges."
+    )
+
+
+def unseen_sentence(count: Count) -> str:
+    """What one spoilt number can do to a pose without a sign, where that is much."""
+    place, power = count.unseen.tolist()
+    if not max(place, power) > MUCH:
+        return ""
+    return (
+        "One spoilt number can put a pose off before its residual shows it: a spot's place by "
+        f"{amount(place)}, a power by {amount(power)} (standard uncertainties of the pose)."
+    )
+
+
+def amount(errors: float) -> str:
+    if errors > BOUNDLESS:
+        return "any amount"
+    return f"up to {errors:.2g}"

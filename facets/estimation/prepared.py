@@ -79,9 +79,7 @@ class Solver:
 
     def _prepare(self) -> PreparedEstimate:
         sensor, _, _, _, method, max_steps, covariance, accept_unchecked = self._asked
-        return PreparedEstimate(
-            sensor, self._plan, method, max_steps, covariance, accept_unchecked
-        )
+        return PreparedEstimate(sensor, self._plan, method, max_steps, covariance, accept_unchecked)
 
     def solve(self, reading: ArrayLike) -> Solution:
         """The pose of one reading (9,): psi, zeta (mm), power (mW) of detectors A, B, C.

@@ -13,7 +13,7 @@ from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import power_floor, standard_deviations
-from ..model.arrays import as_rows, as_vectors, half_sizes, packed
+from ..model.arrays import as_rows, as_vectors, half_sizes, packed, spot_size
 from ..model.kinds import kind_of
 from ..model.threads import part_of, share
 from ..optics.limits import COLUMNS, MOST
@@ -108,9 +108,7 @@ def lost_at_edges(sensor: Sensor) -> float:
 
     The middle of a spot that is cut hardly moves while the spot goes on.
     """
-    if not sensor.apertures.detectors:
-        return 0.0
-    return max(sensor.beam.diameter_x, sensor.beam.diameter_y) / 2
+    return spot_size(sensor) / 2 if sensor.apertures.detectors else 0.0
 
 
 def plan(

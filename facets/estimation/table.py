@@ -17,7 +17,9 @@ from ..core.units import Booleans, Floats
 from ..detectors.correction import corrected
 from ..detectors.skew import align
 from ..files import tables
+from ..model.arrays import near_edges
 from .misfit import Misfit
+from .reliability import unseen_errors
 from .solution import Solution, Status
 from .solver import Prior, solve
 
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
     from ..core.settings import Config, Solve
 
 UNPARSABLE = "unparsable"
+#: Poses of a piece of a table at which `unseen_errors` is asked for.
+LOOKED_AT = 100
 #: Where the beam is; and how uncertain that is, which a table of poses has beside it.
 BEAM_COLUMNS = STATE_COLUMNS[6:]
 BEAM_UNCERTAINTIES = tuple(f"u_{name}" for name in BEAM_COLUMNS)
@@ -37,13 +41,36 @@ class Count:
 
     unparsable_lines: of the first few that are no numbers.  misfit: rows that were solved, but
     with a residual beyond chance.  unchecked: rows that were solved, on request, though nothing
-    checks them.
+    checks them.  edges: rows that were solved with a spot near an edge that the model lacks.
+    unseen: (2,) by how much one spoilt place and one spoilt power can put a pose off unseen, in
+    standard uncertainties, at most; NaN where nothing was solved.
     """
 
     statuses: Counter[str] = field(default_factory=Counter)
     unparsable_lines: list[int] = field(default_factory=list)
     misfit: Misfit = field(default_factory=Misfit)
     unchecked: int = 0
+    edges: int = 0
+    unseen: Floats = field(default_factory=lambda: np.full(2, np.nan))
+
+    def add(
+        self, sensor: Sensor, options: Solve, readings: Floats, found: Solution, status: Any
+    ) -> None:
+        """Counts some rows.  readings: (n, 9).  status: (n,) in words."""
+        self.statuses.update(status.tolist())
+        self.misfit.add(found)
+        self.unchecked += int((found.converged & (found.checks == 0)).sum())
+        if not sensor.apertures.detectors:
+            near = (near_edges(sensor, readings) & found.used).any(axis=1)
+            self.edges += int((found.converged & near).sum())
+        some = np.flatnonzero(found.converged & (found.checks > 0))[:LOOKED_AT]
+        if len(some):
+            errors = unseen_errors(
+                sensor, found.state[some], beam=beam_known(sensor, options),
+                power=power_known(sensor, options),
+            ).reshape(-1, 3, 3)  # fmt: skip
+            largest = np.array([errors[..., :2].max(), errors[..., 2].max()])
+            self.unseen = np.fmax(self.unseen, largest)
 
     @property
     def rows(self) -> int:
@@ -69,28 +96,33 @@ def solve_readings(
     finite, there is no pose.
     time: (n,) of the readings, s, for detectors that are read one after the other.
     """
-    beam: Any = "free"
-    if options.beam != "free":
-        sigma = options.beam_sigma if options.beam == "prior" else 0.0
-        sigma = hypot(sigma, sensor.electronics.pointing if sensor.electronics else 0.0)
-        if place is None:
-            place = np.zeros((1, 2))
+    if place is not None and options.beam != "free":
         lost = ~np.isfinite(place).all(axis=1)
         if lost.any():
             readings, place = readings.copy(), place.copy()
             readings[lost], place[lost] = np.nan, 0.0
-        beam = Prior(place[0] if len(place) == 1 else place, sigma)
     exact = corrected(sensor, readings)
     return solve(
         sensor,
         exact if time is None else align(sensor, time, exact),
-        beam=beam,
+        beam=beam_known(sensor, options, place),
         power=power_known(sensor, options),
         method=options.method,  # type: ignore[arg-type]
         start=options.start,
         max_steps=options.max_steps,
         accept_unchecked=options.accept_unchecked,
     )
+
+
+def beam_known(sensor: Sensor, options: Solve, place: Floats | None = None) -> Any:
+    """place: (n, 2) or (1, 2); None for the origin."""
+    if options.beam == "free":
+        return "free"
+    sigma = options.beam_sigma if options.beam == "prior" else 0.0
+    sigma = hypot(sigma, sensor.electronics.pointing if sensor.electronics else 0.0)
+    if place is None:
+        return Prior((0.0, 0.0), sigma)
+    return Prior(place[0] if len(place) == 1 else place, sigma)
 
 
 def power_known(sensor: Sensor, options: Solve) -> Any:
@@ -103,9 +135,13 @@ def power_known(sensor: Sensor, options: Solve) -> Any:
     return options.power
 
 
+def readings_in(chunk: tables.Chunk) -> Floats:
+    """(n, 9) of a table of readings."""
+    return np.column_stack([chunk.columns[name] for name in READING_COLUMNS])
+
+
 def solve_chunk(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Solution:
-    readings = np.column_stack([chunk.columns[name] for name in READING_COLUMNS])
-    place = None
+    readings, place = readings_in(chunk), None
     if all(name in chunk.columns for name in BEAM_COLUMNS):
         place = np.column_stack([chunk.columns[name] for name in BEAM_COLUMNS])
     time = chunk.columns.get("time_s")
@@ -198,9 +234,7 @@ def solve_table(
                 columns = pose_columns(solution, status)
                 columns["misfit"] = solution.misfit.astype(int)
                 writer.write({**time, **columns})
-                count.statuses.update(status.tolist())
-                count.misfit.add(solution)
-                count.unchecked += int((solution.converged & (solution.checks == 0)).sum())
+                count.add(config.sensor, options, readings_in(chunk), solution, status)
                 bad = chunk.lines[chunk.unparsable][: 5 - len(count.unparsable_lines)]
                 count.unparsable_lines += bad.tolist()
                 progress(chunk.bytes_read)

@@ -102,11 +102,11 @@ def test_a_known_beam_saves_a_row_without_a_detector_on_request(tmp_path):
     words = ("solve", "paper", "readings.csv", "-o", "poses.csv", "--beam", "known")
     told = command(*words, cwd=tmp_path).stdout
     assert "2 of 5 rows solved" in told
-    assert "1 rows have as many numbers as unknowns" in told
+    assert "Rows with as many numbers as unknowns: 1." in told
     assert poses(tmp_path / "poses.csv").status[2] == "unchecked"
     told = command(*words, "--accept-unchecked", "--force", cwd=tmp_path).stdout
     assert "3 of 5 rows solved" in told
-    assert "1 poses are from as many numbers as unknowns: nothing checks them" in told
+    assert "Poses from as many numbers as unknowns: 1. Nothing checks them" in told
 
 
 @pytest.mark.parametrize(
