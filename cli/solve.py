@@ -154,9 +154,9 @@ def edge_sentence(count: Count) -> str:
     if not count.edges:
         return ""
     return (
-        f"Poses with a spot nearer to its detector's edge than its own size: {count.edges}. Light may "
-        "be lost there, and their stated uncertainties do not hold then. Set sensor.apertures.detectors "
-        "for a model with edges."
+        f"Poses with a spot nearer to its detector's edge than its own size: {count.edges}. Light "
+        "may be lost there, and their stated uncertainties do not hold then. Set "
+        "sensor.apertures.detectors for a model with edges."
     )
 
 

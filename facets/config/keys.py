@@ -194,7 +194,9 @@ class Apertures(Section):
         description="diameter of an aperture in the beam over its 1/e^2 diameter; 1 as the paper",
     )
     detectors: bool = Field(
-        False, description="whether light past a PSD's sensitive area is lost, spots being cut"
+        False,
+        description="whether light past a PSD's sensitive area is lost; a spot that is cut is then "
+        "out of range for the solver",
     )
     rim_mm: float | None = Field(
         None, gt=0, le=1000, description="where the facets end below, from the mirror's axis"

@@ -38,6 +38,9 @@ DISTANCES = np.geomspace(10, 1e5, 25)
 BEYOND = (2.0, 1.3, 4.0)
 #: Solutions farther apart than this are two, in standard uncertainties.
 APART = 3.0
+#: A fold nearer than this, in standard uncertainties: the other solution is about twice as far, and
+#: between them hardly any step of the estimate finds its way.
+NEAR = 5.0
 
 
 def is_doubtful(sensor: Sensor, free: NDArray[np.int64]) -> bool:
@@ -118,10 +121,12 @@ def second_solutions_of(
     matrices = derivatives(sensor, here) * FINE_UNITS / sigmas[:, :, None]
     _, values, directions = np.linalg.svd(matrices)
     weakest, answer = directions[:, -1], values[:, -1]
-    step = weakest / np.abs(weakest).max(axis=1, keepdims=True) * FINE_UNITS
+    largest = np.abs(weakest).max(axis=1, keepdims=True)
+    step = weakest / largest * FINE_UNITS
     doubtful = np.zeros(len(rows), bool)
     for side in (1.0, -1.0):
         fold = side * fold_distance(sensor, here, side * step)
+        doubtful |= np.abs(fold) * answer / largest[:, 0] < NEAR
         for share in BEYOND:
             some = np.flatnonzero(np.isfinite(fold) & ~doubtful)
             if not len(some):

@@ -334,6 +334,10 @@ def test_a_controller_finds_the_same_poses(folders: dict[str, Path], core: list[
             },
             "opening",
         ),
+        (
+            {name: getattr(facets.load("singular").sensor, name) for name in ("facets", "psds")},
+            "two",
+        ),
     ],
 )
 def test_what_the_c_would_not_give_is_refused(change: dict[str, object], word: str) -> None:
