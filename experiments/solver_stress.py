@@ -191,7 +191,7 @@ def spoil_one(
 
 
 TROUBLES = [
-    Trouble("noise; spots past edges", 0.1, leave),
+    Trouble("noise; spots past edges", 0.15, leave),
     Trouble("one number masked", 0.1, mask),
     Trouble("one number spoilt", 0.2, spoil_one),
     Trouble("spots cut by edges", 0.05, leave, near_edges=True, cut=True),

@@ -49,10 +49,12 @@ def is_doubtful(sensor: Sensor, free: NDArray[np.int64]) -> bool:
 
 
 def has_fold(sensor: Sensor) -> bool:
-    """Whether the determinant of Eq. (11) has both signs; found once a sensor."""
+    """Whether the determinant of Eq. (11) has both signs where nothing cuts the light; found once
+    a sensor."""
     kept: bool | None = sensor.__dict__.get("_has_fold")
     if kept is None:
-        signs = sides(sensor, states_about(sensor))
+        bare = Sensor(beam=sensor.beam, facets=sensor.facets, psds=sensor.psds)
+        signs = sides(bare, states_about(sensor))
         kept = sensor.__dict__["_has_fold"] = bool((signs < 0).any() and (signs > 0).any())
     return kept
 

@@ -398,6 +398,19 @@ def solve(
     return solution(found, shape, chance_of(sensor, todo))
 
 
+def local_solution(sensor: Sensor, reading: Floats, start: Floats) -> tuple[Floats, float]:
+    """The state (8,) to which a reading (9,) leads from a start (8,), the beam free, and the
+    residual there; NaN where it leads to none. Another state may give the same reading."""
+    todo, values = plan_kept(sensor, "free", "known", "least-squares", ()), reading[None].copy()
+    asked = problem.Problem(
+        todo.means, todo.weights, todo.free, starting(start, todo, values, ()),
+        previous=False, max_steps=50, damped=True, accept_unchecked=False,
+    )  # fmt: skip
+    found = empty_results(1, False)
+    estimate(sensor, problem.Readings(values, sigmas_of(sensor, values)), todo.limits, asked, found)
+    return found.states[0, :8], float(found.residuals[0])
+
+
 def sigmas_of(sensor: Sensor, values: Floats) -> Floats:
     """The readings' standard deviations as `problem.Readings` has them."""
     return np.empty((0, 9)) if sensor.electronics is None else standard_deviations(sensor, values)

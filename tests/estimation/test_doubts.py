@@ -84,3 +84,8 @@ def test_where_the_beam_is_known_the_double_is_told_apart():
 def test_other_heads_have_no_fold(name):
     assert not has_fold(SENSORS[name])
     assert has_fold(FOLDED)
+
+
+def test_edges_that_cut_make_no_fold():
+    assert not has_fold(CUT)
+    assert not has_fold(facets.load("bench-light").sensor)

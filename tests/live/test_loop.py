@@ -14,7 +14,7 @@ from facets.live import acquire as module
 from facets.live.acquire import Ending, Live, Loop
 from facets.live.frames import SIZE
 from facets.live.index import Block
-from facets.live.pipeline import FULL, SKIPPED, Pipeline
+from facets.live.pipeline import FULL, SKIPPED, TWO_DETECTORS, Pipeline
 from facets.live.pose_table import join_columns, pose_columns
 from facets.live.replay import compare
 
@@ -296,4 +296,12 @@ def test_a_sample_that_was_called_non_finite_is_the_same_as_one_called_saturated
     old["status"][:5], new["status"][:5] = Status.NON_FINITE, FULL
     assert compare(old, new).same
     new["status"][9] = FULL
+    assert compare(old, new).different == 1
+
+
+def test_a_sample_that_was_called_two_detectors_only_is_the_same_as_one_called_unchecked():
+    old, new = in_turn(2), in_turn(2)
+    old["status"][:5], new["status"][:5] = TWO_DETECTORS, Status.UNCHECKED
+    assert compare(old, new).same
+    new["status"][9] = Status.UNCHECKED
     assert compare(old, new).different == 1
