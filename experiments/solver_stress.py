@@ -143,6 +143,7 @@ WRONG = 10.0
 #: What can be known of the beam's place and its power, 1 sigma: mm, and a share; None for nothing.
 KNOWLEDGE: dict[str, tuple[float | None, float | None]] = {
     "beam free": (None, 0.0),
+    "beam free, power within 1 %": (None, 0.01),
     "beam free, power unknown": (None, None),
     "beam known": (0.0, 0.0),
     "beam known, power unknown": (0.0, None),

@@ -13,6 +13,7 @@ from facets.experiments.sensors import SENSORS
 from facets.experiments.solver_stress import CASES, starts, states
 
 import facets
+from facets import Status
 from facets.core.errors import InputError
 from facets.core.sensor import BenchLight, Correction, Grid
 from facets.detectors.correction import corrected
@@ -175,6 +176,32 @@ def test_what_is_known_before_weighs_as_in_facets(
     rtol = 1e-6 if precision == DOUBLE else 0.05
     assert np.allclose(spread, known.uncertainty[ok], rtol=rtol)
     assert np.allclose(found.power[ok], known.power[ok], rtol=1e-9 if precision == DOUBLE else 1e-5)
+
+
+@needs_compiler
+@pytest.mark.parametrize("precision", [SINGLE, DOUBLE])
+def test_a_pose_that_nothing_checks_is_given_on_request_only(
+    folders: dict[str, Path], precision: str
+) -> None:
+    """Of two detectors with the beam known, and of three for nine unknowns."""
+    sensor, rng = facets.Sensor(), np.random.default_rng(5)
+    states = states_within(sensor, 40, rng)
+    states[:, 6:] = 0
+    two = facets.add_noise(sensor, facets.readings(sensor, states), rng)
+    whole = two.copy()
+    two[np.arange(40), rng.integers(0, 9, 40)] = np.nan
+    code = library(folders["paper"], precision)
+    known, unknown = {"beam": "known"}, {"sigmas": (np.inf, np.inf, np.inf)}
+    for rows, way, same in ((two, known, known), (whole, unknown, {"power": "unknown"})):
+        found = code.solve(rows, **way)  # type: ignore[arg-type]
+        assert (found.status == Status.UNCHECKED).all()
+        assert np.isnan(found.state).all()
+        asked = code.solve(rows, accept_unchecked=True, **way)  # type: ignore[arg-type]
+        expected = facets.solve(sensor, rows, accept_unchecked=True, **same)  # type: ignore[arg-type]
+        assert (asked.status == expected.status).all()
+        assert expected.ok.sum() > 30
+        off = np.abs(asked.state - expected.state)[expected.ok] / 0.1
+        assert (off <= np.maximum(expected.uncertainty[expected.ok], 1e-9)).all()
 
 
 @needs_compiler
