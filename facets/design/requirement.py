@@ -119,9 +119,7 @@ def errors_of(asked: Requirement, built: Sensor, thought: Sensor) -> Floats:
         thought, corrected(thought, raw), beam="free", power=asked.power, start=asked.states,
         covariance=False, accept_unchecked=True,
     )  # fmt: skip
-    off = (
-        np.where(found.converged[:, None], found.state[:, :6] - asked.states[:, :6], np.nan) / UNITS
-    )
+    off = (found.state - asked.states)[:, :6] / UNITS
     beside: Floats = off - off[-1]
     return beside
 

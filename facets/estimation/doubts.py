@@ -121,7 +121,7 @@ def second_solutions_of(
     here = found.states[rows, :8].copy()
     sigmas = standard_deviations(sensor, readings(sensor, here))
     matrices = derivatives(sensor, here) * FINE_UNITS / sigmas[:, :, None]
-    _, values, directions = np.linalg.svd(matrices)
+    _, values, directions = np.linalg.svd(np.nan_to_num(matrices))
     weakest, answer = directions[:, -1], values[:, -1]
     largest = np.abs(weakest).max(axis=1, keepdims=True)
     step = weakest / largest * FINE_UNITS

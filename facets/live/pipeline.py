@@ -27,7 +27,7 @@ from ..estimation.problem import FAINTEST
 from ..estimation.series import solve_series
 from ..estimation.solution import Solution, Status
 from ..estimation.solver import Prior
-from ..estimation.table import power_known
+from ..estimation.table import beam_known, power_known
 from ..tracking.encoder import REACH, Encoder
 from .board_poses import BoardPoses, is_pose
 from .clock import Sequence
@@ -310,13 +310,9 @@ def jitter_of(config: Config) -> float:
     return config.sensor.electronics.pointing if config.sensor.electronics else 0.0
 
 
-def beam_at_rest(config: Config) -> str | Prior:
+def beam_at_rest(config: Config) -> Any:
     """What is known of the beam's place where no stage carries it; "free" also where one does."""
-    options = config.solve
-    if options.beam == "free" or options.method == "paper":
-        return "free"
-    sigma = options.beam_sigma if options.beam == "prior" else 0.0
-    return Prior((0.0, 0.0), hypot(sigma, jitter_of(config)))
+    return "free" if config.solve.method == "paper" else beam_known(config.sensor, config.solve)
 
 
 def with_causes(solution: Solution, flags: NDArray[np.uint8]) -> Solution:
