@@ -143,12 +143,12 @@ WRONG = 10.0
 #: What can be known of the beam's place and its power, 1 sigma: mm, and a share; None for nothing.
 KNOWLEDGE: dict[str, tuple[float | None, float | None]] = {
     "beam free": (None, 0.0),
-    "beam free, power within 1 %": (None, 0.01),
-    "beam free, power unknown": (None, None),
+    "beam free and power within 1 %": (None, 0.01),
+    "beam free and power unknown": (None, None),
     "beam known": (0.0, 0.0),
-    "beam known, power unknown": (0.0, None),
+    "beam known and power unknown": (0.0, None),
     "beam within 5 um": (0.005, 0.0),
-    "beam within 5 um, power within 1 %": (0.005, 0.01),
+    "beam within 5 um and power within 1 %": (0.005, 0.01),
 }
 
 
@@ -295,7 +295,7 @@ def main() -> None:
             counts = spread_over_sensors(trouble, known, options.draws, rng)
             rows.append({"trouble": trouble.name, "knowledge": known, **counts})
             print(
-                f"{trouble.name:34} {known:36} {counts['draws']:7d} drawn, {counts['poses']:7d} "
+                f"{trouble.name:34} {known:38} {counts['draws']:7d} drawn, {counts['poses']:7d} "
                 f"poses, {counts['wrong']:6d} wrong: misfit {counts['misfit']}, unseen "
                 f"{counts['unseen']}, edge {counts['edge']}, nothing {counts['nothing']}",
                 flush=True,
