@@ -90,6 +90,7 @@ def test_bad_rows_are_counted_and_keep_their_place(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "2 of 5 rows solved" in done.stdout
     assert "not numbers in line 3, 6" in done.stdout
+    assert "a spot's place by any amount" in " ".join(done.stdout.split())
     table = poses(tmp_path / "poses.csv")
     expected = ["converged", "unparsable", "non finite", "converged", "unparsable"]
     assert table.status.tolist() == expected

@@ -12,7 +12,7 @@ import facets
 from facets.detectors.noise import add_noise
 from facets.estimation.chance import LEVEL, LIMITS
 from facets.estimation.misfit import Misfit
-from facets.estimation.table import solve_readings
+from facets.estimation.table import Count, solve_readings
 
 CONFIG = facets.load("paper")
 OPTIONS = replace(CONFIG.solve, beam="known", power="unknown")
@@ -73,3 +73,17 @@ def test_another_geometry_is_told():
 def test_the_limits_that_are_kept_are_those_of_the_distribution():
     exact = np.sqrt(chi2.isf(LEVEL, np.arange(1, 10)))
     assert LIMITS[1:] == pytest.approx(exact, rel=1e-12)
+
+
+def test_spots_near_an_edge_are_counted_where_the_model_has_none():
+    """Light is lost there; of three poses one has a spot nearer to an edge than its own size."""
+    states = np.zeros((3, 8))
+    states[1:, 2] = 6.0, 5.5
+    readings = facets.readings(CONFIG.sensor, states)
+    for cut, edges in ((False, 1), (True, 0)):
+        apertures = facets.Apertures(detectors=cut)
+        sensor, count = replace(CONFIG.sensor, apertures=apertures), Count()
+        solution = facets.solve(sensor, readings, beam="known", power="unknown")
+        count.add(sensor, OPTIONS, readings, solution, np.array(["converged"] * 3))
+        assert count.edges == edges
+    assert count.unseen[1] > count.unseen[0] > 5
