@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..core.arguments import checked
 from ..core.names import FINE_UNITS
 from ..core.sensor import Sensor
 from ..core.units import Floats
@@ -24,6 +25,7 @@ from .solver import Prior, chance_of, plan
 NOTHING = 1e-12
 
 
+@checked
 def unseen_errors(
     sensor: Sensor,
     state: ArrayLike,
