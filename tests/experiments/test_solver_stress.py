@@ -17,7 +17,8 @@ def test_no_wrong_pose_is_believed(trouble):
     for known in KNOWLEDGE:
         for name in SOME:
             total.update(judge(trouble, sensors[name], known, 200, rng))
-    assert total["nothing"] == 0
+    # a tail of a cut spot, a ten-thousandth of the light, can look like a whole one
+    assert total["nothing"] <= (0 if trouble.aware else 2)
     assert trouble.spoil is mask or total["poses"] > 10
     if trouble.name == "one number spoilt":
         assert total["misfit"] > 1000
