@@ -89,7 +89,7 @@ def simulate(
     for segment in segments:
         print_segment(segment)
     name_files(files.folder, files.all)
-    if not all(segment.solution.ok.any() for segment in segments):
+    if not all(segment.solution.converged.any() for segment in segments):
         raise typer.Exit(FINDING)
 
 

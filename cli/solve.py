@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from facets.estimation.table import Count
 
 
+#: Errors of a pose that are worth a word, and those without a bound; standard uncertainties.
+MUCH, BOUNDLESS = 10.0, 1e4
+
+
 class Beam(StrEnum):
     free = "free"
     known = "known"
@@ -49,6 +53,13 @@ def solve(
     power: Annotated[Power | None, typer.Option(help="The laser's power.")] = None,
     method: Annotated[Method | None, typer.Option(help="paper: Newton on eight readings.")] = None,
     start: Annotated[Start | None, typer.Option(help="previous: for slow motion.")] = None,
+    accept_unchecked: Annotated[
+        bool,
+        typer.Option(
+            "--accept-unchecked",
+            help="Give poses that no number is left to check, as those of two detectors.",
+        ),
+    ] = False,
 ) -> None:
     """Solve a table of readings for poses.
 
@@ -67,6 +78,8 @@ def solve(
     given = {"beam": beam, "power": power, "method": method, "start": start}
     chosen = {key: word.value for key, word in given.items() if word is not None}
     options = replace(settings.solve, **chosen)  # type: ignore[arg-type]
+    if accept_unchecked:
+        options = replace(options, accept_unchecked=True)
     tables.ending(output)
     if output.exists() and readings.exists() and output.samefile(readings):
         raise InputError(f"{output}: is the table of readings itself")
@@ -113,10 +126,52 @@ def report(count: Count, output: Path) -> None:
         lines = ", ".join(map(str, count.unparsable_lines))
         more = " ..." if count.statuses["unparsable"] > len(count.unparsable_lines) else ""
         typer.echo(f"  not numbers in line {lines}{more}")
-    if count.pairs:
-        typer.echo(
-            f"  {count.pairs} of the poses from two detectors only (column used): no reading is\n"
-            "  left to check them, and another pose, far away, may give the same ones"
+    beside = (unchecked_sentence(count), edge_sentence(count), unseen_sentence(count))
+    for sentence in (count.misfit.sentence, *beside):
+        if sentence:
+            typer.echo(fill(sentence, 98, initial_indent="  ", subsequent_indent="  "))
+
+
+def unchecked_sentence(count: Count) -> str:
+    """What to say of rows that have, or could have, a pose which nothing checks."""
+    from facets.estimation.solution import Status
+
+    refused = count.statuses[Status.UNCHECKED.label]
+    if refused:
+        return (
+            f"Rows with as many numbers as unknowns: {refused}. Nothing would tell a spoilt number "
+            "there; --accept-unchecked gives their poses."
         )
-    if count.misfit.sentence:
-        typer.echo(fill(count.misfit.sentence, 98, initial_indent="  ", subsequent_indent="  "))
+    if count.unchecked:
+        return (
+            f"Poses from as many numbers as unknowns: {count.unchecked}. Nothing checks them, and "
+            "another pose, far away, may give the same numbers."
+        )
+    return ""
+
+
+def edge_sentence(count: Count) -> str:
+    if not count.edges:
+        return ""
+    return (
+        f"Poses with a spot nearer to its detector's edge than its own size: {count.edges}. Light "
+        "may be lost there, and their stated uncertainties do not hold then. Set "
+        "sensor.apertures.detectors for a model with edges."
+    )
+
+
+def unseen_sentence(count: Count) -> str:
+    """What one spoilt number can do to a pose without a sign, where that is much."""
+    place, power = count.unseen.tolist()
+    if not max(place, power) > MUCH:
+        return ""
+    return (
+        "One spoilt number can put a pose off before its residual shows it: a spot's place by "
+        f"{amount(place)}, a power by {amount(power)} (standard uncertainties of the pose)."
+    )
+
+
+def amount(errors: float) -> str:
+    if errors > BOUNDLESS:
+        return "any amount"
+    return f"up to {errors:.2g}"

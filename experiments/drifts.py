@@ -11,6 +11,7 @@ minute, most of it compiling.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -74,7 +75,8 @@ def cases() -> dict[str, tuple[Floats, str]]:
 def over_noise(readings: Floats, beam: str, power: str) -> Floats:
     """Largest shift of each pose component over its standard uncertainty: (6,)."""
     some = poses()
-    found = facets.solve(SENSOR, readings, beam=beam, power=power)  # type: ignore[arg-type]
+    knowledge: Any = {"beam": beam, "power": power}
+    found = facets.solve(SENSOR, readings, **knowledge, accept_unchecked=True)
     shift = np.abs(found.state - some)[:, :6] / found.uncertainty[:, :6]
     largest: Floats = shift.max(axis=0)
     return largest

@@ -55,6 +55,6 @@ if __name__ == "__main__":
         solution = facets.solve(config.sensor, seen_, start=states)
         off = np.hypot(states[:, 0] - states[:, 6], states[:, 1] - states[:, 7]).max()
         print(
-            f"Fig. 11, {'xy'[axis]}: +-{reach} mm, {int(solution.ok.sum())} of {len(time)} solved, "
-            f"beam at most {1e3 * off:.1f} um off"
+            f"Fig. 11, {'xy'[axis]}: +-{reach} mm, {int(solution.converged.sum())} of "
+            f"{len(time)} solved, beam at most {1e3 * off:.1f} um off"
         )

@@ -55,6 +55,7 @@ _HOMES = {
     "Solution": "estimation.solution",
     "Status": "estimation.solution",
     "solve": "estimation.solver",
+    "unseen_errors": "estimation.reliability",
     "AxisRange": "characterization.ranges",
     "Boundary": "characterization.ranges",
     "CAUSES": "characterization.ranges",
@@ -106,6 +107,7 @@ if TYPE_CHECKING:
     from .detectors.noise import add_noise as add_noise
     from .detectors.noise import standard_deviations as standard_deviations
     from .estimation.prepared import Solver as Solver
+    from .estimation.reliability import unseen_errors as unseen_errors
     from .estimation.solution import Solution as Solution
     from .estimation.solution import Status as Status
     from .estimation.solver import Prior as Prior

@@ -41,7 +41,7 @@ def compute(quick: bool) -> Table:
         known = facets.Prior(place, config.stage.accuracy)
         found = facets.solve(config.sensor, seen, beam=known, threads=0)
         off = np.hypot(states[:, 0] - states[:, 6], states[:, 1] - states[:, 7])
-        parts.append((states, found.state, found.ok, off))
+        parts.append((states, found.state, found.converged, off))
     states, estimate, ok, off = (np.concatenate(part) for part in zip(*parts, strict=True))
     thin = slice(None, None, 4)
     return {

@@ -26,7 +26,7 @@ WAYS = {
     "paper": {"method": "paper"},
     "nine readings": {},
     "nine readings; beam known": {"beam": "known"},
-    "power solved for": {"power": "unknown"},
+    "power solved for": {"power": "unknown", "accept_unchecked": True},
 }
 
 

@@ -41,8 +41,8 @@ def stability(quick: bool, seed: int) -> list[Row]:
                 "tilt_mrad": tilt,
                 "place_error_mm": place,
                 "power_error": power,
-                "solved": int(solution.ok.sum()),
-                "most_steps": int(solution.iterations[solution.ok].max(initial=0)),
+                "solved": int(solution.converged.sum()),
+                "most_steps": int(solution.iterations[solution.converged].max(initial=0)),
             }
         )
     return rows
@@ -80,7 +80,7 @@ def steps(quick: bool, seed: int) -> list[Row]:
     noisy = exact + sigma * rng.standard_normal(exact.shape)
     found = [solve(SENSOR, xi, covariance=False) for xi in (exact, noisy)]
     most = max(int(solution.iterations.max()) for solution in found)
-    counts: list[Any] = [np.bincount(s.iterations[s.ok], minlength=most + 1) for s in found]
+    counts: list[Any] = [np.bincount(s.iterations[s.converged], minlength=most + 1) for s in found]
     return [
         {"steps": n, "exact": int(counts[0][n]), "noisy": int(counts[1][n])}
         for n in range(most + 1)

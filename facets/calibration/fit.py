@@ -116,7 +116,7 @@ def opened(data: Data, sensor: Sensor) -> Floats:
     free = np.isinf(data.sigma)
     if free.any():
         found = solve(sensor, corrected(sensor, data.raw), beam="free", covariance=False)
-        solved = found.ok[:, None] & free
+        solved = found.converged[:, None] & free
         opening[:, :6] = np.where(solved, found.state[:, :6] - data.pose, 0.0)
     return opening
 

@@ -9,7 +9,7 @@ import numpy as np
 from ..core.names import DETECTORS, POSE
 from ..core.sensor import Sensor
 from ..detectors.correction import corrected
-from ..model.arrays import readings
+from ..model.arrays import near_edges, readings, spot_size
 from .bundle_adjustment import OWN, Data, deviations, states_of
 from .misfit import KINDS, Finding
 from .unknowns import values_of
@@ -121,11 +121,9 @@ def inside(sensor: Sensor, data: Data) -> tuple[Data, list[Finding]]:
     """
     if sensor.apertures.detectors:
         return data, []
-    spot = max(sensor.beam.diameter_x, sensor.beam.diameter_y)
+    spot = spot_size(sensor)
     raw, found = data.raw.copy(), list[Finding]()
-    for k, psd in enumerate(sensor.psds):
-        half = np.array([psd.size_y, psd.size_z]) / 2
-        near = (np.abs(raw[:, 3 * k : 3 * k + 2]) > half - spot).any(axis=1)
+    for k, near in enumerate(near_edges(sensor, raw).T):
         if near.mean() > MOST:  # then these are no places in mm, which is told elsewhere
             return data, []
         if not near.any():

@@ -16,7 +16,7 @@ import numpy as np
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import standard_deviations
-from ..estimation.solver import solve
+from ..estimation.solver import local_solution
 from ..model.arrays import jacobian, readings
 from .singularity import measures, weakest_direction
 from .state_box import StateBox
@@ -68,10 +68,10 @@ def find_ambiguous_pair(sensor: Sensor, near: Floats) -> AmbiguousPair | None:
         for side in (1, -1):
             one = near + side * reach * direction
             seen = readings(sensor, one)
-            found = solve(sensor, seen, start=near - side * reach * direction)
-            gap = np.linalg.norm((found.state - one) / UNITS) / np.linalg.norm(direction / UNITS)
-            if found.ok and found.residual < EQUAL and gap > reach:
-                return between(sensor, one, found.state)
+            other, residual = local_solution(sensor, seen, near - side * reach * direction)
+            gap = np.linalg.norm((other - one) / UNITS) / np.linalg.norm(direction / UNITS)
+            if residual < EQUAL and gap > reach:
+                return between(sensor, one, other)
     return None
 
 

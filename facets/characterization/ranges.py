@@ -413,7 +413,7 @@ def solved(sensor: Sensor, rules: Rules, boundary: Boundary) -> tuple[int, int]:
     start = np.zeros_like(state)
     start[:, [0, 1, 6, 7]] = state[:, [6, 7, 6, 7]]  # the mirror is looked for under the beam
     found = solve(sensor, readings(sensor, state), start=start, covariance=False)
-    right = found.ok & (np.abs(found.state - state).max(axis=1) < 1e-6)
+    right = found.converged & (np.abs(found.state - state).max(axis=1) < 1e-6)
     return len(points), int(right.sum())
 
 

@@ -288,7 +288,7 @@ class Steady:
 
         sensor = self.config.sensor
         solution = solve(sensor, self.mean, beam="known", power="unknown")
-        state = solution.state if bool(solution.ok) else np.zeros(8)
+        state = solution.state if bool(solution.converged) else np.zeros(8)
         found = 1e3 * np.asarray(jacobian(sensor, state))
         found[2::3] /= self.mean[2::3].sum()
         return found

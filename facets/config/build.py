@@ -124,7 +124,8 @@ def _apertures(keys: dict[str, Any]) -> Apertures:
     )
 
 
-def solve(keys: dict[str, Any]) -> Solve:
+def solve(keys: dict[str, Any], detectors: int) -> Solve:
+    """detectors: the fewest that a pose is made from, as older files say it."""
     return Solve(
         beam=keys["beam"],
         beam_sigma=keys["beam_sigma_um"] / 1000,
@@ -133,6 +134,7 @@ def solve(keys: dict[str, Any]) -> Solve:
         method=keys["method"],
         start=keys["start"],
         max_steps=keys["max_steps"],
+        accept_unchecked=keys["accept_unchecked"] or detectors == 2,
     )
 
 
@@ -149,7 +151,6 @@ def acquire(keys: dict[str, Any]) -> Acquire:
         delay=keys["delay_ms"] / 1000,
         wait=keys["wait_seconds"],
         sync=keys["sync_seconds"],
-        detectors=keys["detectors"],
     )
 
 

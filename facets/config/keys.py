@@ -194,7 +194,9 @@ class Apertures(Section):
         description="diameter of an aperture in the beam over its 1/e^2 diameter; 1 as the paper",
     )
     detectors: bool = Field(
-        False, description="whether light past a PSD's sensitive area is lost, spots being cut"
+        False,
+        description="whether light past a PSD's sensitive area is lost; a spot that is cut is then "
+        "out of range for the solver",
     )
     rim_mm: float | None = Field(
         None, gt=0, le=1000, description="where the facets end below, from the mirror's axis"
@@ -387,6 +389,9 @@ class SolveKeys(Section):
         "zero", description="where each solution starts: from zero or from the sample before"
     )
     max_steps: int = Field(50, ge=1, le=10_000, description="then a sample counts as not solved")
+    accept_unchecked: bool = Field(
+        False, description="give poses that no number is left to check, as those of two detectors"
+    )
 
 
 class Document(Section):

@@ -71,7 +71,7 @@ class Acquire(Section):
         3,
         ge=2,
         le=3,
-        description="fewest that a pose is made from; with 2 no reading is left to check it",
+        description="2: the same as `solve.accept_unchecked: true`, as older files have it",
     )
 
 

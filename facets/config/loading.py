@@ -45,7 +45,7 @@ def load(name_or_path: str | Path) -> Config:
         motions={name: build.motion(keys) for name, keys in resolved["motions"].items()},
         noise=resolved["simulate"]["noise"],
         seed=resolved["simulate"]["seed"],
-        solve=build.solve(resolved["solve"]),
+        solve=build.solve(resolved["solve"], resolved["acquire"]["detectors"]),
         acquire=build.acquire(resolved["acquire"]),
         stage=build.stage(resolved["stage"]),
         electronics=build.electronics(resolved["sensor"]["electronics"]),

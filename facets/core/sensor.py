@@ -221,7 +221,8 @@ class Apertures:
 
     beam: diameter of an aperture in the beam over the beam's 1/e^2 diameter; of the beam's own
     shape and centred on it, so 1 cuts where the irradiance has fallen to 1/e^2.
-    detectors: whether the light past a PSD's sensitive area is lost.
+    detectors: whether the light past a PSD's sensitive area is lost. The solver then takes a spot
+    that an edge cuts for out of range: its middle hardly moves while the spot goes on.
     tip, rim: the mirror reflects from `tip` to `rim` off its axis, counted towards where a facet
     faces, so that both its flat top and its foot are bounded by straight edges; mm.
     gap: width of the strip that is lost along each edge, half of it on either facet, mm.

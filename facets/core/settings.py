@@ -93,7 +93,7 @@ class Solve:
 
     beam: "free", "known" or "prior", which holds it to the given position within `beam_sigma`, mm.
     power: "unknown", "known" or "prior", which holds it to the sensor's within `power_sigma`, a
-    share.
+    share.  accept_unchecked: whether to give poses that no number is left to check.
     """
 
     beam: str
@@ -103,6 +103,7 @@ class Solve:
     start: str
     max_steps: int
     power_sigma: float = 0.01
+    accept_unchecked: bool = False
 
 
 @dataclass(frozen=True)
@@ -111,8 +112,7 @@ class Acquire:
 
     dark: counts without light.  timing: "envelope" or "arrival".  mark: "trigger" or "pps".
     least_delay, delay: s.  wait: for a port that is not there yet, s.  sync: what a power failure
-    may cost a recording, s; 0 for whatever the system leaves.  detectors: the fewest that a pose is
-    made from.
+    may cost a recording, s; 0 for whatever the system leaves.
     """
 
     port: str | None
@@ -125,7 +125,6 @@ class Acquire:
     delay: float
     wait: float
     sync: float
-    detectors: int
     mark: str = "trigger"
 
 

@@ -55,7 +55,7 @@ def simulated(sensor: Sensor, states: Floats, rng: np.random.Generator) -> Float
     for i, state in enumerate(states):
         exact = np.broadcast_to(readings(sensor, state), (DRAWS, 9))
         found = solve(sensor, add_noise(sensor, exact, rng), start=state, covariance=False)
-        spread[i] = np.nanstd(found.state[:, i]) if found.ok.mean() > 0.999 else np.nan
+        spread[i] = np.nanstd(found.state[:, i]) if found.converged.mean() > 0.999 else np.nan
     return spread
 
 

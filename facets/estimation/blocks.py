@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from ..model.blocks import CODE, LANES, address_of, lanes_of
+from .chance import Chance, count_checks
 from .problem import CONVERGED, PATIENCE, UNKNOWNS, Limits, Problem, Readings, Results
-from .solution import COVARIANCE, RESIDUAL
+from .solution import CHECKS, COVARIANCE, RESIDUAL
 
 Array = Any
 
@@ -59,8 +60,13 @@ def kernel(free: tuple[int, ...]) -> Callable[[int], None]:
 
 
 def fits(problem: Problem) -> bool:
-    """Whether blocks know what is asked: damped steps, each reading by itself."""
-    return problem.damped and not problem.previous and tuple(problem.free.tolist()) in QUESTIONS
+    """Whether blocks know what is asked: damped steps, each reading by itself, and checked."""
+    return (
+        problem.damped
+        and not problem.previous
+        and tuple(problem.free.tolist()) in QUESTIONS
+        and (problem.accept_unchecked or count_checks(3, problem.free, problem.weight) > 0)
+    )
 
 
 def table_of(limits: Limits, problem: Problem) -> Array:
@@ -137,16 +143,25 @@ class One:
     """
 
     def __init__(
-        self, packed: Array, given: Readings, limits: Limits, problem: Problem, covariance: bool
+        self,
+        packed: Array,
+        given: Readings,
+        limits: Limits,
+        problem: Problem,
+        chance: Chance,
+        covariance: bool,
     ) -> None:
         self._kernel, self._sigmas = kernel(tuple(problem.free.tolist())), given.sigmas
         self.numbers = np.empty(COVARIANCE + (64 if covariance else 0))
         self.state = self.numbers[:UNKNOWNS]
         self._weights, left = np.empty_like(given.sigmas), np.empty(1, np.int64)
-        found = np.split(self.numbers, (UNKNOWNS, RESIDUAL, COVARIANCE))
+        state, steps, residual, checks, covariances = np.split(
+            self.numbers, (UNKNOWNS, RESIDUAL, CHECKS, COVARIANCE)
+        )
+        checks[:] = chance.checks(np.ones(3, bool)), chance.limit
         arrays = (
             packed, table_of(limits, problem), given.values, self._weights, problem.means,
-            problem.starts, *found, left,
+            problem.starts, state, steps, residual, covariances, left,
         )  # fmt: skip
         self._kept, self._left = arrays, left.data
         self._task = task_of(arrays, len(given.sigmas) > 0, (0, 0, 0), problem, 1)

@@ -77,15 +77,15 @@ def screen_reading(values: Array, limits: Limits, weights: Array, used: Array) -
     return status
 
 
-def enough(used: Array, problem: Problem, eight: bool) -> bool:
-    """Whether the detectors left and the priors are as many as the unknowns."""
+def count_checks(used: Array, problem: Problem, eight: bool) -> int:
+    """By how many the numbers of the detectors used and the priors exceed the unknowns."""
     rows = -1 if eight else 0
     for k in range(3):
         rows += 3 if used[k] else 0
     for c in problem.free:
         if c >= 6 and problem.weight[c - 6] > 0:
             rows += 1
-    return rows >= len(problem.free)
+    return rows - len(problem.free)
 
 
 def weigh_columns(values: Array, free: Array, layers: Array) -> float:

@@ -17,9 +17,10 @@ from ..model.jit import task as task_kernel
 from ..model.threads import once
 from . import gauss_newton, least_squares, normal_equations
 from . import problem as problems
-from .gauss_newton import enough, estimate, screen_reading
+from .gauss_newton import count_checks, estimate, screen_reading
 from .normal_equations import covariance_of
 from .problem import (
+    ACCEPT_UNCHECKED,
     CONVERGED,
     COUNT,
     COUNT_OF_COVARIANCES,
@@ -53,6 +54,7 @@ from .problem import (
     STATES,
     STATUS,
     STEPS,
+    UNCHECKED,
     UNKNOWNS,
     USED,
     VALUES,
@@ -136,7 +138,10 @@ def estimate_each(
         steps, cost = 0, 0.0
         if len(readings.sigmas) > 0:
             weigh(readings.sigmas[n], weights)
-        if status == CONVERGED or enough(results.used[n], problem, limits.eight):
+        checks = count_checks(results.used[n], problem, limits.eight)
+        if checks == 0 and not problem.accept_unchecked:
+            status = UNCHECKED
+        elif status == CONVERGED or checks >= 0:
             warm = problem.previous and last >= 0
             for again in range(2 if warm else 1):  # the last sample may be far: from the start
                 begin(x, results.states[last] if warm and again == 0 else start, free, start)
@@ -180,6 +185,7 @@ def solve_rows(task: Any) -> None:
             task[PREVIOUS] != 0,
             task[MOST_STEPS],
             task[DAMPED] != 0,
+            task[ACCEPT_UNCHECKED] != 0,
         ),
         Results(
             carray(doubles_at(task[STATES]), (n, 9)),

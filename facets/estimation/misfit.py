@@ -1,8 +1,7 @@
-"""Whether a solved reading fits the model: its residual against what noise alone leaves.
+"""Whether the readings fit the model: how many poses have a residual beyond chance, and why.
 
-Of nine readings, those beside the unknowns check the others: their number is the redundancy. The
-squared residual of a right model follows the chi-square distribution with so many degrees of
-freedom; beyond `LEVEL` of it the reading is flagged, for solving and for a live loop alike.
+Which pose has one is `Solution.misfit`; here they are counted and put into words, for a table and
+for a live loop alike.
 
 Where most are flagged, what is likeliest is found by solving some of them again: with another
 power of the laser, and with the beam at another place, one for all. A free beam for each reading
@@ -13,29 +12,19 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
-from functools import cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.units import Floats
-from ..detectors.calibrated import MISFIT
+from .chance import LEVEL
 from .solution import Solution
 
 if TYPE_CHECKING:
     from ..core.sensor import Sensor
     from ..core.settings import Solve
 
-
-#: The chance that a reading is flagged though nothing is wrong with it.
-LEVEL = 1e-4
-#: That many standard deviations of a residual with 0 to 9 degrees of freedom are beyond `LEVEL`:
-#: kept, because the library that has the distribution takes longer to load than to solve a table.
-LIMITS = (
-    np.inf, 3.8905918864130937, 4.291932052578694, 4.594291399787372, 4.848993962152442,
-    5.073936534787943, 5.277910688521919, 5.466031824754125, 5.641598000678736, 5.806888016740519,
-)  # fmt: skip
 #: Flagged readings over those that chance flags, from which on the model is doubted; and the median
 #: residual, over the noise's, from which on it is not the model of this sensor.
 DOUBT, WRONG = 10.0, 5.0
@@ -46,63 +35,6 @@ KEPT = 10_000
 EXAMPLES, EXPLAINED, SMALLER = 60, 2.0, 0.5
 #: A mirror whose poses scatter by less than so many standard uncertainties did not move.
 STILL = 10.0
-
-
-def redundancy(used: NDArray[np.bool_], options: Solve) -> NDArray[np.int64]:
-    """How many numbers of a reading check the others (n,), from the detectors used (n, 3).
-
-    What has a prior counts as known; a beam or a power that is free takes its part.
-    """
-    free = 6 + (2 if options.beam == "free" else 0) + (1 if options.power == "unknown" else 0)
-    if options.method == "paper":
-        return np.zeros(used.shape[:-1], dtype=np.int64)
-    left: NDArray[np.int64] = 3 * used.sum(axis=-1) - free
-    return np.maximum(left, 0)
-
-
-def beyond_chance(
-    sensor: Sensor, options: Solve, solution: Solution, level: float = LEVEL
-) -> NDArray[np.bool_]:
-    """Which solved readings (n,) have a residual that noise leaves with a chance below `level`.
-
-    Never where nothing checks a reading, nor where there is no pose. What a calibration found its
-    model to miss widens the noise.
-    """
-    limits, count = limits_at(level), redundancy(solution.used, options)
-    with np.errstate(invalid="ignore"):
-        high: NDArray[np.bool_] = solution.residual > limits[count] * widening(sensor)
-    return high & solution.ok
-
-
-@cache
-def limits_at(level: float) -> Floats:
-    """The limits of residuals with 0 to 9 degrees of freedom, in standard deviations."""
-    return np.array([limit_of(count, level) for count in range(10)])
-
-
-def limit_of(count: int, level: float) -> float:
-    """Of a residual with so many degrees of freedom, in standard deviations."""
-    if not count:
-        return np.inf
-    if level == LEVEL:
-        return LIMITS[count]
-    from scipy.special import chdtri
-
-    return float(np.sqrt(chdtri(count, level)))
-
-
-def widening(sensor: Sensor) -> float:
-    """By how much residuals of this sensor are larger than the noise, as its calibration says."""
-    known = sensor.calibration
-    if known is None or not any(name in MISFIT for name in known.names):
-        return 1.0
-    from ..detectors.noise import standard_deviations
-    from ..model.arrays import readings
-
-    noise = standard_deviations(sensor, readings(sensor, np.zeros(8)))
-    missed = {name: known.covariance[n][n] for n, name in enumerate(known.names)}
-    over = [missed.get(name, 0.0) / s**2 for name, s in zip(MISFIT, noise, strict=True)]
-    return float(np.sqrt(1 + np.nanmax(over)))
 
 
 @dataclass
@@ -127,25 +59,24 @@ class Misfit:
 
     def add(
         self,
-        flags: NDArray[np.bool_],
         solution: Solution,
-        options: Solve,
         sensor: Sensor,
+        options: Solve,
         readings: Floats,
         places: Floats,
     ) -> None:
-        """Some solved readings (n, 9), and which of them are flagged (n,).
+        """Some solved readings (n, 9), as the model has them.
 
         places: (2,) or (n, 2), where the beam was taken to be, mm.
         """
+        flags = solution.misfit
         if flags.any():
             self.sensor, self.options = sensor, options
             self.keep_examples(flags, readings, np.broadcast_to(places, (len(flags), 2)))
-        count = redundancy(solution.used, options)
-        there = solution.ok & (count > 0)
+        there = solution.converged & (solution.checks > 0)
         self.judged += int(there.sum())
         self.flagged += int(flags.sum())
-        over = solution.residual[there] / np.sqrt(count[there])
+        over = solution.residual[there] / np.sqrt(solution.checks[there])
         self.sizes.append(over)
         self.kept += len(over)
         while self.kept - len(self.sizes[0]) >= KEPT:
@@ -256,9 +187,9 @@ def power_that_explains(
     from .solver import Prior, solve
 
     solution = solve(sensor, readings, beam=Prior(places, 0.0), power="unknown")
-    if median_size(solution, 7) > enough:
+    if median_size(solution) > enough:
         return None
-    return float(np.median(solution.power[solution.ok]))
+    return float(np.median(solution.power[solution.converged]))
 
 
 def place_that_explains(
@@ -272,24 +203,23 @@ def place_that_explains(
     from .solver import Prior, solve
 
     power: Literal["known", "unknown"] = "unknown" if unknown else "known"
-    free = solve(sensor, readings, beam="free", power=power)
-    good = free.ok
+    free = solve(sensor, readings, beam="free", power=power, accept_unchecked=True)
+    good = free.converged
     if not good.any():
         return None
     away = np.median(free.state[good, 6:] - places[good], axis=0)
     sigma = np.median(free.uncertainty[good, 6:], axis=0)
     together = solve(sensor, readings, beam=Prior(places + away, sigma), power=power)
-    if median_size(together, 6 + unknown) > enough:
+    if median_size(together) > enough:
         return None
     poses, u = free.state[good, :6], np.median(free.uncertainty[good, :6], axis=0)
     return away, bool((poses.std(axis=0) > STILL * u).any())
 
 
-def median_size(solution: Solution, unknowns: int) -> float:
-    """The median residual over what noise leaves of readings with so many unknowns; infinite where
-    less than half of them have a pose that can be checked."""
-    count = 3 * solution.used.sum(axis=-1) - unknowns
-    good = solution.ok & (count > 0)
+def median_size(solution: Solution) -> float:
+    """The median residual over what noise leaves; infinite where less than half of the readings
+    have a pose that can be checked."""
+    good = solution.converged & (solution.checks > 0)
     if 2 * good.sum() < len(good):
         return np.inf
-    return float(np.median(solution.residual[good] / np.sqrt(count[good])))
+    return float(np.median(solution.residual[good] / np.sqrt(solution.checks[good])))

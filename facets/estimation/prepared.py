@@ -16,13 +16,16 @@ from ..detectors.noise import standard_deviations
 from ..model.arrays import packed
 from ..model.threads import Pool
 from . import problem
+from .doubts import is_doubtful, take_back
 from .solution import FirstRow, Solution, SolutionOfOne, results_of
 from .solver import (
     Plan,
     Prior,
     add_calibration,
     by_blocks,
+    chance_of,
     empty_results,
+    estimate,
     plan,
     starting,
     workspace,
@@ -38,7 +41,8 @@ class Solver:
     has memory of its own, and gives what it would give alone. A process that is forked, and a copy,
     have a solver of their own.
 
-    beam, power, method, max_steps, covariance: as for `facets.solve`; a `Prior` has one mean.
+    beam, power, method, max_steps, covariance, accept_unchecked: as for `facets.solve`; a `Prior`
+    has one mean.
     start: "zero", or "previous", which starts where the last converged reading of the same thread
     ended, and at zero where that does not lead to a pose.
 
@@ -59,10 +63,11 @@ class Solver:
         method: Literal["least-squares", "paper"] = "least-squares",
         max_steps: int = 50,
         covariance: bool = True,
+        accept_unchecked: bool = False,
     ) -> None:
         if max_steps < 1:
             raise InputError(f"max_steps is {max_steps}; allowed: 1 or more")
-        self._asked = (sensor, beam, power, start, method, max_steps, covariance)
+        self._asked = (sensor, beam, power, start, method, max_steps, covariance, accept_unchecked)
         self._plan = plan(sensor, beam, power, method, ())
         self._previous = _Previous() if start == "previous" else None
         self._pool = Pool(self._prepare)
@@ -73,8 +78,8 @@ class Solver:
         return _solver, self._asked
 
     def _prepare(self) -> PreparedEstimate:
-        sensor, _, _, _, method, max_steps, covariance = self._asked
-        return PreparedEstimate(sensor, self._plan, method, max_steps, covariance)
+        sensor, _, _, _, method, max_steps, covariance, accept_unchecked = self._asked
+        return PreparedEstimate(sensor, self._plan, method, max_steps, covariance, accept_unchecked)
 
     def solve(self, reading: ArrayLike) -> Solution:
         """The pose of one reading (9,): psi, zeta (mm), power (mW) of detectors A, B, C.
@@ -124,7 +129,13 @@ class PreparedEstimate:
     end: Floats | None = None
 
     def __init__(
-        self, sensor: Sensor, todo: Plan, method: str, max_steps: int, covariance: bool
+        self,
+        sensor: Sensor,
+        todo: Plan,
+        method: str,
+        max_steps: int,
+        covariance: bool,
+        accept_unchecked: bool,
     ) -> None:
         self._sensor, self._plan = sensor, todo
         self._values, self._found = np.empty((1, 9)), empty_results(1, covariance)
@@ -141,16 +152,21 @@ class PreparedEstimate:
             previous=False,
             max_steps=max_steps,
             damped=method != "paper",
+            accept_unchecked=accept_unchecked or method == "paper",
         )
+        chance = self._chance = chance_of(sensor, self._plan)
         self._task: problem.Task | None = None
         self._exact: problem.Task | None = None
         self._block: Any = None
-        if by_blocks(sensor, self._problem):
+        self._doubtful = is_doubtful(sensor, self._plan.free)
+        if by_blocks(sensor, self._problem) and not self._doubtful:
             from .blocks import One
 
             given = problem.Readings(self._values, self._sigmas)
-            self._block = One(packed(sensor), given, self._plan.limits, self._problem, covariance)
-        self._first = FirstRow(self._found)
+            self._block = One(
+                packed(sensor), given, self._plan.limits, self._problem, chance, covariance
+            )
+        self._first = FirstRow(self._found, chance)
 
     def solve(self, values: Floats, start: Floats | None, warm: bool) -> Solution:
         """The pose of a reading (9,), from `start` or else from zero.
@@ -183,6 +199,10 @@ class PreparedEstimate:
         """What was found without a block, in arrays of its own."""
         if self._sensor.light.on and self._found.status[0] == problem.STALLED:
             self._run_exactly()
+        if self._doubtful:
+            take_back(
+                self._sensor, self._plan.free, self._chance, self._found, self._estimate_again
+            )
         if warm:
             self.end = self._found.states[0].copy() if self._has_converged() else None
         add_calibration(self._sensor, self._plan, self._found)
@@ -221,6 +241,14 @@ class PreparedEstimate:
         self._one_by_one()
         return False
 
+    def _estimate_again(self, rows: Any, starts: Floats) -> problem.Results:
+        """The reading from another start, in results of its own."""
+        found = empty_results(len(rows), False)
+        given = problem.Readings(self._values, self._sigmas)
+        asked = self._problem._replace(starts=starts)
+        estimate(self._sensor, given, self._plan.limits, asked, found)
+        return found
+
     def _run_exactly(self) -> None:
         """From the last start, with derivatives that leave nothing out, for where steps without
         them stall."""
@@ -232,11 +260,18 @@ class PreparedEstimate:
 
 
 def _solver(
-    sensor: Sensor, beam: Any, power: Any, start: Any, method: Any, max_steps: int, covariance: bool
+    sensor: Sensor,
+    beam: Any,
+    power: Any,
+    start: Any,
+    method: Any,
+    max_steps: int,
+    covariance: bool,
+    accept_unchecked: bool,
 ) -> Solver:
     return Solver(
         sensor, beam=beam, power=power, start=start, method=method, max_steps=max_steps,
-        covariance=covariance,
+        covariance=covariance, accept_unchecked=accept_unchecked,
     )  # fmt: skip
 
 
@@ -246,17 +281,24 @@ _kept: dict[tuple[Any, ...], Solver] = {}
 
 
 def kept_solver(
-    sensor: Sensor, beam: str, power: str, method: str, max_steps: int, covariance: bool
+    sensor: Sensor,
+    beam: str,
+    power: str,
+    method: str,
+    max_steps: int,
+    covariance: bool,
+    accept_unchecked: bool,
 ) -> Solver:
     """A solver from zero for a sensor, made once while no more than a few are asked for.
 
     It keeps its sensor, so that another can not have its identity.
     """
-    key = (id(sensor), beam, power, method, max_steps, covariance)
+    rest = (method, max_steps, covariance, accept_unchecked)
+    key = (id(sensor), beam, power, *rest)
     found = _kept.get(key)
     if found is None:
         if len(_kept) >= MOST_KEPT:
             _kept.clear()
-        found = _solver(sensor, beam, power, "zero", method, max_steps, covariance)
+        found = _solver(sensor, beam, power, "zero", *rest)
         _kept[key] = found
     return found

@@ -10,7 +10,10 @@ from ..model.blocks import address_of
 
 Array = Any
 
-CONVERGED, MAX_STEPS, SINGULAR, OUT_OF_RANGE, NO_LIGHT, NON_FINITE, STALLED = range(7)
+(
+    CONVERGED, MAX_STEPS, SINGULAR, OUT_OF_RANGE, NO_LIGHT, NON_FINITE, STALLED, UNCHECKED,
+    AMBIGUOUS,
+) = range(9)  # fmt: skip
 
 #: Converged when the next step would move the fit by less than this, in sigmas, squared.
 SMALL = 1e-12
@@ -41,6 +44,7 @@ class Problem(NamedTuple):
     starts: (n or 1, 9), with the values of what is known.
     previous: whether to start where the last converged sample ended.
     damped: whether a step that does not help is shortened (Levenberg-Marquardt), or accepted.
+    accept_unchecked: whether to estimate what no number is left to check.
     """
 
     means: Array
@@ -50,6 +54,7 @@ class Problem(NamedTuple):
     previous: bool
     max_steps: int
     damped: bool
+    accept_unchecked: bool
 
 
 class Limits(NamedTuple):
@@ -118,8 +123,8 @@ class Results(NamedTuple):
     MODEL, PACKED, VALUES, SIGMAS, NOISE, HALF_SIZES, ROUNDINGS, MEANS, WEIGHT, FREE, STARTS,
     STATES, USED, STATUS, STEPS, RESIDUALS, COVARIANCES, LAYERS_AT, ROWS_AT, OUTLINES_AT,
     COUNT, COUNT_OF_SIGMAS, COUNT_OF_MEANS, COUNT_OF_FREE, COUNT_OF_STARTS, COUNT_OF_COVARIANCES,
-    EIGHT, PREVIOUS, MOST_STEPS, DAMPED, PLACES,
-) = range(31)  # fmt: skip
+    EIGHT, PREVIOUS, MOST_STEPS, DAMPED, ACCEPT_UNCHECKED, PLACES,
+) = range(32)  # fmt: skip
 
 
 class Task:
@@ -156,6 +161,7 @@ class Task:
                 problem.previous,
                 problem.max_steps,
                 problem.damped,
+                problem.accept_unchecked,
             ],
             dtype=np.int64,
         )

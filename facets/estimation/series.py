@@ -24,9 +24,9 @@ def solve_series(sensor: Sensor, readings: Floats, *, beam: Any = "free", **aske
     depends on the readings of its series and on no other.
     """
     found = solve(sensor, readings, beam=beam, **asked)
-    if found.ok.all():
+    if found.converged.all():
         return found
-    lost, good = np.flatnonzero(np.isin(found.status, LOST)), np.flatnonzero(found.ok)
+    lost, good = np.flatnonzero(np.isin(found.status, LOST)), np.flatnonzero(found.converged)
     if len(lost) and len(good):
         starts = found.state[nearest(lost, good)]
         prior = beam_of(beam, lost)

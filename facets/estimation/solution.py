@@ -13,10 +13,16 @@ from numpy.typing import NDArray
 from ..core.errors import InputError
 from ..core.units import Floats
 from . import problem
+from .chance import Chance
 
 
 class Status(IntEnum):
-    """How the estimate of one reading ended. Only a converged one has a pose."""
+    """How the estimate of one reading ended. Only a converged one has a pose.
+
+    UNCHECKED: the numbers that can be used are as many as the unknowns, so that there is a pose for
+    any of them, a spoilt one too, and nothing to tell by; `solve(..., accept_unchecked=True)` gives
+    it.  AMBIGUOUS: another pose gives the same reading.
+    """
 
     CONVERGED = problem.CONVERGED
     MAX_STEPS = problem.MAX_STEPS
@@ -25,6 +31,8 @@ class Status(IntEnum):
     NO_LIGHT = problem.NO_LIGHT
     NON_FINITE = problem.NON_FINITE
     STALLED = problem.STALLED
+    UNCHECKED = problem.UNCHECKED
+    AMBIGUOUS = problem.AMBIGUOUS
 
     @property
     def label(self) -> str:
@@ -38,6 +46,9 @@ class Solution:
     state: (..., 8) mm, rad, NaN where not converged.  status: (...) of `Status`.
     power: (...) of the beam, mW.  used: (..., 3) the detectors that took part.
     iterations: (...).  residual: (...) root of the weighted sum of squares left, in sigmas.
+    checks: (...) by how many numbers, those of the detectors used and the priors, exceed the
+    unknowns; 0 where nothing checks the pose.  limit: (...) the residual that noise alone exceeds
+    once in 10,000; infinite without checks.
     covariance: (..., 8, 8) of the state, or None where not asked for; zero for what was known.
     With `Sensor.calibration` that of the parameters is in it, the same in every sample.
     """
@@ -48,12 +59,33 @@ class Solution:
     used: NDArray[np.bool_]
     iterations: NDArray[np.int32]
     residual: Floats
+    checks: NDArray[np.int8]
+    limit: Floats
     covariance: Floats | None
 
     @property
-    def ok(self) -> NDArray[np.bool_]:
-        """Where the estimate converged: (...)."""
+    def converged(self) -> NDArray[np.bool_]:
+        """Where there is a pose: (...)."""
         return np.equal(self.status, problem.CONVERGED)
+
+    @property
+    def misfit(self) -> NDArray[np.bool_]:
+        """Where there is a pose, and a residual beyond `limit`: (...).
+
+        The numbers of such a reading contradict each other, or the sensor is another one. The pose
+        may be wrong by far more than its stated uncertainty.
+        """
+        return np.greater(self.residual, self.limit)
+
+    @property
+    def ok(self) -> NDArray[np.bool_]:
+        """Where there is a pose, and its residual is no misfit: (...).
+
+        One in 10,000 right poses is marked as a misfit by chance. What one spoilt number can do
+        to a pose that is `ok` is told by `facets.unseen_errors`: with a free beam nothing checks
+        the places of the spots.
+        """
+        return self.converged & ~self.misfit
 
     @property
     def uncertainty(self) -> Floats:
@@ -64,8 +96,9 @@ class Solution:
         return root
 
 
-def solution(found: problem.Results, shape: tuple[int, ...]) -> Solution:
+def solution(found: problem.Results, shape: tuple[int, ...], chance: Chance) -> Solution:
     """What was found, in the leading shape of the readings."""
+    checks = chance.checks(found.used)
     return Solution(
         state=found.states[:, :8].reshape(*shape, 8),
         status=found.status.reshape(shape),
@@ -73,6 +106,8 @@ def solution(found: problem.Results, shape: tuple[int, ...]) -> Solution:
         used=found.used.reshape(*shape, 3),
         iterations=found.steps.reshape(shape),
         residual=found.residuals.reshape(shape),
+        checks=checks.reshape(shape),
+        limit=chance.limits(checks).reshape(shape),
         covariance=found.covariances.reshape(*shape, 8, 8) if found.covariances.size else None,
     )
 
@@ -83,7 +118,8 @@ class FirstRow:
     Made once; a live loop asks for the solution of one reading at a time.
     """
 
-    def __init__(self, found: problem.Results) -> None:
+    def __init__(self, found: problem.Results, chance: Chance) -> None:
+        self.chance = chance
         numbers = (found.status, found.states[:, 8], found.steps, found.residuals)
         status, power, steps, residual = (array[:1].reshape(()) for array in numbers)
         self.views = found.states[0, :8], status, power, found.used[0], steps, residual
@@ -93,12 +129,14 @@ class FirstRow:
         """In arrays of its own."""
         covariance = None if self.covariance is None else self.covariance.copy()
         state, status, power, used, steps, residual = (view.copy() for view in self.views)
-        return Solution(state, status, power, used, steps, residual, covariance)
+        checks = self.chance.checks(used)
+        limit = self.chance.limits(checks)
+        return Solution(state, status, power, used, steps, residual, checks, limit, covariance)
 
 
 #: Where the numbers of `SolutionOfOne` are: the state and the power, then, four times each, steps
-#: and what is left, then the covariance if there is one.
-ITERATIONS, RESIDUAL, COVARIANCE = 9, 13, 17
+#: and what is left, then the checks and the limit, and the covariance if there is one.
+ITERATIONS, RESIDUAL, CHECKS, LIMIT, COVARIANCE = 9, 13, 17, 18, 19
 FIELDS: dict[str, Callable[[Floats], Any]] = {
     "state": lambda numbers: numbers[:8],
     "status": lambda numbers: np.array(problem.CONVERGED, np.int8),
@@ -106,6 +144,8 @@ FIELDS: dict[str, Callable[[Floats], Any]] = {
     "used": lambda numbers: np.ones(3, np.bool_),
     "iterations": lambda numbers: np.array(numbers[ITERATIONS], np.int32),
     "residual": lambda numbers: np.array(numbers[RESIDUAL]),
+    "checks": lambda numbers: np.array(numbers[CHECKS], np.int8),
+    "limit": lambda numbers: np.array(numbers[LIMIT]),
     "covariance": lambda numbers: (
         numbers[COVARIANCE:].reshape(8, 8) if len(numbers) > COVARIANCE else None
     ),
@@ -129,7 +169,7 @@ def results_of(numbers: Floats) -> problem.Results:
 class SolutionOfOne(Solution):
     """That of a reading which converged, all detectors lit; made of the numbers that a block left.
 
-    A field is made when it is first asked for: to make all seven takes as long as the estimate, and
+    A field is made when it is first asked for: to make all nine takes as long as the estimate, and
     a loop asks for two or three.
     """
 

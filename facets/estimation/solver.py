@@ -13,11 +13,13 @@ from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import power_floor, standard_deviations
-from ..model.arrays import as_rows, as_vectors, half_sizes, packed
+from ..model.arrays import as_rows, as_vectors, half_sizes, packed, spot_size
 from ..model.kinds import kind_of
 from ..model.threads import part_of, share
 from ..optics.limits import COLUMNS, MOST
 from . import problem
+from .chance import Chance, count_checks, widening_of
+from .doubts import is_doubtful, take_back
 from .solution import Solution, Status, solution
 
 
@@ -95,10 +97,18 @@ def make_limits(sensor: Sensor, eight: bool) -> problem.Limits:
     distance = max(float(np.hypot(psd.radius, psd.height)) for psd in sensor.psds)
     return problem.Limits(
         noise=np.array([noise.position, noise.at_power, power_floor(sensor)]),
-        half_sizes=half_sizes(sensor),
+        half_sizes=half_sizes(sensor) - lost_at_edges(sensor),
         eight=eight,
         rounding=problem.ROUNDING * np.array([distance, sensor.beam.power]),
     )
+
+
+def lost_at_edges(sensor: Sensor) -> float:
+    """How near to an edge a spot's middle tells no place, mm: where the edge cuts the spot.
+
+    The middle of a spot that is cut hardly moves while the spot goes on.
+    """
+    return spot_size(sensor) / 2 if sensor.apertures.detectors else 0.0
 
 
 def plan(
@@ -119,6 +129,12 @@ def plan(
     with np.errstate(divide="ignore"):
         weights = np.where(sigmas > 0, 1 / sigmas, 0.0)
     return Plan(means_of(place, light, shape), weights, free, limits_of(sensor, paper))
+
+
+def chance_of(sensor: Sensor, todo: Plan) -> Chance:
+    """What checks the poses that a plan gives."""
+    none = count_checks(0, todo.free, todo.weights) - todo.limits.eight
+    return Chance(none, widening_of(sensor))
 
 
 #: So many plans are kept a sensor.
@@ -322,6 +338,7 @@ def solve(
     method: Literal["least-squares", "paper"] = "least-squares",
     max_steps: int = 50,
     covariance: bool = True,
+    accept_unchecked: bool = False,
     threads: int = 1,
 ) -> Solution:
     """The mirror's pose and the beam's place from the detectors' readings.
@@ -330,16 +347,22 @@ def solve(
     steps that are damped where they do not help.
 
     readings: (..., 9) as `facets.readings` gives them. A detector with a NaN, without light or with
-    a spot past its edge is left out where the rest is enough.
+    a spot past its edge is left out; what two detectors give is a pose only on request, see below.
     beam: its place is "free", "known" to be (0, 0), or has a `Prior` in mm.
     power: "known" as the sensor's, "unknown", or a `Prior` in mW.
     start: "zero" (with the apex where the beam is thought to be), "previous" (the last converged
     sample before), or states (..., 8).
     method: "paper" is Newton's method on eight readings, without the power of C (section 2.3 of the
-    paper): no weights, no damping, the beam free and its power known.
+    paper): no weights, no damping, the beam free and its power known. Nothing checks its poses.
+    accept_unchecked: also give poses that nothing checks. Two detectors with the beam and the power
+    known, or with priors, have as many numbers as there are unknowns, and so have three detectors
+    with the beam free and the power unknown. Six numbers give some pose for six unknowns also where
+    one of them is spoilt, with no residual to tell, and a second pose, far away, may give the same
+    six. Without this, such a reading has the status UNCHECKED and no pose.
     threads: that share the readings; 0 for all cores. With start="previous" each begins at zero.
 
-    Bad arguments raise `InputError`; a reading that cannot be solved gets a status and NaN.
+    Bad arguments raise `InputError`; a reading that cannot be solved gets a status and NaN. A pose
+    whose residual noise would hardly leave is there, and not `ok`; see `Solution`.
 
     >>> import numpy as np, facets
     >>> sensor = facets.Sensor()
@@ -356,7 +379,7 @@ def solve(
     if given.ndim == 1 and isinstance(beam, str) and isinstance(power, str) and threads >= 0:
         from .prepared import kept_solver
 
-        solver = kept_solver(sensor, beam, power, method, max_steps, covariance)
+        solver = kept_solver(sensor, beam, power, method, max_steps, covariance, accept_unchecked)
         return solver.solve_from(given, solver.starting(start, given))
     values, shape = as_rows(given, 9, "readings")
     todo = plan_kept(sensor, beam, power, method, shape)
@@ -368,9 +391,24 @@ def solve(
         previous=isinstance(start, str) and start == "previous",
         max_steps=max_steps,
         damped=method != "paper",
+        accept_unchecked=accept_unchecked or method == "paper",
     )
     rows = problem.Readings(values, sigmas_of(sensor, values))
-    return solution(solve_rows(sensor, rows, todo, asked, covariance, threads), shape)
+    found = solve_rows(sensor, rows, todo, asked, covariance, threads)
+    return solution(found, shape, chance_of(sensor, todo))
+
+
+def local_solution(sensor: Sensor, reading: Floats, start: Floats) -> tuple[Floats, float]:
+    """The state (8,) to which a reading (9,) leads from a start (8,), the beam free, and the
+    residual there; NaN where it leads to none. Another state may give the same reading."""
+    todo, values = plan_kept(sensor, "free", "known", "least-squares", ()), reading[None].copy()
+    asked = problem.Problem(
+        todo.means, todo.weights, todo.free, starting(start, todo, values, ()),
+        previous=False, max_steps=50, damped=True, accept_unchecked=False,
+    )  # fmt: skip
+    found = empty_results(1, False)
+    estimate(sensor, problem.Readings(values, sigmas_of(sensor, values)), todo.limits, asked, found)
+    return found.states[0, :8], float(found.residuals[0])
 
 
 def sigmas_of(sensor: Sensor, values: Floats) -> Floats:
@@ -399,6 +437,16 @@ def solve_rows(
     share(run, n, threads)
     if sensor.light.on:
         estimate_stalled_again(sensor, given, todo.limits, asked, found)
+    if is_doubtful(sensor, todo.free):
+
+        def again(rows: NDArray[np.intp], starts: Floats) -> problem.Results:
+            some, questions = some_rows(rows, given, asked)
+            results = empty_results(len(rows), False)
+            questions = questions._replace(starts=starts, previous=False)
+            estimate(sensor, some, todo.limits, questions, results)
+            return results
+
+        take_back(sensor, todo.free, chance_of(sensor, todo), found, again)
     if covariance:
         add_calibration(sensor, todo, found)
     return found

@@ -17,7 +17,9 @@ from ..core.units import Booleans, Floats
 from ..detectors.correction import corrected
 from ..detectors.skew import align
 from ..files import tables
-from .misfit import Misfit, beyond_chance
+from ..model.arrays import near_edges
+from .misfit import Misfit
+from .reliability import unseen_errors
 from .solution import Solution, Status
 from .solver import Prior, solve
 
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
     from ..core.settings import Config, Solve
 
 UNPARSABLE = "unparsable"
+#: Poses of a piece of a table at which `unseen_errors` is asked for.
+LOOKED_AT = 100
 #: Where the beam is; and how uncertain that is, which a table of poses has beside it.
 BEAM_COLUMNS = STATE_COLUMNS[6:]
 BEAM_UNCERTAINTIES = tuple(f"u_{name}" for name in BEAM_COLUMNS)
@@ -36,13 +40,46 @@ class Count:
     """What became of the rows.
 
     unparsable_lines: of the first few that are no numbers.  misfit: rows that were solved, but
-    with a residual beyond chance.  pairs: rows that were solved from two detectors.
+    with a residual beyond chance.  unchecked: rows that were solved, on request, though nothing
+    checks them.  edges: rows that were solved with a spot near an edge that the model lacks.
+    unseen: (2,) by how much one spoilt place and one spoilt power can put a pose off unseen, in
+    standard uncertainties, at most; NaN where nothing was solved.
     """
 
     statuses: Counter[str] = field(default_factory=Counter)
     unparsable_lines: list[int] = field(default_factory=list)
     misfit: Misfit = field(default_factory=Misfit)
-    pairs: int = 0
+    unchecked: int = 0
+    edges: int = 0
+    unseen: Floats = field(default_factory=lambda: np.full(2, np.nan))
+
+    def add(
+        self,
+        sensor: Sensor,
+        options: Solve,
+        readings: Floats,
+        found: Solution,
+        status: Any,
+        place: Floats | None = None,
+        time: Floats | None = None,
+    ) -> None:
+        """Counts some rows.  readings: (n, 9).  status: (n,) in words.  place, time: as of
+        `solve_readings`."""
+        self.statuses.update(status.tolist())
+        exact = exact_readings(sensor, readings, time) if found.misfit.any() else readings
+        self.misfit.add(found, sensor, options, exact, np.zeros(2) if place is None else place)
+        self.unchecked += int((found.converged & (found.checks == 0)).sum())
+        if not sensor.apertures.detectors:
+            near = (near_edges(sensor, readings) & found.used).any(axis=1)
+            self.edges += int((found.converged & near).sum())
+        some = np.flatnonzero(found.converged & (found.checks > 0))[:LOOKED_AT]
+        if len(some):
+            errors = unseen_errors(
+                sensor, found.state[some], beam=beam_known(sensor, options),
+                power=power_known(sensor, options),
+            ).reshape(-1, 3, 3)  # fmt: skip
+            largest = np.array([errors[..., :2].max(), errors[..., 2].max()])
+            self.unseen = np.fmax(self.unseen, largest)
 
     @property
     def rows(self) -> int:
@@ -68,25 +105,20 @@ def solve_readings(
     finite, there is no pose.
     time: (n,) of the readings, s, for detectors that are read one after the other.
     """
-    beam: Any = "free"
-    if options.beam != "free":
-        sigma = options.beam_sigma if options.beam == "prior" else 0.0
-        sigma = hypot(sigma, sensor.electronics.pointing if sensor.electronics else 0.0)
-        if place is None:
-            place = np.zeros((1, 2))
+    if place is not None and options.beam != "free":
         lost = ~np.isfinite(place).all(axis=1)
         if lost.any():
             readings, place = readings.copy(), place.copy()
             readings[lost], place[lost] = np.nan, 0.0
-        beam = Prior(place[0] if len(place) == 1 else place, sigma)
     return solve(
         sensor,
         exact_readings(sensor, readings, time),
-        beam=beam,
+        beam=beam_known(sensor, options, place),
         power=power_known(sensor, options),
         method=options.method,  # type: ignore[arg-type]
         start=options.start,
         max_steps=options.max_steps,
+        accept_unchecked=options.accept_unchecked,
     )
 
 
@@ -94,6 +126,17 @@ def exact_readings(sensor: Sensor, readings: Floats, time: Floats | None) -> Flo
     """Readings (n, 9), as the detectors gave them, as the model has them, of one instant each."""
     exact = corrected(sensor, readings)
     return exact if time is None else align(sensor, time, exact)
+
+
+def beam_known(sensor: Sensor, options: Solve, place: Floats | None = None) -> Any:
+    """place: (n, 2) or (1, 2); None for the origin."""
+    if options.beam == "free":
+        return "free"
+    sigma = options.beam_sigma if options.beam == "prior" else 0.0
+    sigma = hypot(sigma, sensor.electronics.pointing if sensor.electronics else 0.0)
+    if place is None:
+        return Prior((0.0, 0.0), sigma)
+    return Prior(place[0] if len(place) == 1 else place, sigma)
 
 
 def power_known(sensor: Sensor, options: Solve) -> Any:
@@ -106,28 +149,26 @@ def power_known(sensor: Sensor, options: Solve) -> Any:
     return options.power
 
 
-def solve_chunk(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Solution:
-    readings, time = readings_of(sensor, chunk)
-    return solve_readings(sensor, options, readings, place_of(chunk), time)
+def readings_in(chunk: tables.Chunk) -> Floats:
+    """(n, 9) of a table of readings."""
+    return np.column_stack([chunk.columns[name] for name in READING_COLUMNS])
 
 
-def place_of(chunk: tables.Chunk) -> Floats | None:
-    """Where a chunk says that the beam is (n, 2), mm, if it does."""
+def place_in(chunk: tables.Chunk) -> Floats | None:
+    """(n, 2) of a table that says where the beam is, mm."""
     if not all(name in chunk.columns for name in BEAM_COLUMNS):
         return None
     return np.column_stack([chunk.columns[name] for name in BEAM_COLUMNS])
 
 
-def readings_of(sensor: Sensor, chunk: tables.Chunk) -> tuple[Floats, Floats | None]:
-    """A chunk's readings (n, 9), and their times (n,), s, where it has them."""
-    readings = np.column_stack([chunk.columns[name] for name in READING_COLUMNS])
+def solve_chunk(sensor: Sensor, options: Solve, chunk: tables.Chunk) -> Solution:
     time = chunk.columns.get("time_s")
     if time is None and any(sensor.light.delays):
         raise InputError(
             "sensor.light.delays_us are given, but the readings have no column time_s to tell how "
             "fast they change; add the column, or set the delays to 0"
         )
-    return readings, time
+    return solve_readings(sensor, options, readings_in(chunk), place_in(chunk), time)
 
 
 def require_known_beam(path: Path, chunk: tables.Chunk, advice: str) -> None:
@@ -208,17 +249,13 @@ def solve_table(
                 solution = solve_chunk(config.sensor, options, chunk)
                 status = labels(solution, chunk.unparsable)
                 time = {k: v for k, v in chunk.columns.items() if k == "time_s"}
-                beyond = beyond_chance(config.sensor, options, solution)
-                columns = pose_columns(solution, status) | {"misfit": beyond.astype(int)}
+                columns = pose_columns(solution, status)
+                columns["misfit"] = solution.misfit.astype(int)
                 writer.write({**time, **columns})
-                count.statuses.update(status.tolist())
-                exact = np.empty((0, 9))
-                if beyond.any():
-                    exact = exact_readings(config.sensor, *readings_of(config.sensor, chunk))
-                place = place_of(chunk)
-                place = np.zeros(2) if place is None else place
-                count.misfit.add(beyond, solution, options, config.sensor, exact, place)
-                count.pairs += int((solution.ok & (solution.used.sum(axis=-1) < 3)).sum())
+                count.add(
+                    config.sensor, options, readings_in(chunk), solution, status, place_in(chunk),
+                    chunk.columns.get("time_s"),
+                )  # fmt: skip
                 bad = chunk.lines[chunk.unparsable][: 5 - len(count.unparsable_lines)]
                 count.unparsable_lines += bad.tolist()
                 progress(chunk.bytes_read)

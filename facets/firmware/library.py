@@ -53,7 +53,7 @@ class FirmwareLibrary:
         #: `facets_options` and `facets_solution` of the header.
         self._options = np.dtype(
             [("mean", self.kind, 3), ("sigma", self.kind, 3), ("max_steps", whole),
-             ("covariance", whole)], align=True,
+             ("covariance", whole), ("accept_unchecked", whole)], align=True,
         )  # fmt: skip
         self._solution = np.dtype(
             [("state", self.kind, 8), ("power", self.kind), ("residual", self.kind),
@@ -84,13 +84,14 @@ class FirmwareLibrary:
         start: ArrayLike | None = None,
         means: ArrayLike | None = None,
         sigmas: ArrayLike | None = None,
+        accept_unchecked: bool = False,
     ) -> Solved:
         """The poses of readings (n, 9).
 
         start: states and powers (9,) or (n, 9) to start from; None for zero.  beam: "free", or
         "known" to be where the start has it.  means, sigmas: (3,) what else is known of the beam's
         place and its power, as `facets_options` has it; None for nothing of the place, and the
-        power.
+        power.  accept_unchecked: as for `facets.solve`.
         """
         rows = np.ascontiguousarray(readings, self.kind)
         found = np.zeros(len(rows), self._solution)
@@ -100,6 +101,7 @@ class FirmwareLibrary:
                 np.broadcast_to(np.asarray(start, self.kind), (len(rows), 9))
             )
         options = self._asked(beam, means, sigmas)
+        options["accept_unchecked"] = accept_unchecked
         for n, row in enumerate(rows):
             first = None if begin is None else pointer(begin[n])
             if beam == "known" and begin is not None:

@@ -9,6 +9,7 @@ from ..core.sensor import Grid, Sensor
 from ..detectors.correction import coefficients, is_corrected
 from ..detectors.counts import per_ampere
 from ..detectors.noise import CHARGE, current_variances, power_floor, two_layers
+from ..estimation.doubts import has_fold
 from ..model.arrays import half_sizes, parameters
 from ..optics.forward import edges, geometry, in_sigmas, unit
 from ..optics.half_normal import TABLE
@@ -47,6 +48,11 @@ def refuse_unsupported(sensor: Sensor) -> None:
         raise InputError(
             f"a facet's opening, seen along the beam, is {np.degrees(narrowest):.0f} degrees; "
             f"the C code is for {np.degrees(NARROW + TILT):.0f} degrees or more"
+        )
+    if has_fold(sensor):
+        raise InputError(
+            "in this head the determinant of Eq. (11) changes its sign, so that two poses may give "
+            "one reading, which the C code could not tell; see `facets jacobian`"
         )
 
 

@@ -102,6 +102,8 @@ class BoardPoses:
     def judge(self, known: Floats, found: NDArray[np.void]) -> None:
         """known: (n, 17) statuses, states and uncertainties; found: (n,) of the board."""
         estimated = known[:, 0] <= max(Status)
+        # whether such poses are given is asked of each by itself
+        estimated &= (known[:, 0] != Status.UNCHECKED) & (found["status"] != Status.UNCHECKED)
         known, found = known[estimated], found[estimated]
         self.compared += len(found)
         self.statuses += int((known[:, 0] != found["status"]).sum())

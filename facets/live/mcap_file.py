@@ -49,7 +49,7 @@ class McapFile:
         numbers, texts = rows["seq"].tolist(), json_of(rows)
         for number, time, text in zip(numbers, times, texts, strict=True):
             self.writer.add_message(self.sample, time, text.encode(), time, number % 2**32)
-        good = np.flatnonzero(poses.solution.ok)
+        good = np.flatnonzero(poses.solution.converged)
         for n, message in zip(good.tolist(), pose_messages(poses, times), strict=True):
             data = json.dumps(message, separators=(",", ":")).encode()
             self.writer.add_message(self.pose, times[n], data, times[n], numbers[n] % 2**32)
@@ -69,7 +69,7 @@ def pose_messages(poses: Poses, times: list[int]) -> list[dict[str, Any]]:
     """Of the samples that have a pose: place in m, turn as a quaternion, Rz(yaw) Ry Rx."""
     from scipy.spatial.transform import Rotation
 
-    good = np.flatnonzero(poses.solution.ok)
+    good = np.flatnonzero(poses.solution.converged)
     if not len(good):
         return []
     states = poses.solution.state[good]

@@ -22,12 +22,12 @@ from ..detectors.correction import corrected
 from ..detectors.counts import SATURATED, UNEQUAL, readings_of
 from ..detectors.noise import power_floor
 from ..detectors.skew import align
-from ..estimation.misfit import Misfit, beyond_chance
+from ..estimation.misfit import Misfit
 from ..estimation.problem import FAINTEST
 from ..estimation.series import solve_series
 from ..estimation.solution import Solution, Status
 from ..estimation.solver import Prior
-from ..estimation.table import power_known
+from ..estimation.table import beam_known, power_known
 from ..tracking.encoder import REACH, Encoder
 from .board_poses import BoardPoses, is_pose
 from .clock import Sequence
@@ -57,14 +57,13 @@ STEPS = 20
 #: The status of a sample that was recorded and not solved, since the loop had fallen behind. It is
 #: none of the estimator's: a replay solves the sample.
 SKIPPED = 64
-#: The status of a sample with a pose that only two detectors gave: no reading is left to check it,
-#: and another pose, far away, may give the same ones.
-UNCHECKED = 65
+#: What older recordings have for `Status.UNCHECKED`.
+TWO_DETECTORS = 65
 #: The status of a sample that the estimator calls "non finite" since a converter was at its end.
 FULL = 66
 LABELS = {status.value: status.label for status in Status} | {
     SKIPPED: "skipped",
-    UNCHECKED: "two detectors only",
+    TWO_DETECTORS: "two detectors only",
     FULL: "saturated",
 }
 
@@ -258,15 +257,13 @@ class Pipeline:
             power=power_known(self.config.sensor, options),
             method=options.method,
             max_steps=min(options.max_steps, STEPS),
+            accept_unchecked=options.accept_unchecked,
         )
-        if self.config.acquire.detectors == 3:
-            solution = without_unchecked(solution)
-        known = replace(options, beam="free" if beam == "free" else "prior")
         self.tally.misfit.carried |= batch.encoder is not None
-        beyond = beyond_chance(self.config.sensor, known, solution)
         places = np.zeros(2) if isinstance(beam, str) else np.asarray(beam.mean)
-        self.tally.misfit.add(beyond, solution, known, self.config.sensor, exact, places)
-        self.doubts.add(batch.readings, batch.flags, beyond)
+        known = replace(options, beam="free" if beam == "free" else "prior")
+        self.tally.misfit.add(solution, self.config.sensor, known, exact, places)
+        self.doubts.add(batch.readings, batch.flags, solution.misfit)
         self.board.compare(batch.seq, solution)
         return self.finish(batch, with_causes(solution, batch.flags))
 
@@ -280,6 +277,8 @@ class Pipeline:
             used=np.zeros((n, 3), bool),
             iterations=np.zeros(n, np.int32),
             residual=np.full(n, np.nan),
+            checks=np.zeros(n, np.int8),
+            limit=np.full(n, np.inf),
             covariance=np.full((n, 8, 8), np.nan),
         )
         return self.finish(batch, empty)
@@ -314,30 +313,9 @@ def jitter_of(config: Config) -> float:
     return config.sensor.electronics.pointing if config.sensor.electronics else 0.0
 
 
-def beam_at_rest(config: Config) -> str | Prior:
+def beam_at_rest(config: Config) -> Any:
     """What is known of the beam's place where no stage carries it; "free" also where one does."""
-    options = config.solve
-    if options.beam == "free" or options.method == "paper":
-        return "free"
-    sigma = options.beam_sigma if options.beam == "prior" else 0.0
-    return Prior((0.0, 0.0), hypot(sigma, jitter_of(config)))
-
-
-def without_unchecked(solution: Solution) -> Solution:
-    """The same with no pose where less than three detectors gave it, but the status UNCHECKED."""
-    doubtful = solution.ok & (solution.used.sum(axis=-1) < 3)
-    if not doubtful.any():
-        return solution
-    keep = ~doubtful
-    assert solution.covariance is not None
-    return replace(
-        solution,
-        state=np.where(keep[:, None], solution.state, np.nan),
-        status=np.where(keep, solution.status, np.int8(UNCHECKED)),
-        power=np.where(keep, solution.power, np.nan),
-        residual=np.where(keep, solution.residual, np.nan),
-        covariance=np.where(keep[:, None, None], solution.covariance, np.nan),
-    )
+    return "free" if config.solve.method == "paper" else beam_known(config.sensor, config.solve)
 
 
 def with_causes(solution: Solution, flags: NDArray[np.uint8]) -> Solution:

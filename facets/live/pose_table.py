@@ -70,7 +70,7 @@ def recorded_poses(folder: Path) -> Columns:
     """The poses that a recording holds, in the samples' order, as far as they can be proven.
 
     A batch that is not as it was written is left out; past a torn end nothing can be read. Status
-    is one of `Status`, `pipeline.SKIPPED`, `pipeline.UNCHECKED` or `pipeline.FULL`.
+    is one of `Status`, `pipeline.SKIPPED`, `pipeline.TWO_DETECTORS` or `pipeline.FULL`.
     """
     import pyarrow as pa
 

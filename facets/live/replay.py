@@ -14,7 +14,7 @@ import numpy as np
 from ..core.errors import ConfigError, InputError
 from ..core.version import __version__
 from ..estimation.solution import Status
-from .pipeline import FULL, LABELS, SKIPPED, Pipeline, Poses
+from .pipeline import FULL, LABELS, SKIPPED, TWO_DETECTORS, Pipeline, Poses
 from .pose_table import Columns, pose_columns
 from .recording import Damage, blocks, kept, meta_of, size_of
 
@@ -149,7 +149,8 @@ class Comparison:
 def compare(old: Columns, new: Columns) -> Comparison:
     """old: what a recording holds, new: what its replay gives; both by `pose_columns`.
 
-    A sample that an older version called "non finite" and this one "saturated" is the same.
+    A sample that an older version called "non finite" or "two detectors only" and this one
+    "saturated" or "unchecked" is the same.
     """
     none: Columns = {"seq": np.zeros(0, np.int64), "status": np.zeros(0, np.int8)}
     old, new = old or none, new or none
@@ -164,6 +165,7 @@ def compare(old: Columns, new: Columns) -> Comparison:
         one, other = old[name][solved], new[name][rows]
         if name == "status":
             other = np.where((one == Status.NON_FINITE) & (other == FULL), one, other)
+            other = np.where((one == TWO_DETECTORS) & (other == Status.UNCHECKED), one, other)
         differs = (one != other) & ~(is_nan(one) & is_nan(other))
         if differs.any():
             columns.append(name)

@@ -365,7 +365,7 @@ def smoothed_columns(
     units = np.array([1e-3 if name in ANGLES else 1.0 for name in POSE])
     noise = noise_covariance(config, solution, carried)
     assert solution.covariance is not None
-    state = np.where(solution.ok[:, None], solution.state[:, :6], np.nan)
+    state = np.where(solution.converged[:, None], solution.state[:, :6], np.nan)
     found = smooth(time, state / units, noise / np.outer(units, units), model)
     apart = np.diagonal(solution.covariance[:, :6, :6] - noise, axis1=1, axis2=2) / units**2
     rest = np.maximum(apart, 0.0)

@@ -386,6 +386,23 @@ def half_sizes(sensor: Sensor) -> Floats:
     return np.array([[psd.size_y / 2, psd.size_z / 2] for psd in sensor.psds])
 
 
+def spot_size(sensor: Sensor) -> float:
+    """No spot is wider at 1/e^2, mm."""
+    return max(sensor.beam.diameter_x, sensor.beam.diameter_y)
+
+
+def near_edges(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
+    """Which spots of readings (..., 9) are nearer than their own size to an edge: (..., 3).
+
+    There light is lost that the model follows only with `Apertures.detectors`. False where a
+    detector has no reading.
+    """
+    array = np.asarray(reading, dtype=np.float64)
+    y, z = half_sizes(sensor).T - spot_size(sensor)
+    near: NDArray[np.bool_] = (np.abs(array[..., 0::3]) > y) | (np.abs(array[..., 1::3]) > z)
+    return near
+
+
 def on_detectors(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
     """Which spots of given readings (..., 9) lie on their detector's sensitive area: (..., 3)."""
     array = np.asarray(reading, dtype=np.float64)

@@ -121,7 +121,7 @@ def step_of(time: NDArray[np.float64]) -> float:
 
 
 def any_unsolved(segments: Sequence[Segment]) -> bool:
-    return any(not segment.solution.ok.all() for segment in segments)
+    return any(not segment.solution.converged.all() for segment in segments)
 
 
 def columns_for(segments: Sequence[Any]) -> int:
@@ -139,7 +139,7 @@ def place_panel(panel: Axes, clock: Clock, segments: Sequence[Segment], n: int) 
         width = {"marker": "s", "ms": 7} if len(time) == 1 else {"lw": 4.2}
         panel.plot(time, truth, color=hues.grey, alpha=0.55, solid_capstyle="butt", **width)
         samples(panel, time, factor * segment.solution.state[:, n], name, columns_for(segments))
-        unsolved(panel, time[~segment.solution.ok])
+        unsolved(panel, time[~segment.solution.converged])
     panel.set_ylabel(style.place_label(name) if moved else style.fine_label(name))
     panel.margins(y=0.12)
 
@@ -173,7 +173,7 @@ def error_panel(panel: Axes, clock: Clock, segments: Sequence[Segment], n: int) 
         if len(time) == 1:
             panel.errorbar(time, 0 * time, wide, color=hues.ink, lw=0.8, capsize=3, fmt="none")
         samples(panel, time, unit.fine_factor * segment.error[:, n], name, columns_for(segments))
-    if not any(segment.solution.ok.any() for segment in segments):
+    if not any(segment.solution.converged.any() for segment in segments):
         style.say(panel, "nothing could be solved")
     panel.axhline(0, color=hues.soft, lw=0.6, zorder=0)
     panel.set_ylabel(f"error, {unit.fine_unit}")

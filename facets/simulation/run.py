@@ -158,7 +158,7 @@ def simulate(
 
 def axes(segment: Segment) -> list[Axis]:
     """The six axes' errors over the samples that were solved; NaN where none was."""
-    ok = segment.solution.ok
+    ok = segment.solution.converged
     rows = []
     for i, name in enumerate(POSE):
         error, sigma = segment.error[ok, i], segment.solution.uncertainty[ok, i]

@@ -90,6 +90,7 @@ def test_bad_rows_are_counted_and_keep_their_place(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "2 of 5 rows solved" in done.stdout
     assert "not numbers in line 3, 6" in done.stdout
+    assert "a spot's place by any amount" in " ".join(done.stdout.split())
     table = poses(tmp_path / "poses.csv")
     expected = ["converged", "unparsable", "non finite", "converged", "unparsable"]
     assert table.status.tolist() == expected
@@ -97,12 +98,16 @@ def test_bad_rows_are_counted_and_keep_their_place(tmp_path):
     assert table.used.fillna("").tolist() == ["abc", "", "ac", "abc", ""]
 
 
-def test_a_known_beam_saves_a_row_without_a_detector(tmp_path):
+def test_a_known_beam_saves_a_row_without_a_detector_on_request(tmp_path):
     write_readings(tmp_path / "readings.csv")
     words = ("solve", "paper", "readings.csv", "-o", "poses.csv", "--beam", "known")
     told = command(*words, cwd=tmp_path).stdout
+    assert "2 of 5 rows solved" in told
+    assert "Rows with as many numbers as unknowns: 1." in told
+    assert poses(tmp_path / "poses.csv").status[2] == "unchecked"
+    told = command(*words, "--accept-unchecked", "--force", cwd=tmp_path).stdout
     assert "3 of 5 rows solved" in told
-    assert "1 of the poses from two detectors" in told
+    assert "Poses from as many numbers as unknowns: 1. Nothing checks them" in told
 
 
 @pytest.mark.parametrize(

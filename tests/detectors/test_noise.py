@@ -148,7 +148,7 @@ def test_the_solver_weighs_by_the_same_model():
     states = np.repeat(state[None], 100_000, axis=0)
     noisy = add_noise(one, facets.readings(one, states), np.random.default_rng(3))
     solution = facets.solve(one, noisy, start=states, threads=0)
-    assert solution.ok.all()
+    assert solution.converged.all()
     error = (solution.state - states)[:, :6]
     bound = uncertainties(one, state[None], Estimator("free", np.inf))[0]
     assert error.std(axis=0) == pytest.approx(bound, rel=0.03)

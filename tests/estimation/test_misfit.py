@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 import facets
 from facets.detectors.noise import add_noise
-from facets.estimation import misfit
-from facets.estimation.misfit import LEVEL, Misfit, beyond_chance, redundancy
-from facets.estimation.table import solve_readings
+from facets.estimation.chance import LEVEL, LIMITS
+from facets.estimation.misfit import EXAMPLES, Misfit
+from facets.estimation.table import Count, solve_readings
 
 CONFIG = facets.load("paper")
 OPTIONS = replace(CONFIG.solve, beam="known", power="unknown")
@@ -29,23 +30,25 @@ def read(count=2000, seed=1):
     [("known", "known", 3), ("known", "unknown", 2), ("free", "known", 1), ("free", "unknown", 0)],
 )
 def test_redundancy_is_what_is_read_beside_what_is_sought(beam, power, count):
-    options = replace(CONFIG.solve, beam=beam, power=power)
-    assert redundancy(np.ones((1, 3), bool), options)[0] == count
-    assert redundancy(np.array([[True, True, False]]), options)[0] == max(count - 3, 0)
+    raw = read(2)
+    raw[1, 4] = np.nan
+    found = facets.solve(CONFIG.sensor, raw, beam=beam, power=power)
+    assert found.checks.tolist() == [count, max(count - 3, 0)]
+    assert found.limit.tolist() == LIMITS[found.checks].tolist()
+    assert found.checks[0] == facets.solve(CONFIG.sensor, raw[0], beam=beam, power=power).checks
 
 
 def test_chance_flags_as_many_as_it_should():
     solution = solve_readings(CONFIG.sensor, OPTIONS, read(), None)
-    share = beyond_chance(CONFIG.sensor, OPTIONS, solution, 0.05).mean()
+    share = (solution.residual > np.sqrt(chi2.isf(0.05, 2))).mean()
     assert 0.03 < share < 0.07
 
 
 def flags(sensor, raw, options=OPTIONS):
     found = Misfit()
     solution = solve_readings(sensor, options, raw, None)
-    marks = beyond_chance(sensor, options, solution, LEVEL)
-    found.add(marks, solution, options, sensor, raw, np.zeros(2))
-    return marks, found
+    found.add(solution, sensor, options, raw, np.zeros(2))
+    return solution.misfit, found
 
 
 def test_nothing_is_said_where_all_is_right():
@@ -122,19 +125,28 @@ def test_examples_are_of_the_whole_run():
     found = Misfit()
     raw = read_bench((4.0, -1.5))
     solution = solve_readings(BENCH, KNOWN, raw, None)
-    marks = beyond_chance(BENCH, KNOWN, solution)
     for n in range(50):
-        found.add(marks, solution, KNOWN, BENCH, raw + 1000 * n, np.zeros(2))
+        found.add(solution, BENCH, KNOWN, raw + 1000 * n, np.zeros(2))
     numbers = {round(reading[0] / 1000) for reading, _ in found.examples}
-    assert len(found.examples) <= misfit.EXAMPLES
+    assert len(found.examples) <= EXAMPLES
     assert min(numbers) < 2
     assert max(numbers) > 45
 
 
 def test_the_limits_that_are_kept_are_those_of_the_distribution():
-    from scipy.stats import chi2
+    exact = np.sqrt(chi2.isf(LEVEL, np.arange(1, 10)))
+    assert LIMITS[1:] == pytest.approx(exact, rel=1e-12)
 
-    exact = np.sqrt(chi2.isf(misfit.LEVEL, np.arange(1, 10)))
-    assert misfit.LIMITS[1:] == pytest.approx(exact, rel=1e-12)
-    assert misfit.limit_of(3, misfit.LEVEL) == misfit.LIMITS[3]
-    assert misfit.limit_of(3, 1e-3) == pytest.approx(np.sqrt(chi2.isf(1e-3, 3)))
+
+def test_spots_near_an_edge_are_counted_where_the_model_has_none():
+    """Light is lost there; of three poses one has a spot nearer to an edge than its own size."""
+    states = np.zeros((3, 8))
+    states[1:, 2] = 6.0, 5.5
+    readings = facets.readings(CONFIG.sensor, states)
+    for cut, edges in ((False, 1), (True, 0)):
+        apertures = facets.Apertures(detectors=cut)
+        sensor, count = replace(CONFIG.sensor, apertures=apertures), Count()
+        solution = facets.solve(sensor, readings, beam="known", power="unknown")
+        count.add(sensor, OPTIONS, readings, solution, np.array(["converged"] * 3))
+        assert count.edges == edges
+    assert count.unseen[1] > count.unseen[0] > 5

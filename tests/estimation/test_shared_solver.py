@@ -43,7 +43,7 @@ def eager_threads():
     [
         (SENSOR, {}),
         (SENSOR, {"start": "previous"}),
-        (SENSOR, {"power": "unknown"}),
+        (SENSOR, {"power": "unknown", "accept_unchecked": True}),
         (replace(SENSOR, electronics=facets.Electronics()), {}),
         (facets.load("bench-light").sensor, {"start": "previous"}),
     ],

@@ -61,7 +61,7 @@ def test_exact_readings_of_100000_states_solve_from_zero():
 @pytest.mark.parametrize(
     "options",
     [
-        {"power": "unknown"},
+        {"power": "unknown", "accept_unchecked": True},
         {"method": "paper"},
         {"start": "previous"},
         {"covariance": False},
@@ -109,7 +109,8 @@ def test_a_prior_pulls_the_beam_to_its_mean():
 def test_an_unknown_power_is_found():
     brighter = facets.Sensor(beam=facets.Beam(power=0.45))
     state = np.array([0.02, -0.03, 0.5, 1e-3, -2e-3, 3e-3, 0.01, 0])
-    solution = facets.solve(SENSOR, facets.readings(brighter, state), power="unknown")
+    reading = facets.readings(brighter, state)
+    solution = facets.solve(SENSOR, reading, power="unknown", accept_unchecked=True)
     assert solution.ok
     assert solution.power == pytest.approx(0.45, rel=1e-12)
     assert np.abs(solution.state - state).max() < 1e-10
@@ -158,12 +159,44 @@ def test_a_bad_detector_gives_a_status_and_never_a_number(place, value, status):
     assert list(solution.used) == [k != place // 3 for k in range(3)]
 
 
+AS_MANY = [
+    ({"beam": "known"}, 5),
+    ({"beam": Prior((0, 0), 0.005)}, 5),
+    ({"beam": "known", "power": Prior(0.3, 0.003)}, 5),
+    ({"power": "unknown"}, None),
+]
+
+
+@pytest.mark.parametrize(("way", "spoilt"), AS_MANY, ids=str)
+@pytest.mark.parametrize("start", ["zero", "previous"])
+def test_a_pose_that_nothing_checks_is_given_on_request_only(way, spoilt, start):
+    """As many numbers and priors as unknowns: of two detectors, or of three for nine unknowns."""
+    state = np.array([0.02, -0.03, 0.5, 1e-3, -2e-3, 3e-3, 0, 0])
+    rows = np.tile(facets.readings(SENSOR, state), (5, 1))
+    if spoilt is not None:
+        rows[:, spoilt] = np.nan
+    found = facets.solve(SENSOR, rows, start=start, **way)
+    one = facets.Solver(SENSOR, start=start, **way).solve(rows[0])
+    for solution in (found, one, facets.solve(SENSOR, rows[0], **way)):
+        assert (solution.status == Status.UNCHECKED).all()
+        assert not solution.ok.any()
+        assert np.isnan(solution.state).all()
+        assert np.isnan(solution.covariance).all()
+    asked = facets.solve(SENSOR, rows, start=start, accept_unchecked=True, **way)
+    same = facets.Solver(SENSOR, start=start, accept_unchecked=True, **way).solve(rows[0])
+    for solution in (asked, same):
+        assert solution.ok.all()
+        assert (solution.checks == 0).all()
+        assert np.abs(solution.state - state).max() < 1e-9
+        assert np.isfinite(solution.uncertainty).all()
+
+
 @pytest.mark.parametrize("value", [np.nan, 0.0])
 def test_two_detectors_are_enough_where_the_beam_is_known(value):
     state = np.array([0.02, -0.03, 0.5, 1e-3, -2e-3, 3e-3, 0, 0])
     reading = facets.readings(SENSOR, state)
     reading[5] = value
-    solution = facets.solve(SENSOR, reading, beam="known")
+    solution = facets.solve(SENSOR, reading, beam="known", accept_unchecked=True)
     assert solution.ok
     assert list(solution.used) == [True, False, True]
     assert np.abs(solution.state - state).max() < 1e-10
@@ -186,8 +219,23 @@ def test_readings_no_pose_can_make_leave_a_large_residual():
     reading = facets.readings(SENSOR, np.zeros(8))
     reading[2::3] *= 3
     solution = facets.solve(SENSOR, reading)
-    assert not solution.ok or solution.residual > 1000
-    assert facets.solve(SENSOR, reading, power="unknown").residual < 1e-6
+    assert not solution.ok
+    assert not solution.converged or solution.residual > 1000
+    brighter = facets.solve(SENSOR, reading, power="unknown", accept_unchecked=True)
+    assert brighter.residual < 1e-6
+
+
+def test_a_spoilt_number_that_others_check_is_a_misfit_and_not_ok():
+    """Where the beam is known: three numbers check the others, and each takes part."""
+    state = np.array([0.02, 0.01, 0.5, 1e-3, -2e-3, 3e-3, 0, 0])
+    rows = np.tile(facets.readings(SENSOR, state), (10, 1))
+    rows[np.arange(9), np.arange(9)] += np.tile([0.3, 0.3, 0.003], 3)
+    found = facets.solve(SENSOR, rows, beam="known")
+    assert found.converged.all()
+    assert found.misfit.tolist() == [True] * 9 + [False]
+    assert found.ok.tolist() == [False] * 9 + [True]
+    one = facets.Solver(SENSOR, beam="known").solve(rows[0])
+    assert (one.converged, one.misfit, one.ok) == (True, True, False)
 
 
 def test_the_covariance_is_that_of_the_linearised_problem():
@@ -420,7 +468,7 @@ def test_an_estimate_far_from_the_beam_ends_early_and_says_how():
     states[:, 0], states[:, 1] = np.cos(around), np.sin(around)
     states[:, 2:6] = rng.uniform(-1, 1, (300, 4)) * [2, 8e-3, 8e-3, 15e-3]
     readings = facets.add_noise(SENSOR, facets.readings(SENSOR, states), np.random.default_rng(2))
-    found = facets.solve(SENSOR, readings, beam="known", max_steps=500)
+    found = facets.solve(SENSOR, readings, beam="known", max_steps=500, accept_unchecked=True)
     assert found.ok.sum() > 50
     assert (found.status != Status.MAX_STEPS).all()
     assert found.iterations.max() < 100

@@ -13,6 +13,7 @@ from facets.experiments.sensors import SENSORS
 from facets.experiments.solver_stress import CASES, starts, states
 
 import facets
+from facets import Status
 from facets.core.errors import InputError
 from facets.core.sensor import BenchLight, Correction, Grid
 from facets.detectors.correction import corrected
@@ -178,6 +179,32 @@ def test_what_is_known_before_weighs_as_in_facets(
 
 
 @needs_compiler
+@pytest.mark.parametrize("precision", [SINGLE, DOUBLE])
+def test_a_pose_that_nothing_checks_is_given_on_request_only(
+    folders: dict[str, Path], precision: str
+) -> None:
+    """Of two detectors with the beam known, and of three for nine unknowns."""
+    sensor, rng = facets.Sensor(), np.random.default_rng(5)
+    states = states_within(sensor, 40, rng)
+    states[:, 6:] = 0
+    two = facets.add_noise(sensor, facets.readings(sensor, states), rng)
+    whole = two.copy()
+    two[np.arange(40), rng.integers(0, 9, 40)] = np.nan
+    code = library(folders["paper"], precision)
+    known, unknown = {"beam": "known"}, {"sigmas": (np.inf, np.inf, np.inf)}
+    for rows, way, same in ((two, known, known), (whole, unknown, {"power": "unknown"})):
+        found = code.solve(rows, **way)  # type: ignore[arg-type]
+        assert (found.status == Status.UNCHECKED).all()
+        assert np.isnan(found.state).all()
+        asked = code.solve(rows, accept_unchecked=True, **way)  # type: ignore[arg-type]
+        expected = facets.solve(sensor, rows, accept_unchecked=True, **same)  # type: ignore[arg-type]
+        assert (asked.status == expected.status).all()
+        assert expected.ok.sum() > 30
+        off = np.abs(asked.state - expected.state)[expected.ok] / 0.1
+        assert (off <= np.maximum(expected.uncertainty[expected.ok], 1e-9)).all()
+
+
+@needs_compiler
 @pytest.mark.parametrize("case", CASES, ids=lambda c: c.name)
 def test_statuses_are_those_of_facets(folders: dict[str, Path], case) -> None:  # type: ignore[no-untyped-def]
     """Far, noisy and spoilt readings, and those that can not be solved: none converges wrongly."""
@@ -333,6 +360,10 @@ def test_a_controller_finds_the_same_poses(folders: dict[str, Path], core: list[
                 )
             },
             "opening",
+        ),
+        (
+            {name: getattr(facets.load("singular").sensor, name) for name in ("facets", "psds")},
+            "two",
         ),
     ],
 )

@@ -14,7 +14,7 @@ from facets.live import acquire as module
 from facets.live.acquire import Ending, Live, Loop
 from facets.live.frames import SIZE
 from facets.live.index import Block
-from facets.live.pipeline import FULL, SKIPPED, Pipeline
+from facets.live.pipeline import FULL, SKIPPED, TWO_DETECTORS, Pipeline
 from facets.live.pose_table import join_columns, pose_columns
 from facets.live.replay import compare
 
@@ -206,25 +206,31 @@ def test_two_detectors_give_no_pose_that_nothing_checks():
 
     far = np.array([-3.6924, -6.3704, 0, 0, 0, 0, 0, 0])
     reading = facets.readings(CONFIG.sensor, far)
-    found = facets.solve(CONFIG.sensor, reading, beam="known")
+    found = facets.solve(CONFIG.sensor, reading, beam="known", accept_unchecked=True)
     assert found.ok
     assert found.used.tolist() == [True, True, False]
     assert found.residual < 1e-6
     assert np.abs(found.state - far).max() > 1.0
     statuses = {}
-    for detectors in (2, 3):
-        pipeline = Pipeline(replace(
-            CONFIG, solve=replace(CONFIG.solve, beam="known"),
-            acquire=replace(CONFIG.acquire, detectors=detectors),
-        ))  # fmt: skip
+    for accept in (True, False):
+        options = replace(CONFIG.solve, beam="known", accept_unchecked=accept)
+        pipeline = Pipeline(replace(CONFIG, solve=options))
         (batch,) = pipeline.take(stream(40), 1.0)
         batch.readings[10:30, 3:6] = np.nan
         solution = pipeline.solve(batch).solution
-        assert (solution.ok == np.isfinite(solution.state).all(axis=1)).all()
-        assert (solution.ok == np.isfinite(solution.covariance).all(axis=(1, 2))).all()
-        statuses[detectors] = pipeline.tally.statuses
-    assert statuses[2] == {"converged": 40}
-    assert statuses[3] == {"converged": 20, "two detectors only": 20}
+        assert (solution.converged == np.isfinite(solution.state).all(axis=1)).all()
+        finite = np.isfinite(solution.covariance).all(axis=(1, 2))
+        assert (solution.converged == finite).all()
+        statuses[accept] = pipeline.tally.statuses
+    assert statuses[True] == {"converged": 40}
+    assert statuses[False] == {"converged": 20, "unchecked": 20}
+
+
+def test_older_files_ask_for_poses_of_two_detectors_in_their_own_words(tmp_path):
+    path = tmp_path / "rig.yaml"
+    path.write_text("extends: bench\nacquire: {detectors: 2}\n")
+    assert facets.load(path).solve.accept_unchecked
+    assert not CONFIG.solve.accept_unchecked
 
 
 def test_poses_of_another_geometry_are_not_believed_without_a_word():
@@ -291,4 +297,12 @@ def test_a_sample_that_was_called_non_finite_is_the_same_as_one_called_saturated
     old["status"][:5], new["status"][:5] = Status.NON_FINITE, FULL
     assert compare(old, new).same
     new["status"][9] = FULL
+    assert compare(old, new).different == 1
+
+
+def test_a_sample_that_was_called_two_detectors_only_is_the_same_as_one_called_unchecked():
+    old, new = in_turn(2), in_turn(2)
+    old["status"][:5], new["status"][:5] = TWO_DETECTORS, Status.UNCHECKED
+    assert compare(old, new).same
+    new["status"][9] = Status.UNCHECKED
     assert compare(old, new).different == 1

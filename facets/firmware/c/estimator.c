@@ -43,11 +43,21 @@ static int screen_reading(const facets_real *reading, int32_t used[3], facets_re
     return status;
 }
 
-static int enough(const Work *work, const int32_t used[3])
+/* By how many the numbers of the detectors used and the priors exceed the unknowns. */
+static int count_checks(const Work *work, const int32_t used[3])
 {
     int rows = 3 * (used[0] + used[1] + used[2]), j;
     for (j = 6; j < work->count; j++) rows += work->prior[work->free[j] - 6] > R(0.0);
-    return rows >= work->count;
+    return rows - work->count;
+}
+
+/* What keeps a screened reading from being estimated; FACETS_CONVERGED if nothing does. */
+static int refusal(const Work *work, int fault, const int32_t used[3],
+                   const facets_options *options)
+{
+    const int checks = count_checks(work, used);
+    if (checks == 0 && !options->accept_unchecked) return FACETS_UNCHECKED;
+    return checks >= 0 ? FACETS_CONVERGED : fault;
 }
 
 static void ask(Work *work, const facets_options *options)
@@ -379,6 +389,7 @@ void facets_default_options(facets_options *options)
     options->sigma[2] = R(0.0);
     options->max_steps = 50;
     options->covariance = 1;
+    options->accept_unchecked = 0;
 }
 
 int32_t facets_readings(const facets_real *state, facets_real *reading)
@@ -413,7 +424,8 @@ int32_t facets_solve(const facets_real *reading, const facets_real *start,
     solution->steps = 0;
     ask(&work, options);
     status = screen_reading(reading, solution->used, work.weights);
-    if (status == FACETS_CONVERGED || enough(&work, solution->used)) {
+    status = refusal(&work, status, solution->used, options);
+    if (status == FACETS_CONVERGED) {
         begin(reading, start, options, x);
         status = estimate(&work, x, reading, options, &solution->steps, &left);
     }
@@ -439,7 +451,8 @@ int32_t facets_step(const facets_real *reading, facets_real *state, const facets
     int status, c, dark;
     ask(&work, options);
     status = screen_reading(reading, used, work.weights);
-    if (status != FACETS_CONVERGED && !enough(&work, used)) return status;
+    status = refusal(&work, status, used, options);
+    if (status != FACETS_CONVERGED) return status;
     begin(reading, state, options, x);
     cost = evaluate(&work, x, reading, options, 0);
     if (!(cost < FACETS_HUGE)) return FACETS_OUT_OF_RANGE;
@@ -465,6 +478,7 @@ const char *facets_status_text(int32_t status)
     case FACETS_NO_LIGHT: return "no light";
     case FACETS_NON_FINITE: return "non finite";
     case FACETS_STALLED: return "stalled";
+    case FACETS_UNCHECKED: return "unchecked";
     default: return "not a status";
     }
 }

@@ -1,0 +1,151 @@
+"""Poses that converged and that a second look takes back: a cut spot, or a second solution.
+
+Only sensors that can have such poses pay for the look. A detector that loses the light past its
+edge reads the middle of what is left, which hardly moves while the spot goes on: there the stated
+uncertainty does not hold. And where the determinant of Eq. (11) changes its sign between states
+that the sensor can be in, the readings fold, and states on both sides of the fold read the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.names import FINE_UNITS
+from ..core.sensor import Sensor
+from ..core.units import Floats
+from ..detectors.noise import standard_deviations
+from ..model.arrays import derivatives, half_sizes, margins, readings
+from .chance import Chance
+from .problem import AMBIGUOUS, CONVERGED, OUT_OF_RANGE, Results
+
+Rows = NDArray[np.intp]
+#: Estimates some rows anew from states (n, 9).
+Again = Callable[[Rows, Floats], Results]
+
+#: States on which the determinant's sign is looked at.
+SAMPLED = 128
+#: Poses that are looked at together: about 30 kB each.
+PART = 1000
+#: Of the smallest beam diameter: how far the apex then is off the beam along x and y, and the beam
+#: off its place.
+OFFSET = 0.3
+#: Distances at which the fold is looked for, of the longest component of the direction, um or urad.
+DISTANCES = np.geomspace(10, 1e5, 25)
+#: Where the other solution is looked for: in distances of the fold.
+BEYOND = (2.0, 1.3, 4.0)
+#: Solutions farther apart than this are two, in standard uncertainties.
+APART = 3.0
+#: A fold nearer than this, in standard uncertainties: the other solution is about twice as far, and
+#: between them hardly any step of the estimate finds its way.
+NEAR = 5.0
+
+
+def is_doubtful(sensor: Sensor, free: NDArray[np.int64]) -> bool:
+    """Whether a sensor can have poses to take back.  free: numbers of the unknowns."""
+    return sensor.apertures.detectors or (6 in free and has_fold(sensor))
+
+
+def has_fold(sensor: Sensor) -> bool:
+    """Whether the determinant of Eq. (11) has both signs where nothing cuts the light; found once
+    a sensor."""
+    kept: bool | None = sensor.__dict__.get("_has_fold")
+    if kept is None:
+        bare = Sensor(beam=sensor.beam, facets=sensor.facets, psds=sensor.psds)
+        signs = sides(bare, states_about(sensor))
+        kept = sensor.__dict__["_has_fold"] = bool((signs < 0).any() and (signs > 0).any())
+    return kept
+
+
+def states_about(sensor: Sensor) -> Floats:
+    """States (n, 8) about rest, as far as spots can go on their detectors; always the same."""
+    half = half_sizes(sensor).min()
+    distance = max(float(np.hypot(psd.radius, psd.height)) for psd in sensor.psds)
+    across = OFFSET * min(sensor.beam.diameter_x, sensor.beam.diameter_y)
+    turn = half / (2 * distance)
+    sizes = np.array([across, across, half, turn, turn, turn, across, across])
+    states: Floats = sizes * np.random.default_rng(1).uniform(-1, 1, (SAMPLED, 8))
+    states[:, :2] += states[:, 6:]
+    return states
+
+
+def sides(sensor: Sensor, states: Floats) -> Floats:
+    """The sign of the determinant of Eq. (11), without the last power, at states (n, 8); 0 where a
+    detector has no light."""
+    matrices = derivatives(sensor, states)[:, :8]
+    lit = np.isfinite(matrices).all(axis=(1, 2))
+    found = np.zeros(len(states))
+    found[lit] = np.linalg.slogdet(matrices[lit])[0]
+    return found
+
+
+def take_back(
+    sensor: Sensor, free: NDArray[np.int64], chance: Chance, found: Results, again: Again
+) -> None:
+    """Gives converged poses that cannot be believed a status, and NaN."""
+    if sensor.apertures.detectors:
+        refuse(found, cut_spots(sensor, found), OUT_OF_RANGE)
+    if 6 in free and has_fold(sensor):
+        refuse(found, second_solutions(sensor, chance, found, again), AMBIGUOUS)
+
+
+def refuse(found: Results, rows: Rows, status: int) -> None:
+    found.status[rows] = status
+    found.states[rows] = found.residuals[rows] = np.nan
+    if len(found.covariances):
+        found.covariances[rows] = np.nan
+
+
+def cut_spots(sensor: Sensor, found: Results) -> Rows:
+    """The poses in which a spot that took part reaches past its detector's edge."""
+    rows = np.flatnonzero(found.status == CONVERGED)
+    inside = (margins(sensor, found.states[rows, :8].copy())[..., :4] >= 0).all(axis=2)
+    cut: NDArray[np.bool_] = (found.used[rows] & ~inside).any(axis=1)
+    return rows[cut]
+
+
+def second_solutions(sensor: Sensor, chance: Chance, found: Results, again: Again) -> Rows:
+    """The poses to which there is another, with a residual that noise may leave."""
+    rows = np.flatnonzero((found.status == CONVERGED) & found.used.all(axis=1))
+    parts = [rows[first : first + PART] for first in range(0, len(rows), PART)]
+    doubtful = [second_solutions_of(sensor, chance, found, part, again) for part in parts]
+    return np.concatenate([rows[:0], *doubtful])
+
+
+def second_solutions_of(
+    sensor: Sensor, chance: Chance, found: Results, rows: Rows, again: Again
+) -> Rows:
+    """Those among some rows."""
+    here = found.states[rows, :8].copy()
+    sigmas = standard_deviations(sensor, readings(sensor, here))
+    matrices = derivatives(sensor, here) * FINE_UNITS / sigmas[:, :, None]
+    _, values, directions = np.linalg.svd(np.nan_to_num(matrices))
+    weakest, answer = directions[:, -1], values[:, -1]
+    largest = np.abs(weakest).max(axis=1, keepdims=True)
+    step = weakest / largest * FINE_UNITS
+    doubtful = np.zeros(len(rows), bool)
+    for side in (1.0, -1.0):
+        fold = side * fold_distance(sensor, here, side * step)
+        doubtful |= np.abs(fold) * answer / largest[:, 0] < NEAR
+        for share in BEYOND:
+            some = np.flatnonzero(np.isfinite(fold) & ~doubtful)
+            if not len(some):
+                break
+            start = found.states[rows[some]].copy()
+            start[:, :8] += share * fold[some, None] * step[some]
+            other = again(rows[some], start)
+            off = (other.states[:, :8] - here[some]) / FINE_UNITS
+            apart = np.abs((off * weakest[some]).sum(axis=1)) * answer[some]
+            doubtful[some] = (other.residuals <= chance.limit) & (apart > APART)
+    return rows[doubtful]
+
+
+def fold_distance(sensor: Sensor, states: Floats, direction: Floats) -> Floats:
+    """How far along a direction the determinant's sign changes (n,); NaN where it does not."""
+    line = states[:, None] + DISTANCES[:, None] * direction[:, None]
+    there = sides(sensor, line.reshape(-1, 8)).reshape(len(states), -1)
+    changed = there * sides(sensor, states)[:, None] < 0
+    first = DISTANCES[changed.argmax(axis=1)]
+    return np.where(changed.any(axis=1), first, np.nan)

@@ -1,0 +1,73 @@
+"""What one spoilt number can do to a pose before its residual shows it.
+
+Geodesy calls it external reliability (W. Baarda, 1968). A number takes the share h of its own error
+into the pose and leaves 1 - h in the residual, both squared and in standard deviations. So an error
+that leaves the limit L of `Chance` as its residual moves the pose by L sqrt(h / (1 - h)), and no
+component of the pose by more of its standard uncertainties.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..core.arguments import checked
+from ..core.names import FINE_UNITS
+from ..core.sensor import Sensor
+from ..core.units import Floats
+from ..detectors.noise import standard_deviations
+from ..model.arrays import as_rows, derivatives, readings
+from .solver import Prior, chance_of, plan
+
+#: Shares of an error that a residual has of it, squared, below this are rounding.
+NOTHING = 1e-12
+
+
+@checked
+def unseen_errors(
+    sensor: Sensor,
+    state: ArrayLike,
+    *,
+    beam: Literal["free", "known"] | Prior = "free",
+    power: Literal["known", "unknown"] | Prior = "known",
+) -> Floats:
+    """By how much one spoilt number can put a pose off before the residual shows it.
+
+    state: (..., 8) as for `facets.readings`.  beam, power: as for `facets.solve`; of a `Prior` its
+    sigma alone counts.
+
+    Returns (..., 9): for each number of the reading, in standard uncertainties of the pose. Where
+    only that number is wrong, and the solution is `ok` all the same, no component of the pose is
+    off by more, to first order and but for the noise of the others. Infinite where nothing checks
+    the number; NaN where a detector has no light.
+
+    >>> import numpy as np, facets
+    >>> facets.unseen_errors(facets.Sensor(), np.zeros(8), beam="known").round()[:3].tolist()
+    [4.0, 12.0, 6.0]
+    >>> facets.unseen_errors(facets.Sensor(), np.zeros(8), beam="free").round()[:3].tolist()
+    [inf, inf, 6.0]
+    """
+    states, shape = as_rows(state, 8, "state")
+    asked = plan(sensor, beam, power, "least-squares", shape)
+    exact = readings(sensor, states)
+    slopes = np.zeros((len(states), 9, 9))
+    slopes[:, :, :8] = derivatives(sensor, states) * FINE_UNITS
+    slopes[:, 2::3, 8] = exact[:, 2::3]
+    slopes /= standard_deviations(sensor, exact)[:, :, None]
+    known = np.diag([*[0.0] * 6, *asked.weights * [*FINE_UNITS[6:], sensor.beam.power]])
+    rows = np.concatenate([slopes, np.broadcast_to(known, slopes.shape)], axis=1)[:, :, asked.free]
+    out = np.full((len(states), 9), np.nan)
+    lit = np.isfinite(rows).all(axis=(1, 2))
+    into_pose = (np.linalg.qr(rows[lit] / column_lengths(rows[lit]))[0][:, :9] ** 2).sum(axis=2)
+    left = 1 - into_pose
+    limit = chance_of(sensor, asked).limit
+    with np.errstate(divide="ignore", invalid="ignore"):
+        out[lit] = np.where(left > NOTHING, limit * np.sqrt(into_pose / left), np.inf)
+    return out.reshape(*shape, 9)
+
+
+def column_lengths(matrices: Floats) -> Floats:
+    found: Floats = np.linalg.norm(matrices, axis=1, keepdims=True)
+    return found

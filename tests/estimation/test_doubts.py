@@ -1,0 +1,91 @@
+"""Poses that a second look takes back: spots that an edge cuts, and second solutions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sensors import SENSORS
+
+import facets
+from facets import Status
+from facets.estimation.doubts import has_fold
+
+PAPER = facets.load("paper").sensor
+CUT = replace(PAPER, apertures=facets.Apertures(detectors=True))
+FOLDED = facets.load("singular").sensor
+
+
+def errors(solution: facets.Solution, truth: np.ndarray) -> np.ndarray:
+    """Over the standard uncertainty, the largest of each pose; 0 where there is none."""
+    off = np.abs(solution.state - truth) / np.maximum(solution.uncertainty, 1e-9)
+    return np.where(solution.ok, np.nan_to_num(off).max(axis=1), 0.0)
+
+
+def near_edges(count: int) -> np.ndarray:
+    rng = np.random.default_rng(5)
+    drawn = rng.uniform(-1, 1, (count, 8)) * [0.25, 0.25, 7, 0.03, 0.03, 0.03, 0, 0]
+    least = facets.margins(CUT, drawn)[..., :4].min(axis=(1, 2))
+    return drawn[(least > -1.2) & (least < 0.3)]
+
+
+@pytest.mark.parametrize(
+    "way", [{}, {"beam": "known"}, {"beam": "known", "power": "unknown"}], ids=str
+)
+def test_a_spot_that_an_edge_cuts_gives_no_pose_that_is_believed(way):
+    truth = near_edges(30_000)
+    readings = facets.add_noise(CUT, facets.readings(CUT, truth), np.random.default_rng(1))
+    solution = facets.solve(CUT, readings, **way)
+    assert solution.ok.sum() > 20
+    assert errors(solution, truth).max() < 7
+    first = np.flatnonzero(solution.status == Status.OUT_OF_RANGE)[:20]
+    for n in first:
+        assert facets.solve(CUT, readings[n], **way).status == Status.OUT_OF_RANGE
+
+
+def test_a_whole_spot_well_inside_is_solved_where_edges_cut():
+    state = np.array([0.05, -0.02, 3.0, 2e-3, -1e-3, 4e-3, 0, 0])
+    solution = facets.solve(CUT, facets.readings(CUT, state), beam="known")
+    assert solution.ok
+    assert np.abs(solution.state - state).max() < 1e-9
+
+
+def about_the_fold(count: int) -> np.ndarray:
+    rng = np.random.default_rng(5)
+    drawn = rng.uniform(-1, 1, (count, 8)) * [0.2, 0.2, 6, 0.012, 0.012, 0.012, 0.05, 0.05]
+    return drawn[facets.reaches(FOLDED, drawn).all(axis=1)]
+
+
+def test_a_pose_that_has_a_double_is_ambiguous():
+    truth = about_the_fold(12_000)
+    readings = facets.add_noise(FOLDED, facets.readings(FOLDED, truth), np.random.default_rng(1))
+    solution = facets.solve(FOLDED, readings)
+    ambiguous = solution.status == Status.AMBIGUOUS
+    assert ambiguous.sum() > 20
+    assert np.isnan(solution.state[ambiguous]).all()
+    assert np.isnan(solution.covariance[ambiguous]).all()
+    assert errors(solution, truth).max() < 10
+    solver = facets.Solver(FOLDED, start="previous")
+    for n in np.flatnonzero(ambiguous)[:5]:
+        assert facets.solve(FOLDED, readings[n]).status == Status.AMBIGUOUS
+        assert solver.solve(readings[n]).status != Status.CONVERGED
+
+
+def test_where_the_beam_is_known_the_double_is_told_apart():
+    truth = about_the_fold(2000)
+    truth[:, :2] -= truth[:, 6:]
+    truth[:, 6:] = 0
+    truth = truth[facets.reaches(FOLDED, truth).all(axis=1)]
+    solution = facets.solve(FOLDED, facets.readings(FOLDED, truth), beam="known")
+    assert solution.ok.mean() > 0.99
+    assert np.abs(solution.state - truth)[solution.ok].max() < 1e-6
+
+
+@pytest.mark.parametrize("name", SENSORS)
+def test_other_heads_have_no_fold(name):
+    assert not has_fold(SENSORS[name])
+    assert has_fold(FOLDED)
+
+
+def test_edges_that_cut_make_no_fold():
+    assert not has_fold(CUT)
+    assert not has_fold(facets.load("bench-light").sensor)
