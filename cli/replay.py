@@ -62,7 +62,6 @@ def replay(
     from facets import load
     from facets.core.extras import require_extra
     from facets.files import tables
-    from facets.files.provenance import require_origin
     from facets.live.pipeline import Pipeline
     from facets.live.publication import require_packages
     from facets.live.recording import Damage, meta_of
@@ -71,9 +70,6 @@ def replay(
 
     meta_of(recording, own=config is None)
     settings = load(config) if config else recorded_config(recording)
-    if compare and config:
-        require_origin(recording, meta_of(recording), settings, "--compare needs the configuration "
-                       "that it was recorded with: leave --config out")  # fmt: skip
     if smooth:
         check_smoothing(output, smooth_by)
     if filter_by:

@@ -326,23 +326,25 @@ def blocks(folder: Path, damage: Damage | None = None, salvage: bool = False) ->
         file = path.open("rb")
     except OSError as error:
         raise missing_file(path, error, "a recording cannot be solved without its bytes") from None
-    if proven and not any_agrees(rows, file):
-        if seal and not salvage and not size:
-            raise InputError(f"{path}: is empty, but held {seal.bytes} bytes when it was closed")
-        if seal and not salvage:
-            raise InputError(
-                f"{folder / 'index.bin'}: none of its {len(rows)} rows agrees with {path}: one of "
-                f"the two is damaged or of another recording. `facets recover {folder}` solves "
-                "the bytes without it"
-            )
-        rows, damage.rows = rows[:0], damage.rows + len(rows)
-    if seal:
-        damage.absent = max(0, seal.rows - len(rows) - damage.rows)
-        damage.missing = max(0, seal.bytes - size)
-    known_missing = damage.missing
-    carried = not len(rows) or not np.isnan(rows["stage"][:, 0]).all()
-    nowhere = Encoder(-np.inf, np.zeros(2), np.zeros(2)) if carried else None
     with file:
+        if proven and not any_agrees(rows, file):
+            if seal and not salvage and not size:
+                raise InputError(
+                    f"{path}: is empty, but held {seal.bytes} bytes when it was closed"
+                )
+            if seal and not salvage:
+                raise InputError(
+                    f"{folder / 'index.bin'}: none of its {len(rows)} rows agrees with {path}: one "
+                    f"of the two is damaged or of another recording. `facets recover {folder}` "
+                    "solves the bytes without it"
+                )
+            rows, damage.rows = rows[:0], damage.rows + len(rows)
+        if seal:
+            damage.absent = max(0, seal.rows - len(rows) - damage.rows)
+            damage.missing = max(0, seal.bytes - size)
+        known_missing = damage.missing
+        carried = not len(rows) or not np.isnan(rows["stage"][:, 0]).all()
+        nowhere = Encoder(-np.inf, np.zeros(2), np.zeros(2)) if carried else None
         place = 0
         for row in rows:
             offset, length, arrival = (

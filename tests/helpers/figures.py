@@ -26,7 +26,8 @@ def segment(name: str = "steps", count: int = 600, solved: bool = True) -> Any:
     ok = np.full(count, solved)
     ok[count // 2 : count // 2 + 3] &= count < 10
     state[~ok] = np.nan
-    solution = SimpleNamespace(state=state, uncertainty=np.where(ok[:, None], sigma, np.nan), ok=ok)
+    told = np.where(ok[:, None], sigma, np.nan)
+    solution = SimpleNamespace(state=state, uncertainty=told, converged=ok)
     error = (state - truth)[:, :6]
     return SimpleNamespace(name=name, time=time, truth=truth, solution=solution, error=error)
 

@@ -174,6 +174,7 @@ def test_a_detector_takes_what_falls_on_it():
 
 @pytest.mark.parametrize("cut", CUTS.values(), ids=CUTS)
 def test_poses_are_found_from_cut_light(cut):
+    """All but the tenth whose spots an edge may cut: these are out of range, not doubtful poses."""
     sensor = replace(PAPER, apertures=cut)
     truth = states(300, seed=7, offset=0.1, angle=5e-3)
     truth[:, :2] -= truth[:, 6:]
@@ -183,7 +184,8 @@ def test_poses_are_found_from_cut_light(cut):
         truth[:, 3:6] *= 0.02
     exact = facets.readings(sensor, truth)
     solution = facets.solve(sensor, exact)
-    assert solution.ok.mean() > 0.99
+    assert set(solution.status[~solution.ok]) <= {facets.Status.OUT_OF_RANGE}
+    assert solution.ok.mean() > (0.85 if cut.detectors else 0.99)
     away = np.abs(solution.state - truth)[solution.ok]
     assert away[:, [0, 1, 2, 6, 7]].max() < 1e-9
     assert away[:, 3:6].max() < 1e-11
