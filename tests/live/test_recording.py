@@ -190,6 +190,7 @@ class Stage:
     """A tracker whose stage fails, or whose end does."""
 
     encoder = None
+    begun = float("inf")
 
     note = ""
 
