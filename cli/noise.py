@@ -119,14 +119,15 @@ def solved(recording: Path, settings: Config, tell_replay: Callable[..., None]) 
 
 def refuse(recording: Path, faults: list[str], files: list[Path], write: Path | None) -> None:
     """Says why a recording is none of noise, and that nothing was written; exit status 1."""
-    from facets.characterization.rest import NOT_AT_REST
+    from facets.characterization.rest import NOT_NOISE, REMEDY
 
-    typer.echo(f"{recording}: {NOT_AT_REST}:")
+    typer.echo(f"{recording}: {NOT_NOISE}:")
     for fault in faults:
         typer.echo(f"  {fault}")
     places = [*([f"{files[0].parent}/"] if files else []), *([str(write)] if write else [])]
+    typer.echo(REMEDY)
     if places:
-        typer.echo(f"Not written: {', '.join(places)}. Record the mirror at rest.")
+        typer.echo(f"Not written: {', '.join(places)}")
     raise typer.Exit(FINDING)
 
 

@@ -35,10 +35,9 @@ if TYPE_CHECKING:
     from ..core.settings import Config
     from .noise_report import Columns, Piece
 
-#: What all the sentences mean together.
-NOT_AT_REST = (
-    "this is no recording of noise, because the mirror was not at rest or its light not steady"
-)
+#: What all the sentences mean together, and what to do.
+NOT_NOISE = "the noise of the bench cannot be taken from this recording"
+REMEDY = "Record the mirror at rest, in steady light, with counts that are finer than the noise."
 #: Share of samples that may be saturated or dark: a normal distribution that loses its upper
 #: thousandth has a standard deviation that is 0.5 % too small.
 LOST_SHARE = 1e-3

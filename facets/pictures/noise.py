@@ -63,10 +63,10 @@ def faults(sentences: list[str]) -> str:
     """What speaks against a mirror at rest, if anything does."""
     if not sentences:
         return ""
-    from ..characterization.rest import NOT_AT_REST
+    from ..characterization.rest import NOT_NOISE
 
     items = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
-    return f"<p><strong>{NOT_AT_REST.capitalize()}:</strong></p><ul>{items}</ul>"
+    return f"<p><strong>{NOT_NOISE.capitalize()}:</strong></p><ul>{items}</ul>"
 
 
 def for_configuration(report: NoiseReport) -> str:

@@ -28,10 +28,12 @@ pytestmark = pytest.mark.wheel
 
 PROGRAM = Path(sysconfig.get_path("scripts")) / "facets"
 
-#: What the live commands are given: a mirror at rest, and a stage that waits for a busy machine.
+#: What the live commands are given: a mirror at rest, a converter that is finer than the noise, and
+#: a stage that waits for a busy machine.
 FILES = {
     "my bench.yaml": """
         extends: bench
+        sensor: {electronics: {adc_bits: 24}}
         stage: {stale_ms: 500}
         motions:
           rest: {kind: sine, amplitude: {tx_mm: 0}, samples: 1000, rate_hz: 100}
