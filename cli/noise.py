@@ -127,7 +127,7 @@ def refuse(recording: Path, faults: list[str], files: list[Path], write: Path | 
     places = [*([f"{files[0].parent}/"] if files else []), *([str(write)] if write else [])]
     typer.echo(REMEDY)
     if places:
-        typer.echo(f"Not written: {', '.join(places)}")
+        typer.echo(f"Not written: {', '.join(places)}.")
     raise typer.Exit(FINDING)
 
 
