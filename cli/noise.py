@@ -32,8 +32,8 @@ def noise(
         Path | None,
         typer.Option(
             "--write",
-            help="YAML file for a configuration with the noise found. Refused for a recording "
-            "whose mirror was not at rest.",
+            help="YAML file for a configuration with the noise found. Nothing is written where the "
+            "noise cannot be taken from the recording.",
         ),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace older files.")] = False,
