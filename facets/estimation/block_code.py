@@ -13,9 +13,9 @@ from llvmlite import ir
 
 from ..model.blocks import LANES
 from ..model.object_code import Write
-from ..model.packing import PLAIN, vectors_at
-from ..optics.forward import with_power
-from ..optics.gradient import linearised
+from ..model.packing import vectors_of
+from ..optics import bench_gradient, gradient
+from ..optics.forward import by_power, with_power
 from ..scalars.lanes import LaneWriter
 from ..scalars.machine import DOUBLE, LONG, Condition, Value, counted
 from . import straight
@@ -108,14 +108,19 @@ def weighted(
     """
     rows: list[Numbers] = []
     residuals: Numbers = []
-    power = x[8]
-    for values, derivatives in linearised(with_power(vectors, power), tuple(x[:8])):
+    powered, state = with_power(vectors, x[8]), tuple(x[:8])
+    ideal = vectors.light is None
+    text = gradient.linearised if ideal else bench_gradient.nearly_linearised
+    for k, (values, derivatives) in enumerate(text(powered, state)):
         code.leave(~(values[2] > asked.darkness))
         for i in range(3):
             n = len(rows)
             weight = asked.weights[n]
-            by_power = values[2] / power if i == 2 else 0.0
-            row = [*derivatives[i], by_power]
+            if ideal:
+                of_power = values[2] / x[8] if i == 2 else 0.0
+            else:
+                of_power = by_power(powered, values, k, i)
+            row = [*derivatives[i], of_power]
             rows.append([weight * row[c] for c in free])
             residuals.append(weight * (asked.values[n] - values[i]))
     return [list(column) for column in zip(*rows, strict=True)], residuals
@@ -174,26 +179,31 @@ def covariance_of(factor: Memory, free: Sequence[int]) -> Numbers:
     return rows
 
 
-def estimating(free: tuple[int, ...]) -> Write:
+def estimating(free: tuple[int, ...], kind: str) -> Write:
     """Writes code that estimates blocks of readings, as a function of the address of a task's
-    table."""
+    table.
+
+    kind: of the light, see `kinds.block_kind`.
+    """
 
     def write(builder: Any, arguments: Sequence[Any]) -> None:
         at = builder.inttoptr(arguments[0], ir.PointerType(LONG))
         places = [builder.gep(at, [ir.Constant(LONG, n)]) for n in range(PLACES)]
         task = [builder.load(place) for place in places]
         with counted(builder, task[BLOCKS]) as index:
-            write_block(builder, free, task, index)
+            write_block(builder, free, kind, task, index)
 
     return write
 
 
-def write_block(builder: Any, free: tuple[int, ...], task: list[Any], index: Any) -> None:
+def write_block(
+    builder: Any, free: tuple[int, ...], kind: str, task: list[Any], index: Any
+) -> None:
     """task: the numbers of a task's table.  index: of the block."""
     code = LaneWriter(builder, LANES)
     addresses = task[PACKED:WEIGHED]
     pointers = [builder.inttoptr(address, ir.PointerType(DOUBLE)) for address in addresses]
-    vectors = vectors_at(code, pointers[PACKED], PLAIN)
+    vectors = vectors_of(code, pointers[PACKED], kind)
     first = builder.mul(index, ir.Constant(LONG, LANES))
 
     def apart(width: int, rows: int = ROWS) -> Any:

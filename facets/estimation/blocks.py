@@ -21,6 +21,8 @@ from .problem import CONVERGED, PATIENCE, UNKNOWNS, Limits, Problem, Readings, R
 from .solution import CHECKS, COVARIANCE, RESIDUAL
 
 Array = Any
+#: Estimates blocks of readings, of the address of a task's table.
+Code = Callable[[int], None]
 
 #: Steps after which a lane is left: before the slowness of a fit is looked at.
 MOST = PATIENCE - 1
@@ -46,17 +48,18 @@ PARTS = ("block_code.py", "blocks.py", "problem.py", "straight.py", "normal_equa
 
 
 @cache
-def kernel(free: tuple[int, ...]) -> Callable[[int], None]:
-    """The compiled function for one of QUESTIONS, of a task's address; compiled now if need be."""
+def kernel(free: tuple[int, ...], kind: str) -> Code:
+    """The compiled function for one of QUESTIONS and a kind of light, see `kinds.block_kind`;
+    compiled now if need be."""
     from ..model.object_code import Write, function
 
     def written() -> Write:
         from . import block_code
 
-        return block_code.estimating(free)
+        return block_code.estimating(free, kind)
 
     files = (Path(__file__).parent / part for part in PARTS)
-    return function(f"estimate_{len(free)}", 1, written, *CODE, *files)
+    return function(f"estimate_{len(free)}_of_{kind}", 1, written, *CODE, *files)
 
 
 def fits(problem: Problem) -> bool:
@@ -77,10 +80,18 @@ def table_of(limits: Limits, problem: Problem) -> Array:
 
 
 def estimate(
-    packed: Array, readings: Readings, limits: Limits, problem: Problem, results: Results
+    code: Code,
+    packed: Array,
+    readings: Readings,
+    limits: Limits,
+    problem: Problem,
+    results: Results,
 ) -> Array:
     """Fills `results`; returns the numbers of the readings that are left, whose results mean
-    nothing. The arrays are those of `kernels.solve_rows`."""
+    nothing.
+
+    code: from `kernel`.  The arrays are those of `kernels.solve_rows`.
+    """
     n = len(readings.values)
     whole = n // LANES * LANES
     weights = inverse_of(readings.sigmas)
@@ -88,11 +99,11 @@ def estimate(
     steps, given = np.empty(n), (readings.values, weights, problem.means, problem.starts)
     found = (results.states, steps, results.residuals, results.covariances)
     if whole:
-        run(packed, table, problem, whole, given, found, left)
+        run(code, packed, table, problem, whole, given, found, left)
     if n > whole:
         parts = tuple(padded(array, whole, n) for array in given)
         rest = tuple(np.empty((LANES if len(a) else 0, *a.shape[1:])) for a in found)
-        run(packed, table, problem, LANES, parts, rest, left[-1:])
+        run(code, packed, table, problem, LANES, parts, rest, left[-1:])
         for array, part in zip(found, rest, strict=True):
             array[whole:] = part[: len(array[whole:])]
     results.steps[:], results.status[:], results.used[:] = steps, CONVERGED, True
@@ -113,14 +124,15 @@ def padded(rows: Array, first: int, n: int) -> Array:
 
 
 def run(
-    packed: Array, table: Array, problem: Problem, count: int, given: Any, found: Any, left: Array
-) -> None:
+    code: Code, packed: Array, table: Array, problem: Problem, count: int, given: Any, found: Any,
+    left: Array,
+) -> None:  # fmt: skip
     """Blocks of `count` readings; given, found: arrays as in `estimate`."""
     values, weights, means, starts = given
     arrays = (packed, table, values, weights, means, starts, *found, left)
     rows = (1, len(means) >= count > 1, len(starts) >= count > 1)
     task = task_of(arrays, len(weights) > 0, rows, problem, count // LANES)
-    kernel(tuple(problem.free.tolist()))(address_of(task))
+    code(address_of(task))
 
 
 def task_of(
@@ -144,6 +156,7 @@ class One:
 
     def __init__(
         self,
+        code: Code,
         packed: Array,
         given: Readings,
         limits: Limits,
@@ -151,7 +164,7 @@ class One:
         chance: Chance,
         covariance: bool,
     ) -> None:
-        self._kernel, self._sigmas = kernel(tuple(problem.free.tolist())), given.sigmas
+        self._kernel, self._sigmas = code, given.sigmas
         self.numbers = np.empty(COVARIANCE + (64 if covariance else 0))
         self.state = self.numbers[:UNKNOWNS]
         self._weights, left = np.empty_like(given.sigmas), np.empty(1, np.int64)

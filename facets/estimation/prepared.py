@@ -22,7 +22,7 @@ from .solver import (
     Plan,
     Prior,
     add_calibration,
-    by_blocks,
+    block_code,
     chance_of,
     empty_results,
     estimate,
@@ -159,12 +159,13 @@ class PreparedEstimate:
         self._exact: problem.Task | None = None
         self._block: Any = None
         self._doubtful = is_doubtful(sensor, self._plan.free)
-        if by_blocks(sensor, self._problem) and not self._doubtful:
+        code = None if self._doubtful else block_code(sensor, self._problem)
+        if code is not None:
             from .blocks import One
 
             given = problem.Readings(self._values, self._sigmas)
             self._block = One(
-                packed(sensor), given, self._plan.limits, self._problem, chance, covariance
+                code, packed(sensor), given, self._plan.limits, self._problem, chance, covariance
             )
         self._first = FirstRow(self._found, chance)
 

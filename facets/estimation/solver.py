@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -14,7 +15,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import power_floor, standard_deviations
 from ..model.arrays import as_rows, as_vectors, half_sizes, packed, spot_size
-from ..model.kinds import kind_of
+from ..model.kinds import block_kind
 from ..model.threads import part_of, share
 from ..optics.limits import COLUMNS, MOST
 from . import problem
@@ -236,27 +237,31 @@ def estimate(
     found: problem.Results,
 ) -> None:
     """Fills `found`: by blocks where the light is plain, and one by one what these leave."""
-    if not by_blocks(sensor, asked):
+    code = block_code(sensor, asked)
+    if code is None:
         from ..model import evaluators
 
         one_by_one(evaluators.nearly_linearised(sensor), sensor, readings, limits, asked, found)
         return
     from . import blocks
 
-    left = blocks.estimate(packed(sensor), readings, limits, asked, found)
+    left = blocks.estimate(code, packed(sensor), readings, limits, asked, found)
     if len(left):
         from ..model import evaluators
 
-        estimate_some(evaluators.linearised(sensor), left, sensor, readings, limits, asked, found)
+        model = evaluators.nearly_linearised(sensor)
+        estimate_some(model, left, sensor, readings, limits, asked, found)
 
 
-def by_blocks(sensor: Sensor, asked: problem.Problem) -> bool:
-    """Whether blocks know what is asked; these are then compiled."""
-    if kind_of(sensor) != "plain":
-        return False
+def block_code(sensor: Sensor, asked: problem.Problem) -> Callable[[int], None] | None:
+    """What estimates blocks of readings, compiled now if need be; None where blocks do not know
+    what is asked."""
+    kind = block_kind(sensor)
+    if kind is None:
+        return None
     from . import blocks
 
-    return blocks.fits(asked) and blocks.kernel(tuple(asked.free.tolist())) is not None
+    return blocks.kernel(tuple(asked.free.tolist()), kind) if blocks.fits(asked) else None
 
 
 def one_by_one(
@@ -427,7 +432,7 @@ def solve_rows(
     """`solve` of readings that are checked."""
     n = len(given.values)
     found = empty_results(n, covariance)
-    by_blocks(sensor, asked)  # compiled once, before threads ask for it
+    block_code(sensor, asked)  # compiled once, before threads ask for it
 
     def run(part: slice) -> None:
         some, questions = some_rows(part, given, asked)

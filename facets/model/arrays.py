@@ -18,8 +18,9 @@ from ..optics.effects import Effects, Options
 from ..optics.forward import Geometry, Openings, geometry
 from ..optics.limits import COLUMNS, MOST
 from ..optics.parameters import BEAM, FACET, PSD
+from ..scalars.dispatch import STEP
 from . import blocks, packing
-from .kinds import kind_of
+from .kinds import block_kind, lit_kind
 from .threads import share
 
 
@@ -117,9 +118,7 @@ def with_effects(sensor: Sensor, values: Sequence[float] | Floats) -> Sensor:
 
 
 def stepped(values: Sequence[float] | Floats) -> list[tuple[complex, ...]]:
-    """Copies of some numbers, in each of which another carries `bench_gradient.STEP`."""
-    from ..optics.cut_parameters import STEP
-
+    """Copies of some numbers, in each of which another carries `dispatch.STEP`."""
     plain = [complex(value) for value in values]
     return [
         tuple(value + complex(0, STEP if i == number else 0) for i, value in enumerate(plain))
@@ -143,8 +142,6 @@ def effect_jacobian(sensor: Sensor, state: ArrayLike, names: Sequence[str] | Non
     polarisation of light that is not polarised, would be. NaN as in `jacobian`.
     Raises `InputError` for a sensor with apertures.
     """
-    from .kernels import differentiate_light
-
     rows, shape = as_rows(state, 8, "state")
     if sensor.apertures.cut:
         raise InputError(CUT_LIGHT)
@@ -158,10 +155,29 @@ def effect_jacobian(sensor: Sensor, state: ArrayLike, names: Sequence[str] | Non
     plain = packing.pack(geometry(given, openings(sensor), of_light(sensor)))
     out = np.zeros((len(rows), 9, len(EFFECTS)))
     if wanted:
-        found = np.empty((len(rows), 9, len(wanted)))
-        differentiate_light(plain, np.array(copies, dtype=complex), rows, found)
-        out[:, :, wanted] = found
+        out[:, :, wanted] = slopes_under_light(sensor, plain, np.array(copies, dtype=complex), rows)
     return out.reshape(*shape, 9, len(EFFECTS))
+
+
+def slopes_under_light(
+    sensor: Sensor, vectors: Floats, copies: NDArray[np.complex128], states: Floats
+) -> Floats:
+    """The derivatives of the readings at states (n, 8) by what m copies of a sensor carry.
+
+    vectors: the sensor packed, with the light of its bench.  Returns (n, 9, m).
+    """
+    found = np.empty((len(states), 9, len(copies)))
+    if len(states) == 0:
+        return found
+    slopes = np.ascontiguousarray(copies.imag / STEP)
+    left = blocks.slopes(lit_kind(sensor), vectors, slopes, states, found)
+    if len(left):
+        from .kernels import differentiate_light
+
+        rest = np.empty((len(left), *found.shape[1:]))
+        differentiate_light(vectors, copies, states[left], rest)
+        found[left] = rest
+    return found
 
 
 def openings(sensor: Sensor) -> Openings:
@@ -181,7 +197,7 @@ def packed(sensor: Sensor) -> Floats:
 
 
 def varied(sensor: Sensor) -> NDArray[np.complex128]:
-    """The sensor packed once for each parameter, which carries `cut_parameters.STEP`: (30, ...)."""
+    """The sensor packed once for each parameter, which carries `dispatch.STEP`: (30, ...)."""
     light = of_light(sensor) if sensor.light.on else None
     copies = [
         packing.pack(geometry(moved, openings(sensor), light))
@@ -266,10 +282,14 @@ def evaluate(model: int, vectors: Floats, given: Floats, found: Floats) -> None:
 
 
 def named(sensor: Sensor, name: str) -> str | None:
-    """The name, where blocks know what it stands for of a sensor."""
+    """What `blocks.kernel` has for "readings", "derivatives", "near_derivatives" or "footprints" of
+    a sensor; None where blocks do not know it."""
+    kind = block_kind(sensor)
     if name == "footprints":
         return None if sensor.light.on else name
-    return name if kind_of(sensor) == "plain" else None
+    if kind == "plain":
+        return name.removeprefix("near_")
+    return None if kind is None else f"{name}_of_{kind}"
 
 
 def at_one(sensor: Sensor, name: str, state: ArrayLike, threads: int) -> Floats | None:
@@ -278,9 +298,10 @@ def at_one(sensor: Sensor, name: str, state: ArrayLike, threads: int) -> Floats 
     None where it is no such state, or leaves its block.
     """
     one = as_floats(state, "state")
-    if one.shape != (8,) or threads < 0 or named(sensor, name) is None:
+    kernel = named(sensor, name)
+    if one.shape != (8,) or threads < 0 or kernel is None:
         return None
-    return blocks.run_one(name, packed(sensor), one)
+    return blocks.run_one(kernel, packed(sensor), one)
 
 
 def by_blocks(
@@ -349,7 +370,7 @@ def derivatives(sensor: Sensor, states: Floats, threads: int = 1, near: bool = T
         evaluate(model(sensor), vectors, given, whole)
         found[:] = np.where(np.isnan(whole[:, 0, :9, None]), np.nan, whole[:, 1:, :8])
 
-    name = named(sensor, "derivatives")
+    name = named(sensor, "near_derivatives" if near else "derivatives")
     share(by_blocks(sensor, name, states, out, one_by_one), len(states), threads)
     return out
 
@@ -366,15 +387,15 @@ def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
     >>> f"{slopes[2, facets.PARAMETERS.index('beam.power')]:.3f}"  # of the power on A
     '0.333'
     """
-    from .kernels import differentiate_by_parameters, differentiate_cut, differentiate_light
-
     rows, shape = as_rows(state, 8, "state")
-    out = np.zeros((len(rows), 9, 30))
     if sensor.light.on and sensor.apertures.cut:
         raise InputError(CUT_LIGHT)
     if sensor.light.on:
-        differentiate_light(packed(sensor), varied(sensor), rows, out)
-        return out.reshape(*shape, 9, 30)
+        lit = slopes_under_light(sensor, packed(sensor), varied(sensor), rows)
+        return lit.reshape(*shape, 9, 30)
+    from .kernels import differentiate_by_parameters, differentiate_cut
+
+    out = np.zeros((len(rows), 9, 30))
     differentiate_by_parameters(packed(sensor), parameters(sensor), rows, out)
     if sensor.apertures.cut:
         differentiate_cut(packed(sensor), varied(sensor), rows, out)

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from ..core.units import Floats
+from ..optics import bench_gradient, bench_light, forward, gradient
 from ..optics.footprint import footprint, slopes
 from ..optics.forward import Geometry, placed
-from ..optics.forward import readings as readings_uncut
-from ..optics.gradient import linearised
 from ..scalars.nesting import leaves
+from .blocks import task_of
 
 State = tuple[float, ...]
 
@@ -30,14 +30,25 @@ _spent = 0.0
 
 
 def readings(geometry: Geometry, state: State) -> list[float]:
-    return list(leaves(readings_uncut(geometry, state)))
+    text = bench_light if geometry.light.options.on else forward
+    return list(leaves(text.readings(geometry, state)))
 
 
 def derivatives(geometry: Geometry, state: State) -> list[Sequence[float]]:
     """NaN where there is no reading."""
+    text = bench_gradient if geometry.light.options.on else gradient
+    return rows_of(text.linearised(geometry, state))
+
+
+def near_derivatives(geometry: Geometry, state: State) -> list[Sequence[float]]:
+    """Under the light of a bench, what `bench_gradient.nearly_linearised` gives."""
+    return rows_of(bench_gradient.nearly_linearised(geometry, state))
+
+
+def rows_of(detectors: Any) -> list[Sequence[float]]:
     return [
         row if value == value else [nan] * 8
-        for values, rows in linearised(geometry, state)
+        for values, rows in detectors
         for value, row in zip(values, rows, strict=True)
     ]
 
@@ -48,19 +59,20 @@ def footprints(geometry: Geometry, state: State) -> list[Sequence[float]]:
 
 
 FORMULAS: dict[str, Callable[[Geometry, State], Any]] = {
-    function.__name__: function for function in (readings, derivatives, footprints)
+    function.__name__: function
+    for function in (readings, derivatives, near_derivatives, footprints)
 }
 
 
 def fill(name: str, geometry: Geometry, states: Floats, found: Floats, which: Any) -> Any:
     """Fills some rows of `found` for states (n, 8); returns the numbers of those that are left.
 
-    name: of FORMULAS.  which: the rows' numbers.  They are left once compiled code is loaded, or
-    the time is over; so are states at which the text divides by zero or a function of the C library
+    name: of a block's kernel.  which: the rows' numbers.  They are left once compiled code is
+    loaded, or the time is over; so are states at which the text divides by zero or a function of the C library
     has no result, which Python refuses.
     """
     global _spent
-    left = []
+    left, formula = [], FORMULAS[task_of(name)]
     few = len(which) <= FEW
     for n in which.tolist():
         begin = time.thread_time()
@@ -69,7 +81,7 @@ def fill(name: str, geometry: Geometry, states: Floats, found: Floats, which: An
             continue
         try:
             with np.errstate(all="raise", under="ignore"):  # of the text's tables
-                found[n] = FORMULAS[name](geometry, tuple(states[n].tolist()))
+                found[n] = formula(geometry, tuple(states[n].tolist()))
         except (ArithmeticError, ValueError):
             left.append(n)
         _spent += time.thread_time() - begin

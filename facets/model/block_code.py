@@ -1,4 +1,4 @@
-"""What writes the machine code of blocks: the plain model with a lane for each pose.
+"""What writes the machine code of blocks: the model with a lane for each pose.
 
 Imported only where the code is not kept.
 """
@@ -11,56 +11,68 @@ from typing import Any
 
 from llvmlite import ir
 
+from ..optics import bench_gradient, bench_light, gradient
 from ..optics.footprint import footprint, slopes
 from ..optics.forward import Geometry, placed
 from ..optics.forward import readings as readings_uncut
-from ..optics.gradient import linearised as linearised_uncut
+from ..scalars.dual import Dual
 from ..scalars.lanes import LaneWriter
 from ..scalars.machine import DOUBLE, LONG, Value, counted
 from ..scalars.nesting import leaves
 from .blocks import LANES
+from .kinds import LIT
 from .object_code import Write
-from .packing import PARALLEL, PLAIN, vectors_at
+from .packing import PACKED, PARALLEL, carried, vectors_at, vectors_of
 
 #: Writes what a block of poses needs: with the sensor's vectors, from and to memory by pointers.
 Formula = Callable[[LaneWriter, Geometry, Any, Any], None]
 
 
-def each_block(formula: Formula, given: int, found: int, example: Geometry = PLAIN) -> Write:
-    """Writes the code of a formula, block after block, as `blocks.kernel` gives it.
+#: Loads a sensor's vectors.
+Load = Callable[[LaneWriter, Any], Geometry]
 
-    given, found: how many numbers a pose is asked with, and gives.  example: the arrangement of the
-    vectors that the formula takes.
+
+def each_block(formula: Formula, load: Load, found: int) -> Write:
+    """Writes the code of a formula of states, block after block, as `blocks.kernel` gives it.
+
+    load: the vectors that the formula takes.  found: how many numbers a state gives.
     """
 
     def write(builder: Any, arguments: Sequence[Any]) -> None:
-        packed, asked, results = (
-            builder.inttoptr(argument, ir.PointerType(DOUBLE)) for argument in arguments[:3]
-        )
+        packed, asked, results = pointers_to(builder, arguments[:3])
         left = builder.inttoptr(arguments[3], ir.PointerType(LONG))
         with counted(builder, arguments[4]) as index:
             code = LaneWriter(builder, LANES)
             here, there = (
                 builder.gep(pointer, [builder.mul(index, ir.Constant(LONG, LANES * numbers))])
-                for pointer, numbers in ((asked, given), (results, found))
+                for pointer, numbers in ((asked, 8), (results, found))
             )
-            formula(code, vectors_at(code, packed, example), here, there)
+            formula(code, load(code, packed), here, there)
             builder.store(code.bits(code.left), builder.gep(left, [index]))
 
     return write
 
 
+def pointers_to(builder: Any, addresses: Sequence[Any]) -> list[Any]:
+    return [builder.inttoptr(address, ir.PointerType(DOUBLE)) for address in addresses]
+
+
 def write_readings(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
     """found: a row of nine readings for each row of eight numbers of a state."""
     state = code.load_rows(states, 8, 8)
-    code.store_rows(list(leaves(readings_uncut(vectors, tuple(state)))), found, 9)
+    text = readings_uncut if vectors.light is None else bench_light.readings
+    code.store_rows(list(leaves(text(vectors, tuple(state)))), found, 9)
 
 
 def write_derivatives(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
-    """found: nine rows of eight derivatives for each state; NaN where there is no reading."""
+    """found: nine rows of eight derivatives for each state; NaN where there is no reading.
+
+    Under the light of a bench those of `bench_gradient.nearly_linearised`.
+    """
     state = code.load_rows(states, 8, 8)
+    text = gradient.linearised if vectors.light is None else bench_gradient.nearly_linearised
     derivatives: list[Value] = []
-    for values, rows in linearised_uncut(vectors, tuple(state)):
+    for values, rows in text(vectors, tuple(state)):
         for value, row in zip(values, rows, strict=True):
             lit = code.compare("==", value, value)
             derivatives += [code.select(lit, each, nan) for each in row]
@@ -78,8 +90,68 @@ def write_footprints(code: LaneWriter, vectors: Geometry, states: Any, found: An
     code.store_rows(ends, found, 15)
 
 
-LOOPS = {
-    "readings": each_block(write_readings, 8, 9),
-    "derivatives": each_block(write_derivatives, 8, 72),
-    "footprints": each_block(write_footprints, 8, 15, PARALLEL),
+def write_slopes_by_state(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
+    """found: the exact derivatives under the light of a bench, one component after the other."""
+    state = code.load_rows(states, 8, 8)
+    at = bench_light.scene(vectors, tuple(state))
+    with code.looped(ir.Constant(LONG, 8)) as component:
+        moved = []
+        for c, number in enumerate(state):
+            own = code.builder.icmp_signed("==", component, ir.Constant(LONG, c))
+            moved.append(Dual(number, code.spread(code.builder.uitofp(own, DOUBLE))))
+        slopes = bench_gradient.varied(vectors, tuple(moved), at)
+        code.store_column(list(leaves(slopes)), found, component, ir.Constant(LONG, 8))
+
+
+def slopes_by_copies(kind: str) -> Write:
+    """Writes the code of `blocks.slopes`: a function of the addresses of a sensor's vectors, of
+    their slopes, of states, results and bits; and of how many copies there are, and blocks."""
+
+    def write(builder: Any, arguments: Sequence[Any]) -> None:
+        packed, varied, states, found = pointers_to(builder, arguments[:4])
+        left = builder.inttoptr(arguments[4], ir.PointerType(LONG))
+        copies = arguments[5]
+        with counted(builder, arguments[6]) as index:
+            code = LaneWriter(builder, LANES)
+            vectors = vectors_of(code, packed, kind)
+            rows = builder.mul(index, ir.Constant(LONG, LANES))
+            here = builder.gep(states, [builder.mul(rows, ir.Constant(LONG, 8))])
+            numbers = builder.mul(copies, ir.Constant(LONG, 9))
+            there = builder.gep(found, [builder.mul(rows, numbers)])
+            state = tuple(code.load_rows(here, 8, 8))
+            at = bench_light.scene(vectors, state)
+            with code.looped(copies) as copy:
+                row = builder.gep(varied, [builder.mul(copy, ir.Constant(LONG, PACKED))])
+                moved = carried(vectors, vectors_of(code, row, kind))
+                slopes = bench_gradient.varied(moved, state, at)
+                code.store_column(list(leaves(slopes)), there, copy, copies)
+            builder.store(code.bits(code.left), builder.gep(left, [index]))
+
+    return write
+
+
+def loops_of(kind: str) -> dict[str, Write]:
+    """The code for a kind of light, by the names that `blocks.kernel` takes."""
+
+    def load(code: LaneWriter, pointer: Any) -> Geometry:
+        return vectors_of(code, pointer, kind)
+
+    readings = each_block(write_readings, load, 9)
+    derivatives = each_block(write_derivatives, load, 72)
+    if kind == "plain":
+        return {"readings": readings, "derivatives": derivatives}
+    return {
+        f"readings_of_{kind}": readings,
+        f"near_derivatives_of_{kind}": derivatives,
+        f"derivatives_of_{kind}": each_block(write_slopes_by_state, load, 72),
+        f"slopes_of_{kind}": slopes_by_copies(kind),
+    }
+
+
+LOOPS: dict[str, Write] = {
+    "footprints": each_block(
+        write_footprints, lambda code, pointer: vectors_at(code, pointer, PARALLEL), 15
+    )
 }
+for _kind in ("plain", *LIT):
+    LOOPS.update(loops_of(_kind))

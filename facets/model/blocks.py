@@ -1,4 +1,4 @@
-"""The plain model at many states, a block of them at a time, by machine code of `block_code`.
+"""The model at many states, a block of them at a time, by machine code of `block_code`.
 
 Each lane of the processor has a pose (`scalars.lanes`). What does not fit a block, because a facet
 is faint, the apex far off the beam or the mirror far turned, is left, and computed by
@@ -21,7 +21,15 @@ from .threads import Pool
 #: Poses in a block.
 LANES = 4
 #: The files that blocks are made of, beside the optics.
-CODE = tuple(Path(__file__).parent / name for name in ("blocks.py", "block_code.py", "packing.py"))
+CODE = tuple(
+    Path(__file__).parent / name
+    for name in ("blocks.py", "block_code.py", "packing.py", "kinds.py")
+)
+
+
+def task_of(name: str) -> str:
+    """What a kernel computes, by its name without that of the light's kind."""
+    return name.partition("_of_")[0]
 
 
 @cache
@@ -29,6 +37,11 @@ def kernel(name: str) -> Callable[..., None]:
     """One of `block_code.LOOPS`, compiled now if need be: a function of the addresses of a sensor's
     vectors, of states, of where results go and of where a 64-bit integer for each block tells by
     its bits which lanes are left; and of how many blocks there are."""
+    return made(name, 5)
+
+
+def made(name: str, count: int) -> Callable[..., None]:
+    """One of `block_code.LOOPS`, which takes `count` integers."""
     from .object_code import Write, function
 
     def written() -> Write:
@@ -36,7 +49,28 @@ def kernel(name: str) -> Callable[..., None]:
 
         return block_code.LOOPS[name]
 
-    return function(name, 5, written, *CODE)
+    return function(name, count, written, *CODE)
+
+
+@cache
+def slopes_kernel(kind: str) -> Callable[..., None]:
+    """That of `slopes` for a kind of light, see `block_code.slopes_by_copies`."""
+    return made(f"slopes_of_{kind}", 7)
+
+
+def slopes(kind: str, vectors: Floats, varied: Floats, states: Floats, found: Floats) -> Any:
+    """Fills found (n, 9, m): the derivatives of the readings at states (n, 8), under the light of a
+    bench, by what is varied in m copies of a sensor; returns the numbers of those that are left.
+
+    kind: of `kinds.LIT`.  varied: (m, ...) how much each number of `vectors` answers to it.
+    """
+    count = -(-len(states) // LANES)
+    rows = states[np.minimum(np.arange(count * LANES), len(states) - 1)]
+    out, left = np.empty((len(rows), *found.shape[1:])), np.empty(count, np.int64)
+    addresses = map(address_of, (vectors, varied, rows, out, left))
+    slopes_kernel(kind)(*addresses, len(varied), count)
+    found[:] = out[: len(states)]
+    return lanes_of(left, len(states)) if left.any() else ()
 
 
 class Padding:
@@ -58,20 +92,23 @@ class Padding:
         self.vectors: Any = None
         self.where = 0
 
+    def results(self, name: str) -> Any:
+        return self.found[task_of(name).removeprefix("near_")]
+
     def run(self, name: str, vectors: Floats, states: Floats, found: Floats) -> int:
         """Fills `found` for less than a block of states; returns a bit for each that is left."""
         short = len(states)
         self.rows[:short] = states
         self.rows[short:] = states[-1]
         self._call(name, vectors)
-        found[:] = self.found[name][:short]
+        found[:] = self.results(name)[:short]
         return self.bits[0] & ((1 << short) - 1)
 
     def one(self, name: str, vectors: Floats, state: Floats) -> Floats | None:
         """What is found at one state (8,); None where it is left."""
         self.rows[:] = state
         self._call(name, vectors)
-        return None if self.bits[0] else self.found[name][0].copy()
+        return None if self.bits[0] else self.results(name)[0].copy()
 
     def _call(self, name: str, vectors: Floats) -> None:
         if vectors is not self.vectors:

@@ -81,6 +81,8 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
         if is_complex(x)
         else lambda x: math.cos(x)
     ),
+    dispatch.carrying: lambda value, slope: lambda value, slope: complex(value, slope),
+    dispatch.slope: lambda x: lambda x: x.imag / dispatch.STEP,
     dispatch.larger: lambda a, b: lambda a, b: a if a.real > b.real else b,
     dispatch.erf: lambda x: lambda x: math.erf(x),
     dispatch.erfc: lambda x: lambda x: math.erfc(x),
@@ -96,6 +98,11 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
     ),
     wedge.wedge: lambda q, u1, u2, side1, side2: (
         lambda q, u1, u2, side1, side2: wedge.wedge_float(q, u1, u2, side1, side2)
+    ),
+    bench_gradient.of_covariance: lambda q, u1, u2, side1, side2, whole: (
+        lambda q, u1, u2, side1, side2, whole: bench_gradient.of_covariance_float(
+            q, u1, u2, side1, side2, whole
+        )
     ),
     footprint.between: lambda slope, q, u1, u2, opening, centre: (
         lambda slope, q, u1, u2, opening, centre: footprint.between_float(

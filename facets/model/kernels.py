@@ -127,7 +127,7 @@ def differentiate_cut(packed: Array, varied: Array, states: Array, out: Array) -
 def differentiate_light(packed: Array, varied: Array, states: Array, out: Array) -> None:
     """out (n, 9, m): derivatives under the light of a bench, by what is varied in m copies.
 
-    varied: (m, ...) the sensor with each number varied by `bench_gradient.STEP`.
+    varied: (m, ...) the sensor with each number varied by `dispatch.STEP`.
     """
     vectors = unpack(packed)
     for n in range(len(states)):

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from ..core.sensor import Sensor
 
+#: The kinds of a bench's light, by whether the facets' coating reflects by incidence and whether
+#: the light is polarised: code without branches is written for each.
+LIT = {"light": (False, False), "light_coated": (True, False), "light_polarised": (True, True)}
+
 
 def kind_of(sensor: Sensor) -> str:
     """Which formulas hold for a sensor; found once a sensor."""
@@ -14,3 +18,17 @@ def kind_of(sensor: Sensor) -> str:
         known = both if sensor.light.on else bare
         sensor.__dict__["_kind"] = known
     return known
+
+
+def lit_kind(sensor: Sensor) -> str:
+    """Which of LIT the light of a sensor's bench is, whether or not it is on."""
+    if sensor.light.index is None:
+        return "light"
+    return "light_coated" if sensor.light.polarization is None else "light_polarised"
+
+
+def block_kind(sensor: Sensor) -> str | None:
+    """Which formulas blocks of poses take: "plain", or one of LIT; None where the light is cut."""
+    if sensor.apertures.cut:
+        return None
+    return lit_kind(sensor) if sensor.light.on else "plain"

@@ -7,9 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from ..optics.effects import Options
 from ..optics.forward import Geometry, geometry
+from ..scalars.dual import Dual
 from ..scalars.nesting import leaves, nested
 from . import rare
+from .kinds import LIT
 
 #: A sensor's vectors, for their arrangement alone.
 EXAMPLE = geometry((1.0,) * 30)
@@ -37,6 +40,27 @@ def is_of_this_process(packed: np.ndarray) -> bool:
     As a float an address is a very small number, never NaN.
     """
     return packed.item(-1) == HERE  # type: ignore[no-any-return]
+
+
+def vectors_of(writer: Any, pointer: Any, kind: str) -> Geometry:
+    """`vectors_at` of those that formulas for a kind of light take: "plain", or one of LIT."""
+    if kind not in LIT:
+        return vectors_at(writer, pointer, PLAIN)  # type: ignore[no-any-return]
+    whole = vectors_at(writer, pointer, EXAMPLE)
+    coated, polarised = LIT[kind]
+    options = whole.light.options._replace(on=True, coated=coated, polarised=polarised)
+    light = whole.light._replace(options=options)
+    return whole._replace(openings=None, light=light)  # type: ignore[no-any-return]
+
+
+def carried(values: Any, slopes: Any) -> Any:
+    """Vectors that carry their slopes along; whose numbers are always plain stay so."""
+    if isinstance(values, Options) or values is None:
+        return values
+    if not isinstance(values, tuple):
+        return Dual(values, slopes)
+    parts = [carried(*pair) for pair in zip(values, slopes, strict=True)]
+    return type(values)(*parts) if hasattr(values, "_fields") else tuple(parts)
 
 
 def vectors_at(writer: Any, pointer: Any, example: Any) -> Any:

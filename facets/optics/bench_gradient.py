@@ -1,7 +1,8 @@
 """Derivatives of the readings under the light of a bench.
 
-Complex numbers carry them in their imaginary parts through the text of `bench_light`; those of the
-light on a facet, whose text is for floats, are closed (`carried`). For steps of an iteration there
+Numbers that carry a derivative along take them through the text of `bench_light`: complex ones, and
+`dual.Dual` where code is written (`scalars.dispatch`). Those of the light on a facet, whose text is
+for plain numbers, are closed (`carried`). For steps of an iteration there
 is a faster Jacobian that leaves out how the edges' effects change (`nearly_linearised`).
 """
 
@@ -9,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..scalars.dispatch import Number
+from ..scalars.dispatch import STEP, Number, carrying, slope
 from .bench_light import readings_in, scene
 from .curved_light import applied, curved, unbent
 from .forward import Geometry, Scene, Three, path, placed, with_light
@@ -26,7 +27,7 @@ DIM = 0.01
 
 
 def carried_side(q: Plane, u: Plane, side: Side) -> Side:
-    """What `wedge.side` gives, with the derivative that q and u carry in their imaginary parts.
+    """What `wedge.side` gives, with the derivative that q and u carry along.
 
     With a = q.u and h = q x u: dL = -f da - h L dh, dK = -L da - h K dh, dJ = -2 K da - h J dh.
     """
@@ -35,17 +36,16 @@ def carried_side(q: Plane, u: Plane, side: Side) -> Side:
     density = first + a.real * length
     da, dh = a.imag, h.real * h.imag
     return (
-        complex(length, -density * da - length * dh),
-        complex(first, -length * da - first * dh),
-        complex(second, -2 * first * da - second * dh),
-        complex(swept, 0),
+        carrying(length, -density * da - length * dh),
+        carrying(first, -length * da - first * dh),
+        carrying(second, -2 * first * da - second * dh),
+        carrying(swept, 0.0),
     )
 
 
-def turn_of(u: Plane) -> float:
-    """By how much a complex unit vector turns."""
-    turn: float = u[0].real * u[1].imag - u[1].real * u[0].imag
-    return turn
+def turn_of(u: Plane) -> Number:
+    """By how much a unit vector that carries a derivative turns."""
+    return u[0].real * u[1].imag - u[1].real * u[0].imag
 
 
 def carried_moments(
@@ -60,20 +60,35 @@ def carried_moments(
     of_mass = -mass * (cx * qx + cy * qy) - mass1 * turn1 + mass2 * turn2
     of_x = pxx * qx + pxy * qy - x1 * turn1 + x2 * turn2
     of_y = pxy * qx + pyy * qy - y1 * turn1 + y2 * turn2
-    whole, x, y = complex(mass, of_mass), complex(cx, of_x), complex(cy, of_y)
-    shift = complex(pxx, 0), complex(pxy, 0), complex(pyy, 0)
-    if mass > DIM:
-        again = moments_closed(q, u1, u2, side1, side2, whole)[2]
-        shift = (
-            complex(pxx, again[0].imag),
-            complex(pxy, again[1].imag),
-            complex(pyy, again[2].imag),
-        )
+    whole, x, y = carrying(mass, of_mass), carrying(cx, of_x), carrying(cy, of_y)
+    of_xx, of_xy, of_yy = of_covariance(q, u1, u2, side1, side2, whole)
+    shift = carrying(pxx, of_xx), carrying(pxy, of_xy), carrying(pyy, of_yy)
     return whole, (x, y), shift, (x - q[0], y - q[1])
 
 
+def of_covariance(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side, whole: Number) -> Three:
+    """How one less the light's covariance changes, as xx, xy, yy; 0 where there is less light than
+    DIM."""
+    mass = whole.real
+    if not hasattr(mass, "writer"):
+        return of_covariance_float(q, u1, u2, side1, side2, whole)
+    xx, xy, yy = moments_closed(q, u1, u2, side1, side2, whole)[2]
+    lit = mass > DIM
+    select = mass.writer.select
+    return select(lit, xx.imag, 0.0), select(lit, xy.imag, 0.0), select(lit, yy.imag, 0.0)
+
+
+def of_covariance_float(
+    q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side, whole: Number
+) -> Three:
+    if whole.real > DIM:
+        xx, xy, yy = moments_closed(q, u1, u2, side1, side2, whole)[2]
+        return xx.imag, xy.imag, yy.imag
+    return 0.0, 0.0, 0.0
+
+
 def carried(to: Scene, at: Scene) -> Scene:
-    """The scene `to`, of complex numbers that carry a derivative, with its light.
+    """The scene `to`, of numbers that carry a derivative along, with its light.
 
     at: the same with plain numbers, in which the light has been found.
     """
@@ -85,12 +100,8 @@ def carried(to: Scene, at: Scene) -> Scene:
     return with_light(to, (s0, s1, s2), (on_a, on_b, on_c))
 
 
-#: The imaginary part of what is varied: so small that its square is nothing.
-STEP = 1e-30
-
-
 def varied(geometry: Geometry, state: tuple[Any, ...], at: Scene) -> tuple[Three, Three, Three]:
-    """The readings' derivatives by what carries STEP in geometry or state.
+    """The readings' derivatives by what geometry or state carry along.
 
     at: the plain scene with its light, from `scene`.
     """
@@ -99,7 +110,7 @@ def varied(geometry: Geometry, state: tuple[Any, ...], at: Scene) -> tuple[Three
 
 
 def carries(values: Three) -> Three:
-    return values[0].imag / STEP, values[1].imag / STEP, values[2].imag / STEP
+    return slope(values[0]), slope(values[1]), slope(values[2])
 
 
 def by_component(

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from .bench_gradient import STEP, drawn
+from ..scalars.dispatch import STEP
+from .bench_gradient import drawn
 from .bench_light import reflectance, with_background
 from .detected import cut_scene, linearised_where_cut
 from .forward import Geometry, Scene, Three, readings_of

@@ -8,16 +8,13 @@ outline moves (as in `cut`), and where the centroid's ray lands.
 
 from __future__ import annotations
 
-from ..scalars.dispatch import Number
+from ..scalars.dispatch import STEP, Number
 from .forward import Geometry, Scene, Three
 from .limits import AT_MINUS_Y, AT_MINUS_Z, AT_PLUS_Y, KIND, RIM, across, limit, seen
 from .rays import flight, gradient_of_shift, hit, land, reflect, slanted
 from .region import DISTANCE, FIRST, LENGTH, NORMAL, SECOND, Array
 from .vectors import Vector, add, combine, dot, subtract
 from .wedge import Plane
-
-#: The imaginary part: so small that its square is nothing.
-STEP = 1e-30
 
 
 def incidence(geometry: Geometry, at: Scene, k: int, x: Plane) -> Vector:

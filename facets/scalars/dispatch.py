@@ -6,6 +6,9 @@ compiled twin), as numbers that write machine code (`machine`), and in high prec
 is only geometry runs as complex numbers too, whose imaginary parts carry a derivative along, as
 rigorous intervals (`intervals`), and with casadi's symbols (`casadi_symbols`). A formula holds no
 decimal literal, because a rounded constant would spoil a 40-digit run.
+
+Complex numbers here carry a derivative along, times STEP, in their imaginary parts; where code is
+written, `dual.Dual` does.
 """
 
 from __future__ import annotations
@@ -17,9 +20,17 @@ from typing import Any
 
 Number = Any
 
+#: What a derivative is multiplied by that a complex number carries: so small that its square is
+#: nothing.
+STEP = 1e-30
+
 
 def is_float(x: Number) -> bool:
     return isinstance(x, float | int)
+
+
+def is_dual(x: Number) -> bool:
+    return type(x).__name__ == "Dual"
 
 
 def library(x: Number) -> Any:
@@ -38,6 +49,10 @@ def library(x: Number) -> Any:
         from . import machine
 
         return machine
+    if is_dual(x):
+        from . import dual
+
+        return dual
     from . import intervals
 
     return intervals
@@ -74,7 +89,7 @@ def erfc(x: Number) -> Number:
 def atan2(y: Number, x: Number) -> Number:
     if isinstance(x, complex) or isinstance(y, complex):
         return atan2_carried(complex(y), complex(x))
-    return library(x).atan2(y, x)
+    return library(y if is_dual(y) else x).atan2(y, x)
 
 
 def atan2_carried(y: complex, x: complex) -> complex:
@@ -85,13 +100,32 @@ def atan2_carried(y: complex, x: complex) -> complex:
 
 
 def real(x: Number) -> Number:
-    """The value of a number, without the derivative that a complex one carries along."""
-    return x.real if isinstance(x, complex) else x
+    """The value of a number, without the derivative that it may carry along."""
+    return x.real if isinstance(x, complex) or is_dual(x) else x
+
+
+def carrying(value: Number, slope: Number) -> Number:
+    """A number that carries a derivative along, times STEP where it is a plain float."""
+    if is_float(value):
+        return complex(value, slope)
+    from .dual import Dual
+
+    return Dual(value, slope)
+
+
+def slope(x: Number) -> Number:
+    """The derivative that a number carries along."""
+    return x.imag / STEP if isinstance(x, complex) else x.imag
 
 
 def larger(a: Number, b: Number) -> Number:
     """The larger of two numbers, with the derivative that it carries."""
-    return a if real(a) > real(b) else b
+    first, second = real(a), real(b)
+    if hasattr(first, "writer") or hasattr(second, "writer"):
+        from . import machine
+
+        return machine.larger(a, b)
+    return a if first > second else b
 
 
 def pi(like: Number) -> Number:
@@ -106,8 +140,10 @@ def integral(integrand: Callable[[Number], Number], like: Number) -> Number:
 
 def defined(value: Number, a: Number, b: Number, c: Number) -> Number:
     """`value` where a, b and c are above zero, else NaN; a symbol as it is."""
-    if hasattr(value, "writer"):
-        return library(value).defined(value, a, b, c)
+    if hasattr(real(a), "writer"):
+        from . import machine
+
+        return machine.defined(value, real(a), real(b), real(c))
     if type(value).__module__.startswith("casadi"):
         return value
     return value if real(a) > 0 and real(b) > 0 and real(c) > 0 else value * math.nan

@@ -11,19 +11,27 @@ roots, each rounded as IEEE 754 has it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+import struct
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from llvmlite import ir
 
 from . import polynomials
-from .machine import DOUBLE, LONG, Condition, Value, Writer
+from .machine import DOUBLE, LONG, Condition, Value, Writer, counted
 from .nesting import Numbers
 
 SHORT = ir.IntType(32)
 BIT = ir.IntType(1)
 #: Beyond the eighth part of a half-turn the arc tangent is that of what is left to a quarter turn.
 TAN_1, TAN_3 = math.sqrt(2) - 1, math.sqrt(2) + 1
+#: Of a double: how many bits its mantissa has, and the least number that has them all.
+MANTISSA_BITS, SMALLEST = 52, 2.0**-1022
+BITS_OF_ROOT_OF_HALF = int.from_bytes(struct.pack("<d", math.sqrt(0.5)), "little")
+#: The logarithm of 2, as a number with 21 zeros at its end, whose products with exponents are
+#: exact, and what is left.
+LN2_HIGH, LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10
 
 
 class Left:
@@ -184,6 +192,19 @@ class LaneWriter(Writer):
             found.append(Value(self, vector))
         return found
 
+    def store_column(
+        self, numbers: Sequence[Value | float], pointer: Any, column: Any, columns: Any
+    ) -> None:
+        """Numbers of each lane into one column of its matrix, whose rows have `columns` numbers."""
+        for row, number in enumerate(numbers):
+            vector = self.value(number)
+            for lane in range(self.lanes):
+                one = self.builder.extract_element(vector, ir.Constant(SHORT, lane))
+                first = self.builder.mul(columns, ir.Constant(LONG, lane * len(numbers) + row))
+                self.builder.store(
+                    one, self.builder.gep(pointer, [self.builder.add(first, column)])
+                )
+
     def _in_row(self, pointer: Any, stride: Any, lane: int, column: int) -> Any:
         wide = ir.Constant(LONG, stride) if isinstance(stride, int) else stride
         row = self.builder.mul(wide, ir.Constant(LONG, lane))
@@ -223,6 +244,21 @@ class LaneWriter(Writer):
         for other in self._here:
             condition = condition & other
         self.left = self.left | condition
+
+    @contextmanager
+    def looped(self, count: Any) -> Iterator[Any]:
+        """A loop, as `machine.counted` writes it: what is written before it may be used within it,
+        and what is written within it not after it."""
+        known, negatives = dict(self._known), dict(self._negatives)
+        with self.builder.goto_entry_block():
+            place = self.builder.alloca(self.left.ir.type)
+        self.builder.store(self.left.ir, place)
+        with counted(self.builder, count) as number:
+            self.left = Condition(self, self.builder.load(place))
+            yield number
+            self.builder.store(self.left.ir, place)
+        self.left = Condition(self, self.builder.load(place))
+        self._known, self._negatives = known, negatives
 
     def choose(
         self, condition: Condition, then: Callable[[], Numbers], other: Callable[[], Numbers]
@@ -274,6 +310,27 @@ class LaneWriter(Writer):
     def _cos(self, x: Value) -> Value:
         self.leave(~(abs(x) < 1))
         return polynomials.cosine(x)  # type: ignore[no-any-return]
+
+    def _log(self, x: Value) -> Value:
+        """Of positive numbers with all their digits; others are left.
+
+        x = m 2^e with m between the roots of 1/2 and 2.
+        """
+        self.leave(~((x > SMALLEST) & (x < math.inf)))
+        whole = ir.VectorType(LONG, self.lanes)
+
+        def same(number: int) -> Any:
+            return ir.Constant(whole, [number] * self.lanes)
+
+        build = self.builder
+        bits = build.sub(build.bitcast(x.ir, whole), same(BITS_OF_ROOT_OF_HALF))
+        power = build.ashr(bits, same(MANTISSA_BITS))
+        part = build.add(
+            build.and_(bits, same((1 << MANTISSA_BITS) - 1)), same(BITS_OF_ROOT_OF_HALF)
+        )
+        m = Value(self, build.bitcast(part, self.kind))
+        e = Value(self, build.sitofp(power, self.kind))
+        return e * LN2_HIGH + (polynomials.logarithm((m - 1) / (m + 1)) + e * LN2_LOW)
 
     def _atan2(self, y: Value, x: Value) -> Value:
         high, wide = abs(y), abs(x)

@@ -14,6 +14,8 @@ from typing import Any
 
 from llvmlite import ir
 
+from .dispatch import real
+from .dual import Dual, parts
 from .nesting import Numbers
 
 pi = math.pi
@@ -30,26 +32,32 @@ class Value:
     def __init__(self, writer: Writer, value: Any) -> None:
         self.writer, self.ir = writer, value
 
+    def with_number(self, operation: str, other: Any) -> Value:
+        """What an operation on this and another number gives; a `Dual` knows itself."""
+        if isinstance(other, Dual):
+            return NotImplemented
+        return self.writer.two(operation, self, other)
+
     def __add__(self, other: Any) -> Value:
-        return self.writer.two("fadd", self, other)
+        return self.with_number("fadd", other)
 
     def __radd__(self, other: Any) -> Value:
         return self.writer.two("fadd", other, self)
 
     def __sub__(self, other: Any) -> Value:
-        return self.writer.two("fsub", self, other)
+        return self.with_number("fsub", other)
 
     def __rsub__(self, other: Any) -> Value:
         return self.writer.two("fsub", other, self)
 
     def __mul__(self, other: Any) -> Value:
-        return self.writer.two("fmul", self, other)
+        return self.with_number("fmul", other)
 
     def __rmul__(self, other: Any) -> Value:
         return self.writer.two("fmul", other, self)
 
     def __truediv__(self, other: Any) -> Value:
-        return self.writer.two("fdiv", self, other)
+        return self.with_number("fdiv", other)
 
     def __rtruediv__(self, other: Any) -> Value:
         return self.writer.two("fdiv", other, self)
@@ -179,6 +187,10 @@ def cos(x: Value) -> Value:
     return x.writer.function("cos", x)
 
 
+def log(x: Value) -> Value:
+    return x.writer.function("log", x)
+
+
 def erf(x: Value) -> Value:
     return x.writer.function("erf", x)
 
@@ -191,9 +203,25 @@ def atan2(y: Value, x: Value) -> Value:
     return x.writer.function("atan2", y, x)
 
 
-def defined(value: Value, a: Value, b: Value, c: Value) -> Value:
-    """`value` where a, b and c are above zero, else NaN."""
-    return value.writer.select((a > 0) & (b > 0) & (c > 0), value, value * math.nan)
+def larger(a: Any, b: Any) -> Any:
+    """The larger of two numbers, of which one at least is code, with what it carries along; b where
+    one is NaN."""
+    first, second = real(a), real(b)
+    code = first.writer if isinstance(first, Value) else second.writer
+    return chosen(code, code.compare(">", first, second), a, b)
+
+
+def chosen(code: Writer, condition: Condition, a: Any, b: Any) -> Any:
+    """a where something is so, else b, with what these carry along."""
+    if isinstance(a, Dual) or isinstance(b, Dual):
+        (one, first), (other, second) = parts(a), parts(b)
+        return Dual(code.select(condition, one, other), code.select(condition, first, second))
+    return code.select(condition, a, b)
+
+
+def defined(value: Any, a: Value, b: Value, c: Value) -> Any:
+    """`value`, with what it carries along, where a, b and c are above zero, else NaN."""
+    return chosen(a.writer, (a > 0) & (b > 0) & (c > 0), value, value * math.nan)
 
 
 @contextmanager

@@ -136,3 +136,12 @@ def cosine(x: Number) -> Number:
 def arc_tangent(x: Number) -> Number:
     """For x between the tangents of -pi/8 and pi/8."""
     return x * polynomial(x * x, ARC_TANGENT)
+
+
+#: of 2 artanh(x) / x in powers of x^2; leaves out 2e-18
+LOGARITHM = tuple(2 / (2 * n + 1) for n in range(12))
+
+
+def logarithm(x: Number) -> Number:
+    """ln((1 + x) / (1 - x)) for |x| <= 0.172, that is of numbers between the roots of 1/2 and 2."""
+    return x * polynomial(x * x, LOGARITHM)
