@@ -68,8 +68,8 @@ def fill(name: str, geometry: Geometry, states: Floats, found: Floats, which: An
     """Fills some rows of `found` for states (n, 8); returns the numbers of those that are left.
 
     name: of a block's kernel.  which: the rows' numbers.  They are left once compiled code is
-    loaded, or the time is over; so are states at which the text divides by zero or a function of the C library
-    has no result, which Python refuses.
+    loaded, or the time is over; so are states at which the text divides by zero or a function of
+    the C library has no result, which Python refuses.
     """
     global _spent
     left, formula = [], FORMULAS[task_of(name)]

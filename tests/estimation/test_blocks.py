@@ -121,10 +121,12 @@ def test_most_readings_stay_in_their_blocks():
     )  # fmt: skip
     given = problem.Readings(readings, np.empty((0, 9)))
     found = solver.empty_results(200, True)
-    left = blocks.estimate(packed(SENSOR), given, todo.limits, asked, found)
+    code = solver.block_code(SENSOR, asked)
+    left = blocks.estimate(code, packed(SENSOR), given, todo.limits, asked, found)
     assert len(left) < 40
     found = solver.empty_results(200, True)
-    left = blocks.estimate(packed(SENSOR), given, todo.limits, asked._replace(max_steps=1), found)
+    one = asked._replace(max_steps=1)
+    left = blocks.estimate(code, packed(SENSOR), given, todo.limits, one, found)
     assert len(left) == 200
 
 
