@@ -16,10 +16,9 @@ from ..core.units import Floats
 from ..optics.effects import EFFECTS as EFFECTS
 from ..optics.effects import Effects, Options
 from ..optics.forward import Geometry, Openings, geometry
-from ..optics.limits import COLUMNS, MOST
 from ..optics.parameters import BEAM, FACET, PSD
-from ..scalars.dispatch import STEP
-from . import blocks, packing
+from ..scalars.dual import Dual
+from . import blocks, evaluators, packing
 from .kinds import block_kind, lit_kind
 from .threads import share
 
@@ -117,13 +116,12 @@ def with_effects(sensor: Sensor, values: Sequence[float] | Floats) -> Sensor:
     return replace(sensor, light=light)
 
 
-def stepped(values: Sequence[float] | Floats) -> list[tuple[complex, ...]]:
-    """Copies of some numbers, in each of which another carries `dispatch.STEP`."""
-    plain = [complex(value) for value in values]
-    return [
-        tuple(value + complex(0, STEP if i == number else 0) for i, value in enumerate(plain))
-        for number in range(len(plain))
-    ]
+def varying(values: Sequence[float] | Floats, which: Sequence[int] | None = None) -> Any:
+    """Numbers that carry their slopes by some of themselves, or by all."""
+    seeds = np.eye(len(values))
+    if which is not None:
+        seeds = seeds[:, list(which)]
+    return tuple(Dual(float(value), seed) for value, seed in zip(values, seeds, strict=True))
 
 
 #: Readings and poses of light that is cut know coating and background; a calibration does not.
@@ -145,37 +143,36 @@ def effect_jacobian(sensor: Sensor, state: ArrayLike, names: Sequence[str] | Non
     rows, shape = as_rows(state, 8, "state")
     if sensor.apertures.cut:
         raise InputError(CUT_LIGHT)
-    given = parameters(sensor)
-    copies = [
-        packing.pack(geometry(given, openings(sensor), Effects(values, options(sensor))))
-        for name, values in zip(EFFECTS, stepped(effects(sensor)), strict=True)
-        if names is None or name in names
-    ]
     wanted = [n for n, name in enumerate(EFFECTS) if names is None or name in names]
-    plain = packing.pack(geometry(given, openings(sensor), of_light(sensor)))
     out = np.zeros((len(rows), 9, len(EFFECTS)))
     if wanted:
-        out[:, :, wanted] = slopes_under_light(sensor, plain, np.array(copies, dtype=complex), rows)
+        varied = Effects(varying(effects(sensor), wanted), options(sensor))
+        vectors, moved = (
+            geometry(parameters(sensor), openings(sensor), light)
+            for light in (of_light(sensor), varied)
+        )
+        out[:, :, wanted] = slopes_at(lit_kind(sensor), vectors, moved, rows)
     return out.reshape(*shape, 9, len(EFFECTS))
 
 
-def slopes_under_light(
-    sensor: Sensor, vectors: Floats, copies: NDArray[np.complex128], states: Floats
-) -> Floats:
-    """The derivatives of the readings at states (n, 8) by what m copies of a sensor carry.
+def slopes_at(kind: str, vectors: Geometry, moved: Geometry, states: Floats) -> Floats:
+    """The derivatives of the readings at states (n, 8), nothing cut: (n, 9, m).
 
-    vectors: the sensor packed, with the light of its bench.  Returns (n, 9, m).
+    kind: of the light, "plain" or one of `kinds.LIT`.  moved: the sensor's vectors, which carry
+    their slopes by m things.
     """
-    found = np.empty((len(states), 9, len(copies)))
+    plain, slopes = packing.pack(vectors), packing.pack_slopes(moved)
+    found = np.empty((len(states), 9, len(slopes)))
     if len(states) == 0:
         return found
-    slopes = np.ascontiguousarray(copies.imag / STEP)
-    left = blocks.slopes(lit_kind(sensor), vectors, slopes, states, found)
+    left = blocks.slopes(kind, plain, slopes, states, found)
     if len(left):
-        from .kernels import differentiate_light
+        from . import as_text
 
+        left = as_text.fill_slopes(kind, vectors, moved, states, found, np.asarray(left))
+    if len(left):
         rest = np.empty((len(left), *found.shape[1:]))
-        differentiate_light(vectors, copies, states[left], rest)
+        evaluators.slopes(kind, plain, slopes, np.ascontiguousarray(states[left]), rest)
         found[left] = rest
     return found
 
@@ -196,14 +193,10 @@ def packed(sensor: Sensor) -> Floats:
     return known
 
 
-def varied(sensor: Sensor) -> NDArray[np.complex128]:
-    """The sensor packed once for each parameter, which carries `dispatch.STEP`: (30, ...)."""
+def varied(sensor: Sensor) -> Geometry:
+    """The sensor's vectors, which carry their slopes by its parameters."""
     light = of_light(sensor) if sensor.light.on else None
-    copies = [
-        packing.pack(geometry(moved, openings(sensor), light))
-        for moved in stepped(parameters(sensor))
-    ]
-    return np.array(copies, dtype=complex)
+    return geometry(varying(parameters(sensor)), openings(sensor), light)
 
 
 def as_vectors(values: ArrayLike, width: int, what: str) -> Floats:
@@ -256,29 +249,10 @@ def readings(
                 "the paper's irradiance is that of ideal light; leave sensor.light out to compare"
             )
         return paper_readings(geometry_of(sensor), rows).reshape(*shape, 9)
-    vectors, out = packed(sensor), np.empty((len(rows), 9))
-
-    def one_by_one(states: Floats, found: Floats) -> None:
-        from . import evaluators
-
-        evaluate(evaluators.readings(sensor), vectors, states, found)
-
-    name = named(sensor, "readings")
-    share(by_blocks(sensor, name, rows, out, one_by_one), len(rows), threads)
+    out = np.empty((len(rows), 9))
+    name, model = named(sensor, "readings"), evaluators.readings(sensor)
+    share(by_blocks(sensor, name, model, rows, out), len(rows), threads)
     return out.reshape(*shape, 9)
-
-
-def evaluate(model: int, vectors: Floats, given: Floats, found: Floats) -> None:
-    """Fills rows of `found` by a function of `evaluators`.
-
-    model: its address.  vectors: as packed.  given: (n, 8) states, or (n, 9) with a beam's power.
-    """
-    from . import evaluators, kernels
-
-    if len(given) <= evaluators.FEW:
-        evaluators.call_each(model, vectors, given, found, np.empty((3, MOST, COLUMNS)))
-    else:
-        kernels.evaluate(model, vectors, given, found)
 
 
 def named(sensor: Sensor, name: str) -> str | None:
@@ -307,18 +281,19 @@ def at_one(sensor: Sensor, name: str, state: ArrayLike, threads: int) -> Floats 
 def by_blocks(
     sensor: Sensor,
     name: str | None,
+    model: str,
     states: Floats,
     out: Floats,
-    one_by_one: Callable[[Floats, Floats], None],
+    one_by_one: Callable[[str, Floats, Floats, Floats], None] = evaluators.fill,
 ) -> Callable[[slice], None]:
     """Fills a part of `out` for states (n, 8), by blocks where there are any for a sensor.
 
-    name: of the block's results, see `blocks.kernel`, or None.  one_by_one: what fills the rest,
-    but for a few states that Python can do sooner.
+    name: of the block's results, see `blocks.kernel`, or None.  model: of `evaluators`, by which
+    `one_by_one` fills the rest, but for a few states that Python can do sooner.
     """
-    if name is None:
-        return lambda part: one_by_one(states[part], out[part])
     vectors = packed(sensor)
+    if name is None:
+        return lambda part: one_by_one(model, vectors, states[part], out[part])
     blocks.kernel(name)  # compiled once, before threads ask for it
 
     def run(part: slice) -> None:
@@ -327,10 +302,10 @@ def by_blocks(
         if len(left):
             from . import as_text
 
-            left = as_text.fill(name, geometry_of(sensor), rows, found, np.asarray(left))
+            left = as_text.fill(name, model, geometry_of(sensor), rows, found, np.asarray(left))
         if len(left):
             rest = np.empty((len(left), *found.shape[1:]))
-            one_by_one(rows[left], rest)
+            one_by_one(model, vectors, rows[left], rest)
             found[left] = rest
 
     return run
@@ -359,19 +334,17 @@ def derivatives(sensor: Sensor, states: Floats, threads: int = 1, near: bool = T
 
     near: what `evaluators.nearly_linearised` gives, which is the same where the light is ideal.
     """
-    vectors, out = packed(sensor), np.empty((len(states), 9, 8))
+    out = np.empty((len(states), 9, 8))
 
-    def one_by_one(states: Floats, found: Floats) -> None:
-        from . import evaluators
-
-        model = evaluators.nearly_linearised if near else evaluators.linearised
+    def one_by_one(model: str, vectors: Floats, states: Floats, found: Floats) -> None:
         given, whole = np.full((len(states), 9), sensor.beam.power), np.empty((len(states), 10, 10))
         given[:, :8] = states
-        evaluate(model(sensor), vectors, given, whole)
+        evaluators.fill(model, vectors, given, whole)
         found[:] = np.where(np.isnan(whole[:, 0, :9, None]), np.nan, whole[:, 1:, :8])
 
     name = named(sensor, "near_derivatives" if near else "derivatives")
-    share(by_blocks(sensor, name, states, out, one_by_one), len(states), threads)
+    model = (evaluators.nearly_linearised if near else evaluators.linearised)(sensor)
+    share(by_blocks(sensor, name, model, states, out, one_by_one), len(states), threads)
     return out
 
 
@@ -390,15 +363,13 @@ def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
     rows, shape = as_rows(state, 8, "state")
     if sensor.light.on and sensor.apertures.cut:
         raise InputError(CUT_LIGHT)
-    if sensor.light.on:
-        lit = slopes_under_light(sensor, packed(sensor), varied(sensor), rows)
-        return lit.reshape(*shape, 9, 30)
-    from .kernels import differentiate_by_parameters, differentiate_cut
-
-    out = np.zeros((len(rows), 9, 30))
-    differentiate_by_parameters(packed(sensor), parameters(sensor), rows, out)
+    vectors, moved = geometry_of(sensor), varied(sensor)
+    kind = lit_kind(sensor) if sensor.light.on else "plain"
+    out = slopes_at(kind, vectors, moved, rows)
     if sensor.apertures.cut:
-        differentiate_cut(packed(sensor), varied(sensor), rows, out)
+        from .kernels import differentiate_cut
+
+        differentiate_cut(packed(sensor), packing.carry(vectors, moved), rows, out)
     return out.reshape(*shape, 9, 30)
 
 
@@ -472,15 +443,9 @@ def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     if (found := at_one(sensor, "footprints", state, threads)) is not None:
         return found
     rows, shape = as_rows(state, 8, "state")
-    vectors, out = packed(sensor), np.empty((len(rows), 3, 5))
-
-    def one_by_one(states: Floats, found: Floats) -> None:
-        from . import evaluators
-
-        evaluate(evaluators.footprints(sensor), vectors, states, found)
-
-    name = named(sensor, "footprints")
-    share(by_blocks(sensor, name, rows, out, one_by_one), len(rows), threads)
+    out = np.empty((len(rows), 3, 5))
+    name, model = named(sensor, "footprints"), evaluators.footprints(sensor)
+    share(by_blocks(sensor, name, model, rows, out), len(rows), threads)
     return out.reshape(*shape, 3, 5)
 
 

@@ -1,14 +1,14 @@
-"""The model at single states as Python runs its text, where they are too few to load Numba for.
+"""The model at single states as Python runs its text, where they are too few to compile code for.
 
-That takes a second, and several where nothing is kept; a state takes a millisecond. The bits are
-those of compiled code, which has the same operations and the same C library.
+That takes most of a second, once; a state takes a millisecond. The bits are those of `row_code`,
+which has the same operations and the same C library.
 """
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from math import nan
 from typing import Any
 
@@ -17,15 +17,18 @@ import numpy as np
 from ..core.units import Floats
 from ..optics import bench_gradient, bench_light, forward, gradient
 from ..optics.footprint import footprint, slopes
-from ..optics.forward import Geometry, placed
-from ..scalars.nesting import leaves
+from ..optics.forward import Geometry, by_power, placed, with_power
+from ..scalars.dual import parts
+from ..scalars.nesting import leaves, nested
+from . import evaluators
 from .blocks import task_of
+from .packing import carried
 
 State = tuple[float, ...]
 
-#: For so long, s, a process runs the text before it loads compiled code, and for so many states at
-#: a time.
-SELDOM, FEW = 1.0, 300
+#: For so long, s, a process runs the text before it compiles code, and for so many states at a
+#: time; of those that take a hundredth of a second each, for a tenth as many.
+SELDOM, FEW, FEW_SLOW = 1.0, 300, 30
 _spent = 0.0
 
 
@@ -64,25 +67,74 @@ FORMULAS: dict[str, Callable[[Geometry, State], Any]] = {
 }
 
 
-def fill(name: str, geometry: Geometry, states: Floats, found: Floats, which: Any) -> Any:
-    """Fills some rows of `found` for states (n, 8); returns the numbers of those that are left.
+def is_sooner(model: str, count: int, few: int = FEW) -> bool:
+    """Whether the text has done so many states sooner than one of `evaluators` is compiled."""
+    return count <= few and _spent < SELDOM and not evaluators.is_ready(model)
 
-    name: of a block's kernel.  which: the rows' numbers.  They are left once compiled code is
-    loaded, or the time is over; so are states at which the text divides by zero or a function of
-    the C library has no result, which Python refuses.
-    """
+
+@contextmanager
+def running() -> Iterator[None]:
+    """Within it text runs, and raises where compiled code gives NaN; its time is counted."""
     global _spent
-    left, formula = [], FORMULAS[task_of(name)]
-    few = len(which) <= FEW
+    begin = time.thread_time()
+    try:
+        with np.errstate(all="raise", under="ignore"):  # of the text's tables
+            yield
+    finally:
+        _spent += time.thread_time() - begin
+
+
+def fill_each(formula: Callable[[State], Any], states: Floats, found: Floats, which: Any) -> Any:
+    """Fills some rows of `found` for states (n, 8); returns the numbers of those that are left: at
+    which the text divides by zero, or a function of the C library has no result."""
+    left = []
     for n in which.tolist():
-        begin = time.thread_time()
-        if not few or _spent >= SELDOM or f"{__package__}.jit" in sys.modules:
-            left.append(n)
-            continue
         try:
-            with np.errstate(all="raise", under="ignore"):  # of the text's tables
-                found[n] = formula(geometry, tuple(states[n].tolist()))
+            with running():
+                found[n] = formula(tuple(states[n].tolist()))
         except (ArithmeticError, ValueError):
             left.append(n)
-        _spent += time.thread_time() - begin
     return np.array(left, int)
+
+
+def fill(
+    name: str, model: str, geometry: Geometry, states: Floats, found: Floats, which: Any
+) -> Any:
+    """`fill_each` of a block's kernel; all are left where the model of `evaluators` is sooner."""
+    if not is_sooner(model, len(which)):
+        return which
+    formula = FORMULAS[task_of(name)]
+    return fill_each(lambda state: formula(geometry, state), states, found, which)
+
+
+def fill_slopes(
+    kind: str, vectors: Geometry, moved: Geometry, states: Floats, found: Floats, which: Any
+) -> Any:
+    """The same of the derivatives by what `moved` carries, see `arrays.slopes_at`."""
+    if not is_sooner(f"slopes_of_{kind}", len(which), FEW_SLOW):
+        return which
+    ideal = kind == "plain"
+    plain, moved = ((each._replace(light=None) if ideal else each) for each in (vectors, moved))
+    carrying = carried(plain, nested(moved, (parts(number)[1] for number in leaves(moved))))
+    scene = forward.scene if ideal else bench_light.scene
+
+    def slopes(state: State) -> list[Any]:
+        found = bench_gradient.varied(carrying, state, scene(plain, state))
+        return [row for rows in found for row in rows]
+
+    return fill_each(slopes, states, found, which)
+
+
+def linearised_at(geometry: Geometry, exact: bool, x: Floats, found: Floats) -> None:
+    """Fills found (10, 10) as `row_code.write_linearised` does, or `write_linearised_exactly`."""
+    *state, power = x.tolist()
+    powered, lit = with_power(geometry, power), geometry.light.options.on
+    text = bench_gradient if lit else gradient
+    formula = text.linearised if exact or not lit else bench_gradient.nearly_linearised
+    for k, (values, rows) in enumerate(formula(powered, tuple(state))):
+        for i in range(3):
+            n = 3 * k + i
+            found[0, n], found[1 + n, :8] = values[i], rows[i]
+            found[1 + n, 8] = 0.0 if i < 2 else values[i] / power
+            if lit:
+                found[1 + n, 8] = by_power(powered, values, k, i)

@@ -13,7 +13,7 @@ from llvmlite import ir
 
 from ..optics import bench_gradient, bench_light, gradient
 from ..optics.footprint import footprint, slopes
-from ..optics.forward import Geometry, placed
+from ..optics.forward import Geometry, placed, scene
 from ..optics.forward import readings as readings_uncut
 from ..scalars.dual import Dual
 from ..scalars.lanes import LaneWriter
@@ -119,7 +119,7 @@ def slopes_by_copies(kind: str) -> Write:
             numbers = builder.mul(copies, ir.Constant(LONG, 9))
             there = builder.gep(found, [builder.mul(rows, numbers)])
             state = tuple(code.load_rows(here, 8, 8))
-            at = bench_light.scene(vectors, state)
+            at = (scene if vectors.light is None else bench_light.scene)(vectors, state)
             with code.looped(copies) as copy:
                 row = builder.gep(varied, [builder.mul(copy, ir.Constant(LONG, PACKED))])
                 moved = carried(vectors, vectors_of(code, row, kind))
@@ -138,13 +138,14 @@ def loops_of(kind: str) -> dict[str, Write]:
 
     readings = each_block(write_readings, load, 9)
     derivatives = each_block(write_derivatives, load, 72)
+    slopes = {f"slopes_of_{kind}": slopes_by_copies(kind)}
     if kind == "plain":
-        return {"readings": readings, "derivatives": derivatives}
+        return {"readings": readings, "derivatives": derivatives, **slopes}
     return {
+        **slopes,
         f"readings_of_{kind}": readings,
         f"near_derivatives_of_{kind}": derivatives,
         f"derivatives_of_{kind}": each_block(write_slopes_by_state, load, 72),
-        f"slopes_of_{kind}": slopes_by_copies(kind),
     }
 
 

@@ -11,18 +11,13 @@ from __future__ import annotations
 import ctypes
 import math
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
 
 import numba  # noqa: TID253  this module is itself imported only where compiled code is needed
-import numba._dynfunc  # noqa: TID253
 import numba.core.caching  # noqa: TID253
-import numba.core.codegen  # noqa: TID253
-import numba.core.cpu  # noqa: TID253
-import numba.core.registry  # noqa: TID253
 from llvmlite import ir
 from numba import types  # noqa: TID253
 from numba.extending import intrinsic, overload, register_jitable  # noqa: TID253
@@ -52,6 +47,7 @@ from ..optics import (
 )
 from ..scalars import dispatch
 from .code_folder import code_folder, tell
+from .rare import raise_failure
 
 
 def is_complex(kind: Any) -> bool:
@@ -81,8 +77,6 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
         if is_complex(x)
         else lambda x: math.cos(x)
     ),
-    dispatch.carrying: lambda value, slope: lambda value, slope: complex(value, slope),
-    dispatch.slope: lambda x: lambda x: x.imag / dispatch.STEP,
     dispatch.larger: lambda a, b: lambda a, b: a if a.real > b.real else b,
     dispatch.erf: lambda x: lambda x: math.erf(x),
     dispatch.erfc: lambda x: lambda x: math.erfc(x),
@@ -98,11 +92,6 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
     ),
     wedge.wedge: lambda q, u1, u2, side1, side2: (
         lambda q, u1, u2, side1, side2: wedge.wedge_float(q, u1, u2, side1, side2)
-    ),
-    bench_gradient.of_covariance: lambda q, u1, u2, side1, side2, whole: (
-        lambda q, u1, u2, side1, side2, whole: bench_gradient.of_covariance_float(
-            q, u1, u2, side1, side2, whole
-        )
     ),
     footprint.between: lambda slope, q, u1, u2, opening, centre: (
         lambda slope, q, u1, u2, opening, centre: footprint.between_float(
@@ -138,7 +127,13 @@ TEXT = (
 BARE: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 #: What is left to be called, because it is long and called from many places, or seldom.
 LONG = (tail_quadrature,)
-CALLED = (bench_gradient.varied, footprint.reach)
+CALLED = (footprint.reach,)
+
+
+def twin(function: Callable[..., Any], make: Callable[..., Any]) -> None:
+    """Lets compiled code have what `make` gives of types in place of a function of text."""
+    TWINS[function] = make
+    overload(function, jit_options=BARE)(make)
 
 
 def register(module: ModuleType, inline: bool = True) -> None:
@@ -187,100 +182,6 @@ def compiler(
         return _kept(function, folder, passing)
 
     return compiled
-
-
-class Failures(threading.local):
-    """What went wrong in this thread where compiled code has called Python, which can not raise
-    through it; raised once the compiled code has ended."""
-
-    def __init__(self) -> None:
-        self.raised: list[BaseException] = []
-
-
-FAILURES = Failures()
-
-
-class _Compiling(threading.local):
-    """What this thread compiles.
-
-    name: of the kernel, or None.  environments: those of its parts, by the names of their places.
-    """
-
-    name: str | None = None
-
-    def __init__(self) -> None:
-        self.environments: dict[str, Any] = {}
-
-
-_compiling = _Compiling()
-
-
-def _is_part(library: Any) -> bool:
-    return _compiling.name is not None and library.name != _compiling.name
-
-
-def _make_machine_code_once() -> None:
-    """Lets Numba optimise what a kernel is made of with the kernel alone, and make machine code of
-    it there alone, where that can be had.
-
-    It would do so with each function by itself, then again with each that calls it, up to the
-    kernel, which has them all inside: three fifths of the time of compiling. Other code that Numba
-    compiles in this process is left as it is.
-    """
-    library = getattr(numba.core.codegen, "JITCodeLibrary", None)
-    context = getattr(numba.core.cpu, "CPUContext", None)
-    optimise = getattr(library, "_optimize_final_module", None)
-    finalise = getattr(library, "_finalize_final_module", None)
-    executable = getattr(context, "get_executable", None)
-    if library is None or context is None or not (optimise and finalise and executable):
-        return
-
-    def optimise_outermost(self: Any) -> None:
-        if not _is_part(self):
-            optimise(self)
-
-    def finalise_outermost(self: Any) -> None:
-        if _is_part(self):
-            self._finalize_dynamic_globals()
-            self._finalized = True
-        else:
-            finalise(self)
-
-    def executable_of_outermost(self: Any, library: Any, fndesc: Any, env: Any) -> Any:
-        if not _is_part(library):
-            return executable(self, library, fndesc, env)
-        library._ensure_finalized()
-        _compiling.environments[self.get_env_name(fndesc)] = env
-        name = fndesc.qualname.split(".")[-1]  # a part has no address: only kernels call it
-        return numba._dynfunc.make_function(fndesc.lookup_module(), name, "", 0, env, (library,))
-
-    library._optimize_final_module = optimise_outermost
-    library._finalize_final_module = finalise_outermost
-    context.get_executable = executable_of_outermost
-
-
-_make_machine_code_once()
-
-
-@contextmanager
-def _outermost(function: Callable[..., Any]) -> Iterator[None]:
-    """Within it what this thread compiles is a part of `function`."""
-    before, _compiling.name = _compiling.name, function.__qualname__
-    kept, _compiling.environments = _compiling.environments, {}
-    try:
-        yield
-        _set_environments()
-    finally:
-        _compiling.name, _compiling.environments = before, kept
-
-
-def _set_environments() -> None:
-    """Puts the environments of a kernel's parts where its machine code has places for them."""
-    engine = numba.core.registry.cpu_target.target_context.codegen()._engine
-    for name, environment in _compiling.environments.items():
-        if engine.is_symbol_defined(name):
-            where = engine.get_global_value_address(name)
-            (ctypes.c_void_p * 1).from_address(where)[0] = id(environment)
 
 
 class Locator(getattr(numba.core.caching, "UserProvidedCacheLocator", object)):  # type: ignore[misc]
@@ -348,8 +249,7 @@ def _kept(function: Callable[..., Any], folder: Path, passing: object) -> Callab
             result = dispatcher(*arguments)
         else:
             _tell(folder, function)
-            with _outermost(function):
-                result = dispatcher(*arguments)
+            result = dispatcher(*arguments)
             called = True
         raise_failure()
         return result
@@ -359,16 +259,15 @@ def _kept(function: Callable[..., Any], folder: Path, passing: object) -> Callab
 
 
 _NUMBERS = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
-_FOUR_POINTERS = types.void(_NUMBERS, _NUMBERS, _NUMBERS, _NUMBERS)
-
-
+#: What is given, and what is found.
+TWO_POINTERS = types.void(_NUMBERS, _NUMBERS)
+#: A sensor's vectors, rows of what is given and of what is found, memory; and how many rows.
+MODEL = types.void(_NUMBERS, _NUMBERS, _NUMBERS, _NUMBERS, types.int64)
 _TASK = types.void(types.CPointer(types.int64))  # type: ignore[no-untyped-call]
 
 
-def callback(
-    file: str, function: Callable[..., Any], *modules: ModuleType, signature: Any = _FOUR_POINTERS
-) -> Any:
-    """`function` of four pointers to numbers, compiled now; `.address` is what kernels call.
+def callback(file: str, function: Callable[..., Any], *modules: ModuleType, signature: Any) -> Any:
+    """`function`, compiled now for a signature; `.address` is what kernels call.
 
     file: where it is written.  modules: other files that it is made of.  Kernels do not contain
     what they call by its address (`call_address`), so that it is compiled once for all of them.
@@ -376,8 +275,7 @@ def callback(
     folder, passing = cache_folder(file, *(module.__file__ for module in modules))
     _tell(folder, function)
     make = numba.cfunc(signature, cache=True, error_model="numpy")
-    with _outermost(function):
-        compiled = _in_folder(folder, lambda: make(function))
+    compiled = _in_folder(folder, lambda: make(function))
     compiled.keeps = passing
     return compiled
 
@@ -402,14 +300,6 @@ def task(file: str, function: Callable[..., Any], *modules: ModuleType) -> Calla
     return call
 
 
-def raise_failure() -> None:
-    """Raises what went wrong in Python while compiled code ran."""
-    if FAILURES.raised:
-        failure = FAILURES.raised[0]
-        FAILURES.raised.clear()
-        raise failure
-
-
 def _pointer_to(kind: Any) -> Any:
     """The function for compiled code that makes an address a pointer to numbers of a kind."""
 
@@ -431,7 +321,7 @@ bytes_at = _pointer_to(types.int8)
 def _call_address(
     typing: Any, address: Any, first: Any, second: Any, third: Any, fourth: Any
 ) -> tuple[Any, Any]:
-    """Calls what `callback` compiled, with the numbers of four contiguous arrays."""
+    """Calls a function of `MODEL` for one row, with the numbers of four contiguous arrays."""
     arrays = (first, second, third, fourth)
 
     def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
@@ -439,8 +329,10 @@ def _call_address(
             context.make_array(kind)(context, builder, value).data
             for kind, value in zip(arrays, values[1:], strict=True)
         ]
-        kind = ir.FunctionType(ir.VoidType(), [pointer.type for pointer in pointers])
-        builder.call(builder.inttoptr(values[0], kind.as_pointer()), pointers)
+        one = ir.Constant(ir.IntType(64), 1)
+        given = [*pointers, one]
+        kind = ir.FunctionType(ir.VoidType(), [each.type for each in given])
+        builder.call(builder.inttoptr(values[0], kind.as_pointer()), given)
         return context.get_dummy_value()
 
     return types.void(types.intp, *arrays), code

@@ -13,9 +13,10 @@ def kind_of(sensor: Sensor) -> str:
     """Which formulas hold for a sensor; found once a sensor."""
     known: str | None = sensor.__dict__.get("_kind")
     if known is None:
-        bare = "cut" if sensor.apertures.cut else "plain"
-        both = "cut_light" if sensor.apertures.cut else "light"
-        known = both if sensor.light.on else bare
+        if sensor.apertures.cut:
+            known = "cut_light" if sensor.light.on else "cut"
+        else:
+            known = lit_kind(sensor) if sensor.light.on else "plain"
         sensor.__dict__["_kind"] = known
     return known
 
@@ -29,6 +30,4 @@ def lit_kind(sensor: Sensor) -> str:
 
 def block_kind(sensor: Sensor) -> str | None:
     """Which formulas blocks of poses take: "plain", or one of LIT; None where the light is cut."""
-    if sensor.apertures.cut:
-        return None
-    return lit_kind(sensor) if sensor.light.on else "plain"
+    return None if sensor.apertures.cut else kind_of(sensor)

@@ -28,6 +28,7 @@ from .code_folder import code_folder, tell
 Write = Callable[[Any, Sequence[Any]], None]
 #: In front of an object stands its SHA-256, so that what a disk has spoilt is made anew.
 DIGEST = 32
+MAKER = f"llvmlite {llvmlite.__version__}"
 _MAKING = threading.Lock()
 
 
@@ -39,9 +40,9 @@ def function(
     write: gives what writes it; only asked where it is made.  files: that this is made of, beside
     the optics and the scalars.  The interpreter's lock is let go.
     """
-    folder, passing = code_folder(f"llvmlite {llvmlite.__version__}", __file__, *files)
+    folder, passing = code_folder(MAKER, __file__, *files)
     with _MAKING:
-        path = folder / f"{name}-{processor()[2]}.o"
+        path = path_of(name, folder)
         code = read(path)
         if code is None:
             tell(name)
@@ -51,6 +52,15 @@ def function(
     start = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * count)(engine.get_function_address(name))
     start.keeps = engine, passing  # type: ignore[attr-defined]
     return start
+
+
+def is_kept(name: str, *files: str | Path | None) -> bool:
+    """Whether there is such an object, of these files."""
+    return path_of(name, code_folder(MAKER, __file__, *files)[0]).exists()
+
+
+def path_of(name: str, folder: Path) -> Path:
+    return folder / f"{name}-{processor()[2]}.o"
 
 
 @cache

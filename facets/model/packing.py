@@ -9,7 +9,8 @@ import numpy as np
 
 from ..optics.effects import Options
 from ..optics.forward import Geometry, geometry
-from ..scalars.dual import Dual
+from ..scalars.dispatch import STEP
+from ..scalars.dual import Dual, parts
 from ..scalars.nesting import leaves, nested
 from . import rare
 from .kinds import LIT
@@ -26,12 +27,25 @@ PARALLEL = EXAMPLE._replace(light=None)  # type: ignore[arg-type]
 
 
 def pack(vectors: Geometry) -> np.ndarray:
-    """A sensor's vectors as one array: real, or complex where one of them is.
+    """A sensor's vectors as one array, behind which comes the address of `rare.TABLE`.
 
-    Behind them, where they are real, comes the address of `rare.TABLE`; it holds for this process.
+    The address holds for this process.
     """
     numbers = np.array([number + 0.0 for number in leaves(vectors)])
-    return numbers if np.iscomplexobj(numbers) else np.concatenate([numbers, rare.ADDRESS])
+    return np.concatenate([numbers, rare.ADDRESS])
+
+
+def pack_slopes(vectors: Geometry) -> np.ndarray:
+    """The slopes that a sensor's vectors carry by m things: (m, ...), each row as from `pack`."""
+    slopes = [parts(number)[1] for number in leaves(vectors)]
+    count = max(np.size(slope) for slope in slopes)
+    return np.array([np.broadcast_to(slope, count) for slope in slopes]).T.copy()
+
+
+def carry(vectors: Geometry, moved: Geometry) -> np.ndarray:
+    """Copies of a sensor (m, ...), whose numbers carry their slopes times STEP in imaginary parts,
+    for what Numba compiles."""
+    return pack(vectors)[:-1] + 1j * STEP * pack_slopes(moved)
 
 
 def is_of_this_process(packed: np.ndarray) -> bool:

@@ -1,10 +1,10 @@
-"""What compiled code seldom calls is compiled when it turns out not to be so seldom.
+"""What the code for one pose calls, and is compiled when it turns out not to be so seldom.
 
-Compiled code calls these functions by addresses that it finds in a table. At first these lead back
-to Python, which runs the text with its floats. That gives the same bits, since all functions in it
-are those of the C library either way, and takes some tenths of a millisecond, where compiling takes
-seconds. Past a second of that, or where machine code has been kept, Python puts the compiled
-function's address into the table, and from then on the way is direct. Importing this imports Numba.
+It calls these functions by addresses that it finds in a table. At first these lead back to Python,
+which runs the text with its floats. That gives the same bits, since all functions in it are those
+of the C library either way, and takes some hundredths of a millisecond, where importing Numba and
+compiling take seconds. Past a second of that, Numba compiles the function, or loads what it has
+kept, Python puts its address into the table, and from then on the way is direct.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 from ..optics import wedge
 
 Pointer = Any
-KIND = ctypes.CFUNCTYPE(None, *[ctypes.POINTER(ctypes.c_double)] * 4)
+KIND = ctypes.CFUNCTYPE(None, *[ctypes.POINTER(ctypes.c_double)] * 2)
 
 
 def put_side(found: Pointer, side: Any) -> None:
@@ -32,12 +32,17 @@ def put_moments(found: Pointer, moments: Any) -> None:
     found[0], (found[1], found[2]), (found[3], found[4], found[5]), (found[6], found[7]) = moments
 
 
-def side_far(given: Pointer, found: Pointer, _: Pointer, __: Pointer) -> None:
+def side_near(given: Pointer, found: Pointer) -> None:
+    """`wedge.side_near` of q . u and q x u; four numbers."""
+    put_side(found, wedge.side_near(given[0], given[1]))
+
+
+def side_far(given: Pointer, found: Pointer) -> None:
     """`wedge.side_far` of q, u and q . u; four numbers."""
     put_side(found, wedge.side_far((given[0], given[1]), (given[2], given[3]), given[4]))
 
 
-def faint_or_dark(given: Pointer, found: Pointer, _: Pointer, __: Pointer) -> None:
+def faint_or_dark(given: Pointer, found: Pointer) -> None:
     """`wedge.faint_or_dark` of q, u1 and u2; eight numbers."""
     first, second = (given[2], given[3]), (given[4], given[5])
     put_moments(found, wedge.faint_or_dark((given[0], given[1]), first, second))
@@ -45,6 +50,7 @@ def faint_or_dark(given: Pointer, found: Pointer, _: Pointer, __: Pointer) -> No
 
 #: The functions, and how many numbers each gives.
 FUNCTIONS: dict[str, tuple[Callable[..., None], int]] = {
+    "side_near": (side_near, 4),
     "side_far": (side_far, 4),
     "faint_or_dark": (faint_or_dark, 8),
 }
@@ -53,9 +59,29 @@ NAMES = list(FUNCTIONS)
 _COMPILED: dict[str, Any] = {}
 _COMPILING = threading.RLock()
 
-#: For so long, s, the functions run as text before they are compiled, which takes several times
-#: that.
-SELDOM = 1.0
+
+class Failures(threading.local):
+    """What went wrong in this thread where compiled code has called Python, which can not raise
+    through it; raised once the compiled code has ended."""
+
+    def __init__(self) -> None:
+        self.raised: list[BaseException] = []
+
+
+FAILURES = Failures()
+
+
+def raise_failure() -> None:
+    """Raises what went wrong in Python while compiled code ran."""
+    if FAILURES.raised:
+        failure = FAILURES.raised[0]
+        FAILURES.raised.clear()
+        raise failure
+
+
+#: For so long, s, the functions run as text before their machine code is loaded, if it is kept, or
+#: else compiled, which takes several times that.
+LOADED, SELDOM = 0.2, 1.0
 _spent = 0.0
 
 
@@ -66,6 +92,13 @@ def _is_kept(name: str) -> bool:
     return jit.is_kept(__file__, FUNCTIONS[name][0])
 
 
+def _runs_as_text(name: str) -> bool:
+    """Whether a function is still too seldom called to be worth its machine code."""
+    if name in _COMPILED or _spent >= SELDOM:
+        return False
+    return _spent < LOADED or not _is_kept(name)
+
+
 def _compiled(name: str) -> Any:
     """What calls the compiled function, compiled or loaded now if need be."""
     from . import jit
@@ -74,7 +107,8 @@ def _compiled(name: str) -> Any:
         if name not in _COMPILED:
             for part in (put_side, put_moments):
                 jit.compilable(part)
-            _COMPILED[name] = jit.callback(__file__, FUNCTIONS[name][0])
+            function = FUNCTIONS[name][0]
+            _COMPILED[name] = jit.callback(__file__, function, signature=jit.TWO_POINTERS)
             TABLE[NAMES.index(name)] = _COMPILED[name].address
     return KIND(_COMPILED[name].address)
 
@@ -89,13 +123,10 @@ def _call(name: str, *pointers: Any) -> None:
     """Where the table leads at first."""
     function, results = FUNCTIONS[name]
     try:
-        as_text = name not in _COMPILED and _spent < SELDOM and not _is_kept(name)
-        if not (as_text and _ran_as_text(function, pointers)):
+        if not (_runs_as_text(name) and _ran_as_text(function, pointers)):
             _compiled(name)(*pointers)
     except BaseException as failure:  # ^C for instance; until it is raised there are no numbers
-        from . import jit
-
-        jit.FAILURES.raised.append(failure)
+        FAILURES.raised.append(failure)
         for n in range(results):
             pointers[1][n] = float("nan")
 

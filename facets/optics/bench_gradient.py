@@ -1,19 +1,21 @@
-"""Derivatives of the readings under the light of a bench.
+"""Derivatives of the readings, carried along through the text of the readings (`scalars.dual`).
 
-Numbers that carry a derivative along take them through the text of `bench_light`: complex ones, and
-`dual.Dual` where code is written (`scalars.dispatch`). Those of the light on a facet, whose text is
-for plain numbers, are closed (`carried`). For steps of an iteration there
-is a faster Jacobian that leaves out how the edges' effects change (`nearly_linearised`).
+Under the light of a bench these are the exact ones. Those of the light on a facet, whose text is
+for plain numbers, are closed (`carried`). For steps of an iteration there is a faster Jacobian that
+leaves out how the edges' effects change (`nearly_linearised`).
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from ..scalars.dispatch import STEP, Number, carrying, slope
+import numpy as np
+
+from ..scalars.dispatch import Number
+from ..scalars.dual import Dual, parts
 from .bench_light import readings_in, scene
 from .curved_light import applied, curved, unbent
-from .forward import Geometry, Scene, Three, path, placed, with_light
+from .forward import Geometry, Scene, Three, path, placed, readings_of, with_light
 from .gradient import by_state, gradients, turns_of_edges
 from .vectors import Matrix, Vector, add, combine, cross2, dot, dot2, rotation_axes, subtract
 from .wedge import Moments, Plane, Side, moments_closed, turned
@@ -36,10 +38,10 @@ def carried_side(q: Plane, u: Plane, side: Side) -> Side:
     density = first + a.real * length
     da, dh = a.imag, h.real * h.imag
     return (
-        carrying(length, -density * da - length * dh),
-        carrying(first, -length * da - first * dh),
-        carrying(second, -2 * first * da - second * dh),
-        carrying(swept, 0.0),
+        Dual(length, -density * da - length * dh),
+        Dual(first, -length * da - first * dh),
+        Dual(second, -2 * first * da - second * dh),
+        Dual(swept, 0.0),
     )
 
 
@@ -60,31 +62,24 @@ def carried_moments(
     of_mass = -mass * (cx * qx + cy * qy) - mass1 * turn1 + mass2 * turn2
     of_x = pxx * qx + pxy * qy - x1 * turn1 + x2 * turn2
     of_y = pxy * qx + pyy * qy - y1 * turn1 + y2 * turn2
-    whole, x, y = carrying(mass, of_mass), carrying(cx, of_x), carrying(cy, of_y)
+    whole, x, y = Dual(mass, of_mass), Dual(cx, of_x), Dual(cy, of_y)
     of_xx, of_xy, of_yy = of_covariance(q, u1, u2, side1, side2, whole)
-    shift = carrying(pxx, of_xx), carrying(pxy, of_xy), carrying(pyy, of_yy)
+    shift = Dual(pxx, of_xx), Dual(pxy, of_xy), Dual(pyy, of_yy)
     return whole, (x, y), shift, (x - q[0], y - q[1])
 
 
 def of_covariance(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side, whole: Number) -> Three:
     """How one less the light's covariance changes, as xx, xy, yy; 0 where there is less light than
     DIM."""
-    mass = whole.real
-    if not hasattr(mass, "writer"):
-        return of_covariance_float(q, u1, u2, side1, side2, whole)
-    xx, xy, yy = moments_closed(q, u1, u2, side1, side2, whole)[2]
-    lit = mass > DIM
-    select = mass.writer.select
-    return select(lit, xx.imag, 0.0), select(lit, xy.imag, 0.0), select(lit, yy.imag, 0.0)
-
-
-def of_covariance_float(
-    q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side, whole: Number
-) -> Three:
-    if whole.real > DIM:
-        xx, xy, yy = moments_closed(q, u1, u2, side1, side2, whole)[2]
-        return xx.imag, xy.imag, yy.imag
-    return 0.0, 0.0, 0.0
+    lit = whole.real > DIM
+    in_code = hasattr(lit, "writer")
+    if not (in_code or lit):
+        return 0.0, 0.0, 0.0
+    xx, xy, yy = (each.imag for each in moments_closed(q, u1, u2, side1, side2, whole)[2])
+    if not in_code:
+        return xx, xy, yy
+    select = lit.writer.select
+    return select(lit, xx, 0.0), select(lit, xy, 0.0), select(lit, yy, 0.0)
 
 
 def carried(to: Scene, at: Scene) -> Scene:
@@ -103,64 +98,29 @@ def carried(to: Scene, at: Scene) -> Scene:
 def varied(geometry: Geometry, state: tuple[Any, ...], at: Scene) -> tuple[Three, Three, Three]:
     """The readings' derivatives by what geometry or state carry along.
 
-    at: the plain scene with its light, from `scene`.
+    at: the plain scene with its light, from `bench_light.scene`, or `forward.scene` where
+    `geometry.light` is None.
     """
-    a, b, c = readings_in(geometry, carried(curved(geometry, placed(geometry, state)), at))
-    return carries(a), carries(b), carries(c)
+    if geometry.light is None:
+        a, b, c = readings_of(geometry, carried(placed(geometry, state), at))
+    else:
+        a, b, c = readings_in(geometry, carried(curved(geometry, placed(geometry, state)), at))
+    return slopes(a), slopes(b), slopes(c)
 
 
-def carries(values: Three) -> Three:
-    return slope(values[0]), slope(values[1]), slope(values[2])
-
-
-def by_component(
-    geometry: Geometry, state: tuple[Any, ...], at: Scene, component: int
-) -> tuple[Three, Three, Three]:
-    """The readings' derivatives by one component of the state."""
-    tx, ty, tz, roll, pitch, yaw, bx, by = state
-    moved = (
-        complex(tx, STEP if component == 0 else 0.0),
-        complex(ty, STEP if component == 1 else 0.0),
-        complex(tz, STEP if component == 2 else 0.0),
-        complex(roll, STEP if component == 3 else 0.0),
-        complex(pitch, STEP if component == 4 else 0.0),
-        complex(yaw, STEP if component == 5 else 0.0),
-        complex(bx, STEP if component == 6 else 0.0),
-        complex(by, STEP if component == 7 else 0.0),
-    )
-    return varied(geometry, moved, at)
+def slopes(values: Three) -> Three:
+    return parts(values[0])[1], parts(values[1])[1], parts(values[2])[1]
 
 
 def linearised(
     geometry: Geometry, state: tuple[Any, ...]
 ) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
-    """Readings and Jacobian at a state, for detectors A, B and C, as `gradient.linearised`."""
+    """Readings and Jacobian at a state, for detectors A, B and C, as `gradient.linearised`; for
+    floats, and other numbers that NumPy's arrays may hold."""
     at = scene(geometry, state)
-    values = readings_in(geometry, at)
-    columns = (
-        by_component(geometry, state, at, 0),
-        by_component(geometry, state, at, 1),
-        by_component(geometry, state, at, 2),
-        by_component(geometry, state, at, 3),
-        by_component(geometry, state, at, 4),
-        by_component(geometry, state, at, 5),
-        by_component(geometry, state, at, 6),
-        by_component(geometry, state, at, 7),
-    )
-    return (
-        (values[0], rows(columns, 0)),
-        (values[1], rows(columns, 1)),
-        (values[2], rows(columns, 2)),
-    )
-
-
-def rows(columns: tuple[Any, ...], k: int) -> Three:
-    return row(columns, k, 0), row(columns, k, 1), row(columns, k, 2)
-
-
-def row(columns: tuple[Any, ...], k: int, i: int) -> tuple[Any, ...]:
-    a, b, c, d, e, f, g, h = columns
-    return a[k][i], b[k][i], c[k][i], d[k][i], e[k][i], f[k][i], g[k][i], h[k][i]
+    each = tuple(Dual(number, seed) for number, seed in zip(state, np.eye(len(state)), strict=True))
+    a, b, c = zip(readings_in(geometry, at), varied(geometry, each, at), strict=True)
+    return a, b, c
 
 
 def nearly_linearised(

@@ -7,8 +7,8 @@ is only geometry runs as complex numbers too, whose imaginary parts carry a deri
 rigorous intervals (`intervals`), and with casadi's symbols (`casadi_symbols`). A formula holds no
 decimal literal, because a rounded constant would spoil a 40-digit run.
 
-Complex numbers here carry a derivative along, times STEP, in their imaginary parts; where code is
-written, `dual.Dual` does.
+A derivative is carried along by `dual.Dual`, and, in loops that Numba compiles, times STEP in the
+imaginary parts of complex numbers.
 """
 
 from __future__ import annotations
@@ -102,20 +102,6 @@ def atan2_carried(y: complex, x: complex) -> complex:
 def real(x: Number) -> Number:
     """The value of a number, without the derivative that it may carry along."""
     return x.real if isinstance(x, complex) or is_dual(x) else x
-
-
-def carrying(value: Number, slope: Number) -> Number:
-    """A number that carries a derivative along, times STEP where it is a plain float."""
-    if is_float(value):
-        return complex(value, slope)
-    from .dual import Dual
-
-    return Dual(value, slope)
-
-
-def slope(x: Number) -> Number:
-    """The derivative that a number carries along."""
-    return x.imag / STEP if isinstance(x, complex) else x.imag
 
 
 def larger(a: Number, b: Number) -> Number:

@@ -1,8 +1,8 @@
 """Numbers that carry a derivative along: a value, and its slope by whatever is varied.
 
-Over scalars of any kind; a slope that is the plain number 0 costs nothing where a writer of code
-leaves out sums and products with zeros. What carries a derivative in compiled loops are complex
-numbers instead (`dispatch.carrying`), whose text is the same.
+Over scalars of any kind: floats, with an array of slopes by many things at once, and numbers that
+write machine code. A slope that is the plain number 0 stays so, and costs nothing. Compiled loops
+of Numba have complex numbers instead (`dispatch.carrying`), whose text is the same.
 """
 
 from __future__ import annotations
@@ -12,37 +12,58 @@ from typing import Any
 from . import dispatch
 
 
+def is_zero(slope: Any) -> bool:
+    """Whether a slope is the plain number 0."""
+    return isinstance(slope, float) and slope == 0.0
+
+
+def times(slope: Any, factor: Any) -> Any:
+    """A slope times a number."""
+    return 0.0 if is_zero(slope) else slope * factor
+
+
+def plus(a: Any, b: Any) -> Any:
+    """The sum of two slopes."""
+    return b if is_zero(a) else a if is_zero(b) else a + b
+
+
+def minus(a: Any, b: Any) -> Any:
+    return a if is_zero(b) else -b if is_zero(a) else a - b
+
+
 class Dual:
     """real: the value.  imag: the slope; named as a complex number's parts, for one text."""
 
     __slots__ = ("imag", "real")
+    #: NumPy's numbers leave operations with these to them.
+    __array_ufunc__ = None
 
     def __init__(self, value: Any, slope: Any) -> None:
         self.real, self.imag = value, slope
 
     def __add__(self, other: Any) -> Dual:
         if isinstance(other, Dual):
-            return Dual(self.real + other.real, self.imag + other.imag)
+            return Dual(self.real + other.real, plus(self.imag, other.imag))
         return Dual(self.real + other, self.imag)
 
     __radd__ = __add__
 
     def __neg__(self) -> Dual:
-        return Dual(-self.real, -self.imag)
+        return Dual(-self.real, 0.0 if is_zero(self.imag) else -self.imag)
 
     def __sub__(self, other: Any) -> Dual:
         if isinstance(other, Dual):
-            return Dual(self.real - other.real, self.imag - other.imag)
+            return Dual(self.real - other.real, minus(self.imag, other.imag))
         return Dual(self.real - other, self.imag)
 
     def __rsub__(self, other: Any) -> Dual:
-        return Dual(other - self.real, -self.imag)
+        return Dual(other - self.real, minus(0.0, self.imag))
 
     def __mul__(self, other: Any) -> Dual:
         if isinstance(other, Dual):
-            slope = self.real * other.imag + self.imag * other.real
+            slope = plus(times(other.imag, self.real), times(self.imag, other.real))
             return Dual(self.real * other.real, slope)
-        return Dual(self.real * other, self.imag * other)
+        return Dual(self.real * other, times(self.imag, other))
 
     __rmul__ = __mul__
 
@@ -50,13 +71,13 @@ class Dual:
         inverse = 1 / dispatch.real(other)
         value = self.real * inverse
         if isinstance(other, Dual):
-            return Dual(value, (self.imag - value * other.imag) * inverse)
-        return Dual(value, self.imag * inverse)
+            return Dual(value, times(minus(self.imag, times(other.imag, value)), inverse))
+        return Dual(value, times(self.imag, inverse))
 
     def __rtruediv__(self, other: Any) -> Dual:
         inverse = 1 / self.real
         value = other * inverse
-        return Dual(value, -value * self.imag * inverse)
+        return Dual(value, times(times(self.imag, -value), inverse))
 
 
 pi = dispatch.math.pi
@@ -64,26 +85,26 @@ pi = dispatch.math.pi
 
 def sqrt(x: Dual) -> Dual:
     root = dispatch.sqrt(x.real)
-    return Dual(root, x.imag / (2 * root))
+    return Dual(root, times(x.imag, 1 / (2 * root)))
 
 
 def log(x: Dual) -> Dual:
-    return Dual(dispatch.log(x.real), x.imag / x.real)
+    return Dual(dispatch.log(x.real), times(x.imag, 1 / x.real))
 
 
 def sin(x: Dual) -> Dual:
-    return Dual(dispatch.sin(x.real), dispatch.cos(x.real) * x.imag)
+    return Dual(dispatch.sin(x.real), times(x.imag, dispatch.cos(x.real)))
 
 
 def cos(x: Dual) -> Dual:
-    return Dual(dispatch.cos(x.real), -dispatch.sin(x.real) * x.imag)
+    return Dual(dispatch.cos(x.real), times(x.imag, -dispatch.sin(x.real)))
 
 
 def atan2(y: Any, x: Any) -> Dual:
-    of_y, of_x = parts(y), parts(x)
-    square = of_x[0] * of_x[0] + of_y[0] * of_y[0]
-    slope = (of_x[0] * of_y[1] - of_y[0] * of_x[1]) / square
-    return Dual(dispatch.atan2(of_y[0], of_x[0]), slope)
+    (up, of_up), (right, of_right) = parts(y), parts(x)
+    inverse = 1 / (right * right + up * up)
+    slope = times(minus(times(of_up, right), times(of_right, up)), inverse)
+    return Dual(dispatch.atan2(up, right), slope)
 
 
 def parts(x: Any) -> tuple[Any, Any]:

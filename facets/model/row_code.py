@@ -1,0 +1,190 @@
+"""What writes the machine code of the model at one state after the other, nothing cut.
+
+Imported only where the code is not kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+from llvmlite import ir
+
+from ..optics import bench_gradient, bench_light, gradient
+from ..optics.curved_light import curved
+from ..optics.footprint import footprint, slopes, spreading
+from ..optics.forward import Geometry, by_power, placed, scene, with_power
+from ..optics.forward import readings as readings_uncut
+from ..scalars.dual import Dual
+from ..scalars.machine import DOUBLE, LONG, Value, counted
+from ..scalars.nesting import leaves
+from ..scalars.rows import RowWriter
+from . import rare
+from .block_code import pointers_to
+from .evaluators import STATE, WITH_POWER
+from .kinds import LIT
+from .object_code import Write
+from .packing import EXAMPLE, PACKED, PARALLEL, carried, vectors_at, vectors_of
+
+#: Writes what is found at a state, with the sensor's vectors, from and to memory by pointers.
+Formula = Callable[[RowWriter, Geometry, Any, Any], None]
+
+
+#: Loads a sensor's vectors.
+Load = Callable[[RowWriter, Any], Geometry]
+
+
+def writer_of(builder: Any, packed: Any) -> RowWriter:
+    """packed: pointer to a sensor's vectors, behind which `rare.TABLE` has its address."""
+    at = builder.gep(packed, [ir.Constant(LONG, PACKED)])
+    address = builder.load(builder.bitcast(at, ir.PointerType(LONG)))
+    return RowWriter(builder, builder.inttoptr(address, ir.PointerType(LONG)), rare.NAMES)
+
+
+def row_at(builder: Any, pointer: Any, index: Any, numbers: Any) -> Any:
+    """Where a row of so many numbers begins."""
+    return builder.gep(pointer, [builder.mul(index, numbers)])
+
+
+def each_row(formula: Formula, load: Load, given: int, found: int) -> Write:
+    """Writes the code of a formula as `evaluators` has it.
+
+    load: the vectors that the formula takes.  given, found: how many numbers a row has.
+    """
+
+    def write(builder: Any, arguments: Sequence[Any]) -> None:
+        packed, asked, results = pointers_to(builder, arguments[:3])
+        with counted(builder, arguments[4]) as index:
+            code = writer_of(builder, packed)
+            here = row_at(builder, asked, index, ir.Constant(LONG, given))
+            there = row_at(builder, results, index, ir.Constant(LONG, found))
+            formula(code, load(code, packed), here, there)
+
+    return write
+
+
+def numbers_at(code: RowWriter, pointer: Any, count: int) -> list[Value]:
+    return [code.load(pointer, n) for n in range(count)]
+
+
+def store(code: RowWriter, numbers: Iterable[Any], pointer: Any, first: int = 0) -> None:
+    for n, number in enumerate(numbers, first):
+        code.store(number, pointer, n)
+
+
+def write_readings(code: RowWriter, vectors: Geometry, given: Any, found: Any) -> None:
+    text = readings_uncut if vectors.light is None else bench_light.readings
+    store(code, leaves(text(vectors, tuple(numbers_at(code, given, STATE)))), found)
+
+
+def write_linearised(code: RowWriter, vectors: Geometry, given: Any, found: Any) -> None:
+    """Of a state and the beam's power; found (10, 10): the readings, then their derivatives by each
+    of these, a reading a row; the last column is not used.
+
+    Under the light of a bench those of `bench_gradient.nearly_linearised`.
+    """
+    x = numbers_at(code, given, WITH_POWER)
+    powered, state = with_power(vectors, x[8]), tuple(x[:8])
+    ideal = vectors.light is None
+    text = gradient.linearised if ideal else bench_gradient.nearly_linearised
+    for k, (values, rows) in enumerate(text(powered, state)):
+        store(code, values, found, 3 * k)
+        for i in range(3):
+            row = 10 * (1 + 3 * k + i)
+            store(code, rows[i], found, row)
+            code.store(of_power(powered, values, k, i, x[8]), found, row + 8)
+
+
+def of_power(vectors: Geometry, values: Any, k: int, i: int, power: Value) -> Any:
+    """The derivative of a reading by the beam's power."""
+    if vectors.light is None:
+        return values[i] / power if i == 2 else 0.0
+    return by_power(vectors, values, k, i)
+
+
+def write_linearised_exactly(code: RowWriter, vectors: Geometry, given: Any, found: Any) -> None:
+    """The same under the light of a bench, with nothing left out."""
+    x = numbers_at(code, given, WITH_POWER)
+    powered, state = with_power(vectors, x[8]), tuple(x[:8])
+    at = bench_light.scene(powered, state)
+    detectors = bench_light.readings_in(powered, at)
+    for k, values in enumerate(detectors):
+        store(code, values, found, 3 * k)
+        for i in range(3):
+            code.store(of_power(powered, values, k, i, x[8]), found, 10 * (1 + 3 * k + i) + 8)
+    build = code.builder
+    with counted(build, ir.Constant(LONG, 8)) as component:
+        moved = []
+        for c, number in enumerate(state):
+            own = build.icmp_signed("==", component, ir.Constant(LONG, c))
+            moved.append(Dual(number, Value(code, build.uitofp(own, DOUBLE))))
+        derivatives = leaves(bench_gradient.varied(powered, tuple(moved), at))
+        for n, number in enumerate(derivatives):
+            place = build.add(ir.Constant(LONG, 10 * (1 + n)), component)
+            code.store(number, build.gep(found, [place]), 0)
+
+
+def write_footprints(code: RowWriter, vectors: Geometry, given: Any, found: Any) -> None:
+    """found (3, 5): the footprints of the spots."""
+    at, spread = placed(vectors, tuple(numbers_at(code, given, STATE))), slopes
+    if vectors.light is not None:
+        at, spread = curved(vectors, at), spreading
+    for k in range(3):
+        store(code, footprint(vectors, at, k, spread(vectors, at, k)), found, 5 * k)
+
+
+def slopes_by_copies(kind: str) -> Write:
+    """Writes the code of `evaluators.slopes`: a function of the addresses of a sensor's vectors, of
+    states, results, and the vectors' slopes; and of how many states there are, and copies."""
+
+    def write(builder: Any, arguments: Sequence[Any]) -> None:
+        packed, states, results, varied = pointers_to(builder, arguments[:4])
+        copies = arguments[5]
+        size = builder.mul(copies, ir.Constant(LONG, 9))
+        with counted(builder, arguments[4]) as index:
+            code = writer_of(builder, packed)
+            vectors = vectors_of(code, packed, kind)
+            here = row_at(builder, states, index, ir.Constant(LONG, STATE))
+            found = row_at(builder, results, index, size)
+            state = tuple(numbers_at(code, here, STATE))
+            at = (scene if vectors.light is None else bench_light.scene)(vectors, state)
+            with counted(builder, copies) as copy:
+                row = row_at(builder, varied, copy, ir.Constant(LONG, PACKED))
+                moved = carried(vectors, vectors_of(code, row, kind))
+                for n, number in enumerate(leaves(bench_gradient.varied(moved, state, at))):
+                    first = builder.mul(copies, ir.Constant(LONG, n))
+                    code.store(number, builder.gep(found, [builder.add(first, copy)]), 0)
+
+    return write
+
+
+def loops_of(kind: str) -> dict[str, Write]:
+    """The code for a kind of light, by the names that `evaluators.model` takes."""
+
+    def load(code: RowWriter, pointer: Any) -> Geometry:
+        return vectors_of(code, pointer, kind)
+
+    loops = {
+        f"readings_of_{kind}": each_row(write_readings, load, STATE, 9),
+        f"near_linearised_of_{kind}": each_row(write_linearised, load, WITH_POWER, 100),
+        f"slopes_of_{kind}": slopes_by_copies(kind),
+    }
+    if kind != "plain":
+        exact = each_row(write_linearised_exactly, load, WITH_POWER, 100)
+        loops[f"linearised_of_{kind}"] = exact
+    return loops
+
+
+def footprints_of(example: Geometry) -> Write:
+    """example: the arrangement of the vectors, of parallel rays or of any."""
+    return each_row(
+        write_footprints, lambda code, pointer: vectors_at(code, pointer, example), STATE, 15
+    )
+
+
+LOOPS: dict[str, Write] = {
+    "footprints_of_plain": footprints_of(PARALLEL),
+    "footprints_of_light": footprints_of(EXAMPLE),
+}
+for _kind in ("plain", *LIT):
+    LOOPS.update(loops_of(_kind))

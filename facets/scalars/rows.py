@@ -1,0 +1,55 @@
+"""Numbers of one pose that write machine code, whichever way it takes.
+
+A `RowWriter` runs the optics' text as `lanes.LaneWriter` does, with branches in place of lanes that
+are left: what a block of poses leaves is done by it. Elementary functions are those of the C
+library, so that the results are those of the text in floats, to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from llvmlite import ir
+
+from .machine import DOUBLE, LONG, Value, Writer
+from .nesting import Numbers, leaves, nested
+
+POINTER = ir.PointerType(DOUBLE)
+#: Which LLVM has itself, rounded as IEEE 754 has it.
+OWN = {"sqrt": "llvm.sqrt.f64", "fabs": "llvm.fabs.f64"}
+
+
+class RowWriter(Writer):
+    """functions: pointer to the addresses of what the text calls and is no straight code, in the
+    order of `names`: functions of two pointers, to the numbers given and to those found."""
+
+    def __init__(self, builder: Any, functions: Any, names: Sequence[str]) -> None:
+        super().__init__(builder)
+        self._functions, self._names = functions, names
+
+    def function(self, name: str, *arguments: Value | float) -> Value:
+        module, full = self.builder.module, OWN.get(name, name)
+        kind = ir.FunctionType(DOUBLE, [DOUBLE] * len(arguments))
+        code = module.globals.get(full) or ir.Function(module, kind, full)
+        return Value(self, self.builder.call(code, [self.value(each) for each in arguments]))
+
+    def called(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
+        given, wanted = list(leaves(arguments)), list(leaves(like))
+        memory = self._memory(len(given) + len(wanted))
+        for n, number in enumerate(given):
+            self.store(number, memory, n)
+        results = self.builder.gep(memory, [ir.Constant(LONG, len(given))])
+        number = self._names.index(function.__name__)
+        place = self.builder.gep(self._functions, [ir.Constant(LONG, number)])
+        kind = ir.FunctionType(ir.VoidType(), [POINTER] * 2)
+        code = self.builder.inttoptr(self.builder.load(place), kind.as_pointer())
+        self.builder.call(code, [memory, results])
+        return nested(like, iter([self.load(results, n) for n in range(len(wanted))]))
+
+    rarely = called
+
+    def _memory(self, numbers: int) -> Any:
+        """Room on the stack, made once where the function begins."""
+        with self.builder.goto_entry_block():
+            return self.builder.alloca(DOUBLE, numbers)
