@@ -413,11 +413,12 @@ def surveyed(
     ])  # fmt: skip
     some, reasons = out[sound, 1:], np.zeros(len(rows), dtype=np.int64)
     measure(
-        evaluators.readings(sensor), evaluators.linearised(sensor), rows, halves[sound], numbers,
+        evaluators.address(evaluators.readings(sensor)),
+        evaluators.address(evaluators.linearised(sensor)), rows, halves[sound], numbers,
         some, reasons,
     )  # fmt: skip
     told = ~np.isnan(some[:, 12]) & (reasons >= 0)
-    some[told, 13] = regular(evaluators.linearised(sensor), rows[told], volume)
+    some[told, 13] = regular(evaluators.address(evaluators.linearised(sensor)), rows[told], volume)
     out[sound, 1:], why[sound] = some, reasons
     return out, why
 

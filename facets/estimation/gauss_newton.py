@@ -1,8 +1,8 @@
 """One reading, one estimate: the damped Gauss-Newton iteration behind `facets.solve`.
 
-Text for `kernels`, which compiles it; importing it imports Numba. The unknowns are the eight
-components of the state and the beam's power; `free` lists those that are asked for. Every row is in
-units of its standard deviation, so that the sum of squares is a chi-square.
+Text for `kernels`, which compiles it; a few readings are solved by it as it stands. The unknowns
+are the eight components of the state and the beam's power; `free` lists those that are asked for.
+Every row is in units of its standard deviation, so that the sum of squares is a chi-square.
 
 A step solves the normal equations J'J step = J'r by Cholesky's method, which takes a third of the
 time of orthogonal reflections and squares the condition number. Where a pivot tells that this costs
@@ -11,20 +11,21 @@ more than half the digits (`normal_equations.factorise`), the same step is found
 
 from __future__ import annotations
 
-from math import isfinite
+from math import isfinite, nan, sqrt
 
-from ..model.jit import call_address
 from .least_squares import back_substitute, triangularise
-from .normal_equations import LAST, factorise, multiply, solve_factored
+from .normal_equations import LAST, covariance_of, factorise, multiply, solve_factored
 from .problem import (
     COLUMNS,
     CONVERGED,
+    COVARIANCE,
     DARK,
     FACTOR,
     FAINTEST,
     FOUND,
     HEAVIEST,
     HERE,
+    INVERSE,
     MAX_STEPS,
     NO_LIGHT,
     NON_FINITE,
@@ -38,6 +39,7 @@ from .problem import (
     STEPS_IN_THE_DARK,
     THERE,
     TRIAL,
+    UNCHECKED,
     UNKNOWNS,
     VECTORS,
     WEIGHTS,
@@ -45,8 +47,18 @@ from .problem import (
     Limits,
     Model,
     Problem,
+    Readings,
+    Results,
     Workspace,
 )
+
+
+def evaluate_model(model: Model, x: Array, found: Array, outlines: Array) -> None:
+    """Fills found (10, 10) at x (9,), a state and the power, as a model of `evaluators` does.
+
+    In text the model's address is a function.
+    """
+    model.address(x, found)
 
 
 def screen_reading(values: Array, limits: Limits, weights: Array, used: Array) -> int:
@@ -132,7 +144,7 @@ def evaluate(
     Returns the sum of squares.
     """
     layers = memory.layers
-    call_address(model.address, model.packed, x, layers[FOUND], memory.outlines)
+    evaluate_model(model, x, layers[FOUND], memory.outlines)
     total = weigh_columns(values, problem.free, layers)
     columns = len(problem.free)
     multiply(layers, COLUMNS, normal, columns)
@@ -167,7 +179,7 @@ def fill_rows(
         if c >= 6 and problem.weight[c - 6] > 0:
             rows[3 + c, j] = problem.weight[c - 6]
             rows[3 + c, columns] = problem.weight[c - 6] * (mean[c - 6] - x[c])
-        rows[12 + j, j] = (damping * layers[normal, j, j]) ** 0.5
+        rows[12 + j, j] = sqrt(damping * layers[normal, j, j])
     return 12 + columns
 
 
@@ -188,7 +200,7 @@ def reflect(
     """
     columns, layers, rows = len(problem.free), memory.layers, memory.rows
     # the last evaluation may have been that of a step that was refused
-    call_address(model.address, model.packed, x, layers[FOUND], memory.outlines)
+    evaluate_model(model, x, layers[FOUND], memory.outlines)
     weigh_columns(values, problem.free, layers)
     high = fill_rows(x, problem, mean, memory, normal, damping)
     if not triangularise(rows, high, columns):
@@ -264,7 +276,7 @@ def estimate(
             return CONVERGED, steps, max(cost - gain, 0.0)
         trial_cost = evaluate(model, trial, values, problem, mean, memory, there)
         # a step that changes no more than rounding can is no worse
-        slack = small + 2 * (cost * small) ** 0.5
+        slack = small + 2 * sqrt(cost * small)
         into_the_dark = is_dark(layers, limits)
         better = trial_cost < cost + slack and (dark or not into_the_dark)
         if better or (not problem.damped and trial_cost < 1e300):
@@ -282,3 +294,85 @@ def estimate(
         if dark and problem.damped and steps >= STEPS_IN_THE_DARK:
             return STALLED, steps, cost
     return MAX_STEPS, problem.max_steps, cost
+
+
+def begin(x: Array, near: Array, free: Array, given: Array) -> None:
+    """Starts x (9,) from `near`, the unknowns that are not asked for from what is given."""
+    asked = 0
+    for c in range(UNKNOWNS):
+        if asked < len(free) and free[asked] == c:
+            x[c] = near[c]
+            asked += 1
+        else:
+            x[c] = given[c]
+
+
+def void(results: Results, n: int) -> None:
+    """No numbers where an estimate has failed."""
+    results.residuals[n] = nan
+    for c in range(UNKNOWNS):
+        results.states[n, c] = nan
+    if len(results.covariances) > 0:
+        for i in range(8):
+            for j in range(8):
+                results.covariances[n, i, j] = nan
+
+
+def weigh(sigmas: Array, weights: Array) -> None:
+    """Weights from standard deviations, for the readings that `screen_reading` took."""
+    for i in range(9):
+        if weights[i] > 0:
+            weights[i] = 1 / sigmas[i]
+
+
+def put_covariance(layers: Array, free: Array, covariances: Array, n: int) -> None:
+    """The covariance of the free unknowns, put at their places in that of the state; the rest of
+    it is zero."""
+    covariance_of(layers, FACTOR, INVERSE, COVARIANCE, len(free))
+    for i in range(8):
+        for j in range(8):
+            covariances[n, i, j] = 0.0
+    for i in range(len(free)):
+        for j in range(len(free)):
+            if free[i] < 8 and free[j] < 8:
+                covariances[n, free[i], free[j]] = layers[COVARIANCE, i, j]
+
+
+def estimate_each(
+    model: Model,
+    readings: Readings,
+    limits: Limits,
+    problem: Problem,
+    results: Results,
+    memory: Workspace,
+) -> None:
+    """Estimates the states of `results` from `readings`; see the types in `problem`."""
+    free, means, starts = problem.free, problem.means, problem.starts
+    weights = memory.layers[VECTORS, WEIGHTS]
+    last = -1
+    for n in range(len(readings.values)):
+        values, x, mean = readings.values[n], results.states[n], means[n % len(means)]
+        start = starts[n % len(starts)]
+        status = screen_reading(values, limits, weights, results.used[n])
+        steps, cost = 0, 0.0
+        if len(readings.sigmas) > 0:
+            weigh(readings.sigmas[n], weights)
+        checks = count_checks(results.used[n], problem, limits.eight)
+        if checks == 0 and not problem.accept_unchecked:
+            status = UNCHECKED
+        elif status == CONVERGED or checks >= 0:
+            warm = problem.previous and last >= 0
+            for again in range(2 if warm else 1):  # the last sample may be far: from the start
+                begin(x, results.states[last] if warm and again == 0 else start, free, start)
+                status, more, cost = estimate(model, x, values, limits, problem, mean, memory)
+                steps += more
+                if status == CONVERGED:
+                    break
+        results.status[n], results.steps[n] = status, steps
+        if status == CONVERGED:
+            last = n
+            results.residuals[n] = sqrt(cost)
+            if len(results.covariances) > 0:
+                put_covariance(memory.layers, free, results.covariances, n)
+        else:
+            void(results, n)

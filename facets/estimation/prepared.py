@@ -13,9 +13,10 @@ from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import standard_deviations
+from ..model import evaluators
 from ..model.arrays import packed
 from ..model.threads import Pool
-from . import problem
+from . import as_text, problem
 from .doubts import is_doubtful, take_back
 from .solution import FirstRow, Solution, SolutionOfOne, results_of
 from .solver import (
@@ -24,11 +25,9 @@ from .solver import (
     add_calibration,
     block_code,
     chance_of,
-    empty_results,
     estimate,
     plan,
     starting,
-    workspace,
 )
 
 
@@ -138,7 +137,7 @@ class PreparedEstimate:
         accept_unchecked: bool,
     ) -> None:
         self._sensor, self._plan = sensor, todo
-        self._values, self._found = np.empty((1, 9)), empty_results(1, covariance)
+        self._values, self._found = np.empty((1, 9)), problem.empty_results(1, covariance)
         self._zero = starting("zero", self._plan, np.zeros((1, 9)), ())
         self._unknown_power = bool(self._plan.weights[2] == 0 and self._plan.free[-1] == 8)
         self._starts, self._sigmas = self._zero.copy(), np.empty((0, 9))
@@ -155,8 +154,7 @@ class PreparedEstimate:
             accept_unchecked=accept_unchecked or method == "paper",
         )
         chance = self._chance = chance_of(sensor, self._plan)
-        self._task: problem.Task | None = None
-        self._exact: problem.Task | None = None
+        self._tasks: dict[str, problem.Task] = {}
         self._block: Any = None
         self._doubtful = is_doubtful(sensor, self._plan.free)
         code = None if self._doubtful else block_code(sensor, self._problem)
@@ -214,25 +212,23 @@ class PreparedEstimate:
             return starting("zero", self._plan, self._values, ())
         return self._zero
 
-    def _task_of(self, model: int) -> problem.Task:
-        return problem.Task(
-            problem.Model(model, packed(self._sensor)),
-            problem.Readings(self._values, self._sigmas),
-            self._plan.limits,
-            self._problem,
-            self._found,
-            workspace(),
-        )
+    def _estimate(self, model: str) -> None:
+        """By the text, or else by compiled code, whose task is kept."""
+        given = problem.Readings(self._values, self._sigmas)
+        limits, asked, found = self._plan.limits, self._problem, self._found
+        if model not in self._tasks:
+            if not len(as_text.estimate(model, self._sensor, given, limits, asked, found)):
+                return
+            from .kernels import kernel
+
+            own = problem.Model(evaluators.address(model), packed(self._sensor))
+            task = problem.Task(own, given, limits, asked, found, problem.workspace())
+            self._tasks[model], self._kernel = task, kernel()
+        self._kernel(self._tasks[model].address)
 
     def _one_by_one(self) -> None:
         """The estimate of one reading alone, compiled when it is first needed."""
-        from ..model import evaluators
-        from .kernels import kernel
-
-        if self._task is None:
-            self._task = self._task_of(evaluators.nearly_linearised(self._sensor))
-            self._kernel = kernel()
-        self._kernel(self._task.address)
+        self._estimate(evaluators.nearly_linearised(self._sensor))
 
     def _run(self, start: Floats) -> bool:
         """Estimates the reading from a start; whether the block has found its pose."""
@@ -244,7 +240,7 @@ class PreparedEstimate:
 
     def _estimate_again(self, rows: Any, starts: Floats) -> problem.Results:
         """The reading from another start, in results of its own."""
-        found = empty_results(len(rows), False)
+        found = problem.empty_results(len(rows), False)
         given = problem.Readings(self._values, self._sigmas)
         asked = self._problem._replace(starts=starts)
         estimate(self._sensor, given, self._plan.limits, asked, found)
@@ -253,11 +249,7 @@ class PreparedEstimate:
     def _run_exactly(self) -> None:
         """From the last start, with derivatives that leave nothing out, for where steps without
         them stall."""
-        from ..model import evaluators
-
-        if self._exact is None:
-            self._exact = self._task_of(evaluators.linearised(self._sensor))
-        self._kernel(self._exact.address)
+        self._estimate(evaluators.linearised(self._sensor))
 
 
 def _solver(

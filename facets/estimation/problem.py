@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..model.blocks import address_of
+from ..model.threads import part_of
+from ..optics import limits as outlines
 
 Array = Any
 
@@ -166,3 +168,41 @@ class Task:
             dtype=np.int64,
         )
         self.address = address_of(self.table)
+
+
+def empty_results(count: int, covariance: bool) -> Results:
+    return Results(
+        states=np.empty((count, 9)),
+        used=np.empty((count, 3), bool),
+        status=np.empty(count, np.int8),
+        steps=np.empty(count, np.int32),
+        residuals=np.empty(count),
+        covariances=np.empty((count if covariance else 0, 8, 8)),
+    )
+
+
+def workspace() -> Workspace:
+    """Memory for the estimates of one thread."""
+    return Workspace(
+        np.empty((LAYERS, 10, 10)),
+        np.empty((ROWS, 10)),
+        np.empty((3, outlines.MOST, outlines.COLUMNS)),
+    )
+
+
+def some_rows(which: Any, readings: Readings, asked: Problem) -> tuple[Readings, Problem]:
+    """Some of the readings, and what is asked of them."""
+    n = len(readings.values)
+    return (
+        Readings(*(part_of(array, which, n) for array in readings)),
+        asked._replace(
+            means=part_of(asked.means, which, n), starts=part_of(asked.starts, which, n)
+        ),
+    )
+
+
+def put_rows(found: Results, which: Array, some: Results) -> None:
+    """Puts what was found of some readings in their places."""
+    for whole, part in zip(found, some, strict=True):
+        if len(whole):
+            whole[which] = part

@@ -14,10 +14,10 @@ from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import power_floor, standard_deviations
+from ..model import evaluators, rare
 from ..model.arrays import as_rows, as_vectors, half_sizes, packed, spot_size
 from ..model.kinds import block_kind
 from ..model.threads import part_of, share
-from ..optics.limits import COLUMNS, MOST
 from . import problem
 from .chance import Chance, count_checks, widening_of
 from .doubts import is_doubtful, take_back
@@ -199,26 +199,6 @@ def starting(start: str | ArrayLike, todo: Plan, values: Floats, shape: tuple[in
     return starts
 
 
-def empty_results(count: int, covariance: bool) -> problem.Results:
-    return problem.Results(
-        states=np.empty((count, 9)),
-        used=np.empty((count, 3), bool),
-        status=np.empty(count, np.int8),
-        steps=np.empty(count, np.int32),
-        residuals=np.empty(count),
-        covariances=np.empty((count if covariance else 0, 8, 8)),
-    )
-
-
-def workspace() -> problem.Workspace:
-    """Memory for the estimates of one thread."""
-    return problem.Workspace(
-        np.empty((problem.LAYERS, 10, 10)),
-        np.empty((problem.ROWS, 10)),
-        np.empty((3, MOST, COLUMNS)),
-    )
-
-
 def add_calibration(sensor: Sensor, todo: Plan, found: problem.Results) -> None:
     """Adds to the covariances what the parameters' own, `Sensor.calibration`, is worth."""
     if sensor.calibration is not None and len(found.covariances) > 0:
@@ -239,16 +219,12 @@ def estimate(
     """Fills `found`: by blocks where the light is plain, and one by one what these leave."""
     code = block_code(sensor, asked)
     if code is None:
-        from ..model import evaluators
-
         one_by_one(evaluators.nearly_linearised(sensor), sensor, readings, limits, asked, found)
         return
     from . import blocks
 
     left = blocks.estimate(code, packed(sensor), readings, limits, asked, found)
     if len(left):
-        from ..model import evaluators
-
         model = evaluators.nearly_linearised(sensor)
         estimate_some(model, left, sensor, readings, limits, asked, found)
 
@@ -265,23 +241,42 @@ def block_code(sensor: Sensor, asked: problem.Problem) -> Callable[[int], None] 
 
 
 def one_by_one(
-    model: int,
+    model: str,
     sensor: Sensor,
     readings: problem.Readings,
     limits: problem.Limits,
     asked: problem.Problem,
     found: problem.Results,
 ) -> None:
-    """model: address of one of `evaluators`."""
+    """model: of `evaluators`."""
+    from . import as_text
+
+    left = as_text.estimate(model, sensor, readings, limits, asked, found)
+    if len(left) == 0:
+        return
+    if len(left) < len(readings.values):
+        estimate_some(model, left, sensor, readings, limits, asked, found)
+        return
     from .kernels import kernel
 
-    given = problem.Model(model, packed(sensor))
-    task = problem.Task(given, readings, limits, asked, found, workspace())
+    given = problem.Model(evaluators.address(model), packed(sensor))
+    task = problem.Task(given, readings, limits, asked, found, problem.workspace())
     kernel()(task.address)
 
 
+def prepare(sensor: Sensor) -> None:
+    """Compiles or loads now what a reading may need that leaves its block, for a loop that cannot
+    wait."""
+    from .kernels import kernel
+
+    kernel()
+    rare.prepare()
+    for model in (evaluators.nearly_linearised(sensor), evaluators.linearised(sensor)):
+        evaluators.model(model)
+
+
 def estimate_some(
-    model: int,
+    model: str,
     which: NDArray[np.intp],
     sensor: Sensor,
     readings: problem.Readings,
@@ -290,30 +285,10 @@ def estimate_some(
     found: problem.Results,
 ) -> None:
     """Estimates some readings one by one, anew, and puts what is found in its places."""
-    again = empty_results(len(which), len(found.covariances) > 0)
-    some, questions = some_rows(which, readings, asked)
+    again = problem.empty_results(len(which), len(found.covariances) > 0)
+    some, questions = problem.some_rows(which, readings, asked)
     one_by_one(model, sensor, some, limits, questions._replace(previous=False), again)
-    put_rows(found, which, again)
-
-
-def some_rows(
-    which: NDArray[np.intp] | slice, readings: problem.Readings, asked: problem.Problem
-) -> tuple[problem.Readings, problem.Problem]:
-    """Some of the readings, and what is asked of them."""
-    n = len(readings.values)
-    return (
-        problem.Readings(*(part_of(array, which, n) for array in readings)),
-        asked._replace(
-            means=part_of(asked.means, which, n), starts=part_of(asked.starts, which, n)
-        ),
-    )
-
-
-def put_rows(found: problem.Results, which: NDArray[np.intp], some: problem.Results) -> None:
-    """Puts what was found of some readings in their places."""
-    for whole, part in zip(found, some, strict=True):
-        if len(whole):
-            whole[which] = part
+    problem.put_rows(found, which, again)
 
 
 def estimate_stalled_again(
@@ -324,8 +299,6 @@ def estimate_stalled_again(
     found: problem.Results,
 ) -> None:
     """Under the light of a bench: what stalled, by the derivatives that leave nothing out."""
-    from ..model import evaluators
-
     stalled = np.flatnonzero(found.status == Status.STALLED)
     if len(stalled):
         model = evaluators.linearised(sensor)
@@ -411,7 +384,7 @@ def local_solution(sensor: Sensor, reading: Floats, start: Floats) -> tuple[Floa
         todo.means, todo.weights, todo.free, starting(start, todo, values, ()),
         previous=False, max_steps=50, damped=True, accept_unchecked=False,
     )  # fmt: skip
-    found = empty_results(1, False)
+    found = problem.empty_results(1, False)
     estimate(sensor, problem.Readings(values, sigmas_of(sensor, values)), todo.limits, asked, found)
     return found.states[0, :8], float(found.residuals[0])
 
@@ -431,11 +404,11 @@ def solve_rows(
 ) -> problem.Results:
     """`solve` of readings that are checked."""
     n = len(given.values)
-    found = empty_results(n, covariance)
+    found = problem.empty_results(n, covariance)
     block_code(sensor, asked)  # compiled once, before threads ask for it
 
     def run(part: slice) -> None:
-        some, questions = some_rows(part, given, asked)
+        some, questions = problem.some_rows(part, given, asked)
         results = problem.Results(*(part_of(array, part, n) for array in found))
         estimate(sensor, some, todo.limits, questions, results)
 
@@ -445,8 +418,8 @@ def solve_rows(
     if is_doubtful(sensor, todo.free):
 
         def again(rows: NDArray[np.intp], starts: Floats) -> problem.Results:
-            some, questions = some_rows(rows, given, asked)
-            results = empty_results(len(rows), False)
+            some, questions = problem.some_rows(rows, given, asked)
+            results = problem.empty_results(len(rows), False)
             questions = questions._replace(starts=starts, previous=False)
             estimate(sensor, some, todo.limits, questions, results)
             return results

@@ -215,9 +215,9 @@ class Pipeline:
 
     def warm_up(self) -> None:
         """Compiles, or loads, what the stream will need, before it runs."""
-        from ..model import rare
+        from ..estimation.solver import prepare
 
-        rare.prepare()
+        prepare(self.config.sensor)
         nobody = Batch(
             np.zeros(2, np.int64), np.zeros(2, np.int64), np.zeros(2), np.full((2, 9), 0.1),
             np.zeros(2, np.uint8), 0.0, None,

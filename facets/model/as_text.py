@@ -67,9 +67,14 @@ FORMULAS: dict[str, Callable[[Geometry, State], Any]] = {
 }
 
 
+def has_time() -> bool:
+    """Whether this process has not yet run text for so long that compiling were better."""
+    return _spent < SELDOM
+
+
 def is_sooner(model: str, count: int, few: int = FEW) -> bool:
     """Whether the text has done so many states sooner than one of `evaluators` is compiled."""
-    return count <= few and _spent < SELDOM and not evaluators.is_ready(model)
+    return count <= few and has_time() and not evaluators.is_ready(model)
 
 
 @contextmanager
@@ -127,7 +132,7 @@ def fill_slopes(
 
 def linearised_at(geometry: Geometry, exact: bool, x: Floats, found: Floats) -> None:
     """Fills found (10, 10) as `row_code.write_linearised` does, or `write_linearised_exactly`."""
-    *state, power = x.tolist()
+    *state, power = x[:9].tolist()
     powered, lit = with_power(geometry, power), geometry.light.options.on
     text = bench_gradient if lit else gradient
     formula = text.linearised if exact or not lit else bench_gradient.nearly_linearised

@@ -1,0 +1,65 @@
+"""Estimates of a few readings as Python runs their text, where that is sooner than importing Numba.
+
+A reading takes some hundredths of a second; the bits are those of `kernels`, which compiles the
+same text.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+
+from ..core.sensor import Sensor
+from ..core.units import Floats
+from ..model import as_text
+from ..model.arrays import geometry_of, packed
+from . import gauss_newton, problem
+
+#: For so many readings at a time.
+FEW = 30
+
+
+def is_sooner(sensor: Sensor, asked: problem.Problem, count: int) -> bool:
+    alone = not asked.previous or count == 1
+    loaded = f"{__package__}.kernels" in sys.modules
+    return count <= FEW and alone and not loaded and not sensor.apertures.cut and as_text.has_time()
+
+
+def estimate(
+    model: str,
+    sensor: Sensor,
+    readings: problem.Readings,
+    limits: problem.Limits,
+    asked: problem.Problem,
+    found: problem.Results,
+) -> Any:
+    """Fills `found` for readings that stand alone; returns the numbers of those that are left, to
+    `kernels`.
+
+    model: of `evaluators`.
+    """
+    count = len(readings.values)
+    if not is_sooner(sensor, asked, count):
+        return np.arange(count)
+    geometry, exact = geometry_of(sensor), not model.startswith("near_")
+
+    def evaluate(x: Floats, out: Floats) -> None:
+        as_text.linearised_at(geometry, exact, x, out)
+
+    left = []
+    for n in range(count):
+        which, one = np.array([n]), problem.empty_results(1, len(found.covariances) > 0)
+        given, questions = problem.some_rows(which, readings, asked)
+        try:
+            with as_text.running():
+                gauss_newton.estimate_each(
+                    problem.Model(evaluate, packed(sensor)), given, limits, questions, one,
+                    problem.workspace(),
+                )  # fmt: skip
+        except (ArithmeticError, ValueError):
+            left.append(n)
+            continue
+        problem.put_rows(found, which, one)
+    return np.array(left, int)
