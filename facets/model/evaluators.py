@@ -75,8 +75,8 @@ def address(name: str) -> int:
 
 def fill(name: str, vectors: Floats, given: Floats, found: Floats) -> None:
     """Fills rows of `found` for rows of `given` by one of the models."""
-    addresses = addresses_of(vectors, given, found, np.empty((3, MOST, COLUMNS)))
-    model(name)(*addresses, len(given))
+    memory = np.empty((3, MOST, COLUMNS))
+    model(name)(*addresses_of(vectors, given, found, memory), len(given))
     raise_failure()
 
 
@@ -94,8 +94,8 @@ def slopes_model(kind: str) -> Callable[..., None]:
 
 def slopes(kind: str, vectors: Floats, varied: Floats, states: Floats, found: Floats) -> None:
     """Fills found (n, 9, m): what `blocks.slopes` gives."""
-    addresses = addresses_of(vectors, states, found, varied)
-    slopes_model(kind)(*addresses, len(states), len(varied))
+    where = addresses_of(vectors, states, found, varied)
+    slopes_model(kind)(*where, len(states), len(varied))
     raise_failure()
 
 

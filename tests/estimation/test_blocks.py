@@ -37,7 +37,7 @@ def one_by_one(sensor, readings, beam="free", power="known", start="zero", max_s
     """The estimates of the code for one reading, without blocks."""
     shape = readings.shape[:1]
     todo = solver.plan(sensor, beam, power, "least-squares", shape)
-    found = solver.empty_results(len(readings), True)
+    found = problem.empty_results(len(readings), True)
     sigmas = np.empty((0, 9))
     if sensor.electronics is not None:
         sigmas = solver.standard_deviations(sensor, readings)
@@ -120,11 +120,11 @@ def test_most_readings_stay_in_their_blocks():
         False, 50, True, False,
     )  # fmt: skip
     given = problem.Readings(readings, np.empty((0, 9)))
-    found = solver.empty_results(200, True)
+    found = problem.empty_results(200, True)
     code = solver.block_code(SENSOR, asked)
     left = blocks.estimate(code, packed(SENSOR), given, todo.limits, asked, found)
     assert len(left) < 40
-    found = solver.empty_results(200, True)
+    found = problem.empty_results(200, True)
     one = asked._replace(max_steps=1)
     left = blocks.estimate(code, packed(SENSOR), given, todo.limits, one, found)
     assert len(left) == 200

@@ -3,6 +3,25 @@
 import numpy as np
 from facets.experiments.sensors import SENSORS as SENSORS
 
+from facets.core.sensor import BenchLight
+
+#: How far the mirror's edges roll off, mm.
+DEPTHS = (6e-5, 3e-5, 5e-5, 7e-5, 2e-5, 4e-5)
+#: All that the light of a bench does.
+ALL = BenchLight(
+    curvature_xx=1 / 2100,
+    curvature_xy=2e-5,
+    curvature_yy=1 / 3000,
+    wavelength=632.8e-6,
+    rolloff=DEPTHS,
+    rolloff_width=0.1,
+    strips=(0.01, 0.014, 0.008),
+    tip=0.002,
+    background=((5e-4, 1, 2), (4e-4, -1, 0.5), (6e-4, 0, -2)),
+    index=(1.37, 7.62),
+    polarization=0.3,
+)
+
 
 def states(count: int, seed: int, offset: float = 0.2, angle: float = 0.02) -> np.ndarray:
     """Random states: apex off the beam's centre by up to `offset` mm, tilts up to `angle` rad."""

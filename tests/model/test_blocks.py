@@ -7,35 +7,26 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sensors import SENSORS, states
+from sensors import ALL, SENSORS, states
 
 import facets
-from facets.model import as_text, blocks, evaluators, kernels
-from facets.model.arrays import evaluate, geometry_of, packed
+from facets.model import as_text, blocks, evaluators
+from facets.model.arrays import derivatives, packed
 
 NAMED = pytest.mark.parametrize("name", ["paper", "skewed0", "skewed2", "skewed4"])
 FUNCTIONS = [facets.readings, facets.jacobian, facets.footprints]
-ALL = pytest.mark.parametrize("function", FUNCTIONS)
+EACH = pytest.mark.parametrize("function", FUNCTIONS)
 
 
 def one_by_one(sensor: facets.Sensor, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Readings and Jacobians by the code for one pose, which shares the text but no function."""
     values, found = np.empty((len(some), 9)), np.empty((len(some), 10, 10))
-    kernels.evaluate(evaluators.readings(sensor), packed(sensor), some, values)
+    evaluators.fill(evaluators.readings(sensor), packed(sensor), some, values)
     with_power = np.insert(some, 8, sensor.beam.power, axis=1)
-    kernels.evaluate(evaluators.linearised(sensor), packed(sensor), with_power, found)
+    evaluators.fill(evaluators.linearised(sensor), packed(sensor), with_power, found)
     slopes = found[:, 1:, :8].copy()
     slopes[np.isnan(found[:, 0, :9])] = np.nan
     return values, slopes
-
-
-def test_few_states_are_computed_as_many_are():
-    """A loop in Python for few, a compiled one for many: the same function, the same bits."""
-    sensor, some = SENSORS["paper"], states(evaluators.FEW + 1, seed=8, offset=2.0)
-    many, few = np.empty((len(some), 9)), np.empty((40, 9))
-    for found in (many, few):
-        evaluate(evaluators.readings(sensor), packed(sensor), some[: len(found)], found)
-    np.testing.assert_array_equal(few, many[:40])
 
 
 @NAMED
@@ -58,36 +49,69 @@ def test_footprints_of_blocks_are_those_of_one_pose_at_a_time(name, opening):
     sensor = replace(SENSORS[name], apertures=facets.Apertures(beam=opening))
     some, one = states(2000, seed=6, offset=0.8), np.empty((2000, 3, 5))
     some[5, 0], some[6, 0], some[7, 2], some[8, 7] = np.nan, np.inf, -np.inf, np.inf
-    evaluate(evaluators.footprints(sensor), packed(sensor), some, one)
+    evaluators.fill(evaluators.footprints(sensor), packed(sensor), some, one)
     found = facets.footprints(sensor, some)
     assert 0.1 < np.isnan(one[:, :, 0]).mean() < 0.9
     np.testing.assert_array_equal(np.isnan(found), np.isnan(one))
     assert np.nanmax(np.abs(found - one)) < 2e-12
 
 
-@pytest.mark.parametrize("name", ["readings", "derivatives", "footprints"])
-def test_what_few_poses_give_as_text_has_the_bits_of_compiled_code(name, monkeypatch):
+LIT = {
+    "ideal": SENSORS["skewed2"],
+    "polarised": replace(SENSORS["paper"], light=ALL),
+    "coated": replace(SENSORS["skewed4"], light=replace(ALL, polarization=None)),
+}
+
+
+@pytest.mark.parametrize("sensor", LIT.values(), ids=LIT)
+@pytest.mark.parametrize("name", list(as_text.FORMULAS))
+def test_what_few_poses_give_as_text_has_the_bits_of_compiled_code(sensor, name, monkeypatch):
     """Else results would depend on how many poses left their blocks before."""
-    sensor, some = SENSORS["skewed2"], states(60, seed=7, offset=1.5)
+    some = states(60, seed=7, offset=1.5)
     some[:30, 3:6] += np.linspace(0.6, 1.1, 30)[:, None]
     some[50], some[51, 0] = np.nan, np.inf
-    expected = dict(zip(("readings", "derivatives"), one_by_one(sensor, some), strict=True))
-    expected["footprints"] = np.empty((60, 3, 5))
-    evaluate(evaluators.footprints(sensor), packed(sensor), some, expected["footprints"])
-    found, which = np.full_like(expected[name], 7.0), np.arange(60)
-    assert list(as_text.fill(name, geometry_of(sensor), some, found, which)) == list(which)
-    monkeypatch.delitem(sys.modules, "facets.model.jit")  # as before it is loaded
-    monkeypatch.setattr(as_text, "SELDOM", np.inf)  # however slow the machine
-    left = as_text.fill(name, geometry_of(sensor), some, found, which)
-    assert len(left) < len(which) / 2
-    told = np.setdiff1d(which, left)
-    assert np.isnan(expected[name][told]).any()
-    np.testing.assert_array_equal(found[told], expected[name][told])
+    text = {
+        "readings": facets.readings,
+        "derivatives": facets.jacobian,
+        "near_derivatives": derivatives,
+        "footprints": facets.footprints,
+    }[name]
     monkeypatch.setattr(as_text, "SELDOM", 0.0)
-    assert list(as_text.fill(name, geometry_of(sensor), some, found, which)) == list(which)
+    expected = text(sensor, some)
+    monkeypatch.setattr(as_text, "SELDOM", np.inf)  # however slow the machine
+    monkeypatch.setattr(evaluators, "is_ready", lambda _: False)
+    ran = []
+    monkeypatch.setattr(as_text, "fill_each", counted(as_text.fill_each, ran))
+    np.testing.assert_array_equal(text(sensor, some), expected)
+    assert (name == "footprints" and sensor.light.on) or sum(ran) > 20
+    assert np.isnan(expected).any()
 
 
-@ALL
+def counted(fill_each, ran):
+    """Notes of how many rows the text has found what was asked."""
+
+    def call(formula, states, found, which):
+        left = fill_each(formula, states, found, which)
+        ran.append(len(which) - len(left))
+        return left
+
+    return call
+
+
+@pytest.mark.parametrize("sensor", LIT.values(), ids=LIT)
+def test_slopes_by_parameters_have_the_same_bits_as_text(sensor, monkeypatch):
+    some = states(20, seed=7, offset=1.5)
+    monkeypatch.setattr(as_text, "SELDOM", 0.0)
+    expected = facets.parameter_jacobian(sensor, some)
+    monkeypatch.setattr(as_text, "SELDOM", np.inf)
+    monkeypatch.setattr(evaluators, "is_ready", lambda _: False)
+    ran = []
+    monkeypatch.setattr(as_text, "fill_each", counted(as_text.fill_each, ran))
+    np.testing.assert_array_equal(facets.parameter_jacobian(sensor, some), expected)
+    assert sum(ran) > 10
+
+
+@EACH
 def test_a_pose_gives_the_same_bits_wherever_it_stands(function):
     """In any lane, beside any other, in batches of any length; among them what leaves its block."""
     sensor, some = SENSORS["skewed2"], states(40, seed=4)
@@ -103,7 +127,7 @@ def test_a_pose_gives_the_same_bits_wherever_it_stands(function):
         np.testing.assert_array_equal(function(sensor, state), row)
 
 
-@ALL
+@EACH
 def test_threads_do_not_change_bits(function):
     some = states(2100, seed=5)
     one, two = (function(SENSORS["paper"], some, threads=n) for n in (1, 2))

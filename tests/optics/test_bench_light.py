@@ -13,7 +13,7 @@ from bench_oracle import Bench, by_rays
 from digits import differences, many_digits, precise
 from hypothesis import given, settings
 from hypothesis.strategies import floats, integers, lists
-from sensors import SENSORS, states
+from sensors import ALL, DEPTHS, SENSORS, states
 
 import facets
 from facets.core.errors import ConfigError, InputError
@@ -33,20 +33,6 @@ from facets.optics.effects import Effects
 from facets.optics.forward import OPEN, geometry
 
 PAPER = facets.Sensor()
-DEPTHS = (6e-5, 3e-5, 5e-5, 7e-5, 2e-5, 4e-5)
-ALL = BenchLight(
-    curvature_xx=1 / 2100,
-    curvature_xy=2e-5,
-    curvature_yy=1 / 3000,
-    wavelength=632.8e-6,
-    rolloff=DEPTHS,
-    rolloff_width=0.1,
-    strips=(0.01, 0.014, 0.008),
-    tip=0.002,
-    background=((5e-4, 1, 2), (4e-4, -1, 0.5), (6e-4, 0, -2)),
-    index=(1.37, 7.62),
-    polarization=0.3,
-)
 FOLDER = Path(__file__).parent / "references"
 REFERENCES = json.loads((FOLDER / "diffraction.json").read_text())
 sys.path.insert(0, str(FOLDER))
