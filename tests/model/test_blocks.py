@@ -83,7 +83,8 @@ def test_what_few_poses_give_as_text_has_the_bits_of_compiled_code(sensor, name,
     ran = []
     monkeypatch.setattr(as_text, "fill_each", counted(as_text.fill_each, ran))
     np.testing.assert_array_equal(text(sensor, some), expected)
-    assert (name == "footprints" and sensor.light.on) or sum(ran) > 20
+    known = name != "footprints" or not sensor.light.on  # footprints of curved light have no block
+    assert sum(ran) > 5 if known else not ran
     assert np.isnan(expected).any()
 
 
