@@ -11,59 +11,90 @@ from typing import Any
 
 from llvmlite import ir
 
+from ..model.block_code import linearise_exactly, pointers_to
 from ..model.blocks import LANES
 from ..model.object_code import Write
-from ..model.packing import vectors_of
+from ..model.packing import vectors_at, vectors_of
 from ..optics import bench_gradient, gradient
 from ..optics.forward import by_power, with_power
-from ..scalars.lanes import LaneWriter
+from ..scalars.lanes import Flag, LaneWriter, Memory
 from ..scalars.machine import DOUBLE, LONG, Condition, Value, counted
 from . import straight
-from .blocks import (
-    BLOCKS,
-    COVARIANCES,
-    HALF_SIZES,
-    LEFT,
-    MEANS,
-    MEANS_ROWS,
-    MOST_STEPS,
-    NOISE,
-    PACKED,
-    PLACES,
-    RESIDUALS,
-    ROUNDING,
-    ROWS,
-    STARTS,
-    STARTS_ROWS,
-    STATES,
-    STEPS,
-    TABLE,
-    VALUES,
-    WEIGHED,
-    WEIGHT,
-    WEIGHTS,
-)
-from .problem import DARK, FAINTEST, SMALL, UNKNOWNS
+from .blocks import SCALES, Form, Task
+from .problem import DARK, FAINTEST, HEAVIEST, PATIENCE, SLOWEST, SMALL, UNKNOWNS
 
 Numbers = list[Any]
 
+#: The first damping of a step that does not help, by how much it changes from step to step, and
+#: below which it ends.
+FIRST_DAMPING, DAMPING_FACTOR, LEAST_DAMPING = 1e-3, 10.0, 1e-6
 
-class Memory:
-    """Numbers of all lanes that a loop hands to its next round."""
 
-    def __init__(self, code: LaneWriter, size: int) -> None:
-        self.code = code
-        with code.builder.goto_entry_block():
-            self.place = code.builder.alloca(code.kind, size)
+def estimating(form: Form) -> Write:
+    """Writes code that estimates blocks of readings, as a function of a task's address."""
 
-    def __getitem__(self, index: int) -> Value:
-        return Value(self.code, self.code.builder.load(self._at(index)))
+    def write(builder: Any, arguments: Sequence[Any]) -> None:
+        at = builder.inttoptr(arguments[0], ir.PointerType(LONG))
+        numbers = range(len(Task._fields))
+        task = Task(*(builder.load(builder.gep(at, [ir.Constant(LONG, n)])) for n in numbers))
+        with counted(builder, task.blocks) as index:
+            write_block(LaneWriter(builder, LANES), form, task, index)
 
-    def __setitem__(self, index: int, number: Any) -> None:
-        self.code.builder.store(self.code.value(number), self._at(index))
+    return write
 
-    def _at(self, index: int) -> Any:
-        return self.code.builder.gep(self.place, [ir.Constant(LONG, index)])
+
+def write_block(code: LaneWriter, form: Form, task: Task, index: Any) -> None:
+    """task: of numbers that the code has read.  index: of the block."""
+    rows = Rows(code, task, index)
+    vectors = vectors_of(code, rows.pointers.packed, form.kind)
+    question = Question(code, rows)
+    fit = Damped(code, form, task) if form.damped else Fit(code, form, task)
+    fit.begin(rows.read("starts", UNKNOWNS, task.own_starts), question)
+    with code.do_while() as repetition:
+        fit.write_round(vectors, question)
+        repetition.again = code.any(fit.going.get() & (fit.steps[0] < fit.most_steps))
+    write_results(code, form, task, fit, rows)
+    left = code.left | fit.going.get()
+    rows.write_bits("left", index, left)
+    rows.write_bits("stalled", index, fit.stalled.get() & ~left)
+
+
+def write_results(code: LaneWriter, form: Form, task: Task, fit: Fit, rows: Rows) -> None:
+    rest = fit.cost[0] - fit.gain[0]
+    root = code.function("sqrt", code.select(rest > 0, rest, 0.0))
+    rows.write("states", [fit.end[c] for c in range(UNKNOWNS)])
+    rows.write("residuals", [root])
+    rows.write("steps", [fit.steps[0]])
+    wanted = code.builder.icmp_signed("!=", task.covariances, ir.Constant(LONG, 0))
+    with code.builder.if_then(wanted):
+        rows.write("covariances", covariance_of(fit.factor, form.free))
+
+
+class Rows:
+    """A block's rows in the arrays of a task."""
+
+    def __init__(self, code: LaneWriter, task: Task, index: Any) -> None:
+        self.code, self.task = code, task
+        self.pointers = Task(*pointers_to(code.builder, task))
+        self.first = code.builder.mul(index, ir.Constant(LONG, LANES))
+
+    def read(self, name: str, width: int, own: Any) -> Numbers:
+        """Rows of `width` numbers.  own: 1 where each lane has its own, 0 where all have one."""
+        return self.code.load_rows(*self._place(name, width, own), width)
+
+    def write(self, name: str, numbers: Numbers) -> None:
+        self.code.store_rows(numbers, *self._place(name, len(numbers), self.task.own_rows))
+
+    def _place(self, name: str, width: int, own: Any) -> tuple[Any, Any]:
+        """Where the rows begin, and how far they are apart."""
+        build = self.code.builder
+        apart = build.mul(own, ir.Constant(LONG, width))
+        first = build.mul(self.first, apart)
+        return build.gep(getattr(self.pointers, name), [first]), apart
+
+    def write_bits(self, name: str, index: Any, condition: Condition) -> None:
+        flags = self.code.builder.bitcast(getattr(self.pointers, name), ir.PointerType(LONG))
+        self.code.builder.store(self.code.bits(condition), self.code.builder.gep(flags, [index]))
 
 
 class Question:
@@ -72,22 +103,34 @@ class Question:
     Lanes whose readings lack light, or are out of range, are left.
     """
 
-    def __init__(self, code: LaneWriter, table: Any, values: Numbers, means: Numbers) -> None:
-        self.values, self.means = values, means
-        noise = [code.load(table, NOISE + i) for i in range(3)]
-        self.weight = [code.load(table, WEIGHT + i) for i in range(3)]
-        self.darkness = noise[2] * DARK
-        place, power = 1 / (noise[0] * noise[1]), 1 / noise[2]
-        self.weights: Numbers = []
+    def __init__(self, code: LaneWriter, rows: Rows) -> None:
+        task = rows.task
+        scales = vectors_at(code, rows.pointers.scales, SCALES)
+        self.values = rows.read("values", 9, task.own_rows)
+        self.means = rows.read("means", 3, task.own_means)
+        self.rounding, self.prior_weights = scales.rounding, scales.weight
+        _, _, power_noise = scales.noise
+        self.darkness = power_noise * DARK
         for k in range(3):
-            psi, zeta, light = values[3 * k : 3 * k + 3]
-            halves = [code.load(table, HALF_SIZES + 2 * k + i) for i in range(2)]
-            seen = (light > noise[2] * FAINTEST) & (light < inf)
-            for at, half in zip((psi, zeta), halves, strict=True):
+            psi, zeta, light = self.values[3 * k : 3 * k + 3]
+            seen = (light > power_noise * FAINTEST) & (light < inf)
+            for at, half in zip((psi, zeta), scales.half_sizes[k], strict=True):
                 seen = seen & ~(abs(at) > half) & (abs(at) < inf)
             code.leave(~seen)
-            self.weights += [light * place, light * place, power]
-        self.rounding = [code.load(table, ROUNDING + i) for i in range(2)]
+        self.weights = self._weights(code, rows, scales.noise)
+
+    def _weights(self, code: LaneWriter, rows: Rows, noise: Sequence[Value]) -> Numbers:
+        """The readings' own, or those of the sensor's noise."""
+        place, power = 1 / (noise[0] * noise[1]), 1 / noise[2]
+        usual: Numbers = []
+        for light in self.values[2::3]:
+            usual += [light * place, light * place, power]
+        own = rows.read("weights", 9, rows.task.own_rows)
+        with_own = code.builder.icmp_signed("!=", rows.task.weighed, ir.Constant(LONG, 0))
+        return [
+            Value(code, code.builder.select(with_own, a.ir, b.ir))
+            for a, b in zip(own, usual, strict=True)
+        ]
 
     def smallest(self) -> Value:
         """The sum of squares that rounding of the readings alone can make."""
@@ -99,69 +142,212 @@ class Question:
         return total  # type: ignore[no-any-return]
 
 
-def weighted(
-    code: LaneWriter, vectors: Any, x: Numbers, asked: Question, free: Sequence[int]
-) -> tuple[list[Numbers], Numbers]:
-    """The Jacobian's columns and the residuals, in standard deviations, at a state and a power.
+class Equations:
+    """Normal equations at a state and a power, and the sum of squares there.
 
     Lanes where a detector would be dark are left.
     """
+
+    def __init__(
+        self, code: LaneWriter, vectors: Any, x: Numbers, question: Question, form: Form
+    ) -> None:
+        columns, residuals = weighted(code, vectors, x, question, form)
+        self.matrix, self.right = straight.normal_equations(columns, residuals)
+        self.cost: Any = 0.0
+        for residual in residuals:
+            self.cost = self.cost + residual * residual
+        for j, c in enumerate(form.free):
+            if c >= 6:
+                weight = question.prior_weights[c - 6]
+                residual = weight * (question.means[c - 6] - x[c])
+                self.matrix[j][j] = self.matrix[j][j] + weight * weight
+                self.right[j] = self.right[j] + weight * residual
+                self.cost = self.cost + residual * residual
+
+
+def weighted(
+    code: LaneWriter, vectors: Any, x: Numbers, question: Question, form: Form
+) -> tuple[list[Numbers], Numbers]:
+    """The Jacobian's columns of the free unknowns and the residuals, in standard deviations."""
     rows: list[Numbers] = []
     residuals: Numbers = []
-    powered, state = with_power(vectors, x[8]), tuple(x[:8])
-    ideal = vectors.light is None
-    text = gradient.linearised if ideal else bench_gradient.nearly_linearised
-    for k, (values, derivatives) in enumerate(text(powered, state)):
-        code.leave(~(values[2] > asked.darkness))
-        for i in range(3):
+    for values, derivatives in linearised(code, with_power(vectors, x[8]), x, form):
+        code.leave(~(values[2] > question.darkness))
+        for value, row in zip(values, derivatives, strict=True):
             n = len(rows)
-            weight = asked.weights[n]
-            if ideal:
-                of_power = values[2] / x[8] if i == 2 else 0.0
-            else:
-                of_power = by_power(powered, values, k, i)
-            row = [*derivatives[i], of_power]
-            rows.append([weight * row[c] for c in free])
-            residuals.append(weight * (asked.values[n] - values[i]))
+            weight = question.weights[n]
+            rows.append([weight * each for each in row])
+            residuals.append(weight * (question.values[n] - value))
     return [list(column) for column in zip(*rows, strict=True)], residuals
 
 
-def write_step(
-    code: LaneWriter, vectors: Any, asked: Question, free: Sequence[int], memory: dict[str, Memory]
-) -> Any:
-    """One step from where each lane is. Returns in which lanes it is the last.
+def linearised(
+    code: LaneWriter, vectors: Any, x: Numbers, form: Form
+) -> list[tuple[Sequence[Any], list[Numbers]]]:
+    """Readings, and their derivatives by the free unknowns, for detectors A, B and C."""
+    state, places = tuple(x[:8]), [c for c in form.free if c < 8]
+    text: Any
+    if form.kind == "plain":
+        text = gradient.linearised(vectors, state)
+    elif form.exact:
+        text = linearise_exactly(code, vectors, state, len(places))
+    else:
+        text = bench_gradient.nearly_linearised(vectors, state)
+    found = []
+    for k, (values, derivatives) in enumerate(text):
+        rows = [[row[c] for c in places] for row in derivatives]
+        if 8 in form.free:
+            for i, row in enumerate(rows):
+                row.append(power_derivative(vectors, form, values, k, i))
+        found.append((values, rows))
+    return found
 
-    Fills memory: the step's end, the sum of squares here, and the factor.
+
+def power_derivative(vectors: Any, form: Form, values: Any, k: int, i: int) -> Any:
+    if form.kind == "plain":
+        return values[2] / vectors.power if i == 2 else 0.0
+    return by_power(vectors, values, k, i)
+
+
+class Fit:
+    """What the rounds of an estimate hand on, for each lane; the steps are not damped.
+
+    A lane whose sum of squares rises is left.  at: the state and the power of the next round.  end:
+    where the last step leads.  cost, gain: the sum of squares, and what the last step lessens it
+    by.  small: such a gain is none.  going: which lanes have not arrived.
     """
-    x = [memory["here"][c] for c in range(UNKNOWNS)]
-    small, before = memory["small"][0], memory["cost"][0]
-    columns, residuals = weighted(code, vectors, x, asked, free)
-    matrix, right = straight.normal_equations(columns, residuals)
-    total: Any = 0.0
-    for residual in residuals:
-        total = total + residual * residual
-    for j, c in enumerate(free):
-        if c >= 6:
-            weight = asked.weight[c - 6]
-            residual = weight * (asked.means[c - 6] - x[c])
-            matrix[j][j] = matrix[j][j] + weight * weight
-            right[j] = right[j] + weight * residual
-            total = total + residual * residual
-    slack = small + 2 * code.function("sqrt", before * small)
-    code.leave(~(total < before + slack))
-    factor, worst = straight.cholesky(code, matrix)
-    code.leave(~worst)
-    step, gain = straight.solution(factor, right)
-    end = list(x)
-    for j, c in enumerate(free):
-        end[c] = x[c] + step[j]
-    for c in range(UNKNOWNS):
-        memory["end"][c] = end[c]
-    memory["cost"][0] = total
-    memory["gain"][0] = gain
-    for n, number in enumerate(each for row in factor for each in row):
-        memory["factor"][n] = number
-    return gain < small
+
+    def __init__(self, code: LaneWriter, form: Form, task: Task) -> None:
+        size = len(form.free)
+        self.code, self.form, self.task = code, form, task
+        self.at, self.end = Memory(code, UNKNOWNS), Memory(code, UNKNOWNS)
+        self.cost, self.gain, self.small = (Memory(code, 1) for _ in range(3))
+        self.steps, self.factor = Memory(code, 1), Memory(code, size * (size + 1) // 2)
+        self.going, self.stalled = (Flag(code, code.same(False)) for _ in range(2))
+        self.most_steps = code.spread(code.builder.sitofp(task.most_steps, DOUBLE))
+
+    def begin(self, start: Numbers, question: Question) -> None:
+        for c, number in enumerate(start):
+            self.at[c] = number
+        self.cost[0], self.small[0], self.steps[0] = inf, question.smallest(), 0.0
+        self.going.set(~self.code.left)
+        self.stalled.set(self.code.same(False))
+
+    def write_round(self, vectors: Any, question: Question) -> None:
+        """Another step of the lanes that are going; of the others, the last one again."""
+        code = self.code
+        going, left = self.going.get(), code.left
+        self.steps[0] = self.steps[0] + code.select(going, 1.0, 0.0)
+        at = [self.at[c] for c in range(UNKNOWNS)]
+        equations = Equations(code, vectors, at, question, self.form)
+        self.write_step(at, equations, going)
+        code.left = left | (code.left & going)
+        self.going.set(self.going.get() & ~code.left)
+
+    def is_better(self, equations: Equations) -> Condition:
+        """A step that changes no more than rounding can is no worse."""
+        before, small = self.cost[0], self.small[0]
+        slack = small + 2 * self.code.function("sqrt", before * small)
+        return equations.cost < before + slack  # type: ignore[no-any-return]
+
+    def write_step(self, at: Numbers, equations: Equations, going: Condition) -> None:
+        self.code.leave(~self.is_better(equations))
+        self.cost[0] = equations.cost
+        end, arrived = self.solve(at, equations.matrix, equations.right)
+        self.go_on(going & ~arrived, end)
+
+    def solve(
+        self, at: Numbers, matrix: list[Numbers], right: Numbers
+    ) -> tuple[Numbers, Condition]:
+        """Where the step from a state leads, and whether it is the last; lanes whose equations have
+        lost too many digits are left."""
+        factor, sure = straight.cholesky(self.code, matrix)
+        self.code.leave(~sure)
+        step, gain = straight.solution(factor, right)
+        end = list(at)
+        for j, c in enumerate(self.form.free):
+            end[c] = at[c] + step[j]
+        for c in range(UNKNOWNS):
+            self.end[c] = end[c]
+        self.gain[0] = gain
+        for n, number in enumerate(each for row in factor for each in row):
+            self.factor[n] = number
+        return end, gain < self.small[0]
+
+    def go_on(self, going: Condition, to: Numbers) -> None:
+        self.going.set(going)
+        for c in range(UNKNOWNS):
+            self.at[c] = self.code.select(going, to[c], self.at[c])
+
+
+class Damped(Fit):
+    """The same with steps that are damped where they do not help, as `gauss_newton.estimate` does.
+
+    Unless the task is `patient`, a lane whose sum of squares rises is left.  here: the best state
+    so far.  matrix, right: its normal equations.  earlier: the sum of squares `since` steps ago.
+    """
+
+    def __init__(self, code: LaneWriter, form: Form, task: Task) -> None:
+        super().__init__(code, form, task)
+        size = len(form.free)
+        self.here, self.right = Memory(code, UNKNOWNS), Memory(code, size)
+        self.matrix = Memory(code, size * (size + 1) // 2)
+        self.damping, self.earlier, self.since = (Memory(code, 1) for _ in range(3))
+
+    def begin(self, start: Numbers, question: Question) -> None:
+        super().begin(start, question)
+        self.damping[0], self.earlier[0], self.since[0] = 0.0, inf, 0.0
+
+    def write_step(self, at: Numbers, equations: Equations, going: Condition) -> None:
+        code = self.code
+        better = self.is_better(equations)
+        hasty = code.builder.icmp_signed("==", self.task.patient, ir.Constant(LONG, 0))
+        code.leave(~better & (code.same(hasty) | ~(self.cost[0] < inf)))
+        here, matrix, right = self.keep(going & better, at, equations)
+        stalled = going & (self.damp(going, better) | self.is_slow())
+        self.stalled.set(self.stalled.get() | stalled)
+        damping = self.damping[0]
+        for j, row in enumerate(matrix):
+            matrix[j] = [*row[:-1], row[-1] * (1 + damping)]
+        end, arrived = self.solve(here, matrix, right)
+        held = damping > 0  # back by the damping, not arrived
+        release = arrived & held
+        self.damping[0] = code.select(release & going, 0.0, damping)
+        to = [code.select(release, a, b) for a, b in zip(here, end, strict=True)]
+        self.go_on(going & ~(arrived & ~held) & ~stalled, to)
+
+    def keep(
+        self, accepted: Condition, at: Numbers, equations: Equations
+    ) -> tuple[Numbers, list[Numbers], Numbers]:
+        """The state from where to step, and its equations: those of this round, or the kept."""
+
+        def choose(memory: Memory, numbers: Numbers) -> Numbers:
+            for n, number in enumerate(numbers):
+                memory[n] = self.code.select(accepted, number, memory[n])
+            return [memory[n] for n in range(len(numbers))]
+
+        self.cost[0] = self.code.select(accepted, equations.cost, self.cost[0])
+        self.earlier[0] = self.code.select(self.earlier[0] < inf, self.earlier[0], self.cost[0])
+        entries = iter(choose(self.matrix, [each for row in equations.matrix for each in row]))
+        matrix = [[next(entries) for _ in row] for row in equations.matrix]
+        return choose(self.here, at), matrix, choose(self.right, equations.right)
+
+    def damp(self, going: Condition, better: Condition) -> Condition:
+        """Less where a step has helped, more where it has not; returns where no more can be."""
+        select, damping = self.code.select, self.damping[0]
+        less = select(damping > LEAST_DAMPING, damping / DAMPING_FACTOR, 0.0)
+        more = select(damping > 0, damping * DAMPING_FACTOR, FIRST_DAMPING)
+        self.damping[0] = select(going, select(better, less, more), damping)
+        return ~better & (damping > HEAVIEST)
+
+    def is_slow(self) -> Condition:
+        """After each PATIENCE steps: where the sum of squares has hardly fallen."""
+        select, since = self.code.select, self.since[0] + 1
+        due = since > PATIENCE - 0.5
+        slow = due & (self.cost[0] > SLOWEST * self.earlier[0])
+        self.since[0] = select(due, 0.0, since)
+        self.earlier[0] = select(due, self.cost[0], self.earlier[0])
+        return slow
 
 
 def covariance_of(factor: Memory, free: Sequence[int]) -> Numbers:
@@ -177,93 +363,3 @@ def covariance_of(factor: Memory, free: Sequence[int]) -> Numbers:
             known = a in places and b in places
             rows.append(covariance[places[a]][places[b]] if known else 0.0)
     return rows
-
-
-def estimating(free: tuple[int, ...], kind: str) -> Write:
-    """Writes code that estimates blocks of readings, as a function of the address of a task's
-    table.
-
-    kind: of the light, see `kinds.block_kind`.
-    """
-
-    def write(builder: Any, arguments: Sequence[Any]) -> None:
-        at = builder.inttoptr(arguments[0], ir.PointerType(LONG))
-        places = [builder.gep(at, [ir.Constant(LONG, n)]) for n in range(PLACES)]
-        task = [builder.load(place) for place in places]
-        with counted(builder, task[BLOCKS]) as index:
-            write_block(builder, free, kind, task, index)
-
-    return write
-
-
-def write_block(
-    builder: Any, free: tuple[int, ...], kind: str, task: list[Any], index: Any
-) -> None:
-    """task: the numbers of a task's table.  index: of the block."""
-    code = LaneWriter(builder, LANES)
-    addresses = task[PACKED:WEIGHED]
-    pointers = [builder.inttoptr(address, ir.PointerType(DOUBLE)) for address in addresses]
-    vectors = vectors_of(code, pointers[PACKED], kind)
-    first = builder.mul(index, ir.Constant(LONG, LANES))
-
-    def apart(width: int, rows: int = ROWS) -> Any:
-        """How far the rows of the lanes are apart."""
-        return builder.mul(task[rows], ir.Constant(LONG, width))
-
-    def here(array: int, width: int, rows: int = ROWS) -> Any:
-        """Where the block's rows of an array begin; width: numbers a row."""
-        return builder.gep(pointers[array], [builder.mul(first, apart(width, rows))])
-
-    def read(array: int, width: int, rows: int = ROWS) -> Numbers:
-        return code.load_rows(here(array, width, rows), apart(width, rows), width)
-
-    asked = Question(code, pointers[TABLE], read(VALUES, 9), read(MEANS, 3, MEANS_ROWS))
-    own = read(WEIGHTS, 9)
-    with_own = builder.icmp_signed("!=", task[WEIGHED], ir.Constant(LONG, 0))
-    asked.weights = [
-        Value(code, builder.select(with_own, a.ir, b.ir))
-        for a, b in zip(own, asked.weights, strict=True)
-    ]
-    size = len(free)
-    sizes = {"here": 9, "end": 9, "cost": 1, "gain": 1, "small": 1, "steps": 1}
-    memory = {name: Memory(code, each) for name, each in sizes.items()}
-    memory["factor"] = Memory(code, size * (size + 1) // 2)
-    for c, number in enumerate(read(STARTS, UNKNOWNS, STARTS_ROWS)):
-        memory["here"][c] = number
-    memory["cost"][0], memory["small"][0], memory["steps"][0] = inf, asked.smallest(), 0.0
-    with builder.goto_entry_block():
-        kind = code.left.ir.type
-        gone, active, round_ = builder.alloca(kind), builder.alloca(kind), builder.alloca(LONG)
-    builder.store(code.left.ir, gone)
-    builder.store((~code.left).ir, active)
-    builder.store(ir.Constant(LONG, 0), round_)
-    body, after = builder.append_basic_block("step"), builder.append_basic_block("end")
-    builder.branch(body)
-    builder.position_at_end(body)
-    code.left = Condition(code, builder.load(gone))
-    going = Condition(code, builder.load(active))
-    memory["steps"][0] = memory["steps"][0] + code.select(going, 1.0, 0.0)
-    last = write_step(code, vectors, asked, free, memory)
-    going = going & ~last & ~code.left
-    for c in range(UNKNOWNS):
-        memory["here"][c] = code.select(going, memory["end"][c], memory["here"][c])
-    builder.store(code.left.ir, gone)
-    builder.store(going.ir, active)
-    done = builder.add(builder.load(round_), ir.Constant(LONG, 1))
-    builder.store(done, round_)
-    some = builder.icmp_signed("!=", code.bits(going), ir.Constant(LONG, 0))
-    again = builder.and_(some, builder.icmp_signed("<", done, task[MOST_STEPS]))
-    builder.cbranch(again, body, after)
-    builder.position_at_end(after)
-    ends = [memory["end"][c] for c in range(UNKNOWNS)]
-    code.store_rows(ends, here(STATES, UNKNOWNS), apart(UNKNOWNS))
-    rest = memory["cost"][0] - memory["gain"][0]
-    root = code.function("sqrt", code.select(rest > 0, rest, 0.0))
-    code.store_lanes(root, here(RESIDUALS, 1), 0)
-    code.store_lanes(memory["steps"][0], here(STEPS, 1), 0)
-    bits = code.bits(Condition(code, builder.load(gone)) | Condition(code, builder.load(active)))
-    flags = builder.bitcast(pointers[LEFT], ir.PointerType(LONG))
-    builder.store(bits, builder.gep(flags, [index]))
-    with builder.if_then(builder.icmp_signed("!=", task[COVARIANCES], ir.Constant(LONG, 0))):
-        covariance = covariance_of(memory["factor"], free)
-        code.store_rows(covariance, here(COVARIANCES, 64), apart(64))

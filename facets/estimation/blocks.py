@@ -1,9 +1,10 @@
-"""Estimates of several poses at once: undamped Gauss-Newton steps on blocks of readings.
+"""Estimates of several poses at once: Gauss-Newton steps on blocks of readings.
 
 What `gauss_newton.estimate` does where all goes well, as straight code (`block_code`) with a lane
-for each reading: all detectors lit, each step better than the one before, normal equations that
-hold their digits, an end within a few steps. A lane where it does not go well is left, and
-estimated anew by `kernels`. What a reading gives does not depend on the others in its block.
+for each reading: all detectors lit, normal equations that hold their digits, an end within a few
+steps, each better than the one before. A lane where it does not go well is left, and estimated anew
+by `kernels`; under the light of a bench first in blocks of what was left, with steps that are
+damped where they do not help. What a reading gives does not depend on the others in its block.
 """
 
 from __future__ import annotations
@@ -11,36 +12,105 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..model.blocks import CODE, LANES, address_of, lanes_of
+from ..scalars.nesting import leaves
 from .chance import Chance, count_checks
-from .problem import CONVERGED, PATIENCE, UNKNOWNS, Limits, Problem, Readings, Results
+from .problem import (
+    CONVERGED,
+    PATIENCE,
+    STALLED,
+    UNKNOWNS,
+    Limits,
+    Problem,
+    Readings,
+    Results,
+    empty_results,
+    put_rows,
+    some_rows,
+)
 from .solution import CHECKS, COVARIANCE, RESIDUAL
 
 Array = Any
-#: Estimates blocks of readings, of the address of a task's table.
+#: Estimates blocks of readings, of the address of a task.
 Code = Callable[[int], None]
 
-#: Steps after which a lane is left: before the slowness of a fit is looked at.
+#: Steps after which a lane is left unless the task is patient: before the slowness of a fit is
+#: looked at.
 MOST = PATIENCE - 1
 #: Which unknowns can be asked for: the beam free or known, its power known or not.
 QUESTIONS = ((0, 1, 2, 3, 4, 5, 6, 7), (0, 1, 2, 3, 4, 5), tuple(range(9)), (0, 1, 2, 3, 4, 5, 8))
-#: Where the numbers of a question are in its table.
-NOISE, HALF_SIZES, ROUNDING, WEIGHT, NUMBERS = 0, 3, 9, 11, 14
 
 
-#: What a task's table holds: addresses of the sensor's vectors, of the numbers of `table_of`, of
-#: arrays of `Readings`, `Problem` and `Results` (0 where no covariances are asked for), and of bits
-#: for each block that tell which lanes are left. Whether the readings have weights of their own;
-#: else that address is any of such rows. Whether each lane has rows of its own in the readings,
-#: weights and results, in the means, and in the starts. The most steps, and the number of blocks.
-(
-    PACKED, TABLE, VALUES, WEIGHTS, MEANS, STARTS, STATES, STEPS, RESIDUALS, COVARIANCES, LEFT,
-    WEIGHED, ROWS, MEANS_ROWS, STARTS_ROWS, MOST_STEPS, BLOCKS, PLACES,
-) = range(18)  # fmt: skip
+class Form(NamedTuple):
+    """What an estimator's code is written for.
+
+    free: one of QUESTIONS.  kind: of the light, see `kinds.block_kind`.  exact: whether derivatives
+    under the light of a bench leave nothing out.
+    """
+
+    free: tuple[int, ...]
+    kind: str
+    exact: bool = False
+
+    @property
+    def damped(self) -> bool:
+        """Whether steps can be damped: often needed where derivatives leave something out."""
+        return self.kind != "plain"
+
+    @property
+    def name(self) -> str:
+        return f"estimate_{len(self.free)}_{'exact_' if self.exact else ''}of_{self.kind}"
+
+
+class Scales(NamedTuple):
+    """The numbers of `Limits` and of a `Problem` that all readings share."""
+
+    noise: Any
+    half_sizes: Any
+    rounding: Any
+    weight: Any
+
+
+#: Their arrangement.
+SCALES = Scales((0.0,) * 3, ((0.0,) * 2,) * 3, (0.0,) * 2, (0.0,) * 3)
+
+
+class Task(NamedTuple):
+    """What code works on: 64-bit integers, in memory one after the other.
+
+    The address of a sensor's vectors, of `Scales`, and of arrays of `Readings`, `Problem` and
+    `Results` (0 where no covariances are asked for).
+    left, stalled: addresses of an integer for each block, which tells by its bits in which lanes
+    that is so.
+    weighed: whether the readings have weights of their own; else `weights` is any of such rows.
+    own_rows, own_means, own_starts: whether each lane has rows of its own in the readings, weights
+    and results, in the means, and in the starts.
+    patient: whether steps that do not help are damped, see `Form.damped`; else their lane is left.
+    """
+
+    packed: Any
+    scales: Any
+    values: Any
+    weights: Any
+    means: Any
+    starts: Any
+    states: Any
+    steps: Any
+    residuals: Any
+    covariances: Any
+    left: Any
+    stalled: Any
+    weighed: Any
+    own_rows: Any
+    own_means: Any
+    own_starts: Any
+    patient: Any
+    most_steps: Any
+    blocks: Any
 
 
 #: The files that this is made of, beside those of the model's blocks.
@@ -48,18 +118,17 @@ PARTS = ("block_code.py", "blocks.py", "problem.py", "straight.py", "normal_equa
 
 
 @cache
-def kernel(free: tuple[int, ...], kind: str) -> Code:
-    """The compiled function for one of QUESTIONS and a kind of light, see `kinds.block_kind`;
-    compiled now if need be."""
+def kernel(form: Form) -> Code:
+    """The compiled function for a form; compiled now if need be."""
     from ..model.object_code import Write, function
 
     def written() -> Write:
         from . import block_code
 
-        return block_code.estimating(free, kind)
+        return block_code.estimating(form)
 
     files = (Path(__file__).parent / part for part in PARTS)
-    return function(f"estimate_{len(free)}_of_{kind}", 1, written, *CODE, *files)
+    return function(form.name, 1, written, *CODE, *files)
 
 
 def fits(problem: Problem) -> bool:
@@ -72,11 +141,11 @@ def fits(problem: Problem) -> bool:
     )
 
 
-def table_of(limits: Limits, problem: Problem) -> Array:
-    table = np.empty(NUMBERS)
-    table[NOISE:HALF_SIZES], table[HALF_SIZES:ROUNDING] = limits.noise, limits.half_sizes.ravel()
-    table[ROUNDING:WEIGHT], table[WEIGHT:] = limits.rounding, problem.weight
-    return table
+def scales_of(limits: Limits, problem: Problem) -> Array:
+    parts = Scales(limits.noise, limits.half_sizes, limits.rounding, problem.weight)
+    scales = np.concatenate([np.ravel(part) for part in parts])
+    assert len(scales) == len(list(leaves(SCALES)))
+    return scales
 
 
 def estimate(
@@ -86,34 +155,71 @@ def estimate(
     limits: Limits,
     problem: Problem,
     results: Results,
+    patient: bool = False,
 ) -> Array:
     """Fills `results`; returns the numbers of the readings that are left, whose results mean
     nothing.
 
-    code: from `kernel`.  The arrays are those of `kernels.solve_rows`.
+    code: from `kernel`.  The arrays are those of `kernels.solve_rows`.  patient: see `Task`.
     """
     n = len(readings.values)
     whole = n // LANES * LANES
     weights = inverse_of(readings.sigmas)
-    table, left = table_of(limits, problem), np.zeros(n // LANES + 1, np.int64)
+    ends = np.zeros((2, n // LANES + 1), np.int64)
     steps, given = np.empty(n), (readings.values, weights, problem.means, problem.starts)
     found = (results.states, steps, results.residuals, results.covariances)
+
+    def run(given: Any, found: Any, ends: Array) -> None:
+        arrays = (packed, scales_of(limits, problem), *given, *found, *ends)
+        count = len(found[0])
+        own = (True, *(len(rows) == count > 1 for rows in given[2:]))
+        task = task_of(arrays, len(weights) > 0, own, problem, patient, count // LANES)
+        code(address_of(task))
+
     if whole:
-        run(code, packed, table, problem, whole, given, found, left)
+        run([first(rows, whole, n) for rows in given], [rows[:whole] for rows in found], ends)
     if n > whole:
-        parts = tuple(padded(array, whole, n) for array in given)
-        rest = tuple(np.empty((LANES if len(a) else 0, *a.shape[1:])) for a in found)
-        run(code, packed, table, problem, LANES, parts, rest, left[-1:])
-        for array, part in zip(found, rest, strict=True):
-            array[whole:] = part[: len(array[whole:])]
+        rest = [np.empty((LANES if len(rows) else 0, *rows.shape[1:])) for rows in found]
+        run([padded(rows, whole, n) for rows in given], rest, ends[:, -1:])
+        for rows, part in zip(found, rest, strict=True):
+            rows[whole:] = part[: len(rows[whole:])]
     results.steps[:], results.status[:], results.used[:] = steps, CONVERGED, True
-    return lanes_of(left, n) if left.any() else ()
+    left, stalled = (lanes_of(bits, n) for bits in ends)
+    if len(stalled):
+        results.status[stalled] = STALLED
+        for rows in (results.states, results.residuals, results.covariances):
+            if len(rows):
+                rows[stalled] = np.nan
+    return left
+
+
+def estimate_some(
+    code: Code,
+    which: Array,
+    packed: Array,
+    readings: Readings,
+    limits: Limits,
+    problem: Problem,
+    results: Results,
+) -> Array:
+    """Estimates some readings anew, side by side, with steps that are damped where they do not
+    help; returns the numbers of those that are left."""
+    again = empty_results(len(which), len(results.covariances) > 0)
+    some, questions = some_rows(which, readings, problem)
+    left = estimate(code, packed, some, limits, questions, again, patient=True)
+    put_rows(results, which, again)
+    return which[left]
 
 
 def inverse_of(sigmas: Array) -> Array:
     """Weights from standard deviations; of a spoilt reading these can be anything."""
     with np.errstate(all="ignore"):
         return 1 / sigmas
+
+
+def first(rows: Array, count: int, n: int) -> Array:
+    """The first rows; what all readings share as it is."""
+    return rows[:count] if len(rows) == n else rows
 
 
 def padded(rows: Array, first: int, n: int) -> Array:
@@ -123,27 +229,25 @@ def padded(rows: Array, first: int, n: int) -> Array:
     return rows[np.minimum(np.arange(first, first + LANES), n - 1)]
 
 
-def run(
-    code: Code, packed: Array, table: Array, problem: Problem, count: int, given: Any, found: Any,
-    left: Array,
-) -> None:  # fmt: skip
-    """Blocks of `count` readings; given, found: arrays as in `estimate`."""
-    values, weights, means, starts = given
-    arrays = (packed, table, values, weights, means, starts, *found, left)
-    rows = (1, len(means) >= count > 1, len(starts) >= count > 1)
-    task = task_of(arrays, len(weights) > 0, rows, problem, count // LANES)
-    code(address_of(task))
-
-
 def task_of(
-    arrays: Sequence[Array], weighed: bool, rows: Sequence[int], problem: Problem, blocks: int
-) -> Array:
-    """A task's table.  arrays: in its order, the weights and the covariances maybe empty."""
+    arrays: Sequence[Array], weighed: bool, own: Sequence[bool], problem: Problem, patient: bool,
+    blocks: int,
+) -> Array:  # fmt: skip
+    """A `Task` in memory.  arrays: in its order, the weights and the covariances maybe empty."""
     places = [address_of(array) if array.size else 0 for array in arrays]
-    if not weighed:
-        places[WEIGHTS] = places[VALUES]
-    most = min(problem.max_steps, MOST)
-    return np.array([*places, weighed, *rows, most, blocks], np.int64)
+    addresses = Task(*places, *[0] * (len(Task._fields) - len(places)))
+    most = problem.max_steps if patient else min(problem.max_steps, MOST)
+    task = addresses._replace(
+        weights=addresses.weights if weighed else addresses.values,
+        weighed=weighed,
+        own_rows=own[0],
+        own_means=own[1],
+        own_starts=own[2],
+        patient=patient,
+        most_steps=most,
+        blocks=blocks,
+    )
+    return np.array(task, np.int64)
 
 
 class One:
@@ -156,7 +260,6 @@ class One:
 
     def __init__(
         self,
-        code: Code,
         packed: Array,
         given: Readings,
         limits: Limits,
@@ -164,25 +267,32 @@ class One:
         chance: Chance,
         covariance: bool,
     ) -> None:
-        self._kernel, self._sigmas = code, given.sigmas
+        self._sigmas = given.sigmas
         self.numbers = np.empty(COVARIANCE + (64 if covariance else 0))
         self.state = self.numbers[:UNKNOWNS]
-        self._weights, left = np.empty_like(given.sigmas), np.empty(1, np.int64)
+        self._weights, ends = np.empty_like(given.sigmas), np.empty((2, 1), np.int64)
         state, steps, residual, checks, covariances = np.split(
             self.numbers, (UNKNOWNS, RESIDUAL, CHECKS, COVARIANCE)
         )
         checks[:] = chance.checks(np.ones(3, bool)), chance.limit
         arrays = (
-            packed, table_of(limits, problem), given.values, self._weights, problem.means,
-            problem.starts, state, steps, residual, covariances, left,
+            packed, scales_of(limits, problem), given.values, self._weights, problem.means,
+            problem.starts, state, steps, residual, covariances, *ends,
         )  # fmt: skip
-        self._kept, self._left = arrays, left.data
-        self._task = task_of(arrays, len(given.sigmas) > 0, (0, 0, 0), problem, 1)
+        self._kept, self._left, self._stalled = arrays, ends[0].data, ends[1].data
+        shared = (False, False, False)
+        self._task = task_of(arrays, len(given.sigmas) > 0, shared, problem, True, 1)
         self._address = address_of(self._task)
 
-    def estimate(self) -> bool:
-        """Fills `numbers`; whether it could."""
+    def estimate(self, code: Code) -> int | None:
+        """Fills `numbers` where the estimate converges.
+
+        Returns whether it is CONVERGED or STALLED; None where other code has to find out.  code:
+        from `kernel`.
+        """
         if len(self._sigmas):
             self._weights[:] = inverse_of(self._sigmas)
-        self._kernel(self._address)
-        return not self._left[0]
+        code(self._address)
+        if self._left[0]:
+            return None
+        return STALLED if self._stalled[0] else CONVERGED

@@ -157,13 +157,13 @@ class PreparedEstimate:
         self._tasks: dict[str, problem.Task] = {}
         self._block: Any = None
         self._doubtful = is_doubtful(sensor, self._plan.free)
-        code = None if self._doubtful else block_code(sensor, self._problem)
-        if code is not None:
+        self._code = None if self._doubtful else block_code(sensor, self._problem)
+        if self._code is not None:
             from .blocks import One
 
             given = problem.Readings(self._values, self._sigmas)
             self._block = One(
-                code, packed(sensor), given, self._plan.limits, self._problem, chance, covariance
+                packed(sensor), given, self._plan.limits, self._problem, chance, covariance
             )
         self._first = FirstRow(self._found, chance)
 
@@ -178,6 +178,8 @@ class PreparedEstimate:
         in_block = start is not None and self._run(start)
         if start is None or (warm and not in_block and not self._has_converged()):
             in_block = self._run(self._from_zero())
+        if not in_block and self._sensor.light.on and self._found.status[0] == problem.STALLED:
+            in_block = self._run_exactly()
         if in_block:
             if warm:
                 self.end = self._block.state.copy()
@@ -196,8 +198,6 @@ class PreparedEstimate:
 
     def _of_one(self, warm: bool) -> Solution:
         """What was found without a block, in arrays of its own."""
-        if self._sensor.light.on and self._found.status[0] == problem.STALLED:
-            self._run_exactly()
         if self._doubtful:
             take_back(
                 self._sensor, self._plan.free, self._chance, self._found, self._estimate_again
@@ -233,10 +233,12 @@ class PreparedEstimate:
     def _run(self, start: Floats) -> bool:
         """Estimates the reading from a start; whether the block has found its pose."""
         self._starts[:] = start
-        if self._block is not None and self._block.estimate():
-            return True
-        self._one_by_one()
-        return False
+        ended = None if self._code is None else self._block.estimate(self._code)
+        if ended is None:
+            self._one_by_one()
+        else:
+            self._found.status[0] = ended
+        return ended == problem.CONVERGED
 
     def _estimate_again(self, rows: Any, starts: Floats) -> problem.Results:
         """The reading from another start, in results of its own."""
@@ -246,10 +248,14 @@ class PreparedEstimate:
         estimate(self._sensor, given, self._plan.limits, asked, found)
         return found
 
-    def _run_exactly(self) -> None:
+    def _run_exactly(self) -> bool:
         """From the last start, with derivatives that leave nothing out, for where steps without
-        them stall."""
+        them stall; whether the block has found the pose."""
+        code = None if self._block is None else block_code(self._sensor, self._problem, exact=True)
+        if code is not None and self._block.estimate(code) == problem.CONVERGED:
+            return True
         self._estimate(evaluators.linearised(self._sensor))
+        return False
 
 
 def _solver(

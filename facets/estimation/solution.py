@@ -134,9 +134,9 @@ class FirstRow:
         return Solution(state, status, power, used, steps, residual, checks, limit, covariance)
 
 
-#: Where the numbers of `SolutionOfOne` are: the state and the power, then, four times each, steps
-#: and what is left, then the checks and the limit, and the covariance if there is one.
-ITERATIONS, RESIDUAL, CHECKS, LIMIT, COVARIANCE = 9, 13, 17, 18, 19
+#: Where the numbers of `SolutionOfOne` are: the state and the power, then steps and what is left,
+#: then the checks and the limit, and the covariance if there is one.
+ITERATIONS, RESIDUAL, CHECKS, LIMIT, COVARIANCE = range(9, 14)
 FIELDS: dict[str, Callable[[Floats], Any]] = {
     "state": lambda numbers: numbers[:8],
     "status": lambda numbers: np.array(problem.CONVERGED, np.int8),

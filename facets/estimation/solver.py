@@ -224,20 +224,25 @@ def estimate(
     from . import blocks
 
     left = blocks.estimate(code, packed(sensor), readings, limits, asked, found)
+    if len(left) and sensor.light.on:
+        left = blocks.estimate_some(code, left, packed(sensor), readings, limits, asked, found)
     if len(left):
         model = evaluators.nearly_linearised(sensor)
         estimate_some(model, left, sensor, readings, limits, asked, found)
 
 
-def block_code(sensor: Sensor, asked: problem.Problem) -> Callable[[int], None] | None:
+def block_code(
+    sensor: Sensor, asked: problem.Problem, exact: bool = False
+) -> Callable[[int], None] | None:
     """What estimates blocks of readings, compiled now if need be; None where blocks do not know
-    what is asked."""
+    what is asked. exact: see `blocks.Form`."""
     kind = block_kind(sensor)
     if kind is None:
         return None
     from . import blocks
 
-    return blocks.kernel(tuple(asked.free.tolist()), kind) if blocks.fits(asked) else None
+    form = blocks.Form(tuple(asked.free.tolist()), kind, exact)
+    return blocks.kernel(form) if blocks.fits(asked) else None
 
 
 def one_by_one(
@@ -299,7 +304,13 @@ def estimate_stalled_again(
     found: problem.Results,
 ) -> None:
     """Under the light of a bench: what stalled, by the derivatives that leave nothing out."""
-    stalled = np.flatnonzero(found.status == Status.STALLED)
+    stalled, asked = np.flatnonzero(found.status == Status.STALLED), asked._replace(previous=False)
+    code = block_code(sensor, asked, exact=True) if len(stalled) else None
+    if code is not None:
+        from . import blocks
+
+        numbers = packed(sensor)
+        stalled = blocks.estimate_some(code, stalled, numbers, readings, limits, asked, found)
     if len(stalled):
         model = evaluators.linearised(sensor)
         estimate_some(model, stalled, sensor, readings, limits, asked, found)

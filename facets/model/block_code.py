@@ -5,7 +5,8 @@ Imported only where the code is not kept.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from math import nan
 from typing import Any
 
@@ -13,10 +14,10 @@ from llvmlite import ir
 
 from ..optics import bench_gradient, bench_light, gradient
 from ..optics.footprint import footprint, slopes
-from ..optics.forward import Geometry, placed, scene
+from ..optics.forward import Geometry, Scene, placed, scene
 from ..optics.forward import readings as readings_uncut
 from ..scalars.dual import Dual
-from ..scalars.lanes import LaneWriter
+from ..scalars.lanes import LaneWriter, Memory
 from ..scalars.machine import DOUBLE, LONG, Value, counted
 from ..scalars.nesting import leaves
 from .blocks import LANES
@@ -90,17 +91,43 @@ def write_footprints(code: LaneWriter, vectors: Geometry, states: Any, found: An
     code.store_rows(ends, found, 15)
 
 
+@contextmanager
+def each_component(
+    code: LaneWriter, vectors: Geometry, state: Sequence[Value], at: Scene, count: int
+) -> Iterator[tuple[Any, list[Value]]]:
+    """A loop over the first components of the state: each with the readings' exact derivatives by
+    it, under the light of a bench. at: from `bench_light.scene`."""
+    with code.looped(ir.Constant(LONG, count)) as component:
+        moved = []
+        for c, number in enumerate(state):
+            own = code.builder.icmp_signed("==", component, ir.Constant(LONG, c))
+            slope = code.spread(code.builder.uitofp(own, DOUBLE)) if c < count else 0.0
+            moved.append(Dual(number, slope))
+        yield component, list(leaves(bench_gradient.varied(vectors, tuple(moved), at)))
+
+
 def write_slopes_by_state(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
     """found: the exact derivatives under the light of a bench, one component after the other."""
     state = code.load_rows(states, 8, 8)
     at = bench_light.scene(vectors, tuple(state))
-    with code.looped(ir.Constant(LONG, 8)) as component:
-        moved = []
-        for c, number in enumerate(state):
-            own = code.builder.icmp_signed("==", component, ir.Constant(LONG, c))
-            moved.append(Dual(number, code.spread(code.builder.uitofp(own, DOUBLE))))
-        slopes = bench_gradient.varied(vectors, tuple(moved), at)
-        code.store_column(list(leaves(slopes)), found, component, ir.Constant(LONG, 8))
+    with each_component(code, vectors, state, at, 8) as (component, slopes):
+        code.store_column(slopes, found, component, ir.Constant(LONG, 8))
+
+
+def linearise_exactly(
+    code: LaneWriter, vectors: Geometry, state: Sequence[Value], count: int
+) -> list[tuple[Any, list[list[Value]]]]:
+    """Readings and their derivatives by the first `count` components of the state, detector by
+    detector as `bench_gradient.linearised` gives them."""
+    at = bench_light.scene(vectors, tuple(state))
+    values = bench_light.readings_in(vectors, at)
+    memory = Memory(code, 9 * count)
+    with each_component(code, vectors, state, at, count) as (component, slopes):
+        for row, slope in enumerate(slopes):
+            first = code.builder.add(component, ir.Constant(LONG, row * count))
+            memory[first] = slope
+    rows = [[memory[row * count + c] for c in range(count)] for row in range(9)]
+    return [(values[k], rows[3 * k : 3 * k + 3]) for k in range(3)]
 
 
 def slopes_by_copies(kind: str) -> Write:

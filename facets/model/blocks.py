@@ -147,6 +147,8 @@ def run(name: str, vectors: Floats, states: Floats, found: Floats) -> Any:
 
 def lanes_of(bits: Any, count: int) -> Any:
     """The numbers of the lanes whose bits are set, of those that are not padding."""
+    if not bits.any():
+        return np.empty(0, np.intp)
     return np.flatnonzero(((bits[:, None] >> np.arange(LANES)) & 1).ravel()[:count])
 
 

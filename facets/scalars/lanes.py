@@ -19,7 +19,7 @@ from typing import Any
 from llvmlite import ir
 
 from . import polynomials
-from .machine import DOUBLE, LONG, Condition, Value, Writer, counted
+from .machine import DOUBLE, LONG, Condition, Repetition, Value, Writer, counted, do_while
 from .nesting import Numbers
 
 SHORT = ir.IntType(32)
@@ -152,20 +152,28 @@ class LaneWriter(Writer):
         """What a number is the negative of."""
         return self._negatives[id(number)][0] if id(number) in self._negatives else None
 
-    def same(self, truth: bool) -> Condition:
-        """What is so in all lanes, or in none."""
+    def same(self, truth: Any) -> Condition:
+        """What is so in all lanes, or in none. truth: a bool, or a bit that the code will know."""
         kind = ir.VectorType(BIT, self.lanes)
-        return Condition(self, ir.Constant(kind, [int(truth)] * self.lanes))
+        if isinstance(truth, bool):
+            return Condition(self, ir.Constant(kind, [int(truth)] * self.lanes))
+        return Condition(self, self._splat(truth, kind))
+
+    def any(self, condition: Condition) -> Any:
+        """A bit: whether something is so in a lane."""
+        return self.builder.icmp_signed("!=", self.bits(condition), ir.Constant(LONG, 0))
 
     def constant(self, number: float) -> Any:
         return ir.Constant(self.kind, [float(number)] * self.lanes)
 
     def spread(self, number: Any) -> Value:
         """One number for all lanes."""
-        empty = ir.Constant(self.kind, ir.Undefined)
-        first = self.builder.insert_element(empty, number, ir.Constant(SHORT, 0))
-        places = ir.Constant(ir.VectorType(SHORT, self.lanes), [0] * self.lanes)
-        return Value(self, self.builder.shuffle_vector(first, empty, places))
+        return Value(self, self._splat(number, self.kind))
+
+    def _splat(self, one: Any, kind: Any) -> Any:
+        empty = ir.Constant(kind, ir.Undefined)
+        first = self.builder.insert_element(empty, one, ir.Constant(SHORT, 0))
+        return shuffled(self.builder, first, empty, [0] * self.lanes)
 
     def load(self, pointer: Any, index: int) -> Value:
         """A number that all lanes have in common."""
@@ -249,15 +257,29 @@ class LaneWriter(Writer):
     def looped(self, count: Any) -> Iterator[Any]:
         """A loop, as `machine.counted` writes it: what is written before it may be used within it,
         and what is written within it not after it."""
-        known, negatives = dict(self._known), dict(self._negatives)
-        with self.builder.goto_entry_block():
-            place = self.builder.alloca(self.left.ir.type)
-        self.builder.store(self.left.ir, place)
-        with counted(self.builder, count) as number:
-            self.left = Condition(self, self.builder.load(place))
+        with self._round() as begin, counted(self.builder, count) as number, begin():
             yield number
-            self.builder.store(self.left.ir, place)
-        self.left = Condition(self, self.builder.load(place))
+
+    @contextmanager
+    def do_while(self) -> Iterator[Repetition]:
+        """A loop, as `machine.do_while` writes it, likewise."""
+        with self._round() as begin, do_while(self.builder) as repetition, begin():
+            yield repetition
+
+    @contextmanager
+    def _round(self) -> Iterator[Callable[[], Any]]:
+        """Around a loop; gives what goes around its inside. Rounds hand on `left`."""
+        known, negatives = dict(self._known), dict(self._negatives)
+        left = Flag(self, self.left)
+
+        @contextmanager
+        def begin() -> Iterator[None]:
+            self.left = left.get()
+            yield
+            left.set(self.left)
+
+        yield begin
+        self.left = left.get()
         self._known, self._negatives = known, negatives
 
     def choose(
@@ -341,3 +363,39 @@ class LaneWriter(Writer):
         angle = turn + polynomials.arc_tangent(above / below)
         angle = self.select(x > 0, angle, math.pi - angle)
         return self.select(y < 0, -angle, angle)
+
+
+class Memory:
+    """Numbers of all lanes in the code's own memory, as a loop hands them to its next round."""
+
+    def __init__(self, code: LaneWriter, size: int) -> None:
+        self.code = code
+        with code.builder.goto_entry_block():
+            self._place = code.builder.alloca(code.kind, size)
+
+    def __getitem__(self, index: Any) -> Value:
+        return Value(self.code, self.code.builder.load(self._at(index)))
+
+    def __setitem__(self, index: Any, number: Value | float) -> None:
+        self.code.builder.store(self.code.value(number), self._at(index))
+
+    def _at(self, index: Any) -> Any:
+        """index: a number, or one that the code will know."""
+        where = ir.Constant(LONG, index) if isinstance(index, int) else index
+        return self.code.builder.gep(self._place, [where])
+
+
+class Flag:
+    """What is so in some lanes, in the code's own memory."""
+
+    def __init__(self, code: LaneWriter, first: Condition) -> None:
+        self.code = code
+        with code.builder.goto_entry_block():
+            self._place = code.builder.alloca(first.ir.type)
+        self.set(first)
+
+    def get(self) -> Condition:
+        return Condition(self.code, self.code.builder.load(self._place))
+
+    def set(self, condition: Condition) -> None:
+        self.code.builder.store(condition.ir, self._place)

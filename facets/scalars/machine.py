@@ -241,3 +241,21 @@ def counted(builder: Any, count: Any) -> Iterator[Any]:
     builder.store(builder.add(number, ir.Constant(LONG, 1)), place)
     builder.branch(test)
     builder.position_at_end(after)
+
+
+class Repetition:
+    """again: a bit, set within a loop: whether it is done once more."""
+
+    again: Any = None
+
+
+@contextmanager
+def do_while(builder: Any) -> Iterator[Repetition]:
+    """A loop: what is written within it is done once, and again while `again` is so."""
+    body, after = builder.append_basic_block("body"), builder.append_basic_block("after")
+    builder.branch(body)
+    builder.position_at_end(body)
+    repetition = Repetition()
+    yield repetition
+    builder.cbranch(repetition.again, body, after)
+    builder.position_at_end(after)
