@@ -17,7 +17,9 @@ from ..optics.effects import EFFECTS as EFFECTS
 from ..optics.effects import Effects, Options
 from ..optics.forward import Geometry, Openings, geometry
 from ..optics.parameters import BEAM, FACET, PSD
+from ..optics.parameters import axes as axes_of
 from ..scalars.dual import Dual
+from ..scalars.nesting import leaves
 from . import blocks, evaluators, packing
 from .kinds import block_kind, lit_kind
 from .threads import share
@@ -151,28 +153,30 @@ def effect_jacobian(sensor: Sensor, state: ArrayLike, names: Sequence[str] | Non
             geometry(parameters(sensor), openings(sensor), light)
             for light in (of_light(sensor), varied)
         )
-        out[:, :, wanted] = slopes_at(lit_kind(sensor), vectors, moved, rows)
+        own, name = packing.pack_slopes(moved), f"slopes_of_{lit_kind(sensor)}"
+        out[:, :, wanted] = slopes_at(name, vectors, moved, own, len(wanted), rows)
     return out.reshape(*shape, 9, len(EFFECTS))
 
 
-def slopes_at(kind: str, vectors: Geometry, moved: Geometry, states: Floats) -> Floats:
-    """The derivatives of the readings at states (n, 8), nothing cut: (n, 9, m).
+def slopes_at(
+    name: str, vectors: Geometry, moved: Any, varied: Floats, count: int, states: Floats
+) -> Floats:
+    """The derivatives of the readings at states (n, 8), nothing cut: (n, 9, count).
 
-    kind: of the light, "plain" or one of `kinds.LIT`.  moved: the sensor's vectors, which carry
-    their slopes by m things.
+    name: of a kernel of `blocks.slopes`.  moved: the sensor's vectors, which carry their slopes by
+    as many things, or how they answer to the parameters.  varied: the same as an array.
     """
-    plain, slopes = packing.pack(vectors), packing.pack_slopes(moved)
-    found = np.empty((len(states), 9, len(slopes)))
+    plain, found = packing.pack(vectors), np.empty((len(states), 9, count))
     if len(states) == 0:
         return found
-    left = blocks.slopes(kind, plain, slopes, states, found)
+    left = blocks.slopes(name, plain, varied, states, found)
     if len(left):
         from . import as_text
 
-        left = as_text.fill_slopes(kind, vectors, moved, states, found, np.asarray(left))
+        left = as_text.fill_slopes(name, vectors, moved, states, found, np.asarray(left))
     if len(left):
         rest = np.empty((len(left), *found.shape[1:]))
-        evaluators.slopes(kind, plain, slopes, np.ascontiguousarray(states[left]), rest)
+        evaluators.slopes(name, plain, varied, np.ascontiguousarray(states[left]), rest)
         found[left] = rest
     return found
 
@@ -363,13 +367,19 @@ def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
     rows, shape = as_rows(state, 8, "state")
     if sensor.light.on and sensor.apertures.cut:
         raise InputError(CUT_LIGHT)
-    vectors, moved = geometry_of(sensor), varied(sensor)
-    kind = lit_kind(sensor) if sensor.light.on else "plain"
-    out = slopes_at(kind, vectors, moved, rows)
+    vectors = geometry_of(sensor)
+    if sensor.light.on:
+        moved = varied(sensor)
+        own = packing.pack_slopes(moved)
+        lit = slopes_at(f"slopes_of_{lit_kind(sensor)}", vectors, moved, own, 30, rows)
+        return lit.reshape(*shape, 9, 30)
+    axes = axes_of(parameters(sensor))
+    own = np.array([number + 0.0 for number in leaves(axes)])
+    out = slopes_at("slopes_by_parameters", vectors, axes, own, 30, rows)
     if sensor.apertures.cut:
         from .kernels import differentiate_cut
 
-        differentiate_cut(packed(sensor), packing.carry(vectors, moved), rows, out)
+        differentiate_cut(packed(sensor), packing.carry(vectors, varied(sensor)), rows, out)
     return out.reshape(*shape, 9, 30)
 
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from math import nan
 from typing import Any
 
 import numpy as np
 
 from ..core.units import Floats
-from ..optics import bench_gradient, bench_light, forward, gradient
+from ..optics import bench_gradient, bench_light, forward, gradient, parameters
 from ..optics.footprint import footprint, slopes
 from ..optics.forward import Geometry, by_power, placed, with_power
 from ..scalars.dual import parts
@@ -50,7 +51,7 @@ def near_derivatives(geometry: Geometry, state: State) -> list[Sequence[float]]:
 
 def rows_of(detectors: Any) -> list[Sequence[float]]:
     return [
-        row if value == value else [nan] * 8
+        row if value == value else [nan] * len(row)
         for values, rows in detectors
         for value, row in zip(values, rows, strict=True)
     ]
@@ -113,18 +114,21 @@ def fill(
 
 
 def fill_slopes(
-    kind: str, vectors: Geometry, moved: Geometry, states: Floats, found: Floats, which: Any
+    name: str, vectors: Geometry, moved: Any, states: Floats, found: Floats, which: Any
 ) -> Any:
-    """The same of the derivatives by what `moved` carries, see `arrays.slopes_at`."""
-    if not is_sooner(f"slopes_of_{kind}", len(which), FEW_SLOW):
+    """The same of the kernels of `blocks.slopes`.
+
+    moved: the vectors, which carry their slopes; or, of "slopes_by_parameters", `parameters.Axes`.
+    """
+    if not is_sooner(name, len(which), FEW_SLOW):
         return which
-    ideal = kind == "plain"
-    plain, moved = ((each._replace(light=None) if ideal else each) for each in (vectors, moved))
-    carrying = carried(plain, nested(moved, (parts(number)[1] for number in leaves(moved))))
-    scene = forward.scene if ideal else bench_light.scene
+    if isinstance(moved, parameters.Axes):
+        own = partial(parameters.linearised, vectors, moved)
+        return fill_each(lambda state: rows_of(own(state)), states, found, which)
+    carrying = carried(vectors, nested(moved, (parts(number)[1] for number in leaves(moved))))
 
     def slopes(state: State) -> list[Any]:
-        found = bench_gradient.varied(carrying, state, scene(plain, state))
+        found = bench_gradient.varied(carrying, state, bench_light.scene(vectors, state))
         return [row for rows in found for row in rows]
 
     return fill_each(slopes, states, found, which)

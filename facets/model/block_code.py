@@ -12,18 +12,18 @@ from typing import Any
 
 from llvmlite import ir
 
-from ..optics import bench_gradient, bench_light, gradient
+from ..optics import bench_gradient, bench_light, gradient, parameters
 from ..optics.footprint import footprint, slopes
-from ..optics.forward import Geometry, Scene, placed, scene
+from ..optics.forward import Geometry, Scene, placed
 from ..optics.forward import readings as readings_uncut
 from ..scalars.dual import Dual
 from ..scalars.lanes import LaneWriter, Memory
-from ..scalars.machine import DOUBLE, LONG, Value, counted
+from ..scalars.machine import DOUBLE, LONG, Value, Writer, counted
 from ..scalars.nesting import leaves
 from .blocks import LANES
 from .kinds import LIT
 from .object_code import Write
-from .packing import PACKED, PARALLEL, carried, vectors_at, vectors_of
+from .packing import AXES, PACKED, PARALLEL, carried, vectors_at, vectors_of
 
 #: Writes what a block of poses needs: with the sensor's vectors, from and to memory by pointers.
 Formula = Callable[[LaneWriter, Geometry, Any, Any], None]
@@ -72,12 +72,17 @@ def write_derivatives(code: LaneWriter, vectors: Geometry, states: Any, found: A
     """
     state = code.load_rows(states, 8, 8)
     text = gradient.linearised if vectors.light is None else bench_gradient.nearly_linearised
+    code.store_rows(lit_rows(code, text(vectors, tuple(state))), found, 72)
+
+
+def lit_rows(code: Writer, detectors: Any) -> list[Value]:
+    """The derivatives of readings, one row after the other; NaN where there is no reading."""
     derivatives: list[Value] = []
-    for values, rows in text(vectors, tuple(state)):
+    for values, rows in detectors:
         for value, row in zip(values, rows, strict=True):
             lit = code.compare("==", value, value)
             derivatives += [code.select(lit, each, nan) for each in row]
-    code.store_rows(derivatives, found, 72)
+    return derivatives
 
 
 def write_footprints(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
@@ -130,9 +135,14 @@ def linearise_exactly(
     return [(values[k], rows[3 * k : 3 * k + 3]) for k in range(3)]
 
 
-def slopes_by_copies(kind: str) -> Write:
+#: Writes derivatives: with the sensor's vectors, a state, pointers to what is varied and to
+#: results, and the count of copies.
+SlopesFormula = Callable[[LaneWriter, Geometry, tuple[Value, ...], Any, Any, Any], None]
+
+
+def each_block_of_slopes(formula: SlopesFormula, kind: str) -> Write:
     """Writes the code of `blocks.slopes`: a function of the addresses of a sensor's vectors, of
-    their slopes, of states, results and bits; and of how many copies there are, and blocks."""
+    what is varied, of states, results and bits; and of how many copies there are, and blocks."""
 
     def write(builder: Any, arguments: Sequence[Any]) -> None:
         packed, varied, states, found = pointers_to(builder, arguments[:4])
@@ -140,21 +150,40 @@ def slopes_by_copies(kind: str) -> Write:
         copies = arguments[5]
         with counted(builder, arguments[6]) as index:
             code = LaneWriter(builder, LANES)
-            vectors = vectors_of(code, packed, kind)
             rows = builder.mul(index, ir.Constant(LONG, LANES))
             here = builder.gep(states, [builder.mul(rows, ir.Constant(LONG, 8))])
             numbers = builder.mul(copies, ir.Constant(LONG, 9))
             there = builder.gep(found, [builder.mul(rows, numbers)])
             state = tuple(code.load_rows(here, 8, 8))
-            at = (scene if vectors.light is None else bench_light.scene)(vectors, state)
-            with code.looped(copies) as copy:
-                row = builder.gep(varied, [builder.mul(copy, ir.Constant(LONG, PACKED))])
-                moved = carried(vectors, vectors_of(code, row, kind))
-                slopes = bench_gradient.varied(moved, state, at)
-                code.store_column(list(leaves(slopes)), there, copy, copies)
+            formula(code, vectors_of(code, packed, kind), state, varied, there, copies)
             builder.store(code.bits(code.left), builder.gep(left, [index]))
 
     return write
+
+
+def slopes_by_copies(kind: str) -> Write:
+    """By what is varied in copies of a sensor, under the light of a bench."""
+
+    def formula(
+        code: LaneWriter, vectors: Geometry, state: Any, varied: Any, found: Any, copies: Any
+    ) -> None:
+        at = bench_light.scene(vectors, state)
+        with code.looped(copies) as copy:
+            row = code.builder.gep(varied, [code.builder.mul(copy, ir.Constant(LONG, PACKED))])
+            moved = carried(vectors, vectors_of(code, row, kind))
+            slopes = bench_gradient.varied(moved, state, at)
+            code.store_column(list(leaves(slopes)), found, copy, copies)
+
+    return each_block_of_slopes(formula, kind)
+
+
+def write_slopes_by_parameters(
+    code: LaneWriter, vectors: Geometry, state: Any, axes: Any, found: Any, _: Any
+) -> None:
+    """By the thirty parameters, of ideal light.  axes: pointer to `parameters.Axes`."""
+    own = vectors_at(code, axes, AXES)
+    derivatives = lit_rows(code, parameters.linearised(vectors, own, state))
+    code.store_rows(derivatives, found, len(derivatives))
 
 
 def loops_of(kind: str) -> dict[str, Write]:
@@ -165,11 +194,13 @@ def loops_of(kind: str) -> dict[str, Write]:
 
     readings = each_block(write_readings, load, 9)
     derivatives = each_block(write_derivatives, load, 72)
-    slopes = {f"slopes_of_{kind}": slopes_by_copies(kind)}
     if kind == "plain":
-        return {"readings": readings, "derivatives": derivatives, **slopes}
+        slopes = each_block_of_slopes(write_slopes_by_parameters, kind)
+        return {
+            "readings": readings, "derivatives": derivatives, "slopes_by_parameters": slopes
+        }  # fmt: skip
     return {
-        **slopes,
+        f"slopes_of_{kind}": slopes_by_copies(kind),
         f"readings_of_{kind}": readings,
         f"near_derivatives_of_{kind}": derivatives,
         f"derivatives_of_{kind}": each_block(write_slopes_by_state, load, 72),

@@ -53,22 +53,24 @@ def made(name: str, count: int) -> Callable[..., None]:
 
 
 @cache
-def slopes_kernel(kind: str) -> Callable[..., None]:
-    """That of `slopes` for a kind of light, see `block_code.slopes_by_copies`."""
-    return made(f"slopes_of_{kind}", 7)
+def slopes_kernel(name: str) -> Callable[..., None]:
+    """That of `slopes`, see `block_code.each_block_of_slopes`."""
+    return made(name, 7)
 
 
-def slopes(kind: str, vectors: Floats, varied: Floats, states: Floats, found: Floats) -> Any:
-    """Fills found (n, 9, m): the derivatives of the readings at states (n, 8), under the light of a
-    bench, by what is varied in m copies of a sensor; returns the numbers of those that are left.
+def slopes(name: str, vectors: Floats, varied: Floats, states: Floats, found: Floats) -> Any:
+    """Fills found (n, 9, m): the derivatives of the readings at states (n, 8) by m parameters of a
+    sensor; returns the numbers of those that are left.
 
-    kind: of `kinds.LIT`.  varied: (m, ...) how much each number of `vectors` answers to it.
+    name: of a kernel: "slopes_of_KIND", KIND of `kinds.LIT`, where `varied` (m, ...) is how much
+    each number of `vectors` answers to a parameter; or "slopes_by_parameters", where it is
+    `parameters.Axes`.
     """
     count = -(-len(states) // LANES)
     rows = states[np.minimum(np.arange(count * LANES), len(states) - 1)]
     out, left = np.empty((len(rows), *found.shape[1:])), np.empty(count, np.int64)
     addresses = map(address_of, (vectors, varied, rows, out, left))
-    slopes_kernel(kind)(*addresses, len(varied), count)
+    slopes_kernel(name)(*addresses, found.shape[2], count)
     found[:] = out[: len(states)]
     return lanes_of(left, len(states)) if left.any() else ()
 

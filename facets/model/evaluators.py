@@ -87,15 +87,15 @@ def addresses_of(*arrays: Floats) -> list[int]:
 
 
 @once
-def slopes_model(kind: str) -> Callable[..., None]:
-    """See `row_code.slopes_by_copies`."""
-    return made(f"slopes_of_{kind}", 6)
+def slopes_model(name: str) -> Callable[..., None]:
+    """See `row_code.each_row_of_slopes`."""
+    return made(name, 6)
 
 
-def slopes(kind: str, vectors: Floats, varied: Floats, states: Floats, found: Floats) -> None:
+def slopes(name: str, vectors: Floats, varied: Floats, states: Floats, found: Floats) -> None:
     """Fills found (n, 9, m): what `blocks.slopes` gives."""
     where = addresses_of(vectors, states, found, varied)
-    slopes_model(kind)(*where, len(states), len(varied))
+    slopes_model(name)(*where, len(states), found.shape[2])
     raise_failure()
 
 

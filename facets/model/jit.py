@@ -26,19 +26,16 @@ from ..optics import (
     bench_gradient,
     bench_light,
     compensated,
-    curved_light,
     cut,
     cut_light,
     cut_parameters,
     detected,
-    edge_light,
     effects,
     footprint,
     forward,
     gradient,
     half_normal,
     limits,
-    parameters,
     rays,
     region,
     tail_quadrature,
@@ -62,22 +59,9 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
         if is_complex(x)
         else lambda x: math.sqrt(x)
     ),
-    dispatch.log: lambda x: (
-        (lambda x: complex(math.log(x.real), x.imag / x.real))
-        if is_complex(x)
-        else lambda x: math.log(x)
-    ),
-    dispatch.sin: lambda x: (
-        (lambda x: complex(math.sin(x.real), math.cos(x.real) * x.imag))
-        if is_complex(x)
-        else lambda x: math.sin(x)
-    ),
-    dispatch.cos: lambda x: (
-        (lambda x: complex(math.cos(x.real), -math.sin(x.real) * x.imag))
-        if is_complex(x)
-        else lambda x: math.cos(x)
-    ),
-    dispatch.larger: lambda a, b: lambda a, b: a if a.real > b.real else b,
+    dispatch.log: lambda x: lambda x: math.log(x),
+    dispatch.sin: lambda x: lambda x: math.sin(x),
+    dispatch.cos: lambda x: lambda x: math.cos(x),
     dispatch.erf: lambda x: lambda x: math.erf(x),
     dispatch.erfc: lambda x: lambda x: math.erfc(x),
     dispatch.atan2: lambda y, x: lambda y, x: math.atan2(y, x),
@@ -102,8 +86,6 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
 TEXT = (
     bench_light,
     bench_gradient,
-    curved_light,
-    edge_light,
     effects,
     vectors,
     rays,
@@ -120,7 +102,6 @@ TEXT = (
     cut_parameters,
     detected,
     cut_light,
-    parameters,
 )
 #: Text is called by compiled code alone: without the wrappers that Python or C would need, which
 #: take a quarter of the time of compiling.

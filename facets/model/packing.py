@@ -9,6 +9,7 @@ import numpy as np
 
 from ..optics.effects import Options
 from ..optics.forward import Geometry, geometry
+from ..optics.parameters import axes
 from ..scalars.dispatch import STEP
 from ..scalars.dual import Dual, parts
 from ..scalars.nesting import leaves, nested
@@ -21,6 +22,8 @@ EXAMPLE = geometry((1.0,) * 30)
 HERE = rare.ADDRESS.item()
 #: How many numbers `pack` makes of a sensor, before the address.
 PACKED = len(list(leaves(EXAMPLE)))
+#: How these answer to the parameters, likewise.
+AXES = axes((1.0,) * 30)
 #: The arrangement where nothing cuts the light and rays are parallel, and where rays are parallel.
 PLAIN = EXAMPLE._replace(openings=None, light=None)  # type: ignore[arg-type]
 PARALLEL = EXAMPLE._replace(light=None)  # type: ignore[arg-type]

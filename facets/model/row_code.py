@@ -10,21 +10,21 @@ from typing import Any
 
 from llvmlite import ir
 
-from ..optics import bench_gradient, bench_light, gradient
+from ..optics import bench_gradient, bench_light, gradient, parameters
 from ..optics.curved_light import curved
 from ..optics.footprint import footprint, slopes, spreading
-from ..optics.forward import Geometry, by_power, placed, scene, with_power
+from ..optics.forward import Geometry, by_power, placed, with_power
 from ..optics.forward import readings as readings_uncut
 from ..scalars.dual import Dual
 from ..scalars.machine import DOUBLE, LONG, Value, counted
 from ..scalars.nesting import leaves
 from ..scalars.rows import RowWriter
 from . import rare
-from .block_code import pointers_to
+from .block_code import lit_rows, pointers_to
 from .evaluators import STATE, WITH_POWER
 from .kinds import LIT
 from .object_code import Write
-from .packing import EXAMPLE, PACKED, PARALLEL, carried, vectors_at, vectors_of
+from .packing import AXES, EXAMPLE, PACKED, PARALLEL, carried, vectors_at, vectors_of
 
 #: Writes what is found at a state, with the sensor's vectors, from and to memory by pointers.
 Formula = Callable[[RowWriter, Geometry, Any, Any], None]
@@ -133,9 +133,14 @@ def write_footprints(code: RowWriter, vectors: Geometry, given: Any, found: Any)
         store(code, footprint(vectors, at, k, spread(vectors, at, k)), found, 5 * k)
 
 
-def slopes_by_copies(kind: str) -> Write:
+#: Writes derivatives: with the sensor's vectors, a state, pointers to what is varied and to
+#: results, and the count of copies.
+SlopesFormula = Callable[[RowWriter, Geometry, tuple[Value, ...], Any, Any, Any], None]
+
+
+def each_row_of_slopes(formula: SlopesFormula, kind: str) -> Write:
     """Writes the code of `evaluators.slopes`: a function of the addresses of a sensor's vectors, of
-    states, results, and the vectors' slopes; and of how many states there are, and copies."""
+    states, results, and what is varied; and of how many states there are, and copies."""
 
     def write(builder: Any, arguments: Sequence[Any]) -> None:
         packed, states, results, varied = pointers_to(builder, arguments[:4])
@@ -143,19 +148,38 @@ def slopes_by_copies(kind: str) -> Write:
         size = builder.mul(copies, ir.Constant(LONG, 9))
         with counted(builder, arguments[4]) as index:
             code = writer_of(builder, packed)
-            vectors = vectors_of(code, packed, kind)
             here = row_at(builder, states, index, ir.Constant(LONG, STATE))
             found = row_at(builder, results, index, size)
             state = tuple(numbers_at(code, here, STATE))
-            at = (scene if vectors.light is None else bench_light.scene)(vectors, state)
-            with counted(builder, copies) as copy:
-                row = row_at(builder, varied, copy, ir.Constant(LONG, PACKED))
-                moved = carried(vectors, vectors_of(code, row, kind))
-                for n, number in enumerate(leaves(bench_gradient.varied(moved, state, at))):
-                    first = builder.mul(copies, ir.Constant(LONG, n))
-                    code.store(number, builder.gep(found, [builder.add(first, copy)]), 0)
+            formula(code, vectors_of(code, packed, kind), state, varied, found, copies)
 
     return write
+
+
+def slopes_by_copies(kind: str) -> Write:
+    """By what is varied in copies of a sensor, under the light of a bench."""
+
+    def formula(
+        code: RowWriter, vectors: Geometry, state: Any, varied: Any, found: Any, copies: Any
+    ) -> None:
+        build = code.builder
+        at = bench_light.scene(vectors, state)
+        with counted(build, copies) as copy:
+            row = row_at(build, varied, copy, ir.Constant(LONG, PACKED))
+            moved = carried(vectors, vectors_of(code, row, kind))
+            for n, number in enumerate(leaves(bench_gradient.varied(moved, state, at))):
+                first = build.mul(copies, ir.Constant(LONG, n))
+                code.store(number, build.gep(found, [build.add(first, copy)]), 0)
+
+    return each_row_of_slopes(formula, kind)
+
+
+def write_slopes_by_parameters(
+    code: RowWriter, vectors: Geometry, state: Any, axes: Any, found: Any, _: Any
+) -> None:
+    """By the thirty parameters, of ideal light.  axes: pointer to `parameters.Axes`."""
+    own = vectors_at(code, axes, AXES)
+    store(code, lit_rows(code, parameters.linearised(vectors, own, state)), found)
 
 
 def loops_of(kind: str) -> dict[str, Write]:
@@ -167,11 +191,13 @@ def loops_of(kind: str) -> dict[str, Write]:
     loops = {
         f"readings_of_{kind}": each_row(write_readings, load, STATE, 9),
         f"near_linearised_of_{kind}": each_row(write_linearised, load, WITH_POWER, 100),
-        f"slopes_of_{kind}": slopes_by_copies(kind),
     }
-    if kind != "plain":
+    if kind == "plain":
+        loops["slopes_by_parameters"] = each_row_of_slopes(write_slopes_by_parameters, kind)
+    else:
         exact = each_row(write_linearised_exactly, load, WITH_POWER, 100)
         loops[f"linearised_of_{kind}"] = exact
+        loops[f"slopes_of_{kind}"] = slopes_by_copies(kind)
     return loops
 
 

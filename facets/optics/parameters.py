@@ -6,10 +6,10 @@ facets A, B, C; radius, azimuth, height, roll, pitch, yaw of detectors A, B, C. 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..scalars.dispatch import Number, cos, sin
-from .forward import Geometry, Path, Scene, path, reading
+from .forward import Geometry, Path, Scene, Three, path, reading, scene
 from .gradient import Gradient, gradient_of_angle, gradients, in_world
 from .rays import gradient_of_beam, slanted
 from .vectors import (
@@ -19,7 +19,6 @@ from .vectors import (
     cross,
     dot,
     rotate,
-    rotation,
     rotation_axes,
     scale,
     subtract,
@@ -33,6 +32,42 @@ PARAMETERS = (
     *(f"facet_{letter}.{name}" for letter in "abc" for name in FACET),
     *(f"psd_{letter}.{name}" for letter in "abc" for name in PSD),
 )
+
+
+class Axes(NamedTuple):
+    """How the sensor's vectors answer to its parameters.
+
+    diameters: of the beam, mm.  tilts: the axes about which its two tilts turn it, in the world.
+    facets: of each, how its normal answers to inclination and azimuth, in the mirror's frame.
+    psds: of each, how its centre answers to radius and azimuth, and the axes of roll, pitch and
+    yaw about it, in the world.
+    """
+
+    diameters: tuple[Any, Any]
+    tilts: tuple[Vector, Vector]
+    facets: Three
+    psds: Three
+
+
+def axes(parameters: tuple[Any, ...]) -> Axes:
+    tilt_x, tilt_y, _ = rotation_axes(parameters[5], parameters[5] * 0)
+    a, b, c = (axes_of_facet(*parameters[k : k + 2]) for k in (6, 8, 10))
+    d, e, f = (axes_of_psd(parameters[k : k + 6]) for k in (12, 18, 24))
+    return Axes((parameters[1], parameters[2]), (tilt_x, tilt_y), (a, b, c), (d, e, f))
+
+
+def axes_of_facet(inclination: Number, azimuth: Number) -> tuple[Vector, Vector]:
+    ci, si = cos(inclination), sin(inclination)
+    ca, sa = cos(azimuth), sin(azimuth)
+    return (ci * ca, ci * sa, -si), (-si * sa, si * ca, si * 0)
+
+
+def axes_of_psd(psd: tuple[Any, ...]) -> tuple[Vector, Vector, Vector, Vector, Vector]:
+    radius, azimuth, _, _, pitch, yaw = psd
+    ca, sa = cos(azimuth), sin(azimuth)
+    roll_axis, pitch_axis, yaw_axis = rotation_axes(pitch, azimuth + yaw)
+    zero = radius * 0
+    return (ca, sa, zero), (-radius * sa, radius * ca, zero), roll_axis, pitch_axis, yaw_axis
 
 
 def turn_of_beam(
@@ -80,19 +115,18 @@ def by_beam(
     along: Vector,
     gradient: Gradient,
     of_power: Number,
-    parameters: tuple[Any, ...],
+    axes: Axes,
 ) -> tuple[Any, ...]:
     """One reading's derivatives with respect to the beam's six parameters."""
     x, y = by_sigmas(at, k, gradient)
     turn = turn_of_beam(geometry, at, k, ray, along, gradient)
-    tilt_x, tilt_y, _ = rotation_axes(parameters[5], parameters[5] * 0)
     return (
         of_power,
-        x / parameters[1],
-        y / parameters[2],
+        x / axes.diameters[0],
+        y / axes.diameters[1],
         -dot(turn, geometry.direction),
-        dot(turn, tilt_x),
-        dot(turn, tilt_y),
+        dot(turn, axes.tilts[0]),
+        dot(turn, axes.tilts[1]),
     )
 
 
@@ -113,47 +147,38 @@ def by_normals(geometry: Geometry, at: Scene, k: int, gradient: Gradient) -> tup
 
 
 def by_facet(
-    gradient: Vector, inclination: Number, azimuth: Number, turn: tuple[Any, Any, Any]
+    gradient: Vector, own: tuple[Vector, Vector], turn: tuple[Any, Any, Any]
 ) -> tuple[Number, Number]:
-    """Derivatives by a facet's inclination and azimuth. turn: the mirror's rotation, by rows."""
-    ci, si = cos(inclination), sin(inclination)
-    ca, sa = cos(azimuth), sin(azimuth)
-    tipped = rotate(turn, (ci * ca, ci * sa, -si))
-    swung = rotate(turn, (-si * sa, si * ca, si * 0))
-    return dot(gradient, tipped), dot(gradient, swung)
+    """Derivatives by a facet's inclination and azimuth. own: of `Axes.facets`.  turn: the mirror's
+    rotation, by rows."""
+    return dot(gradient, rotate(turn, own[0])), dot(gradient, rotate(turn, own[1]))
 
 
 def by_psd(
-    geometry: Geometry,
-    k: int,
-    along: Vector,
-    landing: tuple[Any, Any],
-    psd: tuple[Any, ...],
+    geometry: Geometry, k: int, along: Vector, landing: tuple[Any, Any], own: tuple[Any, ...]
 ) -> tuple[Any, ...]:
     """A landing coordinate's derivatives with respect to its detector's six parameters.
 
-    along: its slanted axis; landing: (psi, zeta) of the same spot.
+    along: its slanted axis.  landing: (psi, zeta) of the same spot.  own: of `Axes.psds`.
     """
-    _, azimuth, _, _, pitch, yaw = psd
-    ca, sa = cos(azimuth), sin(azimuth)
     _, y, z = geometry.axes[k]
+    outwards, around, roll_axis, pitch_axis, yaw_axis = own
     turn = cross(along, combine(landing[0], y, landing[1], z))
-    roll_axis, pitch_axis, yaw_axis = rotation_axes(pitch, azimuth + yaw)
     moved = scale(-1, along)
-    sideways = psd[0] * (ca * moved[1] - sa * moved[0])
+    yawed = dot(turn, yaw_axis)
     return (
-        ca * moved[0] + sa * moved[1],
-        sideways + dot(turn, yaw_axis),
+        dot(moved, outwards),
+        dot(moved, around) + yawed,
         moved[2],
         dot(turn, roll_axis),
         dot(turn, pitch_axis),
-        dot(turn, yaw_axis),
+        yawed,
     )
 
 
 def by_parameters(
     geometry: Geometry,
-    parameters: tuple[Any, ...],
+    axes: Axes,
     at: Scene,
     k: int,
     ray: Path,
@@ -161,54 +186,48 @@ def by_parameters(
     along: Vector,
     gradient: Gradient,
     of_power: Number,
-    mirror: tuple[Any, Any, Any],
 ) -> tuple[Any, ...]:
-    """One reading of detector k: its derivatives by beam (6), facets (6) and detector k (6).
+    """The derivatives of one reading of detector k, in the order of `PARAMETERS`.
 
     along: the landing coordinate's slanted axis, zero for the power. of_power: the derivative by
-    the beam's power. mirror: the mirror's rotation, by rows.
+    the beam's power.
     """
-    of_beam = by_beam(geometry, at, k, ray, along, gradient, of_power, parameters)
-    of_a, of_b, of_c = by_normals(geometry, at, k, gradient)
-    start = 12 + 6 * k
-    return (
-        of_beam,
-        by_facet(of_a, parameters[6], parameters[7], mirror),
-        by_facet(of_b, parameters[8], parameters[9], mirror),
-        by_facet(of_c, parameters[10], parameters[11], mirror),
-        by_psd(
-            geometry,
-            k,
-            along,
-            landing,
-            (
-                parameters[start],
-                parameters[start + 1],
-                parameters[start + 2],
-                parameters[start + 3],
-                parameters[start + 4],
-                parameters[start + 5],
-            ),
-        ),
-    )
+    of_normals = by_normals(geometry, at, k, gradient)
+    of_facets = [by_facet(of_normals[j], axes.facets[j], at.turn) for j in range(3)]
+    of_psds: list[tuple[Any, ...]] = [(0.0,) * 6] * 3
+    of_psds[k] = by_psd(geometry, k, along, landing, axes.psds[k])
+    of_beam = by_beam(geometry, at, k, ray, along, gradient, of_power, axes)
+    return (*of_beam, *(each for some in (*of_facets, *of_psds) for each in some))
 
 
 def detector_by_parameters(
-    geometry: Geometry, parameters: tuple[Any, ...], state: tuple[Any, ...], at: Scene, k: int
-) -> tuple[tuple[Any, Any, Any], tuple[Any, ...]]:
-    """(psi, zeta, power) of detector k, and what `by_parameters` gives for each."""
+    geometry: Geometry, axes: Axes, at: Scene, k: int
+) -> tuple[Three, Three]:
+    """(psi, zeta, power) of detector k, and the thirty derivatives of each."""
     ray = path(geometry, at, k)
     psi, zeta, power = reading(geometry, at, k, ray)
     of_psi, of_zeta, of_power = gradients(geometry, at, k, ray)
     x, y, z = geometry.axes[k]
-    mirror = rotation(state[3], state[4], state[5])
     mass = at.moments[k][0]
     zero = mass * 0
     nothing = (zero, zero, zero)
     along_y, along_z = slanted(y, ray.leaving, x), slanted(z, ray.leaving, x)
     spot = (psi, zeta)
     return (psi, zeta, power), (
-        by_parameters(geometry, parameters, at, k, ray, spot, along_y, of_psi, zero, mirror),
-        by_parameters(geometry, parameters, at, k, ray, spot, along_z, of_zeta, zero, mirror),
-        by_parameters(geometry, parameters, at, k, ray, spot, nothing, of_power, mass, mirror),
+        by_parameters(geometry, axes, at, k, ray, spot, along_y, of_psi, zero),
+        by_parameters(geometry, axes, at, k, ray, spot, along_z, of_zeta, zero),
+        by_parameters(geometry, axes, at, k, ray, spot, nothing, of_power, mass),
+    )
+
+
+def linearised(
+    geometry: Geometry, axes: Axes, state: tuple[Any, ...]
+) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
+    """Readings at a state, and their derivatives by the parameters, for detectors A, B and C; of
+    ideal light that nothing cuts."""
+    at = scene(geometry, state)
+    return (
+        detector_by_parameters(geometry, axes, at, 0),
+        detector_by_parameters(geometry, axes, at, 1),
+        detector_by_parameters(geometry, axes, at, 2),
     )

@@ -1,19 +1,18 @@
 """Elementary functions for every number type that the optics is run with.
 
 The formulas in `facets.optics` are written once, over scalars, with `+ - * /` and these functions.
-They then run as plain floats, inside compiled loops (`model.jit` gives each function here a
-compiled twin), as numbers that write machine code (`machine`), and in high precision (mpmath); what
-is only geometry runs as complex numbers too, whose imaginary parts carry a derivative along, as
-rigorous intervals (`intervals`), and with casadi's symbols (`casadi_symbols`). A formula holds no
-decimal literal, because a rounded constant would spoil a 40-digit run.
+They then run as plain floats, as numbers that write machine code (`machine`), inside loops that
+Numba compiles (`model.jit` gives each function here a compiled twin), and in high precision
+(mpmath); what is only geometry runs as rigorous intervals (`intervals`) and with casadi's symbols
+(`casadi_symbols`) too. A formula holds no decimal literal, because a rounded constant would spoil a
+40-digit run.
 
-A derivative is carried along by `dual.Dual`, and, in loops that Numba compiles, times STEP in the
-imaginary parts of complex numbers.
+A derivative is carried along by `dual.Dual`, over numbers of these kinds; in loops that Numba
+compiles, times STEP in the imaginary parts of complex numbers.
 """
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Callable
 from typing import Any
@@ -37,8 +36,6 @@ def library(x: Number) -> Any:
     """The module that has the elementary functions for a number of this type."""
     if is_float(x):
         return math
-    if isinstance(x, complex):
-        return cmath
     if hasattr(x, "context"):
         return x.context
     if type(x).__module__.startswith("casadi"):
@@ -87,21 +84,12 @@ def erfc(x: Number) -> Number:
 
 
 def atan2(y: Number, x: Number) -> Number:
-    if isinstance(x, complex) or isinstance(y, complex):
-        return atan2_carried(complex(y), complex(x))
     return library(y if is_dual(y) else x).atan2(y, x)
-
-
-def atan2_carried(y: complex, x: complex) -> complex:
-    """Of complex numbers whose imaginary parts carry a derivative along."""
-    square = x.real * x.real + y.real * y.real
-    slope = (x.real * y.imag - y.real * x.imag) / square
-    return complex(math.atan2(y.real, x.real), slope)
 
 
 def real(x: Number) -> Number:
     """The value of a number, without the derivative that it may carry along."""
-    return x.real if isinstance(x, complex) or is_dual(x) else x
+    return x.real if is_dual(x) else x
 
 
 def larger(a: Number, b: Number) -> Number:
