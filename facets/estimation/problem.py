@@ -92,9 +92,11 @@ class Workspace(NamedTuple):
 
 
 class Model(NamedTuple):
-    """address: of `model.evaluators.linearised`.  packed: the sensor's vectors."""
+    """address: of a model of `model.evaluators`, or a function that does its work.
 
-    address: int
+    packed: the sensor's vectors."""
+
+    address: Any
     packed: Array
 
 

@@ -70,7 +70,8 @@ def model(name: str) -> Callable[..., None]:
 
 def address(name: str) -> int:
     """Where the compiled function is in this process."""
-    return ctypes.cast(model(name), ctypes.c_void_p).value or 0
+    code: Any = model(name)
+    return ctypes.cast(code, ctypes.c_void_p).value or 0
 
 
 def fill(name: str, vectors: Floats, given: Floats, found: Floats) -> None:

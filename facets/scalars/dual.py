@@ -7,6 +7,7 @@ of Numba have complex numbers instead (`dispatch.carrying`), whose text is the s
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from . import dispatch
@@ -80,7 +81,7 @@ class Dual:
         return Dual(value, times(times(self.imag, -value), inverse))
 
 
-pi = dispatch.math.pi
+pi = math.pi
 
 
 def sqrt(x: Dual) -> Dual:
