@@ -18,6 +18,7 @@ from ..model.block_code import each_block
 from ..model.blocks import LANES
 from ..model.jit import compiler
 from ..model.object_code import Write, function
+from ..model.packing import vectors_of
 from ..optics.central import side_central
 from ..optics.forward import Geometry, placed, readings, shone_on
 from ..optics.gradient import linearised
@@ -40,7 +41,7 @@ def staged(formula: Callable[[LaneWriter, Any, tuple[Any, ...]], Iterable[Any]])
             total = total + number
         code.store_lanes(total, found, 0)
 
-    return each_block(write, 8, 1)
+    return each_block(write, lambda code, pointer: vectors_of(code, pointer, "plain"), 1)
 
 
 def special(code: LaneWriter, vectors: Geometry, state: tuple[Any, ...]) -> Iterator[Any]:

@@ -18,7 +18,8 @@ from ..model.packing import vectors_at, vectors_of
 from ..optics import bench_gradient, gradient
 from ..optics.forward import by_power, with_power
 from ..scalars.lanes import Flag, LaneWriter, Memory
-from ..scalars.machine import DOUBLE, LONG, Condition, Value, counted
+from ..scalars.machine import DOUBLE, LONG, counted
+from ..scalars.tracing import Condition, Value
 from . import straight
 from .blocks import SCALES, Form, Task
 from .problem import DARK, FAINTEST, HEAVIEST, PATIENCE, SLOWEST, SMALL, UNKNOWNS

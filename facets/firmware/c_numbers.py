@@ -1,8 +1,6 @@
-"""Numbers that write C: a formula run with them becomes statements of a C function.
+"""Writes a formula as statements of a C function. See `scalars.tracing`.
 
-The optics' text, run once with such numbers, becomes straight C99 with one constant for each
-result. What is known when it is written is computed then: products with zero and one, which a
-symmetric sensor has many of, and whatever was computed before.
+Straight C99 with one constant for each result.
 """
 
 from __future__ import annotations
@@ -13,75 +11,25 @@ from collections.abc import Callable
 from typing import Any
 
 from ..scalars.nesting import leaves, nested
+from ..scalars.tracing import Condition, Tracer, Value, key_of
 
 #: A number of the formula, or one that is known already; or tuples of such.
 Numbers = Any
 
-
-class Value:
-    """A number that the C function will compute, by its name there.
-
-    wide: whether it is of the type `facets_wide`, which has double precision in either build.
-    """
-
-    __slots__ = ("name", "wide", "writer")
-
-    def __init__(self, writer: Writer, name: str, wide: bool = False) -> None:
-        self.writer, self.name, self.wide = writer, name, wide
-
-    def __add__(self, other: Any) -> Numbers:
-        return self.writer.sum(self, other)
-
-    def __radd__(self, other: Any) -> Numbers:
-        return self.writer.sum(other, self)
-
-    def __sub__(self, other: Any) -> Numbers:
-        return self.writer.difference(self, other)
-
-    def __rsub__(self, other: Any) -> Numbers:
-        return self.writer.difference(other, self)
-
-    def __mul__(self, other: Any) -> Numbers:
-        return self.writer.product(self, other)
-
-    def __rmul__(self, other: Any) -> Numbers:
-        return self.writer.product(other, self)
-
-    def __truediv__(self, other: Any) -> Numbers:
-        return self.writer.quotient(self, other)
-
-    def __rtruediv__(self, other: Any) -> Numbers:
-        return self.writer.quotient(other, self)
-
-    def __neg__(self) -> Numbers:
-        return self.writer.negative(self)
-
-    def __abs__(self) -> Numbers:
-        return self.writer.function("fabs", self)
-
-    def __gt__(self, other: Any) -> Condition:
-        wide = is_wide(self, other)
-        return Condition(
-            self.writer, f"{self.writer.text(self, wide)} > {self.writer.text(other, wide)}"
-        )
+FORMS = {
+    "add": "{} + {}",
+    "subtract": "{} - {}",
+    "multiply": "{} * {}",
+    "divide": "{} / {}",
+    "negative": "-{}",
+}
+CONNECTIVES = {"and": "({}) && ({})", "or": "({}) || ({})", "not": "!({})"}
 
 
-class Condition:
-    """Whether something is so, as C asks it."""
+class WideValue(Value):
+    """A number of the type `facets_wide`, which has double precision in either build."""
 
-    __slots__ = ("text", "writer")
-
-    def __init__(self, writer: Writer, text: str) -> None:
-        self.writer, self.text = writer, text
-
-    def __or__(self, other: Condition) -> Condition:
-        return Condition(self.writer, f"({self.text}) || ({other.text})")
-
-    def __and__(self, other: Condition) -> Condition:
-        return Condition(self.writer, f"({self.text}) && ({other.text})")
-
-    def __bool__(self) -> bool:
-        raise TypeError("a formula asks what only its C code will know; use Writer.choose")
+    __slots__ = ()
 
 
 def number(value: float, wide: bool = False) -> str:
@@ -92,85 +40,57 @@ def number(value: float, wide: bool = False) -> str:
 
 
 def is_wide(*parts: Numbers) -> bool:
-    return any(isinstance(part, Value) and part.wide for part in parts)
+    return any(isinstance(part, WideValue) for part in parts)
 
 
-class Writer:
+class CWriter(Tracer):
     """Collects the statements of one C function."""
 
-    #: How many states are computed at once; see `scalars.machine.Writer`.
-    lanes = 1
+    drops_zeros = True
 
     def __init__(self) -> None:
+        super().__init__()
         self.statements: list[str] = []
-        self._known: dict[str, str] = {}
         self._count = 0
         self._indent = "    "
 
-    def value(self, name: str, wide: bool = False) -> Value:
-        """An argument of the function."""
-        return Value(self, name, wide)
+    def variable(self, name: str, wide: bool = False) -> Value:
+        """What has a name in C."""
+        return (WideValue if wide else Value)(self, name)
 
     def text(self, part: Numbers, wide: bool = False) -> str:
         """A number as an operand among wide ones, or among others."""
         if not isinstance(part, Value):
             return number(part, wide)
-        return f"(facets_wide){part.name}" if wide and not part.wide else part.name
+        return f"(facets_wide){part.ir}" if wide and not is_wide(part) else str(part.ir)
 
     def narrow(self, part: Numbers) -> Numbers:
         """Wide numbers, in nested tuples, as others."""
         return nested(part, (self._narrow(each) for each in leaves(part)))
 
     def _narrow(self, part: Numbers) -> Numbers:
-        return self._compute("(facets_real){}", False, part) if is_wide(part) else part
+        if not is_wide(part):
+            return part
+        return self.once(("narrow", part), self._assign, f"(facets_real){part.ir}", False)
 
-    def sum(self, a: Numbers, b: Numbers) -> Numbers:
-        if is_known(a, 0):
-            return b
-        if is_known(b, 0):
-            return a
-        return self._compute("{} + {}", is_wide(a, b), a, b)
+    def write(self, operation: str, *operands: Numbers) -> Value:
+        return self._compute(FORMS[operation], *operands)
 
-    def difference(self, a: Numbers, b: Numbers) -> Numbers:
-        if is_known(b, 0):
-            return a
-        if is_known(a, 0):
-            return -b
-        return self._compute("{} - {}", is_wide(a, b), a, b)
+    def write_function(self, name: str, *arguments: Numbers) -> Value:
+        places = ", ".join("{}" for _ in arguments)
+        form = f"facets_{'wide_' * is_wide(*arguments)}{name}({places})"
+        key = (name, *map(key_of, arguments))
+        return self.once(key, self._compute, form, *arguments)  # type: ignore[no-any-return]
 
-    def product(self, a: Numbers, b: Numbers) -> Numbers:
-        """Zero times what is finite is zero, and the function is asked with finite numbers."""
-        for one, other in ((a, b), (b, a)):
-            if is_known(one, 0):
-                return 0.0
-            if is_known(one, 1):
-                return other
-            if is_known(one, -1):
-                return -other
-        return self._compute("{} * {}", is_wide(a, b), a, b)
+    def write_comparison(self, how: str, a: Numbers, b: Numbers) -> Condition:
+        wide = is_wide(a, b)
+        return Condition(self, f"{self.text(a, wide)} {how} {self.text(b, wide)}")
 
-    def quotient(self, a: Numbers, b: Numbers) -> Numbers:
-        if is_known(a, 0):
-            return 0.0
-        if is_known(b, 1):
-            return a
-        if isinstance(b, float | int) and math.frexp(b)[0] == 0.5:  # a power of two, exactly
-            return self.product(a, 1 / b)
-        return self._compute("{} / {}", is_wide(a, b), a, b)
+    def write_selection(self, condition: Condition, a: Numbers, b: Numbers) -> Value:
+        return self._compute(f"({condition.ir}) ? {{}} : {{}}", a, b)
 
-    def negative(self, a: Value) -> Value:
-        return self._compute("-{}", a.wide, a)
-
-    def function(self, name: str, *arguments: Numbers) -> Numbers:
-        """An elementary function of `math`."""
-        if all(isinstance(each, float | int) for each in arguments):
-            return getattr(math, name)(*arguments)
-        wide = is_wide(*arguments)
-        call = f"facets_{'wide_' * wide}{name}({', '.join('{}' for _ in arguments)})"
-        return self._compute(call, wide, *arguments)
-
-    def select(self, condition: Condition, a: Numbers, b: Numbers) -> Value:
-        return self._compute(f"({condition.text}) ? {{}} : {{}}", is_wide(a, b), a, b)
+    def combine(self, how: str, *conditions: Condition) -> Condition:
+        return Condition(self, CONNECTIVES[how].format(*(each.ir for each in conditions)))
 
     def called(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
         """What a C function of the same name gives, in tuples nested like `like`."""
@@ -191,7 +111,7 @@ class Writer:
         place = self._new("c")
         first = len(self.statements)
         like, size = None, 0
-        for head, way in ((f"if ({condition.text}) {{", then), ("} else {", other)):
+        for head, way in ((f"if ({condition.ir}) {{", then), ("} else {", other)):
             self._write(head)
             like = self._branch(way, place)
             size = len(list(leaves(like)))
@@ -200,27 +120,29 @@ class Writer:
         return nested(like, iter([Value(self, f"{place}[{n}]") for n in range(size)]))
 
     def _branch(self, way: Callable[[], Numbers], place: str) -> Numbers:
-        """Writes one way of `choose`; what is computed in it is known in it alone."""
-        known, indent = dict(self._known), self._indent
+        """Writes one way of `choose`."""
+        indent = self._indent
         self._indent += "    "
-        found = way()
+        with self.scope():
+            found = way()
         for n, each in enumerate(leaves(found)):
             self._write(f"{place}[{n}] = {self.text(each)};")
-        self._known, self._indent = known, indent
+        self._indent = indent
         return found
 
     def put(self, place: str, part: Numbers) -> None:
         """A result of the function."""
         self._write(f"{place} = {self.text(part)};")
 
-    def _compute(self, form: str, wide: bool, *operands: Numbers) -> Value:
+    def _compute(self, form: str, *operands: Numbers) -> Value:
         """form: the expression, with a place for each operand."""
-        expression = form.format(*(self.text(each, wide) for each in operands))
-        name = self._known.get(expression)
-        if name is None:
-            name = self._known[expression] = self._new("t")
-            self._write(f"const facets_{'wide' if wide else 'real'} {name} = {expression};")
-        return Value(self, name, wide)
+        wide = is_wide(*operands)
+        return self._assign(form.format(*(self.text(each, wide) for each in operands)), wide)
+
+    def _assign(self, expression: str, wide: bool) -> Value:
+        name = self._new("t")
+        self._write(f"const facets_{'wide' if wide else 'real'} {name} = {expression};")
+        return self.variable(name, wide)
 
     def _new(self, letter: str) -> str:
         self._count += 1
@@ -245,7 +167,3 @@ def needed(statements: list[str]) -> list[str]:
         asked.update(re.findall(r"\b[tfc]\d+\b", statement[constant.end() if constant else 0 :]))
         kept.append(statement)
     return kept[::-1]
-
-
-def is_known(part: Numbers, value: float) -> bool:
-    return isinstance(part, float | int) and part == value

@@ -9,7 +9,7 @@ from ..model.arrays import geometry_of
 from ..optics.forward import by_power, path, placed, reading, shone_on, with_light, with_power
 from ..optics.gradient import linearised_detector, turns_of_edges
 from ..optics.vectors import rotation_axes
-from .c_numbers import CONSTANT, Writer, needed
+from .c_numbers import CONSTANT, CWriter, needed
 
 
 class ModelText(NamedTuple):
@@ -26,9 +26,9 @@ def model_text(sensor: Sensor) -> ModelText:
     spots land is computed in wide numbers: over the detector's distance, single precision would
     round them by some 50 nm. The light and the derivatives do not need that.
     """
-    writer = Writer()
-    exact = tuple(writer.value(f"x[{c}]", wide=True) for c in range(8))
-    vectors = with_power(geometry_of(sensor), writer.value("(facets_real)x[8]"))
+    writer = CWriter()
+    exact = tuple(writer.variable(f"x[{c}]", wide=True) for c in range(8))
+    vectors = with_power(geometry_of(sensor), writer.variable("(facets_real)x[8]"))
     standing = placed(vectors, exact)
     at = shone_on(writer.narrow(standing))
     lit = with_light(standing, at.integrals, at.moments)

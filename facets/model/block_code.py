@@ -18,8 +18,9 @@ from ..optics.forward import Geometry, Scene, placed
 from ..optics.forward import readings as readings_uncut
 from ..scalars.dual import Dual
 from ..scalars.lanes import LaneWriter, Memory
-from ..scalars.machine import DOUBLE, LONG, Value, Writer, counted
+from ..scalars.machine import DOUBLE, LONG, Writer, counted
 from ..scalars.nesting import leaves
+from ..scalars.tracing import Value
 from .blocks import LANES
 from .kinds import LIT
 from .object_code import Write

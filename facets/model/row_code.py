@@ -16,9 +16,10 @@ from ..optics.footprint import footprint, slopes, spreading
 from ..optics.forward import Geometry, by_power, placed, with_power
 from ..optics.forward import readings as readings_uncut
 from ..scalars.dual import Dual
-from ..scalars.machine import DOUBLE, LONG, Value, counted
+from ..scalars.machine import DOUBLE, LONG, counted
 from ..scalars.nesting import leaves
 from ..scalars.rows import RowWriter
+from ..scalars.tracing import Value
 from . import rare
 from .block_code import lit_rows, pointers_to
 from .evaluators import STATE, WITH_POWER
@@ -113,7 +114,7 @@ def write_linearised_exactly(code: RowWriter, vectors: Geometry, given: Any, fou
         for i in range(3):
             code.store(of_power(powered, values, k, i, x[8]), found, 10 * (1 + 3 * k + i) + 8)
     build = code.builder
-    with counted(build, ir.Constant(LONG, 8)) as component:
+    with code.looped(ir.Constant(LONG, 8)) as component:
         moved = []
         for c, number in enumerate(state):
             own = build.icmp_signed("==", component, ir.Constant(LONG, c))
@@ -164,7 +165,7 @@ def slopes_by_copies(kind: str) -> Write:
     ) -> None:
         build = code.builder
         at = bench_light.scene(vectors, state)
-        with counted(build, copies) as copy:
+        with code.looped(copies) as copy:
             row = row_at(build, varied, copy, ir.Constant(LONG, PACKED))
             moved = carried(vectors, vectors_of(code, row, kind))
             for n, number in enumerate(leaves(bench_gradient.varied(moved, state, at))):

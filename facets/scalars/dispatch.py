@@ -1,8 +1,8 @@
 """Elementary functions for every number type that the optics is run with.
 
 The formulas in `facets.optics` are written once, over scalars, with `+ - * /` and these functions.
-They then run as plain floats, as numbers that write machine code (`machine`), inside loops that
-Numba compiles (`model.jit` gives each function here a compiled twin), and in high precision
+They then run as plain floats, as numbers that write code (`tracing`), inside loops that Numba
+compiles (`model.jit` gives each function here a compiled twin), and in high precision
 (mpmath); what is only geometry runs as rigorous intervals (`intervals`) and with casadi's symbols
 (`casadi_symbols`) too. A formula holds no decimal literal, because a rounded constant would spoil a
 40-digit run.
@@ -43,9 +43,9 @@ def library(x: Number) -> Any:
 
         return casadi_symbols
     if hasattr(x, "writer"):
-        from . import machine
+        from . import tracing
 
-        return machine
+        return tracing
     if is_dual(x):
         from . import dual
 
@@ -96,9 +96,9 @@ def larger(a: Number, b: Number) -> Number:
     """The larger of two numbers, with the derivative that it carries."""
     first, second = real(a), real(b)
     if hasattr(first, "writer") or hasattr(second, "writer"):
-        from . import machine
+        from . import tracing
 
-        return machine.larger(a, b)
+        return tracing.larger(a, b)
     return a if first > second else b
 
 
@@ -115,9 +115,9 @@ def integral(integrand: Callable[[Number], Number], like: Number) -> Number:
 def defined(value: Number, a: Number, b: Number, c: Number) -> Number:
     """`value` where a, b and c are above zero, else NaN; a symbol as it is."""
     if hasattr(real(a), "writer"):
-        from . import machine
+        from . import tracing
 
-        return machine.defined(value, real(a), real(b), real(c))
+        return tracing.defined(value, real(a), real(b), real(c))
     if type(value).__module__.startswith("casadi"):
         return value
     return value if real(a) > 0 and real(b) > 0 and real(c) > 0 else value * math.nan

@@ -19,8 +19,9 @@ from typing import Any
 from llvmlite import ir
 
 from . import polynomials
-from .machine import DOUBLE, LONG, Condition, Repetition, Value, Writer, counted, do_while
+from .machine import DOUBLE, INTRINSICS, LONG, Repetition, Writer, counted, do_while
 from .nesting import Numbers
+from .tracing import Condition, Value
 
 SHORT = ir.IntType(32)
 BIT = ir.IntType(1)
@@ -39,34 +40,6 @@ class Left:
 
 
 LEFT = Left()
-
-
-def known_by(number: Value | float) -> tuple[int, float]:
-    """What tells numbers apart, in an order."""
-    return (id(number), 0.0) if isinstance(number, Value) else (0, number)
-
-
-def added(a: Any, b: Any) -> Any:
-    """The sum where nothing need be added; else None."""
-    return b if is_plain(a, 0) else a if is_plain(b, 0) else None
-
-
-def subtracted(a: Any, b: Any) -> Any:
-    return -b if is_plain(a, 0) else a if is_plain(b, 0) else None
-
-
-def multiplied(a: Any, b: Any) -> Any:
-    if is_plain(a, 0) or is_plain(b, 0):
-        return 0.0
-    return b if is_plain(a, 1) else a if is_plain(b, 1) else None
-
-
-def divided(a: Any, b: Any) -> Any:
-    return 0.0 if is_plain(a, 0) else a if is_plain(b, 1) else None
-
-
-def is_plain(x: Any, number: float) -> bool:
-    return not isinstance(x, Value) and x == number
 
 
 def shuffled(builder: Any, a: Any, b: Any, places: Iterable[int]) -> Any:
@@ -90,16 +63,14 @@ def transposed(builder: Any, rows: list[Any]) -> list[Any]:
     ]
 
 
-#: What an operation on a and the negative of b is, of a and b.
-NEGATED: dict[str, Callable[[Any, Any], Any]] = {
-    "fadd": lambda a, b: a - b,
-    "fsub": lambda a, b: a + b,
-    "fmul": lambda a, b: -(a * b),
-}
-
-
 class LaneWriter(Writer):
-    """lanes: how many poses.  `left`: in which of them the numbers mean nothing."""
+    """lanes: how many poses.  `left`: in which of them the numbers mean nothing.
+
+    Nothing is done for a lane that has no finite numbers: it has to be left.
+    """
+
+    drops_zeros = True
+    shares_reciprocals = True
 
     def __init__(self, builder: Any, lanes: int) -> None:
         super().__init__(builder)
@@ -107,50 +78,6 @@ class LaneWriter(Writer):
         self.kind = ir.VectorType(DOUBLE, lanes)
         self.left = self.same(False)
         self._here: list[Condition] = []
-        self._negatives: dict[int, tuple[Value, Value]] = {}
-        self._known: dict[tuple[Any, ...], tuple[Value, Any, Any]] = {}
-
-    def two(self, operation: str, a: Value | float, b: Value | float) -> Any:
-        """Writes no operation twice, none with a zero or a one, and one division a divisor.
-
-        Zero times what is not finite is zero here: such lanes are left.
-        """
-        if a is b and operation == "fsub":
-            return 0.0
-        if operation in NEGATED:
-            positive, negative = self._positive(a), self._positive(b)
-            if negative is not None:
-                return NEGATED[operation](a, negative)
-            if positive is not None and operation != "fsub":
-                return NEGATED[operation](b, positive)
-        plain: dict[str, Callable[..., Any]] = {
-            "fadd": added, "fsub": subtracted, "fmul": multiplied, "fdiv": divided
-        }  # fmt: skip
-        found = plain[operation](a, b)
-        if found is not None:
-            return found
-        if operation == "fdiv" and a != 1:
-            return self.two("fmul", a, self.two("fdiv", 1.0, b))
-        key: tuple[Any, ...] = (operation, known_by(a), known_by(b))
-        if operation in ("fadd", "fmul"):
-            key = (operation, *sorted(key[1:]))
-        if key not in self._known:
-            self._known[key] = (super().two(operation, a, b), a, b)  # kept, so that ids stay theirs
-        return self._known[key][0]
-
-    def negative(self, number: Value) -> Value:
-        if id(number) in self._negatives:  # of a negative
-            return self._negatives[id(number)][0]
-        key = ("fneg", known_by(number))
-        if key not in self._known:
-            found = super().negative(number)
-            self._known[key] = (found, number, number)
-            self._negatives[id(found)] = (number, found)
-        return self._known[key][0]
-
-    def _positive(self, number: Any) -> Value | None:
-        """What a number is the negative of."""
-        return self._negatives[id(number)][0] if id(number) in self._negatives else None
 
     def same(self, truth: Any) -> Condition:
         """What is so in all lanes, or in none. truth: a bool, or a bit that the code will know."""
@@ -255,8 +182,8 @@ class LaneWriter(Writer):
 
     @contextmanager
     def looped(self, count: Any) -> Iterator[Any]:
-        """A loop, as `machine.counted` writes it: what is written before it may be used within it,
-        and what is written within it not after it."""
+        """A loop, as `machine.counted` writes it: what is computed before it is known within it,
+        and what is computed within it is not known after it."""
         with self._round() as begin, counted(self.builder, count) as number, begin():
             yield number
 
@@ -269,7 +196,6 @@ class LaneWriter(Writer):
     @contextmanager
     def _round(self) -> Iterator[Callable[[], Any]]:
         """Around a loop; gives what goes around its inside. Rounds hand on `left`."""
-        known, negatives = dict(self._known), dict(self._negatives)
         left = Flag(self, self.left)
 
         @contextmanager
@@ -278,9 +204,9 @@ class LaneWriter(Writer):
             yield
             left.set(self.left)
 
-        yield begin
+        with self.scope():
+            yield begin
         self.left = left.get()
-        self._known, self._negatives = known, negatives
 
     def choose(
         self, condition: Condition, then: Callable[[], Numbers], other: Callable[[], Numbers]
@@ -305,25 +231,16 @@ class LaneWriter(Writer):
         return self.select(condition, then, other)
 
     def rarely(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
-        """What is seldom needed is left to other code."""
+        """Left to other code."""
         self.leave(self.same(True))
         return LEFT
 
-    def function(self, name: str, *arguments: Value | float) -> Value:
+    def write_function(self, name: str, *arguments: Value | float) -> Value:
+        """Anew each time, since what it leaves depends on where it stands; its parts only once."""
+        if name in INTRINSICS:
+            return super().write_function(name, *arguments)
         written: Callable[..., Value] = getattr(self, f"_{name}")
         return written(*arguments)
-
-    def _sqrt(self, x: Value) -> Value:
-        return self._intrinsic("sqrt", x)
-
-    def _fabs(self, x: Value) -> Value:
-        return self._intrinsic("fabs", x)
-
-    def _intrinsic(self, name: str, x: Value) -> Value:
-        module, full = self.builder.module, f"llvm.{name}.v{self.lanes}f64"
-        known = module.globals.get(full)
-        kind = ir.FunctionType(self.kind, [self.kind])
-        return Value(self, self.builder.call(known or ir.Function(module, kind, full), [x.ir]))
 
     def _sin(self, x: Value) -> Value:
         self.leave(~(abs(x) < 1))
@@ -352,7 +269,8 @@ class LaneWriter(Writer):
         )
         m = Value(self, build.bitcast(part, self.kind))
         e = Value(self, build.sitofp(power, self.kind))
-        return e * LN2_HIGH + (polynomials.logarithm((m - 1) / (m + 1)) + e * LN2_LOW)
+        rest = polynomials.logarithm((m - 1) / (m + 1)) + e * LN2_LOW
+        return e * LN2_HIGH + rest  # type: ignore[no-any-return]
 
     def _atan2(self, y: Value, x: Value) -> Value:
         high, wide = abs(y), abs(x)
@@ -362,7 +280,7 @@ class LaneWriter(Writer):
         turn = self.select(steep, math.pi / 2, self.select(middle, math.pi / 4, 0.0))
         angle = turn + polynomials.arc_tangent(above / below)
         angle = self.select(x > 0, angle, math.pi - angle)
-        return self.select(y < 0, -angle, angle)
+        return self.select(y < 0, -angle, angle)  # type: ignore[no-any-return]
 
 
 class Memory:

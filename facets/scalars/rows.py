@@ -12,12 +12,11 @@ from typing import Any
 
 from llvmlite import ir
 
-from .machine import DOUBLE, LONG, Value, Writer
+from .machine import DOUBLE, INTRINSICS, LONG, Writer
 from .nesting import Numbers, leaves, nested
+from .tracing import Value, key_of
 
 POINTER = ir.PointerType(DOUBLE)
-#: Which LLVM has itself, rounded as IEEE 754 has it.
-OWN = {"sqrt": "llvm.sqrt.f64", "fabs": "llvm.fabs.f64"}
 
 
 class RowWriter(Writer):
@@ -28,10 +27,16 @@ class RowWriter(Writer):
         super().__init__(builder)
         self._functions, self._names = functions, names
 
-    def function(self, name: str, *arguments: Value | float) -> Value:
-        module, full = self.builder.module, OWN.get(name, name)
+    def write_function(self, name: str, *arguments: Value | float) -> Value:
+        if name in INTRINSICS:
+            return super().write_function(name, *arguments)
+        key = (name, *map(key_of, arguments))
+        return self.once(key, self._call, name, *arguments)  # type: ignore[no-any-return]
+
+    def _call(self, name: str, *arguments: Value | float) -> Value:
+        module = self.builder.module
         kind = ir.FunctionType(DOUBLE, [DOUBLE] * len(arguments))
-        code = module.globals.get(full) or ir.Function(module, kind, full)
+        code = module.globals.get(name) or ir.Function(module, kind, name)
         return Value(self, self.builder.call(code, [self.value(each) for each in arguments]))
 
     def called(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:

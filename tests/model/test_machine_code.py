@@ -12,7 +12,8 @@ import facets
 from facets.model import jit, packing, rare
 from facets.model.arrays import geometry_of, packed
 from facets.optics.gradient import linearised
-from facets.scalars.machine import DOUBLE, Value, Writer
+from facets.scalars.machine import DOUBLE, Writer
+from facets.scalars.tracing import Value
 
 
 def in_floats(sensor, state):

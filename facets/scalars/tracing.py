@@ -1,0 +1,327 @@
+"""Numbers that record what is done with them, from which writers make code: LLVM's, or C.
+
+A formula of the optics, run once with such numbers, becomes straight code. `Tracer` has all that
+the writers share: it leaves out what needs no instruction, and writes no instruction twice. A
+writer derives from it and knows how one instruction is written:
+
+- `machine.Writer` LLVM's code for one pose, with branches;
+- `lanes.LaneWriter` LLVM's code for several poses at once, without branches;
+- `firmware.c_numbers.CWriter` C.
+
+Operations come in the order of the text, and each rule gives the same bits as the operation that it
+leaves out, but for two, which a writer has to ask for:
+
+- `drops_zeros`: 0 x is 0, x + 0 is x, and x - x is 0. Exact for finite x but for the sign of a
+  zero; a NaN or an infinity of x is lost. So a lane with such an x has to be left by another rule
+  (`LaneWriter.leave`), and the C code is asked with finite numbers only.
+- `shares_reciprocals`: a / b is a times 1 / b, which is written once for all a. It costs half a
+  unit in the last digit more.
+
+The rules that are always exact: x 1, x / 1 and x (-1); a negative inside of a sum, a difference or
+a product; a division by a power of two; plain numbers among themselves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from .dispatch import real
+from .dual import Dual, parts
+from .nesting import Numbers
+
+pi = math.pi
+
+
+class Value:
+    """A number that the code being written will compute.
+
+    writer: of the code.  ir: what that has for the number: LLVM's value, or an expression in C.
+    opposite: the number of which this is the negative, if it is known to be one.
+    """
+
+    __slots__ = ("ir", "opposite", "writer")
+
+    def __init__(self, writer: Any, ir: Any) -> None:
+        self.writer, self.ir = writer, ir
+        self.opposite: Value | None = None
+
+    # a `Dual` knows itself what an operation with it gives
+    def __add__(self, other: Any) -> Any:
+        return NotImplemented if isinstance(other, Dual) else self.writer.add(self, other)
+
+    def __radd__(self, other: Any) -> Any:
+        return self.writer.add(other, self)
+
+    def __sub__(self, other: Any) -> Any:
+        return NotImplemented if isinstance(other, Dual) else self.writer.subtract(self, other)
+
+    def __rsub__(self, other: Any) -> Any:
+        return self.writer.subtract(other, self)
+
+    def __mul__(self, other: Any) -> Any:
+        return NotImplemented if isinstance(other, Dual) else self.writer.multiply(self, other)
+
+    def __rmul__(self, other: Any) -> Any:
+        return self.writer.multiply(other, self)
+
+    def __truediv__(self, other: Any) -> Any:
+        return NotImplemented if isinstance(other, Dual) else self.writer.divide(self, other)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return self.writer.divide(other, self)
+
+    def __neg__(self) -> Any:
+        return self.writer.negative(self)
+
+    def __abs__(self) -> Any:
+        return self.writer.function("fabs", self)
+
+    def __gt__(self, other: Any) -> Condition:
+        return self.writer.compare(">", self, other)  # type: ignore[no-any-return]
+
+    def __lt__(self, other: Any) -> Condition:
+        return self.writer.compare("<", self, other)  # type: ignore[no-any-return]
+
+
+class Condition:
+    """Whether something is so, which the code being written will find out. As `Value`."""
+
+    __slots__ = ("ir", "writer")
+
+    def __init__(self, writer: Any, ir: Any) -> None:
+        self.writer, self.ir = writer, ir
+
+    def __or__(self, other: Condition) -> Condition:
+        return self.writer.combine("or", self, other)  # type: ignore[no-any-return]
+
+    def __and__(self, other: Condition) -> Condition:
+        return self.writer.combine("and", self, other)  # type: ignore[no-any-return]
+
+    def __invert__(self) -> Condition:
+        return self.writer.combine("not", self)  # type: ignore[no-any-return]
+
+    def __bool__(self) -> bool:
+        raise TypeError("a formula asks what only its code will know; use its writer's `choose`")
+
+
+class Tracer:
+    """What writers of code share.  See the module's text for the rules.
+
+    lanes: how many poses each instruction works on.
+    """
+
+    lanes = 1
+    drops_zeros = False
+    shares_reciprocals = False
+
+    def __init__(self) -> None:
+        self._known: dict[Hashable, Any] = {}
+
+    # What a writer has to know.
+
+    def write(self, operation: str, *operands: Value | float) -> Value:
+        """One instruction: "add", "subtract", "multiply", "divide" or "negative"."""
+        raise NotImplementedError
+
+    def write_function(self, name: str, *arguments: Value | float) -> Value:
+        """An elementary function of `math`; `once` where each use of it is the same."""
+        raise NotImplementedError
+
+    def write_comparison(self, how: str, a: Value | float, b: Value | float) -> Condition:
+        """how: ">", "<" or "==".  False where one of them is NaN."""
+        raise NotImplementedError
+
+    def write_selection(self, condition: Condition, a: Value | float, b: Value | float) -> Value:
+        raise NotImplementedError
+
+    def combine(self, how: str, *conditions: Condition) -> Condition:
+        """how: "and" or "or" of two, or "not" of one."""
+        raise NotImplementedError
+
+    def choose(
+        self, condition: Condition, then: Callable[[], Numbers], other: Callable[[], Numbers]
+    ) -> Numbers:
+        """What one of two functions gives. Where only one way is taken, each is a `scope`."""
+        raise NotImplementedError
+
+    def called(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
+        """What a function that is compiled by itself gives, in tuples nested like `like`."""
+        raise NotImplementedError
+
+    def rarely(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
+        """The same of a function that is seldom needed."""
+        raise NotImplementedError
+
+    # What all of them do.
+
+    @contextmanager
+    def scope(self) -> Iterator[None]:
+        """A part of the code that may not be run: what is computed within it is not known after."""
+        known = self._known.copy()
+        try:
+            yield
+        finally:
+            self._known = known
+
+    def once(self, key: Hashable, write: Callable[..., Any], *arguments: Any) -> Any:
+        """What `write` has written for the same key before, else writes now."""
+        found = self._known.get(key)
+        if found is None:
+            found = self._known[key] = write(*arguments)
+        return found
+
+    def add(self, a: Value | float, b: Value | float) -> Any:
+        if (negative := opposite(b)) is not None:
+            return self.subtract(a, negative)
+        if (negative := opposite(a)) is not None:
+            return self.subtract(b, negative)
+        if self.drops_zeros:
+            if is_plain(a, 0):
+                return b
+            if is_plain(b, 0):
+                return a
+        return self.once(key_of_either_order("add", a, b), self.write, "add", a, b)
+
+    def subtract(self, a: Value | float, b: Value | float) -> Any:
+        if (negative := opposite(b)) is not None:
+            return self.add(a, negative)
+        if self.drops_zeros:
+            if a is b:
+                return 0.0
+            if is_plain(a, 0):
+                return -b
+            if is_plain(b, 0):
+                return a
+        return self.once(("subtract", key_of(a), key_of(b)), self.write, "subtract", a, b)
+
+    def multiply(self, a: Value | float, b: Value | float) -> Any:
+        for one, other in ((b, a), (a, b)):
+            if (negative := opposite(one)) is not None:
+                return -(other * negative)
+        for one, other in ((a, b), (b, a)):
+            if isinstance(one, Value):
+                continue
+            if one == 0 and self.drops_zeros:
+                return 0.0
+            if one == 1:
+                return other
+            if one == -1:
+                return -other
+        return self.once(key_of_either_order("multiply", a, b), self.write, "multiply", a, b)
+
+    def divide(self, a: Value | float, b: Value | float) -> Any:
+        if self.drops_zeros and is_plain(a, 0):
+            return 0.0
+        if not isinstance(b, Value) and (is_power_of_two(b) or (self.shares_reciprocals and b)):
+            return self.multiply(a, 1 / b)
+        if self.shares_reciprocals and not is_plain(a, 1):
+            return self.multiply(a, self.divide(1.0, b))
+        return self.once(("divide", key_of(a), key_of(b)), self.write, "divide", a, b)
+
+    def negative(self, number: Value) -> Value:
+        if number.opposite is not None:
+            return number.opposite
+        found: Value = self.once(("negative", number), self.write, "negative", number)
+        found.opposite = number
+        return found
+
+    def compare(self, how: str, a: Value | float, b: Value | float) -> Condition:
+        key = (how, key_of(a), key_of(b))
+        return self.once(key, self.write_comparison, how, a, b)  # type: ignore[no-any-return]
+
+    def select(self, condition: Condition, a: Value | float, b: Value | float) -> Any:
+        """a where something is so, else b."""
+        ways = key_of(a), key_of(b)
+        if ways[0] == ways[1]:
+            return a
+        return self.once((condition, *ways), self.write_selection, condition, a, b)
+
+    def function(self, name: str, *arguments: Value | float) -> Any:
+        """An elementary function of `math`."""
+        if not any(isinstance(each, Value) for each in arguments):
+            return getattr(math, name)(*arguments)
+        return self.write_function(name, *arguments)
+
+
+def key_of(number: Value | float) -> Hashable:
+    """What tells numbers apart: themselves, or the digits of a plain one, with a zero's sign."""
+    return number if isinstance(number, Value) else float(number).hex()
+
+
+def key_of_either_order(operation: str, a: Value | float, b: Value | float) -> Hashable:
+    return operation, frozenset((key_of(a), key_of(b)))
+
+
+def opposite(number: Value | float) -> Value | None:
+    """The number of which another is known to be the negative."""
+    return number.opposite if isinstance(number, Value) else None
+
+
+def is_plain(number: Value | float, value: float) -> bool:
+    """Whether a number is this one, known when the code is written."""
+    return not isinstance(number, Value) and number == value
+
+
+def is_power_of_two(number: float) -> bool:
+    """Also of a negative one; then 1 / number is exact."""
+    return abs(math.frexp(number)[0]) == 0.5
+
+
+# The elementary functions, as `dispatch` asks for them.
+
+
+def exp(x: Value) -> Any:
+    return x.writer.function("exp", x)
+
+
+def sqrt(x: Value) -> Any:
+    return x.writer.function("sqrt", x)
+
+
+def sin(x: Value) -> Any:
+    return x.writer.function("sin", x)
+
+
+def cos(x: Value) -> Any:
+    return x.writer.function("cos", x)
+
+
+def log(x: Value) -> Any:
+    return x.writer.function("log", x)
+
+
+def erf(x: Value) -> Any:
+    return x.writer.function("erf", x)
+
+
+def erfc(x: Value) -> Any:
+    return x.writer.function("erfc", x)
+
+
+def atan2(y: Value | float, x: Value | float) -> Any:
+    one = x if isinstance(x, Value) else y
+    return one.writer.function("atan2", y, x)  # type: ignore[union-attr]
+
+
+def larger(a: Any, b: Any) -> Any:
+    """The larger of two numbers, of which one at least is code, with what it carries along; b where
+    one is NaN."""
+    first, second = real(a), real(b)
+    code = first.writer if isinstance(first, Value) else second.writer
+    return chosen(code, code.compare(">", first, second), a, b)
+
+
+def chosen(code: Tracer, condition: Condition, a: Any, b: Any) -> Any:
+    """a where something is so, else b, with what these carry along."""
+    if isinstance(a, Dual) or isinstance(b, Dual):
+        (one, first), (other, second) = parts(a), parts(b)
+        return Dual(code.select(condition, one, other), code.select(condition, first, second))
+    return code.select(condition, a, b)
+
+
+def defined(value: Any, a: Value, b: Value, c: Value) -> Any:
+    """`value`, with what it carries along, where a, b and c are above zero, else NaN."""
+    return chosen(a.writer, (a > 0) & (b > 0) & (c > 0), value, value * math.nan)
