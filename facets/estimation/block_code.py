@@ -67,7 +67,7 @@ def write_results(code: LaneWriter, form: Form, task: Task, fit: Fit, rows: Rows
     rows.write("residuals", [root])
     rows.write("steps", [fit.steps[0]])
     wanted = code.builder.icmp_signed("!=", task.covariances, ir.Constant(LONG, 0))
-    with code.builder.if_then(wanted):
+    with code.builder.if_then(wanted), code.scope():
         rows.write("covariances", covariance_of(fit.factor, form.free))
 
 
