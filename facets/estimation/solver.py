@@ -16,7 +16,7 @@ from ..core.units import Floats
 from ..detectors.noise import power_floor, standard_deviations
 from ..model import evaluators, rare
 from ..model.arrays import as_rows, as_vectors, half_sizes, packed, spot_size
-from ..model.kinds import block_kind
+from ..model.kinds import block_kind, lit_kind
 from ..model.threads import part_of, share
 from . import problem
 from .chance import Chance, count_checks, widening_of
@@ -269,15 +269,20 @@ def one_by_one(
     kernel()(task.address)
 
 
-def prepare(sensor: Sensor) -> None:
-    """Compiles or loads now what a reading may need that leaves its block, for a loop that cannot
-    wait."""
+def prepare(sensor: Sensor, beam: str | Prior, power: str | Prior) -> None:
+    """Compiles or loads now what a reading may need that leaves its block, or stalls there, for a
+    loop that cannot wait. beam, power: as for `solve`."""
     from .kernels import kernel
 
     kernel()
     rare.prepare()
     for model in (evaluators.nearly_linearised(sensor), evaluators.linearised(sensor)):
         evaluators.model(model)
+    if sensor.light.on and not sensor.apertures.cut:
+        from . import blocks
+
+        free = plan(sensor, beam, power, "least-squares", ()).free
+        blocks.kernel(blocks.Form(tuple(free.tolist()), lit_kind(sensor), exact=True))
 
 
 def estimate_some(

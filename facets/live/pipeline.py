@@ -217,11 +217,12 @@ class Pipeline:
         """Compiles, or loads, what the stream will need, before it runs."""
         from ..estimation.solver import prepare
 
-        prepare(self.config.sensor)
         nobody = Batch(
             np.zeros(2, np.int64), np.zeros(2, np.int64), np.zeros(2), np.full((2, 9), 0.1),
             np.zeros(2, np.uint8), 0.0, None,
         )  # fmt: skip
+        beam, sensor = self.beam(nobody.host, nobody.encoder), self.config.sensor
+        prepare(sensor, beam, power_known(sensor, self.config.solve))
         self.solve(nobody)
         self.tally = Tally()
         self.doubts = Doubts(self.doubts.floor)
