@@ -348,7 +348,7 @@ class Damped(Fit):
         slow = due & (self.cost[0] > SLOWEST * self.earlier[0])
         self.since[0] = select(due, 0.0, since)
         self.earlier[0] = select(due, self.cost[0], self.earlier[0])
-        return slow
+        return slow  # type: ignore[no-any-return]
 
 
 def covariance_of(factor: Memory, free: Sequence[int]) -> Numbers:
