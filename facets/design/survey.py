@@ -19,18 +19,17 @@ from ..characterization.ranges import FARTHEST
 from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats
-from ..model import blocks, evaluators, kernels, rare
+from ..model import blocks, evaluators, rare
 from ..model.jit import call_address, compilable, compiler
-from ..model.kernels import state_of, unpack_cut
 from ..model.kinds import kind_of
-from ..optics.footprint import extent, slopes
-from ..optics.forward import geometry, placed
-from ..optics.limits import central_landing
+from ..optics.forward import geometry
 from ..scalars.nesting import leaves
 from .variables import FACETS, PSDS, with_values
 
 Array = Any
-compiled = compiler(__file__, calls=(kernels,))
+compiled = compiler(__file__)
+#: Where the power is among the numbers of a sensor: behind the beam's direction.
+POWER = 3
 #: Past this condition number, squared, normal equations lose what the slow way keeps.
 SQUARED = 1e9
 #: The share of a range at which all that limits it must hold, as well as at its end.
@@ -42,15 +41,16 @@ STEPS = 60
 
 
 @compilable
-def least_spot(geometry, at, halves, n):  # type: ignore[no-untyped-def]
-    """The least clearance of a spot to an edge, over its detector's half size; NaN without one."""
+def least_spot(edges, packed, state, halves, found, memory):  # type: ignore[no-untyped-def]
+    """The least clearance of a spot to an edge, over its detector's half size; NaN without one.
+
+    edges: address of the model of how far the spots reach.  found: memory, (3, 5).
+    """
+    call_address(edges, packed, state, found, memory)
     least = np.inf
     for k in range(3):
-        _, (psi, zeta) = central_landing(geometry, at, k)
-        across, up = slopes(geometry, at, k)
-        left, right = extent(geometry, at, k, across, psi)
-        low, high = extent(geometry, at, k, up, zeta)
-        y, z = halves[n, k, 0], halves[n, k, 1]
+        y, z = halves[k, 0], halves[k, 1]
+        left, right, low, high = found[k, 0], found[k, 1], found[k, 2], found[k, 3]
         for value in ((y + left) / y, (y - right) / y, (z + low) / z, (z - high) / z):
             if value != value:
                 return np.nan
@@ -155,25 +155,26 @@ def deviations(normal, factor, out, n):  # type: ignore[no-untyped-def]
 
 @compiled
 def measure(
-    read: int, linearise: int, packed: Array, halves: Array, numbers: Array, out: Array, why: Array
+    read: int, linearise: int, edges: int, packed: Array, halves: Array, numbers: Array, out: Array,
+    why: Array,
 ) -> None:  # fmt: skip
     """out (n, 14): ranges (6) in mm and rad, uncertainties (6) in um and urad, condition; the last
     is left as it is.
 
-    read, linearise: addresses of the evaluators.  packed (n, m): `packing.pack` of each design.
+    read, linearise, edges: addresses of the models.  packed (n, m): `packing.pack` of each design.
     halves (n, 3, 2) mm.  numbers: a place's sigma times the power (mm mW), a power's (mW), the
     least power at rest and in a range (mW), whether the beam follows, the tolerance of a range over
     `FARTHEST`.  why (n,): 0, SLOW, or the reason in `SKIPPED`.
     """
     found, memory, state = np.empty(9), np.empty((3, 8, 11)), np.zeros((1, 8))
+    ends_of_spots = np.empty((3, 5))
     whole, x = np.empty((10, 10)), np.zeros(9)
     scaled, normal, factor = np.empty((9, 8)), np.empty((8, 8)), np.zeros((8, 8))
     ends = np.zeros(2)
     for n in range(len(packed)):
         row = packed[n]
-        vectors = unpack_cut(row)
         place(state[0], -1, 0.0, 0.0)
-        rest = least_spot(vectors, placed(vectors, state_of(state, 0)), halves, n)
+        rest = least_spot(edges, row, state[0], halves[n], ends_of_spots, memory)
         if not rest > 0:
             why[n] = 1 if rest == rest else SLOW
             continue
@@ -183,7 +184,7 @@ def measure(
             continue
         # ---- at rest
         x[:] = 0.0
-        x[8] = vectors.power
+        x[8] = row[POWER]
         call_address(linearise, row, x, whole, memory)
         for r in range(9):
             sigma = numbers[1] if r % 3 == 2 else numbers[0] / whole[0, r - r % 3 + 2]
@@ -207,7 +208,7 @@ def measure(
                     back = 0.0 if ends[0] >= far else numbers[5] * far
                     for value in (ends[0] - back, SHARE * ends[0]):
                         place(state[0], axis, -value, numbers[4])
-                        spot = least_spot(vectors, placed(vectors, state_of(state, 0)), halves, n)
+                        spot = least_spot(edges, row, state[0], halves[n], ends_of_spots, memory)
                         if not spot > 0:
                             inside = False
                             break
@@ -225,7 +226,7 @@ def measure(
                 step = 0.002 * far if lit else 0.01 * far
                 for _ in range(STEPS):
                     place(state[0], axis, sense * step, numbers[4])
-                    spot = least_spot(vectors, placed(vectors, state_of(state, 0)), halves, n)
+                    spot = least_spot(edges, row, state[0], halves[n], ends_of_spots, memory)
                     if lit:
                         power = light(read, row, state[0], found, memory)
                         bright = np.log(max(power, 1e-9 * numbers[3]) / numbers[3])
@@ -256,7 +257,7 @@ def measure(
                         gap = 0.3 * numbers[5] * far
                         middle = min(max(middle, low + gap), high - gap)
                         place(state[0], axis, sense * middle, numbers[4])
-                        spot = least_spot(vectors, placed(vectors, state_of(state, 0)), halves, n)
+                        spot = least_spot(edges, row, state[0], halves[n], ends_of_spots, memory)
                         if lit:
                             power = light(read, row, state[0], found, memory)
                             bright = np.log(max(power, 1e-9 * numbers[3]) / numbers[3])
@@ -291,7 +292,7 @@ def measure(
                 back = 0.0 if end >= far else numbers[5] * far
                 for value in (end - back, SHARE * end):
                     place(state[0], axis, sense * value, numbers[4])
-                    spot = least_spot(vectors, placed(vectors, state_of(state, 0)), halves, n)
+                    spot = least_spot(edges, row, state[0], halves[n], ends_of_spots, memory)
                     if not spot > 0:
                         why[n] = SLOW
                 place(state[0], axis, sense * SHARE * end, numbers[4])
@@ -414,8 +415,9 @@ def surveyed(
     some, reasons = out[sound, 1:], np.zeros(len(rows), dtype=np.int64)
     measure(
         evaluators.address(evaluators.readings(sensor)),
-        evaluators.address(evaluators.linearised(sensor)), rows, halves[sound], numbers,
-        some, reasons,
+        evaluators.address(evaluators.linearised(sensor)),
+        evaluators.address(evaluators.footprints(sensor)),
+        rows, halves[sound], numbers, some, reasons,
     )  # fmt: skip
     told = ~np.isnan(some[:, 12]) & (reasons >= 0)
     some[told, 13] = regular(evaluators.address(evaluators.linearised(sensor)), rows[told], volume)

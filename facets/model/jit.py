@@ -31,7 +31,6 @@ from ..optics import (
     cut_parameters,
     detected,
     effects,
-    footprint,
     forward,
     gradient,
     half_normal,
@@ -77,11 +76,6 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
     wedge.wedge: lambda q, u1, u2, side1, side2: (
         lambda q, u1, u2, side1, side2: wedge.wedge_float(q, u1, u2, side1, side2)
     ),
-    footprint.between: lambda slope, q, u1, u2, opening, centre: (
-        lambda slope, q, u1, u2, opening, centre: footprint.between_float(
-            slope, q, u1, u2, opening, centre
-        )
-    ),
 }
 TEXT = (
     bench_light,
@@ -96,7 +90,6 @@ TEXT = (
     forward,
     region,
     limits,
-    footprint,
     gradient,
     cut,
     cut_parameters,
@@ -108,7 +101,6 @@ TEXT = (
 BARE: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 #: What is left to be called, because it is long and called from many places, or seldom.
 LONG = (tail_quadrature,)
-CALLED = (footprint.reach,)
 
 
 def twin(function: Callable[..., Any], make: Callable[..., Any]) -> None:
@@ -127,7 +119,7 @@ def register(module: ModuleType, inline: bool = True) -> None:
             continue
         if function not in TWINS and function not in _REGISTERED:
             _REGISTERED.add(function)
-            register_jitable(forceinline=inline and function not in CALLED, **BARE)(function)
+            register_jitable(forceinline=inline, **BARE)(function)
 
 
 def compilable(function: Callable[..., Any]) -> Callable[..., Any]:
