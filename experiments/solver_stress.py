@@ -1,6 +1,6 @@
 """Counts wrong poses by cause, of a million random, noisy, cut, masked and spoilt readings.
 
-    python -m facets.experiments.solver_stress [--draws 1000000] [--output FILE.csv]
+    python -m facets.experiments.solver_stress [--draws 1000000] [--bench-light] [--output FILE.csv]
 
 Two halves. The first asks whether the solver ends where the readings say: exact and noisy readings,
 near and far starts, of the paper's sensor and of ten without symmetry. A pose is wrong there if it
@@ -20,14 +20,15 @@ uncertainties from the truth. It is counted by what tells of it, the first that 
     edge          a spot is nearer to an edge than its own size, and the model has no edges
     nothing       the pose is `ok` and wrong: there must be none
 
-`facets solve` prints a warning of `unseen` and of `edge` below its table.
+`facets solve` prints a warning of `unseen` and of `edge` below its table. With --bench-light all
+sensors have all effects of a bench's light; edges of detectors that cut spots do not go with them.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -202,6 +203,25 @@ TROUBLES = [
 ]
 
 
+def under_bench_light(sensor: facets.Sensor, polarised: bool) -> facets.Sensor:
+    """The sensor with all effects of the light of a bench, as large as a good bench has them."""
+    share = 1e-3 * sensor.beam.power
+    light = facets.BenchLight(
+        curvature_xx=1 / 2100,
+        curvature_xy=2e-5,
+        curvature_yy=1 / 3000,
+        wavelength=632.8e-6,
+        rolloff=(6e-5, 3e-5, 5e-5, 7e-5, 2e-5, 4e-5),
+        rolloff_width=0.1,
+        strips=(0.01, 0.014, 0.008),
+        tip=0.002,
+        background=((share, 1, 2), (1.2 * share, -1, 0.5), (0.8 * share, 0, -2)),
+        index=(1.37, 7.62),
+        polarization=0.3 if polarised else None,
+    )
+    return replace(sensor, light=light, apertures=facets.Apertures())
+
+
 def every_sensor() -> dict[str, facets.Sensor]:
     """The sensors of all shipped configurations, and those without symmetry."""
     names = {name: facets.load(name).sensor for name in shipped()}
@@ -277,12 +297,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--draws", type=int, default=1_000_000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--bench-light", action="store_true")
     parser.add_argument("--output", type=Path)
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
+    asymmetric, every = list(SENSORS.values()), list(every_sensor().values())
+    if options.bench_light:
+        asymmetric, every = (
+            [under_bench_light(sensor, n % 2 == 0) for n, sensor in enumerate(sensors)]
+            for sensors in (asymmetric, every)
+        )
     for case in CASES:
-        each = int(options.draws * case.share / len(SENSORS))
-        found = [stress(case, sensor, each, rng) for sensor in SENSORS.values()]
+        each = int(options.draws * case.share / len(asymmetric))
+        found = [stress(case, sensor, each, rng) for sensor in asymmetric]
         total = {key: sum(row[key] for row in found) for key in found[0]}
         worst = max(row["worst_condition"] for row in found)
         print(
@@ -292,7 +319,7 @@ def main() -> None:
     rows = []
     for trouble in TROUBLES:
         for known in KNOWLEDGE:
-            counts = spread_over_sensors(trouble, known, options.draws, rng)
+            counts = spread_over_sensors(trouble, known, options.draws, every, rng)
             rows.append({"trouble": trouble.name, "knowledge": known, **counts})
             print(
                 f"{trouble.name:34} {known:38} {counts['draws']:7d} drawn, {counts['poses']:7d} "
@@ -307,13 +334,16 @@ def main() -> None:
 
 
 def spread_over_sensors(
-    trouble: Trouble, known: str, draws: int, rng: np.random.Generator
+    trouble: Trouble,
+    known: str,
+    draws: int,
+    sensors: Sequence[facets.Sensor],
+    rng: np.random.Generator,
 ) -> Counter[str]:
     """What `judge` counts, over all sensors."""
-    sensors = every_sensor()
     each = max(1, round(draws * trouble.share / len(KNOWLEDGE) / len(sensors)))
     total: Counter[str] = Counter()
-    for sensor in sensors.values():
+    for sensor in sensors:
         total.update(judge(trouble, sensor, known, each, rng))
     return total
 
