@@ -14,10 +14,8 @@ from typing import Any
 import numpy as np
 
 from ..model import blocks, kernels
-from ..model.block_code import each_block
-from ..model.blocks import LANES
+from ..model.block_code import LaneWrite, each_block
 from ..model.jit import compiler
-from ..model.object_code import Write, function
 from ..model.packing import vectors_of
 from ..optics.central import side_central
 from ..optics.forward import Geometry, placed, readings, shone_on
@@ -31,7 +29,7 @@ Array = Any
 compiled = compiler(__file__, calls=(kernels,))
 
 
-def staged(formula: Callable[[LaneWriter, Any, tuple[Any, ...]], Iterable[Any]]) -> Write:
+def staged(formula: Callable[[LaneWriter, Any, tuple[Any, ...]], Iterable[Any]]) -> LaneWrite:
     """Blocks' code that puts the sum of some numbers of a state into one place a pose."""
 
     def write(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
@@ -80,11 +78,13 @@ def stage(name: str) -> Callable[[Array, Array, Array], None]:
     """The floor, or a part of the chain, as a function of arrays: a sensor's vectors, (n, 8)
     states, (n,) results; n in blocks."""
     formula = special if name == FLOOR else CHAIN[name]
-    parts = (*blocks.CODE, Path(__file__))
-    code = function(f"stage_{[FLOOR, *CHAIN].index(name)}", 5, lambda: staged(formula), *parts)
+    number = [FLOOR, *CHAIN].index(name)
+    code = blocks.lane_code(
+        f"stage_{number}", blocks.lanes(), 5, lambda: staged(formula), Path(__file__)
+    )
 
     def work(vectors: Array, states: Array, out: Array) -> None:
-        count = len(states) // LANES
+        count = len(states) // blocks.lanes()
         left = np.empty(count, np.int64)
         code(*map(blocks.address_of, (vectors, states, out, left)), count)
 

@@ -349,7 +349,7 @@ CHUNK = 32
 
 def regular(linearise: int, rows: Floats, volume: Floats) -> Floats:
     """1 for each design whose determinant has one sign over the volume, else 0."""
-    lanes = blocks.LANES
+    lanes = blocks.lanes()
     states = np.concatenate([volume, np.repeat(volume[-1:], -len(volume) % lanes, axis=0)])
     derive, count = blocks.kernel("derivatives"), len(states) // lanes
     found, left = np.empty((CHUNK, len(states), 72)), np.zeros(count, np.int64)

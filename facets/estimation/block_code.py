@@ -11,9 +11,7 @@ from typing import Any
 
 from llvmlite import ir
 
-from ..model.block_code import linearise_exactly, pointers_to
-from ..model.blocks import LANES
-from ..model.object_code import Write
+from ..model.block_code import LaneWrite, linearise_exactly, pointers_to
 from ..model.packing import vectors_at, vectors_of
 from ..optics import bench_gradient, gradient
 from ..optics.forward import by_power, with_power
@@ -31,15 +29,15 @@ Numbers = list[Any]
 FIRST_DAMPING, DAMPING_FACTOR, LEAST_DAMPING = 1e-3, 10.0, 1e-6
 
 
-def estimating(form: Form) -> Write:
+def estimating(form: Form) -> LaneWrite:
     """Writes code that estimates blocks of readings, as a function of a task's address."""
 
-    def write(builder: Any, arguments: Sequence[Any]) -> None:
+    def write(builder: Any, arguments: Sequence[Any], lanes: int) -> None:
         at = builder.inttoptr(arguments[0], ir.PointerType(LONG))
         numbers = range(len(Task._fields))
         task = Task(*(builder.load(builder.gep(at, [ir.Constant(LONG, n)])) for n in numbers))
         with counted(builder, task.blocks) as index:
-            write_block(LaneWriter(builder, LANES), form, task, index)
+            write_block(LaneWriter(builder, lanes), form, task, index)
 
     return write
 
@@ -77,7 +75,7 @@ class Rows:
     def __init__(self, code: LaneWriter, task: Task, index: Any) -> None:
         self.code, self.task = code, task
         self.pointers = Task(*pointers_to(code.builder, task))
-        self.first = code.builder.mul(index, ir.Constant(LONG, LANES))
+        self.first = code.builder.mul(index, ir.Constant(LONG, code.lanes))
 
     def read(self, name: str, width: int, own: Any) -> Numbers:
         """Rows of `width` numbers.  own: 1 where each lane has its own, 0 where all have one."""

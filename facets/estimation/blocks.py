@@ -12,11 +12,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..model.blocks import CODE, LANES, address_of, lanes_of
+from ..model.blocks import address_of, lane_code, lanes, lanes_of
 from ..scalars.nesting import leaves
 from .chance import Chance, count_checks
 from .problem import (
@@ -33,6 +33,9 @@ from .problem import (
     some_rows,
 )
 from .solution import CHECKS, COVARIANCE, RESIDUAL
+
+if TYPE_CHECKING:
+    from ..model.block_code import LaneWrite
 
 Array = Any
 #: Estimates blocks of readings, of the address of a task.
@@ -118,17 +121,17 @@ PARTS = ("block_code.py", "blocks.py", "problem.py", "straight.py", "normal_equa
 
 
 @cache
-def kernel(form: Form) -> Code:
-    """The compiled function for a form; compiled now if need be."""
-    from ..model.object_code import Write, function
+def kernel(form: Form, width: int | None = None) -> Code:
+    """The compiled function for a form, in blocks of a width, `lanes()` unless given; compiled now
+    if need be."""
 
-    def written() -> Write:
+    def written() -> LaneWrite:
         from . import block_code
 
         return block_code.estimating(form)
 
     files = (Path(__file__).parent / part for part in PARTS)
-    return function(form.name, 1, written, *CODE, *files)
+    return lane_code(form.name, width or lanes(), 1, written, *files)
 
 
 def fits(problem: Problem) -> bool:
@@ -163,9 +166,9 @@ def estimate(
     code: from `kernel`.  The arrays are those of `kernels.solve_rows`.  patient: see `Task`.
     """
     n = len(readings.values)
-    whole = n // LANES * LANES
+    whole = n // lanes() * lanes()
     weights = inverse_of(readings.sigmas)
-    ends = np.zeros((2, n // LANES + 1), np.int64)
+    ends = np.zeros((2, n // lanes() + 1), np.int64)
     steps, given = np.empty(n), (readings.values, weights, problem.means, problem.starts)
     found = (results.states, steps, results.residuals, results.covariances)
 
@@ -173,13 +176,13 @@ def estimate(
         arrays = (packed, scales_of(limits, problem), *given, *found, *ends)
         count = len(found[0])
         own = (True, *(len(rows) == count > 1 for rows in given[2:]))
-        task = task_of(arrays, len(weights) > 0, own, problem, patient, count // LANES)
+        task = task_of(arrays, len(weights) > 0, own, problem, patient, count // lanes())
         code(address_of(task))
 
     if whole:
         run([first(rows, whole, n) for rows in given], [rows[:whole] for rows in found], ends)
     if n > whole:
-        rest = [np.empty((LANES if len(rows) else 0, *rows.shape[1:])) for rows in found]
+        rest = [np.empty((lanes() if len(rows) else 0, *rows.shape[1:])) for rows in found]
         run([padded(rows, whole, n) for rows in given], rest, ends[:, -1:])
         for rows, part in zip(found, rest, strict=True):
             rows[whole:] = part[: len(rows[whole:])]
@@ -226,7 +229,7 @@ def padded(rows: Array, first: int, n: int) -> Array:
     """A block of the rows from the first on; what all readings share as it is."""
     if len(rows) != n:
         return rows
-    return rows[np.minimum(np.arange(first, first + LANES), n - 1)]
+    return rows[np.minimum(np.arange(first, first + lanes()), n - 1)]
 
 
 def task_of(

@@ -15,6 +15,7 @@ from ..core.units import Floats
 from ..detectors.noise import standard_deviations
 from ..model import evaluators
 from ..model.arrays import packed
+from ..model.blocks import SINGLE
 from ..model.threads import Pool
 from . import as_text, problem
 from .doubts import is_doubtful, take_back
@@ -157,7 +158,7 @@ class PreparedEstimate:
         self._tasks: dict[str, problem.Task] = {}
         self._block: Any = None
         self._doubtful = is_doubtful(sensor, self._plan.free)
-        self._code = None if self._doubtful else block_code(sensor, self._problem)
+        self._code = None if self._doubtful else self._block_code()
         if self._code is not None:
             from .blocks import One
 
@@ -230,6 +231,9 @@ class PreparedEstimate:
         """The estimate of one reading alone, compiled when it is first needed."""
         self._estimate(evaluators.nearly_linearised(self._sensor))
 
+    def _block_code(self, exact: bool = False) -> Any:
+        return block_code(self._sensor, self._problem, exact, SINGLE)
+
     def _run(self, start: Floats) -> bool:
         """Estimates the reading from a start; whether the block has found its pose."""
         self._starts[:] = start
@@ -251,7 +255,7 @@ class PreparedEstimate:
     def _run_exactly(self) -> bool:
         """From the last start, with derivatives that leave nothing out, for where steps without
         them stall; whether the block has found the pose."""
-        code = None if self._block is None else block_code(self._sensor, self._problem, exact=True)
+        code = None if self._block is None else self._block_code(exact=True)
         if code is not None and self._block.estimate(code) == problem.CONVERGED:
             return True
         self._estimate(evaluators.linearised(self._sensor))

@@ -232,17 +232,17 @@ def estimate(
 
 
 def block_code(
-    sensor: Sensor, asked: problem.Problem, exact: bool = False
+    sensor: Sensor, asked: problem.Problem, exact: bool = False, width: int | None = None
 ) -> Callable[[int], None] | None:
     """What estimates blocks of readings, compiled now if need be; None where blocks do not know
-    what is asked. exact: see `blocks.Form`."""
+    what is asked. exact: see `blocks.Form`.  width: see `blocks.kernel`."""
     kind = block_kind(sensor)
     if kind is None:
         return None
     from . import blocks
 
     form = blocks.Form(tuple(asked.free.tolist()), kind, exact)
-    return blocks.kernel(form) if blocks.fits(asked) else None
+    return blocks.kernel(form, width) if blocks.fits(asked) else None
 
 
 def one_by_one(

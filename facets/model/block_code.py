@@ -21,32 +21,33 @@ from ..scalars.lanes import LaneWriter, Memory
 from ..scalars.machine import DOUBLE, LONG, Writer, counted
 from ..scalars.nesting import leaves
 from ..scalars.tracing import Value
-from .blocks import LANES
 from .kinds import LIT
-from .object_code import Write
 from .packing import AXES, PACKED, PARALLEL, carried, vectors_at, vectors_of
 
 #: Writes what a block of poses needs: with the sensor's vectors, from and to memory by pointers.
 Formula = Callable[[LaneWriter, Geometry, Any, Any], None]
 
 
+#: Writes a function's instructions with an `llvmlite` builder, of its arguments, for so many lanes.
+LaneWrite = Callable[[Any, Sequence[Any], int], None]
+
 #: Loads a sensor's vectors.
 Load = Callable[[LaneWriter, Any], Geometry]
 
 
-def each_block(formula: Formula, load: Load, found: int) -> Write:
+def each_block(formula: Formula, load: Load, found: int) -> LaneWrite:
     """Writes the code of a formula of states, block after block, as `blocks.kernel` gives it.
 
     load: the vectors that the formula takes.  found: how many numbers a state gives.
     """
 
-    def write(builder: Any, arguments: Sequence[Any]) -> None:
+    def write(builder: Any, arguments: Sequence[Any], lanes: int) -> None:
         packed, asked, results = pointers_to(builder, arguments[:3])
         left = builder.inttoptr(arguments[3], ir.PointerType(LONG))
         with counted(builder, arguments[4]) as index:
-            code = LaneWriter(builder, LANES)
+            code = LaneWriter(builder, lanes)
             here, there = (
-                builder.gep(pointer, [builder.mul(index, ir.Constant(LONG, LANES * numbers))])
+                builder.gep(pointer, [builder.mul(index, ir.Constant(LONG, lanes * numbers))])
                 for pointer, numbers in ((asked, 8), (results, found))
             )
             formula(code, load(code, packed), here, there)
@@ -141,17 +142,17 @@ def linearise_exactly(
 SlopesFormula = Callable[[LaneWriter, Geometry, tuple[Value, ...], Any, Any, Any], None]
 
 
-def each_block_of_slopes(formula: SlopesFormula, kind: str) -> Write:
+def each_block_of_slopes(formula: SlopesFormula, kind: str) -> LaneWrite:
     """Writes the code of `blocks.slopes`: a function of the addresses of a sensor's vectors, of
     what is varied, of states, results and bits; and of how many copies there are, and blocks."""
 
-    def write(builder: Any, arguments: Sequence[Any]) -> None:
+    def write(builder: Any, arguments: Sequence[Any], lanes: int) -> None:
         packed, varied, states, found = pointers_to(builder, arguments[:4])
         left = builder.inttoptr(arguments[4], ir.PointerType(LONG))
         copies = arguments[5]
         with counted(builder, arguments[6]) as index:
-            code = LaneWriter(builder, LANES)
-            rows = builder.mul(index, ir.Constant(LONG, LANES))
+            code = LaneWriter(builder, lanes)
+            rows = builder.mul(index, ir.Constant(LONG, lanes))
             here = builder.gep(states, [builder.mul(rows, ir.Constant(LONG, 8))])
             numbers = builder.mul(copies, ir.Constant(LONG, 9))
             there = builder.gep(found, [builder.mul(rows, numbers)])
@@ -162,7 +163,7 @@ def each_block_of_slopes(formula: SlopesFormula, kind: str) -> Write:
     return write
 
 
-def slopes_by_copies(kind: str) -> Write:
+def slopes_by_copies(kind: str) -> LaneWrite:
     """By what is varied in copies of a sensor, under the light of a bench."""
 
     def formula(
@@ -187,7 +188,7 @@ def write_slopes_by_parameters(
     code.store_rows(derivatives, found, len(derivatives))
 
 
-def loops_of(kind: str) -> dict[str, Write]:
+def loops_of(kind: str) -> dict[str, LaneWrite]:
     """The code for a kind of light, by the names that `blocks.kernel` takes."""
 
     def load(code: LaneWriter, pointer: Any) -> Geometry:
@@ -208,7 +209,7 @@ def loops_of(kind: str) -> dict[str, Write]:
     }
 
 
-LOOPS: dict[str, Write] = {
+LOOPS: dict[str, LaneWrite] = {
     "footprints": each_block(
         write_footprints, lambda code, pointer: vectors_at(code, pointer, PARALLEL), 15
     )

@@ -9,22 +9,49 @@ on how many there are.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..core.units import Floats
 from .threads import Pool
 
-#: Poses in a block.
-LANES = 4
+if TYPE_CHECKING:
+    from .block_code import LaneWrite
+    from .object_code import Write
+
 #: The files that blocks are made of, beside the optics.
 CODE = tuple(
     Path(__file__).parent / name
     for name in ("blocks.py", "block_code.py", "packing.py", "kinds.py")
 )
+
+
+#: Lanes of code for one pose at a time: each more takes its time.
+SINGLE = 2
+
+
+@cache
+def lanes() -> int:
+    """Poses in a block of many: as many as the processor's registers have room for."""
+    from .object_code import vector_bits
+
+    return vector_bits() // 64
+
+
+def lane_code(
+    name: str, width: int, count: int, write: Callable[[], LaneWrite], *files: str | Path | None
+) -> Callable[..., None]:
+    """`object_code.function` of code for so many lanes."""
+    from .object_code import function
+
+    def written() -> Write:
+        formula = write()
+        return lambda builder, arguments: formula(builder, arguments, width)
+
+    return function(f"{name}_in_{width}_lanes", count, written, *CODE, *files)
 
 
 def task_of(name: str) -> str:
@@ -33,23 +60,25 @@ def task_of(name: str) -> str:
 
 
 @cache
-def kernel(name: str) -> Callable[..., None]:
+def kernel(name: str, width: int | None = None) -> Callable[..., None]:
     """One of `block_code.LOOPS`, compiled now if need be: a function of the addresses of a sensor's
     vectors, of states, of where results go and of where a 64-bit integer for each block tells by
-    its bits which lanes are left; and of how many blocks there are."""
-    return made(name, 5)
+    its bits which lanes are left; and of how many blocks there are.
+
+    width: of a block; `lanes()` unless given.
+    """
+    return made(name, 5, width)
 
 
-def made(name: str, count: int) -> Callable[..., None]:
+def made(name: str, count: int, width: int | None = None) -> Callable[..., None]:
     """One of `block_code.LOOPS`, which takes `count` integers."""
-    from .object_code import Write, function
 
-    def written() -> Write:
+    def written() -> LaneWrite:
         from . import block_code
 
         return block_code.LOOPS[name]
 
-    return function(name, count, written, *CODE)
+    return lane_code(name, width or lanes(), count, written)
 
 
 @cache
@@ -66,28 +95,30 @@ def slopes(name: str, vectors: Floats, varied: Floats, states: Floats, found: Fl
     each number of `vectors` answers to a parameter; or "slopes_by_parameters", where it is
     `parameters.Axes`.
     """
-    count = -(-len(states) // LANES)
-    rows = states[np.minimum(np.arange(count * LANES), len(states) - 1)]
+    count = -(-len(states) // lanes())
+    rows = states[np.minimum(np.arange(count * lanes()), len(states) - 1)]
     out, left = np.empty((len(rows), *found.shape[1:])), np.empty(count, np.int64)
     addresses = map(address_of, (vectors, varied, rows, out, left))
     slopes_kernel(name)(*addresses, found.shape[2], count)
     found[:] = out[: len(states)]
-    return lanes_of(left, len(states)) if left.any() else ()
+    return lanes_of(left, len(states))
 
 
 class Padding:
     """Memory for a single state, and for the last block of a batch, which the last row fills up.
 
-    One of `PADDING` serves one call at a time.
+    One of `SINGLES` or `RESTS` serves one call at a time.
     """
 
-    def __init__(self) -> None:
-        self.rows, self.left = np.empty((LANES, 8)), np.empty(1, np.int64)
-        found = np.empty(72 * LANES)
+    def __init__(self, width: int | None = None) -> None:
+        self.width = width
+        size = width or lanes()
+        self.rows, self.left = np.empty((size, 8)), np.empty(1, np.int64)
+        found = np.empty(72 * size)
         self.found = {
-            "readings": found[: 9 * LANES].reshape(LANES, 9),
-            "derivatives": found.reshape(LANES, 9, 8),
-            "footprints": found[: 15 * LANES].reshape(LANES, 3, 5),
+            "readings": found[: 9 * size].reshape(size, 9),
+            "derivatives": found.reshape(size, 9, 8),
+            "footprints": found[: 15 * size].reshape(size, 3, 5),
         }
         self.addresses = [address_of(array) for array in (self.rows, found, self.left)]
         self.bits = self.left.data
@@ -115,43 +146,41 @@ class Padding:
     def _call(self, name: str, vectors: Floats) -> None:
         if vectors is not self.vectors:
             self.vectors, self.where = vectors, address_of(vectors)
-        kernel(name)(self.where, *self.addresses, 1)
+        kernel(name, self.width)(self.where, *self.addresses, 1)
 
 
 def pad(name: str, vectors: Floats, states: Floats, found: Floats) -> int:
     """`Padding.run` of memory that no other call uses."""
-    padding = PADDING.take()
+    padding = RESTS.take()
     bits = padding.run(name, vectors, states, found)
-    PADDING.put_back(padding)
+    RESTS.put_back(padding)
     return bits
 
 
 def run_one(name: str, vectors: Floats, state: Floats) -> Floats | None:
     """`Padding.one` of memory that no other call uses."""
-    padding = PADDING.take()
+    padding = SINGLES.take()
     found = padding.one(name, vectors, state)
-    PADDING.put_back(padding)
+    SINGLES.put_back(padding)
     return found
 
 
 def run(name: str, vectors: Floats, states: Floats, found: Floats) -> Any:
     """Fills `found` for states (n, 8); returns the numbers of those that are left."""
-    if len(states) == 1:
-        return (0,) if pad(name, vectors, states, found) else ()
-    whole, short = divmod(len(states), LANES)
+    whole, short = divmod(len(states), lanes())
     left = np.zeros(whole + 1, np.int64)
     if whole:
         kernel(name)(*map(address_of, (vectors, states, found, left)), whole)
     if short:
         left[-1] = pad(name, vectors, states[-short:], found[-short:])
-    return lanes_of(left, len(states)) if left.any() else ()
+    return lanes_of(left, len(states))
 
 
 def lanes_of(bits: Any, count: int) -> Any:
     """The numbers of the lanes whose bits are set, of those that are not padding."""
     if not bits.any():
         return np.empty(0, np.intp)
-    return np.flatnonzero(((bits[:, None] >> np.arange(LANES)) & 1).ravel()[:count])
+    return np.flatnonzero(((bits[:, None] >> np.arange(lanes())) & 1).ravel()[:count])
 
 
 def address_of(array: Any) -> int:
@@ -161,4 +190,5 @@ def address_of(array: Any) -> int:
     return array.__array_interface__["data"][0]  # type: ignore[no-any-return]
 
 
-PADDING = Pool(Padding)
+SINGLES = Pool(partial(Padding, SINGLE))
+RESTS = Pool(Padding)

@@ -29,6 +29,12 @@ Write = Callable[[Any, Sequence[Any]], None]
 #: In front of an object stands its SHA-256, so that what a disk has spoilt is made anew.
 DIGEST = 32
 MAKER = f"llvmlite {llvmlite.__version__}"
+ADDITION = """define void @add(<8 x double>* %place) {
+    %numbers = load <8 x double>, <8 x double>* %place
+    %sums = fadd <8 x double> %numbers, %numbers
+    store <8 x double> %sums, <8 x double>* %place
+    ret void
+}"""
 _MAKING = threading.Lock()
 
 
@@ -72,6 +78,17 @@ def processor() -> tuple[str, str, str]:
         features = host_features() if name == "host" else ""
     name = llvm.get_host_cpu_name() if name == "host" else name.replace("generic", "")
     return name, features, hashlib.sha256(f"{name} {features}".encode()).hexdigest()[:12]
+
+
+@cache
+def vector_bits() -> int:
+    """How wide the registers are in which LLVM adds numbers: 512, 256 or 128, as the code of an
+    addition of eight shows."""
+    machine = new_machine()
+    module = llvm.parse_assembly(ADDITION)
+    module.triple = machine.triple
+    code = machine.emit_assembly(module)
+    return 512 if "zmm" in code else 256 if "ymm" in code else 128
 
 
 def host_features() -> str:

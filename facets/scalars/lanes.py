@@ -49,18 +49,30 @@ def shuffled(builder: Any, a: Any, b: Any, places: Iterable[int]) -> Any:
 
 
 def transposed(builder: Any, rows: list[Any]) -> list[Any]:
-    """The columns of four vectors of four."""
-    a, b, c, d = rows
-    low, high = (0, 4, 2, 6), (1, 5, 3, 7)
-    ab, cd = shuffled(builder, a, b, low), shuffled(builder, c, d, low)
-    ab_high, cd_high = shuffled(builder, a, b, high), shuffled(builder, c, d, high)
-    front, back = (0, 1, 4, 5), (2, 3, 6, 7)
-    return [
-        shuffled(builder, ab, cd, front),
-        shuffled(builder, ab_high, cd_high, front),
-        shuffled(builder, ab, cd, back),
-        shuffled(builder, ab_high, cd_high, back),
-    ]
+    """The columns of as many vectors as each has numbers, a power of two.
+
+    Of each pair of rows whose numbers differ in one bit the blocks beside the diagonal are
+    exchanged, bit by bit.
+    """
+    rows, size, width = list(rows), len(rows), 1
+    while width < size:
+        low = [n if not n & width else size + n - width for n in range(size)]
+        high = [n + width if not n & width else size + n for n in range(size)]
+        for i in range(size):
+            if not i & width:
+                pair = rows[i], rows[i + width]
+                rows[i], rows[i + width] = (shuffled(builder, *pair, each) for each in (low, high))
+        width *= 2
+    return rows
+
+
+def joined(builder: Any, vectors: list[Any]) -> Any:
+    """One vector of as many of equal lengths, a power of two."""
+    while len(vectors) > 1:
+        size = 2 * vectors[0].type.count
+        pairs = zip(vectors[::2], vectors[1::2], strict=True)
+        vectors = [shuffled(builder, a, b, range(size)) for a, b in pairs]
+    return vectors[0]
 
 
 class LaneWriter(Writer):
@@ -118,14 +130,28 @@ class LaneWriter(Writer):
     def load_rows(self, pointer: Any, stride: Any, count: int) -> list[Value]:
         """`count` numbers of each lane, whose rows are `stride` numbers apart; an integer, or one
         that the code will know."""
-        found = []
-        for column in range(count):
-            vector: Any = ir.Constant(self.kind, ir.Undefined)
-            for lane in range(self.lanes):
-                number = self.builder.load(self._in_row(pointer, stride, lane, column))
-                vector = self.builder.insert_element(vector, number, ir.Constant(SHORT, lane))
-            found.append(Value(self, vector))
+        found: list[Value] = []
+        for first, size in self._squares(count):
+            rows = [
+                self.builder.load(self._in_row(pointer, stride, lane, first, size), align=8)
+                for lane in range(self.lanes)
+            ]
+            squares = [
+                transposed(self.builder, rows[lane : lane + size])
+                for lane in range(0, self.lanes, size)
+            ]
+            for parts in zip(*squares, strict=True):
+                found.append(Value(self, joined(self.builder, list(parts))))
         return found
+
+    def _squares(self, count: int) -> Iterator[tuple[int, int]]:
+        """Columns as squares of memory: the number of the first, and how many."""
+        first, size = 0, self.lanes
+        while first < count:
+            while size > count - first:
+                size //= 2
+            yield first, size
+            first += size
 
     def store_column(
         self, numbers: Sequence[Value | float], pointer: Any, column: Any, columns: Any
@@ -140,34 +166,23 @@ class LaneWriter(Writer):
                     one, self.builder.gep(pointer, [self.builder.add(first, column)])
                 )
 
-    def _in_row(self, pointer: Any, stride: Any, lane: int, column: int) -> Any:
+    def _in_row(self, pointer: Any, stride: Any, lane: int, column: int, size: int) -> Any:
+        """Where `size` numbers of a lane's row begin, as a vector."""
         wide = ir.Constant(LONG, stride) if isinstance(stride, int) else stride
         row = self.builder.mul(wide, ir.Constant(LONG, lane))
-        return self.builder.gep(pointer, [self.builder.add(row, ir.Constant(LONG, column))])
+        place = self.builder.gep(pointer, [self.builder.add(row, ir.Constant(LONG, column))])
+        return self.builder.bitcast(place, ir.PointerType(ir.VectorType(DOUBLE, size)))
 
     def store_rows(self, numbers: Sequence[Value | float], pointer: Any, stride: Any) -> None:
         """Numbers of each lane, into rows that are `stride` numbers apart, as in `load_rows`."""
         vectors = [self.value(number) for number in numbers]
-        for first in range(0, len(vectors), 4):
-            some = vectors[first : first + 4]
-            if len(some) < 4:
-                self._store_one_by_one(some, pointer, stride, first)
-                continue
-            for quarter in range(0, self.lanes, 4):
-                rows = transposed(self.builder, [self._four(each, quarter) for each in some])
-                for lane, row in enumerate(rows):
-                    at = self._in_row(pointer, stride, quarter + lane, first)
-                    at = self.builder.bitcast(at, ir.PointerType(row.type))
-                    self.builder.store(row, at, align=8)
-
-    def _four(self, vector: Any, first: int) -> Any:
-        return shuffled(self.builder, vector, vector, range(first, first + 4))
-
-    def _store_one_by_one(self, vectors: list[Any], pointer: Any, stride: Any, first: int) -> None:
-        for column, vector in enumerate(vectors):
-            for lane in range(self.lanes):
-                one = self.builder.extract_element(vector, ir.Constant(SHORT, lane))
-                self.builder.store(one, self._in_row(pointer, stride, lane, first + column))
+        for first, size in self._squares(len(vectors)):
+            some = vectors[first : first + size]
+            for lane in range(0, self.lanes, size):
+                places = range(lane, lane + size)
+                square = [shuffled(self.builder, each, each, places) for each in some]
+                for n, row in enumerate(transposed(self.builder, square), lane):
+                    self.builder.store(row, self._in_row(pointer, stride, n, first, size), align=8)
 
     def bits(self, condition: Condition) -> Any:
         """A 64-bit integer with a bit for each lane in which something is so."""

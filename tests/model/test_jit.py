@@ -26,7 +26,7 @@ def run(code: str, cache: str) -> subprocess.CompletedProcess:
 @pytest.mark.slow
 def test_the_first_use_says_that_it_compiles_and_the_second_does_not(tmp_path):
     first, second = run(READ, str(tmp_path)), run(READ, str(tmp_path))
-    assert "compiling readings, once" in first.stderr
+    assert "compiling readings_in_2_lanes, once" in first.stderr
     assert second.stderr == ""
     assert first.stdout == second.stdout
 
