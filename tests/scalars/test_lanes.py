@@ -10,12 +10,10 @@ from llvmlite import binding, ir
 from facets.estimation import straight
 from facets.optics.central import side_central
 from facets.optics.wedge import side
-from facets.scalars.lanes import LEFT, LaneWriter
+from facets.scalars.lanes import LEFT, Flag, LaneWriter, Memory
 from facets.scalars.machine import DOUBLE, LONG
 
 pytestmark = pytest.mark.installed
-
-LANES = 4
 
 
 def run(formula, *rows: list[float]) -> tuple[np.ndarray, list[int]]:
@@ -23,10 +21,11 @@ def run(formula, *rows: list[float]) -> tuple[np.ndarray, list[int]]:
 
     rows: for each number, its values in the lanes.
     """
+    lanes = len(rows[0])
     module = ir.Module()
     pointer = ir.PointerType(DOUBLE)
     function = ir.Function(module, ir.FunctionType(LONG, [pointer, pointer]), "formula")
-    code = LaneWriter(ir.IRBuilder(function.append_basic_block()), LANES)
+    code = LaneWriter(ir.IRBuilder(function.append_basic_block()), lanes)
     numbers = code.load_rows(function.args[0], len(rows), len(rows))
     results = formula(code, *numbers)
     code.store_rows(list(results), function.args[1], len(results))
@@ -40,9 +39,9 @@ def run(formula, *rows: list[float]) -> tuple[np.ndarray, list[int]]:
         engine.get_function_address("formula")
     )
     given = np.ascontiguousarray(np.array(rows, float).T)
-    found = np.empty((LANES, len(results)))
+    found = np.empty((lanes, len(results)))
     bits = call(given.ctypes.data, found.ctypes.data)
-    return found, [lane for lane in range(LANES) if bits >> lane & 1]
+    return found, [lane for lane in range(lanes) if bits >> lane & 1]
 
 
 def test_each_lane_computes_as_floats_do():
@@ -56,6 +55,42 @@ def test_each_lane_computes_as_floats_do():
     expected = np.column_stack([x + y, x - y, x * y, abs(x), x, abs(x)])
     np.testing.assert_array_equal(found, expected)
     assert left == []
+
+
+@pytest.mark.parametrize("lanes", [2, 4, 8])
+@pytest.mark.parametrize("width", [1, 3, 9, 15])
+def test_rows_are_read_and_written_as_they_stand(lanes, width):
+    """By squares, transposed, and narrower ones where these end."""
+    rows = np.random.default_rng(width).normal(size=(width, lanes))
+    found, left = run(lambda code, *numbers: numbers, *rows.tolist())
+    np.testing.assert_array_equal(found, rows.T)
+    found, _ = run(lambda code, *numbers: numbers[::-1], *rows.tolist())
+    np.testing.assert_array_equal(found, rows[::-1].T)
+    assert left == []
+
+
+@pytest.mark.parametrize("lanes", [2, 4, 8])
+def test_a_loop_goes_on_while_a_lane_does(lanes):
+    """Halvings of a number until it is below one; lanes that began there are left."""
+
+    def formula(code, x):
+        numbers, going = Memory(code, 2), Flag(code, x > 0)
+        numbers[0], numbers[1] = x, 0.0
+        with code.do_while() as repetition:
+            code.leave(numbers[0] < 0)
+            on = going.get() & (numbers[0] > 1)
+            numbers[1] = numbers[1] + code.select(on, 1.0, 0.0)
+            numbers[0] = code.select(on, numbers[0] / 2, numbers[0])
+            going.set(on)
+            repetition.again = code.any(on)
+        return numbers[0], numbers[1]
+
+    given = [5.0, -3.0, 0.5, 1e6, 2.0, 3.0, 0.0, 9.0][:lanes]
+    found, left = run(formula, given)
+    expected = [max(math.ceil(math.log2(x)), 0) if x > 0 else 0 for x in given]
+    np.testing.assert_array_equal(found[:, 1], expected)
+    np.testing.assert_array_equal(found[:, 0], given / 2.0 ** np.array(expected))
+    assert left == [1]
 
 
 def test_negatives_zeros_and_ones_are_taken_out_of_sums_and_products():
