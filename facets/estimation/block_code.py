@@ -19,7 +19,7 @@ from ..scalars.lanes import Flag, LaneWriter, Memory
 from ..scalars.machine import DOUBLE, LONG, counted
 from ..scalars.tracing import Condition, Value
 from . import straight
-from .blocks import SCALES, Form, Task
+from .blocks import SCALES, BlockTask, Form
 from .problem import DARK, FAINTEST, HEAVIEST, PATIENCE, SLOWEST, SMALL, UNKNOWNS
 
 Numbers = list[Any]
@@ -34,20 +34,20 @@ def estimating(form: Form) -> LaneWrite:
 
     def write(builder: Any, arguments: Sequence[Any], lanes: int) -> None:
         at = builder.inttoptr(arguments[0], ir.PointerType(LONG))
-        numbers = range(len(Task._fields))
-        task = Task(*(builder.load(builder.gep(at, [ir.Constant(LONG, n)])) for n in numbers))
+        numbers = range(len(BlockTask._fields))
+        task = BlockTask(*(builder.load(builder.gep(at, [ir.Constant(LONG, n)])) for n in numbers))
         with counted(builder, task.blocks) as index:
             write_block(LaneWriter(builder, lanes), form, task, index)
 
     return write
 
 
-def write_block(code: LaneWriter, form: Form, task: Task, index: Any) -> None:
+def write_block(code: LaneWriter, form: Form, task: BlockTask, index: Any) -> None:
     """task: of numbers that the code has read.  index: of the block."""
-    rows = Rows(code, task, index)
+    rows = BlockRows(code, task, index)
     vectors = vectors_of(code, rows.pointers.packed, form.kind)
     question = Question(code, rows)
-    fit = Damped(code, form, task) if form.damped else Fit(code, form, task)
+    fit = DampedSteps(code, form, task) if form.damped else PlainSteps(code, form, task)
     fit.begin(rows.read("starts", UNKNOWNS, task.own_starts), question)
     with code.do_while() as repetition:
         fit.write_round(vectors, question)
@@ -58,7 +58,10 @@ def write_block(code: LaneWriter, form: Form, task: Task, index: Any) -> None:
     rows.write_bits("stalled", index, fit.stalled.get() & ~left)
 
 
-def write_results(code: LaneWriter, form: Form, task: Task, fit: Fit, rows: Rows) -> None:
+def write_results(
+    code: LaneWriter, form: Form, task: BlockTask, fit: PlainSteps, rows: BlockRows
+) -> None:
+    """Of the steps' ends; those of lanes that are left mean nothing."""
     rest = fit.cost[0] - fit.gain[0]
     root = code.function("sqrt", code.select(rest > 0, rest, 0.0))
     rows.write("states", [fit.end[c] for c in range(UNKNOWNS)])
@@ -69,12 +72,12 @@ def write_results(code: LaneWriter, form: Form, task: Task, fit: Fit, rows: Rows
         rows.write("covariances", covariance_of(fit.factor, form.free))
 
 
-class Rows:
+class BlockRows:
     """A block's rows in the arrays of a task."""
 
-    def __init__(self, code: LaneWriter, task: Task, index: Any) -> None:
+    def __init__(self, code: LaneWriter, task: BlockTask, index: Any) -> None:
         self.code, self.task = code, task
-        self.pointers = Task(*pointers_to(code.builder, task))
+        self.pointers = BlockTask(*pointers_to(code.builder, task))
         self.first = code.builder.mul(index, ir.Constant(LONG, code.lanes))
 
     def read(self, name: str, width: int, own: Any) -> Numbers:
@@ -102,7 +105,7 @@ class Question:
     Lanes whose readings lack light, or are out of range, are left.
     """
 
-    def __init__(self, code: LaneWriter, rows: Rows) -> None:
+    def __init__(self, code: LaneWriter, rows: BlockRows) -> None:
         task = rows.task
         scales = vectors_at(code, rows.pointers.scales, SCALES)
         self.values = rows.read("values", 9, task.own_rows)
@@ -118,7 +121,7 @@ class Question:
             code.leave(~seen)
         self.weights = self._weights(code, rows, scales.noise)
 
-    def _weights(self, code: LaneWriter, rows: Rows, noise: Sequence[Value]) -> Numbers:
+    def _weights(self, code: LaneWriter, rows: BlockRows, noise: Sequence[Value]) -> Numbers:
         """The readings' own, or those of the sensor's noise."""
         place, power = 1 / (noise[0] * noise[1]), 1 / noise[2]
         usual: Numbers = []
@@ -208,7 +211,7 @@ def power_derivative(vectors: Any, form: Form, values: Any, k: int, i: int) -> A
     return by_power(vectors, values, k, i)
 
 
-class Fit:
+class PlainSteps:
     """What the rounds of an estimate hand on, for each lane; the steps are not damped.
 
     A lane whose sum of squares rises is left.  at: the state and the power of the next round.  end:
@@ -216,7 +219,7 @@ class Fit:
     by.  small: such a gain is none.  going: which lanes have not arrived.
     """
 
-    def __init__(self, code: LaneWriter, form: Form, task: Task) -> None:
+    def __init__(self, code: LaneWriter, form: Form, task: BlockTask) -> None:
         size = len(form.free)
         self.code, self.form, self.task = code, form, task
         self.at, self.end = Memory(code, UNKNOWNS), Memory(code, UNKNOWNS)
@@ -279,14 +282,14 @@ class Fit:
             self.at[c] = self.code.select(going, to[c], self.at[c])
 
 
-class Damped(Fit):
+class DampedSteps(PlainSteps):
     """The same with steps that are damped where they do not help, as `gauss_newton.estimate` does.
 
     Unless the task is `patient`, a lane whose sum of squares rises is left.  here: the best state
     so far.  matrix, right: its normal equations.  earlier: the sum of squares `since` steps ago.
     """
 
-    def __init__(self, code: LaneWriter, form: Form, task: Task) -> None:
+    def __init__(self, code: LaneWriter, form: Form, task: BlockTask) -> None:
         super().__init__(code, form, task)
         size = len(form.free)
         self.here, self.right = Memory(code, UNKNOWNS), Memory(code, size)

@@ -82,7 +82,7 @@ class Scales(NamedTuple):
 SCALES = Scales((0.0,) * 3, ((0.0,) * 2,) * 3, (0.0,) * 2, (0.0,) * 3)
 
 
-class Task(NamedTuple):
+class BlockTask(NamedTuple):
     """What code works on: 64-bit integers, in memory one after the other.
 
     The address of a sensor's vectors, of `Scales`, and of arrays of `Readings`, `Problem` and
@@ -163,7 +163,7 @@ def estimate(
     """Fills `results`; returns the numbers of the readings that are left, whose results mean
     nothing.
 
-    code: from `kernel`.  The arrays are those of `kernels.solve_rows`.  patient: see `Task`.
+    code: from `kernel`.  The arrays are those of `kernels.solve_rows`.  patient: see `BlockTask`.
     """
     n = len(readings.values)
     whole = n // lanes() * lanes()
@@ -236,9 +236,9 @@ def task_of(
     arrays: Sequence[Array], weighed: bool, own: Sequence[bool], problem: Problem, patient: bool,
     blocks: int,
 ) -> Array:  # fmt: skip
-    """A `Task` in memory.  arrays: in its order, the weights and the covariances maybe empty."""
+    """A `BlockTask` in memory.  arrays: in its order; weights and covariances may be empty."""
     places = [address_of(array) if array.size else 0 for array in arrays]
-    addresses = Task(*places, *[0] * (len(Task._fields) - len(places)))
+    addresses = BlockTask(*places, *[0] * (len(BlockTask._fields) - len(places)))
     most = problem.max_steps if patient else min(problem.max_steps, MOST)
     task = addresses._replace(
         weights=addresses.weights if weighed else addresses.values,

@@ -13,47 +13,7 @@ from ..model.threads import once
 from . import gauss_newton, least_squares, normal_equations
 from . import problem as problems
 from .gauss_newton import estimate_each
-from .problem import (
-    ACCEPT_UNCHECKED,
-    COUNT,
-    COUNT_OF_COVARIANCES,
-    COUNT_OF_FREE,
-    COUNT_OF_MEANS,
-    COUNT_OF_SIGMAS,
-    COUNT_OF_STARTS,
-    COVARIANCES,
-    DAMPED,
-    EIGHT,
-    FREE,
-    HALF_SIZES,
-    LAYERS,
-    LAYERS_AT,
-    MEANS,
-    MODEL,
-    MOST_STEPS,
-    NOISE,
-    OUTLINES_AT,
-    PACKED,
-    PREVIOUS,
-    RESIDUALS,
-    ROUNDINGS,
-    ROWS,
-    ROWS_AT,
-    SIGMAS,
-    STARTS,
-    STATES,
-    STATUS,
-    STEPS,
-    USED,
-    VALUES,
-    WEIGHT,
-    Limits,
-    Model,
-    Problem,
-    Readings,
-    Results,
-    Workspace,
-)
+from .problem import LAYERS, PLACES, ROWS, Limits, Model, Problem, Readings, Results, Workspace
 
 Array = Any
 
@@ -61,43 +21,45 @@ Array = Any
 def solve_rows(task: Any) -> None:
     """Estimates the states of `Results` from `Readings`.
 
-    task: the addresses and counts of `problem.Task`.
+    task: a `problem.TaskTable`, by PLACES.
     """
-    n, rows, starts = task[COUNT], task[COUNT_OF_SIGMAS], task[COUNT_OF_STARTS]
-    means, asked, kept = task[COUNT_OF_MEANS], task[COUNT_OF_FREE], task[COUNT_OF_COVARIANCES]
+    n, asked = task[PLACES.readings], task[PLACES.unknowns]
+    rows, means = task[PLACES.rows_of_sigmas], task[PLACES.rows_of_means]
+    starts, kept = task[PLACES.rows_of_starts], task[PLACES.rows_of_covariances]
     estimate_each(
-        Model(task[MODEL], carray(doubles_at(task[PACKED]), (1,))),
+        Model(task[PLACES.model], carray(doubles_at(task[PLACES.packed]), (1,))),
         Readings(
-            carray(doubles_at(task[VALUES]), (n, 9)), carray(doubles_at(task[SIGMAS]), (rows, 9))
+            carray(doubles_at(task[PLACES.values]), (n, 9)),
+            carray(doubles_at(task[PLACES.sigmas]), (rows, 9)),
         ),
         Limits(
-            carray(doubles_at(task[NOISE]), (3,)),
-            carray(doubles_at(task[HALF_SIZES]), (3, 2)),
-            task[EIGHT] != 0,
-            carray(doubles_at(task[ROUNDINGS]), (2,)),
+            carray(doubles_at(task[PLACES.noise]), (3,)),
+            carray(doubles_at(task[PLACES.half_sizes]), (3, 2)),
+            task[PLACES.eight] != 0,
+            carray(doubles_at(task[PLACES.rounding]), (2,)),
         ),
         Problem(
-            carray(doubles_at(task[MEANS]), (means, 3)),
-            carray(doubles_at(task[WEIGHT]), (3,)),
-            carray(longs_at(task[FREE]), (asked,)),
-            carray(doubles_at(task[STARTS]), (starts, 9)),
-            task[PREVIOUS] != 0,
-            task[MOST_STEPS],
-            task[DAMPED] != 0,
-            task[ACCEPT_UNCHECKED] != 0,
+            carray(doubles_at(task[PLACES.means]), (means, 3)),
+            carray(doubles_at(task[PLACES.weight]), (3,)),
+            carray(longs_at(task[PLACES.free]), (asked,)),
+            carray(doubles_at(task[PLACES.starts]), (starts, 9)),
+            task[PLACES.previous] != 0,
+            task[PLACES.max_steps],
+            task[PLACES.damped] != 0,
+            task[PLACES.accept_unchecked] != 0,
         ),
         Results(
-            carray(doubles_at(task[STATES]), (n, 9)),
-            carray(bytes_at(task[USED]), (n, 3)),
-            carray(bytes_at(task[STATUS]), (n,)),
-            carray(integers_at(task[STEPS]), (n,)),
-            carray(doubles_at(task[RESIDUALS]), (n,)),
-            carray(doubles_at(task[COVARIANCES]), (kept, 8, 8)),
+            carray(doubles_at(task[PLACES.states]), (n, 9)),
+            carray(bytes_at(task[PLACES.used]), (n, 3)),
+            carray(bytes_at(task[PLACES.status]), (n,)),
+            carray(integers_at(task[PLACES.steps]), (n,)),
+            carray(doubles_at(task[PLACES.residuals]), (n,)),
+            carray(doubles_at(task[PLACES.covariances]), (kept, 8, 8)),
         ),
         Workspace(
-            carray(doubles_at(task[LAYERS_AT]), (LAYERS, 10, 10)),
-            carray(doubles_at(task[ROWS_AT]), (ROWS, 10)),
-            carray(doubles_at(task[OUTLINES_AT]), (1,)),
+            carray(doubles_at(task[PLACES.layers]), (LAYERS, 10, 10)),
+            carray(doubles_at(task[PLACES.rows]), (ROWS, 10)),
+            carray(doubles_at(task[PLACES.outlines]), (1,)),
         ),
     )
 

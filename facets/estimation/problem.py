@@ -122,13 +122,48 @@ class Results(NamedTuple):
     covariances: Array
 
 
-#: What a task's table holds: addresses of arrays, how many rows some of them have, and numbers.
-(
-    MODEL, PACKED, VALUES, SIGMAS, NOISE, HALF_SIZES, ROUNDINGS, MEANS, WEIGHT, FREE, STARTS,
-    STATES, USED, STATUS, STEPS, RESIDUALS, COVARIANCES, LAYERS_AT, ROWS_AT, OUTLINES_AT,
-    COUNT, COUNT_OF_SIGMAS, COUNT_OF_MEANS, COUNT_OF_FREE, COUNT_OF_STARTS, COUNT_OF_COVARIANCES,
-    EIGHT, PREVIOUS, MOST_STEPS, DAMPED, ACCEPT_UNCHECKED, PLACES,
-) = range(32)  # fmt: skip
+class TaskTable(NamedTuple):
+    """What `kernels.solve_rows` works on, as 64-bit integers.
+
+    Addresses of a model and of arrays; how many readings and unknowns there are, and rows of arrays
+    that may have fewer; and numbers of `Limits` and `Problem`.
+    """
+
+    model: Any
+    packed: Any
+    values: Any
+    sigmas: Any
+    noise: Any
+    half_sizes: Any
+    rounding: Any
+    means: Any
+    weight: Any
+    free: Any
+    starts: Any
+    states: Any
+    used: Any
+    status: Any
+    steps: Any
+    residuals: Any
+    covariances: Any
+    layers: Any
+    rows: Any
+    outlines: Any
+    readings: Any
+    rows_of_sigmas: Any
+    rows_of_means: Any
+    unknowns: Any
+    rows_of_starts: Any
+    rows_of_covariances: Any
+    eight: Any
+    previous: Any
+    max_steps: Any
+    damped: Any
+    accept_unchecked: Any
+
+
+#: Where each is in memory.
+PLACES = TaskTable(*range(len(TaskTable._fields)))
 
 
 class Task:
@@ -147,28 +182,36 @@ class Task:
         memory: Workspace,
     ) -> None:
         self.parts = (model, readings, limits, problem, results, memory)
-        where = [
-            model.packed, readings.values, readings.sigmas,
-            limits.noise, limits.half_sizes, limits.rounding,
-            problem.means, problem.weight, problem.free, problem.starts,
-            results.states, results.used, results.status, results.steps, results.residuals,
-            results.covariances, memory.layers, memory.rows, memory.outlines,
-        ]  # fmt: skip
-        counted = (readings.values, readings.sigmas, problem.means, problem.free, problem.starts)
-        self.table = np.array(
-            [
-                model.address,
-                *map(address_of, where),
-                *map(len, counted),
-                len(results.covariances),
-                limits.eight,
-                problem.previous,
-                problem.max_steps,
-                problem.damped,
-                problem.accept_unchecked,
-            ],
-            dtype=np.int64,
+        arrays = {
+            "packed": model.packed,
+            "values": readings.values,
+            "sigmas": readings.sigmas,
+            "noise": limits.noise,
+            "half_sizes": limits.half_sizes,
+            "rounding": limits.rounding,
+            "means": problem.means,
+            "weight": problem.weight,
+            "free": problem.free,
+            "starts": problem.starts,
+            **results._asdict(),
+            **memory._asdict(),
+        }
+        table = TaskTable(
+            model=model.address,
+            **{name: address_of(array) for name, array in arrays.items()},
+            readings=len(readings.values),
+            rows_of_sigmas=len(readings.sigmas),
+            rows_of_means=len(problem.means),
+            unknowns=len(problem.free),
+            rows_of_starts=len(problem.starts),
+            rows_of_covariances=len(results.covariances),
+            eight=limits.eight,
+            previous=problem.previous,
+            max_steps=problem.max_steps,
+            damped=problem.damped,
+            accept_unchecked=problem.accept_unchecked,
         )
+        self.table = np.array(table, np.int64)
         self.address = address_of(self.table)
 
 
