@@ -6,7 +6,8 @@ Two halves. The first asks whether the solver ends where the readings say: exact
 near and far starts, of the paper's sensor and of ten without symmetry. A pose is wrong there if it
 is `ok` and lies further from the truth than its reading's own information allows: a thousandth of
 its standard uncertainty (or 1e-9 mm, 1e-9 rad) for exact readings, a hundredth in the tail, where
-condition numbers pass 1e12 and rounding shows, 7 standard uncertainties for noisy readings.
+condition numbers pass 1e12 and rounding shows, 7 standard uncertainties for noisy readings. Those
+at which a spot is near an edge, as `near_edges` has it, are counted by themselves.
 
 The second asks whether a reading that is not what it should be gives a pose that is believed: noise
 by `add_noise`, spots past edges, a masked number, a number spoilt, spots cut by their detectors'
@@ -126,11 +127,14 @@ def stress(
     ok = solution.ok
     room = np.maximum(case.allowed * solution.uncertainty[ok], FLOOR)
     away = np.abs(solution.state[ok] - truth[ok])
+    wrong = (away > room).any(axis=1)
+    edge = near_edges(sensor, readings[ok]).any(axis=1)
     worst = condition(sensor, truth[:: max(1, count // 2000)])
     return {
         "draws": count,
         "converged": int(ok.sum()),
-        "wrong": int((away > room).any(axis=1).sum()),
+        "wrong": int((wrong & ~edge).sum()),
+        "edge": int((wrong & edge).sum()),
         "misfit": int(solution.misfit.sum()),
         "worst_condition": float(np.nanmax(worst)),
         **{status.label: int((solution.status == status).sum()) for status in facets.Status},
@@ -314,7 +318,7 @@ def main() -> None:
         worst = max(row["worst_condition"] for row in found)
         print(
             f"{case.name:40} {total['draws']:8d} drawn, {total['converged']:8d} ok, "
-            f"{total['wrong']} wrong; condition to {worst:.1g}"
+            f"{total['wrong']} wrong, {total['edge']} near an edge; condition to {worst:.1g}"
         )
     rows = []
     for trouble in TROUBLES:

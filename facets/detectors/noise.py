@@ -70,6 +70,26 @@ def power_floor(sensor: Sensor) -> float:
     return float(np.sqrt(var) / (1e-3 * sensor.electronics.responsivity))
 
 
+#: A detector with less light than this, in standard deviations of its power, is left out: the noise
+#: of its spot's place, which goes as 1 / power, is then no Gaussian that a weight could stand for.
+FAINTEST = 10.0
+
+
+def least_light(sensor: Sensor) -> Floats:
+    """The least power at which a detector's reading counts, mW: (3,).
+
+    FAINTEST standard deviations above the other light that falls on it, and twice that light: of a
+    spot that is weaker than what is beside it a reading tells little, and several poses fit it.
+    """
+    other = other_light(sensor)
+    return other + np.maximum(FAINTEST * power_floor(sensor), other)
+
+
+def other_light(sensor: Sensor) -> Floats:
+    """The power that falls on each detector beside its spot, mW: (3,)."""
+    return np.array([power for power, _, _ in sensor.light.background])
+
+
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")  # a reading can be anything
 def variances(sensor: Sensor, reading: ArrayLike) -> Floats:
     """Of each number of readings (..., 9), by source: (..., 9, n), mm^2 and mW^2."""

@@ -20,7 +20,7 @@ from ..scalars.machine import DOUBLE, LONG, counted
 from ..scalars.tracing import Condition, Value
 from . import straight
 from .blocks import SCALES, BlockTask, Form
-from .problem import DARK, FAINTEST, HEAVIEST, PATIENCE, SLOWEST, SMALL, UNKNOWNS
+from .problem import HEAVIEST, PATIENCE, SLOWEST, SMALL, UNKNOWNS
 
 Numbers = list[Any]
 
@@ -111,11 +111,10 @@ class Question:
         self.values = rows.read("values", 9, task.own_rows)
         self.means = rows.read("means", 3, task.own_means)
         self.rounding, self.prior_weights = scales.rounding, scales.weight
-        _, _, power_noise = scales.noise
-        self.darkness = power_noise * DARK
+        least, self.darkness = scales.light
         for k in range(3):
             psi, zeta, light = self.values[3 * k : 3 * k + 3]
-            seen = (light > power_noise * FAINTEST) & (light < inf)
+            seen = (light > least[k]) & (light < inf)
             for at, half in zip((psi, zeta), scales.half_sizes[k], strict=True):
                 seen = seen & ~(abs(at) > half) & (abs(at) < inf)
             code.leave(~seen)
@@ -173,8 +172,9 @@ def weighted(
     """The Jacobian's columns of the free unknowns and the residuals, in standard deviations."""
     rows: list[Numbers] = []
     residuals: Numbers = []
-    for values, derivatives in linearised(code, with_power(vectors, x[8]), x, form):
-        code.leave(~(values[2] > question.darkness))
+    found = linearised(code, with_power(vectors, x[8]), x, form)
+    for (values, derivatives), darkness in zip(found, question.darkness, strict=True):
+        code.leave(~(values[2] > darkness))
         for value, row in zip(values, derivatives, strict=True):
             n = len(rows)
             weight = question.weights[n]

@@ -73,13 +73,14 @@ class Scales(NamedTuple):
     """The numbers of `Limits` and of a `Problem` that all readings share."""
 
     noise: Any
+    light: Any
     half_sizes: Any
     rounding: Any
     weight: Any
 
 
 #: Their arrangement.
-SCALES = Scales((0.0,) * 3, ((0.0,) * 2,) * 3, (0.0,) * 2, (0.0,) * 3)
+SCALES = Scales((0.0,) * 3, ((0.0,) * 3,) * 2, ((0.0,) * 2,) * 3, (0.0,) * 2, (0.0,) * 3)
 
 
 class BlockTask(NamedTuple):
@@ -145,7 +146,7 @@ def fits(problem: Problem) -> bool:
 
 
 def scales_of(limits: Limits, problem: Problem) -> Array:
-    parts = Scales(limits.noise, limits.half_sizes, limits.rounding, problem.weight)
+    parts = Scales(limits.noise, limits.light, limits.half_sizes, limits.rounding, problem.weight)
     scales = np.concatenate([np.ravel(part) for part in parts])
     assert len(scales) == len(list(leaves(SCALES)))
     return scales

@@ -128,6 +128,7 @@ def second_solutions_of(
     doubtful = np.zeros(len(rows), bool)
     for side in (1.0, -1.0):
         fold = side * fold_distance(sensor, here, side * step)
+        lost = np.isfinite(fold)
         doubtful |= np.abs(fold) * answer / largest[:, 0] < NEAR
         for share in BEYOND:
             some = np.flatnonzero(np.isfinite(fold) & ~doubtful)
@@ -139,6 +140,8 @@ def second_solutions_of(
             off = (other.states[:, :8] - here[some]) / FINE_UNITS
             apart = np.abs((off * weakest[some]).sum(axis=1)) * answer[some]
             doubtful[some] = (other.residuals <= chance.limit) & (apart > APART)
+            lost[some] &= np.isnan(other.residuals)
+        doubtful |= lost  # no estimate from there ends: nothing tells that there is no other
     return rows[doubtful]
 
 

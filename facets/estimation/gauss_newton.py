@@ -19,9 +19,7 @@ from .problem import (
     COLUMNS,
     CONVERGED,
     COVARIANCE,
-    DARK,
     FACTOR,
-    FAINTEST,
     FOUND,
     HEAVIEST,
     HERE,
@@ -65,7 +63,7 @@ def screen_reading(values: Array, limits: Limits, weights: Array, used: Array) -
     """Fills weights (9,) = 1/sigma and used (3,) for one reading; returns what is wrong, if any.
 
     A detector is left out, with weight 0, where a number of it is not finite, where its power is
-    under FAINTEST sigmas of the noise, and where its place is past its edge, where there can be
+    under the least that counts, and where its place is past its edge, where there can be
     no light.
     """
     status = CONVERGED
@@ -74,7 +72,7 @@ def screen_reading(values: Array, limits: Limits, weights: Array, used: Array) -
         fault = CONVERGED
         if not (isfinite(psi) and isfinite(zeta) and isfinite(power)):
             fault = NON_FINITE
-        elif not power > FAINTEST * limits.noise[2]:
+        elif not power > limits.light[0, k]:
             fault = NO_LIGHT
         elif abs(psi) > limits.half_sizes[k, 0] or abs(zeta) > limits.half_sizes[k, 1]:
             fault = OUT_OF_RANGE
@@ -124,7 +122,7 @@ def weigh_columns(values: Array, free: Array, layers: Array) -> float:
 def is_dark(layers: Array, limits: Limits) -> bool:
     """Whether a detector that reads light would have none."""
     for k in range(3):
-        lit = layers[FOUND, 0, 3 * k + 2] > DARK * limits.noise[2]
+        lit = layers[FOUND, 0, 3 * k + 2] > limits.light[1, k]
         if layers[VECTORS, WEIGHTS, 3 * k] > 0 and not lit:
             return True
     return False

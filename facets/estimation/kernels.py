@@ -34,6 +34,7 @@ def solve_rows(task: Any) -> None:
         ),
         Limits(
             carray(doubles_at(task[PLACES.noise]), (3,)),
+            carray(doubles_at(task[PLACES.light]), (2, 3)),
             carray(doubles_at(task[PLACES.half_sizes]), (3, 2)),
             task[PLACES.eight] != 0,
             carray(doubles_at(task[PLACES.rounding]), (2,)),

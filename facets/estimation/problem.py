@@ -19,9 +19,6 @@ Array = Any
 
 #: Converged when the next step would move the fit by less than this, in sigmas, squared.
 SMALL = 1e-12
-#: A detector with less light than this, in standard deviations of its power, is left out: the noise
-#: of its spot's place, which goes as 1 / power, is then no Gaussian that a weight could stand for.
-FAINTEST = 10.0
 #: A step to where a detector that reads light would have less than this, in standard deviations of
 #: its power, is a step into the dark: there the readings do not tell the way back.
 DARK = 1.0
@@ -63,11 +60,14 @@ class Limits(NamedTuple):
     """What a reading is screened by.
 
     noise: (3,) a centroid's sigma (mm) at a power (mW), and a power's sigma (mW).
+    light: (2, 3) the powers below which a detector's reading is left out, and below which a step
+    has lost its light, mW.
     half_sizes: (3, 2) of the detectors' sensitive areas, mm.  eight: leave out the last power.
     rounding: (2,) of a computed place, mm, and of a power, mW.
     """
 
     noise: Array
+    light: Array
     half_sizes: Array
     eight: bool
     rounding: Array
@@ -134,6 +134,7 @@ class TaskTable(NamedTuple):
     values: Any
     sigmas: Any
     noise: Any
+    light: Any
     half_sizes: Any
     rounding: Any
     means: Any
@@ -187,6 +188,7 @@ class Task:
             "values": readings.values,
             "sigmas": readings.sigmas,
             "noise": limits.noise,
+            "light": limits.light,
             "half_sizes": limits.half_sizes,
             "rounding": limits.rounding,
             "means": problem.means,

@@ -13,7 +13,7 @@ from ..core.arguments import as_floats, checked
 from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from ..detectors.noise import power_floor, standard_deviations
+from ..detectors.noise import least_light, other_light, power_floor, standard_deviations
 from ..model import evaluators, rare
 from ..model.arrays import as_rows, as_vectors, half_sizes, packed, spot_size
 from ..model.kinds import block_kind, lit_kind
@@ -94,10 +94,11 @@ def limits_of(sensor: Sensor, eight: bool) -> problem.Limits:
 
 
 def make_limits(sensor: Sensor, eight: bool) -> problem.Limits:
-    noise = sensor.noise
+    noise, floor = sensor.noise, power_floor(sensor)
     distance = max(float(np.hypot(psd.radius, psd.height)) for psd in sensor.psds)
     return problem.Limits(
-        noise=np.array([noise.position, noise.at_power, power_floor(sensor)]),
+        noise=np.array([noise.position, noise.at_power, floor]),
+        light=np.stack([least_light(sensor), other_light(sensor) + problem.DARK * floor]),
         half_sizes=half_sizes(sensor) - lost_at_edges(sensor),
         eight=eight,
         rounding=problem.ROUNDING * np.array([distance, sensor.beam.power]),
@@ -216,19 +217,23 @@ def estimate(
     asked: problem.Problem,
     found: problem.Results,
 ) -> None:
-    """Fills `found`: by blocks where the light is plain, and one by one what these leave."""
+    """Fills `found`: by blocks where these know what is asked, and one by one what they leave.
+
+    Under the light of a bench what stalls is estimated again by exact derivatives."""
+    near = evaluators.nearly_linearised(sensor)
     code = block_code(sensor, asked)
     if code is None:
-        one_by_one(evaluators.nearly_linearised(sensor), sensor, readings, limits, asked, found)
-        return
-    from . import blocks
+        one_by_one(near, sensor, readings, limits, asked, found)
+    else:
+        from . import blocks
 
-    left = blocks.estimate(code, packed(sensor), readings, limits, asked, found)
-    if len(left) and sensor.light.on:
-        left = blocks.estimate_some(code, left, packed(sensor), readings, limits, asked, found)
-    if len(left):
-        model = evaluators.nearly_linearised(sensor)
-        estimate_some(model, left, sensor, readings, limits, asked, found)
+        left = blocks.estimate(code, packed(sensor), readings, limits, asked, found)
+        if len(left) and sensor.light.on:
+            left = blocks.estimate_some(code, left, packed(sensor), readings, limits, asked, found)
+        if len(left):
+            estimate_some(near, left, sensor, readings, limits, asked, found)
+    if sensor.light.on:
+        estimate_stalled_again(sensor, readings, limits, asked, found)
 
 
 def block_code(
@@ -429,8 +434,6 @@ def solve_rows(
         estimate(sensor, some, todo.limits, questions, results)
 
     share(run, n, threads)
-    if sensor.light.on:
-        estimate_stalled_again(sensor, given, todo.limits, asked, found)
     if is_doubtful(sensor, todo.free):
 
         def again(rows: NDArray[np.intp], starts: Floats) -> problem.Results:

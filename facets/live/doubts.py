@@ -22,10 +22,10 @@ BEYOND, FULL = "beyond chance", "saturated"
 class Doubts:
     """Counts, over the newest samples, what speaks against poses.
 
-    floor: the least power that counts as light, mW.
+    floor: (3,) the least powers that count as light, mW.
     """
 
-    def __init__(self, floor: float) -> None:
+    def __init__(self, floor: Floats) -> None:
         self.floor = floor
         self.samples = 0
         self.counts: Counter[str] = Counter()

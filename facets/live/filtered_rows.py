@@ -27,11 +27,10 @@ class RowFilter:
     """Puts what a filter says beside each row."""
 
     def __init__(self, config: Config, model: str, carried: bool = False) -> None:
-        from ..detectors.noise import power_floor
-        from ..estimation.problem import FAINTEST
+        from ..detectors.noise import least_light
 
         self.filter = PoseFilter(config, model, carried)
-        self.floor = FAINTEST * power_floor(config.sensor)
+        self.floor = least_light(config.sensor)
 
     def widen(self, rows: NDArray[np.void]) -> NDArray[np.void]:
         """Rows of WIDE; NaN where there is no filtered pose."""

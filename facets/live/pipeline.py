@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 from ..core.units import Floats
 from ..detectors.correction import corrected
 from ..detectors.counts import SATURATED, UNEQUAL, readings_of
-from ..detectors.noise import power_floor
+from ..detectors.noise import least_light
 from ..detectors.skew import align
 from ..estimation.misfit import Misfit
-from ..estimation.problem import FAINTEST
 from ..estimation.series import solve_series
 from ..estimation.solution import Solution, Status
 from ..estimation.solver import Prior
@@ -149,7 +148,7 @@ class Pipeline:
         self.host_time = HostTime()
         self.tally = Tally()
         self.board = BoardPoses()
-        self.doubts = Doubts(FAINTEST * power_floor(config.sensor))
+        self.doubts = Doubts(least_light(config.sensor))
         self.at_rest = beam_at_rest(config)
         self.dark = np.full(12, config.acquire.dark)
         self.last = (float("nan"), 0)  # arrival, s, and board's time, us, of the last sample

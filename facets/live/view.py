@@ -12,8 +12,7 @@ import numpy as np
 from ..core.hues import DARK, LIGHT, Hues
 from ..core.names import ANGLES, DETECTORS, STATE
 from ..detectors.counts import SATURATED
-from ..detectors.noise import power_floor
-from ..estimation.problem import FAINTEST
+from ..detectors.noise import least_light
 from ..estimation.solution import Status
 from ..model.arrays import half_sizes
 from ..tracking.control import tracking_error
@@ -313,7 +312,7 @@ def light(live: Live, k: int, power: float) -> str:
     if np.isnan(power):
         return "full" if live.newest.flags[-1] & SATURATED else "no light"
     sensor = live.pipeline.config.sensor
-    return f"{1e3 * power:.1f} µW" if power > FAINTEST * power_floor(sensor) else "no light"
+    return f"{1e3 * power:.1f} µW" if power > least_light(sensor)[k] else "no light"
 
 
 def more(now: dict[str, Any]) -> Iterator[str]:

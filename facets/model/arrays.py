@@ -396,11 +396,13 @@ def spot_size(sensor: Sensor) -> float:
 def near_edges(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
     """Which spots of readings (..., 9) are nearer than their own size to an edge: (..., 3).
 
-    There light is lost that the model follows only with `Apertures.detectors`. False where a
-    detector has no reading.
+    There light is lost that the model follows only with `Apertures.detectors`. What diffraction
+    loses it tells only where the light of the mirror's edges, which may fall half a spot beside the
+    spot, is further than NEAREST from the detector's. False where a detector has no reading.
     """
-    array = np.asarray(reading, dtype=np.float64)
-    y, z = half_sizes(sensor).T - spot_size(sensor)
+    array, size = np.asarray(reading, dtype=np.float64), spot_size(sensor)
+    told = 1.5 * size + NEAREST if sensor.light.wavelength > 0 else size
+    y, z = half_sizes(sensor).T - told
     near: NDArray[np.bool_] = (np.abs(array[..., 0::3]) > y) | (np.abs(array[..., 1::3]) > z)
     return near
 

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.names import ANGLES, DETECTORS, STATE
 from ...detectors.counts import SATURATED
-from ...detectors.noise import power_floor
-from ...estimation.problem import FAINTEST
+from ...detectors.noise import least_light
 from ...model.arrays import half_sizes
 from ..publication import MOST, Publication
 from .guard import is_local, parse_address, place
@@ -146,10 +145,11 @@ def description_of(config: Config) -> dict[str, Any]:
             for name in STATE
         ],
         "detectors": [
-            {"name": name.upper(), "half": half}
-            for name, half in zip(DETECTORS, half_sizes(sensor).tolist(), strict=True)
+            {"name": name.upper(), "half": half, "least": least}
+            for name, half, least in zip(
+                DETECTORS, half_sizes(sensor).tolist(), least_light(sensor).tolist(), strict=True
+            )
         ],
         "power": sensor.beam.power,
-        "floor": float(FAINTEST * power_floor(sensor)),
         "saturated": SATURATED,
     }

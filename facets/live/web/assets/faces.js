@@ -36,7 +36,7 @@ export class Faces {
     if (!sample) return "no sample yet";
     if (sample.bin && (y === null || power === null)) return "no reading then";
     if (power === null) return sample.flags & this.about.saturated ? "saturated" : "no light";
-    if (power <= this.about.floor) return "no light";
+    if (power <= face.least) return "no light";
     if (y === null || z === null) return "no place";
     return Math.abs(y) > face.half[0] || Math.abs(z) > face.half[1] ? "off its area" : "";
   }
@@ -67,7 +67,7 @@ export class Faces {
     });
     ctx.globalAlpha = 1;
     this.bar(ctx, size, ratio, power, hue);
-    if (y !== null && z !== null && power > this.about.floor) {
+    if (y !== null && z !== null && power > face.least) {
       const x = Math.min(size - 6 * ratio, Math.max(6 * ratio, px(y))), up = Math.min(size - 6 * ratio, Math.max(6 * ratio, py(z)));
       ctx.beginPath();
       ctx.arc(x, up, 5 * ratio, 0, 2 * Math.PI);
