@@ -18,6 +18,7 @@ from ..core.names import DETECTORS
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import EFFECTS
+from ..model.kinds import lit_kind
 from .bundle_adjustment import Data, Linear, Normal, deviations, eliminated, linear, own_sigma
 from .fit import NORMAL_MEDIAN, Fit, fit, prior_information
 from .laser import steadied
@@ -140,6 +141,12 @@ NEEDS = {
     "time_drift": "no time_s",
     "temperature_drift": "no temperature_c",
 }
+
+
+def tried_kinds(sensor: Sensor, settings: Calibrate) -> list[str]:
+    """The kinds of light, see `model.kinds.LIT`, whose effects are tried."""
+    light = [one for one in candidates(sensor, None, settings) if one.key in SIZES]
+    return list({lit_kind(with_coating(sensor) if one.coated else sensor) for one in light})
 
 
 def untold(every: list[Candidate], settings: Calibrate) -> list[Row]:

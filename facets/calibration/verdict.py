@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
+from ..estimation.compiling import compile_for
 from .bundle_adjustment import Data, over_the_run
-from .candidates import Search, beyond_chance, promised, search
+from .candidates import Search, beyond_chance, promised, search, tried_kinds
 from .fit import Fit, fit
 from .hypotheses import explanation
 from .laser import steadied
@@ -78,6 +79,7 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
     fitted, held = split(averaged(sensor, over_the_run(whole)), settings.held_back)
     if any(one.bad for one in early):
         return Verdict(fitted, held, None, None, None, None, early)
+    compile_for(sensor, "readings", "derivatives", "slopes", kinds=tried_kinds(sensor, settings))
     plain = fit(sensor, fitted, chosen, settings.outliers)
     if fitted.velocity is not None and suspicious(sensor, plain):
         late = fit(sensor, fitted, chosen.and_also({DELAY: LATE}), settings.outliers)

@@ -21,6 +21,7 @@ from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Floats, unit_of
 from ..detectors.noise import power_floor, standard_deviations
+from ..estimation.compiling import compile_for
 from ..estimation.solver import solve
 from ..model.arrays import as_rows, half_sizes, jacobian, margins, readings
 
@@ -241,6 +242,7 @@ def axis_ranges(
     >>> f"{z.symmetric:.2f} mm, then {facets.CAUSES[z.high_cause]}"
     '12.15 mm, then spot leaves the PSD'
     """
+    compile_for(sensor, "readings", "footprints", "derivatives")
     pose = place_inside(sensor, rules, start)
     rays = np.concatenate([-np.diag(FARTHEST), np.diag(FARTHEST)])
     found = exits(sensor, rules, pose, rays, tolerance)

@@ -24,6 +24,7 @@ from ..core.units import Floats
 from ..detectors.noise import sources as noise_sources
 from ..detectors.noise import variances
 from ..estimation.calibration_uncertainty import by_parameters
+from ..estimation.compiling import compile_for
 from ..model.arrays import as_rows, jacobian, readings
 from .ranges import axis_ranges, states_of
 
@@ -180,6 +181,7 @@ class Resolution:
 
 def resolve(sensor: Sensor, rules: Rules, hows: Sequence[Estimator]) -> list[Resolution]:
     """Resolutions over the range of each axis."""
+    compile_for(sensor, "readings", "footprints", "derivatives")
     states = sweep_states(sensor, rules)
     rest = np.zeros((1, 8))
     found = []

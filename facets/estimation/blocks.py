@@ -10,13 +10,13 @@ damped where they do not help. What a reading gives does not depend on the other
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..model.blocks import address_of, lane_code, lanes, lanes_of
+from ..model.threads import once
 from ..scalars.nesting import leaves
 from .chance import Chance, count_checks
 from .problem import (
@@ -121,7 +121,7 @@ class BlockTask(NamedTuple):
 PARTS = ("block_code.py", "blocks.py", "problem.py", "straight.py", "normal_equations.py")
 
 
-@cache
+@once
 def kernel(form: Form, width: int | None = None) -> Code:
     """The compiled function for a form, in blocks of a width, `lanes()` unless given; compiled now
     if need be."""

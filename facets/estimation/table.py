@@ -18,6 +18,7 @@ from ..detectors.correction import corrected
 from ..detectors.skew import align
 from ..files import tables
 from ..model.arrays import near_edges
+from .compiling import Task, compile_for
 from .misfit import Misfit
 from .reliability import unseen_errors
 from .solution import Solution, Status
@@ -120,6 +121,12 @@ def solve_readings(
         max_steps=options.max_steps,
         accept_unchecked=options.accept_unchecked,
     )
+
+
+def compile_for_poses(sensor: Sensor, options: Solve, *tasks: Task) -> None:
+    """Compiles what `solve_readings` and other tasks take, see `compile_for`."""
+    beam, power = beam_known(sensor, options), power_known(sensor, options)
+    compile_for(sensor, "poses", *tasks, beam=beam, power=power)
 
 
 def exact_readings(sensor: Sensor, readings: Floats, time: Floats | None) -> Floats:
@@ -236,6 +243,7 @@ def solve_table(
     `require_known_beam`. progress: called with the number of bytes read.
     """
     tables.ending(poses)
+    compile_for_poses(config.sensor, options)
     beside = ("time_s", *BEAM_COLUMNS, *BEAM_UNCERTAINTIES)
     if options.beam == "free":
         beside = ("time_s",)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.units import Floats
-from .threads import Pool
+from .threads import Pool, once
 
 if TYPE_CHECKING:
     from .block_code import LaneWrite
@@ -59,7 +59,7 @@ def task_of(name: str) -> str:
     return name.partition("_of_")[0]
 
 
-@cache
+@once
 def kernel(name: str, width: int | None = None) -> Callable[..., None]:
     """One of `block_code.LOOPS`, compiled now if need be: a function of the addresses of a sensor's
     vectors, of states, of where results go and of where a 64-bit integer for each block tells by
@@ -81,7 +81,7 @@ def made(name: str, count: int, width: int | None = None) -> Callable[..., None]
     return lane_code(name, width or lanes(), count, written)
 
 
-@cache
+@once
 def slopes_kernel(name: str) -> Callable[..., None]:
     """That of `slopes`, see `block_code.each_block_of_slopes`."""
     return made(name, 7)

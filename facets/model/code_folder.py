@@ -6,7 +6,9 @@ import hashlib
 import os
 import sys
 import tempfile
+import threading
 from collections.abc import Iterator
+from multiprocessing import parent_process
 from pathlib import Path
 
 import platformdirs
@@ -43,6 +45,19 @@ def code_folder(maker: str, *files: str | Path | None) -> tuple[Path, object]:
         return Path(passing.name), passing
 
 
-def tell(name: str) -> None:
-    """Says on the standard error that a function has to be compiled."""
-    print(f"facets: compiling {name}, once ...", file=sys.stderr)
+_TELLING = threading.Lock()
+_told = False
+
+
+def tell(passing: object) -> None:
+    """Says on the standard error, once a process, that code has to be compiled.
+
+    passing: what `code_folder` gives.  A worker of `multiprocessing` leaves it to its parent.
+    """
+    global _told
+    with _TELLING:
+        if _told or parent_process() is not None:
+            return
+        _told = True
+    when = "only the first time" if passing is None else "each time: no cache can be written"
+    print(f"facets: compiling for this processor (some seconds, {when}) ...", file=sys.stderr)

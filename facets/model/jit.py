@@ -204,10 +204,10 @@ def is_kept(file: str, function: Callable[..., Any], *modules: ModuleType) -> bo
     return _is_in(cache_folder(file, *(module.__file__ for module in modules))[0], function)
 
 
-def _tell(folder: Path, function: Callable[..., Any]) -> None:
+def _tell(folder: Path, passing: object, function: Callable[..., Any]) -> None:
     """Says on the standard error that a function has to be compiled, where that is so."""
     if not _is_in(folder, function):
-        tell(function.__name__)
+        tell(passing)
 
 
 def _kept(function: Callable[..., Any], folder: Path, passing: object) -> Callable[..., Any]:
@@ -221,7 +221,7 @@ def _kept(function: Callable[..., Any], folder: Path, passing: object) -> Callab
         if called:
             result = dispatcher(*arguments)
         else:
-            _tell(folder, function)
+            _tell(folder, passing, function)
             result = dispatcher(*arguments)
             called = True
         raise_failure()
@@ -246,7 +246,7 @@ def callback(file: str, function: Callable[..., Any], *modules: ModuleType, sign
     what they call by its address (`call_address`), so that it is compiled once for all of them.
     """
     folder, passing = cache_folder(file, *(module.__file__ for module in modules))
-    _tell(folder, function)
+    _tell(folder, passing, function)
     make = numba.cfunc(signature, cache=True, error_model="numpy")
     compiled = _in_folder(folder, lambda: make(function))
     compiled.keeps = passing

@@ -35,7 +35,8 @@ ADDITION = """define void @add(<8 x double>* %place) {
     store <8 x double> %sums, <8 x double>* %place
     ret void
 }"""
-_MAKING = threading.Lock()
+#: For each object, so that threads make different ones side by side, and none twice.
+_LOCKS: dict[str, threading.Lock] = {}
 
 
 def function(
@@ -47,14 +48,14 @@ def function(
     the optics and the scalars.  The interpreter's lock is let go.
     """
     folder, passing = code_folder(MAKER, __file__, *files)
-    with _MAKING:
-        path = path_of(name, folder)
+    path = path_of(name, folder)
+    with _LOCKS.setdefault(str(path), threading.Lock()):
         code = read(path)
         if code is None:
-            tell(name)
+            tell(passing)
             code = made(name, count, write())
             keep(path, code)
-        engine = loaded(code)
+    engine = loaded(code)
     start = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * count)(engine.get_function_address(name))
     start.keeps = engine, passing  # type: ignore[attr-defined]
     return start
@@ -114,6 +115,8 @@ def made(name: str, count: int, write: Write) -> bytes:
     """The object with the function that `write` writes."""
     from llvmlite import ir
 
+    from ..scalars.machine import count_loops
+
     module = ir.Module(name)
     machine = new_machine()
     module.triple, module.data_layout = machine.triple, str(machine.target_data)
@@ -124,11 +127,32 @@ def made(name: str, count: int, write: Write) -> bytes:
     builder.ret_void()
     parsed = llvm.parse_assembly(str(module))
     parsed.verify()
+    if count_loops(written) > 1:
+        optimise(parsed, machine)
+    else:
+        keep_in_registers(parsed, machine)
+    return machine.emit_object(parsed)  # type: ignore[no-any-return]
+
+
+def optimise(module: Any, machine: Any) -> None:
+    """All that LLVM can do, which pays where a loop is in a loop: what does not change in it is
+    computed before it."""
     options = llvm.create_pipeline_tuning_options(speed_level=3)
     options.loop_vectorization = options.slp_vectorization = False  # it is vectors already
     passes = llvm.create_pass_builder(machine, options)
-    passes.getModulePassManager().run(parsed, passes)
-    return machine.emit_object(parsed)  # type: ignore[no-any-return]
+    passes.getModulePassManager().run(module, passes)
+
+
+def keep_in_registers(module: Any, machine: Any) -> None:
+    """What is left to do of straight code: `scalars.tracing` has folded constants and written
+    nothing twice. The rest of `optimise` would take a third of the time of compiling for code that
+    is no faster."""
+    passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options())
+    manager = llvm.create_new_function_pass_manager()
+    manager.add_sroa_pass()
+    for function in module.functions:
+        if not function.is_declaration:
+            manager.run(function, passes)
 
 
 def loaded(code: bytes) -> Any:

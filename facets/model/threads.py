@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, wraps
 from itertools import pairwise
@@ -39,18 +39,30 @@ class Pool(Generic[T]):
 
 
 def once(make: Callable[..., T]) -> Callable[..., T]:
-    """`make`, whose result for each arguments is made once, while other threads wait for it.
+    """`make`, whose result for each arguments is made once, while other threads that ask for the
+    same wait for it.
 
-    `functools.cache` lets each of them make its own.
+    `functools.cache` alone lets each of them make its own.
     """
-    lock, kept = threading.RLock(), cache(make)
+    kept: dict[tuple[Any, ...], T] = {}
+    locks: dict[tuple[Any, ...], Any] = {}
 
+    @cache
     @wraps(make)
     def call(*arguments: Any) -> T:
-        with lock:
-            return kept(*arguments)
+        with locks.setdefault(arguments, threading.RLock()):
+            if arguments not in kept:
+                kept[arguments] = make(*arguments)
+            return kept[arguments]
 
     return call
+
+
+def side_by_side(makers: Iterable[Callable[[], Any]]) -> None:
+    """Calls functions that compile, in two threads: while one has LLVM's code made, for which
+    llvmlite lets one thread in at a time, the other writes its text."""
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(lambda make: make(), makers))
 
 
 #: Rows that a thread is worth starting for: a millisecond of work.

@@ -114,6 +114,15 @@ class Writer(Tracer):
         return Value(self, phi)
 
 
+#: What the blocks are named that `counted` begins with.
+LOOP = "loop"
+
+
+def count_loops(function: Any) -> int:
+    """How many loops `counted` has written in a function; one within another counts, too."""
+    return sum(block.name.partition(".")[0] == LOOP for block in function.blocks)
+
+
 @contextmanager
 def counted(builder: Any, count: Any) -> Iterator[Any]:
     """A loop: what is written within it is done for each 64-bit number below `count`, which it
@@ -121,7 +130,7 @@ def counted(builder: Any, count: Any) -> Iterator[Any]:
     with builder.goto_entry_block():
         place = builder.alloca(LONG)
     builder.store(ir.Constant(LONG, 0), place)
-    test, body, after = (builder.append_basic_block(name) for name in ("test", "body", "after"))
+    test, body, after = (builder.append_basic_block(name) for name in (LOOP, "body", "after"))
     builder.branch(test)
     builder.position_at_end(test)
     number = builder.load(place)

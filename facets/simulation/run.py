@@ -18,7 +18,7 @@ from ..core.units import Floats
 from ..detectors.correction import uncorrected
 from ..detectors.noise import add_noise
 from ..estimation.solution import Solution, Status
-from ..estimation.table import labels, pose_columns, solve_readings
+from ..estimation.table import compile_for_poses, labels, pose_columns, solve_readings
 from ..model.arrays import mask_missed, on_detectors
 from ..tracking.closed_loop import followed
 from .imperfect_optics import seen_late
@@ -149,6 +149,7 @@ def simulate(
         raise InputError(f"seed is {seed}; allowed: 0 or more")
     noisy = config.noise if noise is None else noise
     streams = np.random.SeedSequence(config.seed if seed is None else seed)
+    compile_for_poses(config.sensor, config.solve, "readings")
     children = dict(zip(config.motions, streams.spawn(len(config.motions)), strict=True))
     return [
         simulate_motion(config, name, noisy, np.random.default_rng(children[name]), track)

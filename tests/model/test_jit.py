@@ -27,8 +27,10 @@ def run(code: str, cache: str) -> subprocess.CompletedProcess:
 
 @pytest.mark.slow
 def test_the_first_use_says_that_it_compiles_and_the_second_does_not(tmp_path):
-    first, second = run(READ, str(tmp_path)), run(READ, str(tmp_path))
-    assert f"compiling {KERNEL}, once" in first.stderr
+    solve = f"{READ}; s = facets.Sensor(); facets.solve(s, facets.readings(s, [0] * 8))"
+    first, second = run(solve, str(tmp_path)), run(solve, str(tmp_path))
+    assert len(list(tmp_path.rglob("*.o"))) > 2
+    assert first.stderr.count("compiling") == 1
     assert second.stderr == ""
     assert first.stdout == second.stdout
 
@@ -61,7 +63,7 @@ def test_what_a_disk_has_spoilt_is_made_again(tmp_path):
     for spoilt in (code[:1000], b"", code[:-1] + bytes([code[-1] ^ 1])):
         kept.write_bytes(spoilt)
         again = run(READ, str(tmp_path))
-        assert f"compiling {KERNEL}, once" in again.stderr
+        assert "compiling" in again.stderr
         assert again.stdout == first.stdout
         assert kept.read_bytes() == code
     assert [path.suffix for path in kept.parent.iterdir()] == [".o"]
@@ -79,7 +81,7 @@ def test_a_disk_that_is_full_keeps_nothing_and_does_no_harm(tmp_path):
 def test_code_for_one_processor_is_not_taken_for_another(tmp_path, monkeypatch):
     run(READ, str(tmp_path))
     monkeypatch.setenv("NUMBA_CPU_NAME", "x86-64" if PC else "generic")
-    assert f"compiling {KERNEL}, once" in run(READ, str(tmp_path)).stderr
+    assert "compiling" in run(READ, str(tmp_path)).stderr
 
 
 @pytest.mark.slow

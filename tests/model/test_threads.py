@@ -1,12 +1,16 @@
 """Threads share the work and change nothing else."""
 
+import threading
+
 import numpy as np
 import pytest
+from llvmlite import ir
 from sensors import SENSORS, states
 
 import facets
 from facets.core.errors import InputError
-from facets.model.threads import cores, part_of, share
+from facets.model import object_code
+from facets.model.threads import cores, once, part_of, share, side_by_side
 
 
 @pytest.mark.parametrize(("rows", "threads"), [(0, 1), (5, 4), (2000, 2), (10_001, 3), (4000, 0)])
@@ -42,3 +46,60 @@ def test_bad_numbers_of_threads_are_named():
     assert cores() >= 1
     with pytest.raises(InputError, match="threads is -1"):
         share(print, 10, -1)
+
+
+def test_what_two_threads_ask_for_is_made_once_and_other_things_meanwhile():
+    made, both = [], threading.Barrier(2, timeout=60)
+
+    @once
+    def make(name):
+        made.append(name)
+        if name != "later":
+            both.wait()  # only two that are made at the same time get past it
+        return [name]
+
+    side_by_side([lambda: make("one"), lambda: make("other")])
+    found = []
+    side_by_side([lambda: found.append(make("later"))] * 4)
+    assert sorted(made) == ["later", "one", "other"]
+    assert all(each is found[0] for each in found)
+
+
+def test_an_object_that_two_threads_need_is_made_by_one_of_them(tmp_path, monkeypatch):
+    """And read whole by the other; another one is made meanwhile."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    made, both = [], threading.Barrier(2, timeout=60)
+
+    def write(builder, arguments):
+        pointer = builder.inttoptr(arguments[0], ir.PointerType(arguments[0].type))
+        builder.store(arguments[1], pointer)
+
+    def recipe(name):
+        def written():
+            made.append(name)
+            both.wait()
+            return write
+
+        return written
+
+    found = {}
+
+    def get(key, name):
+        found[key] = object_code.function(name, 2, recipe(name))
+
+    names = ["one", "other", "one", "other"]
+    threads = [threading.Thread(target=get, args=pair) for pair in enumerate(names)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(made) == ["one", "other"]
+    place = np.zeros(1, np.int64)
+    for n in range(4):
+        found[n](place.ctypes.data, n + 1)
+        assert place[0] == n + 1
+
+
+def test_what_goes_wrong_side_by_side_is_raised():
+    with pytest.raises(ZeroDivisionError):
+        side_by_side([lambda: 1 / 0, int])

@@ -1,0 +1,65 @@
+"""Compiles the blocks that a command is about to ask for, side by side, before it asks.
+
+Without it each is compiled when it is first asked for, one after the other; results are the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, Literal
+
+from ..core.sensor import Sensor
+from ..model import blocks as of_model
+from ..model.arrays import named
+from ..model.kinds import LIT, block_kind
+from ..model.threads import side_by_side
+from . import blocks
+from .solver import Prior, plan
+
+Task = Literal["readings", "derivatives", "near_derivatives", "footprints", "slopes", "poses"]
+Makers = list[Callable[[], Any]]
+
+
+def compile_for(
+    sensor: Sensor,
+    *tasks: Task,
+    beam: str | Prior = "free",
+    power: str | Prior = "known",
+    kinds: Sequence[str] = (),
+) -> None:
+    """Compiles or loads what a sensor's tasks take; what blocks do not know is left out.
+
+    tasks: results of `facets.model`, "slopes" being derivatives by parameters; "poses" those of
+    `facets.solve`, with what is known of beam and power.  kinds: of `model.kinds.LIT`, whose slopes
+    by the numbers of the light are asked for, too.
+    """
+    makers: Makers = []
+    for task in tasks:
+        if task == "poses":
+            makers += estimators(sensor, beam, power)
+        elif task == "slopes":
+            makers += slopes(block_kind(sensor), kinds)
+        elif name := named(sensor, task):
+            makers.append(partial(of_model.kernel, name))
+    side_by_side(makers)
+
+
+def slopes(own: str | None, kinds: Sequence[str]) -> Makers:
+    """own: the kind of light that is on, see `model.kinds.block_kind`."""
+    names = [f"slopes_of_{kind}" for kind in {*kinds, own} & LIT.keys()]
+    if own == "plain":
+        names.append("slopes_by_parameters")
+    return [partial(of_model.slopes_kernel, name) for name in names]
+
+
+def estimators(sensor: Sensor, beam: str | Prior, power: str | Prior) -> Makers:
+    """What makes the blocks that estimate poses, and those by which doubts are told."""
+    kind = block_kind(sensor)
+    free = tuple(plan(sensor, beam, power, "least-squares", ()).free.tolist())
+    makers: Makers = []
+    if kind is not None and free in blocks.QUESTIONS:
+        makers.append(partial(blocks.kernel, blocks.Form(free, kind)))
+    if 6 in free:
+        makers.append(partial(of_model.kernel, "derivatives"))  # `doubts.has_fold`
+    return makers
