@@ -46,7 +46,8 @@ def test_errors_are_those_of_rounding(results):
 def test_everything_is_written_with_the_machine(results):
     names = {file.name for file in results.iterdir()}
     assert names == {
-        "forward.csv", "inverse.csv", "calls.csv", "scaling.csv", "apertures.csv", "maps.csv",
+        "forward.csv", "inverse.csv", "calls.csv", "light.csv", "starts.csv", "live.csv",
+        "scaling.csv", "apertures.csv", "maps.csv",
         "layouts.csv", "drawing.csv", "profile.csv",
         "special.csv", "stability.csv", "digits.csv", "steps.csv",
         "machine.json", "work_precision.svg", "stability.png", "histograms.svg",

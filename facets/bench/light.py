@@ -1,0 +1,79 @@
+"""What the light of a bench costs: a pose with it, beside ideal light, in turn in one run.
+
+Times are of the processor, as in `calls`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..core.sensor import BenchLight, Sensor
+from ..core.units import Floats
+from ..estimation.solver import solve
+from ..model.arrays import derivatives, effect_jacobian, jacobian, parameter_jacobian, readings
+from . import rivals
+from .calls import least
+from .clock import Contender
+
+Row = dict[str, Any]
+
+#: All effects, of sizes that a bench has: see docs/bench-light.md.
+LIGHT = BenchLight(
+    curvature_xx=3e-4, curvature_yy=2e-4, wavelength=6.33e-4, rolloff=(5e-5,) * 6,
+    rolloff_width=0.03, strips=(5e-3,) * 3, tip=3e-4, index=(1.37, 7.62), polarization=0.3,
+)  # fmt: skip
+IDEAL, LIT = rivals.SENSOR, replace(rivals.SENSOR, light=LIGHT)
+
+#: What is asked of a sensor, and for how many times fewer poses than readings are asked for.
+TASKS: dict[str, tuple[Callable[[Sensor, Floats, Floats], Any], int]] = {
+    "readings": (lambda sensor, s, _: readings(sensor, s), 1),
+    "near Jacobian": (lambda sensor, s, _: derivatives(sensor, s), 2),
+    "exact Jacobian": (lambda sensor, s, _: jacobian(sensor, s), 4),
+    "by 30 parameters": (lambda sensor, s, _: parameter_jacobian(sensor, s), 10),
+    "by 27 numbers of the light": (lambda sensor, s, _: effect_jacobian(sensor, s), 10),
+    "pose, beam free": (lambda sensor, _, r: solve(sensor, r), 4),
+    "pose, beam known": (lambda sensor, _, r: solve(sensor, r, beam="known"), 4),
+    "pose, beam free, from near": (
+        lambda sensor, s, r: solve(sensor, r, start=s + 1e-6, covariance=False), 4
+    ),
+}  # fmt: skip
+#: States in the middle of the range, as a share of it, where hardly a pose leaves its block.
+SHARE = 0.5
+
+
+def light(quick: bool, seed: int) -> list[Row]:
+    """A row for each task: us a pose with ideal light and with the light of a bench, and the ratio.
+
+    Poses are estimated from noisy readings.
+    """
+    poses = 2_000 if quick else 20_000
+    rng = np.random.default_rng(seed)
+    states = SHARE * rivals.states_in_range(poses, seed)
+    noise = IDEAL.noise.position * rng.standard_normal((poses, 9)) * np.tile([1.0, 1.0, 0.0], 3)
+    rows = []
+    for name, (task, fewer) in TASKS.items():
+        some = states[: poses // fewer]
+        if name == "pose, beam known":
+            some = some * [1, 1, 1, 1, 1, 1, 0, 0]
+        pair = [contender(sensor, task, some, noise[: len(some)]) for sensor in (IDEAL, LIT)]
+        ideal, lit = least(pair, some, 3 if quick else 9)
+        rows.append(
+            {
+                "task": name,
+                "ideal_us": 1e6 * ideal,
+                "bench_us": 1e6 * lit,
+                "ratio": lit / ideal,
+            }
+        )
+    return rows
+
+
+def contender(
+    sensor: Sensor, task: Callable[[Sensor, Floats, Floats], Any], states: Floats, noise: Floats
+) -> Contender:
+    seen = readings(sensor, states) + noise
+    return Contender("", lambda s: task(sensor, s, seen[: len(s)]), len(states))

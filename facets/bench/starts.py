@@ -1,0 +1,72 @@
+"""What a start costs: of a process, and of a command with nothing compiled and with all kept."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .calls import children
+
+Row = dict[str, Any]
+
+SENSOR = "import facets; sensor = facets.Sensor()"
+LIT = "import facets; from facets.bench.light import LIT as sensor"
+SOLVE = "facets.solve(sensor, [0.1, 0, 0.1] * 3)"
+CALIBRATION = "calibration"
+#: What is started, as arguments of Python; CALIBRATION is a folder with a rig's readings.
+STARTS = {
+    "import facets": ["-c", "import facets"],
+    "facets --help": ["-m", "facets", "--help"],
+    "facets solve --help": ["-m", "facets", "solve", "--help"],
+}
+#: What compiles code where none is kept; left out of a quick run.
+FIRST_USES = {
+    "facets.solve, ideal light": ["-c", f"{SENSOR}; {SOLVE}"],
+    "facets.solve, light of a bench": ["-c", f"{LIT}; {SOLVE}"],
+    "facets simulate paper": ["-m", "facets", "simulate", "paper", "-o", "motions"],
+    "facets resolution paper": ["-m", "facets", "resolution", "paper", "-o", "resolution"],
+    "facets range-map paper": ["-m", "facets", "range-map", "paper", "-o", "range"],
+    "facets calibrate rig": [
+        "-m", "facets", "calibrate", "rig", f"{CALIBRATION}/readings.csv", "-o", "found.yaml",
+    ],
+}  # fmt: skip
+SIMULATION = ["-m", "facets", "simulate", "rig", "--motion", "calibration", "--reference"]
+
+
+def starts(quick: bool, seed: int) -> list[Row]:
+    """Seconds of processor time and by the clock, of a first run and of the next one."""
+    with tempfile.TemporaryDirectory() as folder:
+        rows = [row(name, arguments, Path(folder)) for name, arguments in STARTS.items()]
+        if not quick:
+            run([*SIMULATION, "-o", CALIBRATION], Path(folder), {})
+            rows += [row(name, arguments, Path(folder)) for name, arguments in FIRST_USES.items()]
+    return rows
+
+
+def row(name: str, arguments: list[str], folder: Path) -> Row:
+    first, again = np.nan, np.nan
+    found = {"start": name, "first_cpu_s": first, "first_s": first, "cpu_s": again, "s": again}
+    with tempfile.TemporaryDirectory() as empty:
+        cache = {"NUMBA_CACHE_DIR": empty}
+        if name in FIRST_USES:
+            found["first_cpu_s"], found["first_s"] = run(arguments, folder, cache)
+        found["cpu_s"], found["s"] = run(arguments, folder, cache)
+    return found
+
+
+def run(arguments: list[str], folder: Path, environment: dict[str, str]) -> tuple[float, float]:
+    """Seconds of processor time and by the clock of a process of its own, in a folder."""
+    force = ["--force"] if "-o" in arguments else []
+    before, begin = children(), time.perf_counter()
+    subprocess.run(
+        [sys.executable, *arguments, *force], cwd=folder, env={**os.environ, **environment},
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=True,
+    )  # fmt: skip
+    return children() - before, time.perf_counter() - begin
