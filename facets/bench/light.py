@@ -35,9 +35,9 @@ TASKS: dict[str, tuple[Callable[[Sensor, Floats, Floats], Any], int]] = {
     "exact Jacobian": (lambda sensor, s, _: jacobian(sensor, s), 4),
     "by 30 parameters": (lambda sensor, s, _: parameter_jacobian(sensor, s), 10),
     "by 27 numbers of the light": (lambda sensor, s, _: effect_jacobian(sensor, s), 10),
-    "pose, beam free": (lambda sensor, _, r: solve(sensor, r), 4),
-    "pose, beam known": (lambda sensor, _, r: solve(sensor, r, beam="known"), 4),
-    "pose, beam free, from near": (
+    "pose with a free beam": (lambda sensor, _, r: solve(sensor, r), 4),
+    "pose with a known beam": (lambda sensor, _, r: solve(sensor, r, beam="known"), 4),
+    "pose with a free beam from near": (
         lambda sensor, s, r: solve(sensor, r, start=s + 1e-6, covariance=False), 4
     ),
 }  # fmt: skip
@@ -57,7 +57,7 @@ def light(quick: bool, seed: int) -> list[Row]:
     rows = []
     for name, (task, fewer) in TASKS.items():
         some = states[: poses // fewer]
-        if name == "pose, beam known":
+        if name == "pose with a known beam":
             some = some * [1, 1, 1, 1, 1, 1, 0, 0]
         pair = [contender(sensor, task, some, noise[: len(some)]) for sensor in (IDEAL, LIT)]
         ideal, lit = least(pair, some, 3 if quick else 9)

@@ -23,7 +23,7 @@ from .peers import missing
 Row = dict[str, Any]
 
 #: Runs and their options; PAGE beside a reader of all that the page is sent.
-PAGE = "with the page, read"
+PAGE = "with the page read"
 RUNS: dict[str, list[str]] = {
     "alone": [],
     "with --track": ["--track", "--stage-port", "bench/stage"],

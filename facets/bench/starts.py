@@ -28,8 +28,8 @@ STARTS = {
 }
 #: What compiles code where none is kept; left out of a quick run.
 FIRST_USES = {
-    "facets.solve, ideal light": ["-c", f"{SENSOR}; {SOLVE}"],
-    "facets.solve, light of a bench": ["-c", f"{LIT}; {SOLVE}"],
+    "facets.solve in ideal light": ["-c", f"{SENSOR}; {SOLVE}"],
+    "facets.solve in the light of a bench": ["-c", f"{LIT}; {SOLVE}"],
     "facets simulate paper": ["-m", "facets", "simulate", "paper", "-o", "motions"],
     "facets resolution paper": ["-m", "facets", "resolution", "paper", "-o", "resolution"],
     "facets range-map paper": ["-m", "facets", "range-map", "paper", "-o", "range"],

@@ -113,25 +113,30 @@ def new_machine() -> Any:
 
 def made(name: str, count: int, write: Write) -> bytes:
     """The object with the function that `write` writes."""
-    from llvmlite import ir
-
     from ..scalars.machine import count_loops
 
-    module = ir.Module(name)
-    machine = new_machine()
+    machine, module = new_machine(), module_of(name, count, write)
+    parsed = llvm.parse_assembly(str(module))
+    parsed.verify()
+    if count_loops(module.get_global(name)) > 1:
+        optimise(parsed, machine)
+    else:
+        keep_in_registers(parsed, machine)
+    return machine.emit_object(parsed)  # type: ignore[no-any-return]
+
+
+def module_of(name: str, count: int, write: Write) -> Any:
+    """The function that `write` writes, in a module of its own, whose string is LLVM's text."""
+    from llvmlite import ir
+
+    module, machine = ir.Module(name), new_machine()
     module.triple, module.data_layout = machine.triple, str(machine.target_data)
     kind = ir.FunctionType(ir.VoidType(), [ir.IntType(64)] * count)
     written = ir.Function(module, kind, name)
     builder = ir.IRBuilder(written.append_basic_block("entry"))
     write(builder, written.args)
     builder.ret_void()
-    parsed = llvm.parse_assembly(str(module))
-    parsed.verify()
-    if count_loops(written) > 1:
-        optimise(parsed, machine)
-    else:
-        keep_in_registers(parsed, machine)
-    return machine.emit_object(parsed)  # type: ignore[no-any-return]
+    return module
 
 
 def optimise(module: Any, machine: Any) -> None:
