@@ -73,16 +73,16 @@ def power_floor(sensor: Sensor) -> float:
 #: A detector with less light than this, in standard deviations of its power, is left out: the noise
 #: of its spot's place, which goes as 1 / power, is then no Gaussian that a weight could stand for.
 FAINTEST = 10.0
+#: Nor one whose spot has less than this share of the other light that falls on it: its reading is
+#: that of the other light, and several poses fit it.
+LEAST_SHARE = 0.05
 
 
 def least_light(sensor: Sensor) -> Floats:
-    """The least power at which a detector's reading counts, mW: (3,).
-
-    FAINTEST standard deviations above the other light that falls on it, and twice that light: of a
-    spot that is weaker than what is beside it a reading tells little, and several poses fit it.
-    """
+    """The least power at which a detector's reading counts, mW: (3,); with the other light that
+    falls on it."""
     other = other_light(sensor)
-    return other + np.maximum(FAINTEST * power_floor(sensor), other)
+    return other + np.maximum(FAINTEST * power_floor(sensor), LEAST_SHARE * other)
 
 
 def other_light(sensor: Sensor) -> Floats:

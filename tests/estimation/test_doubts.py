@@ -91,9 +91,9 @@ def test_edges_that_cut_make_no_fold():
     assert not has_fold(facets.load("bench-light").sensor)
 
 
-def test_a_detector_that_sees_more_other_light_than_its_spot_has_no_light():
-    """Its place is that of the other light; far in the beam's tail several poses fit such a reading
-    within its noise, up to 24 standard uncertainties from the truth."""
+def test_a_detector_that_sees_hardly_more_than_other_light_has_no_light():
+    """Far in the beam's tail several poses fit such a reading within its noise, up to 24 standard
+    uncertainties from the truth."""
     quiet = replace(facets.Sensor(), noise=replace(facets.Noise(), power=1e-8))
     background = ((1e-3, 1, 2), (1e-3, -1, 0.5), (1e-3, 0, -2))
     lit = replace(quiet, light=replace(quiet.light, background=background))
@@ -102,11 +102,11 @@ def test_a_detector_that_sees_more_other_light_than_its_spot_has_no_light():
         state[0] = x
         own = facets.readings(quiet, state)[2::3]
         seen = facets.solve(lit, facets.readings(lit, state), accept_unchecked=True).used
-        np.testing.assert_array_equal(seen, own > 1e-3)
+        np.testing.assert_array_equal(seen, own > 5e-5)
     assert not seen.all()
     reading = facets.readings(lit, state)
     assert facets.solve(lit, reading).status == facets.Status.NO_LIGHT
     assert facets.Solver(lit).solve(reading).status == facets.Status.NO_LIGHT
-    state[0] = 0.6  # where the weakest spot has a quarter of the other light
+    state[0] = 0.7  # where the weakest spot has 4 % of the other light
     assert not facets.solve(lit, facets.readings(lit, state)).used.all()
     assert facets.solve(quiet, facets.readings(quiet, state)).used.all()
