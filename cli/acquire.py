@@ -266,8 +266,8 @@ def complaints(live: Live, max_loss: float, compare: bool = False) -> list[str]:
         found.append("the board sent no pose of its own that could be compared.")
     elif compare and board.trouble():
         found.append(board.trouble())
-    if live.stage_error:
-        found.append(f"the stage failed and was stopped: {live.stage_error}")
+    if live.stage_stop:
+        found.append(f"the stage was stopped and not resumed: {live.stage_stop}")
     if live.recording and live.recording.trouble:
         found.append(
             f"{live.recording.trouble}; {live.recording.lost} bytes that came are not recorded."

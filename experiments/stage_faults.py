@@ -4,7 +4,10 @@ Drivers, envelope, search and tracker run as they are, against the virtual contr
 in memory and on a clock that is counted, not waited for. Whatever befalls samples, wire, controller
 and loop: the stage stays within its soft limits, is never faster than it may be, follows a
 prediction no longer and no further than it may from a good sample, and stands still within
-`stopping_time` of the last sample that it may follow and of every fault that ends tracking.
+`stopping_time` of the last sample that it may follow and of every fault that ends tracking. What
+stops it latches: nothing is sent before somebody resumes. A controller that does not do what it is
+told is found out, against a second stage that does; it can take the stage out of its limits by no
+more than `excursion`.
 
 `python -m facets.experiments.stage_faults 5000 --seed 1` prints what was tried, as JSON; a sequence
 that fails is told with its seed. `--bytes` pulls the cable at each byte instead.
@@ -26,7 +29,8 @@ from facets.core.settings import Stage as Settings
 from facets.core.units import Floats
 from facets.live.virtual.stages import PiController, ZaberDevice
 from facets.tracking.control import Law
-from facets.tracking.envelope import PLACE, stopping_time
+from facets.tracking.arrival import PLACE, SLACK, settling_time
+from facets.tracking.envelope import stopping_time
 from facets.tracking.limits import Limits
 from facets.tracking.line import POLL
 from facets.tracking.stage import StageError, StageModel
@@ -46,7 +50,25 @@ DATA = ("silence", "late", "nan", "garbage", "jump", "dark", "one dark", "clock"
 WIRE = ("slow", "flip", "partial", "repeat", "unplug")
 STAGE = ("refuse", "jam", "restart")
 PROGRAM = ("stall", "bug", "disk full")
-KINDS = DATA + WIRE + STAGE + PROGRAM
+#: Controllers that accept a move and do another one, are moved by somebody else, or whose axes x
+#: and y are exchanged, by the controller or by whoever laid the cables.
+CONTROLLER = ("ignore", "backwards", "tenfold", "foreign", "swapped", "miswired")
+KINDS = (*DATA, *WIRE, *STAGE, *PROGRAM, *CONTROLLER, "no permit")
+#: How far a stage may be from one that does what it is told, mm, before that must be found out.
+FOUND_OUT_MM = 0.3
+#: How far somebody else moves it at most, mm, and how often a person resumes, 1/s.
+FOREIGN_MM, RESUMES_HZ = 1.0, 4.0
+
+
+def excursion(settings: Settings) -> float:
+    """How far a controller that does not do what it is told can go before it stands, mm.
+
+    By `SLACK` unnoticed, then at the largest speed until the loop has asked it where it is, has
+    heard that, and has told it to stop; and for as long as it takes to brake.
+    """
+    s = settings
+    noticed = 1 / s.rate + 2 * PLACE + s.latency
+    return SLACK + s.step + s.max_speed * (noticed + s.max_speed / (2 * s.acceleration))
 
 
 class Broken(BaseException):  # no error handling of what is judged may swallow it
@@ -74,15 +96,21 @@ class Tried:
     searches: int = 0
     predictions: int = 0
     found_again: int = 0
+    resumes: int = 0
+    auto_resumes: int = 0
+    refused_resumes: int = 0
     steps: int = 0
     faults: Counter[str] = field(default_factory=Counter)
     drivers: Counter[str] = field(default_factory=Counter)
     ended_by: Counter[str] = field(default_factory=Counter)
+    stopped_by: Counter[str] = field(default_factory=Counter)
+    found_out: Counter[str] = field(default_factory=Counter)
     most_speed: float = 0.0
     most_past_border: float = -np.inf
+    most_excursion: float = 0.0
     most_stopping: float = 0.0
     most_prediction_time: float = 0.0
-    most_prediction_distance: float = 0.0  # of these five 1, 0 mm, 1, 1 and 1 is what is allowed
+    most_prediction_distance: float = 0.0  # of these six 1, 0 mm, 1, 1, 1 and 1 is what is allowed
 
 
 class Watched(StageModel):
@@ -94,22 +122,61 @@ class Watched(StageModel):
         super().__init__(settings)
         self.max_speed *= FASTER
         self.acceleration *= FASTER
-        self.limits, self.tried = Limits.of(settings), tried
+        self.reach, self.tried = Limits.of(settings).reach, tried
+        self.low = np.add(settings.low, settings.zero)  # the limits are the stage's own
+        self.high = np.add(settings.high, settings.zero)
         self.moved = 0.0  # when it last did, s
         self.sent: list[float] = []
+        self.fault: Callable[[str], Fault | None] = lambda _: None
+        self.ask: Callable[[], None] = lambda: None
+        self.is_obedient, self.excursion = True, 0.0
+        self.foreign = np.full(2, np.nan)  # where somebody else has sent it
+        self.shadow = StageModel(settings)  # does what it is told
+        self.shadow.STEP = TICK
 
     def command(self, place: Floats) -> None:
-        super().command(place)
         s = self.settings
         self.sent.append(self.now)
-        far = float(np.hypot(*(place - self.place)))
-        may = self.limits.reach + 2**0.5 * s.max_speed * (PLACE + s.latency) + ROUNDING
+        self.ask()
+        others = place == self.foreign  # Zaber is sent axis by axis
+        far = float(np.hypot(*np.where(others, 0.0, place - self.place)))
+        may = self.reach + 2**0.5 * s.max_speed * (PLACE + s.latency) + ROUNDING
         self.require(far <= may, f"sent {far:.4f} mm at once, {may:.4f} allowed")
-        self.require(self.past(place) <= ROUNDING, f"sent outside, to {place}")
+        past = self.past(np.where(others, self.low, place))
+        self.require(past <= ROUNDING, f"sent outside, to {place}")
+        self.shadow.command(place)
+        way = place - self.place
+        if self.fault("ignore"):
+            return
+        if self.fault("backwards"):
+            way = -way
+        elif self.fault("tenfold"):
+            way = 10 * way
+        elif self.fault("swapped"):
+            way = way[::-1]
+        super().command(self.place + way)
+
+    def halt(self) -> None:
+        super().halt()
+        self.shadow.halt()
+
+    def obey_another(self, place: Floats) -> None:
+        """Somebody else sends it, no faster than we may: else its speed tells nothing of ours."""
+        self.max_speed = min(self.max_speed, self.settings.max_speed)
+        self.acceleration = min(self.acceleration, self.settings.acceleration)
+        super().command(place)
+        self.foreign = place.copy()
+
+    def advance(self, now: float) -> None:
+        if now - self.now > 1e-12:
+            self.shadow.now, self.shadow.jammed = self.now, self.jammed
+            self.shadow.max_speed, self.shadow.acceleration = self.max_speed, self.acceleration
+            self.shadow.advance(now)
+        super().advance(now)
 
     def past(self, place: Floats) -> float:
         """How far a place is outside the soft limits, mm."""
-        (x, y), low, high = place.tolist(), self.limits.low, self.limits.high
+        (x, y), low, high = place.tolist(), self.low.tolist(), self.high.tolist()
         return float(max(low[0] - x, low[1] - y, x - high[0], y - high[1]))
 
     def follow(self, step: float) -> None:
@@ -120,7 +187,7 @@ class Watched(StageModel):
         fastest = max(abs(right - x), abs(up - y)) / step
         change = max(abs(faster - u), abs(steeper - v)) / step
         past = self.past(self.place)
-        if past > ROUNDING:
+        if past > ROUNDING + self.excursion:
             self.require(False, f"at ({right}, {up}), outside")
         if fastest > s.max_speed * (1 + SHARE):
             self.require(False, f"{fastest:.3f} mm/s fast")
@@ -130,7 +197,10 @@ class Watched(StageModel):
             self.moved = self.now
         tried.steps += 1
         tried.most_speed = max(tried.most_speed, fastest / s.max_speed)
-        tried.most_past_border = max(tried.most_past_border, past)
+        if self.is_obedient:
+            tried.most_past_border = max(tried.most_past_border, past)
+        else:
+            tried.most_excursion = max(tried.most_excursion, past / self.excursion)
 
     def require(self, good: bool, words: str) -> None:
         if not good:
@@ -147,6 +217,7 @@ class World:
         self.law = Law.of(CONFIG.sensor, self.settings)
         self.model = Watched(self.settings, tried)
         self.model.now = self.now
+        self.model.fault, self.model.ask = self.is_on, self.judge_command
         zaber = self.settings.driver == "zaber"
         self.device = ZaberDevice(self.model) if zaber else PiController(self.model)
         self.faults: list[Fault] = []
@@ -156,20 +227,41 @@ class World:
         self.closed = False
         self.tracker: Tracker | None = None
         self.fed = self.watched = self.now
-        self.permit = -np.inf  # when a sample last came that may be followed
+        self.followable = -np.inf  # when a sample last came that may be followed
+        self.flag = (-np.inf, False)  # the last that the board said of its permit, and when
+        self.is_stopped = False
+        self.parted = self.wrong = np.inf  # since when the stage, or the beam, is where it must not
         self.good: deque[tuple[float, Floats]] = deque(maxlen=100)  # from which one may predict
         self.failed = np.inf  # when the tracker gave up
         self.barred = np.inf  # when tracking was made impossible
         low, high = np.array(self.settings.low), np.array(self.settings.high)
-        self.centre = rng.uniform(low, high) * 0.7
-        self.model.place = self.centre.copy()
-        self.model.target = self.centre.copy()
+        self.centre = rng.uniform(low, high) * 0.7 + self.settings.zero
+        for model in (self.model, self.model.shadow):
+            model.place, model.target = self.centre.copy(), self.centre.copy()
         if isinstance(self.device, ZaberDevice):
             self.device.target = self.centre.copy()
         self.radius, self.turn = rng.uniform(0, 1.2), rng.uniform(-8, 8)
 
     def clock(self) -> float:
         return self.now
+
+    def suffer(self, faults: list[Fault]) -> None:
+        """What is to go wrong."""
+        self.faults, s = faults, self.settings
+        kinds = {fault.kind for fault in faults}
+        if kinds.isdisjoint(CONTROLLER):
+            return
+        self.model.is_obedient, self.model.excursion = False, excursion(s)
+        if "foreign" in kinds:
+            self.model.excursion += FOREIGN_MM
+        if "tenfold" in kinds and len(kinds) > 1:  # nobody may be there to tell it to stop
+            self.model.excursion += 10 * self.model.reach
+
+    @property
+    def beam(self) -> Floats:
+        """Where the beam is."""
+        away = self.model.place - self.centre
+        return self.centre + (away[::-1] if self.is_on("miswired") else away)
 
     # --- the port ------------------------------------------------------------------------
 
@@ -198,6 +290,11 @@ class World:
 
     def close(self) -> None:
         self.closed = True
+
+    def open_again(self) -> World:
+        self.closed, self.ready = False, b""
+        self.replies.clear()
+        return self
 
     def count_byte(self, count: int = 1) -> None:
         """One goes over the wire, as long as there is one."""
@@ -248,6 +345,14 @@ class World:
             if (restart := self.is_on("restart")) is not None:
                 restart.end = -1.0
                 self.device.restart()
+            foreign = self.is_on("foreign") if self.tracker else None
+            if foreign is not None and foreign.amount >= 0:
+                angle = 7 * foreign.amount
+                step = FOREIGN_MM * foreign.amount * np.array([np.cos(angle), np.sin(angle)])
+                self.model.obey_another(self.model.place + step)
+                if isinstance(self.device, ZaberDevice):  # an axis that is not sent goes there
+                    self.device.target = self.model.foreign.copy()
+                foreign.amount = -1.0
             self.model.advance(self.now)
             if self.now - self.fed >= SAMPLE:
                 self.fed = self.now
@@ -265,7 +370,7 @@ class World:
         angle = self.turn * (self.now - 10.0)
         reach = self.radius * np.array([np.cos(angle) - 1, np.sin(angle)])
         apex = self.centre + reach
-        off = apex - self.model.place
+        off, beam = apex - self.beam, self.beam
         powers = light(off)
         lit = bool((powers > 0).all())
         apex = apex if lit else np.full(2, np.nan)
@@ -291,32 +396,86 @@ class World:
         )
         known = np.isfinite(powers).all() or (searching and not np.isnan(powers).any())
         if known and needs and abs(self.now - taken) <= self.settings.stale:
-            self.permit = self.now
+            self.followable = self.now
+        is_permitted = self.is_on("no permit") is None
+        self.flag = taken, is_permitted
         rows = np.array([taken - 1e-3, taken])
         if np.isfinite(apex).all():
             self.good += [(row, apex) for row in rows.tolist()]
         with np.errstate(all="ignore"):
-            self.tracker.feed(rows, np.array([powers, powers]), np.array([apex, apex]))
+            pairs = [np.array([one, one]) for one in (powers, apex, beam)]
+            self.tracker.feed(rows, *pairs, is_permitted)
 
     def judge(self) -> None:
         """Whether the stage stands still that has to."""
-        bound = stopping_time(self.settings)
-        allowed = min(max(self.permit, 10.0), self.barred) + bound
+        s = self.settings
+        bound = stopping_time(s)
+        allowed = min(max(self.followable, 10.0), self.barred) + bound
         if self.tracker is not None and self.tracker.error:
             allowed = min(allowed, self.failed + bound)
         for fault in self.faults:  # what is jammed when the cable goes, goes on when it is free
             if fault.kind == "jam" and fault.begin <= self.barred:
                 allowed = max(allowed, min(fault.end, self.now) + bound)
+            if fault.kind == "foreign" and fault.begin <= self.now:
+                allowed = max(allowed, fault.begin + FOREIGN_MM / self.settings.max_speed + bound)
+            if fault.kind == "tenfold" and fault.begin <= self.barred < np.inf:
+                allowed = max(allowed, self.barred + 10 * self.model.reach / s.max_speed + bound)
         moved = self.model.moved
         if moved > allowed + TICK:
             raise Broken(f"moved at {moved:.3f} s, {moved - allowed + bound:.3f} s after the end")
-        if self.permit > 10.0:
+        if self.followable > 10.0:
             share = (moved - allowed) / bound + 1
             self.tried.most_stopping = max(self.tried.most_stopping, share)
+
+    def judge_command(self) -> None:
+        """Whether a command may come now."""
+        if self.is_stopped:
+            raise Broken("a stopped stage was sent somewhere before anybody resumed")
+        if self.settings.permit:
+            taken, is_permitted = self.flag
+            if not is_permitted or self.now - taken > self.settings.stale + 2 * PLACE:
+                raise Broken("sent without a permit")
+
+    def judge_step(self, begun: float, flag: tuple[float, bool]) -> None:
+        """Whether the stage is stopped that must be, after a step of the loop.
+
+        begun: when that step began, s; flag: what the board had said then of its permit.
+        """
+        assert self.tracker is not None
+        s, patience = self.settings, settling_time(self.settings) + 0.2
+        away = float(np.abs(self.model.place - self.model.shadow.place).max())
+        split = float(np.hypot(*(self.beam - self.model.place)))
+        self.parted = min(self.parted, begun) if away > FOUND_OUT_MM else np.inf
+        good = self.good and begun - self.good[-1][0] <= s.stale / 2
+        self.wrong = min(self.wrong, begun) if split > FOUND_OUT_MM and good else np.inf
+        if self.is_stopped:
+            return
+        if self.tracker.moves and begun - self.followable > max(s.stale, s.bridge) + 2 * TICK:
+            raise Broken(f"not stopped {begun - self.followable:.3f} s after the last good sample")
+        if s.permit and not flag[1] and abs(begun - flag[0]) <= s.stale - TICK:
+            raise Broken("not stopped without a permit")
+        if min(self.parted, self.wrong) < begun - patience:
+            raise Broken(f"the stage is {away:.3f} mm and the beam {split:.3f} mm astray: unnoticed")
 
     def say(self, name: str, **more: Any) -> None:
         if name == "stop":
             self.tried.stops += 1
+            self.is_stopped = True
+            reason = cause(more["reason"])
+            self.tried.stopped_by[reason] += 1
+            if reason in FINDINGS:
+                self.tried.found_out.update(
+                    one.kind for one in self.faults
+                    if one.kind in CONTROLLER and one.begin <= self.now
+                )  # fmt: skip
+        if name == "resume":
+            self.is_stopped, self.barred, self.failed = False, np.inf, np.inf
+            self.parted = self.wrong = np.inf
+            self.model.shadow.place = self.model.place.copy()
+            self.model.shadow.target = self.model.place.copy()
+            self.tried.resumes += 1
+            self.tried.auto_resumes += more["by"] == "auto"
+        self.tried.refused_resumes += name == "resume refused"
         self.tried.searches += name == "search"
         self.tried.found_again += more.get("outcome") == "found"
         if more.get("predicted"):
@@ -369,6 +528,9 @@ def drawn_settings(rng: np.random.Generator, driver: str) -> Settings:
         bridge_distance=float(rng.choice([0.05, 1.0])),
         lag=float(rng.choice([0.002, 0.008])),
         acceleration=float(rng.choice([300.0, 2000.0])),
+        permit=str(rng.choice(["", "board"])) or None,
+        resume=str(rng.choice(["person", "auto"])),
+        resumes_per_hour=1,
     )
 
 
@@ -378,17 +540,24 @@ def drawn_faults(rng: np.random.Generator) -> list[Fault]:
         begin = 10.0 + rng.uniform(0.05, 0.5) if rng.random() < 0.95 else 0.0
         length = float(rng.choice([0.01, 0.06, 0.3]))
         faults.append(Fault(str(rng.choice(KINDS)), begin, begin + length, float(rng.random())))
-        if faults[-1].kind in ("unplug",):
+        if faults[-1].kind in ("unplug", *CONTROLLER):
             faults[-1].end = np.inf
         if begin == 0.0:
             faults[-1].end = 10.5
     return faults
 
 
-def begin(world: World, search: bool) -> Tracker | None:
+#: The first words of what is said of a controller that does not do what it is told.
+FINDINGS = ("the stage is at", "the stage accepted a", "the encoder disagrees with")
+
+
+def begin(world: World, search: bool, again: bool) -> Tracker | None:
     """A tracker on that world; None where the stage could not be used, and was left alone."""
     try:
-        tracker = Tracker(world, world.settings, world.law, world.say, search, clock=world.clock)
+        tracker = Tracker(
+            world, world.settings, world.law, world.say, search, world.clock,
+            world.open_again if again else None,
+        )  # fmt: skip
     except (StageError, OSError):
         if not world.closed or world.model.sent:
             raise Broken("a stage that can not be used was moved, or its port left open") from None
@@ -401,17 +570,17 @@ def sequence(seed: int, tried: Tried, driver: str = "", cut: float = np.inf) -> 
     """One of them: raises `Broken` where the stage leaves its envelope."""
     rng = np.random.default_rng(seed)
     world = World(rng, tried, driver)
-    world.faults = [] if np.isfinite(cut) else drawn_faults(rng)
+    world.suffer([] if np.isfinite(cut) else drawn_faults(rng))
     world.cut = cut
     tried.sequences += 1
     tried.drivers[world.settings.driver] += 1
     tried.faults.update(fault.kind for fault in world.faults)
-    tracker = begin(world, bool(rng.random() < 0.5))
+    tracker = begin(world, bool(rng.random() < 0.5), again=bool(rng.random() < 0.3))
     if tracker is None:
         tried.refused_at_start += 1
         return
-    end = 10.9 if not np.isfinite(cut) else world.now + 0.25
-    drive(world, tracker, end)
+    end = 11.0 + rng.choice([0.0, 1.5], p=[0.9, 0.1])
+    drive(world, tracker, end if np.isinf(cut) else world.now + 0.25)
     tracker.close()
     world.failed = min(world.failed, world.now)
     world.bar()
@@ -425,14 +594,20 @@ def drive(world: World, tracker: Tracker, end: float) -> None:
     """The tracker's loop, on the world's clock."""
     due = world.now
     period = 1 / world.settings.rate
+    is_watched = world.rng.random() < 0.6  # by a person, who says go again and again
     while world.now < end:
         if (stall := world.is_on("stall")) is not None:
             world.advance(stall.amount)
         if world.is_on("bug"):
             world.law.inverse = None  # type: ignore[assignment]
             world.law.speed = None  # type: ignore[assignment]
-        if not tracker.step() and world.failed == np.inf:
+        if is_watched and world.rng.random() < RESUMES_HZ * period:
+            tracker.resume("person")
+        begun, flag = world.now, world.flag
+        tracker.step()
+        if tracker.error and world.failed == np.inf:
             world.failed = world.now
+        world.judge_step(begun, flag)
         due = max(due + period, world.now + TICK)
         world.advance(due - world.now)
 
@@ -451,7 +626,8 @@ def check_end(world: World, tracker: Tracker) -> None:
 
 def cause(error: str) -> str:
     """The first words of an error, without its numbers."""
-    return " ".join(error.split(":")[0].split()[:4]) if error else "the end"
+    kept = " ".join(error.split(":")[0].split()[:4]) if error else "the end"
+    return next((words for words in FINDINGS if kept.startswith(words)), kept)
 
 
 def run(seeds: range, driver: str = "") -> Tried:

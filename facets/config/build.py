@@ -176,6 +176,11 @@ def stage(keys: dict[str, Any]) -> Stage:
         lag=keys["lag_ms"] / 1000,
         latency=keys["latency_ms"] / 1000,
         acceleration=keys["acceleration_mm_s2"],
+        resume=keys["resume"],
+        resumes_per_hour=keys["resumes_per_hour"],
+        permit=keys["permit"],
+        heartbeat=keys["heartbeat"],
+        checked=keys["checked"],
     )
 
 

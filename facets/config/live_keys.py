@@ -17,6 +17,8 @@ Place = Annotated[float, Field(ge=-MAX_LENGTH, le=MAX_LENGTH)]
 Pair = Annotated[
     tuple[Place, Place], BeforeValidator(_tuple, json_schema_input_type=tuple[Place, Place])
 ]
+#: A line into or out of this machine, by which a stage is permitted to move or watched.
+Line = Annotated[str, Field(pattern=r"^(board|ni:.+|file:.+)$")]
 
 
 class Acquire(Section):
@@ -88,8 +90,12 @@ class Stage(Section):
     baud: int = Field(115_200, gt=0, le=100_000_000, description="of a serial line")
     step_um: float = Field(0.1, gt=0, le=1000, description="Zaber: one native unit of position")
     zero_mm: Pair = Field((0.0, 0.0), description="beam's place at the stage's zero")
-    low_mm: Pair = Field((-7.0, -7.0), description="soft limits of the beam's place")
-    high_mm: Pair = Field((7.0, 7.0), description="soft limits of the beam's place")
+    low_mm: Pair = Field(
+        (-7.0, -7.0),
+        description="soft limits in the stage's own coordinates, as its controller shows them, "
+        "whatever `zero_mm` is",
+    )
+    high_mm: Pair = Field((7.0, 7.0), description="upper soft limits, as `low_mm`")
     max_speed_mm_s: float = Field(20.0, gt=0, le=10_000, description="of commanded moves")
     max_step_mm: float = Field(0.5, gt=0, le=MAX_LENGTH, description="of one commanded move")
     rate_hz: float = Field(100.0, gt=0, le=10_000, description="of commands")
@@ -129,3 +135,27 @@ class Stage(Section):
         5.0, ge=0, le=10_000, description="from light on the detectors to the stage's start"
     )
     acceleration_mm_s2: float = Field(2000.0, gt=0, le=1e7, description="largest")
+    resume: Literal["person", "auto"] = Field(
+        "person",
+        description="who ends a stop: a person, or, after a stop for want of good samples, the "
+        "program itself as soon as there are good ones; stops for any other reason need a person",
+    )
+    resumes_per_hour: int = Field(
+        6, ge=1, le=3600, description="largest number of stops in an hour that `auto` ends"
+    )
+    permit: Line | None = Field(
+        None,
+        description="input without which no move is sent: `board` (the flag 8 of its frames), "
+        "`ni:Dev1/port0/line0`, or `file:PATH` of a file that holds 1",
+    )
+    heartbeat: Line | None = Field(
+        None,
+        description="where the program sends a sign of life while the stage may move: `board` (its "
+        "port), `ni:Dev1/port0/line1` (toggles), or `file:PATH`",
+    )
+    checked: str | None = Field(
+        None,
+        max_length=300,
+        description="date of the check of the wiring, and the driver, port and step of the stage "
+        "that was checked, as `acquire --check-stage` writes them",
+    )

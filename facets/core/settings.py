@@ -132,9 +132,11 @@ class Acquire:
 class Stage:
     """The stage that carries the beam; mm, mm/s, s.
 
-    zero: the beam's place at the stage's zero.  low, high: soft limits of the beam's place.
+    zero: the beam's place at the stage's zero.  low, high: soft limits in the stage's coordinates.
     step: one native unit.  accuracy: of the encoder, 1 sigma.  gain, integral: per command.
     bridge, bridge_distance: for how long and how far a mirror's motion may be predicted.
+    resume: "person" or "auto".  permit, heartbeat: lines, None where there is none.  checked: date,
+    driver, port and step of the stage whose wiring was checked.
     """
 
     driver: str
@@ -157,6 +159,11 @@ class Stage:
     lag: float
     latency: float
     acceleration: float
+    resume: str
+    resumes_per_hour: int
+    permit: str | None
+    heartbeat: str | None
+    checked: str | None
 
 
 @dataclass(frozen=True)

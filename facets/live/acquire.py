@@ -9,6 +9,7 @@ up.
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
@@ -30,8 +31,8 @@ from ..estimation.solution import Status
 from ..tracking.priority import urgent
 from ..tracking.tracker import Tracker
 from .beam_loss import BeamLoss
-from .interruption import deferring
-from .pipeline import BATCH, Batch, Pipeline, Poses
+from .interruption import deferring, resuming_by_signal
+from .pipeline import BATCH, PERMITTED, Batch, Pipeline, Poses
 from .ports import Port, PortError, SerialPort, await_port, open_port
 from .recording import Block, Recording
 
@@ -100,9 +101,9 @@ class Live:
         return lost / max(1, lost + self.pipeline.tally.samples)
 
     @property
-    def stage_error(self) -> str:
-        """What went wrong with the stage, which then stands still; or nothing."""
-        return self.tracker.error if self.tracker else ""
+    def stage_stop(self) -> str:
+        """Why the stage is stopped until somebody resumes; or nothing."""
+        return (self.tracker.error or self.tracker.envelope.latched) if self.tracker else ""
 
     def ninety_nine(self) -> float:
         """The 99th percentile of the latency, s."""
@@ -130,9 +131,12 @@ class Live:
                 found.append(f"{one.address}: {one.note}")
         if self.pipeline.board.trouble():
             found.append(self.pipeline.board.trouble())
-        if self.stage_error:
-            found.append(f"the stage is stopped, the recording goes on: {self.stage_error}")
-        elif self.tracker and self.tracker.note:
+        if self.stage_stop:
+            found.append(
+                f"the stage is stopped, the recording goes on: {self.stage_stop}; resume it by the "
+                f"key r, the button on the page, or kill -USR1 {os.getpid()}"
+            )
+        if self.tracker and self.tracker.note:
             found.append(self.tracker.note)
         return found
 
@@ -256,6 +260,11 @@ class Reader(threading.Thread):
         if self.recording:
             self.recording.event(name, **more)
 
+    def write(self, data: bytes) -> bool:
+        """Sends bytes to the board, from any thread; whether there is one that took them."""
+        send = getattr(self.port, "write", None)
+        return bool(send and send(data))
+
     def finish(self) -> None:
         """Has the thread end, and waits for it."""
         self.ending.set()
@@ -365,7 +374,9 @@ class Loop:
             if len(live.latency) > 20_000:
                 del live.latency[:10_000]
             if live.tracker:
-                live.tracker.feed(poses.host, powers_of(poses), apexes_of(poses))
+                is_permitted = bool((poses.flags & PERMITTED).all())
+                apexes, beams = apexes_of(poses)
+                live.tracker.feed(poses.host, powers_of(poses), apexes, beams, is_permitted)
         else:
             live.late += len(poses)
         self.record(poses)
@@ -450,7 +461,7 @@ def acquire(
     complaints: why a run that came to its end is not a good one, which the recording keeps.  show:
     called after each batch. Whatever happens, and whatever fails of it: the stage stops, the
     reading ends, what came is solved as far as there is time, and the recording is closed. An error
-    of the stage stops the stage and nothing else; see `Live.stage_error`.
+    of the stage stops the stage and nothing else; see `Live.stage_stop`.
     """
     live.recording = recording
     loop = Loop(live, reader, recording, show)
@@ -474,6 +485,9 @@ def acquire(
         closing.push(finish)
         closing.callback(reader.finish)
         if live.tracker:
+            if live.tracker.envelope.heartbeat:
+                live.tracker.envelope.heartbeat.to_board = reader.write
+            closing.enter_context(resuming_by_signal(live.tracker))
             closing.enter_context(live.tracker)
         live.begin = time.monotonic()
         reader.start()
@@ -494,10 +508,11 @@ def powers_of(poses: Poses) -> NDArray[np.float64]:
     return np.where(full, np.inf, powers)
 
 
-def apexes_of(poses: Poses) -> NDArray[np.float64]:
-    """Where the apex was found (n, 2), mm; NaN where it was not."""
-    good = poses.solution.status == Status.CONVERGED
-    return np.where(good[:, None], poses.solution.state[:, :2], np.nan)
+def apexes_of(poses: Poses) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where apex and beam were found, (n, 2) each, mm; NaN where they were not."""
+    good = (poses.solution.status == Status.CONVERGED)[:, None]
+    state = np.where(good, poses.solution.state, np.nan)
+    return state[:, :2], state[:, 6:]
 
 
 def check_silence(live: Live) -> None:

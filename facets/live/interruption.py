@@ -1,4 +1,4 @@
-"""Signals that wait until it is their turn: no sample is lost between two lines of a loop."""
+"""Signals: those that end a run wait until it is their turn, one lets a stopped stage go on."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ..tracking.tracker import Tracker
 
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
 
@@ -36,3 +39,18 @@ def deferring() -> Iterator[list[int]]:
         with suppress(KeyboardInterrupt):
             for number in came[:1]:
                 before[number](number, None)
+
+
+@contextmanager
+def resuming_by_signal(tracker: Tracker) -> Iterator[None]:
+    """Within it SIGUSR1 resumes a stopped stage, where the system has such a signal."""
+    number = getattr(signal, "SIGUSR1", None)
+    if number is None or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(number, lambda *_: tracker.resume("SIGUSR1"))
+    try:
+        yield
+    finally:
+        # a late one is no reason to end
+        signal.signal(number, before if callable(before) else signal.SIG_IGN)

@@ -31,7 +31,7 @@ from ..tracking.encoder import REACH, Encoder
 from .board_poses import BoardPoses, is_pose
 from .clock import Sequence
 from .doubts import Doubts
-from .frames import MARK, OVERRUN, XY_SUM, Samples, parser
+from .frames import MARK, OVERRUN, PERMIT, XY_SUM, Samples, parser
 from .host_time import HostTime
 
 if TYPE_CHECKING:
@@ -40,8 +40,9 @@ if TYPE_CHECKING:
 
 #: How well a sample's time and a stage's are known to each other, 1 sigma, s.
 TIMING = 1e-3
-#: What is to be known of a sample, by the bits of `counts`, and of the board.
-LOST_BEFORE, MARKED = 4, 8
+#: What is to be known of a sample, by the bits of `counts`, and of the board. Its permit for the
+#: stage is no event: it is set in every sample, and counted in none.
+LOST_BEFORE, MARKED, PERMITTED = 4, 8, 16
 FLAGS = {
     SATURATED: "saturated",
     UNEQUAL: "unequal sums",
@@ -182,6 +183,7 @@ class Pipeline:
         readings, flags = self.convert(samples)
         flags |= np.where(samples.flags & OVERRUN, LOST_BEFORE, 0).astype(np.uint8)
         flags |= np.where(samples.flags & MARK, MARKED, 0).astype(np.uint8)
+        flags |= np.where(samples.flags & PERMIT, PERMITTED, 0).astype(np.uint8)
         self.count(flags)
         whole = Batch(seq, time, host, readings, flags, arrival, encoder)
         return list(whole.split())

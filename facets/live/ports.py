@@ -89,6 +89,7 @@ class SerialPort(Closing):
     def __init__(self, name: str, baud: int) -> None:
         self.name = name
         self.line = open_line(name, baud, POLL)
+        self.line.write_timeout = POLL
 
     def read(self) -> bytes:
         """What came, at once or after POLL; nothing is no error, a port that is gone is."""
@@ -97,6 +98,13 @@ class SerialPort(Closing):
         except Exception as error:  # pyserial's own, and what the system's driver raises through it
             raise PortError(f"{self.name}: went away: {error}") from None
         return block
+
+    def write(self, data: bytes) -> bool:
+        """Sends a few bytes to the board, in another thread's time; whether the line took them."""
+        try:
+            return self.line.write(data) == len(data)
+        except Exception:
+            return False
 
     def close(self) -> None:
         self.line.close()
@@ -127,7 +135,7 @@ class DatagramPort(Closing):
             self.line.close()
             kind = PortInUse if error.errno == errno.EADDRINUSE else PortError
             raise kind(f"{name}: can not be opened: {error.strerror or error}") from None
-        self.name = name
+        self.name, self.sender = name, None
         self.line.settimeout(POLL)
 
     def read(self) -> bytes:
@@ -136,7 +144,8 @@ class DatagramPort(Closing):
         size = 0
         try:
             while size < MOST:
-                parts.append(self.line.recv(MOST))
+                data, self.sender = self.line.recvfrom(MOST)
+                parts.append(data)
                 size += len(parts[-1])
                 self.line.settimeout(0.0)
         except (TimeoutError, BlockingIOError):
@@ -146,6 +155,13 @@ class DatagramPort(Closing):
         finally:
             self.line.settimeout(POLL)
         return b"".join(parts)
+
+    def write(self, data: bytes) -> bool:
+        """Sends a datagram to where the last one came from; whether there was one."""
+        try:
+            return self.sender is not None and self.line.sendto(data, self.sender) == len(data)
+        except OSError:
+            return False
 
     def close(self) -> None:
         self.line.close()

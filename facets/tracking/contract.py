@@ -19,6 +19,7 @@ import numpy as np
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
 from .drivers import PARTS, Driver
+from .limits import Limits
 
 #: How far the checks move, mm, and how near a place is the same, mm.
 FAR, NEAR = 0.2, 2e-3
@@ -68,7 +69,8 @@ def check_place(driver: Driver, settings: Settings) -> Floats:
         assert place.dtype == np.float64, f"place() gives {place.dtype}, not float64"
         assert np.isfinite(place).all(), f"place() gives {place}"
     assert np.abs(first - second).max() < NEAR, "the stage moves though it was stopped"
-    low, high = np.array(settings.low) + 3 * FAR, np.array(settings.high) - 3 * FAR
+    limits = Limits.of(settings)
+    low, high = np.array(limits.low) + 3 * FAR, np.array(limits.high) - 3 * FAR
     inside = (low < first) & (first < high)
     assert inside.all(), "the stage stands too near its limits"
     return first

@@ -139,11 +139,10 @@ class Law:
         self.limited += not np.allclose(held, wanted, rtol=0, atol=1e-12)
         return held
 
-    def forget(self, since: float = np.inf) -> None:
-        """After a loss: what was summed up no longer holds, nor a motion seen before `since`, s."""
+    def forget(self) -> None:
+        """After a loss: what was summed up no longer holds, nor the motion that was seen."""
         self.goal, self.summed = None, np.zeros(2)
-        if self.last is not None and self.last[0] < since:
-            self.last, self.speed = None, np.zeros(2)
+        self.last, self.speed = None, np.zeros(2)
 
 
 #: Over what time the mirror's speed is taken, s.

@@ -7,12 +7,17 @@ later than `stopping_time` after the last sample that was good; that holds with 
 the process dead. What is in doubt stops it sooner. A short gap between samples may be bridged by
 predicted places: for no longer than `stage.bridge_ms` after the last good sample, and no further
 than `stage.bridge_mm` from where the mirror was then; the end of either is a stop.
+
+Every stop latches: nothing is sent any more until somebody resumes, whatever becomes good meanwhile.
+Nothing is sent without the external permit and the heartbeat, where there are such, and a stage that
+does not go where it is sent is stopped (`arrival`).
 """
 
 from __future__ import annotations
 
 import math
 import threading
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -21,8 +26,10 @@ import numpy as np
 
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
+from .arrival import PLACE, SLACK, Arrival, settling_time
 from .drivers import Driver, open_driver
 from .encoder import Encoder
+from .interlock import Always, Heartbeat, Permit, close_line, open_permit
 from .limits import Limits
 from .stage import StageError
 
@@ -30,72 +37,89 @@ from .stage import StageError
 STALL, PERIODS = 0.1, 5
 #: How often a stalled loop's stage is told to stop, s.
 AGAIN = 0.1
-#: A place of the stage that is older than this is none to set out from, s.
-PLACE = 0.03
 #: A sample's time may lie so far ahead of the clock, s.
 AHEAD = 2e-3
-#: A stage may stand so far outside its soft limits, and jump so far more than its speed, mm.
-SLACK = 0.05
 #: How often a stop is repeated that is not answered, and how long each waits, s.
 STOPS, WAIT = 3, 0.5
-#: A stage that is nearer than this to where it goes is at rest, mm.
-REST = 1e-4
+#: How long the stage stands before `stage.resume: auto` ends a stop, s.
+AUTO_RESUME_AFTER_S = 1.0
+HOUR_S = 3600.0
+STALLED = "the loop has stalled"
 
 
 def stopping_time(settings: Settings) -> float:
     """How long after the last good sample a stage can move at most, s, whatever happens.
 
-    A command comes no later than `stale` after its sample, a predicted one than `bridge`. Its move
-    begins after the latency, has `reach` to go at the largest speed, from where the stage was up to
-    PLACE ago, and ends by the stage's lag and acceleration.
+    A command comes no later than `stale` after its sample, a predicted one than `bridge`.
     """
-    s = settings
-    reach = Limits.of(s).reach
-    settling = s.lag * math.log(max(reach / REST, 1.0)) + 2 * s.max_speed / s.acceleration
-    return max(s.stale, s.bridge) + s.latency + PLACE + reach / s.max_speed + settling
+    return max(settings.stale, settings.bridge) + settling_time(settings)
 
 
 class Envelope:
     """Holds a stage's driver, and lets nobody else at it.
 
     port: open; of `stage.driver: other` its name.  say: takes an event's name and what belongs to
-    it.  failed: nothing moves any more.
+    it.  open_again: gives the port once more, after a fault.  failed: the line is closed.
+    latched: why the stage is stopped until somebody resumes, '' where it is not.  stops: so far.
     """
 
     def __init__(
-        self, port: Any, settings: Settings, say: Callable[..., None], clock: Callable[[], float]
+        self,
+        port: Any,
+        settings: Settings,
+        say: Callable[..., None],
+        clock: Callable[[], float],
+        open_again: Callable[[], Any] | None = None,
     ) -> None:
         """Stops the stage, bounds its speed, and asks where it is; else closes the port."""
         self.settings, self.say, self.clock = settings, say, clock
-        self.limits = Limits.of(settings)
-        self._driver: Driver = open_driver(port, settings, clock)
-        self.failed = self.moving = self.stalled = False
+        self.limits, self.arrival = Limits.of(settings), Arrival(settings)
+        self.open_again = open_again
+        self.failed = self.moving = self.stalled = self.closed = False
+        self.latched, self.latched_at, self.is_for_auto = "", -math.inf, False
+        self.stops = 0
+        self.resumed: deque[float] = deque()
+        self.permit: Permit = Always()
+        self.heartbeat: Heartbeat | None = None
         self.beat = clock()
         self.cried = -math.inf
         self.sent: tuple[float, Floats] | None = None
         self.encoder: Encoder | None = None
         self.ending = threading.Lock()
+        self._driver: Driver = open_driver(port, settings, clock)
+        self._prepare()
+
+    def _prepare(self) -> None:
+        s = self.settings
         try:
+            if isinstance(self.permit, Always) and s.permit:
+                self.permit = open_permit(s.permit, s.stale)
+            if not self.heartbeat and s.heartbeat:
+                self.heartbeat = Heartbeat(s.heartbeat)
             self._driver.prepare()
-            self.look()
+            self.arrival.begin(self.look(anew=True).place)
         except BaseException:
             self._stop_by_every_means()
             raise
 
-    def look(self) -> Encoder:
-        """Asks the stage where it is. Raises where it can not be there."""
+    def look(self, anew: bool = False) -> Encoder:
+        """Asks the stage where it is, and stops it where that, the permit or the heartbeat demands.
+
+        anew: whatever it said before no longer holds. Raises where it can not be there.
+        """
         self.beat = before = self.clock()
         place = self._driver.place()
         after = self.clock()
-        now, old = (before + after) / 2, self.encoder
+        now, old = (before + after) / 2, None if anew else self.encoder
         self.beat = after
-        s = self.settings
+        s, limits = self.settings, self.limits
         if np.shape(place) != (2,) or not np.isfinite(place).all():
             raise StageError(f"the stage's driver gives a place that is none: {place}")
-        if (place < np.array(s.low) - SLACK).any() or (place > np.array(s.high) + SLACK).any():
+        low, high = np.array(limits.low) - SLACK, np.array(limits.high) + SLACK
+        if (place < low).any() or (place > high).any():
             raise StageError(
-                f"the stage stands at {place.round(3).tolist()} mm, outside its soft limits "
-                f"(stage.low_mm, stage.high_mm); bring it back by its maker's program"
+                f"the stage stands at {(place - s.zero).round(3).tolist()} mm, outside its soft "
+                "limits (stage.low_mm, stage.high_mm); bring it back by its maker's program"
             )
         speed = np.zeros(2)
         if old is not None:
@@ -109,7 +133,26 @@ class Envelope:
             speed = (place - old.place) / passed if passed > 1e-4 else old.speed
             speed = np.clip(speed, -s.max_speed, s.max_speed)
         self.encoder = Encoder(now, place, speed)
+        if self.stalled:
+            self.latch(STALLED, is_for_auto=True)
+        if old is not None and not self.latched:
+            self._require(self.arrival.complaint(before, place))
+        if self.permit.given(after) is False:
+            self._require("the external permit is not given")
+        if self.heartbeat:
+            self.heartbeat.beat(after, not self.latched)
+            if self.moving and not self.heartbeat.is_sent:
+                self._require(f"the heartbeat can not be sent ({self.settings.heartbeat})")
         return self.encoder
+
+    def _require(self, complaint: str) -> None:
+        if complaint and not self.latched:
+            self.latch(complaint)
+
+    def compare(self, time: float, beam: Floats) -> None:
+        """Stops a stage whose encoder parts from where the readings of a time place the beam."""
+        if self.encoder and not self.latched and np.isfinite(beam).all():
+            self._require(self.arrival.compare(self.clock(), beam, self.encoder, time))
 
     def go(self, wanted: Floats, sampled: float, limits: Limits | None = None) -> Floats | None:
         """Sends the stage towards a place (2,), as far as is allowed; returns where to, or None.
@@ -145,7 +188,9 @@ class Envelope:
         at = self.encoder
         if not np.isfinite(wanted).all():
             raise StageError("the stage was to be sent to a place that is no number")
-        if self.failed or self.stalled or at is None or now - at.time > PLACE:
+        if self.latched or self.failed or at is None or now - at.time > PLACE:
+            return None
+        if not self.permit.given(now) or (self.heartbeat and not self.heartbeat.is_sent):
             return None
         held = self.limits.hold(narrow.hold(wanted, at.place), at.place)
         return self._slowed(held, now, at, min(narrow.speed, self.limits.speed))
@@ -154,6 +199,7 @@ class Envelope:
         self.moving, self.sent = True, (now, held)
         self._driver.move(held)
         self.beat = self.clock()
+        self.arrival.send(held, self.beat)
         return held
 
     def _slowed(self, held: Floats, now: float, at: Encoder, speed: float) -> Floats:
@@ -166,13 +212,65 @@ class Envelope:
         slow = last + np.clip(held - last, -far, far)
         return self.limits.hold(slow, at.place)
 
-    def halt(self, reason: str) -> None:
-        """Stops the stage, and waits for its word."""
-        self.tell("stop", reason=reason)
+    def latch(self, reason: str, is_for_auto: bool = False) -> None:
+        """Stops the stage, waits for its word, and keeps it stopped until somebody resumes.
+
+        is_for_auto: whether `stage.resume: auto` may end this stop.
+        """
+        self._note_stop(reason, is_for_auto)
         self.sent = None
         self._driver.stop()
         self.moving = self.stalled = False
         self.beat = self.clock()
+
+    def _note_stop(self, reason: str, is_for_auto: bool) -> None:
+        """The first reason stays; a later one that needs a person makes the stop need one."""
+        self.is_for_auto = is_for_auto and (self.is_for_auto or not self.latched)
+        if not self.latched:
+            self.latched, self.latched_at = reason, self.clock()
+            self.stops += 1
+            self.tell("stop", reason=reason)
+
+    def resume(self, by: str) -> str:
+        """Lets the stage move again; why not, or nothing.
+
+        by: who says so, in words.
+        """
+        now = self.clock()
+        if self.failed:
+            return "its line is closed"
+        if not self.permit.given(now):
+            return "the external permit is not given"
+        if now - self.latched_at < self.arrival.patience:
+            return "it was stopped just now"
+        assert self.encoder is not None
+        self.tell("resume", by=by, reason=self.latched)
+        self.arrival.begin(self.encoder.place)
+        self.latched, self.sent = "", None
+        return ""
+
+    def resume_by_itself(self) -> bool:
+        """Ends a stop where `stage.resume: auto` may, and not too often; whether it did."""
+        s, now = self.settings, self.clock()
+        while self.resumed and now - self.resumed[0] > HOUR_S:
+            self.resumed.popleft()
+        if not (s.resume == "auto" and self.is_for_auto) or len(self.resumed) >= s.resumes_per_hour:
+            return False
+        if now - self.latched_at < AUTO_RESUME_AFTER_S or self.resume("auto"):
+            return False
+        self.resumed.append(now)
+        return True
+
+    def reopen(self) -> None:
+        """Opens the line again after a fault; the stage stays stopped. Raises where it can not."""
+        assert self.open_again is not None
+        driver = open_driver(self.open_again(), self.settings, self.clock)
+        with self.ending:
+            if self.closed:
+                driver.close()
+                return
+            self._driver, self.failed = driver, False
+        self._prepare()
 
     def watch(self) -> None:
         """Stops a stage whose loop has stalled; to be called by another thread, again and again."""
@@ -184,7 +282,7 @@ class Envelope:
         self.cried = self.clock()
         if not self.stalled:
             self.stalled = True
-            self.tell("stop", reason="the loop has stalled")
+            self._note_stop(STALLED, is_for_auto=True)
         with suppress(Exception):  # what is wrong with the line, the loop will meet, too
             self._driver.cry()
 
@@ -192,7 +290,7 @@ class Envelope:
         """Stops the stage by every means that is left, for good. Never raises."""
         with self.ending:
             if not self.failed:
-                self.failed = True
+                self._note_stop(reason, is_for_auto=False)
                 self.tell("stage error", reason=reason)
                 self._stop_by_every_means()
 
@@ -200,9 +298,11 @@ class Envelope:
         """Stops the stage for good, and closes its port. Never raises. False: nobody knows whether
         it stopped, since it did not answer."""
         with self.ending:
-            if self.failed:
+            was_closed, self.closed = self.closed or self.failed, True
+            close_line(self.permit)
+            close_line(self.heartbeat)
+            if was_closed:
                 return True
-            self.failed = True
             self.tell("stop", reason=reason)
             return self._stop_by_every_means()
 

@@ -22,10 +22,15 @@ class Limits:
 
     @classmethod
     def of(cls, settings: Settings) -> Limits:
-        """Of tracking: no further ahead than the stage can come until the next command acts."""
+        """Of tracking: no further ahead than the stage can come until the next command acts.
+
+        The soft limits are the stage's own, so that an offset of the beam moves them with it.
+        """
         s = settings
         ahead = s.max_speed * (s.lag + s.latency + 1 / s.rate)
-        return cls(s.low, s.high, s.max_speed, min(s.max_step, ahead))
+        low = s.low[0] + s.zero[0], s.low[1] + s.zero[1]
+        high = s.high[0] + s.zero[0], s.high[1] + s.zero[1]
+        return cls(low, high, s.max_speed, min(s.max_step, ahead))
 
     def hold(self, wanted: Floats, place: Floats) -> Floats:
         """The place nearest to `wanted` (2,), on the way from `place`, that may be commanded."""

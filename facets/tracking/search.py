@@ -55,7 +55,7 @@ class Search:
         place: where the stage is.  towards: where the light says that the mirror is, or None in
         the dark.  home: the last good place, to which a search that begins in the dark goes back.
         """
-        if self.is_over(towards is not None):
+        if self.outcome:
             return None
         if towards is not None:
             self.limits = self.full
@@ -78,12 +78,6 @@ class Search:
         at = ", ".join(f"{x:.3f}" for x in self.centre)
         self.outcome = f"the mirror was not found within {FARTHEST:g} mm of ({at}) mm"
         return None
-
-    def is_over(self, has_light: bool) -> bool:
-        """Whether the search has ended. One that ended in the dark begins anew with the light."""
-        if self.outcome and has_light and self.chases <= self.most_chase:
-            self.forget()
-        return bool(self.outcome)
 
     @property
     def radius(self) -> float:

@@ -16,6 +16,7 @@ from ..core.units import Floats
 from .control import Law, Seen
 from .encoder import Encoder
 from .envelope import AHEAD, Envelope
+from .interlock import BoardPermit
 from .line import PATIENCE
 from .priority import urgent
 from .search import Search
@@ -28,18 +29,22 @@ LIT, BRIGHT = 0.02, 3.0
 
 class Sample(NamedTuple):
     """What the tracker needs of one. time: on the host's clock; came: when it was told, s.
-    powers: (3,) mW, infinite where a detector is saturated.  apex: (2,) mm, or None.  doubt: why
-    nothing may follow it, or nothing."""
+    powers: (3,) mW, infinite where a detector is saturated.  apex: (2,) mm, or None.  beam: where
+    the readings place it (2,) mm, or NaN.  doubt: why nothing may follow it, or nothing."""
 
     time: float
     came: float
     powers: Floats
     apex: Floats | None
+    beam: Floats
     doubt: str
 
 
-STALLED = "the loop has stalled"
-NOTHING = Sample(-np.inf, -np.inf, np.full(3, np.nan), None, "waiting for light")
+NO_BEAM = np.full(2, np.nan)
+NOTHING = Sample(-np.inf, -np.inf, np.full(3, np.nan), None, NO_BEAM, "waiting for light")
+STALE = "no fresh sample"
+#: A first good sample that comes later than this after the start needs a person, s.
+START_WITHIN_S = 10.0
 
 
 def join(thread: threading.Thread) -> None:
@@ -52,14 +57,15 @@ class Tracker:
     """Sends the stage after the newest good sample, for as long as that is fresh.
 
     A short gap is bridged: the stage follows the predicted motion, within the bounds of the
-    envelope. Where the mirror is not met again by then, the stage stops, or looks for the mirror.
+    envelope. Where the mirror is not met again by then, the stage stops and stays stopped until
+    `resume` is called; then it follows, or looks for the mirror. It begins stopped where the first
+    fresh sample is not good.
 
     A context: the threads run within it, and at its end the stage stands and its port is closed.
     It never raises in between: whatever goes wrong stops the stage, and is told in `error`.
 
-    stopped: why nothing is followed, '' while something is.  bridging: whether what is followed is
-    a prediction.  bridges: gaps that were bridged, so far.  moves: commands sent.  begun: when the
-    first was, s.  note: what a person should be told.
+    bridging: whether what is followed is a prediction.  bridges: gaps that were bridged, so far.
+    moves: commands sent.  begun: when the first was, s.  note: what a person should be told.
     """
 
     def __init__(
@@ -70,19 +76,20 @@ class Tracker:
         say: Callable[..., None],
         search: bool = False,
         clock: Callable[[], float] = time.monotonic,
+        open_again: Callable[[], Any] | None = None,
     ) -> None:
-        """port: of the stage, open, or its name; see `Envelope`. Raises StageError where the stage
-        can not be used."""
+        """port: of the stage, open, or its name; open_again: gives it once more; see `Envelope`.
+        Raises StageError where the stage can not be used."""
         self.settings, self.law, self.clock = settings, law, clock
-        self.envelope = Envelope(port, settings, say, clock)
+        self.envelope = Envelope(port, settings, say, clock, open_again)
         self.tell = self.envelope.tell
         self.search = Search(settings) if search else None
-        self.searching = self.bridging = False
+        self.started = self.searching = self.bridging = False
         self.newest = self.good = NOTHING
-        self.stopped, self.error, self.note = NOTHING.doubt, "", ""
+        self.error = self.note = self.request = ""
         self.home = self.encoder.place
         self.moves = self.bridges = 0
-        self.begun = np.inf
+        self.first = self.begun = np.inf
         self.ending = threading.Event()
         self.threads = [
             threading.Thread(target=self.loop, name="tracker", daemon=True),
@@ -96,11 +103,25 @@ class Tracker:
         return self.envelope.encoder
 
     @property
+    def stopped(self) -> str:
+        """Why nothing is followed, '' while something is."""
+        return self.envelope.latched or ("" if self.started else NOTHING.doubt)
+
+    @property
     def state(self) -> str:
         """What the stage does, in words."""
+        if self.envelope.latched:
+            return f"stopped: {self.envelope.latched}"
         if self.searching:
-            return f"searching: {self.stopped}"
+            return "searching"
         return self.stopped or ("bridging a gap" if self.bridging else "following")
+
+    def resume(self, by: str) -> None:
+        """Asks the loop to let a stopped stage move again; from any thread.
+
+        by: who says so, in words.
+        """
+        self.request = by
 
     def __enter__(self) -> Tracker:
         for thread in self.threads:
@@ -126,14 +147,24 @@ class Tracker:
             self.error = "the stage did not answer when it was to stop at the end"
         join(watchdog)
 
-    def feed(self, times: Floats, powers: Floats, apexes: Floats) -> None:
+    def feed(
+        self,
+        times: Floats,
+        powers: Floats,
+        apexes: Floats,
+        beams: Floats | None = None,
+        permit: bool = False,
+    ) -> None:
         """Takes samples: host times (n,) s, powers (n, 3) mW, infinite where a detector is
-        saturated, apexes (n, 2) mm or NaN."""
+        saturated, apexes and beams (n, 2) mm or NaN; permit: whether all of them have it."""
         came = self.clock()
         if not len(times):
             return
+        if isinstance(self.envelope.permit, BoardPermit):
+            self.envelope.permit.take(float(times[-1]), permit)
         for row in range(len(times) - 1, -1, -1):
-            sample = self.judge(float(times[row]), came, powers[row], apexes[row])
+            beam = NO_BEAM if beams is None else beams[row]
+            sample = self.judge(float(times[row]), came, powers[row], apexes[row], beam)
             if row == len(times) - 1:
                 self.newest = sample
             if not sample.doubt:
@@ -142,10 +173,12 @@ class Tracker:
                     self.good = sample
                 break
 
-    def judge(self, taken: float, came: float, powers: Floats, apex: Floats) -> Sample:
+    def judge(
+        self, taken: float, came: float, powers: Floats, apex: Floats, beam: Floats
+    ) -> Sample:
         doubt, needs_pose = "", self.settings.law == "feedforward"
         if not came - self.settings.stale <= taken <= came + AHEAD:
-            doubt = "no fresh sample"
+            doubt = STALE
         elif np.isposinf(powers).any():
             doubt = "a detector is saturated"
         elif not (np.isfinite(powers).all() and (powers > 0).all()):
@@ -155,7 +188,7 @@ class Tracker:
         elif needs_pose and not np.isfinite(apex).all():
             doubt = "no pose"
         place = apex.copy() if np.isfinite(apex).all() else None
-        return Sample(taken, came, powers.copy(), place, doubt)
+        return Sample(taken, came, powers.copy(), place, beam.copy(), doubt)
 
     def loop(self) -> None:
         """Goes round at the rate of the settings until told to end, or until the first error."""
@@ -172,43 +205,98 @@ class Tracker:
                 self.envelope.watch()
 
     def step(self) -> bool:
-        """Once round; False after an error, of any kind, by which time the stage was stopped."""
-        if self.error:
-            return False
+        """Once round; False after an error that nobody can resume from. By then the stage was
+        stopped, whatever the error."""
         try:
-            self.cycle()
+            if not self.error:
+                self.cycle()
+            elif self.request and self.envelope.open_again:
+                self.envelope.reopen()
+                self.error = ""  # the stage stays stopped until the readings were looked at
         except Exception as error:
-            self.error = self.stopped = words(error)
+            self.error, self.request = words(error), ""
             self.envelope.fail(self.error)
-            return False
-        return True
+        return not self.error or self.envelope.open_again is not None
 
     def cycle(self) -> None:
         place = self.envelope.look().place
         now = self.clock()
+        self.first = min(self.first, now)
         good, newest = self.good, self.newest
         doubt = self.doubt(good, newest, place, now)
-        if self.envelope.stalled:
-            doubt = STALLED
-        if doubt:
-            if self.envelope.stalled or not self.bridge(now):
-                self.pause(doubt, newest, place, now)
+        if not doubt:
+            self.envelope.compare(good.time, good.beam)
+        if self.envelope.latched and not self.is_resumed(doubt, newest, now):
+            self.end_search(self.envelope.latched)
             return
-        self.end_search("found")
-        self.stopped = self.note = ""
-        self.bridging, self.home = False, self.encoder.at(np.array([good.time]))[0]
+        self.request = ""
+        if not doubt:
+            self.end_search("found")
+            self.started, self.bridging, self.note = True, False, ""
+            self.home = self.encoder.at(np.array([good.time]))[0]
+            self.follow(good, place, now)
+        elif not self.started:
+            self.wait(doubt, newest, now)
+        elif self.searching and self.is_fresh(newest, now):
+            self.look_for(newest, place)
+        elif self.searching or not self.bridge(now):
+            self.stop(doubt)
+
+    def follow(self, good: Sample, place: Floats, now: float) -> None:
+        """Sends the stage after a good sample."""
         seen = Seen(good.time, now, good.powers, good.apex, place)
         self.go(self.law.command(seen), good.time)
 
+    def stop(self, reason: str) -> None:
+        """For want of good samples."""
+        self.bridging = False
+        self.end_search(reason)
+        self.envelope.latch(reason, is_for_auto=True)
+
+    def wait(self, doubt: str, newest: Sample, now: float) -> None:
+        """For the first sample: one that is fresh and not good stops the stage before it moves."""
+        if self.is_fresh(newest, now):
+            self.stop(doubt)
+        elif now - self.first > START_WITHIN_S:
+            self.stop(f"no fresh sample came in the first {START_WITHIN_S:g} s")
+
+    def is_fresh(self, newest: Sample, now: float) -> bool:
+        fresh = now - newest.time <= self.settings.stale and newest.doubt != STALE
+        return fresh and now - newest.came <= self.settings.stale
+
+    def is_resumed(self, doubt: str, newest: Sample, now: float) -> bool:
+        """Whether a stopped stage may go on from now, since a person or `stage.resume` says so."""
+        by, self.request = self.request, ""
+        known = self.is_fresh(newest, now) and not np.isnan(newest.powers).any()
+        refusal = doubt if doubt and not (self.search and known) else ""
+        if not refusal:
+            if by:
+                refusal = self.envelope.resume(by)
+            elif not self.envelope.resume_by_itself():
+                return False
+        if refusal:
+            if by:
+                self.note = f"the stage was not resumed: {refusal}"
+                self.tell("resume refused", by=by, reason=refusal)
+            return False
+        self.law.forget()
+        self.started, self.note = True, ""
+        if doubt and self.search:
+            self.search.forget()
+            self.searching = True
+            at = {axis: round(float(x), 6) for axis, x in zip("xy", self.encoder.place, strict=True)}
+            self.tell("search", reason=doubt, **at)
+        return True
+
     def bridge(self, now: float) -> bool:
         """Follows the predicted motion in a gap; whether that is possible."""
-        if self.stopped not in ("", STALLED) or self.law.last is None:
+        if self.law.last is None:
             return False
         time, apex = self.law.last
         if now - time > self.settings.bridge:
             return False
         self.bridges += not self.bridging
-        self.bridging, self.stopped = True, ""
+        self.bridging = True
         sent = self.envelope.bridge(self.law.ahead(now), time, apex)
         if sent is not None:
             self.count(sent, predicted=True)
@@ -223,8 +311,8 @@ class Tracker:
                 return "the pose is further from the beam than its light allows"
             return ""
         if newest is NOTHING or now - newest.came > stale:
-            return "waiting for light" if newest is NOTHING else "no fresh sample"
-        return newest.doubt or "no fresh sample"
+            return NOTHING.doubt if newest is NOTHING else STALE
+        return newest.doubt or STALE
 
     def go(self, place: Floats, sampled: float, search: Search | None = None) -> None:
         sent = self.envelope.go(place, sampled, search.limits if search else None)
@@ -236,46 +324,21 @@ class Tracker:
         self.begun = min(self.begun, self.clock())
         self.tell("move", x=round(float(sent[0]), 6), y=round(float(sent[1]), 6), **more)
 
-    def pause(self, reason: str, newest: Sample, place: Floats, now: float) -> None:
-        """Stands still, or looks for the mirror where that was asked for."""
-        fresh = now - newest.time <= self.settings.stale and newest.doubt != "no fresh sample"
-        fresh = fresh and not np.isnan(newest.powers).any()
-        search = self.search if fresh and self.moves > 0 else None
-        towards = None
-        if search is not None:
-            beam = self.encoder.at(np.array([newest.time]))[0]
-            towards = self.law.towards(newest.powers, beam, LIT)
-            search = None if search.is_over(towards is not None) else search
-        if self.envelope.stalled or (not search and (self.envelope.moving or not self.stopped)):
-            self.envelope.halt(reason)
-        self.law.forget(since=now - self.settings.bridge)
-        self.stopped, self.bridging = reason, False
-        if search is not None:
-            self.look_for(search, newest, place, towards)
-
-    def look_for(
-        self, search: Search, newest: Sample, place: Floats, towards: Floats | None
-    ) -> None:
-        if not self.searching:
-            self.searching = True
-            at = {"x": round(float(place[0]), 6), "y": round(float(place[1]), 6)}
-            self.tell("search", reason=self.stopped, **at)
-        goal = search.next(place, towards, self.home)
+    def look_for(self, newest: Sample, place: Floats) -> None:
+        """Looks for the mirror."""
+        assert self.search is not None
+        beam = self.encoder.at(np.array([newest.time]))[0]
+        goal = self.search.next(place, self.law.towards(newest.powers, beam, LIT), self.home)
         if goal is None:
-            self.end_search(search.outcome)
-            self.envelope.halt(search.outcome)
+            self.stop(self.search.outcome)
         else:
-            self.go(goal, newest.time, search)
+            self.go(goal, newest.time, self.search)
 
     def end_search(self, outcome: str) -> None:
-        """Tells how a search ended, if there was one. One that failed is not begun again."""
+        """Tells how a search ended, if there was one."""
         if self.searching:
             self.tell("search ended", outcome=outcome)
         self.searching = False
-        if self.search is not None and outcome == "found":
-            self.search.forget()
-        elif self.search is not None:
-            self.note = outcome
 
 
 def words(error: Exception) -> str:

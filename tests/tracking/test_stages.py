@@ -15,13 +15,13 @@ from sensors import SENSORS
 import facets
 from facets.live.virtual.stages import PiController, ZaberDevice
 from facets.tracking.control import Law
-from facets.tracking.envelope import Envelope
+from facets.tracking.envelope import AUTO_RESUME_AFTER_S, Envelope
 from facets.tracking.limits import Limits
 from facets.tracking.line import Line
 from facets.tracking.pi import Pi
 from facets.tracking.search import FARTHEST, Search
 from facets.tracking.stage import StageError, StageModel
-from facets.tracking.tracker import Tracker
+from facets.tracking.tracker import START_WITHIN_S, Tracker
 from facets.tracking.zaber import Zaber, checksum
 
 STAGE = replace(facets.load("bench").stage, zero=(0.5, 0.0))
@@ -198,29 +198,58 @@ def moves_of(port):
     return sum("move" in line or "MOV" in line for line in port.sent)
 
 
-@pytest.mark.parametrize("settings", [STAGE, PI])
-def test_nothing_moves_without_light_a_pose_or_fresh_data(settings):
-    follower, port, events = tracker(settings)
-    cases = [
-        {"apex": None},
-        {"powers": (0.1, 0.0, 0.1)},
-        {"powers": (0.1, np.nan, 0.1)},
-        {"age": 0.06},
-        {"age": -10.0},
-        {"apex": (5.0, 0.0)},
-        {"apex": (np.inf, 0.0)},
-    ]
+BAD_SAMPLES = [
+    {"apex": None},
+    {"powers": (0.1, 0.0, 0.1)},
+    {"powers": (0.1, np.nan, 0.1)},
+    {"apex": (5.0, 0.0)},
+    {"apex": (np.inf, 0.0)},
+]
+
+
+def resume(follower, port, **sample):
+    """A person who waits until the stage stands, and says go."""
+    port.now += 0.5
+    port.device.model.advance(port.now)
+    feed(follower, port, **sample)
+    follower.resume("a person")
     assert follower.step()
-    for case in cases:
-        feed(follower, port, **case)
+
+
+@pytest.mark.parametrize("settings", [STAGE, PI])
+@pytest.mark.parametrize("case", BAD_SAMPLES, ids=str)
+def test_a_stage_begins_stopped_where_the_first_sample_is_not_good(settings, case):
+    follower, port, events = tracker(settings)
+    feed(follower, port, **case)
+    for _ in range(3):
         assert follower.step()
-        assert follower.stopped, case
+        assert follower.stopped
+        port.now += 0.1
+        feed(follower, port)  # good ones alone let nothing move
     assert moves_of(port) == 0
-    port.now += 0.1
+    assert follower.envelope.latched
+    resume(follower, port)
+    assert moves_of(port) > 0
+    assert [name for name, _ in events] == ["stop", "resume", "move"]
+
+
+@pytest.mark.parametrize("age", [0.06, -10.0])
+def test_a_stage_waits_for_a_first_fresh_sample_and_not_for_ever(age):
+    follower, port, _ = tracker()
+    feed(follower, port, age=age)
+    assert follower.step()
+    assert follower.state == "waiting for light"
     feed(follower, port)
     assert follower.step()
     assert moves_of(port) > 0
-    assert [name for name, _ in events].count("move") == 1
+    follower, port, _ = tracker()
+    assert follower.step()
+    port.now += START_WITHIN_S + 0.1
+    assert follower.step()
+    feed(follower, port)
+    assert follower.step()
+    assert "no fresh sample came in the first 10 s" in follower.stopped
+    assert moves_of(port) == 0
 
 
 def test_a_good_sample_counts_until_it_is_stale():
@@ -239,8 +268,302 @@ def test_a_good_sample_counts_until_it_is_stale():
     feed(follower, port, apex=None)
     follower.step()
     assert follower.moves == 3
-    assert follower.stopped == follower.state == "no pose"
+    assert follower.stopped == "no pose"
+    assert follower.state == "stopped: no pose"
     assert events[-1] == ("stop", {"reason": "no pose"})
+
+
+def test_a_stopped_stage_stays_stopped_until_a_person_says_go():
+    follower, port, events = tracker()
+    steady(follower, port, 6.28)
+    while not follower.stopped:
+        port.now += 0.01
+        feed(follower, port, apex=None)
+        assert follower.step()
+    moves = follower.moves
+    for _ in range(100):
+        port.now += 0.1
+        feed(follower, port)
+        assert follower.step()
+    assert follower.moves == moves
+    follower.resume("a person")
+    port.now += 0.1  # a stale sample is no reason to go, whoever says so
+    assert follower.step()
+    assert events[-1] == ("resume refused", {"by": "a person", "reason": "no fresh sample"})
+    assert "not resumed: no fresh sample" in follower.note
+    feed(follower, port)
+    assert follower.step()
+    assert follower.moves == moves
+    resume(follower, port)
+    assert follower.moves == moves + 1
+    assert ("resume", {"by": "a person", "reason": "no pose"}) in events
+    assert not follower.note
+
+
+def stop_for_a_gap(follower, port):
+    """A gap that is longer than may be bridged, and the end of it."""
+    port.now += STAGE.bridge + STAGE.stale
+    port.device.model.advance(port.now)
+    assert follower.step()
+    assert follower.envelope.latched
+    feed(follower, port)
+
+
+def test_an_unattended_run_resumes_by_itself_no_more_often_than_it_may():
+    follower, port, events = tracker(replace(STAGE, resume="auto", resumes_per_hour=2))
+    feed(follower, port)
+    assert follower.step()
+    for n in range(4):
+        stop_for_a_gap(follower, port)
+        assert follower.step()
+        assert follower.envelope.latched  # not before it has stood for a second
+        port.now += AUTO_RESUME_AFTER_S
+        feed(follower, port)
+        assert follower.step()
+        assert bool(follower.envelope.latched) == (n >= 2)
+        if n >= 2:
+            resume(follower, port)
+    assert [more["by"] for name, more in events if name == "resume"] == [
+        "auto", "auto", "a person", "a person",
+    ]  # fmt: skip
+    port.now += 3600
+    stop_for_a_gap(follower, port)
+    port.now += AUTO_RESUME_AFTER_S
+    feed(follower, port)
+    assert follower.step()
+    assert not follower.envelope.latched
+
+
+def test_no_run_resumes_by_itself_after_a_fault_of_the_stage(tmp_path):
+    permit = tmp_path / "permit"
+    permit.write_text("1\n")
+    follower, port, _ = tracker(replace(STAGE, resume="auto", permit=f"file:{permit}"))
+    feed(follower, port)
+    assert follower.step()
+    permit.write_text("0\n")
+    assert follower.step()
+    permit.write_text("1\n")
+    for _ in range(100):
+        port.now += 0.1
+        feed(follower, port)
+        assert follower.step()
+    assert follower.stopped == "the external permit is not given"
+    assert follower.moves == 1
+    resume(follower, port)
+    assert follower.moves == 2
+
+
+@pytest.mark.parametrize("content", [None, "", "0", "11", "yes"])
+def test_nothing_moves_without_the_permit(tmp_path, content):
+    if content is not None:
+        (tmp_path / "permit").write_text(content)
+    follower, port, _ = tracker(replace(STAGE, permit=f"file:{tmp_path / 'permit'}"))
+    feed(follower, port)
+    assert follower.step()
+    resume(follower, port)
+    assert "permit" in follower.stopped
+    assert "permit" in follower.note
+    assert moves_of(port) == 0
+
+
+def test_a_boards_permit_holds_while_samples_are_fresh_and_no_loss_is_too_short():
+    follower, port, _ = tracker(replace(STAGE, permit="board"))
+    place, light = np.array([[0.55, 0.0]]), np.full((1, 3), 0.1)
+
+    def take(permit):
+        follower.feed(np.array([port.now]), light, place, permit=permit)
+
+    take(True)
+    assert follower.step()
+    assert follower.moves == 1
+    take(False)
+    take(True)
+    assert follower.step()
+    assert follower.stopped == "the external permit is not given"
+    assert follower.moves == 1
+    follower, port, _ = tracker(replace(STAGE, permit="board"))
+    take(True)
+    assert follower.step()
+    port.now += 0.1  # a gap that is bridged, but not without a permit
+    assert follower.step()
+    assert follower.state == "bridging a gap"
+    assert follower.moves == 1
+
+
+def test_nothing_moves_where_the_heartbeat_can_not_be_sent():
+    follower, port, _ = tracker(replace(STAGE, heartbeat="board"))
+    feed(follower, port)
+    assert follower.step()
+    assert moves_of(port) == 0
+    frames, works = [], True
+
+    def send(data):
+        frames.append(data)
+        return works
+
+    follower.envelope.heartbeat.to_board = send
+    for _ in range(5):
+        port.now += 0.03
+        feed(follower, port)
+        assert follower.step()
+    assert follower.moves >= 4
+    assert [frame[3] for frame in frames] == [1] * 5
+    works = False
+    port.now += 0.03
+    feed(follower, port)
+    assert follower.step()
+    assert "heartbeat can not be sent (board)" in follower.stopped
+    works = True
+    port.now += 0.03
+    assert follower.step()
+    assert frames[-1][3] == 0  # it lives, and says that the stage may not move
+
+
+def test_a_heartbeat_ends_with_the_loop(tmp_path):
+    follower, port, _ = tracker(replace(STAGE, heartbeat=f"file:{tmp_path / 'beats'}"))
+    for _ in range(3):
+        port.now += 0.03
+        assert follower.step()
+    count = (tmp_path / "beats").read_text()
+    port.now += 10.0  # nobody goes round
+    follower.envelope.watch()
+    assert (tmp_path / "beats").read_text() == count
+
+
+class Other(ZaberDevice):
+    """A controller that accepts every move and does another one."""
+
+    how = staticmethod(lambda place, goal: goal)
+
+    def move(self, axis, words):
+        reply = super().move(axis, words)
+        self.model.waiting[-1] = (self.model.waiting[-1][0],
+                                  self.how(self.model.place, self.target))  # fmt: skip
+        return reply
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        (lambda place, goal: place, "has moved 0.000 mm of it"),
+        (lambda place, goal: place + 0.2 * (goal - place), "accepted a move of"),
+        (lambda place, goal: 2 * place - goal, "the wrong way or too far"),
+        (lambda place, goal: place + 10 * (goal - place), "the wrong way or too far"),
+        (lambda place, goal: place + (goal - place)[::-1], "the wrong way or too far"),
+    ],
+    ids=["stands", "stops short", "backwards", "tenfold", "swapped"],
+)
+def test_a_move_that_is_not_executed_stops_and_latches(how, words):
+    follower, port, events = tracker()
+    port.device.__class__ = Other
+    port.device.how = how
+    for _ in range(60):
+        port.now += 0.01
+        port.device.model.advance(port.now)
+        feed(follower, port, apex=(1.0, 0.1))
+        assert follower.step()
+        if follower.stopped:
+            break
+    assert words in follower.stopped
+    assert events[-1] == ("stop", {"reason": follower.stopped})
+    assert "stop" in port.sent[-1]
+    assert abs(port.device.model.place - 0.5).max() < 1.5
+
+
+def test_a_stage_that_somebody_else_moves_is_stopped():
+    follower, port, _ = tracker()
+    for _ in range(3):
+        port.now += 0.01
+        feed(follower, port)
+        assert follower.step()
+    port.device.model.command(np.array([2.0, 0.3]))
+    for _ in range(30):
+        port.now += 0.01
+        port.device.model.advance(port.now)
+        assert follower.step()
+        if follower.stopped:
+            break
+    assert "does somebody else move it" in follower.stopped.replace("or ", "")
+
+
+def test_an_encoder_that_the_readings_contradict_stops_the_stage():
+    follower, port, _ = tracker()
+    light = np.full((1, 3), 0.1)
+    for n in range(100):
+        port.now += 0.01
+        port.device.model.advance(port.now)
+        apex = np.array([[0.5 + 0.01 * n, 0.0]])
+        beam = 0.5 + 0.5 * (port.device.model.place - 0.5)  # half as far as the encoder says
+        follower.feed(np.array([port.now]), light, apex, beam[None])
+        assert follower.step()
+        if follower.stopped:
+            break
+    assert "the encoder disagrees with the readings" in follower.stopped
+
+
+def test_a_stage_that_follows_at_full_speed_arrives_in_time():
+    """No move that is executed as its settings say is taken for one that is not."""
+    for settings in (STAGE, replace(STAGE, lag=0.03, acceleration=200.0), replace(STAGE, step=0.01)):
+        follower, port, _ = tracker(settings)
+        for n in range(600):
+            port.now += 0.01
+            port.device.model.advance(port.now)
+            apex = 0.5 + 0.4 * np.sin(0.1 * n)
+            beam = port.device.model.place[None]
+            follower.feed(np.array([port.now]), np.full((1, 3), 0.1), np.array([[apex, 0]]), beam)
+            assert follower.step()
+            assert not follower.stopped
+
+
+def test_soft_limits_are_the_stages_own_whatever_offset_is_set():
+    settings = replace(STAGE, zero=(3.0, -2.0), low=(-1.0, -1.0), high=(1.0, 1.0))
+    model = StageModel(settings)
+    port = Port(ZaberDevice(model))
+    envelope = Envelope(port, settings, lambda *_, **__: None, port.clock)
+    for _ in range(400):
+        port.now += 0.01
+        model.advance(port.now)
+        envelope.look()
+        envelope.go(np.array([9.0, 9.0]), port.now)
+    np.testing.assert_allclose(model.place - model.settings.zero, [1.0, 1.0], atol=1e-3)
+    units = [int(line.split()[5].partition(":")[0]) for line in port.sent if "move abs" in line]
+    assert max(units) == round(1.0 / settings.step)
+
+
+def test_a_stage_can_be_resumed_after_a_fault_of_its_line():
+    port = Pulled(ZaberDevice(StageModel(STAGE)))
+    law, opened = Law.of(SENSORS["paper"], STAGE), []
+
+    def open_again():
+        opened.append(port.pulled)
+        if port.pulled:
+            raise port.pulled
+        port.closed = False
+        return port
+
+    follower = Tracker(port, STAGE, law, lambda *_, **__: None, False, port.clock, open_again)
+    feed(follower, port)
+    assert follower.step()
+    port.pulled = OSError(5, "Input/output error")
+    assert follower.step()
+    assert "line went away" in follower.error
+    assert port.closed
+    assert follower.step()
+    assert not opened  # nobody has said go
+    follower.resume("a person")
+    assert follower.step()
+    assert len(opened) == 1
+    assert follower.error
+    port.pulled = None
+    moves = follower.moves
+    resume(follower, port)
+    assert not follower.error
+    assert follower.envelope.latched
+    feed(follower, port)
+    assert follower.step()
+    assert follower.moves == moves + 1
+    follower.close()
+    assert port.closed
 
 
 def steady(follower, port, speed, count=10):
@@ -315,12 +638,27 @@ def test_a_loss_stops_and_only_search_looks():
         feed(follower, port)
         follower.step()
         port.now += STAGE.bridge
+        dark = {"apex": None, "powers": (0.0, 0.0, 0.0)}
         for _ in range(6):
             port.now += 0.06
             port.device.model.advance(port.now)
-            feed(follower, port, apex=None, powers=(0.0, 0.0, 0.0))
+            feed(follower, port, **dark)
             assert follower.step()
-        assert (follower.moves > 1) == search
+        assert follower.moves == 1
+        resume(follower, port, **dark)
+        assert (follower.moves > 1) == follower.searching == search
+        assert ("not resumed" in follower.note) != search
+
+
+def lose(follower, port, powers=(0.0, 0.0, 0.0)):
+    """The mirror is gone, the stage stops, and a person has it look for the mirror."""
+    while not follower.stopped:
+        port.now += 0.01
+        port.device.model.advance(port.now)
+        feed(follower, port, apex=None, powers=powers)
+        assert follower.step()
+    resume(follower, port, apex=None, powers=powers)
+    assert follower.searching
 
 
 def test_a_search_does_not_move_on_stale_data():
@@ -339,9 +677,9 @@ def test_a_search_in_the_dark_ends_and_says_so():
     follower, port, events = tracker(search=True)
     feed(follower, port)
     follower.step()
-    port.now += STAGE.bridge
+    lose(follower, port)
     cycles, places = 0, []
-    while "not found" not in follower.note:
+    while "not found" not in follower.stopped:
         cycles += 1
         assert cycles < 10_000
         port.now += 0.01
@@ -357,12 +695,11 @@ def test_a_search_in_the_dark_ends_and_says_so():
     steps = np.hypot(*np.diff([[m["x"], m["y"]] for n, m in events if n == "move"], axis=0).T)
     assert steps[1:].max() <= STAGE.max_step
     before = follower.moves
-    feed(follower, port, apex=None, powers=(0.0, 0.0, 0.0))
-    follower.step()
-    assert follower.moves == before  # it does not begin again by itself
     feed(follower, port, apex=None, powers=(0.3, 0.0, 0.0))
     follower.step()
-    assert follower.moves == before + 1  # but with the light
+    assert follower.moves == before  # it does not begin again by itself
+    resume(follower, port, apex=None, powers=(0.3, 0.0, 0.0))
+    assert follower.moves == before + 1
     assert follower.searching
 
 
@@ -370,13 +707,7 @@ def test_a_search_in_the_dark_begins_at_the_last_good_place():
     follower, port, events = tracker(search=True)
     steady(follower, port, 6.28)
     home = follower.home.copy()
-    for _ in range(40):
-        port.now += 0.01
-        port.device.model.advance(port.now)
-        feed(follower, port, apex=None, powers=(0.0, 0.0, 0.0))
-        assert follower.step()
-        if follower.searching:
-            break
+    lose(follower, port)
     search = next(more for name, more in events if name == "search")
     assert search["reason"] == "not every detector has light"
     assert search["x"] > home[0] + 0.5  # the prediction went on
@@ -387,13 +718,13 @@ def test_a_saturated_detector_shows_the_way_and_is_not_followed():
     follower, port, _ = tracker(search=True)
     feed(follower, port)
     follower.step()
-    port.now += STAGE.bridge
+    lose(follower, port, powers=(np.inf, 0.01, 0.01))
     for _ in range(30):
         port.now += 0.01
         port.device.model.advance(port.now)
         feed(follower, port, apex=None, powers=(np.inf, 0.01, 0.01))
         assert follower.step()
-    assert follower.stopped == "a detector is saturated"
+    assert follower.state == "searching"
     assert port.device.model.place[0] < -1.0
     assert abs(port.device.model.place[1]) < 1e-3
     dark = follower.law.towards(np.array([np.nan, 0.1, 0.1]), np.zeros(2), 0.02)
@@ -405,6 +736,7 @@ def test_a_search_goes_towards_the_light_and_finds_it():
     feed(follower, port)
     follower.step()
     apex = np.array([2.0, -1.0])
+    lose(follower, port, powers=(0.3, 0.0, 0.0))
     for _ in range(2000):
         port.now += 0.01
         port.device.model.advance(port.now)
@@ -421,7 +753,7 @@ def test_a_search_goes_towards_the_light_and_finds_it():
 
 
 def test_a_search_has_the_limits_of_the_stage():
-    search = Search(replace(STAGE, max_step=0.01, low=(-1, -1), high=(1, 1)))
+    search = Search(replace(STAGE, max_step=0.01, zero=(0, 0), low=(-1, -1), high=(1, 1)))
     place, places = np.zeros(2), []
     while (goal := search.next(place, None, np.zeros(2))) is not None:
         place = search.limits.hold(goal, place)
@@ -536,7 +868,10 @@ def test_the_watchdog_stops_a_loop_that_stalls():
     assert follower.stopped == "the loop has stalled"
     feed(follower, port)
     assert follower.step()
-    assert not follower.stopped
+    assert follower.stopped == "the loop has stalled"
+    moves = follower.moves
+    resume(follower, port)
+    assert follower.moves == moves + 1
 
 
 def test_the_threads_follow_and_leave_a_stage_that_stands():

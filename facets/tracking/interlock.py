@@ -1,0 +1,164 @@
+"""The permit without which nothing moves, and the heartbeat by which others see that we live.
+
+A permit comes in by the flag 8 of the detector board's frames, by an input of a card of National
+Instruments, or by a file. A heartbeat goes out by the board's port, by an output of such a card, or
+to a file: only while the loop goes round, and only while the stage may move.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Protocol
+
+from ..core.errors import InputError
+from ..core.extras import require_extra
+from .stage import StageError
+
+#: Between two heartbeats, s; a board should wait for five of them before it stops the stage.
+HEARTBEAT_INTERVAL_S = 0.02
+#: A frame of a heartbeat: sign, kind, flags, count; then the CRC-32 of these 8 bytes.
+HEARTBEAT = struct.Struct("<2sBBII")
+SIGN, KIND, MAY_MOVE = b"\xa5\x5a", 4, 1
+
+
+def heartbeat_frame(count: int, may_move: bool) -> bytes:
+    """The 12 bytes of a heartbeat.
+
+    >>> heartbeat_frame(7, True).hex(" ")
+    'a5 5a 04 01 07 00 00 00 49 5f 92 3e'
+    """
+    head = HEARTBEAT.pack(SIGN, KIND, MAY_MOVE if may_move else 0, count % 2**32, 0)[:-4]
+    return head + zlib.crc32(head).to_bytes(4, "little")
+
+
+class Permit(Protocol):
+    """Whether the stage may move: None where that is not known now."""
+
+    def given(self, now: float) -> bool | None: ...
+
+
+class Always:
+    """A stage without an external permit."""
+
+    def given(self, now: float) -> bool | None:
+        return True
+
+
+class BoardPermit:
+    """The flag of the newest samples, for as long as they are fresh; no loss is too short."""
+
+    def __init__(self, stale: float) -> None:
+        self.stale, self.time, self.on, self.was_lost = stale, -math.inf, False, False
+
+    def take(self, time: float, on: bool) -> None:
+        """Samples, of which the last is of the time `time`, s; on: the flag of all of them."""
+        self.was_lost |= not on
+        self.time, self.on = time, on
+
+    def given(self, now: float) -> bool | None:
+        was_lost, self.was_lost = self.was_lost, False
+        if was_lost:
+            return False
+        return self.on if now - self.time <= self.stale else None
+
+
+class FilePermit:
+    """A file that holds 1; any other content, or no file, is no permit."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def given(self, now: float) -> bool | None:
+        try:
+            return self.path.read_bytes().strip() == b"1"
+        except OSError:
+            return False
+
+
+class CardLine:
+    """A digital line of a card. Not tried on a card: written by the maker's documentation."""
+
+    def __init__(self, name: str, is_output: bool) -> None:
+        try:
+            self.task = require_extra("nidaqmx", name).Task()
+            channels = self.task.do_channels if is_output else self.task.di_channels
+            add = channels.add_do_chan if is_output else channels.add_di_chan
+            add(name.partition(":")[2])
+        except InputError as error:
+            raise StageError(str(error)) from None
+        except Exception as error:  # the maker's own, also where its driver is not installed
+            raise StageError(f"{name}: can not be opened: {error}") from None
+        self.name, self.high = name, False
+
+    def given(self, now: float) -> bool | None:
+        """An input that is high."""
+        try:
+            return bool(self.task.read())
+        except Exception as error:
+            raise StageError(f"{self.name}: can not be read: {error}") from None
+
+    def toggle(self) -> bool:
+        """An output goes from one level to the other."""
+        self.high = not self.high
+        self.task.write(self.high)
+        return True
+
+    def close(self) -> None:
+        with suppress(Exception):
+            self.task.close()
+
+
+def open_permit(name: str, stale: float) -> Permit:
+    """The permit of a name. Raises `StageError` where a card can not be had."""
+    kind, _, place = name.partition(":")
+    if kind == "board":
+        return BoardPermit(stale)
+    return FilePermit(Path(place)) if kind == "file" else CardLine(name, is_output=False)
+
+
+class Heartbeat:
+    """Sends a sign of life again and again, for as long as it is asked to.
+
+    to_board: sends bytes to the board, and gives whether that was possible.
+    """
+
+    def __init__(self, name: str) -> None:
+        kind, _, place = name.partition(":")
+        self.kind, self.path = kind, Path(place)
+        self.card = CardLine(name, is_output=True) if kind == "ni" else None
+        self.to_board: Callable[[bytes], bool] = lambda _: False
+        self.count, self.due = 0, -math.inf
+        self.is_sent = False
+
+    def beat(self, now: float, may_move: bool) -> None:
+        """Where it is due. A line or a file is left as it is while the stage may not move."""
+        if now < self.due:
+            return
+        self.due = now + HEARTBEAT_INTERVAL_S
+        self.count += 1
+        try:
+            self.is_sent = self.send(may_move)
+        except Exception:  # whatever is wrong with it: nothing may move without it
+            self.is_sent = False
+
+    def send(self, may_move: bool) -> bool:
+        if self.kind == "board":
+            return self.to_board(heartbeat_frame(self.count, may_move))
+        if not may_move:
+            return True
+        if self.card:
+            return self.card.toggle()
+        self.path.write_text(f"{self.count}\n", "utf-8")
+        return True
+
+
+def close_line(line: Any) -> None:
+    """Lets go of a permit's or a heartbeat's card, if it has one."""
+    card = getattr(line, "card", line)
+    if isinstance(card, CardLine):
+        card.close()
