@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from facets.live.acquire import Ending, Live, Reader
     from facets.live.recording import Recording
     from facets.live.web.page import WebPage
+    from facets.tracking.check import StageCheck
     from facets.tracking.tracker import Tracker
 
 
@@ -39,6 +40,21 @@ Search = Annotated[
         "--search/--no-search",
         help="With --track: look for a mirror that was lost, or stop the stage until the mirror "
         "comes back.",
+    ),
+]
+CheckStage = Annotated[
+    bool,
+    typer.Option(
+        "--check-stage",
+        help="Move the stage by 0.05 mm along each axis, and find from the readings whether it is "
+        "wired as configured. The mirror must stand still.",
+    ),
+]
+Write = Annotated[
+    Path | None,
+    typer.Option(
+        help="With --check-stage: YAML file for the configuration with the date of the check, which "
+        "--track asks for. Nothing is written where the check fails."
     ),
 ]
 Seconds = Annotated[float | None, typer.Option(min=0, help="Then it ends.")]
@@ -81,6 +97,8 @@ def acquire(
     track: Track = False,
     stage_port: StagePort = None,
     search: Search = True,
+    check_stage: CheckStage = False,
+    write: Write = None,
     seconds: Seconds = None,
     samples: Samples = None,
     reconnect: Reconnect = False,
@@ -95,42 +113,121 @@ def acquire(
 ) -> None:
     """Acquire a stream of detector counts and solve every sample.
 
-    All that comes is recorded before anything else is done with it. With --track the stage moves;
-    without, it never does. Ctrl-C ends it, as do SIGTERM and the end of the terminal: the stage is
-    stopped first, and the recording closed last. Exit status: 0; 1 where samples were lost, nothing
-    came, the stage or the disk failed, which is said; 2 where it can not begin, or the port went
-    away; 128 and the signal's number after SIGTERM or SIGHUP.
+    All that comes is recorded before anything else is done with it. With --track or --check-stage
+    the stage moves; without, it never does. A stage that was stopped stays stopped until a person
+    resumes it: the key r, the button on the page, or SIGUSR1. Ctrl-C ends the run, as do SIGTERM and
+    the end of the terminal: the stage is stopped first, and the recording closed last. Exit status:
+    0; 1 where samples were lost, nothing came, the stage was stopped and not resumed, the check or
+    the disk failed, which is said; 2 where it can not begin, or the port went away; 128 and the
+    signal's number after SIGTERM or SIGHUP.
     """
     from facets import load
     from facets.live.acquire import Ending, Live
     from facets.live.pipeline import Pipeline
     from facets.live.publication import require_packages
+    from facets.tracking.check import StageCheck
 
     check_options(seconds, plain, json)
     check_filter(filter_by, publish)
+    check_write(write, check_stage, track)
     settings = load(config)
     name = required(port or settings.acquire.port, "--port", "acquire.port")
+    if check_stage:
+        settings = with_free_beam(settings)
     require_packages(publish, web)
     live = Live(Pipeline(settings))
     live.pipeline.warm_up()
     recording = started(settings, output) if record else None
     try:
         page = receivers(live, settings, publish or [], web, filter_by, track)
-        if track:
-            live.tracker = tracker_of(settings, stage_port, search, recording)
+        if track or check_stage:
+            live.tracker = tracker_of(settings, stage_port, search, recording, check_stage)
+            if page:
+                page.resume = partial(live.tracker.resume, "the page")
         reader = reader_of(settings, name, recording, reconnect, live)
     except BaseException:
         abandon(live, recording)
         raise
-    ending = Ending(seconds or float("inf"), samples or float("inf"))
+    check = live.tracker if isinstance(live.tracker, StageCheck) else None
+    limits = seconds or float("inf"), samples or float("inf")
+    ending = Ending(*limits, lambda: check is not None and check.is_over)
     shown = display(live, plain, json, rate)
     judge = partial(complaints, max_loss=max_loss, compare=compare)
     stream(live, reader, recording, ending, on_page(page, shown) if page else shown, judge)
     reasons = judge(live)
+    if check:
+        tell_check(check, settings, stage_port, write, not reasons)
     for reason in reasons:
         tell(f"exit status 1: {reason}")
     if reasons:
         raise typer.Exit(1)
+
+
+def check_write(path: Path | None, check_stage: bool, track: bool) -> None:
+    """Refuses two uses of the stage at once, and a file that could not be meant or be written."""
+    from facets.core.errors import InputError
+    from facets.files.whole import refuse_to_overwrite
+
+    if check_stage and track:
+        raise InputError("--check-stage and --track both move the stage; check it first")
+    if path is None:
+        return
+    if not check_stage:
+        raise InputError("--write needs --check-stage: it writes what the check finds")
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        raise InputError(f"{path}: a configuration's name ends in .yaml or .yml")
+    refuse_to_overwrite([path], False)
+
+
+def with_free_beam(settings: Config) -> Config:
+    """The readings alone say where the beam is, and not where it should be."""
+    from dataclasses import replace
+
+    return replace(settings, solve=replace(settings.solve, beam="free"))
+
+
+def require_check(settings: Config, port: str) -> None:
+    """Refuses a stage whose wiring was not checked."""
+    from facets.core.errors import InputError
+    from facets.tracking.check import stage_checked
+
+    known, here = settings.stage.checked, stage_checked(settings.stage, port)
+    if known and known.partition(" ")[2] == here:
+        return
+    what = f"is {known!r}, and so of another stage than {here!r}" if known else "is not given"
+    raise InputError(
+        f"stage.checked {what}: run `facets acquire CONFIG --check-stage --write FILE.yaml` once, "
+        "with the mirror at rest, and then track with FILE.yaml"
+    )
+
+
+def tell_check(
+    check: StageCheck, settings: Config, port: str | None, path: Path | None, is_good: bool
+) -> None:
+    """What the check found, and where that is written."""
+    from facets.files import provenance, whole
+    from facets.tracking.check import checked_today
+
+    if check.leg == len(check.LEGS):
+        for axis in check.axes():
+            typer.echo(axis.sentence)
+    if not is_good:
+        return
+    stage = settings.stage
+    s = 1e3 * (stage.latency + stage.lag)
+    typer.echo(
+        "The stage is wired as the configuration has it. It counts on a delay of "
+        f"{s:.3g} ms (stage.latency_ms and stage.lag_ms)."
+    )
+    value = checked_today(stage, str(port or stage.port))
+    if path is None:
+        typer.echo(f"For --track, write into the configuration: stage: {{checked: {value}}}")
+        return
+    block = {**settings.resolved["stage"], "checked": value}
+    with whole.Whole(path) as temporary:
+        about = provenance.about(settings)
+        temporary.write_text(provenance.configuration(settings, block, about, "stage"), "utf-8")
+    typer.echo(f"{path}")
 
 
 def receivers(
@@ -251,6 +348,8 @@ def tell(text: str) -> None:
 
 def complaints(live: Live, max_loss: float, compare: bool = False) -> list[str]:
     """Why a run that came to its end is not a good one, in sentences."""
+    from facets.tracking.check import StageCheck
+
     found = []
     if not live.pipeline.tally.samples:
         found.append("no sample came.")
@@ -266,6 +365,8 @@ def complaints(live: Live, max_loss: float, compare: bool = False) -> list[str]:
         found.append("the board sent no pose of its own that could be compared.")
     elif compare and board.trouble():
         found.append(board.trouble())
+    if isinstance(live.tracker, StageCheck):
+        return found + live.tracker.faults()
     if live.stage_stop:
         found.append(f"the stage was stopped and not resumed: {live.stage_stop}")
     if live.recording and live.recording.trouble:
@@ -311,18 +412,22 @@ def started(settings: Config, output: Path | None) -> Recording:
 
 
 def tracker_of(
-    settings: Config, port: str | None, search: bool, recording: Recording | None
+    settings: Config, port: str | None, search: bool, recording: Recording | None, check: bool
 ) -> Tracker:
     """Opens the stage, and says how well it will follow before it moves."""
     import numpy as np
 
     from facets.characterization.ranges import axis_ranges
     from facets.live.ports import open_line
+    from facets.tracking.check import StageCheck
     from facets.tracking.control import Law, margin_of, pull_of
     from facets.tracking.tracker import Tracker
 
     stage = settings.stage
     name = required(port or stage.port, "--stage-port", "stage.port")
+    check_lines(settings)
+    if not check:
+        require_check(settings, name)
     fixed = axis_ranges(settings.sensor, settings.range, np.zeros(6))[:2]
     room = min(axis.symmetric / 2 for axis in fixed)
     margin = margin_of(stage, pull_of(settings.sensor, room))
@@ -334,9 +439,28 @@ def tracker_of(
             f"stage.gain is {stage.gain}: with a delay of {1e3 * margin.delay:.3g} ms at "
             f"{stage.rate:g} Hz the loop is unstable; allowed: below {margin.most:.3g}"
         )
-    port_ = name if stage.driver == "other" else open_line(name, stage.baud, 0.02)
+
+    def open_stage() -> Any:
+        return name if stage.driver == "other" else open_line(name, stage.baud, 0.02)
+
     say = recording.event if recording else lambda *_, **__: None
-    return Tracker(port_, stage, Law.of(settings.sensor, stage), say, search)
+    law = Law.of(settings.sensor, stage)
+    if check:
+        return StageCheck(open_stage(), stage, law, say)
+    return Tracker(open_stage(), stage, law, say, search, open_again=open_stage)
+
+
+def check_lines(settings: Config) -> None:
+    """Refuses a permit or a heartbeat by a board that has no such thing."""
+    from facets.core.errors import InputError
+
+    port = settings.acquire.port or ""
+    if settings.stage.permit == "board" and settings.acquire.format == "text":
+        raise InputError(
+            "stage.permit is board: lines of text have no flag for it; use acquire.format: frames"
+        )
+    if settings.stage.heartbeat == "board" and port.startswith(("file:", "ni:", "thorlabs:")):
+        raise InputError(f"stage.heartbeat is board: nothing can be sent to {port}")
 
 
 def display(

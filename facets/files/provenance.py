@@ -62,14 +62,16 @@ def require_origin(source: Path, made: Mapping[str, Any], config: Config, remedy
     raise InputError(f"{source}: {what}; {remedy}")
 
 
-def configuration(config: Config, sensor: dict[str, Any], about: dict[str, str]) -> str:
-    """A configuration as YAML, with another `sensor` block; above, how it was made."""
+def configuration(
+    config: Config, block: dict[str, Any], about: dict[str, str], name: str = "sensor"
+) -> str:
+    """A configuration as YAML, with another block of that name; above, how it was made."""
     from ruamel.yaml import YAML
 
     stream = StringIO()
     for key, value in about.items():
         stream.write(f"# {key}: {' '.join(value.split())}\n")
-    YAML().dump({**config.resolved, "sensor": sensor}, stream)
+    YAML().dump({**config.resolved, name: block}, stream)
     return stream.getvalue()
 
 

@@ -298,12 +298,19 @@ class Backlog:
 
 
 class Ending:
-    """When a run ends by itself: after so many seconds, or samples."""
+    """When a run ends by itself: after so many seconds, or samples, or when its check is over."""
 
-    def __init__(self, seconds: float = np.inf, samples: float = np.inf) -> None:
-        self.seconds, self.samples = seconds, samples
+    def __init__(
+        self,
+        seconds: float = np.inf,
+        samples: float = np.inf,
+        is_over: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self.seconds, self.samples, self.is_over = seconds, samples, is_over
 
     def reached(self, live: Live) -> bool:
+        if self.is_over():
+            return True
         passed = time.monotonic() - live.begin
         return passed >= self.seconds or live.pipeline.tally.samples >= self.samples
 
