@@ -53,8 +53,8 @@ CheckStage = Annotated[
 Write = Annotated[
     Path | None,
     typer.Option(
-        help="With --check-stage: YAML file for the configuration with the date of the check, which "
-        "--track asks for. Nothing is written where the check fails."
+        help="With --check-stage: YAML file for the configuration with the date of the check, "
+        "which --track asks for. Nothing is written where the check fails."
     ),
 ]
 Seconds = Annotated[float | None, typer.Option(min=0, help="Then it ends.")]
@@ -115,11 +115,11 @@ def acquire(
 
     All that comes is recorded before anything else is done with it. With --track or --check-stage
     the stage moves; without, it never does. A stage that was stopped stays stopped until a person
-    resumes it: the key r, the button on the page, or SIGUSR1. Ctrl-C ends the run, as do SIGTERM and
-    the end of the terminal: the stage is stopped first, and the recording closed last. Exit status:
-    0; 1 where samples were lost, nothing came, the stage was stopped and not resumed, the check or
-    the disk failed, which is said; 2 where it can not begin, or the port went away; 128 and the
-    signal's number after SIGTERM or SIGHUP.
+    resumes it: the key r, the button on the page, or SIGUSR1. Ctrl-C ends the run, as do SIGTERM
+    and the end of the terminal: the stage is stopped first, and the recording closed last. Exit
+    status: 0; 1 where samples were lost, nothing came, the stage was stopped and not resumed, the
+    check or the disk failed, which is said; 2 where it can not begin, or the port went away; 128
+    and the signal's number after SIGTERM or SIGHUP.
     """
     from facets import load
     from facets.live.acquire import Ending, Live

@@ -28,8 +28,8 @@ import facets
 from facets.core.settings import Stage as Settings
 from facets.core.units import Floats
 from facets.live.virtual.stages import PiController, ZaberDevice
-from facets.tracking.control import Law
 from facets.tracking.arrival import PLACE, SLACK, settling_time
+from facets.tracking.control import Law
 from facets.tracking.envelope import stopping_time
 from facets.tracking.limits import Limits
 from facets.tracking.line import POLL
@@ -403,8 +403,8 @@ class World:
         if np.isfinite(apex).all():
             self.good += [(row, apex) for row in rows.tolist()]
         with np.errstate(all="ignore"):
-            pairs = [np.array([one, one]) for one in (powers, apex, beam)]
-            self.tracker.feed(rows, *pairs, is_permitted)
+            lights, apexes, beams = (np.array([one, one]) for one in (powers, apex, beam))
+            self.tracker.feed(rows, lights, apexes, beams, is_permitted)
 
     def judge(self) -> None:
         """Whether the stage stands still that has to."""
@@ -455,7 +455,9 @@ class World:
         if s.permit and not flag[1] and abs(begun - flag[0]) <= s.stale - TICK:
             raise Broken("not stopped without a permit")
         if min(self.parted, self.wrong) < begun - patience:
-            raise Broken(f"the stage is {away:.3f} mm and the beam {split:.3f} mm astray: unnoticed")
+            raise Broken(
+                f"the stage is {away:.3f} mm and the beam {split:.3f} mm astray: unnoticed"
+            )
 
     def say(self, name: str, **more: Any) -> None:
         if name == "stop":

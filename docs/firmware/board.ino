@@ -6,8 +6,11 @@
 
 constexpr uint32_t PERIOD_US = 100;      // 10 kHz
 constexpr uint8_t ELECTRODES = 1;        // kind: counts of the electrodes; 2 is X, Y, SUM, spare
-constexpr uint8_t OVERRUN = 1, SATURATED = 2, MARK = 4;
+constexpr uint8_t OVERRUN = 1, SATURATED = 2, MARK = 4, PERMIT = 8;
 constexpr int MARK_PIN = 2;              // a pulse per second, or a trigger; -1 for none
+constexpr int PERMIT_PIN = 3;            // high: the stage may move; pulled down, so that a cut wire stops
+constexpr int ENABLE_PIN = 4;            // toggles while a PC that lives lets the stage move
+constexpr uint32_t PATIENCE_US = 100000; // without a heartbeat
 constexpr int32_t TOP = 65535;           // of a 16-bit converter
 
 struct __attribute__((packed)) Frame {   // little-endian, as ARM is
@@ -21,7 +24,10 @@ static_assert(sizeof(Frame) == 64, "a frame has 64 bytes");
 
 static uint32_t table[256];
 static uint32_t next_us, seq;
-static bool lost;
+static bool lost, level, alive;
+static uint8_t heard[12];                // a heartbeat: A5 5A, 4, flags, count, CRC-32 of these 8
+static int held;
+static uint32_t heard_us, beat;
 static volatile bool marked;
 
 static void on_mark() { marked = true; }
@@ -40,6 +46,21 @@ static uint32_t crc32(const uint8_t *data, size_t size) {
   return ~c;
 }
 
+static void hear(uint8_t byte) {
+  heard[held++] = byte;
+  if (held == 2 && byte != 0x5A) heard[0] = heard[--held];
+  if (held == 1 && heard[0] != 0xA5) held = 0;
+  if (held < 12) return;
+  held = 0;
+  uint32_t number, crc;
+  memcpy(&number, heard + 4, 4);
+  memcpy(&crc, heard + 8, 4);
+  if (heard[2] != 4 || crc != crc32(heard, 8) || number == beat) return;
+  beat = number;
+  heard_us = micros();
+  alive = heard[3] & 1;                  // the stage may move
+}
+
 static int32_t convert(int channel) {    // your converter here
   return analogRead(channel);
 }
@@ -48,6 +69,8 @@ void setup() {
   make_table();
   Serial.begin(3000000);
   if (MARK_PIN >= 0) attachInterrupt(digitalPinToInterrupt(MARK_PIN), on_mark, RISING);
+  pinMode(PERMIT_PIN, INPUT_PULLDOWN);
+  pinMode(ENABLE_PIN, OUTPUT);
   next_us = micros() + PERIOD_US;
 }
 
@@ -55,6 +78,10 @@ void loop() {
   if (int32_t(micros() - next_us) < 0) return;
   Frame f = {{0xA5, 0x5A}, ELECTRODES, 0, seq++, micros(), {}, 0};
   next_us += PERIOD_US;
+  while (Serial.available()) hear(Serial.read());
+  if (micros() - heard_us > PATIENCE_US) alive = false;
+  if (alive) digitalWrite(ENABLE_PIN, level = !level);  // a board that hangs toggles nothing
+  if (digitalRead(PERMIT_PIN)) f.flags |= PERMIT;
   for (int k = 0; k < 12; k++) {
     f.counts[k] = convert(k);
     if (f.counts[k] >= TOP) f.flags |= SATURATED;

@@ -18,6 +18,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
@@ -31,7 +32,8 @@ from ..estimation.solution import Status
 from ..tracking.priority import urgent
 from ..tracking.tracker import Tracker
 from .beam_loss import BeamLoss
-from .interruption import deferring, resuming_by_signal
+from .interruption import deferring, resume_by_signal
+from .keys import pressing
 from .pipeline import BATCH, PERMITTED, Batch, Pipeline, Poses
 from .ports import Port, PortError, SerialPort, await_port, open_port
 from .recording import Block, Recording
@@ -494,7 +496,8 @@ def acquire(
         if live.tracker:
             if live.tracker.envelope.heartbeat:
                 live.tracker.envelope.heartbeat.to_board = reader.write
-            closing.enter_context(resuming_by_signal(live.tracker))
+            closing.enter_context(resume_by_signal(live.tracker))
+            closing.enter_context(pressing({"r": partial(live.tracker.resume, "the key r")}))
             closing.enter_context(live.tracker)
         live.begin = time.monotonic()
         reader.start()

@@ -42,7 +42,7 @@ def deferring() -> Iterator[list[int]]:
 
 
 @contextmanager
-def resuming_by_signal(tracker: Tracker) -> Iterator[None]:
+def resume_by_signal(tracker: Tracker) -> Iterator[None]:
     """Within it SIGUSR1 resumes a stopped stage, where the system has such a signal."""
     number = getattr(signal, "SIGUSR1", None)
     if number is None or threading.current_thread() is not threading.main_thread():

@@ -102,7 +102,7 @@ class SerialPort(Closing):
     def write(self, data: bytes) -> bool:
         """Sends a few bytes to the board, in another thread's time; whether the line took them."""
         try:
-            return self.line.write(data) == len(data)
+            return bool(self.line.write(data) == len(data))
         except Exception:
             return False
 

@@ -171,10 +171,12 @@ class Publication:
         """The thread that hears what became of the samples."""
         assert self.process.stdout is not None
         for line in self.process.stdout:
-            words = json.loads(line)
-            self.sent, self.refused = words["sent"], words["dropped"]
-            self.receivers = words["receivers"]
-            self.note, self.filter = words.get("note", ""), words.get("filter", "")
+            self.hear(json.loads(line))
+
+    def hear(self, words: dict[str, Any]) -> None:
+        self.sent, self.refused = words["sent"], words["dropped"]
+        self.receivers = words["receivers"]
+        self.note, self.filter = words.get("note", ""), words.get("filter", "")
 
     @property
     def dropped(self) -> int:

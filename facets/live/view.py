@@ -72,6 +72,7 @@ def values(live: Live) -> dict[str, Any]:
             "stage": live.tracker.state,
             "moves": live.tracker.moves,
             "bridged_gaps": live.tracker.bridges,
+            "stops": live.tracker.envelope.stops,
             "beam_lost": rounded(live.beam_loss.share),
         }
     return found
@@ -135,6 +136,10 @@ def summary(live: Live) -> Iterator[str]:
     yield f"{tally.samples} samples, {100 * live.loss:.4f} % lost"
     if live.tracker and live.tracker.bridges:
         yield f"  {live.tracker.bridges} gaps were bridged by the predicted motion"
+    if live.tracker and live.tracker.envelope.stops:
+        count = live.tracker.envelope.stops
+        ended = "stands since then" if live.stage_stop else "was resumed after each"
+        yield f"  the stage was stopped {count} times, and {ended}"
     if live.tracker and live.beam_loss.lost and not live.is_urgent:
         yield (
             "  the run had no real-time priority, with which a busy machine loses the beam more "

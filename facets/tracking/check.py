@@ -17,7 +17,7 @@ from ..core.units import Floats
 from .limits import Limits
 from .tracker import Sample, Tracker
 
-#: How far the beam is moved along each axis, mm: a quarter of the range of the paper's head at rest.
+#: How far the beam is moved along each axis, mm: a quarter of the paper's head's range.
 STEP_MM, SPEED_MM_S = 0.05, 0.5
 #: The stage stands for so long after each move, s; the beam's place is the mean over the last part.
 DWELL_S, MEAN_S = 0.5, 0.25
@@ -144,8 +144,8 @@ class StageCheck(Tracker):
         commanded = np.array([place[axis] for _, place in self.commands[leg]]) - self.origin[axis]
         taken = np.array([time for time, _ in self.beams[leg]])
         beam = np.array([place[axis] for _, place in self.beams[leg]]) - self.mean(leg - 1)[axis]
-        before = np.searchsorted(times, taken, side="right") - 1
-        here = np.where(before >= 0, commanded[before], 0.0)
+        half = 0.5 / self.settings.rate  # a command holds for a period
+        here = np.interp(taken - half, times, commanded, left=0.0)
         midst = (here > RAMP[0] * STEP_MM) & (here < RAMP[1] * STEP_MM)
         if not midst.any() or not scale:
             return float("nan")

@@ -8,9 +8,9 @@ the process dead. What is in doubt stops it sooner. A short gap between samples 
 predicted places: for no longer than `stage.bridge_ms` after the last good sample, and no further
 than `stage.bridge_mm` from where the mirror was then; the end of either is a stop.
 
-Every stop latches: nothing is sent any more until somebody resumes, whatever becomes good meanwhile.
-Nothing is sent without the external permit and the heartbeat, where there are such, and a stage that
-does not go where it is sent is stopped (`arrival`).
+Every stop latches: nothing is sent any more until somebody resumes, whatever becomes good
+meanwhile. Nothing is sent without the external permit and the heartbeat, where there are such, and
+a stage that does not go where it is sent is stopped (`arrival`).
 """
 
 from __future__ import annotations

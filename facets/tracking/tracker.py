@@ -284,8 +284,8 @@ class Tracker:
         if doubt and self.search:
             self.search.forget()
             self.searching = True
-            at = {axis: round(float(x), 6) for axis, x in zip("xy", self.encoder.place, strict=True)}
-            self.tell("search", reason=doubt, **at)
+            x, y = self.encoder.place.round(6).tolist()
+            self.tell("search", reason=doubt, x=x, y=y)
         return True
 
     def bridge(self, now: float) -> bool:

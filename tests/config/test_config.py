@@ -637,6 +637,7 @@ def test_every_number_has_a_unit_in_its_name_or_is_a_count():
         "size",
     }  # prices and weights
     units = (
+        "_per_hour",
         "_mm",
         "_um",
         "_deg",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -193,13 +194,18 @@ class Stage:
     begun = float("inf")
 
     note = ""
+    envelope = SimpleNamespace(latched="", heartbeat=None)
 
     def __init__(self, error="", at_exit=None):
         self.error, self.at_exit, self.ended = error, at_exit, False
 
-    def feed(self, times, powers, apexes):
+    def feed(self, times, powers, apexes, beams, permit):
         assert powers.shape == (len(times), 3)
-        assert apexes.shape == (len(times), 2)
+        assert apexes.shape == beams.shape == (len(times), 2)
+        assert permit is False
+
+    def resume(self, by):
+        pass
 
     def __enter__(self):
         return self
@@ -304,7 +310,7 @@ def test_a_stage_error_stops_the_stage_and_not_the_record(tmp_path):
     assert any(
         "the stage is stopped, the recording goes on" in text for part in said for text in part
     )
-    assert "does not answer" in live.stage_error
+    assert "does not answer" in live.stage_stop
 
 
 def test_a_full_disk_does_not_end_the_stream(tmp_path):

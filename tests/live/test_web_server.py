@@ -357,13 +357,14 @@ def test_what_is_not_known_has_a_reason(still):
 def test_the_stage_is_told_with_its_target_and_what_is_left():
     live = Live(Pipeline(CONFIG))
     encoder = Encoder(1.0, np.array([1.0, -2.0]), np.zeros(2))
-    envelope = SimpleNamespace(encoder=encoder, sent=(1.0, np.array([1.25, -2.0])))
+    envelope = SimpleNamespace(encoder=encoder, sent=(1.0, np.array([1.25, -2.0])), latched="")
     live.tracker = SimpleNamespace(envelope=envelope, state="following", moves=7)
     words = stage(live.tracker, live)
     assert words["place"] == [1.0, -2.0]
     assert words["target"] == [1.25, -2.0]
     assert words["error"] == [-0.25, 0.0]
     assert (words["state"], words["moves"], words["chi"]) == ("following", 7, None)
+    assert not words["stopped"]
     envelope.sent = None
     live.tracker.state = "no fresh sample"
     words = stage(live.tracker, live)

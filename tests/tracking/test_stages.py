@@ -504,7 +504,11 @@ def test_an_encoder_that_the_readings_contradict_stops_the_stage():
 
 def test_a_stage_that_follows_at_full_speed_arrives_in_time():
     """No move that is executed as its settings say is taken for one that is not."""
-    for settings in (STAGE, replace(STAGE, lag=0.03, acceleration=200.0), replace(STAGE, step=0.01)):
+    for settings in (
+        STAGE,
+        replace(STAGE, lag=0.03, acceleration=200.0),
+        replace(STAGE, step=0.01),
+    ):
         follower, port, _ = tracker(settings)
         for n in range(600):
             port.now += 0.01

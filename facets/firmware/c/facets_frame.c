@@ -64,3 +64,33 @@ void facets_frame_pose(uint8_t *frame, uint32_t seq, uint32_t time,
     frame[58] = frame[59] = 0;
     put32(frame + 60, crc32(frame, 60));
 }
+
+static uint32_t get32(const uint8_t *place)
+{
+    return (uint32_t)place[0] | (uint32_t)place[1] << 8 | (uint32_t)place[2] << 16 |
+           (uint32_t)place[3] << 24;
+}
+
+void facets_heartbeat_feed(facets_heartbeat *heartbeat, uint8_t byte, uint32_t now)
+{
+    uint8_t *bytes = heartbeat->bytes;
+    bytes[heartbeat->held++] = byte;
+    if (heartbeat->held == 2 && byte != 0x5a) {
+        bytes[0] = byte;
+        heartbeat->held = 1;
+    }
+    if (heartbeat->held == 1 && bytes[0] != 0xa5) heartbeat->held = 0;
+    if (heartbeat->held < FACETS_HEARTBEAT_SIZE) return;
+    heartbeat->held = 0;
+    if (bytes[2] != FACETS_FRAME_HEARTBEAT || get32(bytes + 8) != crc32(bytes, 8)) return;
+    if (get32(bytes + 4) == heartbeat->count) return; /* a frame that hangs is no sign of life */
+    heartbeat->count = get32(bytes + 4);
+    heartbeat->heard = now;
+    heartbeat->alive = bytes[3] & 1u;
+}
+
+int facets_heartbeat_is_alive(facets_heartbeat *heartbeat, uint32_t now, uint32_t patience)
+{
+    if (now - heartbeat->heard > patience) heartbeat->alive = 0;
+    return heartbeat->alive;
+}

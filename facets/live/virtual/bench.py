@@ -88,6 +88,7 @@ class Bench:
             raise OutputError(f"{folder}: is no folder to write in: {error.strerror}") from None
         self.board = Board(config, rate, self.schedule, self.count, folder / "board", firmware)
         self.stage = Pty(folder / "stage")
+        self.is_enabled = False
         self.cost = 1e-5
         self.last = 0.0
 
@@ -131,6 +132,8 @@ class Bench:
         if count.dropped > count.sent:
             yield "  Most were dropped, as by a board whose port nobody reads."
         yield f"The stage obeyed {count.moves} moves." if count.moves else "The stage never moved."
+        if count.disabled:
+            yield f"The board stopped the stage {count.disabled} times, since no heartbeat came."
         if count.restarts:
             yield f"The board restarted {count.restarts} times."
         if count.slipped >= NOTICED_SLIP:
@@ -158,11 +161,21 @@ class Bench:
         self.board.suffer(now)
         self.model.jammed = self.schedule.is_on("jam", now)
         self.device.refuse = self.schedule.is_on("refuse", now)
+        if self.config.stage.heartbeat == "board":
+            self.enable(self.board.may_move())
         due = int(now * self.rate) - self.count.made
         if due >= max(1, int(PACKET * self.rate)):
             self.make(due, now)
         self.board.flush()
         self.answer()
+
+    def enable(self, may_move: bool) -> None:
+        """Stops the stage, as the board's relay does, where no heartbeat comes."""
+        if self.is_enabled and not may_move:
+            self.model.halt()
+            self.count.disabled += 1
+        self.is_enabled = may_move
+        self.device.refuse |= not may_move
 
     def make(self, due: int, now: float) -> None:
         """Some samples: the truth, and what the board makes of it."""

@@ -16,8 +16,9 @@ from ...detectors.correction import uncorrected
 from ...detectors.counts import counts_of, xy_sum_of
 from ...model.arrays import mask_missed
 from ...simulation.imperfect_optics import seen_late
+from ...tracking.interlock import HEARTBEAT, KIND, MAY_MOVE, SIGN, heartbeat_frame
 from ..board_poses import SOLVED
-from ..frames import ELECTRODES, OVERRUN, POSE, XY_SUM, Samples, encode
+from ..frames import ELECTRODES, OVERRUN, PERMIT, POSE, XY_SUM, Samples, encode
 from ..frames import SATURATED as FULL
 from .faults import Schedule
 from .pty import Pty
@@ -34,13 +35,16 @@ SENT, DROPPED, SPOILT = range(3)
 BUFFER = 1 << 16
 #: A board whose line takes nothing for so long has no reader, and keeps nothing for it, s.
 UNREAD = 1.0
+#: A board that has heard no heartbeat for so long stops the stage, s.
+HEARTBEAT_PATIENCE_S = 0.1
 
 
 @dataclass
 class Count:
     """What the bench did. made: samples; sent: whole or spoilt; dropped: never sent.
     spoilt: sent with a flipped, lost or doubled byte.  restarts: of the board.
-    slipped: s, for which the bench's time stood still, since its machine was busy."""
+    slipped: s, for which the bench's time stood still, since its machine was busy.  disabled: how
+    often the board stopped the stage, since no heartbeat came."""
 
     made: int = 0
     sent: int = 0
@@ -49,6 +53,7 @@ class Count:
     moves: int = 0
     restarts: int = 0
     slipped: float = 0.0
+    disabled: int = 0
 
 
 def with_poses(samples: Samples, firmware: FirmwareLibrary, dark: Floats) -> Samples:
@@ -74,6 +79,29 @@ def with_poses(samples: Samples, firmware: FirmwareLibrary, dark: Floats) -> Sam
         alternating(samples.time, samples.time),
         alternating(samples.counts, payload),
     )
+
+
+class HeartbeatWatch:
+    """What a board does with the heartbeats of the program that moves the stage."""
+
+    def __init__(self) -> None:
+        self.rest, self.count, self.heard, self.may_move = b"", 0, -HEARTBEAT_PATIENCE_S, False
+
+    def feed(self, data: bytes, now: float) -> None:
+        """Bytes that the program has sent, by the time `now`, s."""
+        self.rest += data
+        while (at := self.rest.find(SIGN)) >= 0 and len(self.rest) - at >= HEARTBEAT.size:
+            frame = self.rest[at : at + HEARTBEAT.size]
+            _, kind, flags, count, _ = HEARTBEAT.unpack(frame)
+            is_sound = kind == KIND and frame == heartbeat_frame(count, bool(flags & MAY_MOVE))
+            self.rest = self.rest[at + (HEARTBEAT.size if is_sound else 1) :]
+            if is_sound and count != self.count:  # a frame that hangs is no sign of life
+                self.count, self.heard, self.may_move = count, now, bool(flags & MAY_MOVE)
+        self.rest = self.rest[-HEARTBEAT.size :]
+
+    def is_alive(self, now: float) -> bool:
+        """Whether the stage may move at the time `now`, s."""
+        return self.may_move and now - self.heard <= HEARTBEAT_PATIENCE_S
 
 
 class Board:
@@ -104,6 +132,7 @@ class Board:
         self.born = 0
         self.born_at: float | None = None
         self.released: deque[tuple[float, int]] = deque()  # when so many bytes leave the port
+        self.watch = HeartbeatWatch()
 
     def switch_on(self, host: float) -> None:
         """At the host's time; it may have been on for a while."""
@@ -158,6 +187,8 @@ class Board:
         if self.schedule.is_on("saturate", now):
             counts[:, 0] = top
         flags = np.where((np.abs(counts) >= top).any(axis=1), FULL, 0).astype(np.uint8)
+        if self.config.stage.permit == "board" and not self.schedule.is_on("permit", now):
+            flags |= np.uint8(PERMIT)
         kind = ELECTRODES
         if self.config.acquire.content == "xy-sum":
             counts, kind = xy_sum_of(electronics, counts), XY_SUM
@@ -265,6 +296,12 @@ class Board:
         if self.pending and time.monotonic() - self.read_at > UNREAD:
             self.clear()
             self.overrun = True
+
+    def may_move(self) -> bool:
+        """Whether the program that moves the stage lives, and lets it move."""
+        now = time.monotonic()
+        self.watch.feed(b"" if self.unplugged else self.port.read(), now)
+        return self.watch.is_alive(now)
 
     def close(self) -> None:
         if not self.unplugged:

@@ -21,7 +21,8 @@ class Faults:
     block: per second, the beam is blocked for 50 ms.  saturate: per second, a converter for 50 ms.
     unplug: per second, the port goes away for 300 ms.  restart: per second, the board restarts and
     counts from zero again after 300 ms.  refuse: per second, the stage refuses for 100 ms.  jam:
-    per second, the stage does not move for 100 ms.
+    per second, the stage does not move for 100 ms.  permit: per second, the board's input for the
+    stage's permit is off for 100 ms.
 
     Of the board's time: jitter_ms: by up to which the port keeps each packet; none overtakes
     another.  drift_ppm: by which its clock is slow.
@@ -39,6 +40,7 @@ class Faults:
     restart: float = 0.0
     refuse: float = 0.0
     jam: float = 0.0
+    permit: float = 0.0
     jitter_ms: float = 0.0
     drift_ppm: float = 0.0
     uptime_s: float = 0.0
@@ -52,6 +54,7 @@ class Faults:
         "restart": 0.3,
         "refuse": 0.1,
         "jam": 0.1,
+        "permit": 0.1,
     }
 
     @classmethod

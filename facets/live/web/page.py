@@ -37,7 +37,8 @@ WIDE = (
 class WebPage(Publication):
     """A page in the browsers of those who have its address.
 
-    status: gives what the run says of itself, in JSON's types.  url: what to open; it has a token,
+    status: gives what the run says of itself, in JSON's types.  resume: lets a stopped stage move
+    again, when somebody presses the page's button.  url: what to open; it has a token,
     without which nothing is served.
     """
 
@@ -58,6 +59,7 @@ class WebPage(Publication):
         host, port = parse_address(web)
         token = secrets.token_urlsafe(18)
         self.status, self.due = status, 0.0
+        self.resume: Callable[[], None] = lambda: None
         self.kept: list[bytes] = []
         self.size, self.next = 0, 0.0
         self.local = is_local(host)
@@ -71,6 +73,12 @@ class WebPage(Publication):
 
     def command(self) -> list[str]:
         return [sys.executable, "-m", "facets.live.web.server"]
+
+    def hear(self, words: dict[str, Any]) -> None:
+        if words.pop("resume", False):
+            self.resume()
+        else:
+            super().hear(words)
 
     def last(self) -> float:
         """Pages are told of the end; that takes long only on a machine that is very busy."""

@@ -185,8 +185,9 @@ class Server:
         telling = asyncio.create_task(self.tell(line, page, request))
         self.tasks.add(telling)
         try:
-            async for _ in line:  # nothing is expected: this hears the end of the page
-                pass
+            async for message in line:  # also hears the end of the page
+                if message.data == "resume":
+                    say({"resume": True})
         finally:
             self.hub.pages.discard(page)
             telling.cancel()

@@ -146,6 +146,7 @@ def stage(tracker: Tracker | None, live: Live) -> dict[str, Any]:
         "why": "it was not sent anywhere, or was stopped",
         "state": tracker.state,
         "moves": tracker.moves,
+        "stopped": envelope.latched,
         "chi": None,
     }
     if sent is not None:

@@ -147,6 +147,7 @@ function play() {
 
 by("pause").onclick = () => (look.paused ? follow() : pause());
 by("play").onclick = play;
+by("resume").onclick = () => run.line?.send("resume");
 by("span").onchange = () => {
   if (look.paused) zoom(Math.max(0, look.to - span()), Math.max(look.to, 0.01));
   fresh = true;
@@ -302,6 +303,7 @@ function describe() {
   if (!run.sample) rate.value = null;
   list(by("counts"), [rate, ...status.counts, ...status.clock]);
   list(by("stage"), stage(status.stage));
+  by("resume").hidden = !status.stage.stopped || Boolean(run.end);
   list(by("goes"), [{ name: "record", value: status.recording }, ...status.published.map((one) => ({
     name: one.address, value: `${grouped(one.sent)} samples, ${grouped(one.dropped)} dropped${one.trouble ? `: ${one.trouble}` : ""}`,
     bad: one.dropped > 0 || Boolean(one.trouble) }))]);
