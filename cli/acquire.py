@@ -132,6 +132,8 @@ def acquire(
     check_write(write, check_stage, track)
     settings = load(config)
     name = required(port or settings.acquire.port, "--port", "acquire.port")
+    if track or check_stage:
+        check_lines(settings, name)
     if check_stage:
         settings = with_free_beam(settings)
     require_packages(publish, web)
@@ -425,7 +427,6 @@ def tracker_of(
 
     stage = settings.stage
     name = required(port or stage.port, "--stage-port", "stage.port")
-    check_lines(settings)
     if not check:
         require_check(settings, name)
     fixed = axis_ranges(settings.sensor, settings.range, np.zeros(6))[:2]
@@ -450,11 +451,10 @@ def tracker_of(
     return Tracker(open_stage(), stage, law, say, search, open_again=open_stage)
 
 
-def check_lines(settings: Config) -> None:
+def check_lines(settings: Config, port: str) -> None:
     """Refuses a permit or a heartbeat by a board that has no such thing."""
     from facets.core.errors import InputError
 
-    port = settings.acquire.port or ""
     if settings.stage.permit == "board" and settings.acquire.format == "text":
         raise InputError(
             "stage.permit is board: lines of text have no flag for it; use acquire.format: frames"

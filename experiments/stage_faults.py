@@ -229,7 +229,7 @@ class World:
         self.fed = self.watched = self.now
         self.followable = -np.inf  # when a sample last came that may be followed
         self.flag = (-np.inf, False)  # the last that the board said of its permit, and when
-        self.is_stopped = False
+        self.is_stopped, self.offset = False, np.zeros(2)
         self.parted = self.wrong = np.inf  # since when the stage, or the beam, is where it must not
         self.good: deque[tuple[float, Floats]] = deque(maxlen=100)  # from which one may predict
         self.failed = np.inf  # when the tracker gave up
@@ -444,7 +444,7 @@ class World:
         assert self.tracker is not None
         s, patience = self.settings, settling_time(self.settings) + 0.2
         away = float(np.abs(self.model.place - self.model.shadow.place).max())
-        split = float(np.hypot(*(self.beam - self.model.place)))
+        split = float(np.hypot(*(self.beam - self.model.place - self.offset)))
         self.parted = min(self.parted, begun) if away > FOUND_OUT_MM else np.inf
         good = self.good and begun - self.good[-1][0] <= s.stale / 2
         self.wrong = min(self.wrong, begun) if split > FOUND_OUT_MM and good else np.inf
@@ -473,6 +473,7 @@ class World:
         if name == "resume":
             self.is_stopped, self.barred, self.failed = False, np.inf, np.inf
             self.parted = self.wrong = np.inf
+            self.offset = self.beam - self.model.place  # a person has seen where it is
             self.model.shadow.place = self.model.place.copy()
             self.model.shadow.target = self.model.place.copy()
             self.tried.resumes += 1

@@ -25,6 +25,8 @@ DWELL_S, MEAN_S = 0.5, 0.25
 WAIT_S = 2.0
 #: The scale of an axis may be off by this share, and the beam may leave its axis by this one.
 SCALE, ACROSS = 0.05, 0.1
+#: A beam that moves by less than this share hardly moves at all.
+HARDLY = 0.1
 #: A mirror that moves by more than this during the check is not at rest, mm.
 MIRROR_MM = 0.01
 #: The part of each move over which the delay is taken: a stage has then reached its speed.
@@ -50,7 +52,7 @@ class Axis(NamedTuple):
     @property
     def fault(self) -> str:
         """What is wrong with the axis, or nothing."""
-        if max(abs(self.scale), abs(self.across)) < 0.5:
+        if max(abs(self.scale), abs(self.across)) < HARDLY:
             what = f"hardly moves the beam: is {self.name} connected, and stage.step_um right?"
         elif abs(self.across) > abs(self.scale):
             what = "moves the beam along the other axis: exchange the cables of x and y"

@@ -190,7 +190,7 @@ class Envelope:
             raise StageError("the stage was to be sent to a place that is no number")
         if self.latched or self.failed or at is None or now - at.time > PLACE:
             return None
-        if not self.permit.given(now) or (self.heartbeat and not self.heartbeat.is_sent):
+        if not self.permit.given(now) or (self.heartbeat and not self.heartbeat.is_heard(now)):
             return None
         held = self.limits.hold(narrow.hold(wanted, at.place), at.place)
         return self._slowed(held, now, at, min(narrow.speed, self.limits.speed))

@@ -21,6 +21,9 @@ from .stage import StageError
 
 #: Between two heartbeats, s; a board should wait for five of them before it stops the stage.
 HEARTBEAT_INTERVAL_S = 0.02
+#: How long heartbeats must have said that the stage may move before it is sent anywhere, s: a relay
+#: and a controller take a while to let it.
+ENABLE_S = 0.1
 #: A frame of a heartbeat: sign, kind, flags, count; then the CRC-32 of these 8 bytes.
 HEARTBEAT = struct.Struct("<2sBBII")
 SIGN, KIND, MAY_MOVE = b"\xa5\x5a", 4, 1
@@ -132,11 +135,15 @@ class Heartbeat:
         self.kind, self.path = kind, Path(place)
         self.card = CardLine(name, is_output=True) if kind == "ni" else None
         self.to_board: Callable[[bytes], bool] = lambda _: False
-        self.count, self.due = 0, -math.inf
+        self.count, self.due, self.since = 0, -math.inf, math.inf
         self.is_sent = False
 
     def beat(self, now: float, may_move: bool) -> None:
         """Where it is due. A line or a file is left as it is while the stage may not move."""
+        if not may_move:
+            self.since = math.inf
+        elif self.since > now:
+            self.since = self.due = now
         if now < self.due:
             return
         self.due = now + HEARTBEAT_INTERVAL_S
@@ -145,6 +152,12 @@ class Heartbeat:
             self.is_sent = self.send(may_move)
         except Exception:  # whatever is wrong with it: nothing may move without it
             self.is_sent = False
+        if not self.is_sent:
+            self.since = math.inf
+
+    def is_heard(self, now: float) -> bool:
+        """Whether whoever watches has had the time to let the stage move."""
+        return self.is_sent and now - self.since >= ENABLE_S
 
     def send(self, may_move: bool) -> bool:
         if self.kind == "board":

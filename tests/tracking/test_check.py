@@ -86,7 +86,7 @@ def turned(degrees):
         (((1, 0), (0, -1)), ["a command along y moves the beam the wrong way"]),
         (((0, 1), (1, 0)), ["exchange the cables of x and y"] * 2),
         (((2, 0), (0, 1)), ["x moves the beam 2 times as far: correct stage.step_um"]),
-        (((0.1, 0), (0, 0)), ["x hardly moves the beam", "y hardly moves the beam"]),
+        (((0.05, 0), (0, 0)), ["x hardly moves the beam", "y hardly moves the beam"]),
         (turned(12), ["is turned by 12 degrees against the sensor"] * 2),
     ],
     ids=["x backwards", "y backwards", "swapped", "scale", "still", "turned"],
