@@ -18,7 +18,7 @@ from __future__ import annotations
 import json
 import sys
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -55,7 +55,7 @@ PROGRAM = ("stall", "bug", "disk full")
 CONTROLLER = ("ignore", "backwards", "tenfold", "foreign", "swapped", "miswired")
 KINDS = (*DATA, *WIRE, *STAGE, *PROGRAM, *CONTROLLER, "no permit")
 #: How far a stage may be from one that does what it is told, mm, before that must be found out.
-FOUND_OUT_MM = 0.3
+FOUND_OUT_MM = 0.2
 #: How far somebody else moves it at most, mm, and how often a person resumes, 1/s.
 FOREIGN_MM, RESUMES_HZ = 1.0, 4.0
 
@@ -442,7 +442,7 @@ class World:
         begun: when that step began, s; flag: what the board had said then of its permit.
         """
         assert self.tracker is not None
-        s, patience = self.settings, settling_time(self.settings) + 0.2
+        s, patience = self.settings, settling_time(self.settings) + 0.15
         away = float(np.abs(self.model.place - self.model.shadow.place).max())
         split = float(np.hypot(*(self.beam - self.model.place - self.offset)))
         self.parted = min(self.parted, begun) if away > FOUND_OUT_MM else np.inf
@@ -537,12 +537,12 @@ def drawn_settings(rng: np.random.Generator, driver: str) -> Settings:
     )
 
 
-def drawn_faults(rng: np.random.Generator) -> list[Fault]:
-    faults = []
+def drawn_faults(rng: np.random.Generator, kinds: Sequence[str]) -> list[Fault]:
+    faults: list[Fault] = []
     for _ in range(int(rng.integers(1, 4))):
         begin = 10.0 + rng.uniform(0.05, 0.5) if rng.random() < 0.95 else 0.0
         length = float(rng.choice([0.01, 0.06, 0.3]))
-        faults.append(Fault(str(rng.choice(KINDS)), begin, begin + length, float(rng.random())))
+        faults.append(Fault(str(rng.choice(kinds)), begin, begin + length, float(rng.random())))
         if faults[-1].kind in ("unplug", *CONTROLLER):
             faults[-1].end = np.inf
         if begin == 0.0:
@@ -569,11 +569,13 @@ def begin(world: World, search: bool, again: bool) -> Tracker | None:
     return tracker
 
 
-def sequence(seed: int, tried: Tried, driver: str = "", cut: float = np.inf) -> None:
+def sequence(
+    seed: int, tried: Tried, driver: str = "", cut: float = np.inf, kinds: Sequence[str] = KINDS
+) -> None:
     """One of them: raises `Broken` where the stage leaves its envelope."""
     rng = np.random.default_rng(seed)
     world = World(rng, tried, driver)
-    world.suffer([] if np.isfinite(cut) else drawn_faults(rng))
+    world.suffer([] if np.isfinite(cut) else drawn_faults(rng, kinds))
     world.cut = cut
     tried.sequences += 1
     tried.drivers[world.settings.driver] += 1

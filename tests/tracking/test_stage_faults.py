@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from facets.experiments.stage_faults import (
+    CONTROLLER,
     KINDS,
     Broken,
     Fault,
@@ -18,12 +19,14 @@ from facets.experiments.stage_faults import (
     sequence,
 )
 
+from facets.tracking.arrival import Arrival
 from facets.tracking.envelope import Envelope
+from facets.tracking.interlock import BoardPermit
 from facets.tracking.pi import Pi
 from facets.tracking.zaber import Zaber
 
 
-@pytest.mark.parametrize("count", [50, pytest.param(200, marks=pytest.mark.study)])
+@pytest.mark.parametrize("count", [80, pytest.param(200, marks=pytest.mark.study)])
 @pytest.mark.slow
 def test_no_sequence_of_faults_takes_the_stage_out_of_its_envelope(count):
     tried = run(range(count))
@@ -32,7 +35,13 @@ def test_no_sequence_of_faults_takes_the_stage_out_of_its_envelope(count):
     assert set(tried.drivers) == {"zaber", "pi"}
     assert tried.moves > 20 * count
     assert tried.searches > 0
+    assert tried.resumes > 0
     assert tried.most_speed > 0.9  # the stage was driven to what is allowed, not spared
+    assert tried.stopped_by["the external permit is"] > 0
+    assert tried.most_excursion < 1
+    if count >= 200:
+        assert set(tried.found_out) == set(CONTROLLER)
+        assert min(tried.found_out.values()) > 5
 
 
 @pytest.mark.parametrize("driver", ["zaber", "pi"])
@@ -44,13 +53,13 @@ def test_the_cable_may_be_pulled_at_any_byte(driver):
     assert tried.moves > 0
 
 
-def fails(monkeypatch, owner, name, value):
+def fails(monkeypatch, owner, name, value, kinds=KINDS):
     """Whether some sequence is found to leave the envelope where that part of it is replaced."""
     with monkeypatch.context() as patch:
         patch.setattr(owner, name, value)
         for seed in range(60):
             try:
-                sequence(seed, Tried())
+                sequence(seed, Tried(), kinds=kinds)
             except Broken:
                 return True
     return False
@@ -64,6 +73,20 @@ def test_the_judge_sees_what_is_outside(monkeypatch):
     assert fails(monkeypatch, Envelope, "go", go_anywhere)
     assert fails(monkeypatch, Zaber, "prepare", lambda self: None)
     assert fails(monkeypatch, Pi, "prepare", lambda self: None)
+
+
+@pytest.mark.slow
+def test_the_judge_sees_a_stop_that_does_not_last_and_a_move_that_goes_astray(monkeypatch):
+    latch = Envelope.latch
+
+    def stop_for_now(self, reason, is_for_auto=False):
+        latch(self, reason, is_for_auto)
+        self.latched = ""
+
+    assert fails(monkeypatch, Envelope, "latch", stop_for_now)
+    assert fails(monkeypatch, Envelope, "compare", lambda self, time, beam: None, ("miswired",))
+    assert fails(monkeypatch, Arrival, "complaint", lambda self, now, place: "", ("ignore",))
+    assert fails(monkeypatch, BoardPermit, "given", lambda self, now: True, ("no permit",))
 
 
 def test_a_fault_lasts_from_its_beginning_to_its_end():
