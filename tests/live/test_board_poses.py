@@ -16,8 +16,9 @@ from facets.live.board_poses import SOLVED, solved_on_board
 from facets.live.frames import POSE, SIZE, FixedFrames
 from facets.live.pipeline import Pipeline
 from facets.live.virtual import Faults
-from facets.live.virtual.board import Board, Count
+from facets.live.virtual.board import Board, Count, HeartbeatWatch
 from facets.live.virtual.faults import Schedule
+from facets.tracking.interlock import heartbeat_frame
 
 CONFIG = facets.load("bench")
 pytestmark = pytest.mark.skipif(not shutil.which("gcc"), reason="no C compiler")
@@ -131,6 +132,48 @@ def test_the_exported_frames_are_read(tmp_path, library):
     assert one["state"].tolist() == [0.5 * n for n in range(8)]
     assert (one["power"], one["residual"]) == (0.25, 1.5)
     assert (one["status"], one["used"], one["steps"], one["microseconds"]) == (3, 5, 7, 65000)
+
+
+def test_the_exported_heartbeat_is_that_of_the_virtual_board(tmp_path, library):
+    """Byte by byte, among noise, spoilt and repeated frames; also where the clock wraps."""
+    program = tmp_path / "beats.c"
+    program.write_text(
+        """
+        #include <stdio.h>
+        #include "facets_frame.h"
+        int main(void) {
+            facets_heartbeat heartbeat = {{0}, 0, 0, 0, 0};
+            unsigned now, byte;
+            while (scanf("%u %u", &now, &byte) == 2) {
+                facets_heartbeat_feed(&heartbeat, (uint8_t)byte, now);
+                putchar('0' + facets_heartbeat_is_alive(&heartbeat, now, 100000));
+            }
+            return 0;
+        }
+        """
+    )
+    folder = library.parent
+    command = ["gcc", "-I", str(folder), str(program), str(folder / "facets_frame.c"), "-o", "b"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    rng, count, data = np.random.default_rng(3), 2**32 - 20, []
+    for _ in range(300):
+        count += int(rng.choice([0, 1, 1, 1]))
+        frame = bytearray(heartbeat_frame(count, bool(rng.random() < 0.9)))
+        if rng.random() < 0.1:
+            frame[rng.integers(12)] ^= 4
+        data.append((bytes(frame), int(rng.choice([20_000, 20_000, 150_000]))))
+    now, lines, expected, watch = 2**32 - 1_000_000, [], "", HeartbeatWatch()
+    for frame, passed in data:
+        now += passed
+        for byte in frame:
+            watch.feed(bytes([byte]), 1e-6 * now)
+            lines.append(f"{now % 2**32} {byte}")
+            expected += str(int(watch.is_alive(1e-6 * now)))
+    done = subprocess.run(
+        [tmp_path / "b"], input="\n".join(lines), capture_output=True, check=True, text=True
+    )
+    assert done.stdout == expected
+    assert 0.1 < expected.count("1") / len(expected) < 0.9
 
 
 @pytest.mark.slow
