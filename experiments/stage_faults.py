@@ -444,6 +444,8 @@ class World:
         assert self.tracker is not None
         s, patience = self.settings, settling_time(self.settings) + 0.15
         away = float(np.abs(self.model.place - self.model.shadow.place).max())
+        if self.tracker.searching:  # what the readings say of the beam is followed from then on
+            self.offset, self.wrong = self.beam - self.model.place, np.inf
         split = float(np.hypot(*(self.beam - self.model.place - self.offset)))
         self.parted = min(self.parted, begun) if away > FOUND_OUT_MM else np.inf
         good = self.good and begun - self.good[-1][0] <= s.stale / 2

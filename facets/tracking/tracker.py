@@ -237,7 +237,7 @@ class Tracker:
             self.follow(good, place, now)
         elif not self.started:
             self.wait(doubt, newest, now)
-        elif self.searching and self.is_fresh(newest, now):
+        elif self.searching and self.can_search(newest, now):
             self.look_for(newest, place)
         elif self.searching or not self.bridge(now):
             self.stop(doubt)
@@ -264,11 +264,15 @@ class Tracker:
         fresh = now - newest.time <= self.settings.stale and newest.doubt != STALE
         return fresh and now - newest.came <= self.settings.stale
 
+    def can_search(self, newest: Sample, now: float) -> bool:
+        """Whether a search may go on: it needs to know where there is light."""
+        known = self.is_fresh(newest, now) and not np.isnan(newest.powers).any()
+        return known and self.search is not None
+
     def is_resumed(self, doubt: str, newest: Sample, now: float) -> bool:
         """Whether a stopped stage may go on from now, since a person or `stage.resume` says so."""
         by, self.request = self.request, ""
-        known = self.is_fresh(newest, now) and not np.isnan(newest.powers).any()
-        refusal = doubt if doubt and not (self.search and known) else ""
+        refusal = doubt if doubt and not self.can_search(newest, now) else ""
         if not refusal:
             if by:
                 refusal = self.envelope.resume(by)
