@@ -271,3 +271,27 @@ def test_what_is_not_known_is_never_a_number_and_a_page_comes_back_by_itself():
         page.close()
     await_true(lambda: page.process.poll() is not None, "its process ends")
     assert page.dropped == 0
+
+
+@pytest.mark.slow
+def test_a_stopped_stage_has_a_button_that_resumes_it():
+    live, pressed = Live(Pipeline(CONFIG)), []
+    words = status_of(live)
+    stage = {"there": True, "state": "stopped: no pose", "stopped": "no pose", "moves": 3}
+    page = WebPage(CONFIG, "0", lambda: words | {"stage": stage}, {"kind": "acquire"})
+    page.resume = lambda: pressed.append(True)
+    button = "document.getElementById('resume')"
+    try:
+        with Browser(page.url) as browser:
+            page.show()
+            browser.await_true(f"{button} && !{button}.hidden")
+            browser.ask(f"{button}.click()")
+            await_true(lambda: pressed, "the button's word")
+            stage |= {"state": "following", "stopped": ""}
+            page.due = 0.0
+            page.show()
+            browser.await_true(f"{button}.hidden")
+            assert not browser.errors
+    finally:
+        page.close()
+    assert pressed == [True]

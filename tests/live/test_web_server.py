@@ -373,6 +373,30 @@ def test_the_stage_is_told_with_its_target_and_what_is_left():
     assert words["why"]
 
 
+def test_the_pages_button_resumes_and_nothing_else_that_a_page_says_does():
+    page, pressed = begun(), []
+    page.resume = lambda: pressed.append(len(pressed))
+
+    async def say(*texts, total):
+        async with (
+            aiohttp.ClientSession() as session,
+            session.ws_connect(f"{page.url}stream") as line,
+        ):
+            for text in texts:
+                await line.send_str(text)
+            while len(pressed) < total:
+                await asyncio.sleep(0.01)
+
+    try:
+        others = ("go", '{"resume": true}', "Resume")
+        asyncio.run(asyncio.wait_for(say(*others, "resume", total=1), GUARD))
+        asyncio.run(asyncio.wait_for(say("resume", total=2), GUARD))
+    finally:
+        page.close()
+    assert pressed == [0, 1]
+    assert page.trouble == ""
+
+
 def test_what_happened_in_a_recorded_run_is_told_at_its_time(tmp_path):
     lines = [
         '{"monotonic": 5.0, "utc": 1.0, "event": "behind", "seconds": 0.3}',
