@@ -130,7 +130,7 @@ class Watched(StageModel):
         self.fault: Callable[[str], Fault | None] = lambda _: None
         self.ask: Callable[[], None] = lambda: None
         self.is_obedient, self.excursion = True, 0.0
-        self.foreign = np.full(2, np.nan)  # where somebody else has sent it
+        self.foreign = self.halted = np.full(2, np.nan)  # where others sent it, and where it stood
         self.shadow = StageModel(settings)  # does what it is told
         self.shadow.STEP = TICK
 
@@ -138,7 +138,7 @@ class Watched(StageModel):
         s = self.settings
         self.sent.append(self.now)
         self.ask()
-        others = place == self.foreign  # Zaber is sent axis by axis
+        others = (place == self.foreign) | (place == self.halted)  # Zaber is sent axis by axis
         far = float(np.hypot(*np.where(others, 0.0, place - self.place)))
         may = self.reach + 2**0.5 * s.max_speed * (PLACE + s.latency) + ROUNDING
         self.require(far <= may, f"sent {far:.4f} mm at once, {may:.4f} allowed")
@@ -158,6 +158,7 @@ class Watched(StageModel):
 
     def halt(self) -> None:
         super().halt()
+        self.halted = self.place.copy()
         self.shadow.halt()
 
     def obey_another(self, place: Floats) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from .section import MAX_LENGTH, Section
 
@@ -17,8 +17,15 @@ Place = Annotated[float, Field(ge=-MAX_LENGTH, le=MAX_LENGTH)]
 Pair = Annotated[
     tuple[Place, Place], BeforeValidator(_tuple, json_schema_input_type=tuple[Place, Place])
 ]
+def _line(value: str) -> str:
+    kind, colon, place = value.partition(":")
+    if value != "board" and not (kind in ("ni", "file") and colon and place):
+        raise ValueError(f"must be board, ni:DEVICE/LINE or file:PATH (got {value!r})")
+    return value
+
+
 #: A line into or out of this machine, by which a stage is permitted to move or watched.
-Line = Annotated[str, Field(pattern=r"^(board|ni:.+|file:.+)$")]
+Line = Annotated[str, AfterValidator(_line)]
 
 
 class Acquire(Section):

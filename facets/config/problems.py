@@ -30,6 +30,8 @@ def _told(details: ErrorDetails, tree: Marked, plain: Any) -> tuple[str, Marked]
         reason = _unknown(path, plain)
     elif kind == "string_pattern_mismatch":
         reason = f"a motion's name is letters, digits, '.', '_' and '-' (got {quoted(path[-1])})"
+    elif kind == "value_error":
+        reason = details["msg"].removeprefix("Value error, ")
     elif found != path and not isinstance(mark.value, dict):  # one number given for two
         path, reason = found, _value(found, mark, plain)
     elif found != path:

@@ -307,6 +307,8 @@ WRONG = [
     ("simulate: {noise: 1}", 1, "simulate.noise", ["true or false"]),
     ("simulate:\n  seed: -1", 2, "simulate.seed", ["whole number from 0"]),
     ("solve: {beam: fre}", 1, "solve.beam", ["did you mean 'free'?"]),
+    ("stage: {permit: bord}", 1, "stage.permit", ["board, ni:DEVICE/LINE", "'bord'"]),
+    ("stage: {heartbeat: 'file:'}", 1, "stage.heartbeat", ["file:PATH", "'file:'"]),
     ("solve: {method: paper,\n beam: prior}", 2, "solve.beam", ["`method: paper`", "free"]),
 ]
 

@@ -50,6 +50,14 @@ class Channels(list):
         self.limits, self.terminal = (min_val, max_val), terminal_config
 
 
+class Lines(list):
+    def add_di_chan(self, lines, name_to_assign_to_lines="", line_grouping=None):
+        self.append(lines)
+
+    def add_do_chan(self, lines, name_to_assign_to_lines="", line_grouping=None):
+        self.append(lines)
+
+
 class Timing:
     samp_clk_rate = 0.0
 
@@ -79,11 +87,20 @@ class Task:
 
     def __init__(self, new_task_name=""):
         self.ai_channels, self.timing, self.in_stream = Channels(), Timing(), Stream()
+        self.di_channels, self.do_channels, self.level = Lines(), Lines(), False
         self.started = False
         Task.open.append(self)
 
     def start(self):
         self.started = True
+
+    def read(self):
+        assert self.di_channels
+        return self.level
+
+    def write(self, data):
+        assert self.do_channels
+        self.level = data
 
     def close(self):
         Task.open.remove(self)

@@ -16,6 +16,8 @@ from facets.live.frames import ELECTRODES, XY_SUM, FixedFrames
 from facets.live.ni_card import counts_of_volts, frames_of
 from facets.live.pipeline import Pipeline
 from facets.live.ports import PortError, PortInUse, open_port
+from facets.tracking.interlock import Heartbeat, close_line, open_permit
+from facets.tracking.stage import StageError
 
 CONFIG = facets.load("bench")
 NAME = "ni:Dev1/ai0:11?rate=20000&bits=16&range=10"
@@ -148,6 +150,8 @@ def test_the_stand_ins_take_what_the_packages_take():
     pairs = [
         (makers.Channels.add_ai_voltage_chan,
          task.collections.AIChannelCollection.add_ai_voltage_chan),
+        (makers.Lines.add_di_chan, task.collections.DIChannelCollection.add_di_chan),
+        (makers.Lines.add_do_chan, task.collections.DOChannelCollection.add_do_chan),
         (makers.Timing.cfg_samp_clk_timing, task.Timing.cfg_samp_clk_timing),
         (makers.AnalogMultiChannelReader.read_many_sample,
          AnalogMultiChannelReader.read_many_sample),
@@ -156,6 +160,29 @@ def test_the_stand_ins_take_what_the_packages_take():
         assert list(inspect.signature(ours).parameters) == list(
             inspect.signature(theirs).parameters
         )
+
+
+def test_a_card_gives_the_permit_and_takes_the_heartbeat(installed):
+    permit = open_permit("ni:Dev1/port0/line0", 0.05)
+    assert permit.task.di_channels == ["Dev1/port0/line0"]
+    assert permit.given(0.0) is False
+    permit.task.level = True
+    assert permit.given(0.0) is True
+    heartbeat = Heartbeat("ni:Dev1/port0/line1")
+    levels = []
+    for now in np.arange(0.0, 0.3, 0.03):
+        heartbeat.beat(now, may_move=now < 0.2)
+        levels.append(heartbeat.card.task.level)
+    assert levels[:7] == [True, False] * 3 + [True]
+    assert len(set(levels[6:])) == 1  # it stands still while the stage may not move
+    for line in (permit, heartbeat):
+        close_line(line)
+    assert makers.Task.open == []
+
+
+def test_a_card_that_is_not_there_is_told():
+    with pytest.raises(StageError, match="nidaqmx"):
+        open_permit("ni:Dev1/port0/line0", 0.05)
 
 
 def test_the_stand_in_of_pylablib_takes_what_it_takes():
