@@ -17,6 +17,8 @@ Place = Annotated[float, Field(ge=-MAX_LENGTH, le=MAX_LENGTH)]
 Pair = Annotated[
     tuple[Place, Place], BeforeValidator(_tuple, json_schema_input_type=tuple[Place, Place])
 ]
+
+
 def _line(value: str) -> str:
     kind, colon, place = value.partition(":")
     if value != "board" and not (kind in ("ni", "file") and colon and place):

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
+from .envelope import STALLED
 from .limits import Limits
 from .tracker import Sample, Tracker
 
@@ -23,6 +24,8 @@ STEP_MM, SPEED_MM_S = 0.05, 0.5
 DWELL_S, MEAN_S = 0.5, 0.25
 #: A gap between good samples is waited for so long, s: nothing is sent, so the stage stands.
 WAIT_S = 2.0
+#: So many stalls of the loop do not end a check.
+STALLS = 10
 #: The scale of an axis may be off by this share, and the beam may leave its axis by this one.
 SCALE, ACROSS = 0.05, 0.1
 #: A beam that moves by less than this share hardly moves at all.
@@ -100,7 +103,9 @@ class StageCheck(Tracker):
     @property
     def is_over(self) -> bool:
         """Whether all was seen, or the stage was stopped before."""
-        return self.leg == len(self.LEGS) or bool(self.error or self.envelope.latched)
+        latched = self.envelope.latched
+        goes_on = latched == STALLED and self.envelope.stops <= STALLS
+        return self.leg == len(self.LEGS) or bool(self.error or (latched and not goes_on))
 
     def follow(self, good: Sample, place: Floats, now: float) -> None:
         """The next small part of the move that is going on."""
@@ -119,6 +124,14 @@ class StageCheck(Tracker):
                 self.arrived = min(self.arrived, now)
         if good.time > self.arrived + DWELL_S:
             self.leg, self.arrived = self.leg + 1, np.inf
+
+    def is_resumed(self, doubt: str, newest: Sample, now: float) -> bool:
+        """After a loop that stalled, on a busy machine, the check goes on by itself: the person who
+        began it is there, and no move is longer than STEP_MM."""
+        stood = now - self.envelope.latched_at > self.envelope.arrival.patience
+        if self.envelope.latched == STALLED and stood and self.envelope.stops <= STALLS:
+            self.request = "the check"
+        return super().is_resumed(doubt, newest, now)
 
     def bridge(self, now: float) -> bool:
         """Stands and waits for the next good sample, for a while."""

@@ -239,6 +239,7 @@ class Envelope:
         now = self.clock()
         if self.failed:
             return "its line is closed"
+        self.permit.was_lost = False
         if not self.permit.given(now):
             return "the external permit is not given"
         if now - self.latched_at < self.arrival.patience:
@@ -287,7 +288,7 @@ class Envelope:
             self._driver.cry()
 
     def fail(self, reason: str) -> None:
-        """Stops the stage by every means that is left, for good. Never raises."""
+        """Stops the stage by every means that is left, and closes its line. Never raises."""
         with self.ending:
             if not self.failed:
                 self._note_stop(reason, is_for_auto=False)

@@ -40,13 +40,20 @@ def heartbeat_frame(count: int, may_move: bool) -> bytes:
 
 
 class Permit(Protocol):
-    """Whether the stage may move: None where that is not known now."""
+    """Whether the stage may move: None where that is not known now.
+
+    was_lost: whether it was not given at some time since somebody resumed.
+    """
+
+    was_lost: bool
 
     def given(self, now: float) -> bool | None: ...
 
 
 class Always:
     """A stage without an external permit."""
+
+    was_lost = False
 
     def given(self, now: float) -> bool | None:
         return True
@@ -64,14 +71,15 @@ class BoardPermit:
         self.time, self.on = time, on
 
     def given(self, now: float) -> bool | None:
-        was_lost, self.was_lost = self.was_lost, False
-        if was_lost:
+        if self.was_lost:
             return False
         return self.on if now - self.time <= self.stale else None
 
 
 class FilePermit:
     """A file that holds 1; any other content, or no file, is no permit."""
+
+    was_lost = False
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -85,6 +93,8 @@ class FilePermit:
 
 class CardLine:
     """A digital line of a card. Not tried on a card: written by the maker's documentation."""
+
+    was_lost = False
 
     def __init__(self, name: str, is_output: bool) -> None:
         try:

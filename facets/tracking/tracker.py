@@ -284,7 +284,7 @@ class Tracker:
                 self.tell("resume refused", by=by, reason=refusal)
             return False
         self.law.forget()
-        self.started, self.note = True, ""
+        self.started, self.bridging, self.note = True, False, ""
         if doubt and self.search:
             self.search.forget()
             self.searching = True

@@ -34,7 +34,7 @@ FILES = {
     "my bench.yaml": """
         extends: bench
         sensor: {electronics: {adc_bits: 24}}
-        stage: {stale_ms: 500}
+        stage: {stale_ms: 500, resume: auto}
         motions:
           rest: {kind: sine, amplitude: {tx_mm: 0}, samples: 1000, rate_hz: 100}
         """,

@@ -32,9 +32,9 @@ CONFIG = facets.load("bench")
 PORTS = ("--port", "bench/board", "--stage-port", "bench/stage")
 
 
-#: A circle once in 40 s, and a stage that waits for half a second for a busy machine.
+#: A circle once in 40 s, and a stage that waits for half a second for a busy machine, and goes on.
 CALM = """extends: bench
-stage: {stale_ms: 500}
+stage: {stale_ms: 500, resume: auto, resumes_per_hour: 3600}
 motions:
   circle: {kind: sine, amplitude: {tx_mm: 4, ty_mm: 4}, phase_deg: {tx_mm: 90}, samples: 4000,
     rate_hz: 100}

@@ -28,6 +28,7 @@ class Bench:
         self.model.advance(self.now)
         self.wiring, self.drift, self.replies = np.array(wiring), drift, b""
         self.home, self.way = self.model.place.copy(), 0.0
+        self.stalls = 0
         law = Law.of(SENSORS["paper"], settings)
         self.check = StageCheck(self, settings, law, lambda *_, **__: None, clock=self.clock)
 
@@ -49,6 +50,9 @@ class Bench:
         """To the end; the faults."""
         for n in range(1000):
             self.now += 0.01
+            if n % 30 == 20 and n < 30 * self.stalls:  # a busy machine
+                self.now += 0.2
+                self.check.envelope.watch()
             self.model.advance(self.now)
             away = self.model.place - self.home
             self.way = max(self.way, np.abs(away).max())
@@ -72,6 +76,13 @@ def test_a_stage_that_is_wired_right_passes_with_its_scale_and_delay(settings):
         assert axis.delay == pytest.approx(settings.latency + settings.lag, abs=4e-3)
     assert np.abs(bench.model.place - bench.home).max() < 2e-3  # it is where it was
     assert bench.way == pytest.approx(STEP_MM, abs=2e-3)
+
+
+def test_a_busy_machine_does_not_end_a_check():
+    bench = Bench()
+    bench.stalls = 5
+    assert bench.run() == []
+    assert bench.check.envelope.stops >= 4
 
 
 def turned(degrees):
@@ -104,6 +115,10 @@ def test_a_check_that_does_not_come_to_its_end_says_why():
     assert "not every detector has light" in fault
     (fault,) = Bench(drift=0.02).run()
     assert "the mirror moved during the check" in fault
+    bench = Bench()
+    bench.stalls = 11
+    (fault,) = bench.run()
+    assert "the loop has stalled" in fault
     bench = Bench()
     bench.device.refuse = True
     (fault,) = bench.run()

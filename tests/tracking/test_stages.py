@@ -379,9 +379,15 @@ def test_a_boards_permit_holds_while_samples_are_fresh_and_no_loss_is_too_short(
     assert follower.moves == 1
     take(False)
     take(True)
+    assert follower.envelope.go(np.array([0.55, 0.0]), port.now) is None
     assert follower.step()
     assert follower.stopped == "the external permit is not given"
     assert follower.moves == 1
+    port.now += 0.5
+    take(True)
+    follower.resume("a person")
+    assert follower.step()
+    assert follower.moves == 2
     follower, port, _ = tracker(replace(STAGE, permit="board"))
     take(True)
     assert follower.step()
