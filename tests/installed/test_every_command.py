@@ -54,8 +54,8 @@ CHAINS = {
         acquire 'my bench.yaml' --port 'virtual bench/board' --samples 2000 -o 'a run' --plain
         acquire 'my bench.yaml' --port 'virtual bench/board' --stage-port 'virtual bench/stage'
           --check-stage --write 'my checked bench.yaml' -o 'checked' --plain
-        acquire 'my checked bench.yaml' --port 'virtual bench/board' --stage-port 'virtual bench/stage'
-          --track --samples 200 -o 'tracked' --plain
+        acquire 'my checked bench.yaml' --port 'virtual bench/board'
+          --stage-port 'virtual bench/stage' --track --samples 200 -o 'tracked' --plain
         replay 'a run' --compare -o 'a run again.mcap'
         recover 'a run'
         noise 'a run' -o 'the noise' --write 'with noise.yaml'

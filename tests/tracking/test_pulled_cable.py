@@ -50,7 +50,8 @@ def test_a_pulled_stage_is_told_and_the_recording_goes_on(tmp_path, bench):
     (tmp_path / "calm.yaml").write_text(
         "extends: bench\nstage: {stale_ms: 500, resume: auto, resumes_per_hour: 3600}\n"
     )
-    words = ["acquire", "calm.yaml", "--track", "--port", "bench/board", "--stage-port", "bench/stage",
+    words = ["acquire", "calm.yaml", "--track", "--port", "bench/board",
+             "--stage-port", "bench/stage",
              "--samples", str(SAMPLES), "--max-loss", "1", "--plain", "-o", "rec"]  # fmt: skip
     process = subprocess.Popen(
         [*PROGRAM, *words], cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
