@@ -301,6 +301,21 @@ def test_a_stopped_stage_stays_stopped_until_a_person_says_go():
     assert not follower.note
 
 
+def test_the_envelope_itself_sends_nothing_while_it_is_stopped():
+    port = Port(ZaberDevice(StageModel(STAGE)))
+    envelope = Envelope(port, STAGE, lambda *_, **__: None, port.clock)
+    there = np.array([0.55, 0.0])
+    envelope.latch("no reason")
+    assert envelope.go(there, port.now) is None
+    assert envelope.bridge(there, port.now, there) is None
+    assert moves_of(port) == 0
+    assert envelope.resume("somebody") == "it was stopped just now"
+    port.now += 1.0
+    envelope.look()
+    assert envelope.resume("somebody") == ""
+    assert envelope.go(there, port.now) is not None
+
+
 def stop_for_a_gap(follower, port):
     """A gap that is longer than may be bridged, and the end of it."""
     port.now += STAGE.bridge + STAGE.stale
