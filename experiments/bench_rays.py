@@ -10,6 +10,7 @@ form (two terms for each edge), since rays know none; background light is added 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +30,9 @@ class Bench(NamedTuple):
     strips: mm, of edges 0 to 2.
     depth, width: of the roll-off at each facet's two edges (3, 2) mm, and its decay, mm.
     background: (3, 3) power and place, mW and mm.
+    profile: factor of the irradiance at places (..., 2) across the beam, in standard deviations;
+    None for a Gaussian beam.  chip: radius of what is broken off the tip of the first two facets,
+    mm.
     """
 
     covariance: Floats
@@ -40,6 +44,8 @@ class Bench(NamedTuple):
     depth: Floats
     width: float
     background: Floats
+    profile: Callable[[Floats], Floats] | None = None
+    chip: float = 0.0
 
 
 def about(axis: int, angle: Floats | float) -> Floats:
@@ -126,6 +132,8 @@ def facet(
     density, cosine, along = light(bench, beam, world, state, turn, normal)
     reflected = share(bench, beam, cosine, turn @ normal)
     weight = sensor.beam.power * density * area * reflected
+    if bench.chip and k < 2:
+        weight = weight * (np.linalg.norm(points, axis=-1) > bench.chip)
     tilted = normal - slope(bench, distances, normal, edges[k], edges[(k + 1) % 3], k)
     surface = unit(tilted) @ np.swapaxes(turn, 1, 2)
     leaving = along - 2 * (along * surface).sum(-1, keepdims=True) * surface
@@ -178,6 +186,8 @@ def light(
     inverse = np.linalg.inv(bench.covariance)
     bell = np.exp(-np.einsum("nmi,ij,nmj->nm", across, inverse, across) / 2)
     bell /= 2 * np.pi * np.sqrt(np.linalg.det(bench.covariance))
+    if bench.profile is not None:
+        bell *= bench.profile(across / np.sqrt(np.trace(bench.covariance) / 2))
     cosine = facing / np.linalg.norm(along, axis=-1)
     return bell * facing / np.linalg.det(matrix), cosine, along
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -38,7 +39,7 @@ from facets.calibration.verdict import Verdict, verdict
 from facets.core.sensor import Sensor
 from facets.core.units import Floats
 from facets.detectors.correction import corrected, uncorrected
-from facets.detectors.noise import add_noise
+from facets.detectors.noise import add_noise, standard_deviations
 
 from .bench_rays import Bench, spots
 
@@ -136,6 +137,31 @@ class BenchRig(NamedTuple):
     bench: Bench
 
 
+Rng = np.random.Generator
+
+
+class Disturbance(NamedTuple):
+    """What no model of a calibration knows; each part None where nothing is wrong.
+
+    light: changes the bench.  mirror: where the mirror really is when it was sent to poses (n, 6).
+    reference: what the reference says of poses (n, 6).  told: what is said of its uncertainty.
+    beam: places (n, 2), mm.  power: factors (n,).  readings: what becomes of readings (n, 9) of
+    known standard deviations.
+    """
+
+    light: Callable[[Bench], Bench] | None = None
+    mirror: Callable[[Floats, Rng], Floats] | None = None
+    reference: Callable[[Floats, Rng], Floats] | None = None
+    told: Floats = REFERENCE
+    beam: Callable[[int, Rng], Floats] | None = None
+    power: Callable[[int, Rng], Floats] | None = None
+    readings: Callable[[Floats, Floats, Rng], Floats] | None = None
+
+
+#: A bench on which nothing is wrong.
+UNDISTURBED = Disturbance()
+
+
 def drawn_on_bench(nominal: Sensor, rng: np.random.Generator) -> BenchRig:
     """A rig with every effect at once, each of a size that a good bench has."""
     rig = drawn(nominal, rng)
@@ -163,17 +189,31 @@ def drawn_on_bench(nominal: Sensor, rng: np.random.Generator) -> BenchRig:
 
 
 def moved_on_bench(
-    real: BenchRig, count: int, rng: np.random.Generator, box: Floats = BOX
+    real: BenchRig,
+    count: int,
+    rng: np.random.Generator,
+    box: Floats = BOX,
+    wrong: Disturbance = UNDISTURBED,
 ) -> tuple[Data, Floats]:
     """What reference and detectors say of random motions, the laser's power drifting by 1 %; and
     the true states (n, 8), in the axes that the reference moves."""
     zero, sensor = np.zeros((count, 9)), real.rig.sensor
     empty = poses_on_bench(real.rig, count, rng, box)
-    exact = spots(sensor, real.bench, states_of(empty, zero, real.rig.values))
+    pose = empty.pose if wrong.mirror is None else wrong.mirror(empty.pose, rng)
+    beam = empty.beam if wrong.beam is None else wrong.beam(count, rng)
+    there = empty._replace(pose=pose, beam=beam)
+    exact = spots(sensor, real.bench, states_of(there, zero, real.rig.values))
     exact[:, 2::3] *= 1 + 0.01 * np.sin(np.linspace(0, 5, count))[:, None]
+    if wrong.power is not None:
+        exact[:, 2::3] *= wrong.power(count, rng)[:, None]
     raw = uncorrected(sensor, add_noise(sensor, exact, rng))
     said = empty.pose + REFERENCE * rng.standard_normal(empty.pose.shape)
-    return empty._replace(raw=raw, pose=said), states_of(empty, zero, folded(real.rig.values))
+    if wrong.reference is not None:
+        said = wrong.reference(said, rng)
+    if wrong.readings is not None:
+        raw = wrong.readings(raw, standard_deviations(sensor, exact), rng)
+    data = empty._replace(raw=raw, pose=said, sigma=wrong.told)
+    return data, states_of(there, zero, folded(real.rig.values))
 
 
 def poses_on_bench(rig: Rig, count: int, rng: np.random.Generator, box: Floats = BOX) -> Data:
@@ -200,13 +240,23 @@ class BenchTrial(NamedTuple):
 
 
 def tried_on_bench(
-    seed: int, samples: int, config: str, fresh: int = 1000, reach: float = REACH
+    seed: int,
+    samples: int,
+    config: str,
+    fresh: int = 1000,
+    reach: float = REACH,
+    wrong: Disturbance = UNDISTURBED,
 ) -> BenchTrial:
-    """A rig on a bench, calibrated as the command does it, and tried on other motions."""
+    """A rig on a bench, calibrated as the command does it, and tried on other motions.
+
+    wrong: what disturbs the calibration; of it the light alone disturbs the other motions too.
+    """
     settings = facets.load(config)
     rng = np.random.default_rng(seed)
     real = drawn_on_bench(settings.sensor, rng)
-    data, _ = moved_on_bench(real, samples, rng, np.array([reach, reach, *BOX[2:]]))
+    if wrong.light is not None:
+        real = real._replace(bench=wrong.light(real.bench))
+    data, _ = moved_on_bench(real, samples, rng, np.array([reach, reach, *BOX[2:]]), wrong)
     start = time.process_time()
     asked = settings.calibrate
     found = verdict(settings.sensor, data, choice_of(settings.sensor, asked), asked)

@@ -60,6 +60,7 @@ class Data(NamedTuple):
     seat: (n,) which seating of the mirror; thirds: (n,) of a turn, by which it was put.
     noise: (n, 9) standard deviations of the readings, which then follow no unknown.
     slow: (n, 5) what the laser's power may follow over the run.
+    number: (n,) of the table's row, from 1; of the stand, where rows were averaged.
     """
 
     raw: Floats
@@ -72,6 +73,7 @@ class Data(NamedTuple):
     thirds: NDArray[np.int64] | None = None
     noise: Floats | None = None
     slow: Floats | None = None
+    number: NDArray[np.int64] | None = None
 
     def part(self, rows: NDArray[np.bool_] | NDArray[np.int64] | slice) -> Data:
         kept = {

@@ -22,6 +22,8 @@ from ..model.kinds import lit_kind
 from .bundle_adjustment import Data, Linear, Normal, deviations, eliminated, linear, own_sigma
 from .fit import NORMAL_MEDIAN, Fit, fit, prior_information
 from .laser import steadied
+from .outliers import LEAST_WEIGHT, without_outliers
+from .scatter import NOTHING, Scatter, explained
 from .spline import SPLINE
 from .table import bends
 from .unknowns import DELAY, OF_DRIFT, PLACE, SKEW, Choice, assigned, values_of
@@ -203,6 +205,7 @@ def sums(sensor: Sensor, data: Data, found: Fit, chosen: Choice) -> Sums:
     data = data._replace(noise=deviations(sensor, data))
     there, own = linear(at, data, found.open, values, chosen), own_sigma(data, chosen)
     weights, parts = np.sqrt(found.weights), list[Normal]()
+    weights[found.weights < LEAST_WEIGHT] = 0.0  # else what jumps decides, by the size of its jump
     for n in range(FOLDS):
         rows = slice(n, None, FOLDS)
         part = Linear(there.residual[rows], there.common[rows], there.own[rows])
@@ -319,13 +322,18 @@ def judged(
 @dataclass(frozen=True)
 class Search:
     """sensor: from which the last fit began.  plain: the fit without candidates.  found: with what
-    was taken.  error: the plain fit's cross-validated one.  rows: what became of each candidate."""
+    was taken.  error: the plain fit's cross-validated one.  rows: what became of each candidate.
+    data: what was fitted in the end.  outliers: rows that were taken out.  scatter: what scatters.
+    """
 
     sensor: Sensor
     plain: Fit
     found: Fit
     error: float
     rows: list[Row]
+    data: Data
+    outliers: list[int]
+    scatter: Scatter
 
 
 ASKED = "asked for"
@@ -337,12 +345,15 @@ CLEAR = 0.1
 class Searcher:
     """Takes candidates, those that bring most first, and fits again."""
 
-    def __init__(self, sensor: Sensor, data: Data, settings: Calibrate, plain: Fit) -> None:
+    def __init__(
+        self, sensor: Sensor, data: Data, settings: Calibrate, plain: Fit, outliers: list[int]
+    ) -> None:
         self.sensor, self.data, self.settings = sensor, data, settings
         self.plain = self.found = plain
         self.every = candidates(sensor, data, settings)
         self.rows: dict[str, Row] = {}
         self.refused: set[str] = set()
+        self.outliers, self.scatter = outliers, NOTHING
         for one in self.every:
             if one.sigma and set(one.sigma) <= set(plain.choice.names):
                 why = "without it no fit settles"
@@ -439,28 +450,31 @@ class Searcher:
         start = self.found
         self.found = fit(self.sensor, self.data, start.choice, self.settings.outliers, start)
 
-    def move_beam(self) -> None:
-        """Gives each sample a beam of its own where chi-square stays beyond chance without."""
-        for one in (one for one in self.every if one.beam and one.key not in self.taken()):
-            before = self.found
-            if beyond_chance(before) < BEAM_MISFIT:
-                row = Row(one.key, one.words, 0, 0.0, np.nan, False, "nothing is left to explain")
-                self.rows[one.key] = row
-                return
-            row = Row(one.key, one.words, 2 * len(self.data.raw), 0.0, np.nan, True,
-                      "the data call for it")  # fmt: skip
-            sensor = self.sensor
-            if not self.take([one], [row]):
-                return
-            fall = before.loss - self.found.loss
-            if self.found.reduced - 1 > (before.reduced - 1) / 2:
-                self.sensor, self.found = sensor, before
-                row = row._replace(taken=False, why="explains too little")
-            self.rows[one.key] = row._replace(fall=fall)
+    def screen(self) -> None:
+        """Takes out samples that jump by less than what was missed before was large."""
+        robust, gone = self.settings.outliers, self.outliers
+        self.data, self.found, more = without_outliers(
+            self.sensor, self.data, self.found, robust, len(gone)
+        )
+        if more:
+            self.outliers = sorted([*gone, *more])
+            self.refused.clear()
+            self.run()
 
-
-#: By how much chi-square for each degree of freedom is above 1, for a moving beam to be tried.
-BEAM_MISFIT = 0.1
+    def explain_scatter(self) -> None:
+        """Takes what scatters from sample to sample for what is likeliest, and fits with that."""
+        moving = [one for one in self.every if one.beam]
+        before = self.found
+        self.data, self.found, self.scatter = explained(
+            self.sensor, self.data, before, self.settings.outliers, bool(moving)
+        )
+        for one in (one for one in moving if one.key not in self.taken()):
+            taken, why = "beam" in self.scatter.causes, "nothing is left to explain"
+            if self.scatter.causes:
+                why = "the data call for it" if taken else "something else is likelier"
+            row = Row(one.key, one.words, 2 * len(self.data.raw) * taken,
+                      before.loss - self.found.loss if taken else 0.0, np.nan, taken, why)  # fmt: skip
+            self.rows[one.key] = row
 
 
 def beyond_chance(found: Fit) -> float:
@@ -497,20 +511,27 @@ def promised(sensor: Sensor, data: Data, settings: Calibrate, plain: Fit) -> flo
     return max(after) / max(float((plain.weights == 1).sum()), 1.0)
 
 
-def search(sensor: Sensor, data: Data, settings: Calibrate, plain: Fit) -> Search:
-    """From the plain fit to the one with all that the data or the keys call for."""
+def search(
+    sensor: Sensor, data: Data, settings: Calibrate, plain: Fit, outliers: list[int] | None = None
+) -> Search:
+    """From the plain fit to the one with all that the data or the keys call for.
+
+    outliers: rows that were taken out before.
+    """
     whole = sums(sensor, data, plain, plain.choice)
     left = expected(whole, plain.choice.names)[1]
-    searcher = Searcher(sensor, blurred(sensor, data, plain), settings, plain)
+    searcher = Searcher(sensor, blurred(sensor, data, plain), settings, plain, outliers or [])
     searcher.ask()
     searcher.run()
     if searcher.data is not data:
         searcher.sharpen(data)
         searcher.run()
-    searcher.move_beam()
+    searcher.screen()
+    searcher.explain_scatter()
     searcher.finish()
     order = [one.key for one in searcher.every]
     rows = sorted(searcher.rows.values(), key=lambda row: order.index(row.key))
     rows += untold(searcher.every, settings)
     error = error_of(left, plain)
-    return Search(searcher.sensor, plain, searcher.found, error, rows)
+    return Search(searcher.sensor, plain, searcher.found, error, rows, searcher.data,
+                  searcher.outliers, searcher.scatter)  # fmt: skip

@@ -14,9 +14,10 @@ import numpy as np
 
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from .bundle_adjustment import OWN_UNITS, Data, eliminated, own_sigma
-from .fit import NORMAL_MEDIAN, Fit, Guess, Task, fit, huber
-from .unknowns import PLACE, POWER_DRIFT, Choice, block
+from .bundle_adjustment import OWN_UNITS, Data
+from .fit import NORMAL_MEDIAN, Fit, Task, fit, huber
+from .scatter import NAMES, Likelihood, known_before
+from .unknowns import PLACE, POWER_DRIFT, block
 
 #: Jitters that are tried, shares from sample to sample; one beyond the last stays free.
 JITTERS = np.geomspace(5e-5, 0.02, 14)
@@ -68,22 +69,17 @@ def drifting(data: Data, found: Fit) -> Fit:
 def likely_jitter(sensor: Sensor, data: Data, start: Fit, robust: float | None) -> float | None:
     """The largest jitter that is about as likely as the likeliest; None beyond all of `JITTERS`."""
     task = Task(sensor, data, start.choice, robust)
-    at = task.guess(start.every, start.open)
-    unlikely = unlikelihoods(task, at, start.choice)
+    unlikely = unlikelihoods(task, start)
     good = np.flatnonzero(unlikely < unlikely.min() + LIKELY)
     return None if good[-1] == len(JITTERS) - 1 else float(JITTERS[good[-1]])
 
 
-def unlikelihoods(task: Task, at: Guess, choice: Choice) -> Floats:
-    """-2 log L of each of `JITTERS`, but for a constant, by the model linearised there."""
-    found, weights, _ = task.linearised(at, task.limit(at))
+def unlikelihoods(task: Task, start: Fit) -> Floats:
+    """-2 log L of each of `JITTERS`, but for a constant, by the model linearised at a fit."""
+    like, known = Likelihood(task, start), known_before(task.data, task.choice)
+    known[7:] = (task.choice.beam / OWN_UNITS[7]) ** 2
     out = np.empty(len(JITTERS))
     for n, jitter in enumerate(JITTERS.tolist()):
-        own = own_sigma(task.data, replace(choice, power=jitter))
-        normal = eliminated(found, weights, at.opening, own)
-        matrix, side = task.whole(at, normal)
-        fall = float(side @ np.linalg.solve(matrix, side))
-        inner = np.linalg.slogdet(normal.inner)[1].sum()
-        before = len(at.opening) * np.log((OWN_UNITS[6] / jitter) ** 2)
-        out[n] = normal.level - fall + np.linalg.slogdet(matrix)[1] + inner - before
+        known[6] = (jitter / OWN_UNITS[6]) ** 2
+        out[n] = like.reduced(known, np.zeros(len(NAMES))).unlikely
     return out

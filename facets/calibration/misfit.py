@@ -18,15 +18,23 @@ from ..detectors.calibrated import MISFIT
 from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, deviations, light_of
 from .candidates import beyond_chance
-from .fit import Fit
+from .fit import NORMAL_MEDIAN, Fit
+from .outliers import MOST_SHARE
+from .scatter import (
+    PLACE_HOLDS,
+    PLACES,
+    POWER_HOLDS,
+    POWERS,
+    Scatter,
+    Shape,
+    doubtful,
+)
 from .spline import spline_error
 from .unknowns import MOUNTING, values_of
 
 KINDS = ("psi", "zeta", "power")
 #: The residuals' spread, over the noise, beyond which nothing may be built on a fit.
 WORST = 3.0
-#: The share of samples with an outlier beyond which they are no outliers.
-SPIKES = 0.1
 #: How far from where it was thought to be, in standard uncertainties, no honest tolerance lets an
 #: unknown be.
 FAR = 8.0
@@ -159,11 +167,13 @@ def cause_of(one: Pattern) -> str:
 # ---- findings
 
 
-def findings(sensor: Sensor, found: Fit, data: Data) -> list[Finding]:
+def findings(
+    sensor: Sensor, found: Fit, data: Data, scatter: Scatter, shape: Shape
+) -> list[Finding]:
     """All that is to be said of a fit that has settled, what forbids its use first."""
     every = [chi_square(found, data), spikes(found), *pulls(sensor, found)]
     every += [sentence(one) for one in patterns(found, data)[:3]]
-    every += [moving_power(found, data), moving_beam(found)]
+    every += [scattering(scatter), shaped(shape), moving_power(found, data)]
     return sorted((one for one in every if one), key=lambda one: not one.bad)
 
 
@@ -194,7 +204,7 @@ def spikes(found: Fit) -> Finding | None:
         return None
     share = beyond / total
     words = f"{count} of {total} samples hold an outlier ({chance:.0f} would by chance)"
-    if share > SPIKES:
+    if share > MOST_SHARE:
         return Finding(True, (
             f"{words}: these are no spikes but a misfit of the model or a noise that is larger "
             "than the configuration says; find its cause before you use the result."
@@ -228,42 +238,106 @@ def sentence(one: Pattern) -> Finding:
 
 
 def moving_power(found: Fit, data: Data) -> Finding | None:
-    spread = float(np.std(light_of(data, found.open, found.every)))
+    light = light_of(data, found.open, found.every)
+    spread = NORMAL_MEDIAN * float(np.median(np.abs(light - np.median(light))))
     if spread < 2e-3:
         return None
     return Finding(False, (
-        f"The laser's power changed by {100 * spread:.2g} % (r.m.s.) during the motion; each "
-        "sample had its own, so nothing is lost. Solve with solve.power: unknown, or a prior."
+        f"The laser's power changed by {100 * spread:.2g} % (r.m.s.) during the motion. The fit "
+        "follows its slow drift; what jitters from sample to sample makes x and y less certain, as "
+        "is stated. Solve with solve.power: unknown, or a prior."
     ))  # fmt: skip
 
 
-def moving_beam(found: Fit) -> Finding | None:
-    if not found.choice.beam:
+#: The names of `CAUSES` in a sentence.
+SHORT = {
+    "reference": "the reference, or a mirror that vibrates against it",
+    "beam": "a beam that moves",
+    "detectors": "the detectors",
+}
+
+
+def scattering(scatter: Scatter) -> Finding | None:
+    """What scatters from sample to sample, and what else it could be."""
+    if not scatter.causes:
         return None
-    spread = 1e3 * np.sqrt((found.open[:, 7:] ** 2).mean(axis=0))
+    causes = {"reference": of_reference, "beam": of_beam, "detectors": of_detectors}
+    words = "; and ".join(causes[key](scatter) for key in scatter.causes)
+    others = " or ".join(SHORT[key] for key in scatter.others)
+    rest = f" It could be {others} as well: these samples cannot tell." if others else ""
     return Finding(False, (
-        f"The beam moved by {spread[0]:.2g} um in x and {spread[1]:.2g} um in y (r.m.s.) from "
-        "sample to sample. Solve with solve.beam: prior and this as beam_sigma_um, or free; poses "
-        "with the beam taken as known are wrong by as much."
+        "The samples scatter by more than the stated noise. The likeliest cause: "
+        f"{words}.{rest} The fit has this scatter in it, and so have the stated uncertainties of "
+        "its parameters."
     ))  # fmt: skip
+
+
+def of_reference(scatter: Scatter) -> str:
+    places, angles = scatter.sizes[:3] * 1e3, scatter.sizes[3:6] * 1e6
+    told = ", ".join(f"{size:.2g}" for size in places)
+    turns = ", ".join(f"{size:.2g}" for size in angles)
+    return (
+        f"the reference errs by a further {told} um in tx, ty, tz and {turns} urad in roll, pitch, "
+        "yaw (r.m.s.) beside what calibrate.reference says, or the mirror vibrates against it by "
+        "as much"
+    )
+
+
+def of_beam(scatter: Scatter) -> str:
+    return (
+        f"the beam moved by {1e3 * scatter.of('beam'):.2g} um (r.m.s.) from sample to sample; if it "
+        "moves as much when poses are measured, say so with solve.beam: prior and this as "
+        "beam_sigma_um, since x and y err by as much where the beam is taken as known"
+    )
+
+
+def of_detectors(scatter: Scatter) -> str:
+    places, powers = (float(np.hypot(1.0, scatter.of(name))) for name in (PLACES, POWERS))
+    return (
+        f"the detectors' noise is {places:.3g} times the stated one in places and {powers:.3g} "
+        "times in powers; measure it with facets noise"
+    )
+
+
+#: The chance of a shape in the powers below which it is told; how large it must be beside what the
+#: model of real light holds itself.
+SHAPE, SHAPE_HOLDS = 1e-6, 2.0
+
+
+def shaped(shape: Shape) -> Finding | None:
+    """Powers that follow the mirror's x and y in a way that the model does not know."""
+    if shape.chance > SHAPE or shape.size < SHAPE_HOLDS * POWER_HOLDS:
+        return None
+    return Finding(True, (
+        "The powers follow the mirror's x and y in a way that no unknown explains (by "
+        f"{100 * shape.size:.2g} % of a power, r.m.s.; chi-square falls by {shape.fall:.0f} with "
+        f"{shape.count} polynomials): the light's cross-section is not that of the model. Perhaps "
+        "the beam is not Gaussian (other modes, a second reflex, fringes) or the mirror's tip is "
+        "chipped. x and y may be off by several times what is stated; look at the beam with a "
+        "camera, clean it with a pinhole or a fibre."
+    ))  # fmt: skip
+
+
+def excluded(rows: list[int], total: int, kind: str) -> list[Finding]:
+    """Samples that were taken out.  kind: what their numbers count."""
+    if not rows:
+        return []
+    listed = ", ".join(str(row) for row in rows[:LISTED])
+    more = f" and {len(rows) - LISTED} more" if len(rows) > LISTED else ""
+    return [Finding(False, (
+        f"{len(rows)} of {total} samples hold an outlier that no noise makes and were excluded "
+        f"({kind} {listed}{more}): look at cables, dust, shutters and the reference there."
+    ))]  # fmt: skip
+
+
+#: How many rows a sentence lists.
+LISTED = 12
 
 
 # ---- what the model misses becomes part of the uncertainty
 
 
-#: Standard deviations of chi-square from which on what the model misses widens the uncertainty;
-#: told as a misfit from twice that on.
-DOUBT = 2.0
-#: How well the model of real light holds itself, against rays and propagated fields: of a place,
-#: mm, and of a power, a share. No residual shows it where the unknowns take it up.
-PLACE_HOLDS, POWER_HOLDS = 2e-4, 5e-5
-
-
-def doubtful(found: Fit) -> bool:
-    return bool(found.reduced - 1 > DOUBT * np.sqrt(2 / max(found.freedom, 1.0)))
-
-
-def model_error(found: Fit, data: Data, sensor: Sensor) -> dict[str, float]:
+def model_error(found: Fit, data: Data, sensor: Sensor, scatter: Scatter) -> dict[str, float]:
     """Standard deviations of what the model misses, by `MISFIT`, mm and mW; none within chance
     where the light is ideal.
 
@@ -271,12 +345,15 @@ def model_error(found: Fit, data: Data, sensor: Sensor) -> dict[str, float]:
     misses changes smoothly from pose to pose: what is seen is put up by the share of noise that
     stays in the residuals once more.
     """
-    missed = np.zeros(9)
+    sigma = np.nanmedian(deviations(sensor, data), axis=0)
+    more = np.array([scatter.of(PLACES), scatter.of(PLACES), scatter.of(POWERS)] * 3)
+    missed = sigma * more / np.hypot(1.0, more)  # what the detectors scatter beside their noise
     if doubtful(found):
         sizes = by_reading(found, data)
         share = float(found.redundancy[np.isfinite(data.raw)].mean())
-        sigma = np.nanmedian(deviations(sensor, data), axis=0)
-        missed = sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(share, 0.1))
+        missed = np.hypot(
+            missed, sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(share, 0.1))
+        )
     if any(name in EFFECTS for name in found.choice.names):
         holds = np.full(9, PLACE_HOLDS)
         holds[2::3] = POWER_HOLDS * np.nanmedian(data.raw[:, 2::3], axis=0)

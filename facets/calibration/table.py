@@ -120,6 +120,7 @@ def gathered(path: Path, columns: dict[str, Floats], settings: Calibrate) -> Dat
         clock=clock(columns, good),
         seat=seat,
         thirds=thirds,
+        number=np.flatnonzero(good) + 1,
     )
 
 

@@ -20,8 +20,10 @@ from .candidates import Search, beyond_chance, promised, search, tried_kinds
 from .fit import Fit, fit
 from .hypotheses import explanation
 from .laser import steadied
-from .misfit import Finding, findings, model_error, pulls, widened
+from .misfit import Finding, excluded, findings, model_error, pulls, widened
+from .outliers import numbers, without_outliers
 from .samples import averaged, distinct, faults, inside
+from .scatter import shape_of_powers
 from .small_matrices import one_thread
 from .table import split
 from .unknowns import DELAY, Choice
@@ -69,54 +71,156 @@ class Verdict:
 
 @one_thread
 def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> Verdict:
-    """Fits, tries, judges.  Raises `InputError` where there is too little to fit."""
+    """Screens, fits, explains, extends, validates.  Raises `InputError` where there is too little
+    to fit."""
+    screened = screen(sensor, data, settings)
+    if screened.refused:
+        return screened.verdict()
+    plain = plain_fit(sensor, screened, chosen, settings)
+    told = explain(sensor, plain, chosen, settings)
+    if told:
+        return plain.verdict(told)
+    done = extend(sensor, plain, settings)
+    told = doubt(sensor, plain, done, chosen)
+    if told:
+        return plain.verdict(told, done)
+    return validate(sensor, plain, done, settings)
+
+
+# ---- screen: the table alone
+
+
+@dataclass(frozen=True)
+class Screened:
+    """fitted, held: the samples.  findings: of a look at the table.  kind: what a sample is."""
+
+    fitted: Data
+    held: Data
+    findings: list[Finding]
+    kind: str
+
+    @property
+    def refused(self) -> bool:
+        return any(one.bad for one in self.findings)
+
+    def verdict(self) -> Verdict:
+        return Verdict(self.fitted, self.held, None, None, None, None, self.findings)
+
+
+def screen(sensor: Sensor, data: Data, settings: Calibrate) -> Screened:
+    """Looks at the columns, leaves out what lies over an edge, and holds samples back."""
+    kind = "rows" if data.noise is None else "stands"
     early = faults(sensor, data)
     whole, lost = inside(sensor, distinct(data))
     early += lost
     if len(whole.raw) < LEAST:
         early.insert(0, Finding(True, f"{len(whole.raw)} samples are left: too few."))
-        return Verdict(whole, whole.part(slice(0)), None, None, None, None, early)
-    fitted, held = split(averaged(sensor, over_the_run(whole)), settings.held_back)
-    if any(one.bad for one in early):
-        return Verdict(fitted, held, None, None, None, None, early)
+        return Screened(whole, whole.part(slice(0)), early, kind)
+    averages = averaged(sensor, over_the_run(numbered(whole)))
+    fitted, held = split(averages, settings.held_back)
+    return Screened(fitted, held, early, kind)
+
+
+def numbered(data: Data) -> Data:
+    return data._replace(number=numbers(data))
+
+
+# ---- fit: without effects of light and without outliers
+
+
+@dataclass(frozen=True)
+class Plain:
+    """screened: the samples.  data: those that were fitted.  found: the fit.  outliers: rows that
+    were taken out.  hopeless: whether it is so bad that faults of the data are looked for.
+    promising: whether effects of light promise to explain it."""
+
+    screened: Screened
+    data: Data
+    found: Fit
+    outliers: list[int]
+    hopeless: bool
+    promising: bool
+
+    def verdict(self, told: list[Finding], done: Search | None = None) -> Verdict:
+        """One that is not to be trusted."""
+        said = [*told, *self.screened.findings]
+        found, data = (self.found, self.data) if done is None else (done.found, done.data)
+        return Verdict(data, self.screened.held, found, done, None, None, said)
+
+
+def plain_fit(sensor: Sensor, screened: Screened, chosen: Choice, settings: Calibrate) -> Plain:
+    """Also with a reference that is late, where that may be."""
+    robust = settings.outliers
     compile_for(sensor, "readings", "derivatives", "slopes", kinds=tried_kinds(sensor, settings))
-    plain = fit(sensor, fitted, chosen, settings.outliers)
-    if fitted.velocity is not None and suspicious(sensor, plain):
-        late = fit(sensor, fitted, chosen.and_also({DELAY: LATE}), settings.outliers)
-        hopeless = suspicious(sensor, late)
-        plain = plain if hopeless or plain.ended else late
-    else:
-        hopeless = suspicious(sensor, plain)
-    astray = [] if plain.ended else pulls(sensor, plain, ASTRAY)
+
+    def fitted(choice: Choice) -> tuple[Data, Fit, list[int]]:
+        found = fit(sensor, screened.fitted, choice, robust)
+        return without_outliers(sensor, screened.fitted, found, robust)
+
+    data, found, gone = fitted(chosen)
+    hopeless = suspicious(sensor, found)
+    if screened.fitted.velocity is not None and hopeless:
+        late = fitted(chosen.and_also({DELAY: LATE}))
+        hopeless = suspicious(sensor, late[1])
+        if not (hopeless or found.ended):
+            data, found, gone = late
     promising = (
         hopeless
-        and plain.ended
-        and plain.reduced < LIGHT
-        and promised(sensor, fitted, settings, plain) < PROMISING
+        and found.ended
+        and found.reduced < LIGHT
+        and promised(sensor, data, settings, found) < PROMISING
     )
-    if hopeless and not promising and (told := explanation(sensor, fitted, chosen)):
-        return Verdict(fitted, held, plain, None, None, None, [told.finding, *early])
-    if hopeless and astray:  # at a sensor that can not be, no effect of light can be told
-        said = [unsettled(plain), *astray, *early]
-        return Verdict(fitted, held, plain, None, None, None, said)
-    plain = steadied(sensor, fitted, plain, settings.outliers)
-    done = search(sensor, fitted, settings, plain)
-    found = done.found
-    if promising and suspicious(done.sensor, found) and (
-        told := explanation(sensor, fitted, chosen)
+    return Plain(screened, data, found, gone, hopeless, promising)
+
+
+# ---- explain: faults of the data
+
+
+def explain(sensor: Sensor, plain: Plain, chosen: Choice, settings: Calibrate) -> list[Finding]:
+    """A fault of the data that explains a bad fit, or that nothing can be built on it."""
+    if not plain.hopeless:
+        return []
+    if not plain.promising and (told := explanation(sensor, plain.data, chosen)):
+        return [told.finding]
+    astray = [] if plain.found.ended else pulls(sensor, plain.found, ASTRAY)
+    return [unsettled(plain.found), *astray] if astray else []
+
+
+# ---- extend: with the effects that the data call for
+
+
+def extend(sensor: Sensor, plain: Plain, settings: Calibrate) -> Search:
+    steady = steadied(sensor, plain.data, plain.found, settings.outliers)
+    return search(sensor, plain.data, settings, steady, plain.outliers)
+
+
+def doubt(sensor: Sensor, plain: Plain, done: Search, chosen: Choice) -> list[Finding]:
+    """A fault of the data that effects of light only promised to explain, or a fit without end."""
+    if plain.promising and suspicious(done.sensor, done.found) and (
+        told := explanation(sensor, plain.data, chosen)
     ):  # fmt: skip
-        return Verdict(fitted, held, plain, None, None, None, [told.finding, *early])
-    if not found.ended:
-        said = [unsettled(found), *pulls(sensor, found), *early]
-        return Verdict(fitted, held, found, done, None, None, said)
-    said = [*findings(done.sensor, found, fitted), *early]
-    made = widened(found.sensor, found, model_error(found, fitted, done.sensor))
+        return [told.finding]
+    if not done.found.ended:
+        return [unsettled(done.found), *pulls(sensor, done.found)]
+    return []
+
+
+# ---- validate: on samples held back
+
+
+def validate(sensor: Sensor, plain: Plain, done: Search, settings: Calibrate) -> Verdict:
+    found, data, held = done.found, done.data, plain.screened.held
+    shape = shape_of_powers(done.sensor, data, found, settings.outliers)
+    said = excluded(done.outliers, len(plain.screened.fitted.raw), plain.screened.kind)
+    said += [*findings(done.sensor, found, data, done.scatter, shape), *plain.screened.findings]
+    missed = model_error(found, data, done.sensor, done.scatter)
+    made = widened(found.sensor, found, missed)
     known = replace(found, sensor=made)
-    errors = validation(sensor, known, held if len(held.raw) else fitted)
+    held = held._replace(sigma=data.sigma) if len(held.raw) else data
+    errors = validation(sensor, known, held)
     said += tried(errors)
-    return Verdict(
-        fitted, held, known, done, made, errors, sorted(said, key=lambda one: not one.bad)
-    )
+    said.sort(key=lambda one: not one.bad)
+    return Verdict(data, held, known, done, made, errors, said)
 
 
 def unsettled(found: Fit) -> Finding:

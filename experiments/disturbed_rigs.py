@@ -1,0 +1,344 @@
+"""Calibrations of rigs that are disturbed in a way that no model of a calibration knows.
+
+    python -m facets.experiments.disturbed_rigs [--only outliers] [--draws 1] [--samples 500]
+                                                [--config paper]
+
+Each rig has the light of a real bench, read by rays (`bench_rays`), and one thing wrong: readings
+that jump, a reference with faults, a beam or a mirror that does not stand still, light that is not
+Gaussian, columns that are exchanged. It is calibrated as `facets calibrate` does it, and tried on
+other motions. For each: whether the result is trusted; the r.m.s. error of solved poses over that
+of a rig that is known perfectly, the worse of x and y and the worst of the other axes, the beam
+known; the share of 95 % intervals that held; what was said.
+
+A result is wrong where it is trusted and its intervals hold less than 90 %, in x and y or in the
+other axes. A fault is named where one of the words is said that stand beside its name here.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from facets.core.units import Floats
+
+from .bench_rays import Bench
+from .rigs import REFERENCE, BenchTrial, Disturbance, Rng, tried_on_bench
+
+
+class Case(NamedTuple):
+    """group: its kind.  name: what is wrong.  words: of which one names it, if it has to be."""
+
+    group: str
+    name: str
+    wrong: Disturbance
+    words: tuple[str, ...] = ()
+
+
+# ---- readings that jump
+
+OUTLIERS = ("outlier",)
+
+
+def jumps(share: float, size: float, kind: str) -> Callable[[Floats, Floats, Rng], Floats]:
+    """Readings that are off by `size` standard deviations, in a share of the rows.
+
+    kind: "rows", all nine of a row; "single", one of the nine; "bursts", rows that follow each
+    other; "detector", the three of detector B.
+    """
+
+    def spoilt(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+        count = max(1, round(share * len(raw)))
+        if kind == "bursts":
+            start = rng.integers(0, len(raw) - count)
+            rows = np.arange(start, start + count)
+        else:
+            rows = rng.choice(len(raw), count, replace=False)
+        off = np.zeros((count, 9))
+        if kind == "single":
+            off[np.arange(count), rng.integers(0, 9, count)] = 1.0
+        elif kind == "detector":
+            off[:, 3:6] = 1.0
+        else:
+            off[:] = 1.0
+        if kind == "bursts":  # the same for all of it
+            off *= rng.choice([-1, 1], 9)
+        else:
+            off *= rng.choice([-1, 1], off.shape)
+        out = raw.copy()
+        out[rows] += size * off * sigma[rows]
+        return out
+
+    return spoilt
+
+
+def outliers() -> list[Case]:
+    every = [(0.002, 1000, "single"), (0.002, 30, "rows"), (0.01, 10, "rows"), (0.01, 100, "rows"),
+             (0.01, 1000, "rows"), (0.01, 1000, "bursts"), (0.02, 100, "single"),
+             (0.03, 30, "detector"), (0.05, 3, "rows"), (0.05, 10, "single"), (0.05, 100, "bursts"),
+             (0.05, 30, "rows"), (0.05, 1000, "single"), (0.05, 1000, "detector")]  # fmt: skip
+    return [
+        Case("outliers", f"{100 * share:g} %, {size} sigma, {kind}",
+             Disturbance(readings=jumps(share, size, kind)), OUTLIERS if size > 12 else ())
+        for share, size, kind in every
+    ]  # fmt: skip
+
+
+# ---- what scatters, or follows the motion
+
+
+def scatter(size: Floats) -> Callable[[Floats, Rng], Floats]:
+    def moved(pose: Floats, rng: Rng) -> Floats:
+        off: Floats = size * rng.standard_normal(pose.shape)
+        return pose + off
+
+    return moved
+
+
+def steps(size: Floats) -> Callable[[Floats, Rng], Floats]:
+    def rounded(said: Floats, rng: Rng) -> Floats:
+        out: Floats = np.where(size > 0, size * np.round(said / np.maximum(size, 1e-12)), said)
+        return out
+
+    return rounded
+
+
+def backlash(size: Floats) -> Callable[[Floats, Rng], Floats]:
+    """The mirror lags behind by half of it, in the direction of each axis's last step."""
+
+    def lagging(pose: Floats, rng: Rng) -> Floats:
+        last = np.sign(np.diff(pose, axis=0, prepend=pose[:1] - 1))
+        lag: Floats = size * last
+        return pose - lag
+
+    return lagging
+
+
+def wander(size: float) -> Callable[[int, Rng], Floats]:
+    """A beam that walks, `size` mm r.m.s. in the end."""
+
+    def walked(count: int, rng: Rng) -> Floats:
+        way = np.cumsum(rng.standard_normal((count, 2)), axis=0)
+        out: Floats = size * (way - way.mean(axis=0)) / way.std(axis=0)
+        return out
+
+    return walked
+
+
+def tremble(size: float) -> Callable[[int, Rng], Floats]:
+    def shaken(count: int, rng: Rng) -> Floats:
+        out: Floats = size * rng.standard_normal((count, 2))
+        return out
+
+    return shaken
+
+
+def unsteady(size: float) -> Callable[[int, Rng], Floats]:
+    def jittering(count: int, rng: Rng) -> Floats:
+        out: Floats = 1 + size * rng.standard_normal(count)
+        return out
+
+    return jittering
+
+
+def only(places: float, angles: float = 0.0) -> Floats:
+    return np.array([places] * 3 + [angles] * 3)
+
+
+def moving() -> list[Case]:
+    told = np.maximum(REFERENCE, only(1.5e-3))
+    of_reference = ("reference errs", "vibrates")
+    return [
+        Case("moving", "vibration 0.3 um", Disturbance(mirror=scatter(only(3e-4))), of_reference),
+        Case("moving", "vibration 1 um, 3 urad", Disturbance(mirror=scatter(only(1e-3, 3e-6))),
+             of_reference),
+        Case("moving", "reference in steps of 1 um", Disturbance(reference=steps(only(1e-3))),
+             of_reference),
+        Case("moving", "reference in steps of 1 um, 5 urad",
+             Disturbance(reference=steps(only(1e-3, 5e-6))), of_reference),
+        Case("moving", "backlash 1.5 um, not told", Disturbance(mirror=backlash(only(1.5e-3))),
+             ("backlash",)),
+        Case("moving", "backlash 1.5 um, told",
+             Disturbance(mirror=backlash(only(1.5e-3)), told=told), ("backlash",)),
+        Case("moving", "backlash 0.5 um", Disturbance(mirror=backlash(only(5e-4))), ("backlash",)),
+        Case("moving", "beam walks 2.5 um", Disturbance(beam=wander(2.5e-3)), ("beam moved",)),
+        Case("moving", "beam trembles 0.5 um", Disturbance(beam=tremble(5e-4)), ("beam moved",)),
+        Case("moving", "power jitters 1 %", Disturbance(power=unsteady(0.01)), ("power changed",)),
+        Case("moving", "beam 2.5 um and power 1 %",
+             Disturbance(beam=wander(2.5e-3), power=unsteady(0.01)), ("beam moved",)),
+    ]  # fmt: skip
+
+
+# ---- light that the model does not have
+
+
+def profile(factor: Callable[[Floats, Floats], Floats]) -> Disturbance:
+    def of(place: Floats) -> Floats:
+        return factor(place[..., 0], place[..., 1])
+
+    return Disturbance(light=lambda bench: bench._replace(profile=of))
+
+
+def ghost(share: float) -> Callable[[Floats, Floats], Floats]:
+    """A second beam, a share of the first, 1.5 and -1 standard deviations beside it."""
+
+    def factor(x: Floats, y: Floats) -> Floats:
+        out: Floats = 1 - share + share * np.exp(1.5 * x - y - (1.5**2 + 1) / 2)
+        return out
+
+    return factor
+
+
+def chipped(bench: Bench) -> Bench:
+    return bench._replace(chip=0.03)
+
+
+def light() -> list[Case]:
+    shape = ("not that of the model",)
+    return [
+        Case("light", "3 % LG10",
+             profile(lambda x, y: 0.97 + 0.03 * (1 - (x * x + y * y) / 2) ** 2), shape),
+        Case("light", "2 % HG10", profile(lambda x, y: 0.98 + 0.02 * x * x), shape),
+        Case("light", "1 % HG10", profile(lambda x, y: 0.99 + 0.01 * x * x)),
+        Case("light", "fringes of 1 %, 0.3 mm",
+             profile(lambda x, y: 1 + 0.01 * np.cos(2 * np.pi * 0.2125 * (x + y / 3) / 0.3)),
+             shape),
+        Case("light", "ghost of 0.5 %", profile(ghost(0.005)), shape),
+        Case("light", "ghost of 0.1 %", profile(ghost(0.001))),
+        Case("light", "tip chipped off two facets", Disturbance(light=chipped), shape),
+    ]  # fmt: skip
+
+
+# ---- columns and units
+
+
+def exchange(*pairs: tuple[int, int]) -> Callable[[Floats, Floats, Rng], Floats]:
+    def swapped(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+        out = raw.copy()
+        for a, b in pairs:
+            out[:, [a, b]] = out[:, [b, a]]
+        return out
+
+    return swapped
+
+
+def sign(*columns: int) -> Callable[[Floats, Floats, Rng], Floats]:
+    def turned(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+        out = raw.copy()
+        out[:, columns] *= -1
+        return out
+
+    return turned
+
+
+def columns() -> list[Case]:
+    def of(change: Callable[[Floats, Floats, Rng], Floats]) -> Disturbance:
+        return Disturbance(readings=change)
+
+    def yaw(said: Floats, rng: Rng) -> Floats:
+        said[:, 5] *= -1
+        return said
+
+    def crossed(said: Floats, rng: Rng) -> Floats:
+        said[:, [0, 1]] = said[:, [1, 0]]
+        return said
+
+    return [
+        Case("columns", "sign of psi of A", of(sign(0)), ("sign of psi of detector A",)),
+        Case("columns", "sign of psi of all", of(sign(0, 3, 6)), ("sign of psi of all",)),
+        Case("columns", "sign of zeta of C", of(sign(7)), ("sign of zeta of detector C",)),
+        Case("columns", "powers of A and B", of(exchange((2, 5))),
+             ("powers of detectors A and B are exchanged",)),
+        Case("columns", "psi of B and C", of(exchange((3, 6))),
+             ("psi of detectors B and C are exchanged",)),
+        Case("columns", "zeta of A and C", of(exchange((1, 7))),
+             ("zeta of detectors A and C are exchanged",)),
+        Case("columns", "psi of A and zeta of B", of(exchange((0, 4))),
+             ("psi of detector A and zeta of detector B",)),
+        Case("columns", "detectors A and C", of(exchange((0, 6), (1, 7), (2, 8))),
+             ("detectors A and C are exchanged",)),
+        Case("columns", "sign of yaw", Disturbance(reference=yaw), ("reference's yaw",)),
+        Case("columns", "tx and ty", Disturbance(reference=crossed), ("tx and ty are exchanged",)),
+        Case("columns", "sign of psi of A and of yaw",
+             Disturbance(readings=sign(0), reference=yaw),
+             ("sign of psi of detector A", "two faults")),
+        Case("columns", "sign of psi of B, powers of A and C",
+             of(lambda raw, sigma, rng: exchange((2, 8))(sign(3)(raw, sigma, rng), sigma, rng)),
+             ("sign of psi of detector B", "two faults")),
+    ]  # fmt: skip
+
+
+def cases() -> list[Case]:
+    return [Case("nothing", "nothing", Disturbance()), *outliers(), *moving(), *light(),
+            *columns()]  # fmt: skip
+
+
+# ---- what came of it
+
+
+class Result(NamedTuple):
+    """over, inside: (2,) of x and y, and of the other axes: the worst ratio, the mean share."""
+
+    trusted: bool
+    over: Floats
+    inside: Floats
+    named: bool | None
+    seconds: float
+    words: str
+
+
+def result(case: Case, trial: BenchTrial) -> Result:
+    said = " ".join(one.words for one in trial.verdict.findings)
+    return Result(
+        trial.verdict.trusted,
+        np.array([trial.over[:2].max(), trial.over[2:].max()]),
+        np.array([trial.inside[:2].mean(), trial.inside[2:].mean()]),
+        any(word in said for word in case.words) if case.words else None,
+        trial.seconds,
+        said,
+    )
+
+
+def wrong(one: Result) -> bool:
+    return one.trusted and bool((one.inside < 0.9).any())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", default="", help="groups or names that contain this text")
+    parser.add_argument("--draws", type=int, default=1, help="rigs for each case")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first rig")
+    parser.add_argument("--samples", type=int, default=500)
+    parser.add_argument("--config", default="paper")
+    parser.add_argument("--brief", action="store_true", help="leave out what is said")
+    options = parser.parse_args()
+    print("trusted  x, y  others  95 % held: x, y  others  named  time, s")
+    every = []
+    for case in cases():
+        if options.only not in f"{case.group}: {case.name}":
+            continue
+        for seed in range(options.first, options.first + options.draws):
+            trial = tried_on_bench(seed, options.samples, options.config, wrong=case.wrong)
+            one = result(case, trial)
+            every.append(one)
+            named = {None: "", True: "yes", False: "no"}[one.named]
+            print(
+                f"{'yes' if one.trusted else 'no':7} {one.over[0]:5.2f} {one.over[1]:7.2f} "
+                f"{100 * one.inside[0]:15.0f} {100 * one.inside[1]:7.0f}  {named:5} "
+                f"{one.seconds:7.1f}  {case.name}{'  WRONG' if wrong(one) else ''}", flush=True,
+            )  # fmt: skip
+            if not options.brief:
+                for finding in trial.verdict.findings:
+                    print(f"    {'!' if finding.bad else '-'} {finding.words}", flush=True)
+    asked = [one for one in every if one.named is not None]
+    print(
+        f"{len(every)} calibrations: {sum(one.trusted for one in every)} trusted, "
+        f"{sum(wrong(one) for one in every)} trusted and wrong; "
+        f"{sum(bool(one.named) for one in asked)} of {len(asked)} faults named"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,70 @@
+"""Samples that no noise makes, and that are taken out before anything is decided.
+
+A reading that jumped, a frame that was garbled, a row of another pose: the loss of a fit grows with
+such a residual without a bound (Huber), and so do sums that decide what a fit takes in. So these
+samples go, if they are few. Where they are many, something else is wrong, and all stay.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.sensor import Sensor
+from ..core.units import Floats
+from .bundle_adjustment import Data
+from .fit import NORMAL_MEDIAN, Fit, fit
+
+#: The robust weight below which a reading is none: at 12 standard deviations, with the limit at 3.
+LEAST_WEIGHT = 0.25
+#: The share of samples with an outlier beyond which they are no outliers.
+MOST_SHARE = 0.1
+#: How often samples are taken out: large ones hide others.
+TIMES = 2
+
+
+def wild(found: Fit, data: Data, robust: float | None) -> NDArray[np.bool_]:
+    """Samples (n,) with a reading that is too far off, beside most residuals of its column.
+
+    By column, since a model that misses something of the powers says nothing of the places.
+    """
+    if robust is None:
+        return np.zeros(len(data.raw), dtype=bool)
+    size = np.where(np.isfinite(data.raw), np.abs(found.left), np.nan)
+    scale = np.maximum(1.0, NORMAL_MEDIAN * median(size))
+    with np.errstate(invalid="ignore"):
+        off: NDArray[np.bool_] = (size > robust * scale / LEAST_WEIGHT).any(axis=1)
+    return off
+
+
+def median(values: Floats) -> Floats:
+    """(m,) of columns (n, m), what is not there left out; 0 of an empty column."""
+    there = np.isfinite(values).any(axis=0)
+    found = np.zeros(values.shape[1])
+    found[there] = np.nanmedian(values[:, there], axis=0)
+    return found
+
+
+def numbers(data: Data) -> NDArray[np.int64]:
+    """(n,) the table's rows, from 1."""
+    return np.arange(1, len(data.raw) + 1) if data.number is None else data.number
+
+
+def without_outliers(
+    sensor: Sensor, data: Data, found: Fit, robust: float | None, spent: int = 0
+) -> tuple[Data, Fit, list[int]]:
+    """The samples without outliers, the fit to these, and the rows that were taken out.
+
+    spent: rows that have been taken out before.
+    """
+    gone = list[int]()
+    for _ in range(TIMES):
+        off = wild(found, data, robust)
+        if not off.any() or off.sum() + len(gone) + spent > MOST_SHARE * (len(off) + len(gone)):
+            break
+        gone += numbers(data)[off].tolist()
+        data, start = data.part(~off), replace(found, open=found.open[~off])
+        found = fit(sensor, data, found.choice, robust, start)
+    return data, found, sorted(gone)

@@ -1,0 +1,327 @@
+"""How much of what scatters from sample to sample is whose: by one likelihood for all of it.
+
+A sample errs by the noise of its readings, by what the reference says of its pose, by the beam's
+place and by the laser's power. With the common unknowns x and the prior of these, the readings of
+sample i have the variance
+
+    V_i = D_i + sum_k theta_k z_ik z_ik'
+
+where z_ik are the readings by one of the sample's own unknowns. The likeliest sizes theta are those
+of the residuals once x is free (restricted likelihood); each is multiplied, again and again, by the
+root of what it should be over what it is, (sum (z' P y)^2) / (sum z' P z), which never lowers the
+likelihood and never crosses zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core.names import POSE
+from ..core.sensor import Sensor
+from ..core.units import Floats
+from .bundle_adjustment import OWN_UNITS, Data, deviations, own_sigma
+from .fit import Fit, Task, fit
+from .outliers import LEAST_WEIGHT
+from .unknowns import Choice
+
+#: What may scatter: the reference's six, the laser's power, the beam's two, and the detectors'
+#: readings of places and of powers beside their noise.
+PLACES, POWERS = "places", "powers"
+NAMES = (*POSE, "power", "beam", PLACES, POWERS)
+#: Which of the columns of a sample belongs to which size: the pose, the power, the beam's two
+#: coordinates, six places and three powers.
+OF_COLUMN = np.array([*range(6), 6, 7, 7, *[8] * 6, *[9] * 3])
+#: Causes that are told apart, and what scatters if it is that one. The laser's power always may.
+CAUSES = {"reference": POSE, "beam": ("beam",), "detectors": (PLACES, POWERS)}
+#: What an axis that the reference does not measure may do, in um or urad.
+FREE = 1e4
+#: Steps of the sizes at most, and the change of a size's share of the variance worth another.
+STEPS, ENOUGH = 60, 2e-3
+#: How much less likely than the likeliest, in -2 log L, a cause is that can still not be excluded:
+#: odds of 1 to 20.
+APART = 6.0
+#: By how much -2 log L falls, for one scatter beside another to be told: odds of 1 to 150.
+BESIDE = 10.0
+#: Standard deviations of chi-square from which on it is asked what scatters.
+DOUBT = 2.0
+
+
+class Likelihood:
+    """The readings' likelihood as a function of what scatters, the model linearised at a fit."""
+
+    def __init__(self, task: Task, found: Fit) -> None:
+        at = task.guess(found.every, found.open)
+        part, roots, _ = task.linearised(at, task.limit(at))
+        weights = roots**2
+        good = np.isfinite(task.data.raw) & (weights >= LEAST_WEIGHT)
+        own = part.own * good[:, :, None]
+        self.common = part.common * good[:, :, None]
+        self.left = (part.residual * good) + (own @ (at.opening / OWN_UNITS)[:, :, None])[:, :, 0]
+        self.noise = np.where(good, 1 / np.maximum(weights, LEAST_WEIGHT), 1.0)
+        self.own = own
+        diagonal = np.sqrt(self.noise * good)[:, :, None] * np.eye(9)
+        order = [0, 1, 3, 4, 6, 7, 2, 5, 8]
+        self.columns = np.concatenate([own, diagonal[:, :, order]], axis=2)
+        self.prior = task.prior
+        self.before = (at.values - task.start)[task.choice.places]
+
+    def variance(self, known: Floats, sizes: Floats) -> Floats:
+        """(n, 9, 9) of the readings.  known: (9,) variances of a sample's own unknowns, in
+        `OWN_UNITS`.  sizes: (10,) what is added to them."""
+        whole = sizes[OF_COLUMN]
+        whole[:9] += known
+        scaled = self.columns * whole
+        out: Floats = scaled @ np.swapaxes(self.columns, 1, 2)
+        out[:, range(9), range(9)] += self.noise
+        return out
+
+    def reduced(self, known: Floats, sizes: Floats) -> Reduced:
+        """What is left of the likelihood once the common unknowns are free."""
+        variance = self.variance(known, sizes)
+        inverse = np.linalg.inv(variance)
+        weighted = inverse @ self.common
+        size = self.common.shape[2]
+        matrix = self.common.reshape(-1, size).T @ weighted.reshape(-1, size) + self.prior
+        aim = (inverse @ self.left[:, :, None])[:, :, 0]
+        side = self.common.reshape(-1, size).T @ aim.ravel() - self.prior @ self.before
+        step = np.linalg.solve(matrix, side)
+        level = float((self.left * aim).sum() + self.before @ self.prior @ self.before)
+        unlikely = (
+            np.linalg.slogdet(variance)[1].sum() + np.linalg.slogdet(matrix)[1]
+            + level - side @ step
+        )  # fmt: skip
+        return Reduced(float(unlikely), matrix, inverse, weighted, aim - weighted @ step)
+
+    def shares(self, at: Reduced) -> tuple[Floats, Floats]:
+        """Of each size (10,): what it is by the residuals, and what it should be by the sizes."""
+        seen = (np.swapaxes(self.columns, 1, 2) @ at.pulled[:, :, None])[:, :, 0]
+        square = (seen**2).sum(axis=0)
+        whole = np.einsum("nij,nic->njc", at.inverse, self.columns)
+        due = (whole * self.columns).sum(axis=(0, 1))
+        across = np.swapaxes(at.weighted, 1, 2) @ self.columns
+        flat = across.transpose(1, 0, 2).reshape(across.shape[1], -1)
+        taken = (flat * np.linalg.solve(at.matrix, flat)).sum(axis=0)
+        due -= taken.reshape(-1, self.columns.shape[2]).sum(axis=0)
+        return (np.bincount(OF_COLUMN, square), np.bincount(OF_COLUMN, np.maximum(due, 1e-300)))
+
+    def likeliest(self, known: Floats, names: tuple[str, ...], start: Floats) -> Sizes:
+        """The likeliest sizes of some names, from a start (10,); the others stay there.
+
+        Each step is the multiplication twice, and once more as far again where that is likelier.
+        """
+        free = np.array([name in names for name in NAMES])
+        sizes, at = start.copy(), self.reduced(known, start)
+        for _ in range(STEPS):
+            square, due = self.shares(at)
+            factor = np.where(free, np.sqrt(square / due), 1.0)
+            far = sizes * factor**3
+            there = self.reduced(known, far)
+            if there.unlikely > at.unlikely:
+                far = sizes * factor
+                there = self.reduced(known, far)
+            change = np.abs(far - sizes) * due / len(self.left)
+            sizes, at, fall = far, there, at.unlikely - there.unlikely
+            if change.max() < ENOUGH and fall < 0.05:
+                break
+        return Sizes(at.unlikely, sizes)
+
+
+class Reduced(NamedTuple):
+    """unlikely: -2 log L, but for a constant.  matrix: of the common unknowns (p, p).  inverse: of
+    the variances (n, 9, 9), weighted: that times the common columns (n, 9, p).  pulled: P y."""
+
+    unlikely: float
+    matrix: Floats
+    inverse: Floats
+    weighted: Floats
+    pulled: Floats
+
+
+class Sizes(NamedTuple):
+    """unlikely: -2 log L, but for a constant.  variances: (10,) by `NAMES`, in `OWN_UNITS`, and
+    beside 1 of the readings' noise."""
+
+    unlikely: float
+    variances: Floats
+
+
+# ---- which of the causes it is, and the fit again with what they scatter by
+
+
+class Scatter(NamedTuple):
+    """causes: that explain the samples' scatter together, of `CAUSES`, none where nothing has to be
+    explained.  others: each of which could be it as well, alone.  sizes: (10,) by `NAMES`, what is
+    added to what was known before, in mm, rad and shares, and times the readings' noise."""
+
+    causes: tuple[str, ...]
+    others: tuple[str, ...]
+    sizes: Floats
+
+    def of(self, name: str) -> float:
+        return float(self.sizes[NAMES.index(name)])
+
+
+#: The units of `NAMES`: mm, rad and shares.
+UNITS = np.array([*OWN_UNITS[:8], 1.0, 1.0])
+NOTHING = Scatter((), (), np.zeros(len(NAMES)))
+
+
+def doubtful(found: Fit) -> bool:
+    """Whether chi-square is above what chance allows."""
+    return bool(found.reduced - 1 > DOUBT * np.sqrt(2 / max(found.freedom, 1.0)))
+
+
+def known_before(data: Data, chosen: Choice) -> Floats:
+    """(9,) variances of a sample's own unknowns in `OWN_UNITS`: of the reference what was told, of
+    beam and power nothing that could be estimated."""
+    own = own_sigma(data, chosen)
+    own[6] = own[6] if np.isinf(own[6]) else 0.0
+    own[7:] = 0.0
+    with np.errstate(over="ignore"):
+        variances: Floats = np.minimum((own / OWN_UNITS) ** 2, FREE**2)
+    return variances
+
+
+def scatter(task: Task, found: Fit, beam: bool, again: Scatter | None = None) -> Scatter:
+    """What scatters, by the model linearised at a fit.  beam: whether that may be it.
+
+    One cause is taken where it is hardly less likely than all together, else two, else all.
+    again: whose causes are kept, for their sizes.
+    """
+    like = Likelihood(task, found)
+    known = known_before(task.data, task.choice)
+    measured = np.isfinite(task.data.sigma)
+    own = {"reference": tuple(name for n, name in enumerate(POSE) if measured[n])}
+    causes = {key: own.get(key, names) for key, names in CAUSES.items()
+              if key != "beam" or beam}  # fmt: skip
+    causes = {key: names for key, names in causes.items() if names}
+    jitters = 0 < task.choice.power < np.inf
+    always = ("power",) if jitters else ()
+    plain = np.zeros(len(NAMES))
+    plain[NAMES.index("power")] = (task.choice.power / OWN_UNITS[6]) ** 2 if jitters else 0.0
+
+    def sizes(keys: tuple[str, ...]) -> Sizes:
+        names = [name for key in keys for name in causes[key]]
+        start = plain.copy()
+        for name in names:
+            n = NAMES.index(name)
+            square = (like.columns[:, :, OF_COLUMN == n] ** 2).sum()
+            start[n] = SHARE * len(like.left) / max(square, 1e-300)
+        return like.likeliest(known, (*always, *names), start)
+
+    if again is not None:
+        variances = sizes(again.causes).variances
+        return again._replace(sizes=np.sqrt(variances) * UNITS)
+    every = tuple(causes)
+    whole = sizes(every)
+    for count in range(1, len(every)):
+        tried = {keys: sizes(keys) for keys in combinations(every, count)}
+        best = min(tried, key=lambda keys: tried[keys].unlikely)
+        if tried[best].unlikely < whole.unlikely + BESIDE:
+            likely = tried[best].unlikely + APART
+            others = tuple(keys[0] for keys, one in tried.items()
+                           if count == 1 and keys != best and one.unlikely < likely)  # fmt: skip
+            return Scatter(best, others, np.sqrt(tried[best].variances) * UNITS)
+    return Scatter(every, (), np.sqrt(whole.variances) * UNITS)
+
+
+def with_scatter(data: Data, chosen: Choice, one: Scatter) -> tuple[Data, Choice]:
+    """Samples and choice with what scatters, as known before a fit."""
+    assert data.noise is not None
+    wider = np.ones(9) * np.hypot(1.0, one.of(PLACES))
+    wider[2::3] = np.hypot(1.0, one.of(POWERS))
+    power = one.of("power") if 0 < chosen.power < np.inf else chosen.power
+    return (
+        data._replace(sigma=np.hypot(data.sigma, one.sizes[:6]), noise=data.noise * wider),
+        replace(chosen, power=max(power, LEAST_POWER) if power else power, beam=one.of("beam")),
+    )
+
+
+#: Where a size begins: the share of a reading's noise that it adds then.
+SHARE = 0.3
+#: A laser is not steadier than this from sample to sample.
+LEAST_POWER = 5e-5
+#: The fit changes what weighs less, and with it the sizes: how often they are taken.
+TIMES = 2
+
+
+def explained(
+    sensor: Sensor, data: Data, found: Fit, robust: float | None, beam: bool
+) -> tuple[Data, Fit, Scatter]:
+    """The samples with what they scatter by, the fit to these, and whose it is.
+
+    As they were, where chi-square is within chance.
+    """
+    if not doubtful(found) and not found.choice.beam:
+        return data, found, NOTHING
+    bare, one = data._replace(noise=deviations(sensor, data)), None
+    for _ in range(TIMES):
+        one = scatter(Task(sensor, bare, found.choice, robust), found, beam, one)
+        data, chosen = with_scatter(bare, found.choice, one)
+        found = fit(sensor, data, chosen, robust, found)
+    assert one is not None
+    return data, found, one
+
+
+# ---- whether what is left follows the mirror's place
+
+
+#: How well the model of real light holds itself, against rays and propagated fields: of a place,
+#: mm, and of a power, a share. No residual shows it where the unknowns take it up.
+PLACE_HOLDS, POWER_HOLDS = 2e-4, 5e-5
+#: Powers of x and y up to which it is looked whether the powers follow them.
+DEGREE = 4
+
+
+class Shape(NamedTuple):
+    """What the powers follow in x and y, beside all unknowns.  fall: of chi-square, by `count`
+    polynomials.  size: r.m.s. of what they follow, over the power."""
+
+    fall: float
+    count: int
+    size: float
+
+    @property
+    def chance(self) -> float:
+        from scipy.special import chdtrc
+
+        return float(chdtrc(self.count, self.fall))
+
+
+def shape_of_powers(
+    sensor: Sensor, data: Data, found: Fit, robust: float | None
+) -> Shape:
+    """How much of the powers' residuals is a smooth function of the mirror's x and y.
+
+    What scatters follows nothing; light of another shape than the model's does, also where a
+    beam or a power of each sample's own takes up most of it.
+    """
+    task = Task(sensor, data, found.choice, robust)
+    like = Likelihood(task, found)
+    with np.errstate(over="ignore"):
+        known = np.minimum((own_sigma(task.data, found.choice) / OWN_UNITS) ** 2, FREE**2)
+    at = like.reduced(known, np.zeros(len(NAMES)))
+    place = data.pose[:, :2] - np.median(data.pose[:, :2], axis=0)
+    x, y = (place / np.abs(place).max(axis=0).clip(1e-12)).T
+    rows = np.column_stack([x**a * y**b for a in range(DEGREE + 1) for b in range(DEGREE + 1 - a)
+                            if a + b > 1])  # fmt: skip
+    light = np.nan_to_num(data.raw[:, 2::3] / task.data.noise[:, 2::3])  # type: ignore[index]
+    columns = np.zeros((*like.left.shape, 3 * rows.shape[1]))
+    for k in range(3):
+        part = slice(k * rows.shape[1], (k + 1) * rows.shape[1])
+        columns[:, 3 * k + 2, part] = rows * light[:, k : k + 1]
+    columns *= (like.own != 0).any(axis=2)[:, :, None]
+    side = np.einsum("nrm,nr->m", columns, at.pulled)
+    across = np.einsum("nrp,nrm->pm", at.weighted, columns)
+    matrix = np.einsum("nrm,nrl->ml", columns, at.inverse @ columns)
+    matrix -= across.T @ np.linalg.solve(at.matrix, across)
+    level, ways = np.linalg.eigh(matrix)
+    there = level > 1e-9 * level.max()
+    fall = float(((ways.T @ side)[there] ** 2 / level[there]).sum())
+    count = int(there.sum())
+    share = max(fall - count, 0.0) / max(float((light > 0).sum()), 1.0)
+    return Shape(fall, count, float(np.sqrt(share) / np.median(light[light > 0])))
