@@ -26,6 +26,7 @@ from ..model.beam_shape import SHAPE
 from .spline import SPLINE, spline_slopes
 from .unknowns import (
     ALL,
+    BACKLASH,
     DELAY,
     DRIFTS,
     GEOMETRY,
@@ -60,6 +61,7 @@ class Data(NamedTuple):
     seat: (n,) which seating of the mirror; thirds: (n,) of a turn, by which it was put.
     noise: (n, 9) standard deviations of the readings, which then follow no unknown.
     slow: (n, 5) what the laser's power may follow over the run.
+    approach: (n, 6) the signs of each axis's last step; 0 where none is known.
     number: (n,) of the table's row, from 1; of the stand, where rows were averaged.
     """
 
@@ -73,6 +75,7 @@ class Data(NamedTuple):
     thirds: NDArray[np.int64] | None = None
     noise: Floats | None = None
     slow: Floats | None = None
+    approach: Floats | None = None
     number: NDArray[np.int64] | None = None
 
     def part(self, rows: NDArray[np.bool_] | NDArray[np.int64] | slice) -> Data:
@@ -154,8 +157,11 @@ def seating(data: Data, mounting: Floats) -> Seating:
 
 
 def pose_of(data: Data, opening: Floats, values: Floats) -> Floats:
-    """Where the reference carries the mirror (n, 6), its delay and what it left open added."""
+    """Where the reference carries the mirror (n, 6), its delay and what it left open added, its
+    backlash taken off."""
     pose: Floats = data.pose + opening[:, :6]
+    if data.approach is not None:
+        pose = pose - values[block(BACKLASH)] * data.approach
     if data.velocity is not None:
         pose = pose + values[PLACE[DELAY]] * data.velocity
     return pose
@@ -201,6 +207,19 @@ def over_the_run(data: Data) -> Data:
     time = data.clock[:, 0] if there else np.linspace(-1, 1, len(data.raw))  # type: ignore[index]
     count = len(POWER_DRIFT)
     return data._replace(slow=np.polynomial.legendre.legvander(time, count)[:, 1:])
+
+
+#: A step that counts as one, over the reference's standard uncertainty.
+STEP = 4.0
+
+
+def approached(data: Data) -> Data:
+    """With the direction of each axis's last step, the rows in the order of the motion."""
+    step = np.diff(data.pose, axis=0, prepend=data.pose[:1])
+    sign = np.where(np.abs(step) > STEP * data.sigma, np.sign(step), 0.0)
+    last = np.where(sign != 0, np.arange(len(sign))[:, None], 0)
+    latest = np.maximum.accumulate(last, axis=0)
+    return data._replace(approach=np.take_along_axis(sign, latest, axis=0))
 
 
 def predicted(sensor: Sensor, data: Data, opening: Floats, values: Floats, state: Floats) -> Floats:
@@ -404,7 +423,7 @@ def add_mounting(every: Floats, data: Data, by_state: Floats, turning: Turning) 
 
 
 def add_run(every: Floats, data: Data, own: Floats, by_state: Floats) -> None:
-    """The columns of what changes over the run: the laser, the delay and the drifts."""
+    """The columns of what changes over the run: the laser, the delay, the backlash, the drifts."""
     if data.slow is not None:
         every[:, :, block(POWER_DRIFT)] = own[:, :, 6:7] * data.slow[:, None, :]
     if data.velocity is not None:
@@ -412,6 +431,8 @@ def add_run(every: Floats, data: Data, own: Floats, by_state: Floats) -> None:
         every[:, :, PLACE[DELAY]] = moving
         for k, name in enumerate(SKEW):
             every[:, 3 * k : 3 * k + 3, PLACE[name]] = moving[:, 3 * k : 3 * k + 3]
+    if data.approach is not None:
+        every[:, :, block(BACKLASH)] = -own[:, :, :6] * data.approach[:, None, :]
     if data.clock is None:
         return
     by_drift = np.zeros((len(own), 9, len(OF_DRIFT)))

@@ -26,7 +26,7 @@ from .outliers import LEAST_WEIGHT, without_outliers
 from .scatter import NOTHING, Scatter, explained
 from .spline import SPLINE
 from .table import bends
-from .unknowns import DELAY, OF_DRIFT, PLACE, SKEW, Choice, assigned, values_of
+from .unknowns import BACKLASH, DELAY, OF_DRIFT, PLACE, SKEW, Choice, assigned, values_of
 
 if TYPE_CHECKING:
     from ..core.settings import Calibrate
@@ -82,6 +82,7 @@ SIZES = {
 }
 #: Effects of the run.
 WORDS = {
+    "backlash": "a reference with backlash",
     "delay": "a reference that is late or early",
     "channel_skew": "channels read one after the other",
     "time_drift": "a beam, detectors drifting with time",
@@ -95,6 +96,8 @@ ROUNDS = 4
 BENT = 1e-2
 #: How far apart a converter may read its channels, s, 1 sigma.
 SKEWED = 1e-4
+#: Half the play of a reference's axes, mm and rad, 1 sigma.
+PLAY = (2e-3, 2e-3, 2e-3, 1e-5, 1e-5, 1e-5)
 #: A fit on the way ends after so many steps, or where another is worth less than this.
 WAY_STEPS, WAY_ENOUGH = 12, 0.3
 #: Over which width edges are rolled off, mm, where a fit begins: at none it has no way but up.
@@ -127,6 +130,11 @@ def candidates(sensor: Sensor, data: Data | None, settings: Calibrate) -> list[C
         found.append(Candidate("delay", WORDS["delay"], {DELAY: 0.01}))
         skew = dict.fromkeys(SKEW[1:], SKEWED)  # beside A: what all have is the reference's delay
         found.append(Candidate("channel_skew", WORDS["channel_skew"], skew))
+    if data is not None and data.approach is not None and data.approach.any():
+        play = dict(zip(BACKLASH, PLAY, strict=True))
+        found.append(Candidate("backlash", WORDS["backlash"],
+                               {name: play[name] for n, name in enumerate(BACKLASH)
+                                if np.isfinite(data.sigma[n])}))  # fmt: skip
     for n, key in enumerate(("time_drift", "temperature_drift")):
         if data is not None and data.clock is not None and np.ptp(data.clock[:, n]) > 0:
             cause = key.partition("_")[0]
@@ -472,9 +480,9 @@ class Searcher:
             taken, why = "beam" in self.scatter.causes, "nothing is left to explain"
             if self.scatter.causes:
                 why = "the data call for it" if taken else "something else is likelier"
-            row = Row(one.key, one.words, 2 * len(self.data.raw) * taken,
-                      before.loss - self.found.loss if taken else 0.0, np.nan, taken, why)  # fmt: skip
-            self.rows[one.key] = row
+            count = 2 * len(self.data.raw) * taken
+            fall = before.loss - self.found.loss if taken else 0.0
+            self.rows[one.key] = Row(one.key, one.words, count, fall, np.nan, taken, why)
 
 
 def beyond_chance(found: Fit) -> float:

@@ -8,7 +8,7 @@ look like nothing in particular, and some of them hide in an unknown: a swapped 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import permutations
+from itertools import combinations, permutations
 from typing import NamedTuple
 
 import numpy as np
@@ -20,16 +20,21 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from .bundle_adjustment import Data, angles_of, turned
 from .fit import NORMAL_MEDIAN, Guess, Task, opened
-from .misfit import Finding
+from .misfit import KINDS, Finding
 from .unknowns import Choice
 
 Change = Callable[[Data], Data]
 
 #: Samples and steps of a first trial and of a last, for so many of the hypotheses.
 SAMPLES, STEPS, FINAL = (30, 120), (4, 12), 4
+#: How many of the best may be one of two faults.
+PARTNERS = 6
 #: A hypothesis explains a fit where it lowers chi-square by this factor, and leaves residuals of so
-#: many times the noise at most.
-FACTOR, GOOD = 0.4, 5.0
+#: many times the noise at most; or more, which real light leaves, but chi-square lower by a factor
+#: than the next best.
+FACTOR, GOOD, GAP = 0.4, 5.0, 3.0
+#: Residuals over the noise that no light of a bench leaves.
+WORST = 17.0
 
 
 class Hypothesis(NamedTuple):
@@ -106,15 +111,24 @@ def exchanges() -> Iterator[Hypothesis]:
             f"name the columns of the readings in the order {letters}",
             readings_as(permute),
         )
-    for k in range(3):
+    for a, b in combinations(range(9), 2):
+        if (a % 3 == 2) != (b % 3 == 2):  # a place and a power are never taken for each other
+            continue
 
-        def cross(raw: Floats, k: int = k) -> None:
-            raw[:, [3 * k, 3 * k + 1]] = raw[:, [3 * k + 1, 3 * k]]
+        def cross(raw: Floats, a: int = a, b: int = b) -> None:
+            raw[:, [a, b]] = raw[:, [b, a]]
 
-        yield Hypothesis(
-            f"psi and zeta of detector {'ABC'[k]} are exchanged", "exchange them",
-            readings_as(cross),
-        )  # fmt: skip
+        yield Hypothesis(f"{pair(a, b)} are exchanged", "exchange them", readings_as(cross))
+
+
+def pair(a: int, b: int) -> str:
+    """Two of the nine readings, by name."""
+    (first, one), (second, other) = ((f"{KINDS[n % 3]}", "ABC"[n // 3]) for n in (a, b))
+    if one == other:
+        return f"{first} and {second} of detector {one}"
+    if first == second:
+        return f"{first.replace('power', 'powers')} of detectors {one} and {other}"
+    return f"{first} of detector {one} and {second} of detector {other}"
 
 
 def rotations(pose: Floats, order: str) -> Floats:
@@ -247,43 +261,87 @@ def short_fit(sensor: Sensor, data: Data, chosen: Choice, steps: int) -> float:
 
 
 def level(task: Task, at: Guess) -> float:
-    """A robust mean of squares, so that spikes hide no cure, with what was known before."""
+    """Mean squares of the residuals and of how far unknowns are from where they were thought to be.
+
+    Robust, so that spikes hide no cure. Each mean is over its own number: a sign that hides in a
+    scale of -2 is one unknown among a thousand readings.
+    """
     there = np.isfinite(task.data.raw)
     before = (at.values - task.start)[task.choice.places]
     size = NORMAL_MEDIAN * float(np.median(np.abs(at.residual[there])))
-    return size**2 + float(before @ task.prior @ before) / max(int(there.sum()), 1)
+    return size**2 + float(before @ task.prior @ before) / len(before)
 
 
 class Explanation(NamedTuple):
-    """before, after: the residuals over the noise, as the data are and with the fault undone."""
+    """faults: one, or two at once.  before, after: the residuals over the noise, as the data are
+    and with the faults undone."""
 
-    hypothesis: Hypothesis
+    faults: tuple[Hypothesis, ...]
     before: float
     after: float
 
     @property
     def finding(self) -> Finding:
-        one = self.hypothesis
+        what = ", and ".join(one.words for one in self.faults)
+        two = len(self.faults) > 1
+        remedies = "; ".join(one.remedy for one in self.faults).capitalize()
         return Finding(True, (
-            f"Probably {one.words}: with that undone, the residuals fall from {self.before:.3g} to "
-            f"{self.after:.3g} times the noise. {one.remedy.capitalize()}, and calibrate again."
+            f"Probably {'two faults at once: ' if two else ''}{what}: with that undone, the "
+            f"residuals fall from {self.before:.3g} to {self.after:.3g} times the noise. "
+            f"{remedies}, and calibrate again."
         ))  # fmt: skip
 
 
 def explanation(sensor: Sensor, data: Data, chosen: Choice) -> Explanation | None:
-    """The hypothesis that explains a bad fit best; None where none does.
+    """The fault that explains a bad fit best, or the two; None where none does.
 
     All are tried on a few samples and for a few steps; the best of them on more.
     """
     small, large = (few(sensor, data, count) for count in SAMPLES)
-    first = [(short_fit(sensor, one.change(small), chosen, STEPS[0]), n, one)
-             for n, one in enumerate(hypotheses())]  # fmt: skip
-    before = short_fit(sensor, large, chosen, STEPS[1])
-    best = min(
-        ((short_fit(sensor, one.change(large), chosen, STEPS[1]), n, one)
-         for _, n, one in sorted(first)[:FINAL]),
-    )  # fmt: skip
-    after, _, one = best
-    if not after < FACTOR * before or after > GOOD**2:
-        return None
-    return Explanation(one, float(np.sqrt(before)), float(np.sqrt(after)))
+    every = list(hypotheses())
+
+    def tried(faults: tuple[Hypothesis, ...], first: bool) -> float:
+        part = small if first else large
+        for one in faults:
+            part = one.change(part)
+        return short_fit(sensor, part, chosen, STEPS[0 if first else 1])
+
+    def finals(several: list[tuple[Hypothesis, ...]]) -> Ranking:
+        first = sorted((tried(faults, True), n) for n, faults in enumerate(several))
+        last = sorted((tried(several[n], False), n) for _, n in first[:FINAL])
+        return Ranking(
+            [level for level, _ in last],
+            [several[n] for _, n in last],
+            [several[n] for _, n in first[:PARTNERS]],
+        )
+
+    before = tried((), False)
+    single = finals([(one,) for one in every])
+    if single.explains(before) and single.levels[0] <= GOOD**2:
+        return single.explanation(before)
+    double = finals([
+        (one, other)
+        for (one,) in single.partners
+        for other in every
+        if other is not one and ((other,) not in single.partners or one.words < other.words)
+    ])  # fmt: skip
+    if double.explains(min(before, single.levels[0])):
+        return double.explanation(before)
+    return single.explanation(before) if single.explains(before) else None
+
+
+class Ranking(NamedTuple):
+    """levels, faults: of those tried last, the best first.  partners: the best of those tried
+    first, which may be one of two."""
+
+    levels: list[float]
+    faults: list[tuple[Hypothesis, ...]]
+    partners: list[tuple[Hypothesis, ...]]
+
+    def explains(self, before: float) -> bool:
+        best, runner_up = self.levels[0], self.levels[1]
+        clear = best <= GOOD**2 or (best <= WORST**2 and GAP * best < runner_up)
+        return best < FACTOR * before and clear
+
+    def explanation(self, before: float) -> Explanation:
+        return Explanation(self.faults[0], float(before**0.5), float(self.levels[0] ** 0.5))

@@ -11,14 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.names import DETECTORS, POSE
+from ..core.names import ANGLES, DETECTORS, POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.calibrated import MISFIT
 from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, deviations, light_of
 from .candidates import beyond_chance
-from .fit import NORMAL_MEDIAN, Fit
+from .fit import Fit
 from .outliers import MOST_SHARE
 from .scatter import (
     PLACE_HOLDS,
@@ -30,7 +30,7 @@ from .scatter import (
     doubtful,
 )
 from .spline import spline_error
-from .unknowns import MOUNTING, values_of
+from .unknowns import BACKLASH, MOUNTING, values_of
 
 KINDS = ("psi", "zeta", "power")
 #: The residuals' spread, over the noise, beyond which nothing may be built on a fit.
@@ -173,7 +173,7 @@ def findings(
     """All that is to be said of a fit that has settled, what forbids its use first."""
     every = [chi_square(found, data), spikes(found), *pulls(sensor, found)]
     every += [sentence(one) for one in patterns(found, data)[:3]]
-    every += [scattering(scatter), shaped(shape), moving_power(found, data)]
+    every += [scattering(scatter), shaped(shape), lagging(found), moving_power(found, data)]
     return sorted((one for one in every if one), key=lambda one: not one.bad)
 
 
@@ -238,8 +238,8 @@ def sentence(one: Pattern) -> Finding:
 
 
 def moving_power(found: Fit, data: Data) -> Finding | None:
-    light = light_of(data, found.open, found.every)
-    spread = NORMAL_MEDIAN * float(np.median(np.abs(light - np.median(light))))
+    light = light_of(data, found.open, found.every)[(found.weights == 1).all(axis=1)]
+    spread = float(np.std(light)) if light.size else 0.0
     if spread < 2e-3:
         return None
     return Finding(False, (
@@ -249,6 +249,27 @@ def moving_power(found: Fit, data: Data) -> Finding | None:
     ))  # fmt: skip
 
 
+def lagging(found: Fit) -> Finding | None:
+    """Backlash of the reference, where it was taken in."""
+    names = found.choice.names
+    there = [n for n, name in enumerate(names) if name in BACKLASH
+             and abs(found.values[n]) > CLEAR * found.uncertainty[n]]  # fmt: skip
+    if not there:
+        return None
+    told = []
+    for n in there:
+        axis = names[n].partition(".")[2]
+        factor, unit = (1e6, "urad") if axis in ANGLES else (1e3, "um")
+        told.append(f"{axis} {2 * factor * abs(found.values[n]):.2g} {unit}")
+    return Finding(False, (
+        f"The reference has backlash ({', '.join(told)} from side to side): by the direction of "
+        "each axis's last step the mirror was elsewhere than it says. The fit follows it; approach "
+        "each pose from one side to be rid of it."
+    ))  # fmt: skip
+
+
+#: Standard uncertainties from which on a backlash is told.
+CLEAR = 4.0
 #: The names of `CAUSES` in a sentence.
 SHORT = {
     "reference": "the reference, or a mirror that vibrates against it",
@@ -285,8 +306,8 @@ def of_reference(scatter: Scatter) -> str:
 
 def of_beam(scatter: Scatter) -> str:
     return (
-        f"the beam moved by {1e3 * scatter.of('beam'):.2g} um (r.m.s.) from sample to sample; if it "
-        "moves as much when poses are measured, say so with solve.beam: prior and this as "
+        f"the beam moved by {1e3 * scatter.of('beam'):.2g} um (r.m.s.) from sample to sample; if "
+        "it moves as much when poses are measured, say so with solve.beam: prior and this as "
         "beam_sigma_um, since x and y err by as much where the beam is taken as known"
     )
 
@@ -351,9 +372,7 @@ def model_error(found: Fit, data: Data, sensor: Sensor, scatter: Scatter) -> dic
     if doubtful(found):
         sizes = by_reading(found, data)
         share = float(found.redundancy[np.isfinite(data.raw)].mean())
-        missed = np.hypot(
-            missed, sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(share, 0.1))
-        )
+        missed = np.hypot(missed, sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(share, 0.1)))
     if any(name in EFFECTS for name in found.choice.names):
         holds = np.full(9, PLACE_HOLDS)
         holds[2::3] = POWER_HOLDS * np.nanmedian(data.raw[:, 2::3], axis=0)

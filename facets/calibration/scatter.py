@@ -209,7 +209,7 @@ def scatter(task: Task, found: Fit, beam: bool, again: Scatter | None = None) ->
         start = plain.copy()
         for name in names:
             n = NAMES.index(name)
-            square = (like.columns[:, :, OF_COLUMN == n] ** 2).sum()
+            square = (like.columns[:, :, n == OF_COLUMN] ** 2).sum()
             start[n] = SHARE * len(like.left) / max(square, 1e-300)
         return like.likeliest(known, (*always, *names), start)
 
@@ -292,9 +292,7 @@ class Shape(NamedTuple):
         return float(chdtrc(self.count, self.fall))
 
 
-def shape_of_powers(
-    sensor: Sensor, data: Data, found: Fit, robust: float | None
-) -> Shape:
+def shape_of_powers(sensor: Sensor, data: Data, found: Fit, robust: float | None) -> Shape:
     """How much of the powers' residuals is a smooth function of the mirror's x and y.
 
     What scatters follows nothing; light of another shape than the model's does, also where a

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
-from ..core.names import DETECTORS, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..core.names import ANGLES, DETECTORS, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ..core.sensor import MONOMIALS, Sensor
 from ..core.units import Floats
 from ..estimation.table import BEAM_UNCERTAINTIES, require_known_beam
@@ -18,7 +18,7 @@ from ..model.arrays import EFFECTS
 from ..model.beam_shape import SHAPE
 from .bundle_adjustment import Data
 from .fit import Fit
-from .unknowns import DRIFTS, MOUNTING, OF_SEAT, POWER_DRIFT, SKEW, Choice, values_of
+from .unknowns import BACKLASH, DRIFTS, MOUNTING, OF_SEAT, POWER_DRIFT, SKEW, Choice, values_of
 
 if TYPE_CHECKING:
     from ..core.sensor import Psd
@@ -284,6 +284,8 @@ def unit_of(name: str, sensor: Sensor) -> tuple[str, float]:
         return ("mrad", 1e3) if "mount" in name else ("mm", 1.0)
     if name in DRIFTS:
         return "um", 1e3
+    if name in BACKLASH:
+        return ("urad", 1e6) if part in ANGLES else ("um", 1e3)
     if name in POWER_DRIFT:
         return "%", 100.0
     if name in EFFECTS:

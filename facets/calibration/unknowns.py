@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.names import DETECTORS
+from ..core.names import DETECTORS, POSE
 from ..core.sensor import MONOMIALS, Sensor
 from ..core.units import Floats
 from ..detectors.correction import NAMES, OF_ONE, coefficients
@@ -40,6 +40,9 @@ MOUNTING = OF_SEAT + tuple(f"seat_{n}.{name}" for n in range(2, SEATS + 1) for n
 DELAY = "reference.delay"
 #: By how much later than the stated time each detector is read, s.
 SKEW = tuple(f"skew_{letter}.delay" for letter in DETECTORS)
+#: By how much the mirror lags behind what the reference says, against the direction of each axis's
+#: last step: half the play, mm and rad.
+BACKLASH = tuple(f"backlash.{name}" for name in POSE)
 #: What may drift: the beam's place, and each reading of a place.
 OF_DRIFT = ("bx", "by", *(f"{kind}_{k}" for k in DETECTORS for kind in ("psi", "zeta")))
 DRIFTS = tuple(f"{cause}.{what}" for cause in ("time", "temperature") for what in OF_DRIFT)
@@ -50,7 +53,7 @@ POWER_DRIFT = tuple(f"time.power_{n}" for n in range(1, 6))
 GEOMETRY = tuple(name for name in PARAMETERS if name not in OF_SHAPE)
 OF_SENSOR = (*GEOMETRY, *SHAPE, *NAMES, *EFFECTS)
 #: The splines come last: only where one is chosen are their columns made.
-ALL = (*OF_SENSOR, *MOUNTING, DELAY, *SKEW, *DRIFTS, *POWER_DRIFT, *SPLINE)
+ALL = (*OF_SENSOR, *MOUNTING, DELAY, *SKEW, *BACKLASH, *DRIFTS, *POWER_DRIFT, *SPLINE)
 PLACE = {name: n for n, name in enumerate(ALL)}
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
 from ..estimation.compiling import compile_for
-from .bundle_adjustment import Data, over_the_run
+from .bundle_adjustment import Data, approached, over_the_run
 from .candidates import Search, beyond_chance, promised, search, tried_kinds
 from .fit import Fit, fit
 from .hypotheses import explanation
@@ -111,12 +111,12 @@ def screen(sensor: Sensor, data: Data, settings: Calibrate) -> Screened:
     """Looks at the columns, leaves out what lies over an edge, and holds samples back."""
     kind = "rows" if data.noise is None else "stands"
     early = faults(sensor, data)
-    whole, lost = inside(sensor, distinct(data))
+    whole, lost = inside(sensor, distinct(approached(numbered(data))))
     early += lost
     if len(whole.raw) < LEAST:
         early.insert(0, Finding(True, f"{len(whole.raw)} samples are left: too few."))
         return Screened(whole, whole.part(slice(0)), early, kind)
-    averages = averaged(sensor, over_the_run(numbered(whole)))
+    averages = averaged(sensor, over_the_run(whole))
     fitted, held = split(averages, settings.held_back)
     return Screened(fitted, held, early, kind)
 

@@ -78,6 +78,10 @@ class Effects(Section):
     spline: Decision = Field("auto", description="the same beyond, as a smooth spline")
     beam_moves: Decision = Field("auto", description="the beam's place, sample by sample")
     delay: Decision = Field("auto", description="a reference that is late, or early")
+    backlash: Decision = Field(
+        "auto",
+        description="a mirror that lags behind, by the direction of each last step",
+    )
     channel_skew: Decision = Field("auto", description="detectors read one after the other")
     time_drift: Decision = Field("auto", description="beam and detectors that drift with time")
     temperature_drift: Decision = Field("auto", description="the same by temperature_c")
