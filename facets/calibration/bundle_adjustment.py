@@ -62,6 +62,7 @@ class Data(NamedTuple):
     noise: (n, 9) standard deviations of the readings, which then follow no unknown.
     slow: (n, 5) what the laser's power may follow over the run.
     approach: (n, 6) the signs of each axis's last step; 0 where none is known.
+    rows: (n,) of the table, of which a sample is the mean; None where each is one.
     number: (n,) of the table's row, from 1; of the stand, where rows were averaged.
     """
 
@@ -76,6 +77,7 @@ class Data(NamedTuple):
     noise: Floats | None = None
     slow: Floats | None = None
     approach: Floats | None = None
+    rows: Floats | None = None
     number: NDArray[np.int64] | None = None
 
     def part(self, rows: NDArray[np.bool_] | NDArray[np.int64] | slice) -> Data:

@@ -464,10 +464,7 @@ class Searcher:
         self.data, self.found, more = without_outliers(
             self.sensor, self.data, self.found, robust, len(gone)
         )
-        if more:
-            self.outliers = sorted([*gone, *more])
-            self.refused.clear()
-            self.run()
+        self.outliers = sorted([*gone, *more])
 
     def explain_scatter(self) -> None:
         """Takes what scatters from sample to sample for what is likeliest, and fits with that."""
@@ -534,8 +531,8 @@ def search(
     if searcher.data is not data:
         searcher.sharpen(data)
         searcher.run()
-    searcher.screen()
     searcher.explain_scatter()
+    searcher.screen()
     searcher.finish()
     order = [one.key for one in searcher.every]
     rows = sorted(searcher.rows.values(), key=lambda row: order.index(row.key))

@@ -4,7 +4,9 @@ A motion in steps, recorded at full rate, has thousands of rows at one pose, and
 from one to the next. Each stand becomes one row of means; the rows between are left out. How well a
 mean is known is told by the scatter of the means of its parts, so that noise which is the same in
 neighbouring rows counts as it should. That is taken over all stands together, since one has few
-parts; the noise of a place goes with one over the power that falls on the detector.
+parts, and by the median of all, which a few stands that were spoilt do not move; the noise of a
+place goes with one over the power that falls on the detector. What a converter's steps leave in a
+mean does not scatter: `samples.with_converter` adds it.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import numpy as np
 
 from ..core.names import READING_COLUMNS
 from ..core.units import Floats
+from .outliers import median
 
 #: A stand has so many rows at least.
 FEWEST = 32
@@ -24,6 +27,12 @@ WITHIN = 2.0
 ENDS = 0.05
 #: Parts of a stand whose means are compared.
 PARTS = 4
+#: Standard deviations from the median beyond which a row is left out of a stand's mean.
+FAR = 12.0
+#: The distance of a normal distribution's quartiles, in standard deviations.
+QUARTILES = 1.349
+#: The median of a variance of `PARTS` normal deviates, over its mean: chi-square of 3, by 3.
+MEDIAN_OF_VARIANCE = 2.36597 / 3
 
 
 class Dwells(NamedTuple):
@@ -88,8 +97,14 @@ def dwell_means(columns: dict[str, Floats], pose: Floats, sigma: Floats) -> Dwel
 
 
 def mean(values: Floats) -> float:
-    there = np.isfinite(values)
-    return float(values[there].mean()) if there.any() else np.nan
+    """Of the values of a stand, those left out that lie far from all others."""
+    there = values[np.isfinite(values)]
+    if not there.size:
+        return np.nan
+    low, middle, high = np.quantile(there, [0.25, 0.5, 0.75])
+    if high > low:
+        there = there[np.abs(there - middle) <= FAR * (high - low) / QUARTILES]
+    return float(there.mean())
 
 
 def shares(means: Floats) -> Floats:
@@ -116,7 +131,4 @@ def per_row(readings: Floats, parts: list[slice], share: Floats) -> Floats:
         found.append(length * means.var(axis=0, ddof=1) / over**2)
     if not found:
         return np.full(9, np.nan)
-    whole = np.array(found)
-    there = np.isfinite(whole)
-    total: Floats = np.where(there, whole, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
-    return total
+    return median(np.array(found)) / MEDIAN_OF_VARIANCE

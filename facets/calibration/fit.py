@@ -234,14 +234,20 @@ class Task:
         )
 
     def unfinished(self, matrix: Floats, side: Floats, worth: float) -> str:
-        """Along which unknowns it still moves."""
+        """Along which unknowns it still moves, and whether that is for want of samples."""
         step = np.linalg.solve(matrix, side)
         large = np.argsort(-np.abs(step) / self.choice.sigma)[:3]
         names = ", ".join(self.choice.names[n] for n in large)
-        return (
-            f"chi-square still falls by {worth:.3g} a step, mostly along {names}: hold these as "
-            "they are (null in calibrate.before), or take samples that move more"
+        known, whole = step @ self.prior @ step, step @ matrix @ step
+        remedy = (
+            "the samples hardly tell these; take samples that move more, or hold them as they are "
+            "(null in calibrate.before)"
+            if known > whole / 2
+            else "the samples tell these well, so it is not they that are wrong: the model does "
+            "not follow these readings; look for a wrong column, for outliers, or for something "
+            "that moved"
         )
+        return f"chi-square still falls by {worth:.3g} a step, mostly along {names}: {remedy}"
 
     def conclusion(self, at: Guess, steps: int, cause: str) -> Fit:
         limit = self.limit(at)

@@ -319,6 +319,8 @@ def explanation(sensor: Sensor, data: Data, chosen: Choice) -> Explanation | Non
     single = finals([(one,) for one in every])
     if single.explains(before) and single.levels[0] <= GOOD**2:
         return single.explanation(before)
+    if before <= GOOD**2:  # as real light and scatter leave it; two faults leave far more
+        return single.explanation(before) if single.explains(before) else None
     double = finals([
         (one, other)
         for (one,) in single.partners

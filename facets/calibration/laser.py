@@ -17,6 +17,7 @@ from ..core.units import Floats
 from .bundle_adjustment import OWN_UNITS, Data
 from .fit import NORMAL_MEDIAN, Fit, Task, fit, huber
 from .scatter import NAMES, Likelihood, known_before
+from .small_matrices import one_thread
 from .unknowns import PLACE, POWER_DRIFT, block
 
 #: Jitters that are tried, shares from sample to sample; one beyond the last stays free.
@@ -30,6 +31,7 @@ SAME = 1.25
 DRIFT = 0.3
 
 
+@one_thread
 def steadied(sensor: Sensor, data: Data, found: Fit, robust: float | None) -> Fit:
     """The fit again, with a laser that drifts slowly and jitters as little as the data say.
 

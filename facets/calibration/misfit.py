@@ -21,6 +21,7 @@ from .candidates import beyond_chance
 from .fit import Fit
 from .outliers import MOST_SHARE
 from .scatter import (
+    FAR,
     PLACE_HOLDS,
     PLACES,
     POWER_HOLDS,
@@ -28,16 +29,14 @@ from .scatter import (
     Scatter,
     Shape,
     doubtful,
+    far_off,
 )
 from .spline import spline_error
-from .unknowns import BACKLASH, MOUNTING, values_of
+from .unknowns import BACKLASH
 
 KINDS = ("psi", "zeta", "power")
 #: The residuals' spread, over the noise, beyond which nothing may be built on a fit.
 WORST = 3.0
-#: How far from where it was thought to be, in standard uncertainties, no honest tolerance lets an
-#: unknown be.
-FAR = 8.0
 #: The chance of a pattern, below which it is told; bins that it is looked for in.
 PATTERN, BINS = 1e-6, 8
 
@@ -216,14 +215,10 @@ def spikes(found: Fit) -> Finding | None:
 
 def pulls(sensor: Sensor, found: Fit, far: float = FAR) -> list[Finding]:
     """Unknowns that end far from where they could be: by `far` times their uncertainty."""
-    change = found.values - values_of(sensor)[found.choice.places]
-    over = np.abs(change) / found.choice.sigma
-    rig = [n for n, name in enumerate(found.choice.names)
-           if name not in MOUNTING and over[n] > far]  # fmt: skip
-    if not rig:
+    off = far_off(sensor, found, far)
+    if not off:
         return []
-    worst = sorted(rig, key=lambda n: -over[n])[:3]
-    told = ", ".join(f"{found.choice.names[n]} ({over[n]:.0f} times)" for n in worst)
+    told = ", ".join(f"{name} ({size:.0f} times)" for name, size in off[:3])
     return [Finding(True, (
         f"The fit moves {told} further than the uncertainty in calibrate.before allows: the "
         "configuration is not that of this rig, or a column has a wrong sign, unit or place."
@@ -294,13 +289,18 @@ def scattering(scatter: Scatter) -> Finding | None:
 
 
 def of_reference(scatter: Scatter) -> str:
-    places, angles = scatter.sizes[:3] * 1e3, scatter.sizes[3:6] * 1e6
-    told = ", ".join(f"{size:.2g}" for size in places)
-    turns = ", ".join(f"{size:.2g}" for size in angles)
+    """Axes whose further error is a fifth of the largest of its kind, or more."""
+    told = []
+    for axes, factor, unit in ((slice(0, 3), 1e3, "um"), (slice(3, 6), 1e6, "urad")):
+        sizes = scatter.sizes[axes]
+        told += [
+            f"{factor * size:.2g} {unit} in {name}"
+            for name, size in zip(POSE[axes], sizes, strict=True)
+            if size > 0.2 * sizes.max()
+        ]
     return (
-        f"the reference errs by a further {told} um in tx, ty, tz and {turns} urad in roll, pitch, "
-        "yaw (r.m.s.) beside what calibrate.reference says, or the mirror vibrates against it by "
-        "as much"
+        f"the reference errs by a further {', '.join(told)} (r.m.s.) beside what "
+        "calibrate.reference says, or the mirror vibrates against it by as much"
     )
 
 

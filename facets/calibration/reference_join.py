@@ -23,6 +23,7 @@ from ..estimation.solver import solve
 from ..estimation.table import BEAM_UNCERTAINTIES
 from .bundle_adjustment import Data
 from .fit import fit
+from .samples import without_jumps
 from .table import BEAM, REFERENCE, RUN, choice, gathered, whole_table
 from .unknowns import DELAY, PLACE
 
@@ -147,6 +148,7 @@ def found_offset(sensor: Sensor, columns: dict[str, Floats], track: Track) -> tu
     pose = solve(
         sensor, corrected(sensor, raw), beam="known", power="unknown", covariance=False
     ).state[:, :6]
+    pose = without_jumps(pose)
     time = time[some]
     shared = min(np.nanmax(time), track.time[-1]) - max(np.nanmin(time), track.time[0])
     width = min(SHARE * shared, SECONDS)

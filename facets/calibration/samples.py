@@ -8,9 +8,12 @@ import numpy as np
 
 from ..core.names import DETECTORS, POSE
 from ..core.sensor import Sensor
+from ..core.units import Floats
 from ..detectors.correction import corrected
+from ..detectors.noise import standard_deviations, step_variances
 from ..model.arrays import near_edges, readings, spot_size
 from .bundle_adjustment import OWN, Data, deviations, states_of
+from .dwells import mean
 from .misfit import KINDS, Finding
 from .unknowns import values_of
 
@@ -34,13 +37,31 @@ def faults(sensor: Sensor, data: Data) -> list[Finding]:
     return sorted(found, key=lambda one: not one.bad)
 
 
+def without_jumps(values: Floats) -> Floats:
+    """Columns (n, m), NaN where a value lies further beside the middle nine tenths than these are
+    wide: a row that jumped says nothing of how far a motion goes."""
+    with np.errstate(invalid="ignore"), catch_warnings():
+        simplefilter("ignore")
+        low, high = np.nanquantile(values, [0.05, 0.95], axis=0)
+        width = np.where(high > low, high - low, np.inf)
+        inside = (values >= low - width) & (values <= high + width)
+    return np.where(inside, values, np.nan)
+
+
+def spans(values: Floats) -> Floats:
+    """How far columns (n, m) go, without jumps: (m,)."""
+    kept = without_jumps(values)
+    reach: Floats = np.nanmax(kept, axis=0) - np.nanmin(kept, axis=0)
+    return reach
+
+
 def stuck(sensor: Sensor, data: Data) -> list[Finding]:
     """Channels that do not follow the motion."""
     state = states_of(data, np.zeros((len(data.raw), OWN)), values_of(sensor))
     with np.errstate(invalid="ignore"), catch_warnings():
         simplefilter("ignore")  # a motion in wrong units may leave no reading at all
-        asked = np.nanstd(readings(sensor, state), axis=0)
-        moved = np.nanstd(corrected(sensor, data.raw), axis=0)
+        asked = np.nanstd(without_jumps(readings(sensor, state)), axis=0)
+        moved = np.nanstd(without_jumps(corrected(sensor, data.raw)), axis=0)
         noise = np.nanmedian(deviations(sensor, data), axis=0)
     still = np.flatnonzero((moved < STUCK * asked) & (asked > MOVED * noise)).tolist()
     if len({n // 3 for n in still}) > 1:  # not all at once: then the motion is in wrong units
@@ -77,7 +98,7 @@ def repeats(data: Data) -> list[Finding]:
 def still(data: Data) -> list[Finding]:
     """Axes along which the motion does not go."""
     known = np.isfinite(data.sigma)
-    span = np.ptp(data.pose, axis=0)
+    span = spans(data.pose)
     names = [POSE[n] for n in range(6) if known[n] and span[n] < RANGE * data.sigma[n]]
     if not names:
         return []
@@ -91,7 +112,7 @@ def narrow(sensor: Sensor, data: Data) -> list[Finding]:
     """A motion in x and y over which the powers hardly bend."""
     diameter = min(sensor.beam.diameter_x, sensor.beam.diameter_y)
     beside = data.pose[:, :2] - data.beam
-    span = np.ptp(beside, axis=0)[np.isfinite(data.sigma[:2])] / 2
+    span = spans(beside)[np.isfinite(data.sigma[:2])] / 2
     if not span.size or span.min() >= NARROW * diameter:
         return []
     return [Finding(False, (
@@ -157,11 +178,28 @@ def averaged(sensor: Sensor, data: Data) -> Data:
     noise = deviations(sensor, data)
     merged = data.part(first)
     raw, sigma = np.empty((len(first), 9)), np.empty((len(first), 9))
+    rows = np.ones(len(data.raw)) if data.rows is None else data.rows
     for n in range(len(first)):
-        rows = group.ravel() == n
-        there = np.isfinite(data.raw[rows])
+        same = group.ravel() == n
+        raw[n] = [mean(column) for column in data.raw[same].T]
+        there = np.isfinite(data.raw[same])
         count = np.maximum(there.sum(axis=0), 1)
-        raw[n] = np.where(there.any(axis=0), np.nansum(data.raw[rows], axis=0) / count, np.nan)
-        sigma[n] = np.nanmean(np.where(there, noise[rows], np.nan), axis=0) / np.sqrt(count)
+        sigma[n] = np.nanmean(np.where(there, noise[same], np.nan), axis=0) / np.sqrt(count)
+    whole = np.bincount(group.ravel(), rows)
     order = np.argsort(first)
-    return merged._replace(raw=raw, noise=sigma).part(order)
+    return merged._replace(raw=raw, noise=sigma, rows=whole).part(order)
+
+
+def with_converter(sensor: Sensor, data: Data) -> Data:
+    """Means with the part of the converter's steps in their noise: it is the same in all readings
+    at one state, so that no mean takes it away, and nothing that scatters shows it."""
+    if data.rows is None or data.noise is None or sensor.electronics is None:
+        return data
+    raw, rows = corrected(sensor, data.raw), data.rows[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = data.noise**2 * rows / standard_deviations(sensor, raw) ** 2
+    share = np.ones(len(raw))
+    there = np.isfinite(ratio).any(axis=1)
+    share[there] = np.minimum(np.nanmedian(ratio[there], axis=1), 1.0)
+    left = np.nan_to_num(step_variances(sensor, raw, share)) * (1 - 1 / np.maximum(rows, 1))
+    return data._replace(noise=np.sqrt(data.noise**2 + left))

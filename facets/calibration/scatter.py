@@ -19,6 +19,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.names import POSE
 from ..core.sensor import Sensor
@@ -26,7 +27,8 @@ from ..core.units import Floats
 from .bundle_adjustment import OWN_UNITS, Data, deviations, own_sigma
 from .fit import Fit, Task, fit
 from .outliers import LEAST_WEIGHT
-from .unknowns import Choice
+from .small_matrices import one_thread
+from .unknowns import MOUNTING, Choice, values_of
 
 #: What may scatter: the reference's six, the laser's power, the beam's two, and the detectors'
 #: readings of places and of powers beside their noise.
@@ -39,8 +41,8 @@ OF_COLUMN = np.array([*range(6), 6, 7, 7, *[8] * 6, *[9] * 3])
 CAUSES = {"reference": POSE, "beam": ("beam",), "detectors": (PLACES, POWERS)}
 #: What an axis that the reference does not measure may do, in um or urad.
 FREE = 1e4
-#: Steps of the sizes at most, and the change of a size's share of the variance worth another.
-STEPS, ENOUGH = 60, 2e-3
+#: Steps of the sizes at most, and the fall of -2 log L that is not worth another.
+STEPS, ENOUGH = 40, 0.3
 #: How much less likely than the likeliest, in -2 log L, a cause is that can still not be excluded:
 #: odds of 1 to 20.
 APART = 6.0
@@ -48,6 +50,10 @@ APART = 6.0
 BESIDE = 10.0
 #: Standard deviations of chi-square from which on it is asked what scatters.
 DOUBT = 2.0
+#: Chi-square for each degree of freedom beyond which nothing that scatters is to blame; and how far
+#: from where it was thought to be, in standard uncertainties, no honest tolerance lets an unknown
+#: be: then the model is another one, and a larger scatter would only hide that.
+WORST, FAR = 9.0, 8.0
 
 
 class Likelihood:
@@ -96,36 +102,40 @@ class Likelihood:
         )  # fmt: skip
         return Reduced(float(unlikely), matrix, inverse, weighted, aim - weighted @ step)
 
-    def shares(self, at: Reduced) -> tuple[Floats, Floats]:
-        """Of each size (10,): what it is by the residuals, and what it should be by the sizes."""
-        seen = (np.swapaxes(self.columns, 1, 2) @ at.pulled[:, :, None])[:, :, 0]
-        square = (seen**2).sum(axis=0)
-        whole = np.einsum("nij,nic->njc", at.inverse, self.columns)
-        due = (whole * self.columns).sum(axis=(0, 1))
-        across = np.swapaxes(at.weighted, 1, 2) @ self.columns
-        flat = across.transpose(1, 0, 2).reshape(across.shape[1], -1)
-        taken = (flat * np.linalg.solve(at.matrix, flat)).sum(axis=0)
-        due -= taken.reshape(-1, self.columns.shape[2]).sum(axis=0)
-        return (np.bincount(OF_COLUMN, square), np.bincount(OF_COLUMN, np.maximum(due, 1e-300)))
+    def shares(self, at: Reduced, free: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+        """Of each free size (10,): what it is by the residuals, and what it should be by the sizes;
+        1 of the others."""
+        there = np.flatnonzero(free[OF_COLUMN])
+        columns, owner = self.columns[:, :, there], OF_COLUMN[there]
+        across_samples = np.swapaxes(columns, 1, 2)
+        square = ((across_samples @ at.pulled[:, :, None])[:, :, 0] ** 2).sum(axis=0)
+        due = ((at.inverse @ columns) * columns).sum(axis=(0, 1))
+        across = across_samples @ at.weighted
+        flat = across.reshape(-1, across.shape[2])
+        taken = np.einsum("ij,ij->i", flat @ np.linalg.inv(at.matrix), flat)
+        due -= taken.reshape(-1, len(there)).sum(axis=0)
+        seen, expected = (
+            np.bincount(owner, values, len(NAMES)) for values in (square, np.maximum(due, 1e-300))
+        )
+        return np.where(free, seen, 1.0), np.where(free, expected, 1.0)
 
     def likeliest(self, known: Floats, names: tuple[str, ...], start: Floats) -> Sizes:
         """The likeliest sizes of some names, from a start (10,); the others stay there.
 
-        Each step is the multiplication twice, and once more as far again where that is likelier.
+        Each step is the multiplication three times at once, or once where that is less likely.
         """
         free = np.array([name in names for name in NAMES])
         sizes, at = start.copy(), self.reduced(known, start)
         for _ in range(STEPS):
-            square, due = self.shares(at)
-            factor = np.where(free, np.sqrt(square / due), 1.0)
+            square, due = self.shares(at, free)
+            factor = np.sqrt(square / due)
             far = sizes * factor**3
             there = self.reduced(known, far)
             if there.unlikely > at.unlikely:
                 far = sizes * factor
                 there = self.reduced(known, far)
-            change = np.abs(far - sizes) * due / len(self.left)
             sizes, at, fall = far, there, at.unlikely - there.unlikely
-            if change.max() < ENOUGH and fall < 0.05:
+            if fall < ENOUGH:
                 break
         return Sizes(at.unlikely, sizes)
 
@@ -173,6 +183,15 @@ NOTHING = Scatter((), (), np.zeros(len(NAMES)))
 def doubtful(found: Fit) -> bool:
     """Whether chi-square is above what chance allows."""
     return bool(found.reduced - 1 > DOUBT * np.sqrt(2 / max(found.freedom, 1.0)))
+
+
+def far_off(sensor: Sensor, found: Fit, far: float = FAR) -> list[tuple[str, float]]:
+    """Unknowns of the rig that end further than that from where they were thought to be, and how
+    many times their standard uncertainty; the furthest first."""
+    over = np.abs(found.values - values_of(sensor)[found.choice.places]) / found.choice.sigma
+    named = zip(found.choice.names, over.tolist(), strict=True)
+    off = [(name, size) for name, size in named if name not in MOUNTING and size > far]
+    return sorted(off, key=lambda one: -one[1])
 
 
 def known_before(data: Data, chosen: Choice) -> Floats:
@@ -249,14 +268,17 @@ LEAST_POWER = 5e-5
 TIMES = 2
 
 
+@one_thread
 def explained(
     sensor: Sensor, data: Data, found: Fit, robust: float | None, beam: bool
 ) -> tuple[Data, Fit, Scatter]:
     """The samples with what they scatter by, the fit to these, and whose it is.
 
-    As they were, where chi-square is within chance.
+    As they were, where chi-square is within chance, or no scatter is to blame.
     """
     if not doubtful(found) and not found.choice.beam:
+        return data, found, NOTHING
+    if found.reduced > WORST or far_off(sensor, found):
         return data, found, NOTHING
     bare, one = data._replace(noise=deviations(sensor, data)), None
     for _ in range(TIMES):
@@ -292,6 +314,7 @@ class Shape(NamedTuple):
         return float(chdtrc(self.count, self.fall))
 
 
+@one_thread
 def shape_of_powers(sensor: Sensor, data: Data, found: Fit, robust: float | None) -> Shape:
     """How much of the powers' residuals is a smooth function of the mirror's x and y.
 
@@ -313,9 +336,10 @@ def shape_of_powers(sensor: Sensor, data: Data, found: Fit, robust: float | None
         part = slice(k * rows.shape[1], (k + 1) * rows.shape[1])
         columns[:, 3 * k + 2, part] = rows * light[:, k : k + 1]
     columns *= (like.own != 0).any(axis=2)[:, :, None]
-    side = np.einsum("nrm,nr->m", columns, at.pulled)
-    across = np.einsum("nrp,nrm->pm", at.weighted, columns)
-    matrix = np.einsum("nrm,nrl->ml", columns, at.inverse @ columns)
+    flat = columns.reshape(-1, columns.shape[2])
+    side = flat.T @ at.pulled.ravel()
+    across = at.weighted.reshape(len(flat), -1).T @ flat
+    matrix = flat.T @ (at.inverse @ columns).reshape(flat.shape)
     matrix -= across.T @ np.linalg.solve(at.matrix, across)
     level, ways = np.linalg.eigh(matrix)
     there = level > 1e-9 * level.max()

@@ -98,9 +98,9 @@ def gathered(path: Path, columns: dict[str, Floats], settings: Calibrate) -> Dat
     def stack(names: tuple[str, ...]) -> Floats:
         return np.column_stack([columns.get(name, np.zeros(count)) for name in names])
 
-    noise = None
+    noise = rows = None
     if settings.dwells:
-        columns, noise = averaged_columns(path, columns, settings)
+        columns, noise, rows = averaged_columns(path, columns, settings)
         count = len(noise)
     raw, pose, beam = stack(READING_COLUMNS), stack(REFERENCE) * STATE_UNITS[:6], stack(BEAM)
     good = np.asarray(np.isfinite(np.hstack([pose, beam])).all(axis=1))
@@ -120,14 +120,16 @@ def gathered(path: Path, columns: dict[str, Floats], settings: Calibrate) -> Dat
         clock=clock(columns, good),
         seat=seat,
         thirds=thirds,
+        rows=None if rows is None else rows[good],
         number=np.flatnonzero(good) + 1,
     )
 
 
 def averaged_columns(
     path: Path, columns: dict[str, Floats], settings: Calibrate
-) -> tuple[dict[str, Floats], Floats]:
-    """Means over the times in which the reference stands still, and the noise of their readings.
+) -> tuple[dict[str, Floats], Floats, Floats]:
+    """Means over the times in which the reference stands still, the noise of their readings, and
+    of how many rows each is.
 
     Raises `InputError` where it does not stand still ten times.
     """
@@ -142,7 +144,7 @@ def averaged_columns(
             f"more within {WITHIN:g} of its standard uncertainties; a calibration needs 10 at "
             "least. Leave out --dwells for a motion that does not stop"
         )
-    return found.columns, found.noise
+    return found.columns, found.noise, found.rows
 
 
 def clock(columns: dict[str, Floats], good: NDArray[np.bool_]) -> Floats | None:

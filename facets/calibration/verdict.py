@@ -22,7 +22,7 @@ from .hypotheses import explanation
 from .laser import steadied
 from .misfit import Finding, excluded, findings, model_error, pulls, widened
 from .outliers import numbers, without_outliers
-from .samples import averaged, distinct, faults, inside
+from .samples import averaged, distinct, faults, inside, with_converter
 from .scatter import shape_of_powers
 from .small_matrices import one_thread
 from .table import split
@@ -116,7 +116,7 @@ def screen(sensor: Sensor, data: Data, settings: Calibrate) -> Screened:
     if len(whole.raw) < LEAST:
         early.insert(0, Finding(True, f"{len(whole.raw)} samples are left: too few."))
         return Screened(whole, whole.part(slice(0)), early, kind)
-    averages = averaged(sensor, over_the_run(whole))
+    averages = with_converter(sensor, averaged(sensor, over_the_run(whole)))
     fitted, held = split(averages, settings.held_back)
     return Screened(fitted, held, early, kind)
 

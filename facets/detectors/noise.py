@@ -156,9 +156,16 @@ def electric_variances(
 ) -> Floats:
     """Variances of psi, zeta and power of each detector, (..., 3, 3), mm^2 and mm^2 and mW^2:
     by source (..., 3, 3, 5), or their sum (..., 3, 3, 1)."""
-    kind, half = electronics.kind, half_sizes(sensor)
     currents = currents_of(sensor, electronics, exact)
     var = current_variances(electronics, currents, together)
+    return carried(sensor, electronics, exact, currents, var)
+
+
+def carried(
+    sensor: Sensor, electronics: Electronics, exact: Floats, currents: Floats, var: Floats
+) -> Floats:
+    """Variances of currents (..., 3, 4, m) as those of psi, zeta and power (..., 3, 3, m)."""
+    kind, half = electronics.kind, half_sizes(sensor)
     out = np.empty((*exact.shape, var.shape[-1]))
     flow, noise = at_either_end(kind, currents[..., None]), at_either_end(kind, var)
     below, above = flow[..., 0, :], flow[..., 1, :]
@@ -173,6 +180,34 @@ def electric_variances(
     of_sum = var.sum(axis=-2) / (4 if two_layers(electronics) else 1)
     out[..., 2, :] = of_sum / (1e-3 * electronics.responsivity) ** 2
     return out
+
+
+def step_variances(sensor: Sensor, reading: ArrayLike, share: ArrayLike = 1.0) -> Floats:
+    """What a converter's steps leave in the mean of many readings at one state: (..., 9), mm^2 and
+    mW^2; 0 without electronics.
+
+    share: (...) of the noise's variance that there is, over what the electronics should have. With
+    noise of standard deviation s in steps of q, the mean is off by a function of its place between
+    two steps, whose k-th harmonic is (q / pi k) exp(-2 (pi k s / q)^2).
+    """
+    exact = np.asarray(reading, dtype=float)
+    if sensor.electronics is None:
+        return np.zeros_like(exact)
+    electronics, parts = sensor.electronics, by_detector(exact)
+    step = electronics.adc_range / 2**electronics.adc_bits / electronics.transimpedance
+    currents = currents_of(sensor, electronics, parts)
+    noise = current_variances(electronics, currents)[..., :-1].sum(axis=-1)
+    noise = noise * np.broadcast_to(share, exact.shape[:-1])[..., None, None] / step**2
+    left = np.zeros_like(noise)
+    for k in range(1, HARMONICS + 1):
+        left += np.exp(-((2 * np.pi * k) ** 2) * noise) / k**2
+    var = (step**2 / (2 * np.pi**2) * left)[..., None]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        return carried(sensor, electronics, parts, currents, var).reshape(exact.shape)
+
+
+#: Harmonics of the error of a step: what comes after is 1 % of its variance without noise.
+HARMONICS = 60
 
 
 def summed_variances(sensor: Sensor, electronics: Electronics, exact: Floats) -> Floats:

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 import facets
+from facets.calibration.bundle_adjustment import Data
 from facets.calibration.dwells import dwell_means, stands
+from facets.calibration.samples import with_converter
 from facets.calibration.table import gathered
 from facets.core.errors import InputError
 from facets.core.names import READING_COLUMNS, STATE_UNITS
@@ -69,6 +71,42 @@ def test_the_noise_of_a_mean_is_what_means_scatter_by(memory):
     ratio = np.sqrt((means**2).mean(axis=0)) / found.noise.mean(axis=0)
     assert np.sqrt((ratio**2).mean()) == pytest.approx(1, abs=0.08)
     assert found.left_out == count * rows - found.rows.sum()
+
+
+def test_rows_that_jump_and_stands_that_are_spoilt_change_little():
+    rng = np.random.default_rng(4)
+    count, rows = 40, 100
+    pose = np.repeat(rng.uniform(-1, 1, (count, 2)), rows, axis=0)
+    noise = rng.standard_normal((count * rows, 9))
+    noise[:, 2::3] += 100.0
+    clean = dwell_means(dict(zip(READING_COLUMNS, noise.T, strict=True)), pose, SIGMA)
+    hit = noise.copy()
+    hit[rng.choice(len(hit), 40, replace=False), 0] += 1e4
+    for stand in (3, 17, 30):  # a reading that creeps while the mirror stands still
+        hit[stand * rows : (stand + 1) * rows, 1] += np.linspace(0, 500, rows)
+    found = dwell_means(dict(zip(READING_COLUMNS, hit.T, strict=True)), pose, SIGMA)
+    name = READING_COLUMNS[0]
+    np.testing.assert_allclose(found.columns[name], clean.columns[name], atol=0.1)
+    assert (found.noise / clean.noise)[:, 1].mean() < 1.3
+
+
+@pytest.mark.parametrize("bandwidth", [200.0, 5000.0])
+def test_a_converter_s_steps_stay_in_a_mean(bandwidth):
+    """The r.m.s. error of means of 400 readings over 150 states, beside what is stated."""
+    bench = facets.load("bench").sensor
+    electronics = replace(bench.electronics, adc_bits=13, bandwidth=bandwidth)
+    sensor = replace(bench, electronics=electronics)
+    rng, rows = np.random.default_rng(5), 400
+    states = np.zeros((150, 8))
+    states[:, :6] = rng.uniform(-1, 1, (150, 6)) * [0.02, 0.02, 1.0, 3e-3, 3e-3, 3e-3]
+    exact = facets.readings(sensor, states)
+    means = np.mean([facets.add_noise(sensor, exact, rng) for _ in range(rows)], axis=0)
+    white = standard_deviations(sensor, exact) / np.sqrt(rows)
+    data = Data(means, states[:, :6], np.ones(6), np.zeros((150, 2)), noise=white,
+                rows=np.full(150, float(rows)))  # fmt: skip
+    over = (means - exact) / with_converter(sensor, data).noise
+    assert np.sqrt((over**2).mean()) == pytest.approx(1, abs=0.15)
+    assert np.sqrt((((means - exact) / white) ** 2).mean()) > 3
 
 
 def columns_of(rng, count, rows):

@@ -1,0 +1,160 @@
+"""What scatters from sample to sample, whose it is, and what follows the motion instead."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from facets.experiments import disturbed_rigs, rigs
+
+import facets
+from facets.calibration import scatter
+from facets.calibration.bundle_adjustment import Data, over_the_run, states_of
+from facets.calibration.fit import Task, fit
+from facets.calibration.laser import steadied
+from facets.calibration.outliers import without_outliers
+from facets.calibration.scatter import explained, shape_of_powers
+from facets.calibration.table import choice
+from facets.calibration.unknowns import PLACE
+from facets.calibration.verdict import verdict
+from facets.detectors.correction import uncorrected
+from facets.detectors.noise import add_noise
+
+CONFIG = facets.load("paper")
+NOMINAL = CONFIG.sensor
+PLAIN = replace(CONFIG.calibrate, effects=dict.fromkeys(CONFIG.calibrate.effects, "off"))
+COUNT = 120
+
+
+def samples(mirror=0.0, beam=0.0, noise=1.0, profile=0.0, seed=3):
+    """Of a rig with ideal light: a mirror that vibrates, a beam that trembles (mm), noise larger
+    than stated, a power of A that follows the fourth power of x."""
+    rng = np.random.default_rng(seed)
+    rig = rigs.drawn(NOMINAL, rng)
+    pose = rng.uniform(-1, 1, (COUNT, 6)) * [0.25, 0.25, *rigs.BOX[2:]]
+    there = pose.copy()
+    there[:, :3] += mirror * rng.standard_normal((COUNT, 3))
+    data = Data(np.zeros((COUNT, 9)), there, rigs.REFERENCE, beam * rng.standard_normal((COUNT, 2)))
+    exact = facets.readings(rig.sensor, states_of(data, np.zeros((COUNT, 9)), rig.values))
+    exact[:, 2] *= 1 + profile * (pose[:, 0] / 0.25) ** 4
+    raw = uncorrected(rig.sensor, exact + noise * (add_noise(rig.sensor, exact, rng) - exact))
+    said = pose + rigs.REFERENCE * rng.standard_normal(pose.shape)
+    return over_the_run(data._replace(raw=raw, pose=said, beam=np.zeros((COUNT, 2))))
+
+
+def plain_fit(data):
+    free = fit(NOMINAL, data, choice(NOMINAL, PLAIN))
+    return steadied(NOMINAL, data, free, 3.0)
+
+
+def test_the_likelihood_is_that_of_all_readings_together():
+    """Against the dense covariance of every reading, the common unknowns with their prior in it."""
+    data = samples().part(slice(0, 6))
+    found = fit(NOMINAL, data, rigs.choice())
+    task = Task(NOMINAL, data, found.choice, None)
+    like = scatter.Likelihood(task, found)
+    known = scatter.known_before(task.data, found.choice)
+    rng = np.random.default_rng(1)
+
+    def dense(sizes):
+        rows = like.common.reshape(54, -1)
+        cover = rows @ np.linalg.solve(task.prior, rows.T)
+        for n in range(6):
+            part = slice(9 * n, 9 * n + 9)
+            cover[part, part] += like.variance(known, sizes)[n]
+        start = (found.every - task.start)[found.choice.places]
+        left = like.left.ravel() + rows @ start  # from where the unknowns were thought to be
+        return np.linalg.slogdet(cover)[1] + left @ np.linalg.solve(cover, left)
+
+    first, second = rng.uniform(0, 2, (2, len(scatter.NAMES)))
+    change = like.reduced(known, first).unlikely - like.reduced(known, second).unlikely
+    assert change == pytest.approx(dense(first) - dense(second), abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "cause", "name", "size"),
+    [
+        ({"mirror": 1e-3}, "reference", "tx", 1e-3),
+        ({"beam": 5e-4}, "beam", "beam", 5e-4),
+        ({"noise": 2.0}, "detectors", scatter.POWERS, 3**0.5),
+    ],
+    ids=["vibration", "beam", "noise"],
+)
+@pytest.mark.slow
+def test_what_scatters_is_found_with_its_size(wrong, cause, name, size):
+    data = samples(**wrong)
+    _, found, one = explained(NOMINAL, data, plain_fit(data), 3.0, beam=True)
+    assert one.causes == (cause,)
+    assert one.of(name) == pytest.approx(size, rel=0.3)
+    assert abs(found.reduced - 1) < 0.2
+
+
+def test_nothing_is_explained_where_nothing_scatters():
+    data = samples()
+    plain = plain_fit(data)
+    same, found, one = explained(NOMINAL, data, plain, 3.0, beam=True)
+    assert one == scatter.NOTHING or not one.causes
+    assert same is data
+    assert found is plain
+
+
+@pytest.mark.slow
+def test_a_power_that_follows_the_place_is_no_scatter():
+    for wrong, there in (({"mirror": 3e-4}, False), ({"profile": 0.01}, True)):
+        data = samples(**wrong)
+        data, found, _ = explained(NOMINAL, data, plain_fit(data), 3.0, beam=True)
+        shape = shape_of_powers(NOMINAL, data, found, 3.0)
+        assert (shape.chance < 1e-6) == there
+
+
+# ---- samples that no noise makes
+
+
+@pytest.mark.parametrize("kind", ["rows", "single", "bursts", "detector"])
+def test_samples_that_jump_are_taken_out_and_decide_nothing(kind):
+    """The same fit, and the same steadiness of the laser, as without them."""
+    data = samples()
+    sigma = facets.standard_deviations(NOMINAL, data.raw)
+    raw = disturbed_rigs.jumps(0.03, 300, kind)(data.raw, sigma, np.random.default_rng(2))
+    hit = np.flatnonzero((raw != data.raw).any(axis=1))
+    jumped = data._replace(raw=raw)
+    kept, found, gone = without_outliers(
+        NOMINAL, jumped, fit(NOMINAL, jumped, choice(NOMINAL, PLAIN)), 3.0
+    )
+    assert gone == (hit + 1).tolist()
+    assert len(kept.raw) == COUNT - len(hit)
+    clean = data.part(np.delete(np.arange(COUNT), hit))
+    expected = fit(NOMINAL, clean, choice(NOMINAL, PLAIN))
+    off = (found.values - expected.values) / expected.uncertainty
+    assert np.abs(off).max() < 0.1
+    steady, other = steadied(NOMINAL, kept, found, 3.0), steadied(NOMINAL, clean, expected, 3.0)
+    assert steady.choice.power == other.choice.power
+
+
+def test_many_outliers_are_none():
+    data = samples()
+    raw = data.raw.copy()
+    raw[::5, 0] += 1.0
+    jumped = data._replace(raw=raw)
+    found = fit(NOMINAL, jumped, choice(NOMINAL, PLAIN))
+    assert without_outliers(NOMINAL, jumped, found, 3.0)[2] == []
+
+
+# ---- what follows the motion
+
+
+@pytest.mark.slow
+def test_backlash_is_found_and_told():
+    rng = np.random.default_rng(4)
+    data = samples(seed=4)
+    rig = rigs.drawn(NOMINAL, np.random.default_rng(4))
+    play = np.array([1e-3, 0, 0, 0, 0, 0])
+    there = disturbed_rigs.backlash(play)(data.pose, rng)
+    data = rigs.read(rig, data._replace(pose=there), rng)._replace(pose=data.pose)
+    asked = replace(PLAIN, effects=PLAIN.effects | {"backlash": "auto"})
+    found = verdict(NOMINAL, data, choice(NOMINAL, asked), asked)
+    said = " ".join(one.words for one in found.findings)
+    assert found.trusted
+    assert found.found.every[PLACE["backlash.tx"]] == pytest.approx(1e-3, abs=1e-4)
+    assert "The reference has backlash (tx 2 um from side to side)" in said
