@@ -35,8 +35,8 @@ def wild(found: Fit, data: Data, robust: float | None) -> NDArray[np.bool_]:
     size = np.where(np.isfinite(data.raw), np.abs(found.left), np.nan)
     scale = np.maximum(1.0, NORMAL_MEDIAN * median(size))
     with np.errstate(invalid="ignore"):
-        off: NDArray[np.bool_] = (size > robust * scale / LEAST_WEIGHT).any(axis=1)
-    return off
+        off = size > robust * scale / LEAST_WEIGHT
+    return np.asarray(off.any(axis=1))
 
 
 def median(values: Floats) -> Floats:

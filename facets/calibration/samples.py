@@ -187,7 +187,7 @@ def averaged(sensor: Sensor, data: Data) -> Data:
         sigma[n] = np.nanmean(np.where(there, noise[same], np.nan), axis=0) / np.sqrt(count)
     whole = np.bincount(group.ravel(), rows)
     order = np.argsort(first)
-    return merged._replace(raw=raw, noise=sigma, rows=whole).part(order)
+    return merged._replace(raw=raw, noise=sigma, rows=whole.astype(float)).part(order)
 
 
 def with_converter(sensor: Sensor, data: Data) -> Data:

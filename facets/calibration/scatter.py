@@ -100,7 +100,8 @@ class Likelihood:
             np.linalg.slogdet(variance)[1].sum() + np.linalg.slogdet(matrix)[1]
             + level - side @ step
         )  # fmt: skip
-        return Reduced(float(unlikely), matrix, inverse, weighted, aim - weighted @ step)
+        pulled: Floats = np.asarray(aim - weighted @ step, dtype=float)
+        return Reduced(float(unlikely), matrix, inverse, weighted, pulled)
 
     def shares(self, at: Reduced, free: NDArray[np.bool_]) -> tuple[Floats, Floats]:
         """Of each free size (10,): what it is by the residuals, and what it should be by the sizes;
@@ -286,7 +287,27 @@ def explained(
         data, chosen = with_scatter(bare, found.choice, one)
         found = fit(sensor, data, chosen, robust, found)
     assert one is not None
+    walk = walking(found) if "beam" in one.causes else 1.0
+    if walk > LONG:
+        sizes = one.sizes.copy()
+        beam = NAMES.index("beam")
+        sizes[beam] = max(sizes[beam], min(walk * sizes[beam], BEAM_WALK))
+        data, chosen = with_scatter(bare, found.choice, one._replace(sizes=sizes))
+        found = fit(sensor, data, chosen, robust, found)
     return data, found, one
+
+
+#: A beam that walks keeps its place from sample to sample, so that a mean over many is no better
+#: known than one of few: from which factor on that counts, and up to which size, mm.
+LONG, BEAM_WALK = 2.0, 0.01
+
+
+def walking(found: Fit) -> float:
+    """By how much more the mean of the beam's places scatters than if each were its own."""
+    place = found.open[:, 7:] - found.open[:, 7:].mean(axis=0)
+    share = float((place[1:] * place[:-1]).sum() / max((place**2).sum(), 1e-300))
+    share = min(max(share, 0.0), 0.999)
+    return float(np.sqrt((1 + share) / (1 - share)))
 
 
 # ---- whether what is left follows the mirror's place
@@ -300,18 +321,18 @@ DEGREE = 4
 
 
 class Shape(NamedTuple):
-    """What the powers follow in x and y, beside all unknowns.  fall: of chi-square, by `count`
+    """What the powers follow in x and y, beside all unknowns.  fall: of chi-square, by so many
     polynomials.  size: r.m.s. of what they follow, over the power."""
 
     fall: float
-    count: int
+    polynomials: int
     size: float
 
     @property
     def chance(self) -> float:
         from scipy.special import chdtrc
 
-        return float(chdtrc(self.count, self.fall))
+        return float(chdtrc(self.polynomials, self.fall))
 
 
 @one_thread
