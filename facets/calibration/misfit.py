@@ -332,10 +332,10 @@ def shaped(shape: Shape) -> Finding | None:
     return Finding(True, (
         "The powers follow the mirror's x and y in a way that no unknown explains (by "
         f"{100 * shape.size:.2g} % of a power, r.m.s.; chi-square falls by {shape.fall:.0f} with "
-        f"{shape.polynomials} polynomials): the light's cross-section is not that of the model. Perhaps "
-        "the beam is not Gaussian (other modes, a second reflex, fringes) or the mirror's tip is "
-        "chipped. x and y may be off by several times what is stated; look at the beam with a "
-        "camera, clean it with a pinhole or a fibre."
+        f"{shape.polynomials} polynomials): the light's cross-section is not that of the model. "
+        "Perhaps the beam is not Gaussian (other modes, a second reflex, fringes) or the mirror's "
+        "tip is chipped. x and y may be off by several times what is stated; look at the beam with "
+        "a camera, clean it with a pinhole or a fibre."
     ))  # fmt: skip
 
 

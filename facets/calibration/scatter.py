@@ -88,7 +88,7 @@ class Likelihood:
     def reduced(self, known: Floats, sizes: Floats) -> Reduced:
         """What is left of the likelihood once the common unknowns are free."""
         variance = self.variance(known, sizes)
-        inverse = np.linalg.inv(variance)
+        inverse: Floats = np.asarray(np.linalg.inv(variance), dtype=float)
         weighted = inverse @ self.common
         size = self.common.shape[2]
         matrix = self.common.reshape(-1, size).T @ weighted.reshape(-1, size) + self.prior
@@ -100,8 +100,7 @@ class Likelihood:
             np.linalg.slogdet(variance)[1].sum() + np.linalg.slogdet(matrix)[1]
             + level - side @ step
         )  # fmt: skip
-        pulled: Floats = np.asarray(aim - weighted @ step, dtype=float)
-        return Reduced(float(unlikely), matrix, inverse, weighted, pulled)
+        return Reduced(float(unlikely), matrix, inverse, weighted, aim - weighted @ step)
 
     def shares(self, at: Reduced, free: NDArray[np.bool_]) -> tuple[Floats, Floats]:
         """Of each free size (10,): what it is by the residuals, and what it should be by the sizes;
@@ -290,8 +289,8 @@ def explained(
     walk = walking(found) if "beam" in one.causes else 1.0
     if walk > LONG:
         sizes = one.sizes.copy()
-        beam = NAMES.index("beam")
-        sizes[beam] = max(sizes[beam], min(walk * sizes[beam], BEAM_WALK))
+        place = NAMES.index("beam")
+        sizes[place] = max(sizes[place], min(walk * sizes[place], BEAM_WALK))
         data, chosen = with_scatter(bare, found.choice, one._replace(sizes=sizes))
         found = fit(sensor, data, chosen, robust, found)
     return data, found, one
@@ -347,7 +346,8 @@ def shape_of_powers(sensor: Sensor, data: Data, found: Fit, robust: float | None
     with np.errstate(over="ignore"):
         known = np.minimum((own_sigma(task.data, found.choice) / OWN_UNITS) ** 2, FREE**2)
     at = like.reduced(known, np.zeros(len(NAMES)))
-    place = data.pose[:, :2] - np.median(data.pose[:, :2], axis=0)
+    place = data.pose[:, :2] + found.open[:, :2]
+    place -= np.median(place, axis=0)
     x, y = (place / np.abs(place).max(axis=0).clip(1e-12)).T
     rows = np.column_stack([x**a * y**b for a in range(DEGREE + 1) for b in range(DEGREE + 1 - a)
                             if a + b > 1])  # fmt: skip
@@ -363,8 +363,7 @@ def shape_of_powers(sensor: Sensor, data: Data, found: Fit, robust: float | None
     matrix = flat.T @ (at.inverse @ columns).reshape(flat.shape)
     matrix -= across.T @ np.linalg.solve(at.matrix, across)
     level, ways = np.linalg.eigh(matrix)
-    there = level > 1e-9 * level.max()
-    fall = float(((ways.T @ side)[there] ** 2 / level[there]).sum())
-    count = int(there.sum())
+    told = np.flatnonzero(level > 1e-9 * level.max())
+    fall, count = float(((ways.T @ side)[told] ** 2 / level[told]).sum()), len(told)
     share = max(fall - count, 0.0) / max(float((light > 0).sum()), 1.0)
     return Shape(fall, count, float(np.sqrt(share) / np.median(light[light > 0])))
