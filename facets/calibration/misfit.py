@@ -19,12 +19,10 @@ from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, deviations, light_of
 from .candidates import beyond_chance
 from .fit import Fit
-from .outliers import MOST_SHARE
+from .outliers import MOST_SHARE, POWER_HOLDS, holds
 from .scatter import (
     FAR,
-    PLACE_HOLDS,
     PLACES,
-    POWER_HOLDS,
     POWERS,
     Scatter,
     Shape,
@@ -374,9 +372,7 @@ def model_error(found: Fit, data: Data, sensor: Sensor, scatter: Scatter) -> dic
         share = float(found.redundancy[np.isfinite(data.raw)].mean())
         missed = np.hypot(missed, sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(share, 0.1)))
     if any(name in EFFECTS for name in found.choice.names):
-        holds = np.full(9, PLACE_HOLDS)
-        holds[2::3] = POWER_HOLDS * np.nanmedian(data.raw[:, 2::3], axis=0)
-        missed = np.hypot(missed, holds)
+        missed = np.hypot(missed, holds(data))
     missed = np.hypot(missed, spline_error(sensor, data.raw, found.choice.names, found.covariance))
     return {name: float(size) for name, size in zip(MISFIT, missed, strict=True) if size > 0}
 

@@ -14,9 +14,13 @@ from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from .bundle_adjustment import Data
+from ..model.arrays import EFFECTS
+from .bundle_adjustment import Data, deviations
 from .fit import NORMAL_MEDIAN, Fit, fit
 
+#: How well the model of real light holds itself, against rays and propagated fields: of a place,
+#: mm, and of a power, a share. No residual shows it where the unknowns take it up.
+PLACE_HOLDS, POWER_HOLDS = 2e-4, 5e-5
 #: The robust weight below which a reading is none: at 12 standard deviations, with the limit at 3.
 LEAST_WEIGHT = 0.25
 #: The share of samples with an outlier beyond which they are no outliers.
@@ -25,18 +29,28 @@ MOST_SHARE = 0.1
 TIMES = 2
 
 
-def wild(found: Fit, data: Data, robust: float | None) -> NDArray[np.bool_]:
+def wild(sensor: Sensor, found: Fit, data: Data, robust: float | None) -> NDArray[np.bool_]:
     """Samples (n,) with a reading that is too far off, beside most residuals of its column.
 
-    By column, since a model that misses something of the powers says nothing of the places.
+    By column, since a model that misses something of the powers says nothing of the places. What
+    the model of real light does not hold itself is no outlier.
     """
     if robust is None:
         return np.zeros(len(data.raw), dtype=bool)
     size = np.where(np.isfinite(data.raw), np.abs(found.left), np.nan)
     scale = np.maximum(1.0, NORMAL_MEDIAN * median(size))
+    if any(name in EFFECTS for name in found.choice.names):
+        scale = np.maximum(scale, median(holds(data) / deviations(sensor, data)))
     with np.errstate(invalid="ignore"):
         off = size > robust * scale / LEAST_WEIGHT
     return np.asarray(off.any(axis=1))
+
+
+def holds(data: Data) -> Floats:
+    """(9,) how well the model of real light holds the readings: mm and mW."""
+    found = np.full(9, PLACE_HOLDS)
+    found[2::3] = POWER_HOLDS * median(data.raw)[2::3]
+    return found
 
 
 def median(values: Floats) -> Floats:
@@ -61,7 +75,7 @@ def without_outliers(
     """
     gone = list[int]()
     for _ in range(TIMES):
-        off = wild(found, data, robust)
+        off = wild(sensor, found, data, robust)
         if not off.any() or off.sum() + len(gone) + spent > MOST_SHARE * (len(off) + len(gone)):
             break
         gone += numbers(data)[off].tolist()

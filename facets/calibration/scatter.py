@@ -290,15 +290,16 @@ def explained(
     if walk > LONG:
         sizes = one.sizes.copy()
         place = NAMES.index("beam")
-        sizes[place] = max(sizes[place], min(walk * sizes[place], BEAM_WALK))
+        sizes[place] *= WALK
         data, chosen = with_scatter(bare, found.choice, one._replace(sizes=sizes))
         found = fit(sensor, data, chosen, robust, found)
     return data, found, one
 
 
 #: A beam that walks keeps its place from sample to sample, so that a mean over many is no better
-#: known than one of few: from which factor on that counts, and up to which size, mm.
-LONG, BEAM_WALK = 2.0, 0.01
+#: known than one of few: from which factor on that counts, and how much larger its scatter is then
+#: taken. Larger yet, the powers would tell nothing of x and y.
+LONG, WALK = 2.0, 2.0
 
 
 def walking(found: Fit) -> float:
@@ -312,9 +313,6 @@ def walking(found: Fit) -> float:
 # ---- whether what is left follows the mirror's place
 
 
-#: How well the model of real light holds itself, against rays and propagated fields: of a place,
-#: mm, and of a power, a share. No residual shows it where the unknowns take it up.
-PLACE_HOLDS, POWER_HOLDS = 2e-4, 5e-5
 #: Powers of x and y up to which it is looked whether the powers follow them.
 DEGREE = 4
 
