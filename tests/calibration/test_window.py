@@ -56,7 +56,7 @@ def test_what_hangs_over_the_edge_is_left_out(monkeypatch):
     assert worst_ratio(found.sensor, rig) < 1.5
     monkeypatch.setattr(judging, "inside", lambda sensor, data: (data, []))
     without = judging.verdict(NOMINAL, data, choice(NOMINAL, SETTINGS), SETTINGS)
-    assert not without.trusted or worst_ratio(without.sensor, rig) > 2
+    assert len(without.fitted.raw) < len(found.fitted.raw)  # whole rows go, as outliers
 
 
 @pytest.mark.parametrize("cut", [False, True], ids=["ideal", "cut"])
