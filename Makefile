@@ -1,21 +1,32 @@
 # make run: the paper's sensor, simulated and solved.  make test: all checks.
 # make reproduce: the paper's figures, tables and claims.  make docs: the documentation, in site/.
 PYTHON ?= python3
-BIN := .venv/bin
+BIN := .venv/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 
-.PHONY: run test test-full lint tree types layers unit quick studies portable installed lowest bench reproduce docs gallery three clean
+.PHONY: run test test-full lint tree types layers unit quick studies portable installed lowest locked dist \
+  publishable image bench reproduce docs gallery three clean
 
 run: .venv/installed
 	$(BIN)/facets simulate paper -o results/paper --force
 
 test: lint types layers unit
 
+# Style, spelling, and what the hosts that publish the project expect of its files.
 lint: .venv/developed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	git ls-files -z | xargs -0 $(BIN)/codespell
+	git ls-files -z '*.md' | xargs -0 $(BIN)/rumdl check --silent
+	$(BIN)/repo-review --show err .
+	$(BIN)/hadolint Dockerfile
+	$(BIN)/zizmor --quiet --offline --persona pedantic .github
+	$(BIN)/check-jsonschema --quiet --builtin-schema vendor.github-workflows .github/workflows/*
+	$(BIN)/check-jsonschema --quiet --builtin-schema vendor.dependabot .github/dependabot.yml
+	$(BIN)/check-jsonschema --quiet --builtin-schema vendor.github-issue-forms .github/ISSUE_TEMPLATE/[!c]*
+	$(BIN)/check-jsonschema --quiet --builtin-schema vendor.citation-file-format CITATION.cff
 
 # The package as it is installed, with cli/ and experiments/ inside, for tools that read sources.
 tree:
@@ -62,6 +73,27 @@ installed: .venv/developed
 lowest: .venv/developed
 	$(BIN)/python tests/helpers/installed.py --lowest
 
+# What contributors get by `uv sync`: the versions that uv.lock names.
+locked: .venv/developed
+	UV_PROJECT_ENVIRONMENT=build/locked $(BIN)/uv run --quiet --locked facets simulate paper -o build/locked/paper --force
+
+# The source distribution and the wheel as they are published, in dist/.
+dist: .venv/developed
+	$(BIN)/python tests/helpers/installed.py --only-build dist
+
+# That nothing is left which only who publishes can fill in, and that the tag is the version.
+TAG ?= v$(shell sed -n 's/^__version__ = "\(.*\)"/\1/p' facets/core/version.py)
+publishable:
+	@! git grep -nE 'OWNER[/.]|FILL IN' -- . ':!Makefile' ':!CONTRIBUTING.md' ':!tests' \
+	  || { echo 'fill in what these lines leave open'; exit 1; }
+	@grep -qF '__version__ = "$(TAG:v%=%)"' facets/core/version.py \
+	  || { echo 'the tag $(TAG) is not the version in facets/core/version.py'; exit 1; }
+
+# The image that runs facets and the virtual bench.
+image:
+	docker build --tag facets .
+	docker run --rm facets simulate paper -o /tmp/paper
+
 bench: .venv/installed
 	$(BIN)/facets bench -o results/bench --force
 
@@ -83,12 +115,12 @@ three:
 
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet --upgrade "pip>=23.1"
+	$(BIN)/pip install --quiet --upgrade "pip>=25.1"
 	$(BIN)/pip install --quiet --editable .
 	touch $@
 
 .venv/developed: .venv/installed
-	$(BIN)/pip install --quiet --editable ".[dev]"
+	$(BIN)/pip install --quiet --editable . --group dev
 	touch $@
 
 clean:

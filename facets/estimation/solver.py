@@ -55,7 +55,7 @@ class Plan(NamedTuple):
     limits: problem.Limits
 
 
-def prior_of_beam(beam: str | Prior) -> Prior:
+def prior_of_beam(beam: object) -> Prior:
     if isinstance(beam, Prior):
         return beam
     sigma = {"free": np.inf, "known": 0.0}.get(beam) if isinstance(beam, str) else None
@@ -64,7 +64,7 @@ def prior_of_beam(beam: str | Prior) -> Prior:
     return Prior((0.0, 0.0), sigma)
 
 
-def prior_of_power(power: str | Prior, sensor: Sensor) -> Prior:
+def prior_of_power(power: object, sensor: Sensor) -> Prior:
     if isinstance(power, Prior):
         return power
     sigma = {"known": 0.0, "unknown": np.inf}.get(power) if isinstance(power, str) else None

@@ -1,11 +1,12 @@
 """The package as others have it: built, installed outside of the checkout, and tried there.
 
-    python tests/helpers/installed.py [--lowest]
+    python tests/helpers/installed.py [--lowest | --only-build FOLDER]
 
 Builds a wheel of the files that git knows, a source distribution, and a wheel of that, and compares
 what they hold. Installs the wheel with its extras into a fresh environment in a temporary folder
 whose path has spaces, and runs there the tests that are marked `wheel` or `installed`.
 
+--only-build: leaves the source distribution and the wheel in a folder, and tries nothing.
 --lowest: with the oldest versions that `pyproject.toml` allows instead of the newest; each must be
 the very version that is written there. Without the tests that are marked `slow`, for time.
 """
@@ -36,9 +37,7 @@ PACKAGES = {
     "configs": "facets/configs",
 }
 #: Extras that are not for users, or need a driver by the maker of some hardware.
-LEFT_OUT = ("dev", "bench-peers", "ni", "thorlabs")
-#: What the tests need beside pytest; the versions are those of the extra `dev`.
-TEST_TOOLS = ("pytest", "pytest-xdist", "hypothesis")
+LEFT_OUT = ("bench-peers", "ni", "thorlabs")
 
 
 def run(*words: str | Path, cwd: Path) -> None:
@@ -105,14 +104,10 @@ def build(names: Sequence[str], folder: Path) -> Path:
     return wheel
 
 
-def environment(wheel: Path, project: dict[str, Any], folder: Path, lowest: bool) -> Path:
+def environment(wheel: Path, settings: dict[str, Any], folder: Path, lowest: bool) -> Path:
     """A fresh environment with the wheel in it, compiled as pip does; its folder of programs."""
+    project, tools = settings["project"], settings["dependency-groups"]["test"]
     extras = [name for name in project["optional-dependencies"] if name not in LEFT_OUT]
-    tools = [
-        text
-        for text in project["optional-dependencies"]["dev"]
-        if Requirement(text).name in TEST_TOOLS
-    ]
     asked = [f"{project['name']}[{','.join(extras)}] @ {wheel.as_uri()}", *tools]
     if lowest:  # "direct" is what is asked for here, not what the wheel asks for in turn
         asked += project["dependencies"]
@@ -154,7 +149,7 @@ def is_lowest(requirement: Requirement, version: str) -> bool:
 
 
 def marked_files(folder: Path) -> list[str]:
-    """The files with a test that is to be run; others may need packages that only `dev` has."""
+    """The files with a test that is to be run; others may need more than the group `test`."""
     files = sorted((folder / "tests").rglob("test_*.py"))
     marks = re.compile(r"pytest\.mark\.(installed|wheel)\b")
     return [str(file.relative_to(folder)) for file in files if marks.search(file.read_text())]
@@ -163,10 +158,16 @@ def marked_files(folder: Path) -> list[str]:
 def main(arguments: Sequence[str]) -> int:
     lowest = "--lowest" in arguments
     names = known_files()
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
     with tempfile.TemporaryDirectory(prefix="facets installed ") as temporary:
         folder = Path(temporary)
-        programs = environment(build(names, folder), project, folder, lowest)
+        if arguments[:1] == ["--only-build"]:
+            target = ROOT / arguments[1]
+            target.mkdir(parents=True)  # what was built before is not mixed with this
+            for built in (build(names, folder), *folder.glob("from sdist/*.tar.gz")):
+                print(shutil.copy(built, target))
+            return 0
+        programs = environment(build(names, folder), settings, folder, lowest)
         beside = [name for name in names if name.split("/")[0] not in PACKAGES]
         tests = copy_files([*beside, "experiments/README.md"], folder / "no checkout")
         words = ["-n", "auto", "--dist", "worksteal", "--durations=12"]

@@ -1,4 +1,4 @@
-"""The virtual stages against their makers' own clients, which the extra `dev` brings along."""
+"""The virtual stages against their makers' own clients, which the extra `stages` brings along."""
 
 from __future__ import annotations
 
