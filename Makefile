@@ -116,7 +116,7 @@ three:
 .venv/installed: pyproject.toml
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet --upgrade "pip>=25.1"
-	$(BIN)/pip install --quiet --editable .
+	$(BIN)/pip install --quiet --editable ".[design,scenes]"
 	touch $@
 
 .venv/developed: .venv/installed

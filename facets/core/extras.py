@@ -10,13 +10,16 @@ from .errors import InputError
 #: The extra that brings a package.
 EXTRAS = {
     "aiohttp": "web",
+    "casadi": "design",
     "distributed": "cluster",
+    "imageio": "scenes",
     "mcap": "mcap",
     "nidaqmx": "ni",
     "openpyxl": "sheets",
     "plotly": "pages",
     "pylablib": "thorlabs",
     "pylsl": "lsl",
+    "pyvista": "scenes",
 }
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
+from ..core.extras import require_extra
 from ..core.names import POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
@@ -344,8 +345,7 @@ def problem_of(sensor: Sensor, layout: Layout, constant: float = 0.0) -> Problem
 
     constant: what the parts' price adds to the objective.
     """
-    import casadi as ca
-
+    ca = require_extra("casadi", "the search for a layout")
     require_supported(sensor, layout)
     names = list(layout.variables)
     low, high = np.array([layout.variables[name] for name in names]).T

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.extras import require_extra
 from ..core.names import FINE_COLUMNS, POSE, RANGE_COLUMNS
 from ..core.units import Floats
 from ..detectors.noise import power_floor
@@ -96,7 +97,7 @@ def require_smooth(space: Space) -> None:
 
 def trade_of(space: Space) -> Trade:
     """The problem of a space's objectives; raises `InputError`."""
-    import casadi as ca
+    ca = require_extra("casadi", "the search for a front")
 
     require_smooth(space)
     names, count = space.names, len(space.names)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..core.extras import require_extra
 from ..core.units import Floats
 from ..files.whole import Whole
 from .camera import Camera
@@ -75,9 +76,7 @@ def told(shown: Iterator[Any], tell: Callable[[], None]) -> Iterator[Any]:
 
 
 def write_h264(shown: Iterator[Any], path: Path, rate: float) -> None:
-    import imageio
-
-    open_writer: Any = imageio.get_writer
+    open_writer = require_extra("imageio", "a film").get_writer
     with open_writer(
         path, format="FFMPEG", fps=rate, codec="libx264", quality=8, macro_block_size=2,
         ffmpeg_log_level="error", output_params=["-movflags", "+faststart", "-f", "mp4"],

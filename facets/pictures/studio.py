@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.extras import require_extra
 from ..core.units import Booleans, Floats
 from .camera import Camera
 from .materials import MATERIALS, Theme
@@ -29,6 +30,9 @@ def library(interactive: bool = False) -> Any:
     try:
         import pyvista
         import pyvista.plotting  # comes late by itself
+    except ModuleNotFoundError:
+        require_extra("pyvista", "a picture in 3D")
+        raise
     except ImportError as error:
         raise InputError(
             f"3D pictures need libraries that are missing ({error}); on Debian and Ubuntu: "

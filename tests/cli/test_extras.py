@@ -23,6 +23,11 @@ from facets.core import extras
         ("pylablib", ["acquire", "bench", "--port", "thorlabs:1,2,3"]),
         ("openpyxl", ["optimize", "layout", "-o", "x.yaml", "--sheets", "x.xlsx"]),
         ("plotly", ["explore", "layout", "--report", "x.html"]),
+        ("pyvista", ["render", "paper", "-o", "x.png"]),
+        ("pyvista", ["render", "paper", "-o", "x.gltf"]),
+        ("imageio", ["render", "paper", "--motion", "multi-axis", "-o", "x.mp4"]),
+        ("casadi", ["optimize", "layout", "-o", "x.yaml"]),
+        ("casadi", ["explore", "layout", "--front", "-o", "y"]),
         ("distributed", ["explore", "layout", "--scheduler", "tcp://127.0.0.1:1"]),
     ],
 )
