@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from facets.characterization.sensitivity import Index
     from facets.config import Config
     from facets.core.units import Booleans, Floats
-    from facets.design.exploration import Space
+    from facets.design.exploration import Share, Space
 
 TABLE = "Kind of the table of all designs; parts: none beside the Parquet data set in parts/."
 #: Designs that the indices of sensitivity are made from, at most.
@@ -96,6 +96,23 @@ Source = Annotated[
     typer.Option("--from", help="Folder of that run.  [default: results/CONFIG-explore]"),
 ]
 Points = Annotated[int, typer.Option(min=3, max=10_000, help="On the front, about.")]
+Part = Annotated[
+    str | None,
+    typer.Option(
+        "--share",
+        metavar="K/N",
+        help="Compute only the K-th of N shares of the parts, 1 to N, for job arrays: N processes "
+        "with the same folder and the other options alike compute all of them.",
+    ),
+]
+Gather = Annotated[
+    bool,
+    typer.Option(
+        "--gather",
+        help="Compute no designs; write the results from the parts that all shares have left in "
+        "the folder.",
+    ),
+]
 Anew = Annotated[bool, typer.Option("--force", help="Begin anew in an old folder.")]
 
 
@@ -109,6 +126,8 @@ def explore(
     every: Every = False,
     required: Required = False,
     scheduler: Scheduler = None,
+    share: Part = None,
+    gather: Gather = False,
     force: Anew = False,
     table: Annotated[Designs, typer.Option(help=TABLE)] = Designs.parquet,
     plot: Plot = PlotKind.png,
@@ -135,6 +154,14 @@ def explore(
         settings.sensor, settings.range, settings.layout, sampling.value, designs, seed,
         tuple(goals), every, required,
     ))  # fmt: skip
+    part = share_of(share)
+    refuse_together(
+        {"--share": share, "--gather": gather},
+        {"--share": share, "--gather": gather, "--front": front, "--pick": pick is not None,
+         "--scheduler": scheduler, "--force": force} | (
+            {"--report": report, "--certify": certify} if share else {}
+        ),
+    )  # fmt: skip
     if pick is not None:
         write_pick(settings, space, source, front, pick, output, force)
         return
@@ -155,7 +182,14 @@ def explore(
         typer.echo(exploration.cluster_words(scheduler))
     begin(space, folder, files, about, force)
     start = time.perf_counter()
-    with_progress(lambda tell: exploration.explore(space, folder, about, scheduler, tell))
+    if gather:
+        exploration.require_whole(space, folder)
+    else:
+        with_progress(lambda tell: exploration.explore(space, folder, about, scheduler, tell, part))
+    if part:
+        count = len(exploration.parts_of(space, part))
+        typer.echo(f"{folder}/parts/: the {count} parts of share {part} are there")
+        return
     with tables.ResultSet():
         best = write(space, folder, files, about, time.perf_counter() - start, certify)
         if report and best.any():
@@ -164,6 +198,27 @@ def explore(
     name_results(folder, files, report)
     if not best.any():
         raise typer.Exit(FINDING)
+
+
+def share_of(text: str | None) -> Share | None:
+    """'3/16' as the third of sixteen shares."""
+    from facets.design.exploration import Share
+
+    if text is None:
+        return None
+    number, slash, count = text.partition("/")
+    if slash and number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count):
+        return Share(int(number), int(count))
+    raise InputError(
+        f"--share is {text!r}; allowed: K/N, whole numbers with K from 1 to N, as 3/16"
+    )
+
+
+def refuse_together(some: dict[str, Any], others: dict[str, Any]) -> None:
+    """Refuses two options of which one has no meaning beside the other."""
+    for name in (name for name, value in some.items() if value):
+        for other in (other for other, value in others.items() if value and other != name):
+            raise InputError(f"{name} and {other} cannot be given together")
 
 
 def name_results(folder: Path, files: list[Path], page: Path | None) -> None:

@@ -2,7 +2,8 @@
 
 Designs are drawn by a number, so that any part of them can be made again anywhere: a part is some
 hundred designs, goes to a worker as a number, and comes back as a table that is written at once.
-A run that was cut off goes on with the parts that are missing.
+A run that was cut off goes on with the parts that are missing. Several processes may share the
+parts of one search in one folder, each with its own, without knowing of one another.
 
 Designs of a sensor with ideal light and simple noise are measured by compiled loops, all of them in
 full (`survey`). Of others ranges take nine tenths of the time, so a design that cannot be on the
@@ -47,7 +48,7 @@ from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats
 from ..detectors.noise import currents_of, power_floor
-from ..files.tables import Whole, write_table
+from ..files.tables import Whole, read_head, write_table
 from ..model.arrays import margins, readings
 from ..model.threads import cores
 from .electronics import FULL
@@ -63,6 +64,8 @@ if TYPE_CHECKING:
 PART, PILOT, MANY, TASKS = 200, 5, 50, 100
 #: The file that says which search a folder is of.
 MARK = "search.txt"
+#: What a part says of the share that it was made in.
+SHARE = "share"
 #: How often a worker looks whether its parent is still there, s.
 ORPHANED = 1.0
 #: Rivals that a design is held against, at most.
@@ -91,6 +94,17 @@ SKIPPED = (
 )
 #: Which of them it is where a design is outside its own range at rest, by the range's limit.
 OUTSIDE = {PSD: 1, LIGHT: 2, SINGULAR: 6, COARSE: 7}
+
+
+@dataclass(frozen=True)
+class Share:
+    """The parts of one process of several: every `count`-th part from number `number` on."""
+
+    number: int = 1
+    count: int = 1
+
+    def __str__(self) -> str:
+        return f"{self.number}/{self.count}"
 
 
 @dataclass(frozen=True)
@@ -126,6 +140,11 @@ class Space:
     def pilot(self) -> int:
         """How many designs are looked at in full, at least."""
         return self.count if self.every else PILOT * self.part
+
+    @property
+    def has_rivals(self) -> bool:
+        """Whether designs are held against those of the pilot, which must be known before them."""
+        return not self.plain and not self.every
 
     @property
     def plain(self) -> bool:
@@ -368,6 +387,7 @@ def write_part(
     if not (folder / MARK).exists():
         with Whole(folder / MARK) as temporary:
             temporary.write_text(identity(space, about))
+    prepare(folder, space, about, force=False)  # another process may have been faster
     write_table(part_path(folder, first), table, about)
 
 
@@ -377,26 +397,59 @@ def explore(
     about: dict[str, str],
     scheduler: str | None = None,
     tell: Callable[[int, int], None] = lambda done, whole: None,
+    share: Share | None = None,
 ) -> None:
     """Writes a Parquet file for each part that is not there yet.
 
-    scheduler: address of a Dask cluster; else all cores of this machine.
+    scheduler: address of a Dask cluster; else all cores of this machine.  share: which parts, if
+    not all; other processes may make the others in the same folder, at the same time.
     """
-    for torn in (folder / "parts").glob(".*.parquet"):  # by a run that was killed
-        torn.unlink()
-    count = len(designs(space))
-    firsts = range(0, count, space.part)
+    if share is None:
+        for torn in (folder / "parts").glob(".*.parquet"):  # by a run that was killed
+            torn.unlink()
+    else:
+        about = about | {SHARE: str(share)}
+    firsts = parts_of(space, share or Share())
     missing = [first for first in firsts if not part_path(folder, first).exists()]
     done = len(firsts) - len(missing)
     tell(done, len(firsts))
     made = clustered if scheduler else pooled
     for pilot in (True, False):
         wanted = [first for first in missing if (first < space.pilot) == pilot]
-        rivals = NO_RIVALS if pilot or not wanted else rivals_in(space, folder)
+        held = space.has_rivals and not pilot and wanted
+        rivals = rivals_in(space, folder) if held else NO_RIVALS
         for first, table in made(space, wanted, rivals, scheduler or ""):
             write_part(space, folder, first, table, about)
             done += 1
             tell(done, len(firsts))
+
+
+def parts(space: Space) -> range:
+    """The number of the first design of each part."""
+    return range(0, len(designs(space)), space.part)
+
+
+def parts_of(space: Space, share: Share) -> list[int]:
+    """The first design of each part that a process makes: of its share, and the pilot's where the
+    others are held against it."""
+    firsts = parts(space)
+    own = firsts[share.number - 1 :: share.count]
+    return [n for n in firsts if n in own or (space.has_rivals and n < space.pilot)]
+
+
+def require_whole(space: Space, folder: Path) -> None:
+    """Raises `InputError` where parts are missing; names the shares that they belong to."""
+    present, firsts = set(parts_in(folder)), parts(space)
+    missing = [n for n, first in enumerate(firsts) if part_path(folder, first) not in present]
+    if not missing:
+        return
+    counts = {read_head(path).get(SHARE, "/").partition("/")[2] for path in present}
+    remedy = "the same command without --gather makes them here"
+    if len(counts) == 1 and (text := counts.pop()):
+        count = int(text)
+        names = ", ".join(str(Share(k + 1, count)) for k in sorted({n % count for n in missing}))
+        remedy = f"run --share {names} again, or {remedy}"
+    raise InputError(f"{folder}: {len(missing)} of {len(firsts)} parts are missing; {remedy}")
 
 
 def rivals_in(space: Space, folder: Path) -> Floats:
@@ -420,6 +473,9 @@ def pooled(
     if space.plain:
         at_once(space, designs(space)[:1])
     workers = min(cores(), len(firsts))
+    if workers == 1:
+        yield from ((first, part_of(space, first, rivals)) for first in firsts)
+        return
     with ProcessPoolExecutor(
         workers, mp_context=get_context("spawn"), initializer=serve, initargs=(os.getpid(),)
     ) as pool:
