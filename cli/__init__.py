@@ -72,7 +72,6 @@ def app_of(names: Iterable[str]) -> typer.Typer:
         name="facets",
         help="Three-facet-mirror 6-DOF sensor: a YAML configuration to readings, poses and errors.",
         no_args_is_help=True,
-        add_completion=False,
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
         context_settings={
@@ -102,9 +101,17 @@ def __getattr__(name: str) -> Any:
     return whole_app()
 
 
+def words_typed() -> list[str]:
+    """The command line, or what of it a shell asks to complete."""
+    if len(sys.argv) == 1 and "_FACETS_COMPLETE" in os.environ:
+        typed = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS", "")
+        return typed.split()
+    return sys.argv
+
+
 def asked_app() -> typer.Typer:
     """The program with the command that the arguments name, or with all where they name none."""
-    first = sys.argv[1] if len(sys.argv) > 1 else ""
+    first = next(iter(words_typed()[1:]), "")
     alone = first in COMMANDS and not whole_app.cache_info().currsize
     return app_of([first]) if alone else whole_app()
 
@@ -115,10 +122,28 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
+def _manual(wanted: bool) -> None:
+    if wanted:
+        from .manual import manual
+
+        _, _, status = (__doc__ or "").partition("of every command:\n\n")
+        typer.echo(manual(typer.main.get_command(whole_app()), __version__, status), nl=False)
+        raise typer.Exit
+
+
 def _root(
     version: Annotated[
         bool,
         typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
+    ] = False,
+    manual: Annotated[
+        bool,
+        typer.Option(
+            "--manual",
+            callback=_manual,
+            is_eager=True,
+            help="Print the manual page: facets --manual | man -l -",
+        ),
     ] = False,
 ) -> None:
     """Options that stand before the command."""
@@ -164,7 +189,7 @@ def run_app() -> int:
         print("error: the working folder is gone; change to one that exists", file=sys.stderr)
         return BAD_INPUT
     try:
-        asked_app()()
+        asked_app()(prog_name="facets")
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else int(end.code is not None)
         if code == INTERRUPTED:  # which typer makes of it without a word

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .options import Web
+from .options import ConfigName, Web
 
 if TYPE_CHECKING:
     from facets.config import Config
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from facets.tracking.tracker import Tracker
 
 
-ConfigName = Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")]
 PortName = Annotated[
     str | None, typer.Option(help="Of the detector board.  [default: the config's]")
 ]

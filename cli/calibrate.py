@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from . import completion
 from .console import FINDING, load_config
 from .options import ConfigName, Look, Style
 from .simulate import PlotKind
@@ -37,7 +38,11 @@ def calibrate(
     ] = None,
     effect: Annotated[
         list[str] | None,
-        typer.Option("--effect", help="NAME=on, off or auto, for calibrate.effects; repeatable."),
+        typer.Option(
+            "--effect",
+            help="NAME=on, off or auto, for calibrate.effects; repeatable.",
+            autocompletion=completion.assignments(completion.effects, ("on", "off", "auto")),
+        ),
     ] = None,
     dwells: Annotated[
         bool,

@@ -9,6 +9,8 @@ import typer
 
 from facets.core.errors import ConfigError
 
+from .completion import configurations
+
 if TYPE_CHECKING:
     from facets.config import Config
 
@@ -18,13 +20,20 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-NAME = typer.Argument(metavar="CONFIG", help="Name of a shipped configuration, or a YAML file.")
+NAME = typer.Argument(
+    metavar="CONFIG",
+    help="Name of a shipped configuration, or a YAML file.",
+    autocompletion=configurations,
+)
 
 
 @app.command()
 def check(
     files: Annotated[
-        list[str], typer.Argument(metavar="CONFIG...", help="Shipped names or YAML files.")
+        list[str],
+        typer.Argument(
+            metavar="CONFIG...", help="Shipped names or YAML files.", autocompletion=configurations
+        ),
     ],
 ) -> None:
     """Check configurations: one line for each that is right, all problems of each that is not."""

@@ -7,14 +7,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .completion import motions
+from .options import ConfigName
+
 if TYPE_CHECKING:
     from facets.config import Config
     from facets.firmware.library import FirmwareLibrary
 
 
 def emulate(
-    config: Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")],
-    motion: Annotated[str, typer.Option(help="Which the mirror goes through, again and again.")],
+    config: ConfigName,
+    motion: Annotated[
+        str,
+        typer.Option(
+            help="Which the mirror goes through, again and again.", autocompletion=motions
+        ),
+    ],
     rate: Annotated[float, typer.Option(min=1, max=200_000, help="Samples per second.")] = 10_000,
     folder: Annotated[
         Path, typer.Option(help="Folder of the ports `board` and `stage` and of the bench's files.")

@@ -11,6 +11,7 @@ import typer
 
 from facets.core.errors import InputError
 
+from . import completion
 from .console import FINDING, leave_out_picture, load_config, name_files, with_progress
 from .options import (
     ConfigName,
@@ -49,7 +50,11 @@ class Draw(StrEnum):
 
 
 Objectives = Annotated[
-    list[str] | None, typer.Option(help=f"May be given again.  [default: {', '.join(GOALS)}]")
+    list[str] | None,
+    typer.Option(
+        help=f"May be given again.  [default: {', '.join(GOALS)}]",
+        autocompletion=completion.words(completion.measures),
+    ),
 ]
 Every = Annotated[
     bool, typer.Option("--every", help="Look also at designs that cannot be on the front.")

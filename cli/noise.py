@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from . import completion
 from .console import FINDING, with_progress
 from .options import Look, Style
 
@@ -22,7 +23,8 @@ def noise(
     config: Annotated[
         str | None,
         typer.Option(
-            help="Configuration to solve the recording with.  [default: the recording's own]"
+            help="Configuration to solve the recording with.  [default: the recording's own]",
+            autocompletion=completion.configurations,
         ),
     ] = None,
     output: Annotated[

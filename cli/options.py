@@ -12,6 +12,8 @@ from typer.core import TyperCommand
 
 from facets.core.plain_numbers import plain_number
 
+from . import completion
+
 #: Of a page whose port is not given: any that is free.
 ANY_PORT = "0"
 
@@ -88,7 +90,12 @@ def choose_look(look: Look) -> Look:
     return look
 
 
-ConfigName = Annotated[str, typer.Argument(help="Name of a shipped config, or a YAML file.")]
+ConfigName = Annotated[
+    str,
+    typer.Argument(
+        help="Name of a shipped config, or a YAML file.", autocompletion=completion.configurations
+    ),
+]
 Force = Annotated[bool, typer.Option("--force", help="Replace older results.")]
 Plot = Annotated[PlotKind, typer.Option(help="Kind of the picture.")]
 Style = Annotated[
@@ -100,7 +107,13 @@ Style = Annotated[
     ),
 ]
 Table = Annotated[TableKind, typer.Option(help="Kind of the table.")]
-At = Annotated[str | None, typer.Option(help="Where the other axes stand: tz_mm=1,yaw_mrad=2.")]
+At = Annotated[
+    str | None,
+    typer.Option(
+        help="Where the other axes stand: tz_mm=1,yaw_mrad=2.",
+        autocompletion=completion.assignments(completion.state_names),
+    ),
+]
 
 
 Web = Annotated[

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from . import completion
 from .console import load_config
 from .options import ConfigName, Look, Style
 from .places import state_of
@@ -37,7 +38,11 @@ Output = Annotated[
     ),
 ]
 State = Annotated[
-    str | None, typer.Option(help="The state: tx_mm=0.1,yaw_mrad=5; the rest is zero.")
+    str | None,
+    typer.Option(
+        help="The state: tx_mm=0.1,yaw_mrad=5; the rest is zero.",
+        autocompletion=completion.assignments(completion.state_names),
+    ),
 ]
 Views = Annotated[
     View,
@@ -76,7 +81,11 @@ def render(
     spots: Spots = False,
     plan: Annotated[bool, typer.Option("--plan", help="From above, as Fig. 3.")] = False,
     motion: Annotated[
-        str | None, typer.Option(help="A film of this motion, or its trail with --view trail.")
+        str | None,
+        typer.Option(
+            help="A film of this motion, or its trail with --view trail.",
+            autocompletion=completion.motions,
+        ),
     ] = None,
     recording: Annotated[
         Path | None, typer.Option(help="A film, or the trail, of a recording's poses.")

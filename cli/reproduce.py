@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from . import completion
 from .console import FINDING
 from .options import Force, Look, Style
 
@@ -16,7 +17,11 @@ if TYPE_CHECKING:
 
 def reproduce(
     names: Annotated[
-        list[str] | None, typer.Argument(help="Such as fig4, table2; none, or all, for all.")
+        list[str] | None,
+        typer.Argument(
+            help="Such as fig4, table2; none, or all, for all.",
+            autocompletion=completion.words(completion.experiments),
+        ),
     ] = None,
     output: Annotated[
         Path, typer.Option("-o", "--output", help="Folder of the report, tables and figures.")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from .completion import motions
 from .console import FINDING, load_config, name_files, show_table
 from .options import (
     ConfigName,
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
 
 
 Motions = Annotated[
-    list[str] | None, typer.Option(help="Run this motion only; may be given again.")
+    list[str] | None,
+    typer.Option(help="Run this motion only; may be given again.", autocompletion=motions),
 ]
 Seed = Annotated[int | None, typer.Option(min=0, help="Of the noise.  [default: the config's]")]
 Noise = Annotated[bool | None, typer.Option("--noise/--no-noise", help="[default: the config's]")]

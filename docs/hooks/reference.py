@@ -14,6 +14,8 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
+from facets.cli.manual import context_of
+
 from facets.config import load, shipped
 from facets.config.json_schema import allowed, document, entry
 from facets.config.show import scalar
@@ -64,18 +66,12 @@ def command_of(name: str) -> tuple[Any, Any]:
     command, context = whole_program(), None
     whole = "facets"
     for word in name.split():
-        context = context_of(command, whole, context)
+        context = context_of(command, whole, context, COLUMNS)
         command = command.get_command(context, word)
         if command is None:
             raise KeyError(f"there is no command `facets {name}`")
         whole = word
-    return command, context_of(command, whole, context)
-
-
-def context_of(command: Any, name: str, parent: Any) -> Any:
-    return command.context_class(
-        command, info_name=name, parent=parent, terminal_width=COLUMNS, max_content_width=COLUMNS
-    )
+    return command, context_of(command, whole, context, COLUMNS)
 
 
 def help_of(name: str) -> str:

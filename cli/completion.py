@@ -1,0 +1,76 @@
+"""What a shell offers at the tabulator: configurations, their motions, keys and other names."""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import typer
+
+
+def configurations(incomplete: str) -> Iterator[str]:
+    """The shipped configurations, and YAML files and folders of which the path begins so."""
+    from facets.config.files import shipped
+
+    yield from (name for name in shipped() if name.startswith(incomplete))
+    folder, slash, start = incomplete.rpartition("/")
+    for path in sorted(Path(f"{folder}{slash}").glob(f"{glob.escape(start)}*")):
+        if path.is_dir() or path.suffix in (".yaml", ".yml"):
+            yield f"{folder}{slash}{path.name}{'/' * path.is_dir()}"
+
+
+def motions(ctx: typer.Context, incomplete: str) -> list[str]:
+    """The motions of the configuration that was typed before."""
+    from facets.config import load
+    from facets.core.errors import FacetsError
+
+    name = ctx.params.get("config") or next(iter(ctx.args), "")  # before an option without a value
+    try:
+        known = load(name).motions
+    except FacetsError:
+        return []
+    return [name for name in known if name.startswith(incomplete)]
+
+
+def assignments(
+    names: Callable[[], Sequence[str]], values: Sequence[str] = ("",)
+) -> Callable[[str], list[str]]:
+    """`NAME=VALUE,...`: the names that do not stand there yet, each with what its value may be."""
+
+    def complete(incomplete: str) -> list[str]:
+        before, comma, start = incomplete.rpartition(",")
+        given = [one.partition("=")[0] for one in before.split(",")]
+        offered = [f"{name}={value}" for name in names() if name not in given for value in values]
+        return [f"{before}{comma}{word}" for word in offered if word.startswith(start)]
+
+    return complete
+
+
+def words(names: Callable[[], Sequence[str]]) -> Callable[[str], list[str]]:
+    """One of some names."""
+    return lambda incomplete: [name for name in names() if name.startswith(incomplete)]
+
+
+def state_names() -> Sequence[str]:
+    from facets.core.names import STATE_COLUMNS
+
+    return STATE_COLUMNS
+
+
+def effects() -> Sequence[str]:
+    from facets.config.calibrate_keys import Effects
+
+    return list(Effects.model_fields)
+
+
+def measures() -> Sequence[str]:
+    from facets.design.exploration import MEASURES
+
+    return MEASURES[:-1]
+
+
+def experiments() -> Sequence[str]:
+    from facets.experiments.reproduce import EXPERIMENTS
+
+    return list(EXPERIMENTS)

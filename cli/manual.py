@@ -1,0 +1,66 @@
+"""The manual page of the program in the language of `man`, made from its help."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+#: What a page does without: how wide the help is printed is none of its business.
+WIDTH = 10_000
+
+
+def manual(command: Any, version: str, status: str) -> str:
+    """A page for section 1.
+
+    command: the program, as what parses its arguments.  status: what its exit status means.
+    """
+    context = context_of(command, "facets", None)
+    name = escaped(command.help.partition(":")[0])
+    lines = [f'.TH FACETS 1 "" "facets {version}" "User commands"', ".SH NAME"]
+    lines += [f"facets \\- {name[0].lower()}{name[1:]}", ".SH SYNOPSIS"]
+    lines += [f".B facets\n{escaped(command.get_usage(context).partition('facets ')[2])}"]
+    lines += [".SH DESCRIPTION", escaped(command.help), *options(command, context), ".SH COMMANDS"]
+    for called, inner in commands(command, context):
+        usage = inner.get_usage(called).partition(f"{called.command_path} ")[2]
+        lines += [f".SS {escaped(called.command_path)}", f".B {escaped(called.command_path)}"]
+        lines += [escaped(usage), ".PP", *paragraphs(inner.help or ""), *options(inner, called)]
+    lines += [".SH EXIT STATUS", ".nf", *map(escaped, status.splitlines()), ".fi"]
+    return "\n".join(lines) + "\n"
+
+
+def context_of(command: Any, name: str, parent: Any, width: int = WIDTH) -> Any:
+    """Where a command's help is asked for, to be so many characters wide."""
+    return command.context_class(
+        command, info_name=name, parent=parent, terminal_width=width, max_content_width=width
+    )
+
+
+def commands(command: Any, context: Any) -> Iterator[tuple[Any, Any]]:
+    """Every command of the program with its context; of a group those in it."""
+    for name, inner in command.commands.items():
+        called = context_of(inner, name, context)
+        if hasattr(inner, "commands"):
+            yield from commands(inner, called)
+        else:
+            yield called, inner
+
+
+def options(command: Any, context: Any) -> Iterator[str]:
+    """The arguments and options of a command, each with its help."""
+    for param in command.get_params(context):
+        record = param.get_help_record(context)
+        if record is not None:
+            words, help_text = record
+            yield f".TP\n.B {escaped(words)}\n{escaped(help_text)}"
+
+
+def paragraphs(text: str) -> Iterator[str]:
+    for part in re.split(r"\n\s*\n", text.strip()):
+        yield f"{escaped(' '.join(part.split()))}\n.PP"
+
+
+def escaped(text: str) -> str:
+    """Text in which `man` finds no command: no backslash, and no line that begins with a dot."""
+    safe = " ".join(text.split()).replace("\\", "\\e").replace("-", "\\-")
+    return f"\\&{safe}" if safe.startswith((".", "'")) else safe
