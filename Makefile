@@ -101,7 +101,7 @@ reproduce: .venv/installed
 	$(BIN)/facets reproduce $(QUICK) -o results/reproduce --force
 
 docs: .venv/developed
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	JUPYTER_CONFIG_PATH=docs/notebooks $(BIN)/properdocs build --strict --quiet
 
 # The pictures of the documentation.
 gallery: .venv/developed

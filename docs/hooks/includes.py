@@ -33,6 +33,13 @@ def on_page_markdown(markdown: str, *, page: Any, **_: Any) -> str:
     return outside_code(text, lambda part: LINK.sub(lambda link: leaving(link, here.parent), part))
 
 
+def on_page_content(html: str, *, page: Any, **_: Any) -> str:
+    """A notebook's links to other pages as they are built; the builder sees to those of pages."""
+    if not page.file.src_uri.endswith(".ipynb"):
+        return html
+    return re.sub(r'(href="[^":]+)\.(?:md|ipynb)(?=["#])', r"\1.html", html)
+
+
 def outside_code(text: str, change: Any) -> str:
     """`change` made to all of the text that is neither a code block nor a code span.
 

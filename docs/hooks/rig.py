@@ -11,7 +11,7 @@ import re
 from typing import Any
 
 import numpy as np
-from mkdocs.structure.files import File
+from properdocs.structure.files import File
 
 from facets.config import load
 from facets.pictures.page.rig_page import rig_page

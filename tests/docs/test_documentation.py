@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import re
 from itertools import pairwise
 
 import pytest
-from pages import DOCS, GUIDES, PAGES, ROOT, blocks, hook, links, name_of, prose
+from pages import DOCS, GUIDES, LINK, PAGES, ROOT, blocks, hook, links, name_of, prose
 
 import facets
 
+NOTEBOOKS = sorted(DOCS.rglob("*.ipynb"))
 WRITTEN = [(page, text) for page in PAGES for text in blocks(page, "python")]
 
 
@@ -52,9 +54,22 @@ def test_every_link_leads_somewhere(page):
             assert anchor in anchors(target), link
 
 
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=name_of)
+def test_a_notebook_is_kept_without_results_and_its_links_lead_somewhere(path):
+    """Building the documentation runs it, and fails where it fails."""
+    cells = json.loads(path.read_text("utf-8"))["cells"]
+    assert not any(cell.get("outputs") or cell.get("execution_count") for cell in cells)
+    text = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
+    for link in LINK.findall(text):
+        page, _, anchor = link.partition("#")
+        target = path.parent / page
+        assert target.exists(), link
+        assert not anchor or anchor in anchors(target), link
+
+
 def test_every_page_is_in_the_menu():
-    menu = (ROOT / "mkdocs.yml").read_text()
-    for page in DOCS.rglob("*.md"):
+    menu = (ROOT / "properdocs.yml").read_text()
+    for page in [*DOCS.rglob("*.md"), *NOTEBOOKS]:
         assert str(page.relative_to(DOCS)) in menu, page
 
 

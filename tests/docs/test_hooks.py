@@ -115,7 +115,7 @@ def test_a_link_out_of_a_folder_of_pages_is_right_in_the_site():
 
 
 def test_nothing_is_loaded_from_elsewhere():
-    settings = (ROOT / "mkdocs.yml").read_text()
+    settings = (ROOT / "properdocs.yml").read_text()
     assert "http" not in settings
     assert "font: false" in settings
     for file in (DOCS / "assets").iterdir():
