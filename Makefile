@@ -20,7 +20,6 @@ lint: .venv/developed
 	$(BIN)/ruff format --check .
 	git ls-files -z | xargs -0 $(BIN)/codespell
 	git ls-files -z '*.md' | xargs -0 $(BIN)/rumdl check --silent
-	$(BIN)/repo-review --show err .
 	$(BIN)/hadolint Dockerfile
 	$(BIN)/zizmor --quiet --offline --persona pedantic .github
 	$(BIN)/check-jsonschema --quiet --builtin-schema vendor.github-workflows .github/workflows/*
@@ -81,10 +80,12 @@ locked: .venv/developed
 dist: .venv/developed
 	$(BIN)/python tests/helpers/installed.py --only-build dist
 
-# That nothing is left which only who publishes can fill in, and that the tag is the version.
+# That nothing is left which only a maintainer can fill in, and that the tag is the version. The recipe
+# needs the hash of what is on PyPI and the paper its authors: what they leave open stops no release.
 TAG ?= v$(shell sed -n 's/^__version__ = "\(.*\)"/\1/p' facets/core/version.py)
 publishable:
-	@! git grep -nE 'OWNER[/.]|FILL IN' -- . ':!Makefile' ':!CONTRIBUTING.md' ':!tests' \
+	@git grep -nE 'OWNER|FILL IN' -- recipe paper || true
+	@! git grep -nE 'OWNER[/.]|FILL IN' -- . ':!Makefile' ':!*.md' ':!tests' ':!recipe' ':!paper' \
 	  || { echo 'fill in what these lines leave open'; exit 1; }
 	@grep -qF '__version__ = "$(TAG:v%=%)"' facets/core/version.py \
 	  || { echo 'the tag $(TAG) is not the version in facets/core/version.py'; exit 1; }

@@ -1,0 +1,119 @@
+"""What a stranger finds beside the code: the same facts in every file, and a whole release."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import tarfile
+import tomllib
+import zipfile
+
+import pytest
+from installed import ROOT, build, known_files
+from packaging.requirements import Requirement
+from ruamel.yaml import YAML
+
+import facets
+
+SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+PROJECT = SETTINGS["project"]
+#: What packages are called on conda-forge, where it is not as on PyPI.
+ON_CONDA_FORGE = {"matplotlib": "matplotlib-base"}
+
+
+def yaml(name):
+    return YAML(typ="safe").load((ROOT / name).read_text("utf-8"))
+
+
+def test_scientific_python_s_review_finds_nothing():
+    processor = pytest.importorskip("repo_review.processor")
+    found = processor.process(ROOT)
+    assert len(found.results) > 35
+    assert not [f"{one.name}: {one.description}" for one in found.results if one.result is False]
+    assert "ignore" not in SETTINGS["tool"].get("repo-review", {})
+
+
+def test_the_version_is_the_same_everywhere():
+    assert yaml("CITATION.cff")["version"] == facets.__version__
+    assert yaml("recipe/recipe.yaml")["context"]["version"] == facets.__version__
+    changes = (ROOT / "CHANGELOG.md").read_text("utf-8")
+    assert re.search(r"^## (\S+)", changes, flags=re.MULTILINE)[1] == facets.__version__
+
+
+def conda_names(texts):
+    """Requirements as a recipe has them."""
+    known = [Requirement(text) for text in texts]
+    return {f"{ON_CONDA_FORGE.get(r.name, r.name.lower())} {r.specifier}" for r in known}
+
+
+def test_the_recipe_asks_for_what_the_package_asks_for():
+    asked = yaml("recipe/recipe.yaml")["requirements"]
+    assert set(asked["run"][1:]) == conda_names(PROJECT["dependencies"])
+    extras = [PROJECT["optional-dependencies"][name] for name in ("design", "scenes")]
+    assert set(asked["run_constraints"]) == conda_names(text for some in extras for text in some)
+
+
+def test_the_recipe_renders():
+    rattler_build = pytest.importorskip("rattler_build")
+    recipe = rattler_build.Stage0Recipe.from_file(str(ROOT / "recipe/recipe.yaml"))
+    (variant,) = recipe.render(rattler_build.VariantConfig())
+    assert facets.__version__ in repr(variant)
+
+
+def test_workflows_run_what_the_makefile_has():
+    makefile = (ROOT / "Makefile").read_text("utf-8")
+    targets = set(re.findall(r"^([a-z-]+):", makefile, flags=re.MULTILINE))
+    called = []
+    for path in (ROOT / ".github/workflows").iterdir():
+        for job in yaml(path)["jobs"].values():
+            matrix = job.get("strategy", {}).get("matrix", {})
+            called += matrix.get("target", [])
+            called += [one["target"] for one in matrix.get("include", [])]
+            runs = [step.get("run", "") for step in job["steps"]]
+            called += [run.removeprefix("make ") for run in runs if run.startswith("make ")]
+    words = {word for line in called for word in line.split() if word.islower()}
+    assert {"unit", "lowest", "installed", "docs", "dist", "publishable"} <= words <= targets
+    checks = (ROOT / ".ci/run").read_text("utf-8")
+    assert {"installed", "lowest", "locked"} <= set(checks.split())
+
+
+def test_the_lock_file_names_no_other_host_than_that_of_pypi():
+    text = (ROOT / "uv.lock").read_text("utf-8")
+    assert set(re.findall(r"\w+://([\w.-]+)", text)) == {"pypi.org", "files.pythonhosted.org"}
+
+
+def test_what_only_a_maintainer_can_fill_in_is_named_before_a_release():
+    words = ["make", "--no-print-directory", "publishable"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+    lacking = {line.partition(":")[0] for line in done.stdout.splitlines() if ":" in line}
+    for file in ("pyproject.toml", "recipe/recipe.yaml", "paper/paper.md"):
+        text = (ROOT / file).read_text("utf-8")
+        assert (file in lacking) == ("OWNER/" in text or "FILL IN" in text), file
+    assert bool(done.returncode) == bool(lacking - {"recipe/recipe.yaml", "paper/paper.md"})
+    wrong = subprocess.run([*words, "TAG=v9.9"], cwd=ROOT, capture_output=True, check=False)
+    assert wrong.returncode
+
+
+@pytest.mark.slow
+def test_a_release_holds_the_package_and_nothing_else(tmp_path):
+    """`make dist`, as the workflow of a release runs it."""
+    wheel = build(known_files(), tmp_path)
+    (sdist,) = (tmp_path / "from sdist").glob("*.tar.gz")
+    release = f"facets_6dof-{facets.__version__}"
+    assert (wheel.name, sdist.name) == (f"{release}-py3-none-any.whl", f"{release}.tar.gz")
+    with zipfile.ZipFile(wheel) as archive:
+        inside = archive.namelist()
+        about = archive.read(f"{release}.dist-info/METADATA").decode()
+    assert {name.split("/")[0] for name in inside} == {"facets", f"{release}.dist-info"}
+    assert {"facets/py.typed", f"{release}.dist-info/licenses/LICENSE"} <= set(inside)
+    assert {"facets/cli/solve.py", "facets/configs/paper.yaml"} <= set(inside)
+    for field in ("License-Expression: MIT", "Author: ", "Project-URL: Documentation"):
+        assert f"\n{field}" in about
+    with tarfile.open(sdist) as archive:
+        files = [name.partition("/")[2] for name in archive.getnames()]
+    assert {name.split("/")[0] for name in files if name} == {
+        "LICENSE", "PKG-INFO", "README.md", "pyproject.toml", "setup.cfg",
+        "cli", "configs", "experiments", "facets", "facets_6dof.egg-info",
+    }  # fmt: skip
+    for name in [*inside, *files]:
+        assert not re.search(r"(^|/)(tests?|__pycache__|\.[a-z_]+_cache)(/|$)|\.pyc$", name), name
