@@ -71,6 +71,6 @@ def measures() -> Sequence[str]:
 
 
 def experiments() -> Sequence[str]:
-    from facets.experiments.reproduce import EXPERIMENTS
+    from facets.experiments.paper.experiment import EXPERIMENTS
 
     return list(EXPERIMENTS)

@@ -98,10 +98,9 @@ def movements(
 def reading_faults(columns: Columns, config: Config) -> list[str]:
     """Why readings do not show the noise at all, in sentences: saturated, dark, or too coarse."""
     from ..detectors.counts import SATURATED
-    from ..detectors.noise import power_floor
-    from ..estimation.problem import FAINTEST
+    from ..detectors.noise import least_light
 
-    floor = FAINTEST * power_floor(config.sensor)
+    least = least_light(config.sensor)
     full = columns["flags"] & SATURATED > 0
     found = []
     for k, letter in enumerate(DETECTORS):
@@ -110,7 +109,7 @@ def reading_faults(columns: Columns, config: Config) -> list[str]:
         missing = ~np.isfinite(one).all(axis=0)
         shares = {
             "saturated": float((full & missing).mean()),
-            "without light": float((~full & (missing | (one[2] < floor))).mean()),
+            "without light": float((~full & (missing | (one[2] < least[k]))).mean()),
         }
         lost = [
             f"Detector {letter.upper()} is {words} in {percent(share)} of the samples (allowed: "

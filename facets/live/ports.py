@@ -135,7 +135,8 @@ class DatagramPort(Closing):
             self.line.close()
             kind = PortInUse if error.errno == errno.EADDRINUSE else PortError
             raise kind(f"{name}: can not be opened: {error.strerror or error}") from None
-        self.name, self.sender = name, None
+        self.name = name
+        self.sender: Any = None
         self.line.settimeout(POLL)
 
     def read(self) -> bytes:

@@ -22,7 +22,7 @@ from ..scalars.machine import DOUBLE, LONG, Writer, counted
 from ..scalars.nesting import leaves
 from ..scalars.tracing import Value
 from .kinds import LIT
-from .packing import AXES, PACKED, PARALLEL, carried, vectors_at, vectors_of
+from .packing import AXES, PACKED, PARALLEL, carried, is_ideal, vectors_at, vectors_of
 
 #: Writes what a block of poses needs: with the sensor's vectors, from and to memory by pointers.
 Formula = Callable[[LaneWriter, Geometry, Any, Any], None]
@@ -63,7 +63,7 @@ def pointers_to(builder: Any, addresses: Sequence[Any]) -> list[Any]:
 def write_readings(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
     """found: a row of nine readings for each row of eight numbers of a state."""
     state = code.load_rows(states, 8, 8)
-    text = readings_uncut if vectors.light is None else bench_light.readings
+    text = readings_uncut if is_ideal(vectors) else bench_light.readings
     code.store_rows(list(leaves(text(vectors, tuple(state)))), found, 9)
 
 
@@ -73,7 +73,7 @@ def write_derivatives(code: LaneWriter, vectors: Geometry, states: Any, found: A
     Under the light of a bench those of `bench_gradient.nearly_linearised`.
     """
     state = code.load_rows(states, 8, 8)
-    text = gradient.linearised if vectors.light is None else bench_gradient.nearly_linearised
+    text = gradient.linearised if is_ideal(vectors) else bench_gradient.nearly_linearised
     code.store_rows(lit_rows(code, text(vectors, tuple(state))), found, 72)
 
 

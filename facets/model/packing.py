@@ -70,6 +70,11 @@ def vectors_of(writer: Any, pointer: Any, kind: str) -> Geometry:
     return whole._replace(openings=None, light=light)  # type: ignore[no-any-return]
 
 
+def is_ideal(vectors: Any) -> bool:
+    """Whether the vectors are those that formulas for ideal light take."""
+    return vectors.light is None
+
+
 def carried(values: Any, slopes: Any) -> Any:
     """Vectors that carry their slopes along; whose numbers are always plain stay so."""
     if isinstance(values, Options) or values is None:

@@ -25,7 +25,7 @@ from .block_code import lit_rows, pointers_to
 from .evaluators import STATE, WITH_POWER
 from .kinds import LIT
 from .object_code import Write
-from .packing import AXES, EXAMPLE, PACKED, PARALLEL, carried, vectors_at, vectors_of
+from .packing import AXES, EXAMPLE, PACKED, PARALLEL, carried, is_ideal, vectors_at, vectors_of
 
 #: Writes what is found at a state, with the sensor's vectors, from and to memory by pointers.
 Formula = Callable[[RowWriter, Geometry, Any, Any], None]
@@ -74,7 +74,7 @@ def store(code: RowWriter, numbers: Iterable[Any], pointer: Any, first: int = 0)
 
 
 def write_readings(code: RowWriter, vectors: Geometry, given: Any, found: Any) -> None:
-    text = readings_uncut if vectors.light is None else bench_light.readings
+    text = readings_uncut if is_ideal(vectors) else bench_light.readings
     store(code, leaves(text(vectors, tuple(numbers_at(code, given, STATE)))), found)
 
 
@@ -86,7 +86,7 @@ def write_linearised(code: RowWriter, vectors: Geometry, given: Any, found: Any)
     """
     x = numbers_at(code, given, WITH_POWER)
     powered, state = with_power(vectors, x[8]), tuple(x[:8])
-    ideal = vectors.light is None
+    ideal = is_ideal(vectors)
     text = gradient.linearised if ideal else bench_gradient.nearly_linearised
     for k, (values, rows) in enumerate(text(powered, state)):
         store(code, values, found, 3 * k)
@@ -98,7 +98,7 @@ def write_linearised(code: RowWriter, vectors: Geometry, given: Any, found: Any)
 
 def of_power(vectors: Geometry, values: Any, k: int, i: int, power: Value) -> Any:
     """The derivative of a reading by the beam's power."""
-    if vectors.light is None:
+    if is_ideal(vectors):
         return values[i] / power if i == 2 else 0.0
     return by_power(vectors, values, k, i)
 
@@ -128,7 +128,7 @@ def write_linearised_exactly(code: RowWriter, vectors: Geometry, given: Any, fou
 def write_footprints(code: RowWriter, vectors: Geometry, given: Any, found: Any) -> None:
     """found (3, 5): the footprints of the spots."""
     at, spread = placed(vectors, tuple(numbers_at(code, given, STATE))), slopes
-    if vectors.light is not None:
+    if not is_ideal(vectors):
         at, spread = curved(vectors, at), spreading
     for k in range(3):
         store(code, footprint(vectors, at, k, spread(vectors, at, k)), found, 5 * k)

@@ -15,7 +15,7 @@ from ..scalars.dispatch import Number
 from ..scalars.dual import Dual, parts
 from .bench_light import readings_in, scene
 from .curved_light import applied, curved, unbent
-from .forward import Geometry, Scene, Three, path, placed, readings_of, with_light
+from .forward import Geometry, Scene, Three, path, placed, with_light
 from .gradient import by_state, gradients, turns_of_edges
 from .vectors import Matrix, Vector, add, combine, cross2, dot, dot2, rotation_axes, subtract
 from .wedge import Moments, Plane, Side, moments_closed, turned
@@ -98,13 +98,9 @@ def carried(to: Scene, at: Scene) -> Scene:
 def varied(geometry: Geometry, state: tuple[Any, ...], at: Scene) -> tuple[Three, Three, Three]:
     """The readings' derivatives by what geometry or state carry along.
 
-    at: the plain scene with its light, from `bench_light.scene`, or `forward.scene` where
-    `geometry.light` is None.
+    at: the plain scene with its light, from `bench_light.scene`.
     """
-    if geometry.light is None:
-        a, b, c = readings_of(geometry, carried(placed(geometry, state), at))
-    else:
-        a, b, c = readings_in(geometry, carried(curved(geometry, placed(geometry, state)), at))
+    a, b, c = readings_in(geometry, carried(curved(geometry, placed(geometry, state)), at))
     return slopes(a), slopes(b), slopes(c)
 
 
