@@ -151,9 +151,12 @@ def optimise(module: Any, machine: Any) -> None:
 def keep_in_registers(module: Any, machine: Any) -> None:
     """What is left to do of straight code: `scalars.tracing` has folded constants and written
     nothing twice. The rest of `optimise` would take a third of the time of compiling for code that
-    is no faster."""
-    passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options())
+    is no faster. llvmlite before 0.45 has only all of it."""
     manager = llvm.create_new_function_pass_manager()
+    if not hasattr(manager, "add_sroa_pass"):
+        optimise(module, machine)
+        return
+    passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options())
     manager.add_sroa_pass()
     for function in module.functions:
         if not function.is_declaration:
