@@ -151,7 +151,7 @@ def optimise(module: Any, machine: Any) -> None:
 def keep_in_registers(module: Any, machine: Any) -> None:
     """What is left to do of straight code: `scalars.tracing` has folded constants and written
     nothing twice. The rest of `optimise` would take a third of the time of compiling for code that
-    is no faster. llvmlite before 0.45 has only all of it."""
+    is no faster. The oldest llvmlite that is allowed has only all of it."""
     manager = llvm.create_new_function_pass_manager()
     if not hasattr(manager, "add_sroa_pass"):
         optimise(module, machine)
