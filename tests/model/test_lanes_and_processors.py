@@ -59,8 +59,8 @@ def usual() -> str:
     ("processor", "feature", "lanes"),
     [
         ("x86-64", "+sse2", 2),
-        ("haswell", "+avx2", 4),
-        ("znver3", "+avx2", 4),
+        pytest.param("haswell", "+avx2", 4, marks=pytest.mark.study),
+        pytest.param("znver3", "+avx2", 4, marks=pytest.mark.study),
         ("znver4", "+avx512f", 8),
     ],
 )
