@@ -37,8 +37,8 @@ Search = Annotated[
     bool,
     typer.Option(
         "--search/--no-search",
-        help="With --track: look for a mirror that was lost, or stop the stage until the mirror "
-        "comes back.",
+        help="With --track: look for a mirror that was lost, once somebody has resumed the stopped "
+        "stage.",
     ),
 ]
 CheckStage = Annotated[
