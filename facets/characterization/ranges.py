@@ -20,7 +20,7 @@ from ..core.names import ANGLES, POSE
 from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Floats, unit_of
-from ..detectors.noise import power_floor, standard_deviations
+from ..detectors.noise import least_light, other_light, standard_deviations
 from ..estimation.compiling import compile_for
 from ..estimation.solver import solve
 from ..model.arrays import as_rows, half_sizes, jacobian, margins, readings
@@ -62,9 +62,10 @@ def clearances(sensor: Sensor, poses: Floats, rules: Rules) -> Floats:
     reading = readings(sensor, state)
     out = np.empty((len(poses), len(CAUSES)))
     out[:, PSD] = on_detector(sensor, state, reading, rules)
-    power = np.nan_to_num(reading[:, 2::3].min(axis=1))
-    weakest = rules.snr * power_floor(sensor)
-    out[:, LIGHT] = np.log(np.maximum(power, 1e-300) / weakest)
+    other = other_light(sensor)
+    light = (reading[:, 2::3] - other) / (least_light(sensor, rules.snr) - other)
+    power = np.nan_to_num(light.min(axis=1))
+    out[:, LIGHT] = np.log(np.maximum(power, 1e-300))
     out[:, SINGULAR:] = np.inf
     lit = (out[:, PSD] > -1) & (power > 0)
     coarse = np.isfinite(rules.coarsest).any()
@@ -210,11 +211,12 @@ def remedy(sensor: Sensor, rules: Rules, start: Floats, cause: int) -> str:
     """What a limit asks for, what there is at a pose, and the key that sets it."""
     if cause == LIGHT:
         powers = np.nan_to_num(readings(sensor, states_of(start[None], rules))[0, 2::3])
-        weakest = int(powers.argmin())
-        least = 1e3 * rules.snr * power_floor(sensor)
+        least, other = least_light(sensor, rules.snr), other_light(sensor)
+        weakest = int((powers - least).argmin())
+        beside = f" beside {1e3 * other[weakest]:.3g} µW of other light" * (other[weakest] > 0)
         return (
             f"detector {'ABC'[weakest]} gets {1e3 * powers[weakest]:.3g} µW, and range.snr "
-            f"{rules.snr:g} asks for {least:.3g} µW; choose a place nearer "
+            f"{rules.snr:g} asks for {1e3 * least[weakest]:.3g} µW{beside}; choose a place nearer "
             "to the beam's centre, more laser power, or a lower range.snr"
         )
     if cause == PSD:

@@ -15,7 +15,7 @@ class Rules:
     """What counts as inside the range.
 
     whole_spot: the footprint inside the 1/e^2 circle stays on the detector, else the centroid.
-    snr: least power on a detector over the noise of its power.
+    snr: least power of a spot, without other light on its detector, over the noise of a power.
     condition: largest condition number of the Jacobian, columns in um and urad, rows in standard
     deviations.  coarsest: largest standard uncertainty of each axis of the pose, mm and rad.
     tracking: whether the beam follows the mirror in x and y, else it stands at (0, 0).

@@ -78,11 +78,14 @@ FAINTEST = 10.0
 LEAST_SHARE = 0.05
 
 
-def least_light(sensor: Sensor) -> Floats:
+def least_light(sensor: Sensor, ratio: float = FAINTEST) -> Floats:
     """The least power at which a detector's reading counts, mW: (3,); with the other light that
-    falls on it."""
+    falls on it.
+
+    ratio: of the spot's own power to the standard deviation of a power without light.
+    """
     other = other_light(sensor)
-    return other + np.maximum(FAINTEST * power_floor(sensor), LEAST_SHARE * other)
+    return other + np.maximum(ratio * power_floor(sensor), LEAST_SHARE * other)
 
 
 def other_light(sensor: Sensor) -> Floats:

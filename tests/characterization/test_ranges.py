@@ -138,3 +138,14 @@ def test_cut_spots_leave_the_detector_as_whole_ones_do():
     cut = replace(SENSOR, apertures=facets.Apertures(detectors=True))
     a, b = (ranges.axis_ranges(sensor, Rules(), REST)[5] for sensor in (SENSOR, cut))
     assert a.symmetric == pytest.approx(b.symmetric, rel=1e-6)
+
+
+def test_other_light_on_the_detectors_is_no_light_of_a_spot():
+    """Else a range goes on in the dark: a room has more light than `range.snr` asks for."""
+    sensor = replace(facets.Sensor(), noise=replace(facets.Noise(), power=1e-6))
+    rules = Rules(snr=100)
+    room = replace(sensor.light, background=((2e-3, 1, 2), (2e-3, -1, 0.5), (2e-3, 0, -2)))
+    dark = ranges.axis_ranges(sensor, rules, np.zeros(6))[0]
+    lit = ranges.axis_ranges(replace(sensor, light=room), rules, np.zeros(6))[0]
+    assert lit.high_cause == dark.high_cause == LIGHT
+    assert lit.high == pytest.approx(dark.high, rel=1e-3)
