@@ -348,7 +348,10 @@ class RangeKeys(Section):
         description="what stays on the PSD: all of a spot inside the 1/e^2 circle, or its centroid",
     )
     snr: float = Field(
-        810.0, gt=0, le=1e9, description="least power on a PSD over the noise of its power"
+        810.0,
+        gt=0,
+        le=1e9,
+        description="least power of a spot, without other light, over the noise of a PSD's power",
     )
     condition: float = Field(
         1e8, gt=1, le=1e15, description="largest condition number of the weighted Jacobian"

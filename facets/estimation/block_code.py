@@ -11,10 +11,10 @@ from typing import Any
 
 from llvmlite import ir
 
-from ..model.block_code import LaneWrite, linearise_exactly, pointers_to
+from ..model.block_code import LaneWrite, linearise_exactly, pointers_to, power_derivative
 from ..model.packing import vectors_at, vectors_of
 from ..optics import bench_gradient, gradient
-from ..optics.forward import by_power, with_power
+from ..optics.forward import with_power
 from ..scalars.lanes import Flag, LaneWriter, Memory
 from ..scalars.machine import DOUBLE, LONG, counted
 from ..scalars.tracing import Condition, Value
@@ -200,15 +200,9 @@ def linearised(
         rows = [[row[c] for c in places] for row in derivatives]
         if 8 in form.free:
             for i, row in enumerate(rows):
-                row.append(power_derivative(vectors, form, values, k, i))
+                row.append(power_derivative(vectors, values, k, i))
         found.append((values, rows))
     return found
-
-
-def power_derivative(vectors: Any, form: Form, values: Any, k: int, i: int) -> Any:
-    if form.kind == "plain":
-        return values[2] / vectors.power if i == 2 else 0.0
-    return by_power(vectors, values, k, i)
 
 
 class PlainSteps:

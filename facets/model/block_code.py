@@ -14,7 +14,7 @@ from llvmlite import ir
 
 from ..optics import bench_gradient, bench_light, gradient, parameters
 from ..optics.footprint import footprint, slopes
-from ..optics.forward import Geometry, Scene, placed
+from ..optics.forward import Geometry, Scene, by_power, placed
 from ..optics.forward import readings as readings_uncut
 from ..scalars.dual import Dual
 from ..scalars.lanes import LaneWriter, Memory
@@ -75,6 +75,13 @@ def write_derivatives(code: LaneWriter, vectors: Geometry, states: Any, found: A
     state = code.load_rows(states, 8, 8)
     text = gradient.linearised if is_ideal(vectors) else bench_gradient.nearly_linearised
     code.store_rows(lit_rows(code, text(vectors, tuple(state))), found, 72)
+
+
+def power_derivative(vectors: Geometry, values: Any, k: int, i: int) -> Any:
+    """The derivative of number i of detector k's `values` by the beam's power."""
+    if is_ideal(vectors):
+        return values[2] / vectors.power if i == 2 else 0.0
+    return by_power(vectors, values, k, i)
 
 
 def lit_rows(code: Writer, detectors: Any) -> list[Value]:

@@ -95,12 +95,16 @@ def slopes(name: str, vectors: Floats, varied: Floats, states: Floats, found: Fl
     each number of `vectors` answers to a parameter; or "slopes_by_parameters", where it is
     `parameters.Axes`.
     """
-    count = -(-len(states) // lanes())
-    rows = states[np.minimum(np.arange(count * lanes()), len(states) - 1)]
-    out, left = np.empty((len(rows), *found.shape[1:])), np.empty(count, np.int64)
-    addresses = map(address_of, (vectors, varied, rows, out, left))
-    slopes_kernel(name)(*addresses, found.shape[2], count)
-    found[:] = out[: len(states)]
+    code, copies = slopes_kernel(name), found.shape[2]
+    whole, short = divmod(len(states), lanes())
+    left = np.zeros(whole + 1, np.int64)
+    if whole:
+        code(*map(address_of, (vectors, varied, states, found, left)), copies, whole)
+    if short:
+        rows = states[np.minimum(np.arange(-short, lanes() - short), -1)]
+        out = np.empty((lanes(), *found.shape[1:]))
+        code(*map(address_of, (vectors, varied, rows, out, left[-1:])), copies, 1)
+        found[-short:] = out[:short]
     return lanes_of(left, len(states))
 
 

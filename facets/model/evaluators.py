@@ -1,16 +1,16 @@
 """The model at one state after the other, as functions with an address.
 
-What a block of poses leaves comes here, and what cuts the light. A function of `MODELS` takes five
-integers: the addresses of a sensor's vectors, of rows of what is given, of rows of what is found,
-and of memory; and how many rows there are. llvmlite makes them (`row_code`), but for those of light
-that is cut, whose text has loops and is for Numba (`cut_code`). Each is made when it is first asked
-for.
+What a block of poses leaves comes here, and what cuts the light. A model takes five integers: the
+addresses of a sensor's vectors, of rows of what is given, of rows of what is found, and of memory;
+and how many rows there are. llvmlite makes models (`row_code`), but for those of light that is cut,
+whose text has loops and is for Numba (`cut_code`). Each is made when it is first asked for.
 """
 
 from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ import numpy as np
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..optics.limits import COLUMNS, MOST
+from .blocks import address_of
 from .kinds import LIT, kind_of
 from .rare import raise_failure
 from .threads import once
@@ -26,23 +27,33 @@ from .threads import once
 #: The files that these are made of, beside the optics.
 CODE = tuple(
     Path(__file__).parent / name
-    for name in ("evaluators.py", "row_code.py", "packing.py", "kinds.py", "rare.py")
+    for name in (
+        "evaluators.py",
+        "row_code.py",
+        "block_code.py",
+        "packing.py",
+        "kinds.py",
+        "rare.py",
+    )
 )
-#: How many numbers a row of what is given has, by what a function begins with.
+#: How many numbers a row of what is given has: a state, or that and the beam's power.
 STATE, WITH_POWER = 8, 9
 
 
-#: The models that this process has.
-_READY: set[str] = set()
+#: The models that this process has made or loaded.
+_LOADED: set[str] = set()
 
 
 def is_ready(name: str) -> bool:
-    """Whether a model of `row_code` is loaded, or kept."""
+    """Whether a model of `row_code` is loaded, or was kept when that was first asked."""
+    return name in _LOADED or _was_kept(name)
+
+
+@cache
+def _was_kept(name: str) -> bool:
     from .object_code import is_kept
 
-    if name not in _READY and is_kept(f"each_{name}", *CODE):
-        _READY.add(name)
-    return name in _READY
+    return is_kept(f"each_{name}", *CODE)
 
 
 def made(name: str, count: int) -> Callable[..., None]:
@@ -55,7 +66,7 @@ def made(name: str, count: int) -> Callable[..., None]:
         return row_code.LOOPS[name]
 
     found = function(f"each_{name}", count, written, *CODE)
-    _READY.add(name)
+    _LOADED.add(name)
     return found
 
 
@@ -78,14 +89,8 @@ def address(name: str) -> int:
 def fill(name: str, vectors: Floats, given: Floats, found: Floats) -> None:
     """Fills rows of `found` for rows of `given` by one of the models."""
     memory = np.empty((3, MOST, COLUMNS))
-    model(name)(*addresses_of(vectors, given, found, memory), len(given))
+    model(name)(*map(address_of, (vectors, given, found, memory)), len(given))
     raise_failure()
-
-
-def addresses_of(*arrays: Floats) -> list[int]:
-    if not all(array.flags.c_contiguous for array in arrays):
-        raise ValueError("compiled code takes contiguous arrays only")
-    return [array.ctypes.data for array in arrays]
 
 
 @once
@@ -96,7 +101,7 @@ def slopes_model(name: str) -> Callable[..., None]:
 
 def slopes(name: str, vectors: Floats, varied: Floats, states: Floats, found: Floats) -> None:
     """Fills found (n, 9, m): what `blocks.slopes` gives."""
-    where = addresses_of(vectors, states, found, varied)
+    where = map(address_of, (vectors, states, found, varied))
     slopes_model(name)(*where, len(states), found.shape[2])
     raise_failure()
 

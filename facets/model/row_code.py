@@ -13,7 +13,7 @@ from llvmlite import ir
 from ..optics import bench_gradient, bench_light, gradient, parameters
 from ..optics.curved_light import curved
 from ..optics.footprint import footprint, slopes, spreading
-from ..optics.forward import Geometry, by_power, placed, with_power
+from ..optics.forward import Geometry, placed, with_power
 from ..optics.forward import readings as readings_uncut
 from ..scalars.dual import Dual
 from ..scalars.machine import DOUBLE, LONG, counted
@@ -21,7 +21,7 @@ from ..scalars.nesting import leaves
 from ..scalars.rows import RowWriter
 from ..scalars.tracing import Value
 from . import rare
-from .block_code import lit_rows, pointers_to
+from .block_code import lit_rows, pointers_to, power_derivative
 from .evaluators import STATE, WITH_POWER
 from .kinds import LIT
 from .object_code import Write
@@ -93,14 +93,7 @@ def write_linearised(code: RowWriter, vectors: Geometry, given: Any, found: Any)
         for i in range(3):
             row = 10 * (1 + 3 * k + i)
             store(code, rows[i], found, row)
-            code.store(of_power(powered, values, k, i, x[8]), found, row + 8)
-
-
-def of_power(vectors: Geometry, values: Any, k: int, i: int, power: Value) -> Any:
-    """The derivative of a reading by the beam's power."""
-    if is_ideal(vectors):
-        return values[i] / power if i == 2 else 0.0
-    return by_power(vectors, values, k, i)
+            code.store(power_derivative(powered, values, k, i), found, row + 8)
 
 
 def write_linearised_exactly(code: RowWriter, vectors: Geometry, given: Any, found: Any) -> None:
@@ -112,7 +105,7 @@ def write_linearised_exactly(code: RowWriter, vectors: Geometry, given: Any, fou
     for k, values in enumerate(detectors):
         store(code, values, found, 3 * k)
         for i in range(3):
-            code.store(of_power(powered, values, k, i, x[8]), found, 10 * (1 + 3 * k + i) + 8)
+            code.store(power_derivative(powered, values, k, i), found, 10 * (1 + 3 * k + i) + 8)
     build = code.builder
     with code.looped(ir.Constant(LONG, 8)) as component:
         moved = []
