@@ -36,7 +36,7 @@ def lit(geometry: Geometry, at: Scene, k: int, values: Three) -> Three:
 def linearised(
     geometry: Geometry, state: tuple[Any, ...], workspace: Array
 ) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
-    """Readings and Jacobian at a state, as `detected.linearised`."""
+    """Readings and Jacobian at a state, as `gradient.linearised`."""
     at = cut_scene(geometry, state, workspace)[0]
     a, b, c = linearised_where_cut(geometry, state, workspace)
     axes = rotation_axes(state[4], state[5])

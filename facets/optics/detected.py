@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from . import bench_gradient, bench_light
+from . import bench_light
 from .cut import always_cut, linearised_cut, outline
 from .forward import Geometry, Scene, Three, placed, readings_of, shone_on, with_light
 from .forward import scene as uncut_scene
-from .gradient import linearised as linearised_uncut
 from .gradient import linearised_detector, turns_of_edges
 from .region import Array
 from .vectors import Matrix, rotation_axes
@@ -46,24 +45,10 @@ def readings(
     return readings_of(geometry, scene(geometry, state, workspace))
 
 
-def linearised(
-    geometry: Geometry, state: tuple[Any, ...], workspace: Array
-) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
-    """Readings and Jacobian at a state, for detectors A, B and C.
-
-    Each is ((psi, zeta, power), (eight derivatives of each)); mm, mW, rad. NaN as in `reading`.
-    """
-    if geometry.light.options.on:
-        return bench_gradient.linearised(geometry, state)
-    if not geometry.openings.cut:
-        return linearised_uncut(geometry, state)
-    return linearised_where_cut(geometry, state, workspace)
-
-
 def linearised_where_cut(
     geometry: Geometry, state: tuple[Any, ...], workspace: Array
 ) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
-    """`linearised` of a sensor whose light is cut."""
+    """Readings and Jacobian at a state, for detectors A, B and C, as `gradient.linearised`."""
     at, counts = cut_scene(geometry, state, workspace)
     turns, axes = turns_of_edges(geometry, at), rotation_axes(state[4], state[5])
     return (
