@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from facets.config import Config
     from facets.design.rounding import Rounded
     from facets.design.search import Optimum
-    from facets.pictures.design_report import Section
+    from facets.pictures.design_report import ReportSection
 
 
 HEADS = (
@@ -156,14 +156,14 @@ def with_yield(settings: Config, found: Optimum) -> Optimum:
     return replace(found, results=[robust.result, *found.results], problem=robust.problem)
 
 
-def show_heads(settings: Config, better: Config, heads: int) -> list[Section]:
+def show_heads(settings: Config, better: Config, heads: int) -> list[ReportSection]:
     """The yield of the layout, printed, and as parts of the page; nothing where no heads are built.
 
     The settings are those that were asked for; the sensor is the one that was found.
     """
     if not heads:
         return []
-    from facets.pictures.design_report import Section
+    from facets.pictures.design_report import ReportSection
     from facets.pictures.wording import rows_in_words
 
     from .tolerances import error_rows, show_yields, tolerance_rows, yield_rows, yields_of
@@ -171,12 +171,14 @@ def show_heads(settings: Config, better: Config, heads: int) -> list[Section]:
     found = yields_of(settings, better.sensor, heads, settings.layout.seed)
     show_yields(settings, found)
     words = (f"{heads} heads built by simulation, as loose as calibrate.before says.",)
-    parts = [Section("Yield", words, *yield_rows(settings, found))]
+    parts = [ReportSection("Yield", words, *yield_rows(settings, found))]
     if found.accurate:
         within = ("Largest error in the volume, from rest; 95 % of the heads are within.",)
-        parts.append(Section("Accuracy", within, *error_rows(settings, found)))
+        parts.append(ReportSection("Accuracy", within, *error_rows(settings, found)))
     headings, rows = tolerance_rows(settings, found)
-    which = Section("Which tolerance costs most", (), headings, rows_in_words(rows), wide=True)
+    which = ReportSection(
+        "Which tolerance costs most", (), headings, rows_in_words(rows), wide=True
+    )
     return [*parts, which]
 
 
@@ -437,7 +439,7 @@ class Story:
     table: dict[str, Any]
     reasons: list[list[str]]
     proof: str
-    built: list[Section]
+    built: list[ReportSection]
 
 
 def write_report(story: Story, page: Path, scene: Path) -> None:
@@ -479,30 +481,30 @@ def write_tables(story: Story, path: Path) -> None:
     write_sheets(path, found, origin)
 
 
-def sections(story: Story, scene: Path) -> list[Section]:
+def sections(story: Story, scene: Path) -> list[ReportSection]:
     """The parts of the page; quantities in words there, each with its unit."""
-    from facets.pictures.design_report import Section, inline
+    from facets.pictures.design_report import ReportSection, inline
     from facets.pictures.head_drawing import drawing
     from facets.pictures.layout import layout_picture
     from facets.pictures.wording import rows_in_words
 
-    asked = Section("What was asked for", rows=requirement(story.settings))
-    changed = Section("What changes", (), *changes_in_words(story), wide=True)
-    head = Section(
+    asked = ReportSection("What was asked for", rows=requirement(story.settings))
+    changed = ReportSection("What changes", (), *changes_in_words(story), wide=True)
+    head = ReportSection(
         "The head", (f"Lengths in mm. {scene.name} has it in three dimensions, with beams.",),
         drawing=drawing(story.better.sensor),
     )  # fmt: skip
-    compared = Section(
+    compared = ReportSection(
         "Before and after", ("The worst over the volume (1 sigma), and symmetric ranges.",),
         *comparison_in_words(story),
     )  # fmt: skip
-    bars = Section("The same, drawn", drawing=inline(layout_picture(story.table), "bars"))
-    reasons = Section("What holds it back, and what more would give",
+    bars = ReportSection("The same, drawn", drawing=inline(layout_picture(story.table), "bars"))
+    reasons = ReportSection("What holds it back, and what more would give",
                       rows=rows_in_words(story.reasons))  # fmt: skip
     found = [asked, head, changed, compared, bars, reasons, *story.built]
     if story.found.tried:
-        found.append(Section("Parts", (), *parts(story.found), wide=True))
-    found.append(Section("Are readings unique?", (story.proof,)))
+        found.append(ReportSection("Parts", (), *parts(story.found), wide=True))
+    found.append(ReportSection("Are readings unique?", (story.proof,)))
     return found
 
 

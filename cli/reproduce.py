@@ -12,7 +12,7 @@ from .console import FINDING
 from .options import Force, Look, Style
 
 if TYPE_CHECKING:
-    from facets.experiments.reproduce import Result
+    from facets.experiments.reproduce import ExperimentResult
 
 
 def reproduce(
@@ -61,7 +61,7 @@ def reproduce(
         raise typer.Exit(FINDING)
 
 
-def show(result: Result) -> None:
+def show(result: ExperimentResult) -> None:
     """Whether it repeats and agrees, the claims, and the columns that have changed."""
     from facets.experiments.report import number
 

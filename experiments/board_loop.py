@@ -40,7 +40,7 @@ Solver = Callable[[Floats, Floats], Floats]
 
 
 @dataclass(frozen=True)
-class Place:
+class Controller:
     """Where the loop is closed.  age: from light to command, s.  rate: of commands, Hz."""
 
     name: str
@@ -58,7 +58,7 @@ def circle(now: float, speed: float) -> Floats:
     return state
 
 
-def follow(place: Place, stage: Stage, speed: float, seconds: float) -> tuple[float, int]:
+def follow(place: Controller, stage: Stage, speed: float, seconds: float) -> tuple[float, int]:
     """The largest distance of beam and apex after the first second, mm; and commands without pose.
 
     Once the light is lost the rest is not looked at: the distance is infinite.
@@ -91,7 +91,7 @@ def follow(place: Place, stage: Stage, speed: float, seconds: float) -> tuple[fl
     return worst, blind
 
 
-def told(place: Place, stage: Stage, speed: float) -> float:
+def told(place: Controller, stage: Stage, speed: float) -> float:
     """What the circle's acceleration leaves over the horizon, mm."""
     horizon = place.age + stage.latency + stage.lag + 0.5 / place.rate
     return speed**2 / RADIUS * (horizon**2 / 2 + SMOOTH * horizon)
@@ -119,7 +119,7 @@ def main() -> None:
         found: Floats = facets.solve(config.sensor, reading, beam=beam, start=last).state
         return found
 
-    places = [Place("board", 2e-4, 5000.0, on_board), Place("PC", 15e-3, 200.0, on_pc)]
+    places = [Controller("board", 2e-4, 5000.0, on_board), Controller("PC", 15e-3, 200.0, on_pc)]
     print(f"stage: latency {1e3 * wide.latency:g} ms, lag {1e3 * wide.lag:g} ms; circle of 4 mm")
     for speed in SPEEDS:
         for place in places:

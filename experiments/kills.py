@@ -42,8 +42,8 @@ def stream(count: int) -> bytes:
     return pack(Samples(kind, 0 * kind, number, 100 * number, counts))
 
 
-class Source:
-    """Gives the stream block by block, and says how far it got."""
+class StreamSource:
+    """A port that gives the stream block by block and counts the bytes that it has given."""
 
     ended = waits = False
 
@@ -66,7 +66,7 @@ def acquiring(folder: Path, data: bytes, given: Any) -> None:
     live = Live(Pipeline(config))
     recording = Recording(folder, run_record(config, None, 0, {}), config.resolved)
     reader = Reader(config, f"file:{os.devnull}", recording, False, live)
-    reader.port = Source(data, given)
+    reader.port = StreamSource(data, given)
     for number in (signal.SIGTERM, signal.SIGHUP):  # as the command has it
         signal.signal(number, signal.default_int_handler)
     acquire(live, reader, recording, Ending())

@@ -18,7 +18,7 @@ from facets.files.provenance import PACKAGES, command_line
 from facets.files.tables import Whole
 from facets.files.whole import staged
 
-from .reproduce import Result
+from .reproduce import ExperimentResult
 
 TEMPLATE = Path(__file__).parent / "report.html"
 
@@ -50,7 +50,7 @@ def facts() -> dict[str, str]:
     }
 
 
-def write_report(path: Path, results: list[Result], quick: bool) -> None:
+def write_report(path: Path, results: list[ExperimentResult], quick: bool) -> None:
     """Writes the page, whole or not at all."""
     places = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined,
                                 trim_blocks=True, lstrip_blocks=True)  # fmt: skip

@@ -17,7 +17,7 @@ from facets.files.tables import write_table
 from facets.files.whole import staged
 from facets.pictures import style
 
-from .paper.experiment import EXPERIMENTS, Claim, Experiment, Table, experiment
+from .paper.experiment import EXPERIMENTS, Experiment, PaperClaim, Table, experiment
 
 EXPECTED = Path(__file__).parent / "expected"
 
@@ -41,7 +41,7 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Result:
+class ExperimentResult:
     """What an experiment gave.
 
     table, picture: files; picture is None where there is none.  That an experiment repeats says
@@ -52,7 +52,7 @@ class Result:
     name: str
     title: str
     config: str
-    claims: list[Claim]
+    claims: list[PaperClaim]
     checks: list[Check]
     table: Path
     picture: Path | None
@@ -82,7 +82,7 @@ def chosen(names: list[str]) -> list[str]:
     return [name for name in EXPERIMENTS if name in names]
 
 
-def reproduce(names: list[str], quick: bool, folder: Path) -> Iterator[Result]:
+def reproduce(names: list[str], quick: bool, folder: Path) -> Iterator[ExperimentResult]:
     """Each experiment in turn, its files in the folder."""
     for name in names:
         start = time.perf_counter()
@@ -97,7 +97,9 @@ def reproduce(names: list[str], quick: bool, folder: Path) -> Iterator[Result]:
             style.save(drawing, picture)
         checks = checked(name, quick, table, claims)
         seconds = time.perf_counter() - start
-        yield Result(name, work.TITLE, work.CONFIG, claims, checks, path, picture, seconds)
+        yield ExperimentResult(
+            name, work.TITLE, work.CONFIG, claims, checks, path, picture, seconds
+        )
 
 
 def computed(work: Experiment, quick: bool, path: Path) -> Table:
@@ -116,7 +118,7 @@ def read(path: Path) -> Table:
     return {str(name): frame[name].to_numpy() for name in frame.columns}
 
 
-def claim_table(claims: list[Claim]) -> Table:
+def claim_table(claims: list[PaperClaim]) -> Table:
     return {
         "what": np.array([claim.what for claim in claims]),
         "unit": np.array([claim.unit for claim in claims]),
@@ -139,7 +141,7 @@ def tolerances() -> dict[str, Any]:
     return found
 
 
-def checked(name: str, quick: bool, table: Table, claims: list[Claim]) -> list[Check]:
+def checked(name: str, quick: bool, table: Table, claims: list[PaperClaim]) -> list[Check]:
     """Every column that the tolerances name, against its reference."""
     checks = []
     for kind, columns in tolerances()[name].items():

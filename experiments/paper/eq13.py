@@ -12,7 +12,7 @@ from facets.core.hues import DASHES, MARKS, chosen_hues
 from facets.pictures import style
 from facets.tracking.control import tracking_error
 
-from .experiment import NONE, Claim, Table, columns_of
+from .experiment import NONE, PaperClaim, Table, columns_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -47,15 +47,18 @@ def compute(quick: bool) -> Table:
     return columns_of("turn angle_mrad left_um", rows)
 
 
-def claims(table: Table) -> list[Claim]:
+def claims(table: Table) -> list[PaperClaim]:
     ten = table["angle_mrad"] == 10
     at = dict(zip(table["turn"][ten].tolist(), table["left_um"][ten].tolist(), strict=True))
+    less = "less than the bound, as said"
     return [
-        Claim("left at 10 mrad of roll", "um", BOUND, at["roll"], "less than the bound, as said"),
-        Claim("left at 10 mrad of pitch", "um", BOUND, at["pitch"], "less than the bound, as said"),
-        Claim("left at 10 mrad of yaw", "um", NONE, at["yaw"], "yaw does not shift the powers"),
-        Claim("left at 10 mrad of roll and -10 of pitch", "um", BOUND, at["roll against pitch"],
-              "the bound holds for one tilt; for two at once, which the paper allows, it does not"),
+        PaperClaim("left at 10 mrad of roll", "um", BOUND, at["roll"], less),
+        PaperClaim("left at 10 mrad of pitch", "um", BOUND, at["pitch"], less),
+        PaperClaim("left at 10 mrad of yaw", "um", NONE, at["yaw"],
+                   "yaw does not shift the powers"),
+        PaperClaim("left at 10 mrad of roll and -10 of pitch", "um", BOUND,
+                   at["roll against pitch"], "the bound holds for one tilt; for two at once, "
+                   "which the paper allows, it does not"),
     ]  # fmt: skip
 
 

@@ -13,7 +13,7 @@ import facets
 from facets.core.hues import DASHES, MARKS, chosen_hues
 from facets.pictures import style
 
-from .experiment import Claim, Table, columns_of
+from .experiment import PaperClaim, Table, columns_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,13 +43,13 @@ def compute(quick: bool) -> Table:
     return columns_of("offset_mm axis tilt_mrad place_nm power_ppm", rows)
 
 
-def claims(table: Table) -> list[Claim]:
+def claims(table: Table) -> list[PaperClaim]:
     found = []
     for axis, tilt in (("roll", 10), ("yaw", 20), ("all three", 20)):
         rows = (table["axis"] == axis) & (table["tilt_mrad"] == tilt)
         rows &= table["offset_mm"] == 0
         found.append(
-            Claim(f"error of a place; {axis} {tilt} mrad", "nm", 0.0,
+            PaperClaim(f"error of a place; {axis} {tilt} mrad", "nm", 0.0,
                   float(table["place_nm"][rows].max()),
                   "the paper calls its formula the irradiance; grows as the tilt squared")
         )  # fmt: skip

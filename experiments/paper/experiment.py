@@ -35,7 +35,7 @@ NONE = float("nan")
 NEAR = 0.1
 
 
-class Claim(NamedTuple):
+class PaperClaim(NamedTuple):
     """One number. paper: NaN where it gives none.  why: what the ratio comes from."""
 
     what: str
@@ -61,7 +61,7 @@ class Experiment(Protocol):
     CONFIG: str
 
     def compute(self, quick: bool) -> Table: ...
-    def claims(self, table: Table) -> list[Claim]: ...
+    def claims(self, table: Table) -> list[PaperClaim]: ...
     def picture(self, table: Table) -> Figure | None: ...
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from . import outlines
-from .experiment import Claim, Table
+from .experiment import PaperClaim, Table
 from .table2 import FOLLOWING
 
 if TYPE_CHECKING:
@@ -20,9 +20,9 @@ def compute(quick: bool) -> Table:
     return outlines.traced(CONFIG, (("tx", "ty"),), tracking=True)
 
 
-def claims(table: Table) -> list[Claim]:
+def claims(table: Table) -> list[PaperClaim]:
     return [
-        Claim(f"range in t{axis}", "mm", paper, outlines.symmetric(table, "tx", "ty", n), WHY)
+        PaperClaim(f"range in t{axis}", "mm", paper, outlines.symmetric(table, "tx", "ty", n), WHY)
         for n, (axis, paper) in enumerate(zip("xy", FOLLOWING, strict=True))
     ]
 

@@ -12,7 +12,7 @@ from facets.detectors.noise import add_noise
 from facets.pictures import style
 from facets.tracking.closed_loop import followed
 
-from .experiment import NONE, Claim, Table
+from .experiment import NONE, PaperClaim, Table
 from .motion import error_band
 
 if TYPE_CHECKING:
@@ -56,19 +56,19 @@ def compute(quick: bool) -> Table:
     }
 
 
-def claims(table: Table) -> list[Claim]:
+def claims(table: Table) -> list[PaperClaim]:
     found = []
     for axis, reach in REACH.items():
         rows = table["axis"] == axis
         key = f"t{axis}_mm"
         error = 1e3 * (table[key] - table[f"true_{key}"])[rows]
         found += [
-            Claim(f"range covered in {axis}", "mm", NONE, 2 * reach,
+            PaperClaim(f"range covered in {axis}", "mm", NONE, 2 * reach,
                   "the paper shows a picture: less than Fig. 10 by limits of its stage"),
-            Claim(f"samples solved in {axis}", "", 1, table["solved"][rows].mean(), ""),
-            Claim(f"r.m.s. error in {axis}", "um", NONE, float(np.sqrt(np.nanmean(error**2))),
+            PaperClaim(f"samples solved in {axis}", "", 1, table["solved"][rows].mean(), ""),
+            PaperClaim(f"r.m.s. error in {axis}", "um", NONE, float(np.sqrt(np.nanmean(error**2))),
                   "the uncertainty of the stage's encoder that tells where the beam is"),
-            Claim(f"beam off the apex in {axis}; most", "um", NONE,
+            PaperClaim(f"beam off the apex in {axis}; most", "um", NONE,
                   table["beam_off_um"][rows].max(), "by the virtual stage's lag and control law"),
         ]  # fmt: skip
     return found

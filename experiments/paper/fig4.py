@@ -12,7 +12,7 @@ from facets.characterization.state_box import apex_offset, range_box
 from facets.core.hues import chosen_hues
 from facets.pictures import style
 
-from .experiment import NONE, Claim, Table
+from .experiment import NONE, PaperClaim, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,16 +43,16 @@ def compute(quick: bool) -> Table:
     }
 
 
-def claims(table: Table) -> list[Claim]:
+def claims(table: Table) -> list[PaperClaim]:
     states = int(table["states"].sum())
     positive = table["least"].min() > 0
     return [
-        Claim("states drawn", "", 200_000, states, "the paper says over 200 000"),
-        Claim("of one sign", "", 1, float(positive),
+        PaperClaim("states drawn", "", 200_000, states, "the paper says over 200 000"),
+        PaperClaim("of one sign", "", 1, float(positive),
               "the paper's is negative: its psi runs the other way; a sign is no property"),
-        Claim("least determinant", "mm^6 mW^2", NONE, table["least"].min(),
+        PaperClaim("least determinant", "mm^6 mW^2", NONE, table["least"].min(),
               "the paper gives a picture; `uniqueness` proves a bound"),
-        Claim("largest determinant", "mm^6 mW^2", NONE, table["largest"].max(),
+        PaperClaim("largest determinant", "mm^6 mW^2", NONE, table["largest"].max(),
               "at rest, with the apex in the beam's centre"),
     ]  # fmt: skip
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from . import outlines
-from .experiment import Claim, Table
+from .experiment import PaperClaim, Table
 from .table2 import RANGE
 
 if TYPE_CHECKING:
@@ -28,9 +28,9 @@ def compute(quick: bool) -> Table:
     return outlines.traced(CONFIG, outlines.PAIRS, tracking=False)
 
 
-def claims(table: Table) -> list[Claim]:
+def claims(table: Table) -> list[PaperClaim]:
     return [
-        Claim(f"range in {name}", unit, paper, outlines.symmetric(table, *axes, place), why)
+        PaperClaim(f"range in {name}", unit, paper, outlines.symmetric(table, *axes, place), why)
         for paper, (name, (unit, axes, place, why)) in zip(RANGE, RANGES.items(), strict=True)
     ]
 

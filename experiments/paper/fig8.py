@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from . import motion
-from .experiment import Claim, Table
+from .experiment import PaperClaim, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,7 +18,7 @@ def compute(quick: bool) -> Table:
     return motion.simulated(CONFIG, "yaw-sweep")
 
 
-def claims(table: Table) -> list[Claim]:
+def claims(table: Table) -> list[PaperClaim]:
     return motion.errors_in_six_axes(table)
 
 

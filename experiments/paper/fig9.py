@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from facets.core.names import POSE
 
 from . import motion
-from .experiment import Claim, Table
+from .experiment import PaperClaim, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,7 +20,7 @@ def compute(quick: bool) -> Table:
     return motion.simulated(CONFIG, "multi-axis")
 
 
-def claims(table: Table) -> list[Claim]:
+def claims(table: Table) -> list[PaperClaim]:
     return motion.errors_in_six_axes(table)
 
 

@@ -13,7 +13,7 @@ from facets.core.names import POSE
 from facets.pictures import style
 from facets.pictures.style import unit_of
 
-from .experiment import Claim, Table, columns_of
+from .experiment import PaperClaim, Table, columns_of
 from .table2 import RESOLUTION
 
 if TYPE_CHECKING:
@@ -35,15 +35,15 @@ def compute(quick: bool) -> Table:
     return columns_of("beam_um tx_um ty_um tz_um roll_urad pitch_urad yaw_urad", rows)
 
 
-def claims(table: Table) -> list[Claim]:
+def claims(table: Table) -> list[PaperClaim]:
     free, known = (np.flatnonzero(table["beam_um"] == um)[0] for um in (np.inf, 0.0))
     found = []
     for axis, paper in zip(("tx", "ty"), RESOLUTION, strict=False):
         fine = 2 * table[f"{axis}_um"]
         found += [
-            Claim(f"resolution in {axis} at rest; beam free", "um", paper,
+            PaperClaim(f"resolution in {axis} at rest; beam free", "um", paper,
                   fine[free], "the paper's own is between the two: its beam stood still"),
-            Claim(f"resolution in {axis} at rest; beam known", "um", paper,
+            PaperClaim(f"resolution in {axis} at rest; beam known", "um", paper,
                   fine[known], "the powers then tell the apex's offset alone"),
         ]  # fmt: skip
     return found

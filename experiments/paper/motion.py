@@ -13,7 +13,7 @@ from facets.pictures import style
 from facets.pictures.style import unit_of
 from facets.simulation.run import pose_table, simulate
 
-from .experiment import Claim, Table
+from .experiment import PaperClaim, Table
 from .table2 import RESOLUTION
 
 if TYPE_CHECKING:
@@ -48,15 +48,15 @@ def errors(table: Table, name: str) -> np.ndarray:
     return off
 
 
-def errors_in_six_axes(table: Table) -> list[Claim]:
+def errors_in_six_axes(table: Table) -> list[PaperClaim]:
     """Twice the root mean square error of each axis, beside the paper's resolution."""
     found = []
     for name, paper in zip(POSE, RESOLUTION, strict=True):
         off = 2 * float(np.sqrt(np.nanmean(errors(table, name) ** 2)))
         unit = unit_of(name)[2].replace("µ", "u")
-        found.append(Claim(f"twice the r.m.s. error in {name}", unit, paper, off, WHY[name]))
+        found.append(PaperClaim(f"twice the r.m.s. error in {name}", unit, paper, off, WHY[name]))
     solved = float((table["status"] == "converged").mean())
-    found.append(Claim("samples solved", "", 1, solved, ""))
+    found.append(PaperClaim("samples solved", "", 1, solved, ""))
     return found
 
 

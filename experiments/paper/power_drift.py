@@ -13,7 +13,7 @@ from facets.core.names import POSE
 from facets.pictures import style
 from facets.pictures.style import unit_of
 
-from .experiment import NONE, Claim, Table, columns_of
+from .experiment import NONE, PaperClaim, Table, columns_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,7 +44,7 @@ def compute(quick: bool) -> Table:
     return columns_of("drift_percent way tx_um ty_um tz_um roll_urad pitch_urad yaw_urad", rows)
 
 
-def claims(table: Table) -> list[Claim]:
+def claims(table: Table) -> list[PaperClaim]:
     found = []
     for way in WAYS:
         row = np.flatnonzero((table["way"] == way) & (table["drift_percent"] == 1.0))[0]
@@ -52,7 +52,7 @@ def claims(table: Table) -> list[Claim]:
         why = "at 0.09 mm off the beam; a power that is wrong looks like light that has moved"
         if way == "power solved for":
             why = "a ninth unknown, which nine readings still give"
-        found.append(Claim(f"1 % more light: error of the place; {way}", "um", NONE, off, why))
+        found.append(PaperClaim(f"1 % more light: error of the place; {way}", "um", NONE, off, why))
     return found
 
 

@@ -11,7 +11,7 @@ import facets
 from facets.characterization.ranges import box
 from facets.characterization.resolution import estimators, resolve
 
-from .experiment import Claim, Table, columns_of
+from .experiment import PaperClaim, Table, columns_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -49,9 +49,9 @@ WHY = {
 }
 
 
-def claims(table: Table) -> list[Claim]:
+def claims(table: Table) -> list[PaperClaim]:
     rows = zip(*(table[name].tolist() for name in ("what", "unit", "paper", "ours")), strict=True)
-    return [Claim(what, unit, paper, ours, WHY[what]) for what, unit, paper, ours in rows]
+    return [PaperClaim(what, unit, paper, ours, WHY[what]) for what, unit, paper, ours in rows]
 
 
 def picture(table: Table) -> Figure | None:

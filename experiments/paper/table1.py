@@ -9,7 +9,7 @@ import numpy as np
 
 import facets
 
-from .experiment import Claim, Table, columns_of
+from .experiment import PaperClaim, Table, columns_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,9 +38,9 @@ def compute(quick: bool) -> Table:
     return columns_of("what unit paper ours", rows)
 
 
-def claims(table: Table) -> list[Claim]:
+def claims(table: Table) -> list[PaperClaim]:
     rows = zip(*(table[name].tolist() for name in ("what", "unit", "paper", "ours")), strict=True)
-    return [Claim(what, unit, paper, ours, "") for what, unit, paper, ours in rows]
+    return [PaperClaim(what, unit, paper, ours, "") for what, unit, paper, ours in rows]
 
 
 def picture(table: Table) -> Figure | None:

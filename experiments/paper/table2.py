@@ -21,7 +21,7 @@ from facets.core.names import POSE
 from facets.pictures import style
 from facets.pictures.style import unit_of
 
-from .experiment import Claim, Table, columns_of
+from .experiment import PaperClaim, Table, columns_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -63,7 +63,7 @@ def compute(quick: bool) -> Table:
     return columns_of("quantity beam axis unit paper ours", rows)
 
 
-def claims(table: Table) -> list[Claim]:
+def claims(table: Table) -> list[PaperClaim]:
     found = []
     for n, (quantity, beam, axis) in enumerate(
         zip(table["quantity"], table["beam"], table["axis"], strict=True)
@@ -71,7 +71,7 @@ def claims(table: Table) -> list[Claim]:
         other = EDGE if quantity == "range" else FIT
         why = WHY.get((quantity, beam), {}).get(axis, other)
         found.append(
-            Claim(f"{quantity} in {axis}; {beam}", str(table["unit"][n]),
+            PaperClaim(f"{quantity} in {axis}; {beam}", str(table["unit"][n]),
                   float(table["paper"][n]), float(table["ours"][n]), why)
         )  # fmt: skip
     return found

@@ -9,7 +9,7 @@ from facets.characterization.state_box import box_of_poses, least_share, range_b
 from facets.proof.range_cover import cover_range
 from facets.proof.uniqueness import certify
 
-from .experiment import NONE, Claim, Table, columns_of
+from .experiment import NONE, PaperClaim, Table, columns_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,10 +36,10 @@ def compute(quick: bool) -> Table:
     return columns_of("what unit ours", rows)
 
 
-def claims(table: Table) -> list[Claim]:
+def claims(table: Table) -> list[PaperClaim]:
     rows = zip(*(table[name].tolist() for name in ("what", "unit", "ours")), strict=True)
     why = "the paper concludes it from 200 000 samples; docs/uniqueness.md has the theorem"
-    return [Claim(what, unit, 1 if what.startswith("proved") else NONE, ours, why)
+    return [PaperClaim(what, unit, 1 if what.startswith("proved") else NONE, ours, why)
             for what, unit, ours in rows]  # fmt: skip
 
 

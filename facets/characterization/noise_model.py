@@ -52,7 +52,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Line:
+class SpectralLine:
     """A sinusoid.  frequency: Hz.  amplitude: in the signal's unit.  name: what it may be."""
 
     frequency: float
@@ -73,7 +73,7 @@ class NoiseModel:
     mean: float
     white: Estimate
     flicker: Estimate
-    lines: tuple[Line, ...]
+    lines: tuple[SpectralLine, ...]
     drift: Estimate
     spikes: int
     filled: float
@@ -130,7 +130,9 @@ def fit_noise(signal: Floats, rate: float) -> NoiseModel:
     length = len(clean) / rate
     sigma = slope_sigma(time, rate, white.value, flicker.value)
     named = tuple(
-        Line(f, Estimate(a, float(np.sqrt(density(f, white, flicker) / length))), name_of(f))
+        SpectralLine(
+            f, Estimate(a, float(np.sqrt(density(f, white, flicker) / length))), name_of(f)
+        )
         for f, a in sorted(lines)
     )
     return NoiseModel(

@@ -69,7 +69,7 @@ class NoiseReport:
 
 
 @dataclass(frozen=True)
-class Piece:
+class RecordingSection:
     """Samples without a jump of the time.  rows: of the columns.  seq: (n,).  rate: Hz."""
 
     rows: slice
@@ -96,7 +96,7 @@ def report_of(
     """
     from .rest import movements
 
-    piece = longest_piece(columns, name)
+    piece = longest_section(columns, name)
     rows, rate = piece.rows, piece.rate
     time = 1e-6 * columns["board_us"][rows]
     channels = []
@@ -125,7 +125,7 @@ def by_name(channels: list[Channel]) -> dict[str, Channel]:
     return {one.name: one for one in channels}
 
 
-def longest_piece(columns: Columns, name: str) -> Piece:
+def longest_section(columns: Columns, name: str) -> RecordingSection:
     """The samples between two jumps of the time, where most are; no more than MOST.
 
     Raises `InputError` where they are too few. name: for its message.
@@ -144,7 +144,7 @@ def longest_piece(columns: Columns, name: str) -> Piece:
         raise InputError(
             f"{name}: holds less than {FEWEST} samples without a gap, too few for their noise"
         )
-    return Piece(rows, seq, float((seq[-1] - seq[0]) / (time[-1] - time[0])))
+    return RecordingSection(rows, seq, float((seq[-1] - seq[0]) / (time[-1] - time[0])))
 
 
 def configured(name: str, columns: Columns, rows: slice, config: Config) -> float:

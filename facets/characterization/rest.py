@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ..core.settings import Config
-    from .noise_report import Columns, Piece
+    from .noise_report import Columns, RecordingSection
 
 #: What all the sentences mean together, and what to do.
 NOT_NOISE = "the noise of the bench cannot be taken from this recording"
@@ -78,7 +78,7 @@ ELSEWHERE = 0.05
 
 
 def movements(
-    columns: Columns, piece: Piece, models: Sequence[NoiseModel], config: Config
+    columns: Columns, piece: RecordingSection, models: Sequence[NoiseModel], config: Config
 ) -> list[str]:
     """What speaks against a mirror at rest with steady light, in sentences; empty if nothing does.
 
@@ -137,7 +137,11 @@ class Steady:
     """
 
     def __init__(
-        self, columns: Columns, piece: Piece, models: Sequence[NoiseModel], config: Config
+        self,
+        columns: Columns,
+        piece: RecordingSection,
+        models: Sequence[NoiseModel],
+        config: Config,
     ) -> None:
         self.config, self.rate = config, piece.rate
         every = np.stack([fill(piece.spread(columns[name])) for name in READING_COLUMNS], axis=1)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Section:
+class ReportSection:
     """A part of the page: sentences, a table, a drawing (SVG or HTML), and text as it is.
 
     wide: over both columns.
@@ -34,7 +34,7 @@ class Section:
     wide: bool = False
 
 
-def report(name: str, summary: str, sections: Sequence[Section], origin: str) -> str:
+def report(name: str, summary: str, sections: Sequence[ReportSection], origin: str) -> str:
     """The page as HTML."""
     from jinja2 import Environment
 

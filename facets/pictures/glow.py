@@ -112,7 +112,7 @@ def clipped(camera: Camera, ends: Floats) -> Floats:
     return moved
 
 
-class Line:
+class PixelRays:
     """Rays of some pixels, and the piece of each on which there is light.
 
     A ray is place + t ray, both linear in where its pixel is, so that every product with a vector
@@ -177,7 +177,7 @@ class Line:
 
 
 def across(
-    stand: Stand, line: Line, k: int | None = None, about: Any = (0, 0), wide: float = 1.0
+    stand: Stand, line: PixelRays, k: int | None = None, about: Any = (0, 0), wide: float = 1.0
 ) -> tuple[Across, Across]:
     """Where rays are across the beam, in sigmas, folded at facet k if given: at t = 0, and per t.
 
@@ -216,7 +216,7 @@ def sub_beam(stand: Stand, shot: Shot, k: int) -> Floats:
     )
     sigma = width_of(stand)
     where, pixel = near_segment(shot.camera, ends, FAR * sigma)
-    line = Line(shot, where)
+    line = PixelRays(shot, where)
     normal = np.array(stand.at.normals[k], float)
     line.side(np.array(stand.at.apex, float), normal)
     line.side(np.array(stand.geometry.centres[k], float), -np.array(stand.geometry.axes[k][0]))
@@ -228,7 +228,7 @@ def sub_beam(stand: Stand, shot: Shot, k: int) -> Floats:
     return line.spread(line.gaussian(u, w))
 
 
-def keep_wedge(line: Line, stand: Stand, k: int, u: Across, w: Across) -> None:
+def keep_wedge(line: PixelRays, stand: Stand, k: int, u: Across, w: Across) -> None:
     """Only what facet k takes of the beam."""
     q = np.array(stand.at.q, float)
     first, second = (np.array(stand.at.sides[n], float) for n in (k, (k + 1) % 3))
@@ -248,7 +248,7 @@ def incoming(stand: Stand, shot: Shot, laser: float) -> Floats:
     total = np.zeros(shot.depth.shape)
     wide = max(1.0, THIN * pixel / sigma)
     for k in range(3):
-        line = Line(shot, where)
+        line = PixelRays(shot, where)
         line.side(apex, np.array(stand.at.normals[k], float))
         line.side(ends[1], -back)
         u, w = across(stand, line, wide=wide)
@@ -274,14 +274,14 @@ def reflection(stand: Stand, shot: Shot, k: int) -> Floats:
     where = where & shot.lit
     if width_of(stand) < THIN * pixel or not where.any():
         return np.zeros(shot.depth.shape)
-    line = Line(shot, where)
+    line = PixelRays(shot, where)
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = -line.origins(normal, apex) / line.rays(normal)
     mirror = (line.rays(normal) < 0) & (np.abs(line.high - depth) < 0.02 + 1.5 * pixel)
     where = spread_to(where, mirror)
     found = np.zeros(shot.depth.shape)
     for folded in (k, None):
-        line = Line(shot, where)
+        line = PixelRays(shot, where)
         line.low, line.high = line.high, np.full(len(line.high), 1e9)
         u, w = across(stand, line, folded)
         keep_wedge(line, stand, k, u, w)
@@ -317,7 +317,7 @@ def plane(
     where, pixel = near_segment(shot.camera, np.array([about, about]), around)
     where = where & shot.lit
     picture = np.zeros(shot.depth.shape)
-    line = Line(shot, where)
+    line = PixelRays(shot, where)
     falls = line.rays(normal)
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = -line.origins(normal, point) / falls

@@ -11,7 +11,7 @@ from ..core.units import Floats
 from .camera import Camera
 from .materials import Theme, rgb
 from .raster import enlarged
-from .rig import Part
+from .rig import RigPart
 
 #: Where the shadow-giving light comes from.
 KEY = (-0.45, -0.55, 1.6)
@@ -37,14 +37,14 @@ class Ground:
         return found
 
 
-def ground(parts: Sequence[Part], z: float) -> Ground:
+def ground(parts: Sequence[RigPart], z: float) -> Ground:
     """Shadows of parts: the higher a part is, the softer its own."""
     from scipy.ndimage import gaussian_filter
 
     points = np.concatenate([part.solid.points for part in parts])
     reach = 1.35 * float(np.abs(points[:, :2]).max())
     pixel = 2 * reach / MAP
-    levels: dict[int, list[Part]] = {}
+    levels: dict[int, list[RigPart]] = {}
     for part in parts:
         if np.ptp(part.solid.points, axis=0).max() < 4 * pixel or part.material in ("gold", "hole"):
             continue  # too fine to be seen in a soft shadow
@@ -64,7 +64,7 @@ def ground(parts: Sequence[Part], z: float) -> Ground:
 
 
 def silhouettes(
-    parts: Sequence[Part], z: float, reach: float, light: tuple[float, float, float]
+    parts: Sequence[RigPart], z: float, reach: float, light: tuple[float, float, float]
 ) -> Floats:
     """What parts hide from a light on the floor, (MAP, MAP), rows along y."""
     from PIL import Image, ImageDraw

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.units import Floats
 from .camera import Camera
-from .lettering import FINE, Box, Sheet
+from .lettering import FINE, Box, DrawingSheet
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def paste(picture: Floats, shown: Floats, corner: tuple[int, int], circle: bool)
     part[:] = part * (1 - cover[inside]) + shown[inside] * cover[inside]
 
 
-def frame(sheet: Sheet, inset: Inset, corner: tuple[int, int], size: tuple[int, int]) -> Box:
+def frame(sheet: DrawingSheet, inset: Inset, corner: tuple[int, int], size: tuple[int, int]) -> Box:
     """The rim of an inset, its title below, and the space that they take; the title's."""
     left, top = corner
     width, height = size
@@ -92,7 +92,12 @@ def frame(sheet: Sheet, inset: Inset, corner: tuple[int, int], size: tuple[int, 
 
 
 def leader(
-    sheet: Sheet, inset: Inset, target: Floats, corner: Any, size: Any, title: Box | None = None
+    sheet: DrawingSheet,
+    inset: Inset,
+    target: Floats,
+    corner: Any,
+    size: Any,
+    title: Box | None = None,
 ) -> None:
     """A line from what an inset shows to its rim, or to its title where that is in between."""
     middle = np.array(corner, float) + np.array(size) / 2

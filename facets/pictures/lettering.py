@@ -37,7 +37,7 @@ def overlap(a: Box, b: Box) -> bool:
     return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
-class Sheet:
+class DrawingSheet:
     """A clear sheet over a picture; pixels from the left and from the top.
 
     taken: what is written on it, as boxes (left, top, right, bottom).

@@ -19,19 +19,19 @@ from .scene import Stand
 from .solids import Solid
 from .studio import Studio, library, mesh_of
 
-View = Literal["both", "rig", "mirror", "detector", "cutaway", "exploded", "range", "trail"]
+ViewName = Literal["both", "rig", "mirror", "detector", "cutaway", "exploded", "range", "trail"]
 #: How a file's name ends: pictures, scenes that can be turned, films.
 PICTURES, SCENES, MOVIES = (".png",), (".gltf", ".html"), (".mp4", ".gif")
 
-VIEWS: dict[str, Callable[..., views.View]] = {
-    "both": views.Whole,
-    "rig": views.Rig,
-    "mirror": views.Mirror,
-    "detector": views.Detector,
-    "cutaway": views.Cutaway,
-    "exploded": views.Exploded,
-    "range": space.Range,
-    "trail": space.Trail,
+VIEWS: dict[str, Callable[..., views.SceneView]] = {
+    "both": views.CombinedView,
+    "rig": views.RigView,
+    "mirror": views.MirrorView,
+    "detector": views.DetectorView,
+    "cutaway": views.CutawayView,
+    "exploded": views.ExplodedView,
+    "range": space.RangeView,
+    "trail": space.TrailView,
 }
 
 
@@ -46,7 +46,7 @@ class Picture:
         self,
         sensor: Sensor,
         state: Floats,
-        view: View = "both",
+        view: ViewName = "both",
         size: tuple[int, int] = (1200, 900),
         theme: ThemeName = "dark",
         title: str = "",

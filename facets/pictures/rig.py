@@ -40,7 +40,7 @@ LASER = 105.0
 
 
 @dataclass(frozen=True)
-class Part:
+class RigPart:
     """A piece of the rig.
 
     assembly: "head", "laser", "detector a", ..., "frame": what it is part of.  material: a name in
@@ -53,7 +53,7 @@ class Part:
     solid: Solid
     apart: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
-    def moved(self) -> Part:
+    def moved(self) -> RigPart:
         """As an exploded view has it."""
         solid = Solid(self.solid.points + np.array(self.apart), self.solid.faces)
         return replace(self, solid=solid)
@@ -74,7 +74,7 @@ def floor_of(stand: Stand) -> float:
     return min(lowest - 22 * fit, -70 * fit)
 
 
-def parts(stand: Stand) -> list[Part]:
+def parts(stand: Stand) -> list[RigPart]:
     """The whole rig at a state."""
     found = [*head(stand), *laser(stand), *base(stand)]
     for k in range(3):
@@ -108,15 +108,15 @@ def edge_angles(stand: Stand) -> Floats:
     return np.unwrap(np.array([*angles, angles[0]]))
 
 
-def head(stand: Stand) -> Iterator[Part]:
+def head(stand: Stand) -> Iterator[RigPart]:
     """The mirror with its facets, ground sides and a broken rim, its mount and its post."""
     fit, radius = scale_of(stand), head_radius(stand)
     turn: Floats = np.array(stand.at.turn, float).T  # rows: the mirror's axes in the world
     apex = np.array(stand.at.apex)
 
-    def put(name: str, material: str, solid: Solid, up: float) -> Part:
+    def put(name: str, material: str, solid: Solid, up: float) -> RigPart:
         away = tuple(float(x) for x in up * fit * turn[2])
-        return Part(name, "head", material, solid.placed(apex, turn), away)  # type: ignore[arg-type]
+        return RigPart(name, "head", material, solid.placed(apex, turn), away)  # type: ignore[arg-type]
 
     bevel = 0.03 * radius
     rim = radius - bevel
@@ -147,7 +147,7 @@ def head(stand: Stand) -> Iterator[Part]:
     foot = floor_of(stand) + 16 * fit
     yield put("post", "steel", cylinder(POST * fit, foot, low, 0.4 * fit), 0)
     block = slab(rectangle(52 * fit, 52 * fit, 5 * fit), floor_of(stand), foot + 2 * fit, 0.8 * fit)
-    yield Part("moving stage", "frame", "anodised", block)
+    yield RigPart("moving stage", "frame", "anodised", block)
 
 
 def facet(stand: Stand, angle: Floats, rim: float) -> tuple[Floats, list[list[int]]]:
@@ -175,7 +175,7 @@ def detector_frame(stand: Stand, k: int) -> tuple[Floats, Floats]:
     return np.array(stand.geometry.centres[k]), axes[[1, 2, 0]]
 
 
-def detector(stand: Stand, k: int) -> Iterator[Part]:
+def detector(stand: Stand, k: int) -> Iterator[RigPart]:
     """A detector as it is bought: window, housing, chip in its carrier, pins, board; on a post."""
     fit, psd = scale_of(stand), stand.sensor.psds[k]
     centre, axes = detector_frame(stand, k)
@@ -183,9 +183,9 @@ def detector(stand: Stand, k: int) -> Iterator[Part]:
     wide, high = housing_size(stand, k)
     width, height = psd.size_y, psd.size_z
 
-    def put(what: str, material: str, solid: Solid, out: float) -> Part:
+    def put(what: str, material: str, solid: Solid, out: float) -> RigPart:
         away = tuple(float(x) for x in out * fit * axes[2])
-        return Part(f"{what} {DETECTORS[k]}", name, material, solid.placed(centre, axes), away)  # type: ignore[arg-type]
+        return RigPart(f"{what} {DETECTORS[k]}", name, material, solid.placed(centre, axes), away)  # type: ignore[arg-type]
 
     def box(w: float, h: float, low: float, top: float, corner: float, bevel: float) -> Solid:
         return slab(rectangle(w, h, corner * fit), low * fit, top * fit, bevel * fit)
@@ -221,7 +221,7 @@ def detector(stand: Stand, k: int) -> Iterator[Part]:
     yield from stand_of(stand, k, name, fit)
 
 
-def stand_of(stand: Stand, k: int, name: str, fit: float) -> Iterator[Part]:
+def stand_of(stand: Stand, k: int, name: str, fit: float) -> Iterator[RigPart]:
     """What carries a detector: post, holder and foot."""
     centre, axes = detector_frame(stand, k)
     outward = normalize([axes[2][0], axes[2][1], 0.0])
@@ -233,19 +233,19 @@ def stand_of(stand: Stand, k: int, name: str, fit: float) -> Iterator[Part]:
     top = float(below[2]) + 1.0 * fit
     aside = np.cross((0, 0, 1.0), outward)
     level = np.array([outward, aside, (0, 0, 1.0)])
-    yield Part(f"post {letter}", name, "steel",
+    yield RigPart(f"post {letter}", name, "steel",
                cylinder(POST * fit, middle - 2 * fit, top).placed(at, np.eye(3)))  # fmt: skip
     holder = turned([(9.5 * fit, floor), (9.5 * fit, middle - 0.8 * fit), (8.7 * fit, middle)])
-    yield Part(f"post holder {letter}", name, "anodised", holder.placed(at, np.eye(3)))
+    yield RigPart(f"post holder {letter}", name, "anodised", holder.placed(at, np.eye(3)))
     foot = slab(rectangle(50 * fit, 30 * fit, 4 * fit), floor, floor + 6 * fit, 0.7 * fit)
-    yield Part(f"foot {letter}", name, "anodised", foot.placed(at, level))
+    yield RigPart(f"foot {letter}", name, "anodised", foot.placed(at, level))
     heads = [
         cylinder(3.4 * fit, floor + 6 * fit, floor + 9 * fit, 0.4 * fit).placed(
             at + side * 18 * fit * outward, np.eye(3)
         )
         for side in (-1, 1)
     ]
-    yield Part(f"screws {letter}", name, "steel", join(heads))
+    yield RigPart(f"screws {letter}", name, "steel", join(heads))
 
 
 # --- the laser, and what carries it --------------------------------------------------------------
@@ -270,13 +270,13 @@ def column_direction(stand: Stand) -> Floats:
     return np.array([np.cos(best), np.sin(best), 0.0])
 
 
-def laser(stand: Stand) -> Iterator[Part]:
+def laser(stand: Stand) -> Iterator[RigPart]:
     fit = scale_of(stand)
     origin, axes = laser_frame(stand)
 
-    def put(name: str, material: str, solid: Solid, up: float) -> Part:
+    def put(name: str, material: str, solid: Solid, up: float) -> RigPart:
         away = tuple(float(x) for x in up * fit * axes[2])
-        return Part(name, "laser", material, solid.placed(origin, axes), away)  # type: ignore[arg-type]
+        return RigPart(name, "laser", material, solid.placed(origin, axes), away)  # type: ignore[arg-type]
 
     s = fit
     yield put("collimator", "brass", tube([
@@ -303,36 +303,38 @@ def laser(stand: Stand) -> Iterator[Part]:
     yield from gantry(stand, origin, fit)
 
 
-def gantry(stand: Stand, origin: Floats, fit: float) -> Iterator[Part]:
+def gantry(stand: Stand, origin: Floats, fit: float) -> Iterator[RigPart]:
     """A column beside the beam and an arm that clamps the laser."""
     outward = column_direction(stand)
     far = 96 * fit
     foot = np.array([far * outward[0], far * outward[1], 0.0])
     floor, top = floor_of(stand), float(origin[2]) + 62 * fit
-    yield Part(
+    yield RigPart(
         "column", "laser", "steel", cylinder(9 * fit, floor, top, 0.8 * fit).placed(foot, np.eye(3))
     )
     collar = turned([(14 * fit, floor), (14 * fit, floor + 13 * fit), (13 * fit, floor + 14 * fit)])
-    yield Part("collar", "frame", "anodised", collar.placed(foot, np.eye(3)))
+    yield RigPart("collar", "frame", "anodised", collar.placed(foot, np.eye(3)))
     aside = np.cross((0, 0, 1.0), outward)
     level = np.array([outward, aside, (0, 0, 1.0)])
     at = np.array([origin[0], origin[1], float(origin[2]) + 36 * fit])
     reach = float((foot - at) @ outward)
     bar = slab(rectangle(reach - 22 * fit, 17 * fit, 1 * fit), -7.9 * fit, 7.9 * fit, 0.8 * fit)
-    yield Part("arm", "laser", "aluminium", bar.placed(at + outward * (reach + 1 * fit) / 2, level))
+    yield RigPart(
+        "arm", "laser", "aluminium", bar.placed(at + outward * (reach + 1 * fit) / 2, level)
+    )
     ring = bored(15.8 * fit, 11 * fit, -8 * fit, 8 * fit, 0.8 * fit)
-    yield Part("laser clamp", "laser", "aluminium", ring.placed(at, np.eye(3)))
+    yield RigPart("laser clamp", "laser", "aluminium", ring.placed(at, np.eye(3)))
     grip = bored(13.8 * fit, 9 * fit, -9 * fit, 9 * fit, 0.8 * fit)
-    yield Part(
+    yield RigPart(
         "column clamp", "laser", "aluminium", grip.placed([foot[0], foot[1], at[2]], np.eye(3))
     )
 
 
-def base(stand: Stand) -> Iterator[Part]:
+def base(stand: Stand) -> Iterator[RigPart]:
     """A plate with an arm to each detector and one to the column."""
     fit, floor = scale_of(stand), floor_of(stand)
     low = floor - 12 * fit
-    yield Part("hub", "frame", "plate", cylinder(60 * fit, low, floor, 1.2 * fit))
+    yield RigPart("hub", "frame", "plate", cylinder(60 * fit, low, floor, 1.2 * fit))
     ends = [np.array(c)[:2] for c in stand.geometry.centres]
     lengths = [float(np.hypot(*end)) + 36 * fit for end in ends]
     ends.append(column_direction(stand)[:2] * 96 * fit)
@@ -342,13 +344,13 @@ def base(stand: Stand) -> Iterator[Part]:
         outward = np.array([*(end / np.hypot(*end)), 0.0])
         level = np.array([outward, np.cross((0, 0, 1.0), outward), (0, 0, 1.0)])
         arm = slab(rectangle(length, 44 * fit, 9 * fit), low, floor, 1.2 * fit)
-        yield Part("plate", "frame", "plate", arm.placed(outward * length / 2, level))
+        yield RigPart("plate", "frame", "plate", arm.placed(outward * length / 2, level))
         for along in np.arange(75 * fit, length - 60 * fit, 25 * fit):
             for side in (-12.5 * fit, 12.5 * fit):
                 place = along * outward + side * level[1]
                 holes.append(cylinder(3 * fit, floor, floor + 0.06 * fit).placed(place, np.eye(3)))
     if holes:
-        yield Part("tapped holes", "frame", "hole", join(holes))
+        yield RigPart("tapped holes", "frame", "hole", join(holes))
 
 
 def ground_of(stand: Stand) -> float:

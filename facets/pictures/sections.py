@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 
 from ..core.units import Floats
-from .rig import Part
+from .rig import RigPart
 from .solids import Solid
 
 
-def exploded(parts: Iterable[Part]) -> list[Part]:
+def exploded(parts: Iterable[RigPart]) -> list[RigPart]:
     """Each part where its assembly comes apart along its own axis."""
     return [part.moved() for part in parts]
 
 
 def cut_open(
-    pyvista: Any, parts: Iterable[Part], point: Floats, normal: Floats
-) -> tuple[list[Part], list[Part]]:
+    pyvista: Any, parts: Iterable[RigPart], point: Floats, normal: Floats
+) -> tuple[list[RigPart], list[RigPart]]:
     """What of parts lies behind a plane, and the faces of the cut.
 
     normal: towards what is taken away. Both lists keep name, assembly and material.

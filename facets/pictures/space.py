@@ -13,19 +13,19 @@ from ..model.arrays import readings
 from . import insets, rig
 from .camera import Camera, fit
 from .exposure import assemble, expose
-from .lettering import Sheet, length_in_words
+from .lettering import DrawingSheet, length_in_words
 from .magnification import round_down, times
 from .materials import rgb
 from .range_solid import COLOURS, REASONS, range_solid
-from .rig import Part
+from .rig import RigPart
 from .studio import Studio, library
-from .views import View, face_camera
+from .views import SceneView, face_camera
 
 
-class Near(View):
+class HeadView(SceneView):
     """The mirror head alone, on its stage."""
 
-    def own_parts(self) -> list[Part]:
+    def own_parts(self) -> list[RigPart]:
         return [
             part
             for part in super().own_parts()
@@ -33,7 +33,7 @@ class Near(View):
         ]
 
 
-class Range(Near):
+class RangeView(HeadView):
     """The range of the mirror's place as a translucent solid about its point."""
 
     def __init__(self, *given: Any, rules: Rules) -> None:
@@ -86,7 +86,7 @@ class Range(Near):
         mixed: Floats = picture * (1 - clear[..., None]) + shown * clear[..., None]
         return mixed
 
-    def draw(self, picture: Floats, sheet: Sheet, camera: Camera) -> None:
+    def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
         low, high = self.solid.extent
         ends = self.factors * np.array([low, high])
         offsets = {0: (0.0, 1.0), 1: (0.0, 1.0), 2: (-1.0, 0.0)}
@@ -122,7 +122,7 @@ class Range(Near):
             points[:, 0], points[:, 1] = ends[0, 0], ends[0, 1]
         return points
 
-    def legend(self, sheet: Sheet) -> None:
+    def legend(self, sheet: DrawingSheet) -> None:
         """What ends the range, and on which share of its faces."""
         unit = sheet.unit
         x, y = 30 * unit, 36 * unit
@@ -142,7 +142,7 @@ class Range(Near):
         super().close()
 
 
-class Trail(Near):
+class TrailView(HeadView):
     """The way of the mirror's point in a motion, and the spots' ways on the detectors."""
 
     def __init__(self, *given: Any, motion: Floats) -> None:
@@ -197,7 +197,7 @@ class Trail(Near):
     def move(self, state: Floats) -> None:
         """A motion has no one state."""
 
-    def draw(self, picture: Floats, sheet: Sheet, camera: Camera) -> None:
+    def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
         seen = camera.project(self.path)[:, :2]
         count = len(seen)
         for n in range(count - 1):
@@ -216,12 +216,12 @@ class Trail(Near):
         mixed = (255 * (first + share * (last - first))).astype(int)
         return f"#{mixed[0]:02X}{mixed[1]:02X}{mixed[2]:02X}"
 
-    def caption(self, sheet: Sheet, what: str) -> None:
+    def caption(self, sheet: DrawingSheet, what: str) -> None:
         words = " \u00b7 ".join(part for part in (self.title, what, self.note) if part)
         place = (24 * sheet.unit, sheet.size[1] - 20 * sheet.unit)
         sheet.write(place, words, 14, self.theme.ink, anchor=(0, 1))
 
-    def faces(self, picture: Floats, sheet: Sheet) -> None:
+    def faces(self, picture: Floats, sheet: DrawingSheet) -> None:
         """The spots' ways, true to scale, on the three detectors."""
         height = self.size[1]
         side = int(0.235 * height) // 2 * 2

@@ -19,7 +19,7 @@ from ..core.extras import require_extra
 from ..core.units import Booleans, Floats
 from .camera import Camera
 from .materials import MATERIALS, Theme
-from .rig import Part
+from .rig import RigPart
 from .solids import Solid, join
 
 
@@ -53,7 +53,7 @@ def mesh_of(pyvista: Any, solid: Solid, smooth: bool = True) -> Any:
     )
 
 
-def grouped(parts: Iterable[Part]) -> dict[tuple[str, str], list[Solid]]:
+def grouped(parts: Iterable[RigPart]) -> dict[tuple[str, str], list[Solid]]:
     """The surfaces of one assembly and one material together: each that is drawn has its price."""
     found: dict[tuple[str, str], list[Solid]] = {}
     for part in parts:
@@ -108,7 +108,7 @@ def surroundings(theme: Theme) -> Any:
 class Studio:
     """Parts that can be taken from anywhere."""
 
-    def __init__(self, parts: Iterable[Part], theme: Theme, interactive: bool = False) -> None:
+    def __init__(self, parts: Iterable[RigPart], theme: Theme, interactive: bool = False) -> None:
         self.pyvista, self.theme = library(interactive), theme
         self.plotter = self.pyvista.Plotter(
             off_screen=not interactive, window_size=[64, 64], lighting="none"
@@ -166,7 +166,7 @@ class Studio:
             actor.prop.interpolation = "Physically based rendering"
         self.actors[key] = actor
 
-    def add_flat(self, part: Part, colour: str, name: str) -> None:
+    def add_flat(self, part: RigPart, colour: str, name: str) -> None:
         """A part in one even colour, as the face of a cut."""
         mesh = mesh_of(self.pyvista, part.solid, smooth=False)
         self.actors[name] = self.plotter.add_mesh(
@@ -236,6 +236,6 @@ def develop(camera: Camera, colour: Any, depth: Floats, sharpness: int) -> Shot:
     return Shot(camera, shown[..., :3], shown[..., 3], nearest)
 
 
-def bounds(parts: Sequence[Part]) -> Floats:
+def bounds(parts: Sequence[RigPart]) -> Floats:
     """All points of parts, (n, 3)."""
     return np.concatenate([part.solid.points for part in parts])

@@ -17,9 +17,9 @@ from .camera import Camera, fit, normalize
 from .exposure import assemble, expose, expose_face
 from .ground import Ground, ground
 from .insets import Inset
-from .lettering import Sheet, length_in_words
+from .lettering import DrawingSheet, length_in_words
 from .materials import Theme
-from .rig import Part
+from .rig import RigPart
 from .scene import Stand, array, cut
 from .sections import cut_open, exploded
 from .solids import Solid, join
@@ -50,7 +50,7 @@ def power_in_words(power: float) -> str:
     return f"{power:.3g} mW" if power >= 1 else f"{UW * power:.3g} {MICRO}W"
 
 
-class View:
+class SceneView:
     """Base of the views: parts made at rest, whose head and laser are carried to a state.
 
     dark: detectors whose sub-beam is left out.  larger: how many times the states that it is moved
@@ -79,7 +79,7 @@ class View:
         self.studio = Studio(self.parts, self.theme)
         self.floor: Ground | None = ground(self.parts, rig.ground_of(self.rest))
 
-    def own_parts(self) -> list[Part]:
+    def own_parts(self) -> list[RigPart]:
         return rig.parts(self.rest)
 
     def move(self, state: Floats) -> None:
@@ -100,7 +100,7 @@ class View:
     def image(self) -> Floats:
         """(h, w, 3), 0 to 1."""
         camera = self.camera()
-        sheet = Sheet(self.size, self.theme)
+        sheet = DrawingSheet(self.size, self.theme)
         picture = self.expose(camera)
         self.draw(picture, sheet, camera)
         return sheet.over(picture)
@@ -108,7 +108,7 @@ class View:
     def camera(self) -> Camera:
         raise NotImplementedError
 
-    def draw(self, picture: Floats, sheet: Sheet, camera: Camera) -> None:
+    def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
         """What is added to the picture of the parts."""
 
     def expose(self, camera: Camera, floor: bool = True, haze: float = 1.0) -> Floats:
@@ -116,7 +116,7 @@ class View:
         under = self.floor if floor else None
         return expose(self.stand, shot, self.theme, under, self.laser, haze, self.dark)
 
-    def caption(self, sheet: Sheet, what: str) -> None:
+    def caption(self, sheet: DrawingSheet, what: str) -> None:
         """What the picture shows and the state, at the lower left."""
         left, low = 24 * sheet.unit, sheet.size[1] - 20 * sheet.unit
         state = sheet.write(
@@ -129,7 +129,7 @@ class View:
         self.studio.close()
 
 
-class Rig(View):
+class RigView(SceneView):
     """The whole rig, with its dimensions."""
 
     area = (0.05, 0.05, 0.95, 0.88)
@@ -143,11 +143,11 @@ class Rig(View):
             self._camera = fit(start, bounds(self.parts), self.area)
         return self._camera
 
-    def draw(self, picture: Floats, sheet: Sheet, camera: Camera) -> None:
+    def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
         self.annotate(sheet, camera)
         self.caption(sheet, "the rig")
 
-    def annotate(self, sheet: Sheet, camera: Camera) -> None:
+    def annotate(self, sheet: DrawingSheet, camera: Camera) -> None:
         """Dimensions, the detectors' names, the beam, and a scale."""
         width, height = self.size
         sheet.scale_bar(
@@ -157,7 +157,7 @@ class Rig(View):
         self.dimension_radii(sheet, camera)
         self.name_beam(sheet, camera)
 
-    def name_detectors(self, sheet: Sheet, camera: Camera) -> None:
+    def name_detectors(self, sheet: DrawingSheet, camera: Camera) -> None:
         for k, letter in enumerate(DETECTORS):
             centre, axes = rig.detector_frame(self.rest, k)
             top = (
@@ -168,7 +168,7 @@ class Rig(View):
             at = camera.project(top)[:2]
             sheet.write(at, letter.upper(), 19, self.theme.hues[k], bold=True)
 
-    def dimension_radii(self, sheet: Sheet, camera: Camera) -> None:
+    def dimension_radii(self, sheet: DrawingSheet, camera: Camera) -> None:
         """Of each detector from the axis, once where they are equal."""
         psds = self.sensor.psds
         equal = np.ptp([psd.radius for psd in psds]) < 1e-9
@@ -182,7 +182,7 @@ class Rig(View):
             words = length_in_words(psds[k].radius)
             sheet.dimension(a, b, words, 30 * sheet.unit * aside, 15)
 
-    def name_beam(self, sheet: Sheet, camera: Camera) -> None:
+    def name_beam(self, sheet: DrawingSheet, camera: Camera) -> None:
         beam = self.sensor.beam
         x, y = beam.diameter_x, beam.diameter_y
         across = f"{x:.4g} mm" if x == y else f"{x:.4g} x {y:.4g} mm"
@@ -192,12 +192,12 @@ class Rig(View):
         sheet.write(at, words, 14, self.theme.ink, anchor=(0.5, 1))
 
 
-class Whole(Rig):
+class CombinedView(RigView):
     """The rig with what is small in it magnified: the point, and the three detectors' faces."""
 
     area = (0.165, 0.03, 0.835, 0.93)
 
-    def draw(self, picture: Floats, sheet: Sheet, camera: Camera) -> None:
+    def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
         found = [self.point_inset(), *(self.face_inset(k) for k in range(3))]
         targets = [camera.project(inset.target)[:2] for inset in found]
         corners = self.slots(sheet, [inset.camera.size for inset in found])
@@ -205,7 +205,7 @@ class Whole(Rig):
         self.annotate(sheet, camera)
         self.caption(sheet, "three-facet-mirror sensor")
 
-    def slots(self, sheet: Sheet, sizes: Any) -> list[tuple[int, int]]:
+    def slots(self, sheet: DrawingSheet, sizes: Any) -> list[tuple[int, int]]:
         """Corners of four places for insets, the first for the largest."""
         width, height = self.size
         edge = int(26 * sheet.unit)
@@ -219,8 +219,13 @@ class Whole(Rig):
         ]
 
     def place(
-        self, picture: Floats, sheet: Sheet, found: list[Inset], targets: list[Floats], corners: Any
-    ) -> None:  # fmt: skip
+        self,
+        picture: Floats,
+        sheet: DrawingSheet,
+        found: list[Inset],
+        targets: list[Floats],
+        corners: Any,
+    ) -> None:
         middles = [np.array(c, float) + np.array(found[1].camera.size) / 2 for c in corners[1:]]
         order = insets.assign(targets[1:], middles)
         places = [corners[0], *(corners[1 + n] for n in order)]
@@ -278,10 +283,10 @@ def face_camera(stand: Stand, k: int, size: tuple[int, int]) -> Camera:
     return Camera(tuple(away), tuple(centre), tuple(axes[1]), angle=0.0, extent=extent, size=size)
 
 
-class Mirror(View):
+class MirrorView(SceneView):
     """The mirror's point, close: the beam is shared by the facets, and what lies on each."""
 
-    def own_parts(self) -> list[Part]:
+    def own_parts(self) -> list[RigPart]:
         return [part for part in super().own_parts() if part.assembly == "head"]
 
     def camera(self) -> Camera:
@@ -293,7 +298,7 @@ class Mirror(View):
         shot = self.studio.take(camera, self.sharpness)
         return expose(self.stand, shot, self.theme, None, self.laser, 0.85, bloom=0.3)
 
-    def draw(self, picture: Floats, sheet: Sheet, camera: Camera) -> None:
+    def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
         width, height = self.size
         sheet.scale_bar(
             camera.pixel, (width - 28 * sheet.unit, height - 26 * sheet.unit), " at the point"
@@ -305,7 +310,7 @@ class Mirror(View):
             self.name_sub_beam(sheet, camera, k, letter, float(reading[3 * k + 2]))
         self.name_width(sheet, camera)
 
-    def outline(self, sheet: Sheet, camera: Camera, k: int) -> None:
+    def outline(self, sheet: DrawingSheet, camera: Camera, k: int) -> None:
         """Where the light on facet k has fallen to 1/e^2 of the largest."""
         cross = cut(self.stand, k)
         if not len(cross) or camera.axes[2] @ np.array(self.stand.at.normals[k], float) > 0:
@@ -315,7 +320,7 @@ class Mirror(View):
             sheet.line(rim[n : n + 2], self.theme.ink, 1.1, 0.8)
 
     def name_sub_beam(
-        self, sheet: Sheet, camera: Camera, k: int, letter: str, power: float
+        self, sheet: DrawingSheet, camera: Camera, k: int, letter: str, power: float
     ) -> None:
         centre = np.array(self.stand.geometry.centres[k], float)
         out = normalize(centre - self.state[:3])
@@ -333,7 +338,7 @@ class Mirror(View):
                 sheet.write(at, words, 17, self.theme.hues[k], bold=True)
                 return
 
-    def name_width(self, sheet: Sheet, camera: Camera) -> None:
+    def name_width(self, sheet: DrawingSheet, camera: Camera) -> None:
         """The beam's 1/e^2 diameter across it."""
         radius = self.sensor.beam.diameter_x / 2
         up = 0.30 * camera.height
@@ -345,7 +350,7 @@ class Mirror(View):
         sheet.dimension(a, b, words, np.array([0.0, -16 * sheet.unit]), 15)
 
 
-class Detector(View):
+class DetectorView(SceneView):
     """Detector A as it is bought, with the light on it."""
 
     number = 0
@@ -357,7 +362,7 @@ class Detector(View):
         focus = centre - 0.12 * high * axes[1]
         return Camera(tuple(focus + 6 * high * direction), tuple(focus), angle=0.34, size=self.size)
 
-    def draw(self, picture: Floats, sheet: Sheet, camera: Camera) -> None:
+    def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
         width, height = self.size
         k = self.number
         sheet.scale_bar(
@@ -384,7 +389,7 @@ class Detector(View):
         sheet.dimension(at[1], at[2], length_in_words(psd.size_z), side, 15)
 
 
-class Cutaway(View):
+class CutawayView(SceneView):
     """The rig cut along the beam and through detector A, square to the cut, with its dimensions."""
 
     number = 0
@@ -404,7 +409,7 @@ class Cutaway(View):
             self.studio.add_flat(face, self.theme.cut(face.material), f"{face.assembly} cut {n}")
         self.floor = None
 
-    def own_parts(self) -> list[Part]:
+    def own_parts(self) -> list[RigPart]:
         """What the cut goes through, and the mirror in one piece, so that it is closed."""
         name = f"detector {DETECTORS[self.number]}"
         plain = ("hub", "moving stage", "collar")
@@ -429,7 +434,7 @@ class Cutaway(View):
     def expose(self, camera: Camera, floor: bool = True, haze: float = 1.0) -> Floats:
         return super().expose(camera, floor=False, haze=haze)
 
-    def draw(self, picture: Floats, sheet: Sheet, camera: Camera) -> None:
+    def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
         width, height = self.size
         letter = DETECTORS[self.number].upper()
         found = [self.head_inset(), self.detector_inset()]
@@ -447,7 +452,7 @@ class Cutaway(View):
         sheet.scale_bar(camera.pixel, (width - 28 * sheet.unit, height - 26 * sheet.unit))
         self.caption(sheet, f"cut along the beam and through detector {letter}")
 
-    def dimensions(self, sheet: Sheet, camera: Camera) -> None:
+    def dimensions(self, sheet: DrawingSheet, camera: Camera) -> None:
         centre = np.array(self.rest.geometry.centres[self.number], float)
         foot = np.array([0, 0, rig.floor_of(self.rest) - 12 * self.fit])
         low = camera.project(foot)[:2]
@@ -483,12 +488,12 @@ class Cutaway(View):
         return Inset(title, focus, camera, self.theme.hues[k], True, f"{camera.extent:.3g} mm wide")
 
 
-class Exploded(View):
+class ExplodedView(SceneView):
     """Head, laser and detector A taken apart along their own axes, each part with its name."""
 
     number = 0
 
-    def own_parts(self) -> list[Part]:
+    def own_parts(self) -> list[RigPart]:
         name = f"detector {DETECTORS[self.number]}"
         carried = ("post", "foot", "screws")
         return exploded(
@@ -529,7 +534,7 @@ class Exploded(View):
         shot = self.studio.take(camera, self.sharpness)
         return assemble(shot, self.theme, None)
 
-    def draw(self, picture: Floats, sheet: Sheet, camera: Camera) -> None:
+    def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
         self.axes(sheet, camera)
         for part in self.named():
             self.name_part(sheet, camera, part)
@@ -541,18 +546,18 @@ class Exploded(View):
         letter = DETECTORS[self.number].upper()
         self.caption(sheet, f"laser, mirror head and detector {letter}, taken apart")
 
-    def caption(self, sheet: Sheet, what: str) -> None:
+    def caption(self, sheet: DrawingSheet, what: str) -> None:
         """Without a state: nothing is in its place."""
         words = " \u00b7 ".join(part for part in (self.title, what) if part)
         place = (24 * sheet.unit, sheet.size[1] - 20 * sheet.unit)
         sheet.write(place, words, 14, self.theme.ink, anchor=(0, 1))
 
-    def named(self) -> list[Part]:
+    def named(self) -> list[RigPart]:
         """One part of each name, the facets and the screws together."""
         hidden = ("facet", "moving stage", "amplifiers")
         return [part for part in self.parts if not part.name.startswith(hidden)]
 
-    def axes(self, sheet: Sheet, camera: Camera) -> None:
+    def axes(self, sheet: DrawingSheet, camera: Camera) -> None:
         """The lines along which the assemblies come apart."""
         for assembly in ("head", "laser", f"detector {DETECTORS[self.number]}"):
             middles = np.array(
@@ -564,7 +569,7 @@ class Exploded(View):
             ends = camera.project(line)
             sheet.dashes(ends[0], ends[1])
 
-    def name_part(self, sheet: Sheet, camera: Camera, part: Part) -> None:
+    def name_part(self, sheet: DrawingSheet, camera: Camera, part: RigPart) -> None:
         """Its name beside it, at the first free place, and a line to it."""
         seen = camera.project(part.solid.points)[:, :2]
         low, high = seen.min(axis=0), seen.max(axis=0)
@@ -589,7 +594,7 @@ class Exploded(View):
                     sheet.write((left + wide / 2, top + tall / 2), words, 14)
                     return
 
-    def sides(self, part: Part, low: Floats, high: Floats, middle: Floats) -> list[Any]:
+    def sides(self, part: RigPart, low: Floats, high: Floats, middle: Floats) -> list[Any]:
         """Where a name's line may begin, and its way: beside what stands upright, else above."""
         if part.assembly in ("head", "laser"):
             left = (np.array([low[0], middle[1]]), np.array([-1.0, 0]))
@@ -602,7 +607,7 @@ class Exploded(View):
 PLAIN = {"mirror body": "mirror with three facets", "bond ring": "contact ring"}
 
 
-def middle_of(part: Part) -> Floats:
+def middle_of(part: RigPart) -> Floats:
     """The middle of a part's box."""
     points = part.solid.points
     middle: Floats = (points.min(axis=0) + points.max(axis=0)) / 2

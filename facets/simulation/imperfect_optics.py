@@ -119,7 +119,7 @@ def trace(fixed: Geometry, flaws: Flaws, state: Floats, halves: Floats) -> Float
     at = placed(fixed, tuple(state.tolist()))
     out = np.empty(9)
     for k in range(3):
-        edges = [Edge.of(fixed, at, flaws, k, which) for which in (0, 1)]
+        edges = [FacetEdge.of(fixed, at, flaws, k, which) for which in (0, 1)]
         spot = landed(fixed, at, k, flaws, edges)
         if flaws.wavelength:
             spot = diffracted(fixed, at, k, flaws, edges, spot, halves[k])
@@ -148,7 +148,7 @@ def origin(fixed: Geometry, at: Scene, flaws: Flaws, points: Floats) -> Floats:
 
 
 @dataclass(frozen=True)
-class Edge:
+class FacetEdge:
     """An edge of a facet: its unit vector down from the apex, what leads into the facet on it, both
     in space, and both as the light sees them, mm across the beam.
 
@@ -162,7 +162,7 @@ class Edge:
     across: float
 
     @classmethod
-    def of(cls, fixed: Geometry, at: Scene, flaws: Flaws, k: int, which: int) -> Edge:
+    def of(cls, fixed: Geometry, at: Scene, flaws: Flaws, k: int, which: int) -> FacetEdge:
         along = np.array(at.edges[(k + which) % 3])
         along /= np.linalg.norm(along)
         inward = np.cross(at.normals[k], along) * (1 if which == 0 else -1)
@@ -190,7 +190,7 @@ def size_of(fixed: Geometry) -> float:
 
 
 def nodes(
-    fixed: Geometry, at: Scene, flaws: Flaws, k: int, edges: list[Edge]
+    fixed: Geometry, at: Scene, flaws: Flaws, k: int, edges: list[FacetEdge]
 ) -> tuple[Floats, Floats]:
     """Shares of the beam (n,) and places (n, 2), mm across the beam, over the wedge of facet k less
     the strips that are lost."""
@@ -217,7 +217,7 @@ def polar(
     return shares(fixed, flaws, places) * area.ravel(), places
 
 
-def landed(fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[Edge]) -> Floats:
+def landed(fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[FacetEdge]) -> Floats:
     """psi, zeta and power of detector k, without diffraction and other light."""
     parts = [spots(fixed, at, k, flaws, *nodes(fixed, at, flaws, k, edges))]
     for which in (0, 1):
@@ -234,7 +234,7 @@ def landed(fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[Edge]) 
 
 
 def strip(
-    fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[Edge], which: int
+    fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[FacetEdge], which: int
 ) -> tuple[Floats, Floats]:
     """Nodes over the strip along one edge of facet k that rolls off, from where it is lost on."""
     apex = origin(fixed, at, flaws, np.array(at.apex))
@@ -252,7 +252,7 @@ def strip(
     return shares(fixed, flaws, places) * area, places
 
 
-def worn(fixed: Geometry, at: Scene, flaws: Flaws, edges: list[Edge]) -> tuple[Floats, Floats]:
+def worn(fixed: Geometry, at: Scene, flaws: Flaws, edges: list[FacetEdge]) -> tuple[Floats, Floats]:
     """Nodes over a facet's part of the flat disc at the apex, counted against it."""
     axis = np.array([row[2] for row in at.turn])
     level = [edge.along - (edge.along @ axis) * axis for edge in edges]
@@ -308,7 +308,7 @@ def follow(
 
 
 @dataclass(frozen=True)
-class Streak:
+class EdgeScatter:
     """The light that an edge spreads: rows of lines across it.
 
     amount: a, of the a / s^2 mW for each step at s steps across, of each line (n,), mW.  spots:
@@ -323,7 +323,7 @@ class Streak:
     width: float
 
 
-def streak(fixed: Geometry, at: Scene, k: int, flaws: Flaws, edge: Edge) -> Streak:
+def streak(fixed: Geometry, at: Scene, k: int, flaws: Flaws, edge: FacetEdge) -> EdgeScatter:
     direction, apex = np.array(fixed.direction), np.array(at.apex)
     start = origin(fixed, at, flaws, apex)
     far = float(np.hypot(*start)) + FAR * size_of(fixed)
@@ -344,7 +344,7 @@ def streak(fixed: Geometry, at: Scene, k: int, flaws: Flaws, edge: Edge) -> Stre
     amount = scatter(fixed, at, k, flaws) * fixed.power * swept * np.concatenate([light, light]) / 2
     middle = amount @ spots / amount.sum()
     width = float(np.sqrt(amount @ ((spots - middle) ** 2).sum(axis=1) / amount.sum()))
-    return Streak(amount, spots, projected(fixed, at, k, step), step, width)
+    return EdgeScatter(amount, spots, projected(fixed, at, k, step), step, width)
 
 
 def scatter(fixed: Geometry, at: Scene, k: int, flaws: Flaws) -> float:
@@ -364,7 +364,7 @@ def projected(fixed: Geometry, at: Scene, k: int, step: Floats) -> Floats:
 
 
 def wave_spread(
-    fixed: Geometry, flaws: Flaws, start: Floats, places: Floats, light: Floats, edge: Edge
+    fixed: Geometry, flaws: Flaws, start: Floats, places: Floats, light: Floats, edge: FacetEdge
 ) -> float:
     """How far waves of the light along an edge spread along it, over wavelength x path / 4 pi: the
     root of the mean square of twice the amplitude's relative slope, less what its end does; 1/mm.
@@ -380,7 +380,13 @@ def wave_spread(
 
 
 def diffracted(
-    fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[Edge], spot: Floats, half: Floats
+    fixed: Geometry,
+    at: Scene,
+    k: int,
+    flaws: Flaws,
+    edges: list[FacetEdge],
+    spot: Floats,
+    half: Floats,
 ) -> Floats:
     """What detector k reads (3,) of a spot (3,) less the diffracted light that misses it."""
     lost, moment = 0.0, np.zeros(2)
@@ -406,7 +412,7 @@ def diffracted(
     return np.array([*(spot[:2] - (moment + first + (own - spot[:2]) * mass) / rest), rest])
 
 
-def of_point(streaks: list[Streak], own: Floats, half: Floats) -> tuple[float, Floats]:
+def of_point(streaks: list[EdgeScatter], own: Floats, half: Floats) -> tuple[float, Floats]:
     """Of 1 / s^2 t^2 beyond a detector, s and t steps of two streaks from `own`: Hadamard's finite
     part of its integral over ds dt and of its first moments, mm; by Green's theorem around the
     detector, where the integral is the negative of that over the detector."""
@@ -433,7 +439,7 @@ def of_point(streaks: list[Streak], own: Floats, half: Floats) -> tuple[float, F
 NEAREST = 0.1
 
 
-def reaches(light: Streak, sign: int, half: Floats) -> Floats:
+def reaches(light: EdgeScatter, sign: int, half: Floats) -> Floats:
     """From a streak's lines (n,) to the edge of a detector, in steps; NaN where its middle lies
     beside the detector."""
     way = light.way * sign

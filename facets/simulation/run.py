@@ -51,7 +51,7 @@ class Segment:
 
 
 @dataclass(frozen=True)
-class Axis:
+class AxisErrors:
     """How well one axis of the pose was measured in a segment; mm or rad.
 
     low, high: of the true motion.  largest: error.  rms: error.  uncertainty: the solver's own
@@ -157,7 +157,7 @@ def simulate(
     ]
 
 
-def axes(segment: Segment) -> list[Axis]:
+def axes(segment: Segment) -> list[AxisErrors]:
     """The six axes' errors over the samples that were solved; NaN where none was."""
     ok = segment.solution.converged
     rows = []
@@ -166,7 +166,7 @@ def axes(segment: Segment) -> list[Axis]:
         true = segment.truth[:, i]
         known = len(error) > 0
         rows.append(
-            Axis(
+            AxisErrors(
                 name=name,
                 low=float(true.min()),
                 high=float(true.max()),

@@ -11,7 +11,7 @@ from colours import flicker
 
 import facets
 from facets.characterization.noise_model import fit_noise
-from facets.characterization.noise_report import longest_piece
+from facets.characterization.noise_report import longest_section
 from facets.characterization.rest import movements, reading_faults
 from facets.core.names import READING_COLUMNS, STATE
 from facets.detectors.counts import SATURATED
@@ -51,7 +51,7 @@ def faults(readings, flags=0):
     found = reading_faults(columns, CONFIG)
     if found:
         return found
-    piece = longest_piece(columns, "it")
+    piece = longest_section(columns, "it")
     models = [fit_noise(1e3 * piece.spread(columns[name]), RATE) for name in READING_COLUMNS]
     return movements(columns, piece, models, CONFIG)
 

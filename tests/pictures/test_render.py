@@ -18,7 +18,7 @@ import facets
 from facets.pictures import glow, rig, solids
 from facets.pictures.camera import Camera, fit
 from facets.pictures.film import eased
-from facets.pictures.lettering import Sheet, overlap
+from facets.pictures.lettering import DrawingSheet, overlap
 from facets.pictures.magnification import kept, motion_factor, round_down
 from facets.pictures.materials import THEMES, rgb
 from facets.pictures.range_solid import range_solid
@@ -233,7 +233,7 @@ def test_the_range_solid_ends_where_ranges_do():
 
 
 def test_labels_do_not_stand_on_each_other():
-    sheet = Sheet((1200, 900), THEMES["light"])
+    sheet = DrawingSheet((1200, 900), THEMES["light"])
     a, b = np.array([200.0, 400.0]), np.array([700.0, 450.0])
     for _ in range(4):
         sheet.dimension(a, b, "250 mm", np.array([0.0, -30.0]))
@@ -253,7 +253,7 @@ def test_equal_radii_have_one_dimension_and_unequal_ones_three():
     counts = []
     for one in (sensor, other):
         with Picture(one, REST, "rig", (900, 675), sharpness=1) as picture:
-            sheet = Sheet((900, 675), THEMES["dark"])
+            sheet = DrawingSheet((900, 675), THEMES["dark"])
             picture.view.dimension_radii(sheet, picture.view.camera())
             counts.append(len(sheet.taken))
     assert counts == [1, 3]

@@ -14,7 +14,14 @@ from facets.core.errors import InputError
 from facets.core.sensor import Apertures, BenchLight, Imperfections
 from facets.model.arrays import geometry_of
 from facets.optics.forward import placed
-from facets.simulation.imperfect_optics import Edge, flaws_of, nodes, reflectances, seen, traced
+from facets.simulation.imperfect_optics import (
+    FacetEdge,
+    flaws_of,
+    nodes,
+    reflectances,
+    seen,
+    traced,
+)
 
 PAPER = facets.Sensor()
 AWAY = np.array([0.06, -0.04, 0.3, 3e-3, -2e-3, 5e-3, 0, 0])
@@ -113,7 +120,7 @@ def test_the_nodes_hold_all_the_light():
     fixed = geometry_of(PAPER)
     total = 0.0
     for k in range(3):
-        edges = [Edge.of(fixed, at, flaws, k, which) for which in (0, 1)]
+        edges = [FacetEdge.of(fixed, at, flaws, k, which) for which in (0, 1)]
         total += nodes(fixed, at, flaws, k, edges)[0].sum()
     assert total == pytest.approx(1, abs=1e-12)
 
