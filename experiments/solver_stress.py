@@ -208,20 +208,13 @@ TROUBLES = [
 
 
 def under_bench_light(sensor: facets.Sensor, polarised: bool) -> facets.Sensor:
-    """The sensor with all effects of the light of a bench, as large as a good bench has them."""
-    share = 1e-3 * sensor.beam.power
-    light = facets.BenchLight(
-        curvature_xx=1 / 2100,
-        curvature_xy=2e-5,
-        curvature_yy=1 / 3000,
-        wavelength=632.8e-6,
-        rolloff=(6e-5, 3e-5, 5e-5, 7e-5, 2e-5, 4e-5),
-        rolloff_width=0.1,
-        strips=(0.01, 0.014, 0.008),
-        tip=0.002,
-        background=((share, 1, 2), (1.2 * share, -1, 0.5), (0.8 * share, 0, -2)),
-        index=(1.37, 7.62),
-        polarization=0.3 if polarised else None,
+    """The sensor under the light of configs/bench-light.yaml; background by its power."""
+    bench = facets.load("bench-light").sensor
+    share = sensor.beam.power / bench.beam.power
+    light = replace(
+        bench.light,
+        background=tuple((share * power, x, y) for power, x, y in bench.light.background),
+        polarization=bench.light.polarization if polarised else None,
     )
     return replace(sensor, light=light, apertures=facets.Apertures())
 
@@ -251,6 +244,19 @@ def drawn(
     return many
 
 
+def readings_at_power(sensor: facets.Sensor, truth: Floats, share: Floats) -> Floats:
+    """Readings (n, 9) at which the laser has a share (n, 1) of its power; other light stays."""
+    dark = replace(sensor.light, background=((0.0, 0.0, 0.0),) * 3)
+    exact = facets.readings(replace(sensor, light=dark), truth)
+    exact[:, 2::3] *= share
+    for k, (power, y, z) in enumerate(sensor.light.background):
+        of_spot, both = exact[:, 3 * k + 2], exact[:, 3 * k + 2] + power
+        exact[:, 3 * k] = (of_spot * exact[:, 3 * k] + power * y) / both
+        exact[:, 3 * k + 1] = (of_spot * exact[:, 3 * k + 1] + power * z) / both
+        exact[:, 3 * k + 2] = both
+    return exact
+
+
 def judge(
     trouble: Trouble, sensor: facets.Sensor, known: str, count: int, rng: np.random.Generator
 ) -> Counter[str]:
@@ -264,8 +270,9 @@ def judge(
     truth = drawn(sensor, trouble, 0.05 if place is None else place, count, rng)
     if not len(truth):
         return Counter()
-    exact = facets.readings(real, truth)
-    exact[:, 2::3] *= 1 + (light or 0.0) * rng.standard_normal((len(truth), 1))
+    exact = readings_at_power(
+        real, truth, 1 + (light or 0.0) * rng.standard_normal((len(truth), 1))
+    )
     with np.errstate(invalid="ignore"):
         readings, spoilt = trouble.spoil(sensor, facets.add_noise(real, exact, rng), rng)
     knowledge: dict[str, Any] = {
@@ -332,7 +339,7 @@ def main() -> None:
                 flush=True,
             )
     if options.output:
-        columns = {key: [row[key] for row in rows] for key in rows[0]}
+        columns = {key: [row.get(key, 0) for row in rows] for key in rows[0]}
         about = {"facets": facets.__version__, "seed": str(options.seed)}
         write_table(options.output, columns, about)
 

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..core.sensor import BenchLight, Sensor
+from ..config.loading import load
+from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..estimation.solver import solve
 from ..model.arrays import derivatives, effect_jacobian, jacobian, parameter_jacobian, readings
@@ -21,12 +22,9 @@ from .clock import Contender
 
 Row = dict[str, Any]
 
-#: All effects, of sizes that a bench has: see docs/bench-light.md.
-LIGHT = BenchLight(
-    curvature_xx=3e-4, curvature_yy=2e-4, wavelength=6.33e-4, rolloff=(5e-5,) * 6,
-    rolloff_width=0.03, strips=(5e-3,) * 3, tip=3e-4, index=(1.37, 7.62), polarization=0.3,
-)  # fmt: skip
-IDEAL, LIT = rivals.SENSOR, replace(rivals.SENSOR, light=LIGHT)
+#: The same sensor with ideal light, and with the shipped light of a bench.
+IDEAL = rivals.SENSOR
+LIT = replace(IDEAL, light=load("bench-light").sensor.light)
 
 #: What is asked of a sensor, and for how many times fewer poses than readings are asked for.
 TASKS: dict[str, tuple[Callable[[Sensor, Floats, Floats], Any], int]] = {
