@@ -9,6 +9,7 @@ from sensors import SENSORS
 import facets
 from facets import Status
 from facets.estimation.doubts import has_fold
+from facets.model.arrays import near_edges, spot_size
 
 PAPER = facets.load("paper").sensor
 CUT = replace(PAPER, apertures=facets.Apertures(detectors=True))
@@ -21,7 +22,7 @@ def errors(solution: facets.Solution, truth: np.ndarray) -> np.ndarray:
     return np.where(solution.ok, np.nan_to_num(off).max(axis=1), 0.0)
 
 
-def near_edges(count: int) -> np.ndarray:
+def states_near_edges(count: int) -> np.ndarray:
     rng = np.random.default_rng(5)
     drawn = rng.uniform(-1, 1, (count, 8)) * [0.25, 0.25, 7, 0.03, 0.03, 0.03, 0, 0]
     least = facets.margins(CUT, drawn)[..., :4].min(axis=(1, 2))
@@ -32,7 +33,7 @@ def near_edges(count: int) -> np.ndarray:
     "way", [{}, {"beam": "known"}, {"beam": "known", "power": "unknown"}], ids=str
 )
 def test_a_spot_that_an_edge_cuts_gives_no_pose_that_is_believed(way):
-    truth = near_edges(30_000)
+    truth = states_near_edges(30_000)
     readings = facets.add_noise(CUT, facets.readings(CUT, truth), np.random.default_rng(1))
     solution = facets.solve(CUT, readings, **way)
     assert solution.ok.sum() > 20
@@ -68,6 +69,37 @@ def test_a_pose_that_has_a_double_is_ambiguous():
     for n in np.flatnonzero(ambiguous)[:5]:
         assert facets.solve(FOLDED, readings[n]).status == Status.AMBIGUOUS
         assert solver.solve(readings[n]).status != Status.CONVERGED
+
+
+#: Readings of poses 28.9, 28.2 and 1.9 mm from the poses that the estimates end at. From the other
+#: side of the fold no estimate ends anywhere, so that no second solution is found.
+NO_SECOND_ESTIMATE = (
+    (1.3253264640579023, 2.5891983446037607, 0.08097680579174249, 3.2660685821665174,
+     3.952581721829265, 0.12948816859997223, 2.998205101082336, 0.668249475652364,
+     0.08959920359837026),
+    (-4.811343053604097, 2.376490217761481, 0.19742631885617037, -2.724907074945089,
+     3.7073287833733257, 0.046711621919288376, -2.5334877160044535, 2.855786430053613,
+     0.05589002295695695),
+    (0.13634583373394293, 4.0276808505678465, 0.06405566930077178, 1.8273564814938037,
+     3.199248593416352, 0.11470623404724996, 1.1348504634773537, 1.265416785317718,
+     0.12137350451589062),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("reading", NO_SECOND_ESTIMATE, ids=["29 mm", "28 mm", "2 mm"])
+def test_a_pose_beside_a_fold_that_no_second_estimate_can_check_is_ambiguous(reading):
+    assert facets.solve(FOLDED, reading).status == Status.AMBIGUOUS
+
+
+def test_with_diffraction_a_spot_is_near_an_edge_from_further_off():
+    """Nearer than its 1/e^2 diameter; with diffraction nearer than one and a half diameters and
+    0.1 mm, since light of the mirror's edges may fall half a diameter beside the spot."""
+    edge, reading = PAPER.psds[0].size_y / 2, np.zeros((4, 9))
+    reading[:, 0] = edge - spot_size(PAPER) * np.array([0.99, 1.01, 1.5, 1.5])
+    reading[2:, 0] -= [0.09, 0.11]
+    spread = replace(PAPER, light=replace(PAPER.light, wavelength=633e-6))
+    assert near_edges(PAPER, reading)[:, 0].tolist() == [True, False, False, False]
+    assert near_edges(spread, reading)[:, 0].tolist() == [True, True, True, False]
 
 
 def test_where_the_beam_is_known_the_double_is_told_apart():
