@@ -14,7 +14,8 @@ from .options import Look, Style
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from facets.characterization.noise_report import Columns, NoiseReport
+    from facets.characterization.noise_report import NoiseReport
+    from facets.characterization.rest import Columns
     from facets.config import Config
 
 

@@ -51,7 +51,7 @@ _HOMES = {
     "add_noise": "detectors.noise",
     "standard_deviations": "detectors.noise",
     "Solver": "estimation.prepared",
-    "Prior": "estimation.solver",
+    "Prior": "core.knowledge",
     "Solution": "estimation.solution",
     "Status": "estimation.solution",
     "solve": "estimation.solver",
@@ -85,6 +85,7 @@ if TYPE_CHECKING:
     from .core.errors import FacetsError as FacetsError
     from .core.errors import InputError as InputError
     from .core.errors import OutputError as OutputError
+    from .core.knowledge import Prior as Prior
     from .core.names import POSE as POSE
     from .core.names import READING as READING
     from .core.names import STATE as STATE
@@ -110,7 +111,6 @@ if TYPE_CHECKING:
     from .estimation.reliability import unseen_errors as unseen_errors
     from .estimation.solution import Solution as Solution
     from .estimation.solution import Status as Status
-    from .estimation.solver import Prior as Prior
     from .estimation.solver import solve as solve
     from .model.arrays import footprints as footprints
     from .model.arrays import jacobian as jacobian

@@ -7,12 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.knowledge import Prior
 from ..core.names import ANGLES, POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.correction import corrected
 from ..estimation.solution import Solution
-from ..estimation.solver import Prior, solve
+from ..estimation.solver import solve
 from ..model.arrays import readings
 from .bundle_adjustment import OWN, Data, add_skew, states_of
 from .fit import NORMAL_MEDIAN, Fit

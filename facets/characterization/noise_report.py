@@ -7,18 +7,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.names import READING_COLUMNS, STATE_COLUMNS
 from ..core.units import Floats
 from .allan import Allan, allan
 from .noise_model import FEWEST, NoiseModel, fit_noise
+from .rest import Columns, RecordingSection, movements
 
 if TYPE_CHECKING:
     from ..core.settings import Config
 
-Columns = dict[str, NDArray[Any]]
 #: Columns that are looked at, and by how much they are shown larger, in which unit.
 CHANNELS = {
     **{name: (1e3, "um" if name.endswith("mm") else "uW") for name in READING_COLUMNS},
@@ -68,21 +67,6 @@ class NoiseReport:
         return next(one for one in self.channels if one.name == name)
 
 
-@dataclass(frozen=True)
-class RecordingSection:
-    """Samples without a jump of the time.  rows: of the columns.  seq: (n,).  rate: Hz."""
-
-    rows: slice
-    seq: NDArray[np.int64]
-    rate: float
-
-    def spread(self, column: NDArray[Any]) -> Floats:
-        """A column at evenly spaced times, NaN where a sample is missing."""
-        signal = np.full(int(self.seq[-1] - self.seq[0]) + 1, np.nan)
-        signal[self.seq - self.seq[0]] = column[self.rows]
-        return signal
-
-
 def report_of(
     columns: Columns,
     config: Config,
@@ -94,8 +78,6 @@ def report_of(
     name: for messages.  tell: is told how many channels are done, and of how many. Raises
     `InputError` where the recording says too little.
     """
-    from .rest import movements
-
     piece = longest_section(columns, name)
     rows, rate = piece.rows, piece.rate
     time = 1e-6 * columns["board_us"][rows]

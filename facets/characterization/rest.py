@@ -20,9 +20,11 @@ short segments, about their own lines, in which a slow motion shows least.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.names import DETECTORS, POSE, READING_COLUMNS
 from ..core.units import ANGLE, LENGTH, Floats
@@ -33,8 +35,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ..core.settings import Config
-    from .noise_report import Columns, RecordingSection
 
+Columns = dict[str, NDArray[Any]]
 #: What all the sentences mean together, and what to do.
 NOT_NOISE = "the noise of the bench cannot be taken from this recording"
 REMEDY = "Record the mirror at rest, in steady light, with counts that are finer than the noise."
@@ -75,6 +77,21 @@ FEWEST_DIFFERENCES = 100
 UNEXPLAINED = 0.1
 #: A slow change is that of one detector if no larger share of it, in squares, is elsewhere.
 ELSEWHERE = 0.05
+
+
+@dataclass(frozen=True)
+class RecordingSection:
+    """Samples without a jump of the time.  rows: of the columns.  seq: (n,).  rate: Hz."""
+
+    rows: slice
+    seq: NDArray[np.int64]
+    rate: float
+
+    def spread(self, column: NDArray[Any]) -> Floats:
+        """A column at evenly spaced times, NaN where a sample is missing."""
+        signal = np.full(int(self.seq[-1] - self.seq[0]) + 1, np.nan)
+        signal[self.seq - self.seq[0]] = column[self.rows]
+        return signal
 
 
 def movements(

@@ -19,7 +19,7 @@ from ..scalars.lanes import Flag, LaneWriter, Memory
 from ..scalars.machine import DOUBLE, LONG, counted
 from ..scalars.tracing import Condition, Value
 from . import straight
-from .blocks import SCALES, BlockTask, Form
+from .block_task import SCALES, BlockTask, Form
 from .problem import HEAVIEST, PATIENCE, SLOWEST, SMALL, UNKNOWNS
 
 Numbers = list[Any]

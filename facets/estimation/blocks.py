@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..model.blocks import address_of, lane_code, lanes, lanes_of
 from ..model.threads import once
 from ..scalars.nesting import leaves
+from .block_task import QUESTIONS, SCALES, BlockTask, Form, Scales
 from .chance import Chance, count_checks
 from .problem import (
     CONVERGED,
@@ -44,81 +45,15 @@ Code = Callable[[int], None]
 #: Steps after which a lane is left unless the task is patient: before the slowness of a fit is
 #: looked at.
 MOST = PATIENCE - 1
-#: Which unknowns can be asked for: the beam free or known, its power known or not.
-QUESTIONS = ((0, 1, 2, 3, 4, 5, 6, 7), (0, 1, 2, 3, 4, 5), tuple(range(9)), (0, 1, 2, 3, 4, 5, 8))
-
-
-class Form(NamedTuple):
-    """What an estimator's code is written for.
-
-    free: one of QUESTIONS.  kind: of the light, see `kinds.block_kind`.  exact: whether derivatives
-    under the light of a bench leave nothing out.
-    """
-
-    free: tuple[int, ...]
-    kind: str
-    exact: bool = False
-
-    @property
-    def damped(self) -> bool:
-        """Whether steps can be damped: often needed where derivatives leave something out."""
-        return self.kind != "plain"
-
-    @property
-    def name(self) -> str:
-        return f"estimate_{len(self.free)}_{'exact_' if self.exact else ''}of_{self.kind}"
-
-
-class Scales(NamedTuple):
-    """The numbers of `Limits` and of a `Problem` that all readings share."""
-
-    noise: Any
-    light: Any
-    half_sizes: Any
-    rounding: Any
-    weight: Any
-
-
-#: Their arrangement.
-SCALES = Scales((0.0,) * 3, ((0.0,) * 3,) * 2, ((0.0,) * 2,) * 3, (0.0,) * 2, (0.0,) * 3)
-
-
-class BlockTask(NamedTuple):
-    """What code works on: 64-bit integers, in memory one after the other.
-
-    The address of a sensor's vectors, of `Scales`, and of arrays of `Readings`, `Problem` and
-    `Results` (0 where no covariances are asked for).
-    left, stalled: addresses of an integer for each block, which tells by its bits in which lanes
-    that is so.
-    weighed: whether the readings have weights of their own; else `weights` is any of such rows.
-    own_rows, own_means, own_starts: whether each lane has rows of its own in the readings, weights
-    and results, in the means, and in the starts.
-    patient: whether steps that do not help are damped, see `Form.damped`; else their lane is left.
-    """
-
-    packed: Any
-    scales: Any
-    values: Any
-    weights: Any
-    means: Any
-    starts: Any
-    states: Any
-    steps: Any
-    residuals: Any
-    covariances: Any
-    left: Any
-    stalled: Any
-    weighed: Any
-    own_rows: Any
-    own_means: Any
-    own_starts: Any
-    patient: Any
-    most_steps: Any
-    blocks: Any
-
-
 #: The files that this is made of, beside those of the model's blocks.
-PARTS = ("block_code.py", "blocks.py", "problem.py", "straight.py", "normal_equations.py")
+PARTS = (
+    "block_code.py",
+    "block_task.py",
+    "blocks.py",
+    "problem.py",
+    "straight.py",
+    "normal_equations.py",
+)
 
 
 @once

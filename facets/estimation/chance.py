@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.calibrated import MISFIT
+from ..detectors.noise import standard_deviations
+from ..model.arrays import readings
 
 #: The chance that the residual of a right pose is beyond its limit.
 LEVEL = 1e-4
@@ -73,9 +75,6 @@ def widening_of(sensor: Sensor) -> float:
 
 
 def measure_widening(sensor: Sensor) -> float:
-    from ..detectors.noise import standard_deviations
-    from ..model.arrays import readings
-
     assert sensor.calibration is not None
     noise, known = standard_deviations(sensor, readings(sensor, np.zeros(8))), sensor.calibration
     missed = {name: known.covariance[n][n] for n, name in enumerate(known.names)}

@@ -9,13 +9,15 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Literal
 
+from ..core.knowledge import Prior
 from ..core.sensor import Sensor
 from ..model import blocks as of_model
 from ..model.arrays import named
 from ..model.kinds import LIT, block_kind
 from ..model.threads import side_by_side
 from . import blocks
-from .solver import Prior, plan
+from .block_task import QUESTIONS, Form
+from .plan import make_plan
 
 Task = Literal["readings", "derivatives", "near_derivatives", "footprints", "slopes", "poses"]
 Makers = list[Callable[[], Any]]
@@ -56,10 +58,10 @@ def slopes(own: str | None, kinds: Sequence[str]) -> Makers:
 def estimators(sensor: Sensor, beam: str | Prior, power: str | Prior) -> Makers:
     """What makes the blocks that estimate poses, and those by which doubts are told."""
     kind = block_kind(sensor)
-    free = tuple(plan(sensor, beam, power, "least-squares", ()).free.tolist())
+    free = tuple(make_plan(sensor, beam, power, "least-squares", ()).free.tolist())
     makers: Makers = []
-    if kind is not None and free in blocks.QUESTIONS:
-        makers.append(partial(blocks.kernel, blocks.Form(free, kind)))
+    if kind is not None and free in QUESTIONS:
+        makers.append(partial(blocks.kernel, Form(free, kind)))
     if 6 in free:
         makers.append(partial(of_model.kernel, "derivatives"))  # `doubts.has_fold`
     return makers

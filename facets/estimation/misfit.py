@@ -17,9 +17,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.knowledge import Prior
 from ..core.units import Floats
 from .chance import LEVEL
 from .solution import Solution
+from .solver import solve
 
 if TYPE_CHECKING:
     from ..core.sensor import Sensor
@@ -184,8 +186,6 @@ def power_that_explains(
     sensor: Sensor, readings: Floats, places: Floats, enough: float
 ) -> float | None:
     """The power of the laser, mW, with which readings (n, 9) fit; None where they do not."""
-    from .solver import Prior, solve
-
     solution = solve(sensor, readings, beam=Prior(places, 0.0), power="unknown")
     if median_size(solution) > enough:
         return None
@@ -200,8 +200,6 @@ def place_that_explains(
 
     unknown: whether the power is.
     """
-    from .solver import Prior, solve
-
     power: Literal["known", "unknown"] = "unknown" if unknown else "known"
     free = solve(sensor, readings, beam="free", power=power, accept_unchecked=True)
     good = free.converged

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..core.arguments import as_floats, checked
 from ..core.errors import InputError
+from ..core.knowledge import Prior
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import standard_deviations
@@ -18,18 +19,11 @@ from ..model.arrays import packed
 from ..model.blocks import SINGLE
 from ..model.threads import Pool
 from . import as_text, problem
+from .blocks import One
 from .doubts import is_doubtful, take_back
+from .estimates import add_calibration, block_code, estimate, row_kernel
+from .plan import Plan, chance_of, make_plan, starting
 from .solution import FirstRow, Solution, SolutionOfOne, results_of
-from .solver import (
-    Plan,
-    Prior,
-    add_calibration,
-    block_code,
-    chance_of,
-    estimate,
-    plan,
-    starting,
-)
 
 
 @checked
@@ -68,7 +62,7 @@ class Solver:
         if max_steps < 1:
             raise InputError(f"max_steps is {max_steps}; allowed: 1 or more")
         self._asked = (sensor, beam, power, start, method, max_steps, covariance, accept_unchecked)
-        self._plan = plan(sensor, beam, power, method, ())
+        self._plan = make_plan(sensor, beam, power, method, ())
         self._previous = _Previous() if start == "previous" else None
         self._pool = Pool(self._prepare)
         self._pool.put_back(self._prepare())  # refuses now what it would refuse later
@@ -160,8 +154,6 @@ class PreparedEstimate:
         self._doubtful = is_doubtful(sensor, self._plan.free)
         self._code = None if self._doubtful else self._block_code()
         if self._code is not None:
-            from .blocks import One
-
             given = problem.Readings(self._values, self._sigmas)
             self._block = One(
                 packed(sensor), given, self._plan.limits, self._problem, chance, covariance
@@ -220,11 +212,9 @@ class PreparedEstimate:
         if model not in self._tasks:
             if not len(as_text.estimate(model, self._sensor, given, limits, asked, found)):
                 return
-            from .kernels import kernel
-
             own = problem.Model(evaluators.address(model), packed(self._sensor))
             task = problem.Task(own, given, limits, asked, found, problem.workspace())
-            self._tasks[model], self._kernel = task, kernel()
+            self._tasks[model], self._kernel = task, row_kernel()
         self._kernel(self._tasks[model].address)
 
     def _one_by_one(self) -> None:

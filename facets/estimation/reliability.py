@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.arguments import checked
+from ..core.knowledge import Prior
 from ..core.names import FINE_UNITS
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import standard_deviations
 from ..model.arrays import as_rows, derivatives, readings
-from .solver import Prior, chance_of, plan
+from .plan import chance_of, make_plan
 
 #: Shares of an error that a residual has of it, squared, below this are rounding.
 NOTHING = 1e-12
@@ -50,7 +51,7 @@ def unseen_errors(
     [inf, inf, 6.0]
     """
     states, shape = as_rows(state, 8, "state")
-    asked = plan(sensor, beam, power, "least-squares", shape)
+    asked = make_plan(sensor, beam, power, "least-squares", shape)
     exact = readings(sensor, states)
     slopes = np.zeros((len(states), 9, 9))
     slopes[:, :, :8] = derivatives(sensor, states) * FINE_UNITS

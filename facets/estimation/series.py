@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.knowledge import Prior
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from .solution import Solution, Status
-from .solver import Prior, solve
+from .solver import solve
 
 #: Ends of an estimate that another start may spare.
 LOST = (Status.MAX_STEPS, Status.SINGULAR, Status.STALLED)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.knowledge import Prior
 from ..core.names import DETECTORS, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ..core.units import Booleans, Floats
 from ..detectors.correction import corrected
@@ -22,7 +23,7 @@ from .compiling import Task, compile_for
 from .misfit import Misfit
 from .reliability import unseen_errors
 from .solution import Solution, Status
-from .solver import Prior, solve
+from .solver import solve
 
 if TYPE_CHECKING:
     from ..core.sensor import Sensor

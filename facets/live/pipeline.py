@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.knowledge import Prior
 from ..core.units import Floats
 from ..detectors.correction import corrected
 from ..detectors.counts import SATURATED, UNEQUAL, readings_of
@@ -25,7 +26,6 @@ from ..detectors.skew import align
 from ..estimation.misfit import Misfit
 from ..estimation.series import solve_series
 from ..estimation.solution import Solution, Status
-from ..estimation.solver import Prior
 from ..estimation.table import beam_known, power_known
 from ..tracking.encoder import REACH, Encoder
 from .board_poses import BoardPoses, is_pose
@@ -216,7 +216,7 @@ class Pipeline:
 
     def warm_up(self) -> None:
         """Compiles, or loads, what the stream will need, before it runs."""
-        from ..estimation.solver import prepare
+        from ..estimation.estimates import prepare
 
         nobody = Batch(
             np.zeros(2, np.int64), np.zeros(2, np.int64), np.zeros(2), np.full((2, 9), 0.1),

@@ -20,8 +20,8 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..optics.limits import COLUMNS, MOST
 from .blocks import address_of
+from .failures import raise_failure
 from .kinds import LIT, kind_of
-from .rare import raise_failure
 from .threads import once
 
 #: The files that these are made of, beside the optics.
@@ -36,8 +36,6 @@ CODE = tuple(
         "rare.py",
     )
 )
-#: How many numbers a row of what is given has: a state, or that and the beam's power.
-STATE, WITH_POWER = 8, 9
 
 
 #: The models that this process has made or loaded.

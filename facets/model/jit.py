@@ -43,7 +43,7 @@ from ..optics import (
 )
 from ..scalars import dispatch
 from .code_folder import code_folder, tell
-from .rare import raise_failure
+from .failures import raise_failure
 
 
 def is_complex(kind: Any) -> bool:

@@ -24,6 +24,8 @@ HERE = rare.ADDRESS.item()
 PACKED = len(list(leaves(EXAMPLE)))
 #: How these answer to the parameters, likewise.
 AXES = axes((1.0,) * 30)
+#: How many numbers a row of what is given has: a state, or that and the beam's power.
+STATE, WITH_POWER = 8, 9
 #: The arrangement where nothing cuts the light and rays are parallel, and where rays are parallel.
 PLAIN = EXAMPLE._replace(openings=None, light=None)  # type: ignore[arg-type]
 PARALLEL = EXAMPLE._replace(light=None)  # type: ignore[arg-type]

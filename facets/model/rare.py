@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..optics import wedge
+from .failures import FAILURES
 
 Pointer = Any
 KIND = ctypes.CFUNCTYPE(None, *[ctypes.POINTER(ctypes.c_double)] * 2)
@@ -58,25 +59,6 @@ NAMES = list(FUNCTIONS)
 
 _COMPILED: dict[str, Any] = {}
 _COMPILING = threading.RLock()
-
-
-class Failures(threading.local):
-    """What went wrong in this thread where compiled code has called Python, which can not raise
-    through it; raised once the compiled code has ended."""
-
-    def __init__(self) -> None:
-        self.raised: list[BaseException] = []
-
-
-FAILURES = Failures()
-
-
-def raise_failure() -> None:
-    """Raises what went wrong in Python while compiled code ran."""
-    if FAILURES.raised:
-        failure = FAILURES.raised[0]
-        FAILURES.raised.clear()
-        raise failure
 
 
 #: For so long, s, the functions run as text before their machine code is loaded, if it is kept, or

@@ -22,10 +22,20 @@ from ..scalars.rows import RowWriter
 from ..scalars.tracing import Value
 from . import rare
 from .block_code import lit_rows, pointers_to, power_derivative
-from .evaluators import STATE, WITH_POWER
 from .kinds import LIT
 from .object_code import Write
-from .packing import AXES, EXAMPLE, PACKED, PARALLEL, carried, is_ideal, vectors_at, vectors_of
+from .packing import (
+    AXES,
+    EXAMPLE,
+    PACKED,
+    PARALLEL,
+    STATE,
+    WITH_POWER,
+    carried,
+    is_ideal,
+    vectors_at,
+    vectors_of,
+)
 
 #: Writes what is found at a state, with the sensor's vectors, from and to memory by pointers.
 Formula = Callable[[RowWriter, Geometry, Any, Any], None]

@@ -42,14 +42,8 @@ def library(x: Number) -> Any:
         from . import casadi_symbols
 
         return casadi_symbols
-    if hasattr(x, "writer"):
-        from . import tracing
-
-        return tracing
-    if is_dual(x):
-        from . import dual
-
-        return dual
+    if hasattr(x, "library"):  # `dual.Dual` and `tracing.Value` name their own
+        return x.library
     from . import intervals
 
     return intervals
@@ -95,10 +89,9 @@ def real(x: Number) -> Number:
 def larger(a: Number, b: Number) -> Number:
     """The larger of two numbers, with the derivative that it carries."""
     first, second = real(a), real(b)
-    if hasattr(first, "writer") or hasattr(second, "writer"):
-        from . import tracing
-
-        return tracing.larger(a, b)
+    code = first if hasattr(first, "writer") else second
+    if hasattr(code, "writer"):
+        return code.library.larger(a, b)
     return a if first > second else b
 
 
@@ -114,10 +107,9 @@ def integral(integrand: Callable[[Number], Number], like: Number) -> Number:
 
 def defined(value: Number, a: Number, b: Number, c: Number) -> Number:
     """`value` where a, b and c are above zero, else NaN; a symbol as it is."""
-    if hasattr(real(a), "writer"):
-        from . import tracing
-
-        return tracing.defined(value, real(a), real(b), real(c))
+    first = real(a)
+    if hasattr(first, "writer"):
+        return first.library.defined(value, first, real(b), real(c))
     if type(value).__module__.startswith("casadi"):
         return value
     return value if real(a) > 0 and real(b) > 0 and real(c) > 0 else value * math.nan

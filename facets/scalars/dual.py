@@ -8,6 +8,7 @@ of Numba have complex numbers instead (`dispatch.carrying`), whose text is the s
 from __future__ import annotations
 
 import math
+import sys
 from typing import Any
 
 from . import dispatch
@@ -36,6 +37,8 @@ class Dual:
     """real: the value.  imag: the slope; named as a complex number's parts, for one text."""
 
     __slots__ = ("imag", "real")
+    #: The module with the elementary functions of such numbers, see `dispatch.library`.
+    library = sys.modules[__name__]
     #: NumPy's numbers leave operations with these to them.
     __array_ufunc__ = None
 

@@ -24,6 +24,7 @@ a product; a division by a power of two; plain numbers among themselves.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -43,6 +44,8 @@ class Value:
     """
 
     __slots__ = ("ir", "opposite", "writer")
+    #: The module with the elementary functions of such numbers, see `dispatch.library`.
+    library = sys.modules[__name__]
 
     def __init__(self, writer: Any, ir: Any) -> None:
         self.writer, self.ir = writer, ir

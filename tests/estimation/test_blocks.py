@@ -8,7 +8,7 @@ from sensors import SENSORS, states
 
 import facets
 from facets import Prior, Status
-from facets.estimation import blocks, problem, solver, straight
+from facets.estimation import blocks, estimates, plan, problem, solution, straight
 from facets.model import evaluators
 from facets.model.arrays import packed
 
@@ -36,24 +36,24 @@ def one_by_one(sensor, readings, beam="free", power="known", start="zero", max_s
                accept_unchecked=False):  # fmt: skip
     """The estimates of the code for one reading, without blocks."""
     shape = readings.shape[:1]
-    todo = solver.plan(sensor, beam, power, "least-squares", shape)
+    todo = plan.make_plan(sensor, beam, power, "least-squares", shape)
     found = problem.empty_results(len(readings), True)
     sigmas = np.empty((0, 9))
     if sensor.electronics is not None:
-        sigmas = solver.standard_deviations(sensor, readings)
-    solver.one_by_one(
+        sigmas = plan.standard_deviations(sensor, readings)
+    estimates.one_by_one(
         evaluators.linearised(sensor),
         sensor,
         problem.Readings(readings, sigmas),
         todo.limits,
         problem.Problem(
             todo.means, todo.weights, todo.free,
-            solver.starting(start, todo, readings, shape), False, max_steps, True,
+            plan.starting(start, todo, readings, shape), False, max_steps, True,
             accept_unchecked,
         ),
         found,
     )  # fmt: skip
-    return solver.solution(found, shape, solver.chance_of(sensor, todo))
+    return solution.solution(found, shape, plan.chance_of(sensor, todo))
 
 
 def agree(ours: facets.Solution, other: facets.Solution, sensor: facets.Sensor) -> None:
@@ -114,14 +114,14 @@ def test_blocks_weigh_by_electronics_as_one_at_a_time_does():
 
 def test_most_readings_stay_in_their_blocks():
     readings = facets.readings(SENSOR, seen(SENSOR, 200, 3, 0.15))
-    todo = solver.plan(SENSOR, "free", "known", "least-squares", (200,))
+    todo = plan.make_plan(SENSOR, "free", "known", "least-squares", (200,))
     asked = problem.Problem(
-        todo.means, todo.weights, todo.free, solver.starting("zero", todo, readings, (200,)),
+        todo.means, todo.weights, todo.free, plan.starting("zero", todo, readings, (200,)),
         False, 50, True, False,
     )  # fmt: skip
     given = problem.Readings(readings, np.empty((0, 9)))
     found = problem.empty_results(200, True)
-    code = solver.block_code(SENSOR, asked)
+    code = estimates.block_code(SENSOR, asked)
     left = blocks.estimate(code, packed(SENSOR), given, todo.limits, asked, found)
     assert len(left) < 40
     found = problem.empty_results(200, True)

@@ -5,7 +5,7 @@ import pytest
 
 import facets
 from facets import Status
-from facets.estimation import solver
+from facets.estimation import estimates
 
 LIT = facets.load("bench-light").sensor
 #: Numbers of readings that blocks cannot estimate.
@@ -27,13 +27,13 @@ def noisy(count: int, seed: int) -> np.ndarray:
 
 def count_rows(monkeypatch) -> list[int]:
     """How many readings each call estimates one by one, from now on."""
-    counts, real = [], solver.one_by_one
+    counts, real = [], estimates.one_by_one
 
     def counted(model, sensor, readings, *rest) -> None:
         counts.append(len(readings.values))
         real(model, sensor, readings, *rest)
 
-    monkeypatch.setattr(solver, "one_by_one", counted)
+    monkeypatch.setattr(estimates, "one_by_one", counted)
     return counts
 
 
@@ -45,7 +45,7 @@ def test_blocks_agree_with_one_reading_at_a_time(way, monkeypatch):
     counts = count_rows(monkeypatch)
     found = facets.solve(LIT, readings, **way)
     assert sum(counts) == len(SPOILT)
-    monkeypatch.setattr(solver, "block_code", lambda *_, **__: None)
+    monkeypatch.setattr(estimates, "block_code", lambda *_, **__: None)
     other = facets.solve(LIT, readings, **way)
     assert sum(counts) > len(readings) + len(SPOILT)  # some of them with all derivatives, too
     np.testing.assert_array_equal(found.status, other.status)
@@ -89,7 +89,7 @@ def test_a_loop_goes_on_from_what_stalled_before():
 def test_a_step_limit_ends_estimates_in_blocks_as_elsewhere(monkeypatch):
     readings = noisy(40, seed=6)
     found = [facets.solve(LIT, readings, beam="known", max_steps=n) for n in (6, 12)]
-    monkeypatch.setattr(solver, "block_code", lambda *_, **__: None)
+    monkeypatch.setattr(estimates, "block_code", lambda *_, **__: None)
     for ours, steps in zip(found, (6, 12), strict=True):
         other = facets.solve(LIT, readings, beam="known", max_steps=steps)
         np.testing.assert_array_equal(ours.status, other.status)

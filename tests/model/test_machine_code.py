@@ -9,7 +9,7 @@ from llvmlite import ir
 from sensors import SENSORS, states
 
 import facets
-from facets.model import jit, packing, rare
+from facets.model import failures, jit, packing, rare
 from facets.model.arrays import geometry_of, packed
 from facets.optics.gradient import linearised
 from facets.scalars.machine import DOUBLE, Writer
@@ -93,15 +93,15 @@ def test_what_the_text_refuses_is_left_to_machine_code(monkeypatch):
         np.testing.assert_array_equal(facets.readings(facets.Sensor(), state), expected)
     finally:
         rare.TABLE[number] = kept_address
-    assert rare.FAILURES.raised == []
+    assert failures.FAILURES.raised == []
 
 
 def test_what_goes_wrong_in_one_thread_is_not_raised_in_another():
     with ThreadPoolExecutor(1) as pool:
-        pool.submit(lambda: rare.FAILURES.raised.append(ArithmeticError())).result()
-        rare.raise_failure()
+        pool.submit(lambda: failures.FAILURES.raised.append(ArithmeticError())).result()
+        failures.raise_failure()
         with pytest.raises(ArithmeticError):
-            pool.submit(rare.raise_failure).result()
+            pool.submit(failures.raise_failure).result()
 
 
 def test_what_goes_wrong_in_a_rare_function_is_raised_after_the_kernel(monkeypatch):
@@ -120,7 +120,7 @@ def test_what_goes_wrong_in_a_rare_function_is_raised_after_the_kernel(monkeypat
             facets.readings(facets.Sensor(), away)
     finally:
         rare.TABLE[number] = kept
-    assert rare.FAILURES.raised == []
+    assert failures.FAILURES.raised == []
     assert np.isfinite(facets.readings(facets.Sensor(), away)).all()
 
 

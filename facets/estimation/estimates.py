@@ -1,0 +1,136 @@
+"""Estimates of readings by compiled code: in blocks where these can, and one by one elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.knowledge import Prior
+from ..core.sensor import Sensor
+from ..model import evaluators, rare
+from ..model.arrays import packed
+from ..model.kinds import block_kind, lit_kind
+from . import as_text, blocks, problem
+from .block_task import Form
+from .calibration_uncertainty import covariances as calibration_covariances
+from .plan import Plan, make_plan
+from .solution import Status
+
+
+def add_calibration(sensor: Sensor, todo: Plan, found: problem.Results) -> None:
+    """Adds to the covariances what the parameters' own, `Sensor.calibration`, is worth."""
+    if sensor.calibration is not None and len(found.covariances) > 0:
+        found.covariances[:] += calibration_covariances(
+            sensor, sensor.calibration, found.states[:, :8], found.used, todo.free, todo.weights
+        )
+
+
+def estimate(
+    sensor: Sensor,
+    readings: problem.Readings,
+    limits: problem.Limits,
+    asked: problem.Problem,
+    found: problem.Results,
+) -> None:
+    """Fills `found`: by blocks where these know what is asked, and one by one what they leave.
+
+    Under the light of a bench what stalls is estimated again by exact derivatives."""
+    near = evaluators.nearly_linearised(sensor)
+    code = block_code(sensor, asked)
+    if code is None:
+        one_by_one(near, sensor, readings, limits, asked, found)
+    else:
+        left = blocks.estimate(code, packed(sensor), readings, limits, asked, found)
+        if len(left) and sensor.light.on:
+            left = blocks.estimate_some(code, left, packed(sensor), readings, limits, asked, found)
+        if len(left):
+            estimate_some(near, left, sensor, readings, limits, asked, found)
+    if sensor.light.on:
+        estimate_stalled_again(sensor, readings, limits, asked, found)
+
+
+def block_code(
+    sensor: Sensor, asked: problem.Problem, exact: bool = False, width: int | None = None
+) -> Callable[[int], None] | None:
+    """What estimates blocks of readings, compiled now if need be; None where blocks do not know
+    what is asked. exact: see `Form`.  width: see `blocks.kernel`."""
+    kind = block_kind(sensor)
+    if kind is None:
+        return None
+    form = Form(tuple(asked.free.tolist()), kind, exact)
+    return blocks.kernel(form, width) if blocks.fits(asked) else None
+
+
+def row_kernel() -> Callable[[int], None]:
+    """Return the compiled estimate of one reading after the other; imports Numba."""
+    from .kernels import kernel
+
+    return kernel()
+
+
+def one_by_one(
+    model: str,
+    sensor: Sensor,
+    readings: problem.Readings,
+    limits: problem.Limits,
+    asked: problem.Problem,
+    found: problem.Results,
+) -> None:
+    """model: of `evaluators`."""
+    left = as_text.estimate(model, sensor, readings, limits, asked, found)
+    if len(left) == 0:
+        return
+    if len(left) < len(readings.values):
+        estimate_some(model, left, sensor, readings, limits, asked, found)
+        return
+    given = problem.Model(evaluators.address(model), packed(sensor))
+    task = problem.Task(given, readings, limits, asked, found, problem.workspace())
+    row_kernel()(task.address)
+
+
+def prepare(sensor: Sensor, beam: str | Prior, power: str | Prior) -> None:
+    """Compiles or loads now what a reading may need that leaves its block, or stalls there, for a
+    loop that cannot wait. beam, power: as for `solve`."""
+    row_kernel()
+    rare.prepare()
+    for model in (evaluators.nearly_linearised(sensor), evaluators.linearised(sensor)):
+        evaluators.model(model)
+    if sensor.light.on and not sensor.apertures.cut:
+        free = make_plan(sensor, beam, power, "least-squares", ()).free
+        blocks.kernel(Form(tuple(free.tolist()), lit_kind(sensor), exact=True))
+
+
+def estimate_some(
+    model: str,
+    which: NDArray[np.intp],
+    sensor: Sensor,
+    readings: problem.Readings,
+    limits: problem.Limits,
+    asked: problem.Problem,
+    found: problem.Results,
+) -> None:
+    """Estimates some readings one by one, anew, and puts what is found in its places."""
+    again = problem.empty_results(len(which), len(found.covariances) > 0)
+    some, questions = problem.some_rows(which, readings, asked)
+    one_by_one(model, sensor, some, limits, questions._replace(previous=False), again)
+    problem.put_rows(found, which, again)
+
+
+def estimate_stalled_again(
+    sensor: Sensor,
+    readings: problem.Readings,
+    limits: problem.Limits,
+    asked: problem.Problem,
+    found: problem.Results,
+) -> None:
+    """Under the light of a bench: what stalled, by the derivatives that leave nothing out."""
+    stalled, asked = np.flatnonzero(found.status == Status.STALLED), asked._replace(previous=False)
+    code = block_code(sensor, asked, exact=True) if len(stalled) else None
+    if code is not None:
+        numbers = packed(sensor)
+        stalled = blocks.estimate_some(code, stalled, numbers, readings, limits, asked, found)
+    if len(stalled):
+        model = evaluators.linearised(sensor)
+        estimate_some(model, stalled, sensor, readings, limits, asked, found)

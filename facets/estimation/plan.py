@@ -1,0 +1,180 @@
+"""What is asked of an estimate, made once for a sensor: the unknowns, the priors and the starts."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..core.arguments import as_floats
+from ..core.errors import InputError
+from ..core.knowledge import Prior
+from ..core.sensor import Sensor
+from ..core.units import Floats
+from ..detectors.noise import least_light, other_light, power_floor, standard_deviations
+from ..model.arrays import as_vectors, half_sizes, spot_size
+from . import problem
+from .chance import Chance, count_checks, widening_of
+
+
+class Plan(NamedTuple):
+    """What is asked for and what is known, as `problem.Problem` and `Limits` hold it.
+
+    means: (1 or n, 3) of bx, by and the power.  weights: (3,).  free: numbers of the unknowns.
+    """
+
+    means: Floats
+    weights: Floats
+    free: NDArray[np.int64]
+    limits: problem.Limits
+
+
+def prior_of_beam(beam: object) -> Prior:
+    if isinstance(beam, Prior):
+        return beam
+    sigma = {"free": np.inf, "known": 0.0}.get(beam) if isinstance(beam, str) else None
+    if sigma is None:
+        raise InputError(f'beam is {beam!r}; allowed: "free", "known" or a facets.Prior')
+    return Prior((0.0, 0.0), sigma)
+
+
+def prior_of_power(power: object, sensor: Sensor) -> Prior:
+    if isinstance(power, Prior):
+        return power
+    sigma = {"known": 0.0, "unknown": np.inf}.get(power) if isinstance(power, str) else None
+    if sigma is None:
+        raise InputError(f'power is {power!r}; allowed: "known", "unknown" or a facets.Prior')
+    return Prior(sensor.beam.power, sigma)
+
+
+def means_of(place: Prior, light: Prior, shape: tuple[int, ...]) -> Floats:
+    """What is known of bx, by and the power: (1, 3), or (n, 3) where it differs by reading."""
+    where, amount = as_floats(place.mean, "mean"), as_floats(light.mean, "mean")
+    shape = shape if where.shape[:-1] or amount.shape else ()
+    try:
+        means = np.empty((*shape, 3))
+        means[..., :2], means[..., 2] = where, amount
+    except ValueError as error:
+        raise InputError(f"a prior does not fit readings of shape {shape}: {error}") from None
+    return means.reshape(-1, 3)
+
+
+def limits_of(sensor: Sensor, eight: bool) -> problem.Limits:
+    """By what a sensor's readings are screened, made once a sensor: a live loop asks again."""
+    kept: dict[bool, problem.Limits] = sensor.__dict__.setdefault("_limits", {})
+    if eight not in kept:
+        kept[eight] = make_limits(sensor, eight)
+    return kept[eight]
+
+
+def make_limits(sensor: Sensor, eight: bool) -> problem.Limits:
+    noise, floor = sensor.noise, power_floor(sensor)
+    distance = max(float(np.hypot(psd.radius, psd.height)) for psd in sensor.psds)
+    return problem.Limits(
+        noise=np.array([noise.position, noise.at_power, floor]),
+        light=np.stack([least_light(sensor), other_light(sensor) + problem.DARK * floor]),
+        half_sizes=half_sizes(sensor) - lost_at_edges(sensor),
+        eight=eight,
+        rounding=problem.ROUNDING * np.array([distance, sensor.beam.power]),
+    )
+
+
+def lost_at_edges(sensor: Sensor) -> float:
+    """How near to an edge a spot's middle tells no place, mm: where the edge cuts the spot.
+
+    The middle of a spot that is cut hardly moves while the spot goes on.
+    """
+    return spot_size(sensor) / 2 if sensor.apertures.detectors else 0.0
+
+
+def make_plan(
+    sensor: Sensor, beam: str | Prior, power: str | Prior, method: str, shape: tuple[int, ...]
+) -> Plan:
+    paper = method == "paper"
+    if paper and not (beam == "free" and power == "known"):
+        raise InputError('method="paper" has the beam "free" and the power "known"')
+    place, light = prior_of_beam(beam), prior_of_power(power, sensor)
+    sigmas = np.empty(3)
+    try:
+        sigmas[:2], sigmas[2] = as_floats(place.sigma, "sigma"), as_floats(light.sigma, "sigma")
+    except ValueError:
+        raise InputError(
+            "a prior has too many sigmas; allowed: one number, or two for the beam's place"
+        ) from None
+    free = np.concatenate([np.arange(6), 6 + np.flatnonzero(sigmas > 0)])
+    with np.errstate(divide="ignore"):
+        weights = np.where(sigmas > 0, 1 / sigmas, 0.0)
+    return Plan(means_of(place, light, shape), weights, free, limits_of(sensor, paper))
+
+
+def chance_of(sensor: Sensor, todo: Plan) -> Chance:
+    """What checks the poses that a plan gives."""
+    none = count_checks(0, todo.free, todo.weights) - todo.limits.eight
+    return Chance(none, widening_of(sensor))
+
+
+#: So many plans are kept a sensor.
+PLANS = 16
+
+
+def find_plan(
+    sensor: Sensor, beam: str | Prior, power: str | Prior, method: str, shape: tuple[int, ...]
+) -> Plan:
+    """`make_plan`, reused where the same is asked of a sensor again, as a live loop does."""
+    if not (is_for_any(beam, 2) and is_for_any(power, 1)):
+        return make_plan(sensor, beam, power, method, shape)
+    asked = beam, power, method
+    kept: dict[tuple[str | Prior, str | Prior, str], Plan]
+    kept = sensor.__dict__.setdefault("_plans", {})
+    known = kept.get(asked)
+    if known is None:
+        if len(kept) >= PLANS:
+            kept.clear()
+        known = kept[asked] = make_plan(sensor, *asked, ())
+    return known
+
+
+def is_for_any(known: object, count: int) -> bool:
+    """Whether what is known is a word, or a prior of plain numbers, `count` means in a tuple."""
+    if not isinstance(known, Prior):
+        return isinstance(known, str)
+    means = known.mean if isinstance(known.mean, tuple) and count > 1 else (known.mean,)
+    plain = all(isinstance(number, float) for number in (*means, known.sigma))
+    return plain and len(means) == count
+
+
+def starting(start: str | ArrayLike, todo: Plan, values: Floats, shape: tuple[int, ...]) -> Floats:
+    """Where the estimates start: (1 or n, 9), with the means of what is known.
+
+    An unknown power starts from the light that is seen.
+    """
+    unknown_power = todo.weights[2] == 0 and todo.free[-1] == 8
+    if not isinstance(start, str):
+        states = as_vectors(start, 8, "start")
+        if states.shape != (*shape, 8):
+            try:
+                states = np.broadcast_to(states, (*shape, 8))
+            except ValueError as error:
+                raise InputError(f"start does not fit the readings: {error}") from None
+        starts = np.empty((len(values), 9))
+        starts[:, :8] = states.reshape(-1, 8)
+        starts[:, 8] = todo.means[:, 2]
+        if len(todo.free) < 8 or todo.free[7] != 7 or todo.free[6] != 6:
+            starts[:, 6:8] = todo.means[:, :2]
+    elif start in ("zero", "previous"):
+        starts = np.zeros((len(values) if unknown_power else len(todo.means), 9))
+        starts[:, 6:] = todo.means
+        starts[:, :2] = todo.means[:, :2]  # there is light to read only near the beam
+    else:
+        raise InputError(f'start is {start!r}; allowed: "zero", "previous" or states (..., 8)')
+    if unknown_power:
+        with np.errstate(over="ignore", invalid="ignore"):  # a spoilt reading can be anything
+            seen = np.nansum(values[:, 2::3], axis=1)
+        starts[:, 8] = np.where(np.isfinite(seen) & (seen > 0), seen, starts[:, 8])
+    return starts
+
+
+def sigmas_of(sensor: Sensor, values: Floats) -> Floats:
+    """The readings' standard deviations as `problem.Readings` has them."""
+    return np.empty((0, 9)) if sensor.electronics is None else standard_deviations(sensor, values)
