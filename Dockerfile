@@ -1,4 +1,4 @@
-# facets and its virtual bench: docker run --rm facets simulate paper -o /tmp/paper
+# facets and its virtual bench: docker run --rm facets simulate paper --folder /tmp/paper
 # Without the extras `design` and `scenes`, whose libraries take 1 GB: pip install them on top of it.
 FROM python:3.13-slim AS build
 COPY . /source

@@ -10,7 +10,7 @@ SHELL := bash
   publishable image bench reproduce docs gallery three clean
 
 run: .venv/installed
-	$(BIN)/facets simulate paper -o results/paper --force
+	$(BIN)/facets simulate paper --folder results/paper --force
 
 test: lint types layers unit
 
@@ -74,7 +74,7 @@ lowest: .venv/developed
 
 # What contributors get by `uv sync`: the versions that uv.lock names.
 locked: .venv/developed
-	UV_PROJECT_ENVIRONMENT=build/locked $(BIN)/uv run --quiet --locked facets simulate paper -o build/locked/paper --force
+	UV_PROJECT_ENVIRONMENT=build/locked $(BIN)/uv run --quiet --locked facets simulate paper --folder build/locked/paper --force
 
 # The source distribution and the wheel as they are published, in dist/.
 dist: .venv/developed
@@ -93,13 +93,13 @@ publishable:
 # The image that runs facets and the virtual bench.
 image:
 	docker build --tag facets .
-	docker run --rm facets simulate paper -o /tmp/paper
+	docker run --rm facets simulate paper --folder /tmp/paper
 
 bench: .venv/installed
-	$(BIN)/facets bench -o results/bench --force
+	$(BIN)/facets bench --folder results/bench --force
 
 reproduce: .venv/installed
-	$(BIN)/facets reproduce $(QUICK) -o results/reproduce --force
+	$(BIN)/facets reproduce $(QUICK) --folder results/reproduce --force
 
 docs: .venv/developed
 	JUPYTER_CONFIG_PATH=docs/notebooks $(BIN)/properdocs build --strict --quiet

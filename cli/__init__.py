@@ -62,8 +62,6 @@ LIVE = ("acquire", "emulate")
 ALLOCATIONS = 10_000
 #: The exit status, once it is known.
 _ended: list[int] = []
-#: Options as older versions spelt them, and as they are spelt.
-OLDER_NAMES = {"tracking": "track"}
 
 
 def app_of(names: Iterable[str]) -> typer.Typer:
@@ -74,10 +72,7 @@ def app_of(names: Iterable[str]) -> typer.Typer:
         no_args_is_help=True,
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
-        context_settings={
-            "help_option_names": ["-h", "--help"],
-            "token_normalize_func": lambda name: OLDER_NAMES.get(name, name),
-        },
+        context_settings={"help_option_names": ["-h", "--help"]},
     )
     made.callback()(_root)
     for name in names:

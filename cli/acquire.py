@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .options import ConfigName, Web
+from .options import (
+    ConfigName,
+    Publish,
+    Seconds,
+    Track,
+    Web,
+    filter_option,
+    folder_option,
+    write_option,
+)
 
 if TYPE_CHECKING:
     from facets.config import Config
@@ -22,80 +31,89 @@ if TYPE_CHECKING:
 
 
 PortName = Annotated[
-    str | None, typer.Option(help="Of the detector board.  [default: the config's]")
+    str | None,
+    typer.Option(
+        help="Serial port, TCP address or file of the detector board.  [default: the "
+        "configuration's `acquire.port`]"
+    ),
 ]
-Folder = Annotated[
-    Path | None,
-    typer.Option("-o", "--output", help="Folder of the recording.  [default: recordings/TIME]"),
+Record = Annotated[
+    bool,
+    typer.Option("--record/--no-record", help="Record all received bytes and poses in the folder."),
 ]
-Record = Annotated[bool, typer.Option("--record/--no-record", help="Keep all that comes.")]
-Track = Annotated[
-    bool, typer.Option("--track", help="Move the stage so that the beam follows the mirror.")
+StagePort = Annotated[
+    str | None,
+    typer.Option(
+        help="Serial port or TCP address of the stage.  [default: the configuration's `stage.port`]"
+    ),
 ]
-StagePort = Annotated[str | None, typer.Option(help="Of the stage.  [default: the config's]")]
-Search = Annotated[
+SearchMirror = Annotated[
     bool,
     typer.Option(
-        "--search/--no-search",
-        help="With --track: look for a mirror that was lost, once somebody has resumed the stopped "
-        "stage.",
+        "--search-mirror/--no-search-mirror",
+        help="With --track: move the stage to search for a mirror that the beam has lost, after a "
+        "person has resumed the stopped stage.",
     ),
 ]
 CheckStage = Annotated[
     bool,
     typer.Option(
         "--check-stage",
-        help="Move the stage by 0.05 mm along each axis, and find from the readings whether it is "
+        help="Move the stage by 0.05 mm along each axis and check with the readings that it is "
         "wired as configured. The mirror must stand still.",
     ),
 ]
 Write = Annotated[
     Path | None,
-    typer.Option(
-        help="With --check-stage: YAML file for the configuration with the date of the check, "
-        "which --track asks for. Nothing is written where the check fails."
-    ),
+    write_option("the date of a passed --check-stage, which --track requires"),
 ]
-Seconds = Annotated[float | None, typer.Option(min=0, help="Then it ends.")]
-Samples = Annotated[int | None, typer.Option(min=1, help="Then it ends.")]
+Samples = Annotated[
+    int | None,
+    typer.Option(min=1, help="Stop after this many samples.  [default: never]"),
+]
 Reconnect = Annotated[
-    bool, typer.Option("--reconnect", help="Wait for an unplugged board, and go on.")
+    bool,
+    typer.Option("--reconnect", help="Wait for a detector board that was unplugged, then go on."),
 ]
 MaxLoss = Annotated[
-    float, typer.Option(min=0, max=1, help="Share of lost samples for exit status 1.")
-]
-AsLines = Annotated[bool, typer.Option("--plain", help="Lines of text, for a log.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Lines of JSON, for a program.")]
-Publish = Annotated[
-    list[str] | None,
+    float,
     typer.Option(
-        help="Give every sample to other programs, at udp://HOST:PORT (JSON), "
-        "udp+binary://HOST:PORT, tcp://HOST:PORT, shm:NAME or lsl:NAME; can be given several times."
+        min=0, max=1, help="Largest share of lost samples (0 to 1) that still ends with status 0."
     ),
 ]
-Filter = Annotated[
-    str | None,
-    typer.Option(
-        "--filter",
-        help="With --publish: filtered poses beside the raw ones, for a motion that is nearly of "
-        "constant acceleration, speed or place.",
-    ),
+AsLines = Annotated[
+    bool, typer.Option("--plain", help="Print lines of text, for a log, instead of a live display.")
 ]
-Compare = Annotated[
+AsJson = Annotated[
     bool,
-    typer.Option("--compare", help="Exit status 1 unless the board's own poses are the same."),
+    typer.Option("--json", help="Print lines of JSON, for a program, instead of a live display."),
 ]
-Rate = Annotated[float | None, typer.Option(min=0.1, max=50, help="Of the display, Hz.")]
+CompareBoard = Annotated[
+    bool,
+    typer.Option(
+        "--compare-board",
+        help="Compare the poses with those that the board computes itself; exit status 1 if they "
+        "differ.",
+    ),
+]
+DisplayRate = Annotated[
+    float | None,
+    typer.Option(
+        min=0.1,
+        max=50,
+        help="Updates of the display per second.  [default: 8, with --plain 1]",
+    ),
+]
 
 
 def acquire(
     config: ConfigName,
     port: PortName = None,
-    output: Folder = None,
+    folder: Annotated[Path | None, folder_option("recordings/TIME")] = None,
     record: Record = True,
     track: Track = False,
     stage_port: StagePort = None,
-    search: Search = True,
+    search_mirror: SearchMirror = True,
     check_stage: CheckStage = False,
     write: Write = None,
     seconds: Seconds = None,
@@ -104,21 +122,23 @@ def acquire(
     max_loss: MaxLoss = 0.001,
     plain: AsLines = False,
     json: AsJson = False,
-    rate: Rate = None,
+    display_rate: DisplayRate = None,
     publish: Publish = None,
-    filter_by: Filter = None,
+    filter_by: Annotated[str | None, filter_option("they are sent with --publish")] = None,
     web: Web = None,
-    compare: Compare = False,
+    compare_board: CompareBoard = False,
 ) -> None:
-    """Acquire a stream of detector counts and solve every sample.
+    """Record the data of a detector board and solve every sample as it arrives.
 
-    All that comes is recorded before anything else is done with it. With --track or --check-stage
-    the stage moves; without, it never does. A stage that was stopped stays stopped until a person
-    resumes it: the key r, the button on the page, or SIGUSR1. Ctrl-C ends the run, as do SIGTERM
-    and the end of the terminal: the stage is stopped first, and the recording closed last. Exit
-    status: 0; 1 where samples were lost, nothing came, the stage was stopped and not resumed, the
-    check or the disk failed, which is said; 2 where it can not begin, or the port went away; 128
-    and the signal's number after SIGTERM or SIGHUP.
+    All received bytes are recorded before they are used. The stage moves only with --track or
+    --check-stage. A stopped stage stays stopped until a person resumes it with the key r, the
+    button on the web page, or SIGUSR1. Ctrl-C, SIGTERM and closing the terminal end the run: the
+    stage is stopped first, and the recording is closed last.
+
+    Exit status 1 if too many samples were lost, no sample arrived, most samples did not fit, the
+    stage was stopped and not resumed, or the check of the stage or the disk failed; the command
+    prints which. Exit status 2 if it cannot start or the port is closed; after SIGTERM or SIGHUP
+    128 plus the signal's number.
     """
     from facets import load
     from facets.live.acquire import Ending, Live
@@ -138,11 +158,11 @@ def acquire(
     require_packages(publish, web)
     live = Live(Pipeline(settings))
     live.pipeline.warm_up()
-    recording = started(settings, output) if record else None
+    recording = started(settings, folder) if record else None
     try:
         page = receivers(live, settings, publish or [], web, filter_by, track)
         if track or check_stage:
-            live.tracker = tracker_of(settings, stage_port, search, recording, check_stage)
+            live.tracker = tracker_of(settings, stage_port, search_mirror, recording, check_stage)
             if page:
                 page.resume = partial(live.tracker.resume, "the page")
         reader = reader_of(settings, name, recording, reconnect, live)
@@ -152,8 +172,8 @@ def acquire(
     check = live.tracker if isinstance(live.tracker, StageCheck) else None
     limits = seconds or float("inf"), samples or float("inf")
     ending = Ending(*limits, lambda: check is not None and check.is_over)
-    shown = display(live, plain, json, rate)
-    judge = partial(complaints, max_loss=max_loss, compare=compare)
+    shown = display(live, plain, json, display_rate)
+    judge = partial(complaints, max_loss=max_loss, compare=compare_board)
     stream(live, reader, recording, ending, on_page(page, shown) if page else shown, judge)
     reasons = judge(live)
     if check:

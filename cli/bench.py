@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from .console import show_table
-from .options import Force, Look, Style, folder_option
+from .options import Force, Look, Quick, Style, folder_option, seed_option
 
 #: Where each study is, and its title.
 STUDIES = {
@@ -34,31 +34,32 @@ DRAWINGS = ("work_precision.svg", "stability.png", "histograms.svg")
 
 
 def bench(
-    output: Annotated[Path, folder_option("results/bench")] = Path("results/bench"),
+    folder: Annotated[Path, folder_option("")] = Path("results/bench"),
     force: Force = False,
-    quick: Annotated[bool, typer.Option("--quick", help="Reduced, under a minute.")] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Of the random states.")] = 1,
+    quick: Quick = False,
+    seed: Annotated[int, seed_option()] = 1,
     look: Style = Look.screen,
 ) -> None:
-    """Measure run time against error, beside other ways to compute the same.
+    """Measure run times and errors of this package and of other methods.
 
-    All contenders run in turn in one run on the paper's sensor; ratios are to this package. Writes
-    a table a study, the machine's facts, and three pictures.
+    All methods run in turn on the paper's sensor; ratios are relative to this package. Writes a
+    table for each study, the facts of the machine (machine.json) and three pictures into the
+    folder. --quick takes under a minute.
     """
     from facets.bench import peers
     from facets.files import tables
 
     names = [*(f"{name}.csv" for name in STUDIES), "machine.json", *DRAWINGS]
-    tables.refuse_to_overwrite([output / name for name in names], force)
+    tables.refuse_to_overwrite([folder / name for name in names], force)
     about = facts(seed)
     if gone := peers.missing(*peers.PACKAGES):
         typer.echo(f'left out, not installed: {", ".join(gone)}  (extra "bench-peers")\n')
     with tables.ResultSet():
-        results = {name: run_study(name, quick, seed, output, about) for name in STUDIES}
-        with tables.Whole(output / "machine.json") as temporary:
+        results = {name: run_study(name, quick, seed, folder, about) for name in STUDIES}
+        with tables.Whole(folder / "machine.json") as temporary:
             temporary.write_text(json.dumps({"about": about, **results}, indent=1), "utf-8")
-        draw(results, output)
-    typer.echo(f"{output}/: {', '.join(names)}")
+        draw(results, folder)
+    typer.echo(f"{folder}/: {', '.join(names)}")
 
 
 def run_study(

@@ -9,8 +9,7 @@ import typer
 
 from . import completion
 from .console import FINDING, load_config
-from .options import ConfigName, Look, Style
-from .simulate import PlotKind
+from .options import ConfigName, Force, Look, Plot, PlotKind, Style, output_option
 
 if TYPE_CHECKING:
     from facets.calibration.bundle_adjustment import Data
@@ -26,45 +25,73 @@ if TYPE_CHECKING:
 def calibrate(
     config: ConfigName,
     data: Annotated[
-        Path | None, typer.Argument(help="CSV or Parquet: readings, and ref_tx_mm ... beside them.")
+        Path | None,
+        typer.Argument(
+            help="Table of readings, CSV or Parquet, with the reference's poses in the columns "
+            "ref_tx_mm, ref_yaw_mrad and so on, or in --reference."
+        ),
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="YAML file.  [default: CONFIG-calibrated.yaml]"),
+        output_option(
+            "calibrated configuration, YAML, or with --propose a table of poses",
+            "CONFIG-calibrated.yaml or CONFIG-poses.csv",
+        ),
     ] = None,
     reference: Annotated[
         Path | None,
-        typer.Option("--reference", help="The reference's own table, joined to DATA by time_s."),
+        typer.Option(
+            "--reference",
+            metavar="FILE",
+            help="Table of the reference instrument's poses, CSV or Parquet, which is joined to "
+            "DATA by the column time_s; an unknown offset in time is fitted.",
+        ),
     ] = None,
     effect: Annotated[
         list[str] | None,
         typer.Option(
             "--effect",
-            help="NAME=on, off or auto, for calibrate.effects; repeatable.",
+            metavar="NAME=on|off|auto",
+            help="Include an effect of real light in the fit, leave it out, or let the data "
+            "decide; can be repeated.  [default: the configuration's `calibrate.effects`]",
             autocompletion=completion.assignments(completion.effects, ("on", "off", "auto")),
         ),
     ] = None,
     dwells: Annotated[
         bool,
-        typer.Option("--dwells", help="Average over the times when the reference stands still."),
+        typer.Option(
+            "--dwells",
+            help="Average the readings over each interval in which the reference stands still.",
+        ),
     ] = False,
     accept_misfit: Annotated[
-        bool, typer.Option("--accept-misfit", help="Write a result that is not to be trusted.")
+        bool,
+        typer.Option(
+            "--accept-misfit", help="Write the result even if the checks say not to trust it."
+        ),
     ] = False,
     propose: Annotated[
-        int, typer.Option(min=0, help="Instead: so many poses that would tell most, as a table.")
+        int,
+        typer.Option(
+            min=0,
+            metavar="N",
+            help="Write a table of the N poses that are best to calibrate with, instead of "
+            "calibrating; 0 calibrates.",
+        ),
     ] = 0,
-    force: Annotated[bool, typer.Option("--force", help="Replace older files.")] = False,
-    plot: Annotated[PlotKind, typer.Option(help="Kind of the picture.")] = PlotKind.png,
+    force: Force = False,
+    plot: Plot = PlotKind.png,
     look: Style = Look.screen,
 ) -> None:
-    """Calibrate a rig: where its detectors are, how its facets lean, what its gains are.
+    """Fit the parameters of a rig to readings with reference poses.
 
-    Takes readings of a motion that a reference knows, wholly or in part, the beam's place known.
-    Says first what the motion can tell; then fits, takes the effects of real light that the data
-    call for, tries the result on samples held back, and writes a configuration whose uncertainty
-    goes into every pose that is solved with it. Where the result is not to be trusted it says why,
-    writes nothing and exits with 1.
+    The parameters are the detectors' positions and angles, the facets' angles, the gains and, if
+    the data need them, effects of real light. DATA holds readings of a motion that a reference
+    instrument measured, all axes or some; the beam's position must be known. The command prints
+    which parameters the motion determines, the fitted values, and the errors of poses on samples
+    that were not used in the fit. It writes a configuration with the parameters' covariance, which
+    `facets solve` includes in the uncertainties. If the result is not to be trusted, it prints the
+    reasons, writes nothing and ends with exit status 1.
     """
     from dataclasses import replace
 

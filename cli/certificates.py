@@ -69,13 +69,13 @@ def claim_for(
 
 
 def prove(
-    claim: Claim, limit: float, reach: bool, file: Path, about: dict[str, str]
+    claim: Claim, work: int, limit: float, reach: bool, file: Path, about: dict[str, str]
 ) -> dict[str, Any]:
     """Proves, says what, and writes the certificate; what the record says of it."""
     from facets.proof.certificate import write_certificate
 
     settings = claim.settings
-    found, cover = certify_range(claim, limit)
+    found, cover = certify_range(claim, work, limit)
     write_certificate(file, settings.sensor, found, about, settings.resolved, cover)
     pair = None if found.unique or not found.share else look_for_pair(claim, found)
     for line in [*describe_set(claim, found, cover), *verdict(found, pair)]:
@@ -94,7 +94,7 @@ def prove(
     return results
 
 
-def certify_range(claim: Claim, limit: float) -> tuple[Certificate, RangeCover | None]:
+def certify_range(claim: Claim, work: int, limit: float) -> tuple[Certificate, RangeCover | None]:
     """The whole range, where it can be; else the box that was given."""
     from facets.characterization.state_box import box_of_poses
     from facets.proof.range_cover import cover_range
@@ -104,13 +104,13 @@ def certify_range(claim: Claim, limit: float) -> tuple[Certificate, RangeCover |
     if claim.whole_range and share is not None:
         cover = cover_range(sensor, claim.settings.range, share, claim.off)
     if cover is not None:
-        found = certify_box(replace(claim, box=box_of_poses(cover.low, cover.high)), limit)
+        found = certify_box(replace(claim, box=box_of_poses(cover.low, cover.high)), work, limit)
         if found.unique:
             return found, cover
-    return certify_box(claim, limit), None
+    return certify_box(claim, work, limit), None
 
 
-def certify_box(claim: Claim, limit: float) -> Certificate:
+def certify_box(claim: Claim, work: int, limit: float) -> Certificate:
     from rich.console import Console
     from rich.progress import Progress
 
@@ -124,7 +124,7 @@ def certify_box(claim: Claim, limit: float) -> Certificate:
             progress.update(task, completed=done)
 
         sensor, share = claim.settings.sensor, claim.least_share
-        return certify(sensor, claim.box, share, limit, tell, claim.off)
+        return certify(sensor, claim.box, share, limit, tell, claim.off, work)
 
 
 def look_for_pair(claim: Claim, found: Certificate) -> PairSearch | None:

@@ -10,6 +10,7 @@ import typer
 from facets.core.errors import ConfigError
 
 from .completion import configurations
+from .options import ConfigName
 
 if TYPE_CHECKING:
     from facets.config import Config
@@ -20,11 +21,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-NAME = typer.Argument(
-    metavar="CONFIG",
-    help="Name of a shipped configuration, or a YAML file.",
-    autocompletion=configurations,
-)
 
 
 @app.command()
@@ -32,11 +28,13 @@ def check(
     files: Annotated[
         list[str],
         typer.Argument(
-            metavar="CONFIG...", help="Shipped names or YAML files.", autocompletion=configurations
+            metavar="CONFIG...",
+            help="Names of shipped configurations (see `facets config list`), or YAML files.",
+            autocompletion=configurations,
         ),
     ],
 ) -> None:
-    """Check configurations: one line for each that is right, all problems of each that is not."""
+    """Check configurations: print a summary of each valid one, and all problems of the others."""
     from facets.config import load
 
     from .console import BAD_INPUT, message
@@ -53,18 +51,18 @@ def check(
 
 
 @app.command()
-def show(name: Annotated[str, NAME]) -> None:
-    """Print a configuration in full, defaults filled in; the output is a configuration again."""
+def show(config: ConfigName) -> None:
+    """Print a configuration as YAML with all defaults filled in; the output can be loaded."""
     from facets.config import to_yaml
 
     from .console import load_config
 
-    sys.stdout.write(to_yaml(load_config(name)))
+    sys.stdout.write(to_yaml(load_config(config)))
 
 
 @app.command()
 def schema() -> None:
-    """Print the JSON Schema of configurations, for editors that complete and check YAML."""
+    """Print the JSON Schema of configurations, for editors that check and complete YAML."""
     import json
 
     from facets.config import schema

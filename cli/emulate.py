@@ -7,8 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .completion import motions
-from .options import ConfigName
+from .options import (
+    ConfigName,
+    Seconds,
+    WithReference,
+    folder_option,
+    motion_option,
+    seed_option,
+)
 
 if TYPE_CHECKING:
     from facets.config import Config
@@ -17,54 +23,44 @@ if TYPE_CHECKING:
 
 def emulate(
     config: ConfigName,
-    motion: Annotated[
-        str,
-        typer.Option(
-            help="Which the mirror goes through, again and again.", autocompletion=motions
-        ),
-    ],
+    motion: Annotated[str, motion_option("the mirror repeats it until the end")],
     rate: Annotated[float, typer.Option(min=1, max=200_000, help="Samples per second.")] = 10_000,
-    folder: Annotated[
-        Path, typer.Option(help="Folder of the ports `board` and `stage` and of the bench's files.")
-    ] = Path("bench"),
-    seconds: Annotated[
-        float | None, typer.Option(min=0, help="Stop after this many seconds.  [default: never]")
-    ] = None,
+    folder: Annotated[Path, folder_option("")] = Path("bench"),
+    seconds: Seconds = None,
     truth: Annotated[
         bool,
         typer.Option(
             "--truth",
-            help="Also write the true state of every sample to FOLDER/truth.bin: 77 bytes a "
-            "sample, 46 MB a minute at 10,000 samples per second.",
+            help="Also write the true state of every sample to FOLDER/truth.bin: 77 bytes per "
+            "sample, 46 MB per minute at 10,000 samples per second.",
         ),
     ] = False,
     faults: Annotated[
         str,
         typer.Option(
-            help="Chances a sample of flip, lose, double, drop, and a second of stall, block, "
-            "saturate, unplug, restart, refuse, jam: flip=1e-4,stall=0.1. Of the board's time: "
-            "jitter_ms, drift_ppm, uptime_s."
+            metavar="NAME=NUMBER,...",
+            help="Faults to simulate, such as flip=1e-4,stall=0.1: the probability per sample of "
+            "flip, lose, double and drop; the probability per second of stall, block, saturate, "
+            "unplug, restart, refuse and jam; and jitter_ms, drift_ppm and uptime_s of the "
+            "board's clock.  [default: no faults]",
         ),
     ] = "",
-    seed: Annotated[int, typer.Option(min=0, help="Of noise and faults.")] = 1,
+    seed: Annotated[int, seed_option()] = 1,
     firmware: Annotated[
         Path | None,
-        typer.Option(help="A library of `facets export-c`: the board solves with it, too."),
-    ] = None,
-    reference: Annotated[
-        bool,
         typer.Option(
-            "--reference",
-            help="At the end, write what a reference instrument says of the mirror's poses to "
-            "FOLDER/reference.csv, for `facets calibrate --reference`.",
+            metavar="FILE",
+            help="Shared library compiled from the code of `facets export-c`, with which the board "
+            "also computes poses.  [default: the board sends readings only]",
         ),
-    ] = False,
+    ] = None,
+    with_reference: WithReference = False,
 ) -> None:
-    """Run a virtual bench: moving mirror, detectors, and a stage that carries the beam.
+    """Run a virtual bench: a moving mirror, detectors, and a stage that moves the beam.
 
-    Its ports are named FOLDER/board and FOLDER/stage. At the end it prints what it did, and writes
-    the same numbers to FOLDER/counts.json. With --truth it also writes where the mirror and the
-    beam truly were. Ctrl-C ends it, as do SIGTERM and the end of the terminal.
+    `facets acquire` connects to its ports FOLDER/board and FOLDER/stage. At the end the command
+    prints the numbers of samples and faults and writes them to FOLDER/counts.json, and with
+    --with-reference FOLDER/reference.csv. Ctrl-C, SIGTERM and closing the terminal end it.
     """
     import sys
     from contextlib import suppress
@@ -84,7 +80,9 @@ def emulate(
     settings = load(config)
     code = library_of(firmware, settings) if firmware else None
     warm_up(settings)  # before there are ports: who opens them waits for answers
-    bench = Bench(settings, motion, rate, Faults.of(faults), seed, folder, code, reference, truth)
+    bench = Bench(
+        settings, motion, rate, Faults.of(faults), seed, folder, code, with_reference, truth
+    )
     typer.echo(
         f"board: {bench.board.port.link}   stage: {bench.stage.link} ({settings.stage.driver})"
     )

@@ -14,13 +14,20 @@ from facets.core.errors import InputError
 from . import completion
 from .console import FINDING, leave_out_picture, load_config, name_files, with_progress
 from .options import (
+    Certify,
     ConfigName,
+    Force,
     Look,
     Plot,
     PlotKind,
     Style,
+    Table,
+    TableKind,
     folder_option,
     output_folder,
+    output_option,
+    report_option,
+    seed_option,
 )
 
 if TYPE_CHECKING:
@@ -29,18 +36,9 @@ if TYPE_CHECKING:
     from facets.core.units import Booleans, Floats
     from facets.design.exploration import Share, Space
 
-TABLE = "Kind of the table of all designs; parts: none beside the Parquet data set in parts/."
 #: Designs that the indices of sensitivity are made from, at most.
 PILOT = 10_000
 GOALS = ("head_mm", "u_roll_urad", "range_roll_mrad")
-
-
-class Designs(StrEnum):
-    """How all designs are written: as one table, or only as the data set of parts."""
-
-    parquet = "parquet"
-    csv = "csv"
-    parts = "parts"
 
 
 class Draw(StrEnum):
@@ -52,89 +50,111 @@ class Draw(StrEnum):
 Objectives = Annotated[
     list[str] | None,
     typer.Option(
-        help=f"May be given again.  [default: {', '.join(GOALS)}]",
+        metavar="MEASURE",
+        help="Quantity to optimise, such as head_mm, u_tx_um or range_tx_mm; can be repeated.  "
+        f"[default: {', '.join(GOALS)}]",
         autocompletion=completion.words(completion.measures),
     ),
 ]
 Every = Annotated[
-    bool, typer.Option("--every", help="Look also at designs that cannot be on the front.")
+    bool,
+    typer.Option(
+        "--every",
+        help="Compute the ranges also of designs that cannot be on the Pareto front.",
+    ),
 ]
 Required = Annotated[
-    bool, typer.Option("--required", help="Only what keeps all that `optimize` asks for.")
+    bool,
+    typer.Option(
+        "--required", help="Use only designs that meet all requirements of the block `optimize`."
+    ),
 ]
 Scheduler = Annotated[
-    str | None, typer.Option(help="Address of a Dask cluster, else all cores here.")
-]
-Certify = Annotated[
-    int,
+    str | None,
     typer.Option(
-        min=0,
-        help="Pieces that a proof may look at, that readings determine states, of each design on "
-        "the front: some seconds each, for the column proof_margin. 0: no proof.",
+        metavar="ADDRESS",
+        help="Address of the scheduler of a Dask cluster.  [default: all cores of this machine]",
     ),
 ]
 Front = Annotated[
     bool,
     typer.Option(
         "--front",
-        help="Follow the front itself, with what one objective costs in the other, instead of "
-        "drawing designs; designs that the folder has already are compared with it.",
+        help="Follow the Pareto front by continuation instead of sampling designs, with the "
+        "exchange rate between the objectives; sampled designs in the folder are compared with it.",
     ),
 ]
 Report = Annotated[
     Path | None,
-    typer.Option(
-        help="A page of the designs, one HTML file: plots that can be brushed, and each design's "
-        "drawing and YAML. Needs the extra `pages`."
+    report_option(
+        "interactive plots, and each design's drawing and YAML; it needs the extra `pages`"
     ),
 ]
 Pick = Annotated[
     int | None,
     typer.Option(
         min=0,
-        help="Write design number N of an earlier run, `design` of front.csv or `point` of "
-        "pareto.csv with --front, as a configuration: -o DESIGN.yaml.",
+        metavar="N",
+        help="Write a configuration (-o) of design N in the folder of an earlier run, instead of "
+        "exploring: column `design` of front.csv, or with --front column `point` of pareto.csv.",
     ),
 ]
-Source = Annotated[
-    Path | None,
-    typer.Option("--from", help="Folder of that run.  [default: results/CONFIG-explore]"),
+Picked = Annotated[
+    Path | None, output_option("configuration of the design of --pick, YAML", "CONFIG-N.yaml")
 ]
-Points = Annotated[int, typer.Option(min=3, max=10_000, help="On the front, about.")]
+Points = Annotated[
+    int,
+    typer.Option(
+        min=3, max=10_000, help="Approximate number of points on the front, with --front."
+    ),
+]
+Number = Annotated[int, typer.Option(min=2, max=10**9, help="Minimum number of designs to sample.")]
+Sampling = Annotated[
+    Draw,
+    typer.Option(
+        help="Method of sampling designs: Sobol' sequence, Latin hypercube, or regular grid."
+    ),
+]
+NoTable = Annotated[
+    bool,
+    typer.Option(
+        "--no-table", help="Write no table of all designs; the data set in parts/ holds them too."
+    ),
+]
 Part = Annotated[
     str | None,
     typer.Option(
         "--share",
         metavar="K/N",
-        help="Compute only the K-th of N shares of the parts, 1 to N, for job arrays: N processes "
-        "with the same folder and the other options alike compute all of them.",
+        help="Compute only share K (1 to N) of N of the designs, for job arrays: N processes with "
+        "the same folder and the same other options compute all of them.",
     ),
 ]
 Gather = Annotated[
     bool,
     typer.Option(
         "--gather",
-        help="Compute no designs; write the results from the parts that all shares have left in "
-        "the folder.",
+        help="Write the results from the designs that all shares have computed in the folder, "
+        "without computing any.",
     ),
 ]
-Anew = Annotated[bool, typer.Option("--force", help="Begin anew in an old folder.")]
 
 
 def explore(
     config: ConfigName,
-    output: Annotated[Path | None, folder_option("results/CONFIG-explore")] = None,
-    designs: Annotated[int, typer.Option(min=2, max=10**9, help="How many, at least.")] = 1000,
-    sampling: Annotated[Draw, typer.Option(help="How they are drawn.")] = Draw.sobol,
-    seed: Annotated[int, typer.Option(min=0, help="Of the draw.")] = 1,
+    folder: Annotated[Path | None, folder_option("results/CONFIG-explore")] = None,
+    designs: Number = 1000,
+    sampling: Sampling = Draw.sobol,
+    seed: Annotated[int, seed_option()] = 1,
     objective: Objectives = None,
     every: Every = False,
     required: Required = False,
     scheduler: Scheduler = None,
     share: Part = None,
     gather: Gather = False,
-    force: Anew = False,
-    table: Annotated[Designs, typer.Option(help=TABLE)] = Designs.parquet,
+    force: Force = False,
+    table: Table = TableKind.parquet,
+    no_table: NoTable = False,
     plot: Plot = PlotKind.png,
     look: Style = Look.screen,
     certify: Certify = 0,
@@ -142,13 +162,15 @@ def explore(
     points: Points = 100,
     report: Report = None,
     pick: Pick = None,
-    source: Source = None,
+    output: Picked = None,
 ) -> None:
-    """Explore a design space: ranges and resolutions of many layouts, and the best of them.
+    """Sample the designs of a design space and find its Pareto front.
 
-    Varies what the config's `optimize.variables` names. Results are written part by part: the same
-    command goes on where a run was cut off. A design that cannot be on the front any more is not
-    asked for its ranges, which take most of the time. Exit status 1 where no design has them all.
+    Varies the parameters in `optimize.variables`, and computes the ranges and uncertainties of each
+    design and which designs no other one beats in all objectives. The results are written part by
+    part: the same command continues an interrupted run, and --force starts again. Ranges, which
+    take most of the time, are not computed of designs that cannot be on the front. Exit status 1 if
+    no design has all objectives.
     """
     from facets.design import exploration, gallery
     from facets.files import provenance, tables
@@ -168,39 +190,41 @@ def explore(
         ),
     )  # fmt: skip
     if pick is not None:
-        write_pick(settings, space, source, front, pick, output, force)
+        write_pick(settings, space, folder, front, pick, output, force)
         return
-    folder = output_folder(output, settings.name, "explore")
+    if output is not None:
+        raise InputError(f"-o {output}: -o is the file that --pick writes; the folder is --folder")
+    place = output_folder(folder, settings.name, "explore")
     require_page(report, force)
-    whole = "parts" if table == Designs.parts else f"designs.{table.value}"
-    files = [folder / n for n in (whole, "front.csv", f"front.{plot.value}")]
+    whole = "parts" if no_table else f"designs.{table.value}"
+    files = [place / n for n in (whole, "front.csv", f"front.{plot.value}")]
     about = provenance.about(settings, seed)
-    require_same(settings, folder, force)
+    require_same(settings, place, force)
     if front:
         with tables.ResultSet():
-            followed, files = follow_front(space, folder, points, about, plot)
+            followed, files = follow_front(space, place, points, about, plot)
             if report:
-                write_page(settings, space, followed, older_designs(space, folder), report)
-        name_results(folder, files, report)
+                write_page(settings, space, followed, older_designs(space, place), report)
+        name_results(place, files, report)
         return
     if scheduler:
         typer.echo(exploration.cluster_words(scheduler))
-    begin(space, folder, files, about, force)
+    begin(space, place, files, about, force)
     start = time.perf_counter()
     if gather:
-        exploration.require_whole(space, folder)
+        exploration.require_whole(space, place)
     else:
-        with_progress(lambda tell: exploration.explore(space, folder, about, scheduler, tell, part))
+        with_progress(lambda tell: exploration.explore(space, place, about, scheduler, tell, part))
     if part:
         count = len(exploration.parts_of(space, part))
-        typer.echo(f"{folder}/parts/: the {count} parts of share {part} are there")
+        typer.echo(f"{place}/parts/: the {count} parts of share {part} are there")
         return
     with tables.ResultSet():
-        best = write(space, folder, files, about, time.perf_counter() - start, certify)
+        best = write(space, place, files, about, time.perf_counter() - start, certify)
         if report and best.any():
-            drawn = exploration.collect(folder)
+            drawn = exploration.collect(place)
             write_page(settings, space, gallery.best_of(drawn, goals, best), drawn, report)
-    name_results(folder, files, report)
+    name_results(place, files, report)
     if not best.any():
         raise typer.Exit(FINDING)
 
@@ -238,7 +262,7 @@ def require_same(settings: Config, folder: Path, force: bool) -> None:
     from facets.files import provenance, tables
 
     tabled = [folder / name for name in ("front.csv", "pareto.csv")]
-    remedy = "--force begins anew, -o names another folder"
+    remedy = "--force begins anew, --folder names another one"
     for file in [*parts_in(folder)[:1], *(file for file in tabled if file.exists())]:
         try:
             provenance.require_origin(file, tables.read_head(file), settings, remedy)
@@ -454,7 +478,7 @@ def chosen_design(settings: Config, space: Space, file: Path, front: bool, numbe
 
     if not file.is_file():
         raise InputError(f"{file}: no such file; run `facets explore` first, or name its folder "
-                         "by --from")  # fmt: skip
+                         "by --folder")  # fmt: skip
     require_origin(file, read_head(file), settings, "name the configuration that it was made from, "
                    f"or explore {settings.name} first")  # fmt: skip
     key, names = "point" if front else "design", space.names

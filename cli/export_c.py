@@ -9,22 +9,20 @@ from typing import Annotated
 import typer
 
 from .console import load_config
-from .options import ConfigName, Force
+from .options import ConfigName, Force, folder_option, output_folder
 
 
 def export_c(
     config: ConfigName,
-    output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="Folder for the C.  [default: results/CONFIG-c]"),
-    ] = None,
+    folder: Annotated[Path | None, folder_option("results/CONFIG-c")] = None,
     force: Force = False,
 ) -> None:
-    """Write a sensor's readings and solver as C99, with tests, for a board or another program.
+    """Write the model and the solver of a sensor as C99 code with tests.
 
-    The calibration that the configuration holds is in it, its uncertainty is not. In the folder,
-    `make test` compiles it and checks it against poses that facets has solved. Exit status 2 for a
-    sensor whose readings the C would not give, with the reason.
+    The code computes readings and solves them for poses on a microcontroller board or in another
+    program. It contains the calibrated parameters but not their uncertainty. `make test` in the
+    folder compiles the code and compares its poses with those of facets. Exit status 2 if the
+    sensor has effects that the C code cannot compute.
     """
     from facets.core.errors import InputError
     from facets.files.provenance import command_line
@@ -32,19 +30,17 @@ def export_c(
     from facets.firmware.export import export
     from facets.firmware.source import Provenance
 
-    from .options import output_folder
-
     settings = load_config(config)
-    folder = output_folder(output, settings.name, "c")
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder} is a file; name a folder with -o")
+    place = output_folder(folder, settings.name, "c")
+    if place.exists() and not place.is_dir():
+        raise InputError(f"{place} is a file; name another one with --folder")
     about = Provenance(settings.name, settings.sha256, command_line())
     files = export(settings.sensor, about)
-    refuse_to_overwrite([folder / path for path in files], force)
+    refuse_to_overwrite([place / path for path in files], force)
     with ResultSet():
         for path, text in files.items():
-            with Whole(folder / path) as temporary:
+            with Whole(place / path) as temporary:
                 temporary.write_text(text, "utf-8")
     shown = ", ".join(str(path) for path in files if path.parent == Path())
-    typer.echo(f"{folder}/: {shown}, and what is in teensy41/ and callers/")
-    typer.echo(f"next: make -C {shlex.quote(str(folder))} test")
+    typer.echo(f"{place}/: {shown}, and what is in teensy41/ and callers/")
+    typer.echo(f"next: make -C {shlex.quote(str(place))} test")

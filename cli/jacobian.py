@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +14,7 @@ import typer
 from .certificates import reach_file
 from .console import FINDING, leave_out_picture, load_config, name_files
 from .options import (
+    Certify,
     ConfigName,
     Force,
     Look,
@@ -24,6 +24,7 @@ from .options import (
     TableKind,
     folder_option,
     output_folder,
+    seed_option,
 )
 
 if TYPE_CHECKING:
@@ -34,29 +35,64 @@ if TYPE_CHECKING:
     from facets.core.units import Floats
 
 
-BOX = (
-    "Where, as tx_mm=5,yaw_mrad=-10:20,offset_x_mm=0.1; axes left out stay at zero.  "
-    "[default: the ranges of the axes by the config's `range`]"
-)
-
-
-Search = Annotated[
-    bool, typer.Option("--search/--no-search", help="Look for the worst state, besides.")
+States = Annotated[int, typer.Option(min=1, help="Number of states to sample.")]
+Uniform = Annotated[
+    bool,
+    typer.Option(
+        "--uniform",
+        help="Sample independent uniform random states. By default the states are a Sobol' "
+        "sequence, which fills the box evenly.",
+    ),
 ]
-
-
-TOLERANCES = (
-    "Prove it for every sensor within so many standard uncertainties of its calibration, or of "
-    "`calibrate.before`."
-)
-
-
-REACH = "And for how much larger a box; where it is not proved, how much smaller."
-
-
-class Sampling(StrEnum):
-    sobol = "sobol"
-    uniform = "uniform"
+Box = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME=HALF|LOW:HIGH,...",
+        help="Box of states, such as tx_mm=5,yaw_mrad=-10:20,offset_x_mm=0.1 (mm and mrad); axes "
+        "left out stay at zero.  [default: the range of each axis, by the block `range`]",
+    ),
+]
+LeftOut = Annotated[
+    str,
+    typer.Option(
+        metavar="READING",
+        help="Reading to leave out of the determinant of Eq. (11), which takes eight of the nine.",
+    ),
+]
+SearchWorst = Annotated[
+    bool,
+    typer.Option(
+        "--search-worst/--no-search-worst",
+        help="Also search for the state with the smallest singular value.",
+    ),
+]
+Reach = Annotated[
+    bool,
+    typer.Option(
+        "--reach",
+        help="Also find the largest scaling of the box for which the proof succeeds.",
+    ),
+]
+Deviations = Annotated[
+    float | None,
+    typer.Option(
+        min=0,
+        help="Prove it for every sensor whose parameters lie within this many standard "
+        "uncertainties of the calibrated values, or of the nominal values by `calibrate.before`.  "
+        "[default: the sensor exactly as configured]",
+    ),
+]
+Limit = Annotated[float, typer.Option(min=1, help="Stop the proof after this many seconds.")]
+Threads = Annotated[
+    int, typer.Option(min=0, help="Number of processor cores to use; 0 uses all cores.")
+]
+StateTable = Annotated[
+    TableKind | None,
+    typer.Option(
+        "--state-table",
+        help="Also write all sampled states as a table in this format.  [default: no table]",
+    ),
+]
 
 
 @dataclass(frozen=True)
@@ -98,49 +134,48 @@ class Asked:
 
 def jacobian(
     config: ConfigName,
-    output: Annotated[Path | None, folder_option("results/CONFIG-jacobian")] = None,
+    folder: Annotated[Path | None, folder_option("results/CONFIG-jacobian")] = None,
     force: Force = False,
-    states: Annotated[int, typer.Option(min=1, help="How many to draw.")] = 200_000,
-    sampling: Annotated[Sampling, typer.Option(help="How they are drawn.")] = Sampling.sobol,
-    seed: Annotated[int, typer.Option(min=0, help="Of the draw and of the search.")] = 1,
-    box: Annotated[str | None, typer.Option(help=BOX)] = None,
-    left_out: Annotated[str, typer.Option(help="The reading the determinant lacks.")] = "power_c",
-    search: Search = True,
-    certify: Annotated[bool, typer.Option("--certify", help="Prove it for the whole box.")] = False,
-    reach: Annotated[
-        bool, typer.Option("--reach", help="And for how much larger a box; or smaller.")
-    ] = False,
-    tolerances: Annotated[float | None, typer.Option(min=0, help=TOLERANCES)] = None,
-    limit: Annotated[float, typer.Option(min=1, help="Seconds for a proof.")] = 300.0,
-    threads: Annotated[int, typer.Option(min=0, help="0: all cores.")] = 1,
-    table: Annotated[TableKind | None, typer.Option(help="Also write all states so.")] = None,
+    states: States = 200_000,
+    uniform: Uniform = False,
+    seed: Annotated[int, seed_option()] = 1,
+    box: Box = None,
+    left_out: LeftOut = "power_c",
+    search_worst: SearchWorst = True,
+    certify: Certify = 0,
+    reach: Reach = False,
+    tolerances: Deviations = None,
+    limit: Limit = 300.0,
+    threads: Threads = 1,
+    state_table: StateTable = None,
     plot: Plot = PlotKind.png,
     look: Style = Look.screen,
 ) -> None:
-    """Tell whether readings determine states, over a box of states.
+    """Check whether the readings determine the pose, over a box of states.
 
-    Draws states and looks at the sign of the determinant of Eq. (11), as Fig. 4 of the paper, and
-    at the smallest singular value, which has a meaning. With --certify, proves by intervals that no
-    state of a box is singular and that no two have the same readings, and writes a certificate;
-    exit status 1 where that is not proved. Without --box that box holds the whole range by the
-    config's rules, where that can be proved.
+    Samples states and evaluates the determinant of the Jacobian without one reading (Eq. (11) and
+    Fig. 4 of the paper) and its smallest singular value, in standard deviations of readings per
+    µm or µrad. With --certify, proves with interval arithmetic that no state of the box is singular
+    and that no two states have the same readings, and writes a certificate; exit status 1 if this
+    is not proved. Without --box the box holds the whole range, if that can be proved.
     """
     from facets.files import tables
 
     settings = load_config(config)
-    folder = output_folder(output, settings.name, "jacobian")
+    place = output_folder(folder, settings.name, "jacobian")
+    sampling = "uniform" if uniform else "sobol"
     asked = Asked(
-        settings, *where(settings, box), states, sampling.value, seed, left_out, threads, folder,
-        folder / f"jacobian.{plot.value}", folder / f"states.{table.value}" if table else None,
-        time.perf_counter(),
+        settings, *where(settings, box), states, sampling, seed, left_out, threads, place,
+        place / f"jacobian.{plot.value}",
+        place / f"states.{state_table.value}" if state_table else None, time.perf_counter(),
     )  # fmt: skip
     with tables.ResultSet():
-        found, worst, pair = survey_box(asked, asked.files(certify, reach), force, search)
+        found, worst, pair = survey_box(asked, asked.files(certify > 0, reach), force, search_worst)
         results = write(asked, found, pair)
         if certify:
-            results |= certify_and_report(asked, limit, reach, tolerances, worst)
-        write_record(asked, results, asked.files(certify, reach))
-    name_files(folder, [file for file in asked.files(certify, reach) if file.exists()])
+            results |= certify_and_report(asked, certify, limit, reach, tolerances, worst)
+        write_record(asked, results, asked.files(certify > 0, reach))
+    name_files(place, [file for file in asked.files(certify > 0, reach) if file.exists()])
     if certify and not results["unique"]:
         raise typer.Exit(FINDING)
 
@@ -340,7 +375,12 @@ def show_pair(pair: AmbiguousPair | None) -> None:
 
 
 def certify_and_report(
-    asked: Asked, limit: float, reach: bool, tolerances: float | None, worst: Worst | None
+    asked: Asked,
+    work: int,
+    limit: float,
+    reach: bool,
+    tolerances: float | None,
+    worst: Worst | None,
 ) -> dict[str, Any]:
     """Proves and writes the certificate; what the record says of it."""
     from facets.files import provenance
@@ -350,4 +390,4 @@ def certify_and_report(
     weakest = None if worst is None else worst.state
     claim = claim_for(asked.settings, asked.domain, asked.least_share, tolerances, weakest)
     about = provenance.about(asked.settings, asked.seed)
-    return prove(claim, limit, reach, asked.certificate, about)
+    return prove(claim, work, limit, reach, asked.certificate, about)

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from . import completion
 from .console import FINDING, with_progress
-from .options import Look, Style
+from .options import ConfigOption, Force, Look, RecordingName, Style, folder_option, write_option
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -20,36 +19,22 @@ if TYPE_CHECKING:
 
 
 def noise(
-    recording: Annotated[Path, typer.Argument(help="Folder of a recording of a mirror at rest.")],
-    config: Annotated[
-        str | None,
-        typer.Option(
-            help="Configuration to solve the recording with.  [default: the recording's own]",
-            autocompletion=completion.configurations,
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder for noise.html and noise.csv.")
-    ] = None,
-    write: Annotated[
-        Path | None,
-        typer.Option(
-            "--write",
-            help="YAML file for a configuration with the noise found. Nothing is written where the "
-            "noise cannot be taken from the recording.",
-        ),
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace older files.")] = False,
+    recording: RecordingName,
+    config: ConfigOption = None,
+    folder: Annotated[Path | None, folder_option("none are written")] = None,
+    write: Annotated[Path | None, write_option("the noise of this bench")] = None,
+    force: Force = False,
     look: Style = Look.screen,
 ) -> None:
-    """Find the noise of a bench in a recording of a mirror at rest.
+    """Estimate the noise of a bench from a recording of a mirror at rest.
 
-    White and flicker noise, mains and other lines, drift and spikes of every reading and of the
-    poses, each with its 95 % interval, beside what the configuration states. --write makes a
-    configuration whose noise is what was found, so that uncertainties say what this bench has.
+    Estimates white and flicker noise, mains and other lines, drift and spikes of every reading and
+    every pose coordinate, each with its 95 % interval, and compares them with the noise in the
+    configuration. --folder writes the report noise.html and the table noise.csv. --write writes the
+    configuration with the estimated noise, so that stated uncertainties are those of this bench.
 
-    A recording whose mirror moved or drifted, or whose detectors were saturated or dark, is not one
-    of noise: the command says what was found and exits with 1, and --write writes nothing.
+    If the mirror moved or drifted, or if detectors were saturated or dark, the recording does not
+    show the noise: the command says why, writes nothing and ends with exit status 1.
     """
     from facets import load
     from facets.characterization.noise_report import noise_block, report_of, table_of
@@ -65,7 +50,7 @@ def noise(
     if write and write.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{write}: a configuration's name ends in .yaml or .yml")
     settings = load(config) if config else recorded_config(recording)
-    files = [output / "noise.html", output / "noise.csv"] if output else []
+    files = [folder / "noise.html", folder / "noise.csv"] if folder else []
     tables.refuse_to_overwrite([*files, *([write] if write else [])], force)
     columns = solved(recording, settings, tell_replay)
     faults = reading_faults(columns, settings) if columns else []
@@ -82,7 +67,7 @@ def noise(
         refuse(recording, report.faults, files, write)
     about = provenance.about(settings)
     with tables.ResultSet():
-        if output:
+        if folder:
             from facets.pictures.noise import page
 
             text = page(report, f"Noise of {recording.name}", about)
@@ -93,8 +78,8 @@ def noise(
             block = noise_block(report, settings.resolved)
             with whole.Whole(write) as temporary:
                 temporary.write_text(provenance.configuration(settings, block, about), "utf-8")
-    if output:
-        typer.echo(f"{output}/")
+    if folder:
+        typer.echo(f"{folder}/")
     if report.faults:
         refuse(recording, report.faults, [], None)
     if write:

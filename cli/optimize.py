@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .console import FINDING, load_config, show_table, with_progress
-from .options import ConfigName, Force, Look, Plot, PlotKind, Style
+from .options import (
+    Certify,
+    ConfigName,
+    Force,
+    Look,
+    Plot,
+    PlotKind,
+    Style,
+    heads_option,
+    output_option,
+    report_option,
+)
 
 if TYPE_CHECKING:
     from facets.config import Config
@@ -18,44 +29,35 @@ if TYPE_CHECKING:
     from facets.pictures.design_report import ReportSection
 
 
-HEADS = (
-    "Also the yield: so many heads of the layout are built by simulation, as loose as "
-    "`calibrate.before` says. 0: none."
-)
-SHEETS = "Also the tables, as LaTeX (FILE.tex) or a workbook (FILE.xlsx, extra `sheets`)."
-EXACT = "The layout as it was found, not rounded to what can be made."
-REPORT = "Also a page on the layout, HTML, and its scene as glTF."
-CERTIFY = (
-    "Pieces that a proof may look at, that readings determine states; some seconds. 0: no proof."
-)
+SHEETS = "File for all tables of the result: LaTeX (.tex) or a workbook (.xlsx, extra `sheets`)."
+EXACT = "Write the optimum without rounding its numbers to values that can be manufactured."
+REPORT = "the layout and its drawing, with a 3D scene beside it (FILE.gltf)"
 
 
 def optimize(
     config: ConfigName,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "-o", "--output", help="The layout found, a YAML file.  [default: CONFIG-optimum.yaml]"
-        ),
+        output_option("configuration with the optimal layout, YAML", "CONFIG-optimum.yaml"),
     ] = None,
     force: Force = False,
     plot: Plot = PlotKind.png,
     look: Style = Look.screen,
-    certify: Annotated[int, typer.Option(min=0, help=CERTIFY)] = 400,
+    certify: Certify = 400,
     exact: Annotated[bool, typer.Option("--exact", help=EXACT)] = False,
-    report: Annotated[bool, typer.Option("--report", help=REPORT)] = False,
-    heads: Annotated[int, typer.Option("--yield", min=0, help=HEADS)] = 0,
-    sheets: Annotated[Path | None, typer.Option("--sheets", help=SHEETS)] = None,
+    report: Annotated[Path | None, report_option(REPORT)] = None,
+    heads: Annotated[int, heads_option("0 skips the simulation")] = 0,
+    sheets: Annotated[Path | None, typer.Option("--sheets", metavar="FILE", help=SHEETS)] = None,
 ) -> None:
-    """Find the best layout by the config's block `optimize`.
+    """Find the layout that meets the requirements of the block `optimize` best.
 
-    Varies what may vary, within bounds, from several starts, with each choice of parts from a
-    catalogue; tells what holds the best one back, or which requirements can not be met together,
-    with exit status 1. The result extends the configuration by what has changed, in numbers that
-    can be made, and is a configuration for every command. Beside it a table and a picture compare
-    it with what was, by the range, by the float model and by simulated readings. With
-    `optimize.production.yield_percent` the limits are kept with margins, so that this share of
-    heads keeps them as they are built.
+    Varies the parameters named there within their bounds, from several starting layouts, and with
+    every combination of parts from the catalogue if one is given. Prints which requirements limit
+    the optimum; if no layout meets all of them, prints which exclude each other and ends with exit
+    status 1. Writes a configuration that extends CONFIG by the new values, rounded to values that
+    can be manufactured, and beside it a table and a picture that compare it with CONFIG. With
+    `optimize.production.yield_percent` the layout has margins, so that this share of the
+    manufactured heads meets the requirements.
     """
     from facets.core.errors import InputError
     from facets.design.search import optimize as run
@@ -67,7 +69,7 @@ def optimize(
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{path}: a configuration's name ends in .yaml")
     files = [path.with_suffix(ending) for ending in (".csv", f".{plot.value}")]
-    pages = [path.with_suffix(ending) for ending in (".html", ".gltf")] if report else []
+    pages = pages_of(report) if report else []
     if sheets:
         require_writable(sheets)
         pages.append(sheets)
@@ -96,6 +98,15 @@ def optimize(
         typer.echo(f"{path} is written, but does not load:\n{better}", err=True)
         raise typer.Exit(FINDING)
     typer.echo(", ".join([str(path), *(file.name for file in (*files, *pages))]))
+
+
+def pages_of(report: Path) -> list[Path]:
+    """The files of the report: the page and the scene beside it."""
+    from facets.core.errors import InputError
+
+    if report.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"{report}: a page's name ends in .html")
+    return [report, report.with_suffix(".gltf")]
 
 
 def tell_story(

@@ -47,13 +47,26 @@ class Inside(StrEnum):
 
 Axes = Annotated[
     list[str] | None,
-    typer.Option(help="Pair of axes, as tx,ty; may be given again.  [default: all 15]"),
+    typer.Option(
+        metavar="AXIS,AXIS",
+        help="Pair of axes to trace the range over, such as tx,ty; can be repeated.  "
+        "[default: all 15 pairs]",
+    ),
 ]
 Within = Annotated[
-    Inside | None, typer.Option(help="Map this inside: an axis's uncertainty, or condition.")
+    Inside | None,
+    typer.Option(
+        help="Quantity to draw inside the outlines: the standard uncertainty of this axis, or the "
+        "condition number of the Jacobian.  [default: none]"
+    ),
 ]
 Grid = Annotated[
-    int, typer.Option(min=0, max=3000, help="Check against a grid of so many points a side.")
+    int,
+    typer.Option(
+        min=0,
+        max=3000,
+        help="Number of grid points per side for checking each outline; 0 skips the check.",
+    ),
 ]
 
 
@@ -64,17 +77,18 @@ def range_map(
     at: At = None,
     inside: Within = None,
     grid: Grid = 0,
-    output: Annotated[Path | None, folder_option("results/CONFIG-range")] = None,
+    folder: Annotated[Path | None, folder_option("results/CONFIG-range")] = None,
     force: Force = False,
     table: Table = TableKind.csv,
     plot: Plot = PlotKind.png,
     look: Style = Look.screen,
 ) -> None:
-    """Map measurement ranges and name their limits.
+    """Find the measurement range of each axis and what limits it.
 
-    Prints the range of each axis and the largest box in their proportion, and traces the range over
-    pairs of axes to 0.1 µm and 0.1 µrad. Writes the outlines as a table, and a picture. Ctrl-C
-    leaves the outlines that are done, with exit status 130.
+    Prints the range of each axis and the largest box of poses with the same proportions. Traces the
+    outline of the range over pairs of axes to 0.1 µm and 0.1 µrad. Writes a table of the outlines,
+    a picture and a record of the run into the folder. Ctrl-C stops the tracing; the outlines traced
+    until then are written, with exit status 130.
     """
     from facets.files import tables
 
@@ -83,8 +97,8 @@ def range_map(
     rules = replace(settings.range, tracking=track)
     pairs = [pair_of(text) for text in axes] if axes else list(combinations(POSE_NAMES, 2))
     pose = pose_of(at)
-    folder = output_folder(output, settings.name, "range")
-    files = [folder / n for n in (f"outlines.{table.value}", f"range.{plot.value}", "run.yaml")]
+    place = output_folder(folder, settings.name, "range")
+    files = [place / n for n in (f"outlines.{table.value}", f"range.{plot.value}", "run.yaml")]
     tables.refuse_to_overwrite(files, force)
     report_axes(settings, rules, pose)
     boundaries = trace_all(settings, rules, pairs, pose)
@@ -93,7 +107,7 @@ def range_map(
     with tables.ResultSet():
         write(settings, rules, boundaries, inside, files, start)
     report_calls(boundaries, time.perf_counter() - start)
-    name_files(folder, files)
+    name_files(place, files)
     if len(boundaries) < len(pairs):
         raise typer.Exit(INTERRUPTED)
 

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from . import completion
 from .console import load_config
-from .options import ConfigName, Look, Style
+from .options import At, ConfigName, Force, Look, Style, Track, motion_option, output_option
 from .places import state_of
 
 if TYPE_CHECKING:
@@ -30,37 +29,58 @@ class View(StrEnum):
 
 Output = Annotated[
     Path | None,
-    typer.Option(
-        "-o",
-        "--output",
-        help="png; html, a page to play with; gltf, to be turned; mp4 or gif with --motion or "
-        "--recording; svg or pdf with --spots or --plan.  [default: results/CONFIG-WHAT.png]",
-    ),
-]
-State = Annotated[
-    str | None,
-    typer.Option(
-        help="The state: tx_mm=0.1,yaw_mrad=5; the rest is zero.",
-        autocompletion=completion.assignments(completion.state_names),
+    output_option(
+        "png picture; html page with controls; gltf scene; mp4 or gif film with --motion or "
+        "--recording; svg or pdf drawing with --spots or --plan",
+        "results/CONFIG-VIEW.png",
     ),
 ]
 Views = Annotated[
     View,
     typer.Option(
-        help="both: the rig, and magnified the mirror's point and the detectors' faces; one of "
-        "these; cut open; taken apart; the range of the mirror's place; the trail of a motion."
+        help="What to show: the whole rig (rig), the mirror's point magnified (mirror), the "
+        "detectors' faces (detector), all three (both), the rig cut open (cutaway) or taken apart "
+        "(exploded), the range of the mirror's position (range), or a motion's path (trail)."
     ),
 ]
-Spots = Annotated[bool, typer.Option("--spots", help="The detectors' faces, as Fig. 2.")]
-Track = Annotated[bool, typer.Option("--track", help="The beam follows the mirror, in a range.")]
+Spots = Annotated[
+    bool,
+    typer.Option("--spots", help="Draw the light on the detectors' faces, as Fig. 2 of the paper."),
+]
+Plan = Annotated[
+    bool, typer.Option("--plan", help="Draw the sensor from above, as Fig. 3 of the paper.")
+]
+Motion = Annotated[
+    str | None, motion_option("a film of it is made, or its path drawn with --view trail")
+]
+Recording = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FOLDER",
+        help="Recording to make a film of, or to draw the path of with --view trail.",
+    ),
+]
+Frames = Annotated[int, typer.Option(min=2, help="Number of frames in a film.")]
+FrameRate = Annotated[float, typer.Option(min=1, max=60, help="Frames per second of a film.")]
 Larger = Annotated[
     float | None,
     typer.Option(
         "--exaggerate",
         min=1,
-        help="How many times larger a film's motion is drawn.  [default: as far as all spots stay "
-        "on their detectors]",
+        help="Factor by which a film enlarges the motion.  [default: as large as possible with all "
+        "spots on their detectors]",
     ),
+]
+Width = Annotated[
+    int | None,
+    typer.Option(min=200, max=8000, help="Width in pixels.  [default: 1200, or 720 for a film]"),
+]
+Height = Annotated[
+    int | None,
+    typer.Option(min=200, max=8000, help="Height in pixels.  [default: 900, or 480 for a film]"),
+]
+Show = Annotated[
+    bool, typer.Option("--show", help="Show the scene in a window instead of writing a file.")
 ]
 
 
@@ -75,39 +95,26 @@ class Shape(NamedTuple):
 def render(
     config: ConfigName,
     output: Output = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace an older file.")] = False,
-    at: State = None,
+    force: Force = False,
+    at: At = None,
     view: Views = View.both,
     spots: Spots = False,
-    plan: Annotated[bool, typer.Option("--plan", help="From above, as Fig. 3.")] = False,
-    motion: Annotated[
-        str | None,
-        typer.Option(
-            help="A film of this motion, or its trail with --view trail.",
-            autocompletion=completion.motions,
-        ),
-    ] = None,
-    recording: Annotated[
-        Path | None, typer.Option(help="A film, or the trail, of a recording's poses.")
-    ] = None,
+    plan: Plan = False,
+    motion: Motion = None,
+    recording: Recording = None,
     track: Track = False,
-    frames: Annotated[int, typer.Option(min=2, help="Of a film.")] = 120,
-    rate: Annotated[float, typer.Option(min=1, max=60, help="Of a film, frames per second.")] = 30,
+    frames: Frames = 120,
+    frame_rate: FrameRate = 30,
     exaggerate: Larger = None,
-    width: Annotated[
-        int | None,
-        typer.Option(min=200, max=8000, help="Pixels.  [default: 1200; of a film 720]"),
-    ] = None,
-    height: Annotated[
-        int | None,
-        typer.Option(min=200, max=8000, help="Pixels.  [default: 900; of a film 480]"),
-    ] = None,
+    width: Width = None,
+    height: Height = None,
     style: Style = Look.screen,
-    show: Annotated[bool, typer.Option("--show", help="In a window, to be turned.")] = False,
+    show: Show = False,
 ) -> None:
-    """Render the sensor at a state: the rig, the point of the mirror, and the light in it.
+    """Draw the sensor as a picture, a page, a 3D scene or a film.
 
-    All light is made of the model's own rays. Without a display it renders off-screen.
+    The rays and spots are computed by the model. --at gives the pose of the mirror, and with bx_mm
+    and by_mm the position of the beam. --track applies to --view range. Works without a display.
     """
     from facets.core.errors import InputError
     from facets.files import tables
@@ -131,7 +138,7 @@ def render(
         draw_flat(settings, state, spots, path)
     elif film:
         states = film_states(settings, motion, recording, frames)
-        shoot(settings, states, shape, path, rate, exaggerate)
+        shoot(settings, states, shape, path, frame_rate, exaggerate)
     elif show:
         from facets.pictures import render as pictures
 

@@ -11,53 +11,49 @@ import typer
 from facets.core.names import STATE_COLUMNS as POSE_COLUMNS
 
 from .console import FINDING
-from .options import Web
+from .options import ConfigOption, Force, Publish, RecordingName, Web, filter_option, output_option
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
 
 def replay(
-    recording: Annotated[Path, typer.Argument(help="Folder of a recording.")],
-    config: Annotated[
-        str | None, typer.Option(help="Solve by this one.  [default: the recording's own]")
-    ] = None,
+    recording: RecordingName,
+    config: ConfigOption = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Poses: a CSV, Parquet or MCAP file.")
+        Path | None, output_option("table of poses, CSV or Parquet, or MCAP", "none is written")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace an older file.")] = False,
+    force: Force = False,
     real_time: Annotated[
-        bool, typer.Option("--real-time", help="As slowly as it was recorded.")
+        bool, typer.Option("--real-time", help="Replay at the speed at which it was recorded.")
     ] = False,
     compare: Annotated[
-        bool, typer.Option("--compare", help="With the poses that were recorded.")
+        bool,
+        typer.Option(
+            "--compare",
+            help="Compare the poses with the recorded ones, bit by bit; exit status 1 if they "
+            "differ.",
+        ),
     ] = False,
     smooth: Annotated[
-        bool, typer.Option("--smooth", help="Columns of smoothed poses beside the raw ones.")
-    ] = False,
-    smooth_by: Annotated[
-        str,
-        typer.Option(help="Motion that is nearly of constant: acceleration, speed or place."),
-    ] = "acceleration",
-    filter_by: Annotated[
         str | None,
         typer.Option(
-            "--filter",
-            help="Poses that are filtered as in a live run, in columns or as published: by nearly "
-            "constant acceleration, speed or place.",
+            metavar="MODEL",
+            help="Also write poses smoothed over the whole recording by a motion whose "
+            "acceleration, speed or place (one of these words) is nearly constant.",
         ),
     ] = None,
-    publish: Annotated[
-        list[str] | None,
-        typer.Option(help="Give every sample to other programs, as `facets acquire` does."),
+    filter_by: Annotated[
+        str | None, filter_option("they are written to -o, or sent with --publish")
     ] = None,
+    publish: Publish = None,
     web: Web = None,
 ) -> None:
-    """Run a recording through the parser and the solver again.
+    """Solve a recording again from its bytes.
 
-    Solves every sample, also those that the run skipped since it had fallen behind. By the
-    recording's own configuration and the same version of facets, the poses that the run solved come
-    out the same to the last bit; --compare says whether, and exits with 1 where not.
+    Solves every sample, including those that the run skipped because it was behind. With the
+    recording's own configuration and the same version of facets, the poses equal the recorded ones
+    to the last bit; --compare checks this.
     """
     from facets import load
     from facets.core.extras import require_extra
@@ -71,9 +67,9 @@ def replay(
     meta_of(recording, own=config is None)
     settings = load(config) if config else recorded_config(recording)
     if smooth:
-        check_smoothing(output, smooth_by)
+        check_smoothing(output, smooth)
     if filter_by:
-        check_filter(filter_by, smooth, output, publish)
+        check_filter(filter_by, bool(smooth), output, publish)
     if output:
         if is_mcap(output):
             require_extra("mcap.writer", str(output))
@@ -91,7 +87,7 @@ def replay(
         if output and filter_by:
             write_filtered(output, found, pipeline, filter_by)
         else:
-            save(output, found, pipeline, recording, smooth_by if smooth else "")
+            save(output, found, pipeline, recording, smooth or "")
         if compare:
             compared(recording, found, pipeline, damage, config)
         if page:
@@ -131,7 +127,7 @@ def check_smoothing(output: Path | None, model: str) -> None:
     if output is None or is_mcap(output):
         raise InputError("--smooth needs -o, a table for the smoothed poses")
     if model not in MODELS:
-        raise InputError(f"--smooth-by {model}: is no model; give {', '.join(MODELS)}")
+        raise InputError(f"--smooth {model}: is no model; give {', '.join(MODELS)}")
 
 
 def check_filter(model: str, smooth: bool, output: Path | None, publish: list[str] | None) -> None:
@@ -225,18 +221,16 @@ def published(
 
 
 def recover(
-    recording: Annotated[Path, typer.Argument(help="Folder of a recording.")],
+    recording: RecordingName,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "-o", "--output", help="Poses: CSV or Parquet.  [default: RECORDING/recovered.parquet]"
-        ),
+        output_option("table of poses, CSV or Parquet", "RECORDING/recovered.parquet"),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace an older file.")] = False,
+    force: Force = False,
 ) -> None:
-    """Save what a recording holds, however it ended: solves its bytes into a table of poses.
+    """Solve the bytes of an interrupted or damaged recording into a table of poses.
 
-    Nothing in the recording is changed or deleted.
+    The recording itself is not changed.
     """
     from facets.files import provenance, tables
     from facets.live.pipeline import Pipeline

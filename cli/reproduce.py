@@ -9,7 +9,7 @@ import typer
 
 from . import completion
 from .console import FINDING
-from .options import Force, Look, Style
+from .options import Force, Look, Quick, Style, folder_option
 
 if TYPE_CHECKING:
     from facets.experiments.reproduce import ExperimentResult
@@ -19,22 +19,21 @@ def reproduce(
     names: Annotated[
         list[str] | None,
         typer.Argument(
-            help="Such as fig4, table2; none, or all, for all.",
+            help="Names of figures and tables, such as fig4 or table2.  [default: all]",
             autocompletion=completion.words(completion.experiments),
         ),
     ] = None,
-    output: Annotated[
-        Path, typer.Option("-o", "--output", help="Folder of the report, tables and figures.")
-    ] = Path("results/reproduce"),
-    quick: Annotated[bool, typer.Option("--quick", help="Fewer samples.")] = False,
+    folder: Annotated[Path, folder_option("")] = Path("results/reproduce"),
+    quick: Quick = False,
     force: Force = False,
     look: Style = Look.screen,
 ) -> None:
-    """Reproduce the paper: each figure, table and claim, beside the paper's own numbers.
+    """Reproduce the paper's figures, tables and claims.
 
-    Says of each experiment whether its numbers repeat the stored references, column by column, and
-    how many of the paper's numbers they meet within a tenth. Exits with 1 where a reference is not
-    repeated. Writes tables, figures and one page that holds them all.
+    Prints for each experiment whether its numbers equal the stored references, column by column,
+    and how many of the paper's numbers they agree with to within 10 %. Writes the tables, the
+    figures and the page report.html with all of them into the folder. Exit status 1 if a number
+    differs from its stored reference.
     """
     from facets.experiments.report import write_report
     from facets.experiments.reproduce import chosen
@@ -43,13 +42,13 @@ def reproduce(
     from facets.files import tables
 
     wanted = chosen(names or [])
-    report = output / "report.html"
+    report = folder / "report.html"
     tables.refuse_to_overwrite([report], force)
-    tables.refuse_to_overwrite([output / f"{name}.csv" for name in wanted], force=True)
+    tables.refuse_to_overwrite([folder / f"{name}.csv" for name in wanted], force=True)
     typer.echo(f"{'':11}  {'':4}  {'paper':>9}  {'ours':>9}  {'ratio':>7}")
     results = []
     with tables.ResultSet():
-        for result in run(wanted, quick, output):
+        for result in run(wanted, quick, folder):
             show(result)
             results.append(result)
         write_report(report, results, quick)

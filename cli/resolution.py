@@ -29,16 +29,17 @@ if TYPE_CHECKING:
 def resolution(
     config: ConfigName,
     track: Track = False,
-    output: Annotated[Path | None, folder_option("results/CONFIG-resolution")] = None,
+    folder: Annotated[Path | None, folder_option("results/CONFIG-resolution")] = None,
     force: Force = False,
     plot: Plot = PlotKind.png,
     look: Style = Look.screen,
 ) -> None:
-    """Tell standard uncertainties of the six axes, at rest and at worst.
+    """Compute the standard uncertainty of each axis, at rest and at the worst pose.
 
-    At worst: along each axis's symmetric range, the others at rest, as the paper takes it. For the
-    paper's inversion and for ours with the beam's place free, known within the config's
-    `beam_sigma_um`, and known exactly. Also which source each uncertainty at rest comes from.
+    The worst pose is searched along the symmetric range of each axis, with the other axes at rest.
+    The uncertainties are given for the paper's inversion and for the least-squares solver with the
+    beam's position free, known within `solve.beam_sigma_um`, and known exactly. Writes a table, a
+    picture of the noise budget at rest and a record of the run into the folder.
     """
     from facets.characterization.resolution import estimators, resolve
     from facets.characterization.tables import resolution_columns
@@ -49,8 +50,8 @@ def resolution(
     start = time.perf_counter()
     settings = load_config(config)
     rules = replace(settings.range, tracking=track)
-    folder = output_folder(output, settings.name, "resolution")
-    files = [folder / "resolution.csv", folder / f"budget.{plot.value}", folder / "run.yaml"]
+    place = output_folder(folder, settings.name, "resolution")
+    files = [place / "resolution.csv", place / f"budget.{plot.value}", place / "run.yaml"]
     tables.refuse_to_overwrite(files, force)
     found = resolve(settings.sensor, rules, estimators(settings.solve.beam_sigma))
     show(found)
@@ -61,7 +62,7 @@ def resolution(
         results = {"tracking": track, "estimators": [row.how.name for row in found]}
         seconds = time.perf_counter() - start
         provenance.write_record(record, settings, None, seconds, results, files)
-    name_files(folder, files)
+    name_files(place, files)
 
 
 def show(found: list[Resolution]) -> None:

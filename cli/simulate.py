@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from .completion import motions
 from .console import FINDING, load_config, name_files, show_table
 from .options import (
     ConfigName,
@@ -19,8 +18,12 @@ from .options import (
     Style,
     Table,
     TableKind,
+    Track,
+    WithReference,
     folder_option,
+    motion_option,
     output_folder,
+    seed_option,
 )
 from .options import PlotKind as PlotKind
 
@@ -31,15 +34,15 @@ if TYPE_CHECKING:
 
 Motions = Annotated[
     list[str] | None,
-    typer.Option(help="Run this motion only; may be given again.", autocompletion=motions),
+    motion_option("only this one is simulated; can be repeated", "all motions"),
 ]
-Seed = Annotated[int | None, typer.Option(min=0, help="Of the noise.  [default: the config's]")]
-Noise = Annotated[bool | None, typer.Option("--noise/--no-noise", help="[default: the config's]")]
-Follow = Annotated[
-    bool, typer.Option("--track", help="The config's stage carries the beam after the mirror.")
-]
-Reference = Annotated[
-    bool, typer.Option("--reference", help="Beside the readings, what a reference says.")
+Seed = Annotated[int | None, seed_option("the configuration's")]
+Noise = Annotated[
+    bool | None,
+    typer.Option(
+        "--noise/--no-noise",
+        help="Simulate readings with or without noise.  [default: as each motion says]",
+    ),
 ]
 
 
@@ -60,34 +63,35 @@ class Files:
 
 def simulate(
     config: ConfigName,
-    output: Annotated[Path | None, folder_option("results/CONFIG")] = None,
+    folder: Annotated[Path | None, folder_option("results/CONFIG")] = None,
     force: Force = False,
     motion: Motions = None,
     seed: Seed = None,
     noise: Noise = None,
-    track: Follow = False,
-    reference: Reference = False,
+    track: Track = False,
+    with_reference: WithReference = False,
     table: Table = TableKind.csv,
     plot: Plot = PlotKind.png,
     look: Style = Look.screen,
 ) -> None:
-    """Simulate a config's motions and report the errors.
+    """Simulate the motions of a configuration and report the errors of the poses.
 
-    Moves the mirror, reads the detectors with noise, and solves the readings. Writes readings,
-    poses, a picture and a record of the run. The readings are what `facets solve` takes. Exit
-    status 1 where nothing of a motion could be solved.
+    Simulates the readings along each motion, with noise, and solves them for poses. Writes a table
+    of readings (the input of `facets solve`), a table of poses, a picture and a record of the run
+    into the folder. With --track the stage of the configuration moves the beam. Exit status 1 if no
+    sample of a motion could be solved.
     """
     from facets.files import tables
     from facets.simulation import run as study
 
     start = time.perf_counter()
     settings = load_config(config)
-    files = files_of(output_folder(output, settings.name), table, plot)
+    files = files_of(output_folder(folder, settings.name), table, plot)
     tables.refuse_to_overwrite(files.all, force)
     segments = study.simulate(settings, motion or [], noise, seed, track)
     drawn = settings.seed if seed is None else seed
     with tables.ResultSet():
-        write(settings, segments, files, drawn, reference, start)
+        write(settings, segments, files, drawn, with_reference, start)
     for segment in segments:
         print_segment(segment)
     name_files(files.folder, files.all)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .console import FINDING, load_config
-from .options import ConfigName
+from .options import ConfigName, Force, in_words, output_option
 
 if TYPE_CHECKING:
     from facets.estimation.table import Count
@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 
 #: Errors of a pose that are worth a word, and those without a bound; standard uncertainties.
 MUCH, BOUNDLESS = 10.0, 1e4
+
+
+#: The default of most options.
+CONFIGURED = in_words("the configuration's")
 
 
 class Beam(StrEnum):
@@ -46,27 +50,58 @@ class Start(StrEnum):
 
 def solve(
     config: ConfigName,
-    readings: Annotated[Path, typer.Argument(help="CSV or Parquet: psi_a_mm, zeta_a_mm, ...")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Poses: a CSV or Parquet file.")],
-    force: Annotated[bool, typer.Option("--force", help="Replace an older file.")] = False,
-    beam: Annotated[Beam | None, typer.Option(help="The beam's place.")] = None,
-    power: Annotated[Power | None, typer.Option(help="The laser's power.")] = None,
-    method: Annotated[Method | None, typer.Option(help="paper: Newton on eight readings.")] = None,
-    start: Annotated[Start | None, typer.Option(help="previous: for slow motion.")] = None,
+    readings: Annotated[
+        Path,
+        typer.Argument(
+            help="Table of readings, CSV or Parquet, with the columns psi_a_mm, zeta_a_mm, "
+            "power_a_mw and so on for the detectors b and c."
+        ),
+    ],
+    output: Annotated[Path, output_option("table of poses, CSV or Parquet")],
+    force: Force = False,
+    beam: Annotated[
+        Beam | None,
+        typer.Option(
+            help="What is known about the beam's position: nothing (free), the position (known), "
+            f"or the position with an uncertainty (prior).{CONFIGURED}"
+        ),
+    ] = None,
+    power: Annotated[
+        Power | None,
+        typer.Option(
+            help="What is known about the laser's power: the power (known), the power with an "
+            f"uncertainty (prior), or nothing (unknown).{CONFIGURED}"
+        ),
+    ] = None,
+    method: Annotated[
+        Method | None,
+        typer.Option(
+            help="Method of solving: weighted least squares on all nine readings, or the paper's "
+            f"Newton iteration on eight of them.{CONFIGURED}"
+        ),
+    ] = None,
+    start: Annotated[
+        Start | None,
+        typer.Option(
+            help="Pose at which the solver starts in each row: zero, or the previous row's "
+            f"solution, which suits slow motions.{CONFIGURED}"
+        ),
+    ] = None,
     accept_unchecked: Annotated[
         bool,
         typer.Option(
             "--accept-unchecked",
-            help="Give poses that no number is left to check, as those of two detectors.",
+            help="Also give poses that were solved from as many readings as unknowns, so that no "
+            "reading is left to check them (for example when only two detectors have light).",
         ),
     ] = False,
 ) -> None:
     """Solve a table of readings for poses.
 
-    Each pose has its standard uncertainty and status; a row that cannot be solved has a status and
-    no pose. Options that are left out are the config's. Columns bx_mm, by_mm, where present, say
-    where the beam is, for --beam known or prior; estimates of it, as in a table of poses, are
-    refused there. Exit status 1 where no row could be solved, or most of them badly.
+    Writes one row for each row of READINGS: the pose with its standard uncertainties (mm, mrad; um,
+    urad) and a status. A row that cannot be solved gets a status and no pose. If READINGS has the
+    columns bx_mm and by_mm, they are the beam's measured position for --beam known and prior. Exit
+    status 1 if no row could be solved, or if most of them do not fit.
     """
     from dataclasses import replace
 

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from .console import load_config, name_files, show_table, with_progress
-from .options import ConfigName, Force, TableKind, folder_option, output_folder
+from .options import (
+    ConfigName,
+    Force,
+    Table,
+    TableKind,
+    folder_option,
+    heads_option,
+    output_folder,
+    seed_option,
+)
 
 if TYPE_CHECKING:
     from facets.config import Config
@@ -17,30 +26,35 @@ if TYPE_CHECKING:
     from facets.design.production import Heads
     from facets.design.tolerancing import Sensitivity, Shares
 
-HEADS = "Heads that are built by simulation."
+#: Fewer simulated heads say next to nothing about a yield.
+LEAST_HEADS = 10
 Rows = tuple[list[str], list[list[str]]]
 
 
 def tolerances(
     config: ConfigName,
-    output: Annotated[Path | None, folder_option("results/CONFIG-tolerances")] = None,
-    heads: Annotated[int, typer.Option(min=10, max=10**6, help=HEADS)] = 200,
-    seed: Annotated[int, typer.Option(min=0, help="Of the heads.")] = 1,
+    folder: Annotated[Path | None, folder_option("results/CONFIG-tolerances")] = None,
+    heads: Annotated[int, heads_option(f"{LEAST_HEADS} or more")] = 200,
+    seed: Annotated[int, seed_option()] = 1,
     force: Force = False,
-    table: Annotated[TableKind, typer.Option(help="Kind of the tables.")] = TableKind.csv,
+    table: Table = TableKind.csv,
 ) -> None:
-    """Tell the yield of a design, and which tolerance costs most of it.
+    """Compute the yield of a design and which tolerance reduces it most.
 
-    Heads are as loose as `calibrate.before` says. Each must keep its spots on the detectors, the
-    light and the limits of the block `optimize` over its volume, and besides an accuracy, before
-    and after a calibration. The yield is predicted by an expansion in the tolerances, and counted
-    on heads that are built by simulation, calibrated and solved.
+    The yield is the share of manufactured heads that meet the requirements: spots on the detectors,
+    light, and the limits and accuracies of the block `optimize` over its volume, before and after a
+    calibration. The heads' parameters vary with the standard uncertainties in `calibrate.before`.
+    The yield is predicted by an expansion in the tolerances and counted on simulated heads. Writes
+    a table of the tolerances and a table of the heads into the folder.
     """
+    from facets.core.errors import InputError
     from facets.files import provenance, tables
 
+    if heads < LEAST_HEADS:
+        raise InputError(f"--heads is {heads}; give at least {LEAST_HEADS}")
     settings = load_config(config)
-    folder = output_folder(output, settings.name, "tolerances")
-    files = [folder / f"{name}.{table.value}" for name in ("tolerances", "heads")]
+    place = output_folder(folder, settings.name, "tolerances")
+    files = [place / f"{name}.{table.value}" for name in ("tolerances", "heads")]
     tables.refuse_to_overwrite(files, force)
     found = yields_of(settings, settings.sensor, heads, seed)
     show_yields(settings, found)
@@ -48,7 +62,7 @@ def tolerances(
     with tables.ResultSet():
         tables.write_table(files[0], sensitivity_columns(settings, found), about)
         tables.write_table(files[1], head_columns(found.heads), about)
-    name_files(folder, files)
+    name_files(place, files)
 
 
 class Yields:

@@ -196,7 +196,7 @@ def follow_circle(folder: Path, seconds: float, ordinary: bool) -> dict[str, Any
             time.sleep(0.02)
         run = subprocess.run(
             [*before, *PROGRAM, "acquire", "bench", "--track", "--port", "bench/board",
-             "--stage-port", "bench/stage", "--plain", "--seconds", str(seconds), "-o", "recorded"],
+             "--stage-port", "bench/stage", "--plain", "--seconds", str(seconds), "-d", "recorded"],
             cwd=folder, capture_output=True, text=True, check=False,
         )  # fmt: skip
     finally:

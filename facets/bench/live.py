@@ -48,7 +48,7 @@ def row(name: str, seed: int) -> Row:
     with tempfile.TemporaryDirectory() as folder, virtual_bench(Path(folder), seed):
         command = [
             sys.executable, "-m", "facets", "acquire", "bench", "--port", "bench/board", "--json",
-            "--seconds", str(SECONDS), "-o", "recording", *RUNS[name],
+            "--seconds", str(SECONDS), "-d", "recording", *RUNS[name],
         ]  # fmt: skip
         with subprocess.Popen(
             command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

@@ -30,14 +30,14 @@ STARTS = {
 FIRST_USES = {
     "facets.solve in ideal light": ["-c", f"{SENSOR}; {SOLVE}"],
     "facets.solve in the light of a bench": ["-c", f"{LIT}; {SOLVE}"],
-    "facets simulate paper": ["-m", "facets", "simulate", "paper", "-o", "motions"],
-    "facets resolution paper": ["-m", "facets", "resolution", "paper", "-o", "resolution"],
-    "facets range-map paper": ["-m", "facets", "range-map", "paper", "-o", "range"],
+    "facets simulate paper": ["-m", "facets", "simulate", "paper", "-d", "motions"],
+    "facets resolution paper": ["-m", "facets", "resolution", "paper", "-d", "resolution"],
+    "facets range-map paper": ["-m", "facets", "range-map", "paper", "-d", "range"],
     "facets calibrate rig": [
         "-m", "facets", "calibrate", "rig", f"{CALIBRATION}/readings.csv", "-o", "found.yaml",
     ],
 }  # fmt: skip
-SIMULATION = ["-m", "facets", "simulate", "rig", "--motion", "calibration", "--reference"]
+SIMULATION = ["-m", "facets", "simulate", "rig", "--motion", "calibration", "--with-reference"]
 
 
 def starts(quick: bool, seed: int) -> list[Row]:
@@ -45,7 +45,7 @@ def starts(quick: bool, seed: int) -> list[Row]:
     with tempfile.TemporaryDirectory() as folder:
         rows = [row(name, arguments, Path(folder)) for name, arguments in STARTS.items()]
         if not quick:
-            run([*SIMULATION, "-o", CALIBRATION], Path(folder), {})
+            run([*SIMULATION, "-d", CALIBRATION], Path(folder), {})
             rows += [row(name, arguments, Path(folder)) for name, arguments in FIRST_USES.items()]
     return rows
 
@@ -63,7 +63,7 @@ def row(name: str, arguments: list[str], folder: Path) -> Row:
 
 def run(arguments: list[str], folder: Path, environment: dict[str, str]) -> tuple[float, float]:
     """Seconds of processor time and by the clock of a process of its own, in a folder."""
-    force = ["--force"] if "-o" in arguments else []
+    force = ["--force"] if {"-o", "-d"} & set(arguments) else []
     before, begin = children(), time.perf_counter()
     subprocess.run(
         [sys.executable, *arguments, *force], cwd=folder, env={**os.environ, **environment},

@@ -376,7 +376,7 @@ def prepare(folder: Path, space: Space, about: dict[str, str], force: bool) -> N
         forget(folder)
     if mark.exists() and mark.read_text() != mine:
         raise OutputError(
-            f"{folder}: holds another search; --force begins anew, -o names another folder"
+            f"{folder}: holds another search; --force begins anew, --folder names another one"
         )
 
 

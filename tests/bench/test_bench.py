@@ -15,7 +15,7 @@ from facets.bench.clock import Contender, alternate
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bench")
-    done = command("bench", "--quick", "-o", "out", cwd=folder)
+    done = command("bench", "--quick", "-d", "out", cwd=folder)
     assert done.returncode == 0, done.stderr
     return folder / "out"
 

@@ -391,7 +391,14 @@ def test_too_little_is_an_error():
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("rig")
     made = command(
-        "simulate", "rig", "--motion", "calibration", "--reference", "-o", "rig", cwd=folder
+        "simulate",
+        "rig",
+        "--motion",
+        "calibration",
+        "--with-reference",
+        "--folder",
+        "rig",
+        cwd=folder,
     )
     assert made.returncode == 0, made.stderr
     result = command("calibrate", "paper", "rig/readings.csv", "-o", "mine.yaml", cwd=folder)
@@ -419,7 +426,7 @@ def test_the_command_finds_the_rig(run):
 def test_every_command_takes_the_calibrated_rig(run):
     """Raw readings of another motion: as fine as by the rig itself, with honest uncertainties."""
     folder, _ = run
-    command("simulate", "rig", "--motion", "trial", "-o", "trial", cwd=folder)
+    command("simulate", "rig", "--motion", "trial", "--folder", "trial", cwd=folder)
     arguments = ("mine.yaml", "trial/readings.csv", "-o", "trial.csv", "--beam", "known")
     solved = command("solve", *arguments, cwd=folder)
     assert solved.returncode == 0, solved.stderr
@@ -430,9 +437,9 @@ def test_every_command_takes_the_calibrated_rig(run):
     for name in ("tz_mm", "roll_mrad", "yaw_mrad"):
         off = (found[name] - truth[f"true_{name}"]) / found[f"u_{name}"]
         assert 0.8 < np.sqrt((off**2).mean()) < 1.3
-    again = command("simulate", "mine.yaml", "--motion", "x-steps", "-o", "again", cwd=folder)
+    again = command("simulate", "mine.yaml", "--motion", "x-steps", "--folder", "again", cwd=folder)
     assert again.returncode == 0, again.stderr
-    fine = command("resolution", "mine.yaml", "-o", "fine", cwd=folder)
+    fine = command("resolution", "mine.yaml", "--folder", "fine", cwd=folder)
     assert fine.returncode == 0, fine.stderr
 
 

@@ -35,10 +35,10 @@ def stream(rng):
 @pytest.mark.slow
 def test_known_noise_is_found_and_the_configuration_takes_it(tmp_path):
     (tmp_path / "board.bin").write_bytes(stream(np.random.default_rng(8)))
-    acquired = command("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--plain",
+    acquired = command("acquire", "bench", "--port", "file:board.bin", "--folder", "rec", "--plain",
                        cwd=tmp_path)  # fmt: skip
     assert (tmp_path / "rec").exists(), acquired.stderr
-    result = command("noise", "rec", "-o", "noise", "--write", "noise.yaml", cwd=tmp_path)
+    result = command("noise", "rec", "--folder", "noise", "--write", "noise.yaml", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert f"{COUNT - 3} samples, 16.38 s at 1000 Hz, 3 missing" in result.stdout
     lines = (tmp_path / "noise" / "noise.csv").read_text().splitlines()
@@ -57,7 +57,7 @@ def test_known_noise_is_found_and_the_configuration_takes_it(tmp_path):
     found = facets.standard_deviations(sensor, facets.readings(sensor, np.zeros(8)))
     assert found[0] == pytest.approx(CENTROID, rel=0.1)
     assert found[2] == pytest.approx(POWER, rel=0.1)
-    again = command("noise", "rec", "-o", "noise", cwd=tmp_path)
+    again = command("noise", "rec", "--folder", "noise", cwd=tmp_path)
     assert again.returncode == 2
     assert "--force replaces it" in again.stderr
 
@@ -65,7 +65,9 @@ def test_known_noise_is_found_and_the_configuration_takes_it(tmp_path):
 @pytest.mark.slow
 def test_a_recording_that_says_nothing_is_refused(tmp_path):
     (tmp_path / "board.bin").write_bytes(stream(np.random.default_rng(8))[: 64 * 20])
-    command("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--plain", cwd=tmp_path)
+    command(
+        "acquire", "bench", "--port", "file:board.bin", "--folder", "rec", "--plain", cwd=tmp_path
+    )
     result = command("noise", "rec", cwd=tmp_path)
     assert result.returncode == 2
     assert "too few for their noise" in result.stderr
@@ -87,16 +89,16 @@ def test_a_recording_of_a_moving_mirror_is_refused_and_leaves_nothing(tmp_path):
     (tmp_path / "board.bin").write_bytes(
         pack(Samples(kind, 0 * kind, number, 100 * number, counts))
     )
-    acquired = command("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--plain",
+    acquired = command("acquire", "bench", "--port", "file:board.bin", "--folder", "rec", "--plain",
                        cwd=tmp_path)  # fmt: skip
     assert acquired.returncode == 0, acquired.stderr
-    result = command("noise", "rec", "-o", "new/noise", "--write", "new/n.yaml", cwd=tmp_path)
+    result = command("noise", "rec", "--folder", "new/noise", "--write", "new/n.yaml", cwd=tmp_path)
     assert result.returncode == 1
     assert "All detectors change as when the mirror moves, mostly in yaw" in result.stdout
     assert "Not written: new/noise/, new/n.yaml." in result.stdout
     assert "position_um" not in result.stdout
     assert not (tmp_path / "new").exists()
-    result = command("noise", "rec", "-o", "noise", cwd=tmp_path)
+    result = command("noise", "rec", "--folder", "noise", cwd=tmp_path)
     assert result.returncode == 1
     assert "the noise of the bench cannot be taken from this recording" in result.stdout
     page = (tmp_path / "noise" / "noise.html").read_text()

@@ -27,7 +27,7 @@ from facets.core import extras
         ("pyvista", ["render", "paper", "-o", "x.gltf"]),
         ("imageio", ["render", "paper", "--motion", "multi-axis", "-o", "x.mp4"]),
         ("casadi", ["optimize", "layout", "-o", "x.yaml"]),
-        ("casadi", ["explore", "layout", "--front", "-o", "y"]),
+        ("casadi", ["explore", "layout", "--front", "-d", "y"]),
         ("distributed", ["explore", "layout", "--scheduler", "tcp://127.0.0.1:1"]),
     ],
 )

@@ -33,7 +33,7 @@ DARK = "extends: paper\nsensor: {beam: {power_mw: 1.0e-300}}\nmotions: {x-steps:
 
 def test_a_simulation_of_which_nothing_is_solved_is_a_finding(run, tmp_path):
     (tmp_path / "dark.yaml").write_text(DARK)
-    status, out, _ = run("simulate", "dark.yaml", "--motion", "x-steps", "-o", "out")
+    status, out, _ = run("simulate", "dark.yaml", "--motion", "x-steps", "--folder", "out")
     assert status == 1
     assert "converged" not in out
     assert "nan" not in out
@@ -102,15 +102,6 @@ def test_a_fit_that_noise_can_not_make_is_a_finding(run, tmp_path):
     assert run("solve", "rig", "r.csv", "-o", "q.csv", "--beam", "known")[0] == 0
 
 
-@pytest.mark.slow
-def test_the_older_spelling_of_an_option_is_taken(run):
-    new = run("resolution", "paper", "--track", "-o", "new")
-    old = run("resolution", "paper", "--tracking", "-o", "old")
-    assert new[0] == old[0] == 0
-    assert new[1].replace("new/", "") == old[1].replace("old/", "")
-    assert "--tracking" not in run("resolution", "--help")[1]
-
-
 def test_a_shipped_name_that_is_also_a_file_here_is_told(run, tmp_path):
     (tmp_path / "rig.yaml").write_text("extends: paper\n")
     assert "the shipped configuration is used, not ./rig.yaml" in run("config", "show", "rig")[2]
@@ -118,19 +109,21 @@ def test_a_shipped_name_that_is_also_a_file_here_is_told(run, tmp_path):
 
 
 def test_a_place_without_light_names_key_and_amount(run):
-    status, _, err = run("range-map", "paper", "--axes", "tx,ty", "--at", "tx_mm=3", "-o", "out")
+    status, _, err = run(
+        "range-map", "paper", "--axes", "tx,ty", "--at", "tx_mm=3", "--folder", "out"
+    )
     assert status == 2
     assert "µW, and range.snr 810 asks for 32.4 µW" in err
 
 
 def test_states_without_number_are_estimated_and_refused(run):
-    status, _, err = run("jacobian", "paper", "--states", "100000000000", "-o", "out")
+    status, _, err = run("jacobian", "paper", "--states", "100000000000", "--folder", "out")
     assert status == 2
     assert "allowed: up to 1,073,741,824; these would take about" in err
 
 
 def test_a_box_without_light_is_an_error(run, tmp_path):
-    words = ("jacobian", "paper", "--box", "tx_mm=8000:9000", "--states", "100", "-o", "out")
+    words = ("jacobian", "paper", "--box", "tx_mm=8000:9000", "--states", "100", "--folder", "out")
     status, _, err = run(*words)
     assert status == 2
     assert "gives every detector a reading" in err
@@ -138,7 +131,17 @@ def test_a_box_without_light_is_an_error(run, tmp_path):
 
 
 def test_one_state_makes_no_picture(run, tmp_path):
-    words = ("jacobian", "paper", "--states", "1", "--no-search", "-o", "out", "--box", "tz_mm=1")
+    words = (
+        "jacobian",
+        "paper",
+        "--states",
+        "1",
+        "--no-search-worst",
+        "--folder",
+        "out",
+        "--box",
+        "tz_mm=1",
+    )
     status, out, _ = run(*words)
     assert status == 0
     assert "no picture: it takes two states" in out

@@ -13,8 +13,8 @@ from facets.experiments.check_certificate import check
 def test_samples_searches_and_proves(tmp_path):
     box = "tx_mm=1,ty_mm=1,tz_mm=1,roll_mrad=3,pitch_mrad=3,yaw_mrad=3,offset_x_mm=0.05"
     result = command(
-        "jacobian", "fig4", "--box", box, "--states", "3000", "--certify", "--table", "parquet",
-        "-o", "out", cwd=tmp_path,
+        "jacobian", "fig4", "--box", box, "--states", "3000", "--certify",
+        "--state-table", "parquet", "-d", "out", cwd=tmp_path,
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert "3000 above zero, 0 below" in result.stdout
@@ -29,7 +29,7 @@ def test_samples_searches_and_proves(tmp_path):
         "states.parquet",
     }
     assert json.loads((tmp_path / "out" / "certificate.json").read_text())["unique"]
-    again = command("jacobian", "fig4", "-o", "out", cwd=tmp_path)
+    again = command("jacobian", "fig4", "-d", "out", cwd=tmp_path)
     assert again.returncode == 2
     assert "--force" in again.stderr
 
@@ -37,7 +37,7 @@ def test_samples_searches_and_proves(tmp_path):
 @pytest.mark.slow
 def test_what_is_not_proved_shows_in_the_exit_status(tmp_path):
     result = command(
-        "jacobian", "singular", "--states", "2000", "--certify", "-o", "out", cwd=tmp_path
+        "jacobian", "singular", "--states", "2000", "--certify", "-d", "out", cwd=tmp_path
     )
     assert result.returncode == 1, result.stderr
     assert "both signs" in result.stdout
@@ -51,7 +51,7 @@ def test_every_larger_box_that_is_tried_is_proved_for_every_sensor_within_tolera
     """Where every factor is proved there is nothing between a proof and a failure to be found."""
     result = command(
         "jacobian", "paper", "--box", "tx_mm=0.05,tz_mm=0.05", "--states", "100", "--certify",
-        "--reach", "--tolerances", "1", "--no-search", "-o", "out", cwd=tmp_path,
+        "--reach", "--tolerances", "1", "--no-search-worst", "-d", "out", cwd=tmp_path,
     )  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert "the largest that is tried" in result.stdout

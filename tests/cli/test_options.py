@@ -1,10 +1,16 @@
-"""What no option can mean is refused, of every command: nothing, the same twice, odd numbers."""
+"""Options mean the same in every command, old spellings are answered, odd values are refused."""
 
 from __future__ import annotations
 
+import re
+from collections import defaultdict
+
 import pytest
+import typer
 from commands import command
-from facets.cli.options import why_meaningless
+from facets.cli import COMMANDS, whole_app
+from facets.cli.manual import commands, context_of
+from facets.cli.options import OPTIONAL_VALUES, RENAMED, why_meaningless
 
 BAD = [
     (("range-map", "paper", "--at", ""), "'--at': it is empty"),
@@ -15,11 +21,13 @@ BAD = [
     (("range-map", "paper", "--axes", "tx,ty", "--axes", "tx,ty"), "tx,ty is given twice"),
     (("jacobian", "paper", "--box", "tx_mm=1,tx_mm=2"), "--box has tx_mm twice"),
     (("jacobian", "paper", "--states", "1_000"), "'1_000' is not a plain finite number"),
-    (("simulate", "paper", "-o", ""), "it is empty"),
+    (("simulate", "paper", "-d", ""), "it is empty"),
     (("simulate", "paper", "--motion", "yaw-sweep", "--motion", "yaw-sweep"), "given twice"),
     (("emulate", "bench", "--motion", "circle", "--faults", "flip=1,flip=2"), "flip twice"),
     (("acquire", "bench", "--seconds", "inf"), "'inf' is not a plain finite number"),
     (("calibrate", "rig", "d.csv", "--effect", "strips=on", "--effect", "strips=off"), "twice"),
+    (("explore", "layout", "-o", "out"), "the folder is --folder"),
+    (("optimize", "layout", "--report", "--force"), "a value must stand before the option --force"),
 ]
 
 
@@ -36,4 +44,59 @@ def test_what_can_not_be_meant_is_refused(words, says, tmp_path):
     [(["5"], True), (["-1e-3"], True), (["a_b"], False), (["tx,ty", "ty,tz"], False), ([], False)],
 )
 def test_what_can_be_meant_is_not(texts, is_number):
-    assert why_meaningless(texts, is_number) == ""
+    assert why_meaningless(texts, is_number, {"--force"}) == ""
+
+
+def all_commands():
+    app = typer.main.get_command(whole_app())
+    return commands(app, context_of(app, "facets", None))
+
+
+def meaning(param):
+    """Type and meaning of a parameter; what one command adds follows a colon or in brackets."""
+    common = re.split(r": |  \[", param.help)[0].rstrip(".")
+    kind = param.type_descriptor.annotation
+    element = getattr(kind, "__args__", (kind,))[0]
+    return common, element, tuple(param.opts), tuple(param.secondary_opts), param.metavar
+
+
+def test_an_option_has_one_type_and_one_meaning_in_all_commands():
+    meanings = defaultdict(dict)
+    for context, inner in all_commands():
+        for param in inner.params:
+            for name in (*param.opts, *param.secondary_opts):
+                meanings[name].setdefault(meaning(param), []).append(context.command_path)
+    shared = [name for name, found in meanings.items() if sum(map(len, found.values())) > 1]
+    assert len(shared) > 20
+    assert {name: found for name, found in meanings.items() if len(found) > 1} == {}
+
+
+@pytest.mark.parametrize(("name", "old"), RENAMED, ids=str)
+def test_an_old_spelling_is_answered_with_the_new_one(name, old):
+    inner = next(inner for context, inner in all_commands() if context.info_name == name)
+    options = {option for param in inner.params for option in (*param.opts, *param.secondary_opts)}
+    with pytest.raises(typer.BadParameter) as caught:
+        inner.make_context(name, ["x", f"{old}=1"])
+    assert f"{old} is now {RENAMED[name, old]}" in str(caught.value)
+    new = RENAMED[name, old].split()[0]
+    assert new == "the" or new in options
+    assert old not in options
+
+
+def test_an_old_spelling_ends_with_status_2_and_writes_nothing(tmp_path):
+    result = command("simulate", "paper", "-o", "out", cwd=tmp_path)
+    assert result.returncode == 2
+    assert "-o is now --folder" in result.stderr
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("typed", "value"),
+    [(["--certify", "paper"], 20000), (["--certify", "30", "paper"], 30), (["paper"], 0),
+     (["paper", "--certify=5"], 5), (["paper", "--certify", "--reach"], 20000)],
+)  # fmt: skip
+def test_a_value_may_be_left_out(typed, value):
+    inner = next(inner for context, inner in all_commands() if context.info_name == "jacobian")
+    assert inner.make_context("jacobian", typed).params["certify"] == value
+    assert set(OPTIONAL_VALUES) == {"--certify", "--web"}
+    assert {name for name, _ in RENAMED} <= set(COMMANDS)

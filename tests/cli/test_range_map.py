@@ -8,7 +8,7 @@ from commands import command
 @pytest.mark.slow
 def test_a_range_map(tmp_path):
     done = command(
-        "range-map", "paper", "--axes", "tx,ty", "--grid", "50", "-o", "out", cwd=tmp_path
+        "range-map", "paper", "--axes", "tx,ty", "--grid", "50", "-d", "out", cwd=tmp_path
     )
     assert done.returncode == 0, done.stderr
     assert "too little light" in done.stdout
@@ -21,8 +21,8 @@ def test_a_range_map(tmp_path):
 
 @pytest.mark.slow
 def test_a_map_of_what_is_inside_with_the_beam_following(tmp_path):
-    way = ["--tracking", "--axes", "tx,ty", "--inside", "tz", "--table", "parquet", "--plot", "svg"]
-    done = command("range-map", "paper", *way, "-o", "out", cwd=tmp_path)
+    way = ["--track", "--axes", "tx,ty", "--inside", "tz", "--table", "parquet", "--plot", "svg"]
+    done = command("range-map", "paper", *way, "-d", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert len(pd.read_parquet(tmp_path / "out/outlines.parquet")) > 50
     assert (tmp_path / "out/range.svg").stat().st_size > 10_000
@@ -37,7 +37,7 @@ def test_a_map_of_what_is_inside_with_the_beam_following(tmp_path):
     ],
 )
 def test_wrong_arguments_are_explained(tmp_path, wrong, says):
-    done = command("range-map", "paper", *wrong, "-o", "out", cwd=tmp_path)
+    done = command("range-map", "paper", *wrong, "-d", "out", cwd=tmp_path)
     assert done.returncode == 2
     assert says in done.stderr
     assert "Traceback" not in done.stderr
@@ -46,12 +46,12 @@ def test_wrong_arguments_are_explained(tmp_path, wrong, says):
 
 @pytest.mark.slow
 def test_a_resolution(tmp_path):
-    done = command("resolution", "paper", "-o", "out", cwd=tmp_path)
+    done = command("resolution", "paper", "-d", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     table = pd.read_csv(tmp_path / "out/resolution.csv", comment="#")
     assert len(table) == 4 * 6
     shares = [name for name in table if name.startswith("share_of_")]
     assert table[shares].sum(axis=1).to_numpy() == pytest.approx(1)
-    again = command("resolution", "paper", "-o", "out", cwd=tmp_path)
+    again = command("resolution", "paper", "-d", "out", cwd=tmp_path)
     assert again.returncode == 2
     assert "--force" in again.stderr

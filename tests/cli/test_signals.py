@@ -36,7 +36,7 @@ def running_with(mark):
 def test_explore_leaves_no_workers(tmp_path, number):
     """Also where it is killed: a worker ends when its parent has."""
     mark = f"mark-{uuid.uuid4()}"
-    words = ("explore", "layout", "-o", "found", "--designs", "1000000")
+    words = ("explore", "layout", "-d", "found", "--designs", "1000000")
     with Program(*words, cwd=tmp_path, env={"MARK": mark}) as program:
         program.await_true(lambda: len(running_with(mark)) > 1, "workers")
         status = program.end(number)

@@ -61,7 +61,17 @@ def test_old_results_are_kept(folder):
 
 
 def test_parquet_and_svg_and_no_noise(tmp_path):
-    words = ("simulate", "paper", "--motion", "x-steps", "-o", "r", "--no-noise", "--seed", "7")
+    words = (
+        "simulate",
+        "paper",
+        "--motion",
+        "x-steps",
+        "--folder",
+        "r",
+        "--no-noise",
+        "--seed",
+        "7",
+    )
     done = command(*words, "--table", "parquet", "--plot", "svg", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     table = pd.read_parquet(tmp_path / "r" / "poses.parquet")

@@ -28,7 +28,7 @@ def closed_pipe() -> int:
     return writing
 
 
-WAY = ("simulate", "paper", "--motion", "yaw-sweep", "-o", "out")
+WAY = ("simulate", "paper", "--motion", "yaw-sweep", "-d", "out")
 FILES = ["motion.png", "poses.csv", "readings.csv", "ro-crate-metadata.json", "run.yaml"]
 
 
@@ -65,7 +65,7 @@ def test_ascii_gets_letters_for_the_micro_sign(tmp_path):
 @pytest.mark.parametrize("columns", ["40", "60", "200"])
 @pytest.mark.slow
 def test_numbers_and_names_are_whole_at_any_width(tmp_path, columns):
-    done = command("resolution", "paper", "-o", "r", cwd=tmp_path, env={"COLUMNS": columns})
+    done = command("resolution", "paper", "-d", "r", cwd=tmp_path, env={"COLUMNS": columns})
     assert done.returncode == 0, done.stderr
     assert "…" not in done.stdout
     lines = done.stdout.splitlines()
@@ -79,7 +79,7 @@ def test_numbers_and_names_are_whole_at_any_width(tmp_path, columns):
 @pytest.mark.parametrize(
     ("words", "name"),
     [
-        (("simulate", "paper", "--motion", "yaw-sweep", "-o", "out"), "out"),
+        (("simulate", "paper", "--motion", "yaw-sweep", "-d", "out"), "out"),
         (("render", "paper", "-o", "rig.gltf"), "rig.gltf"),
         (("render", "paper", "-o", "rig.html"), "rig.html"),
         (("render", "paper", "-o", "rig.png"), "rig.png"),

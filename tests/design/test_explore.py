@@ -224,7 +224,7 @@ def test_a_cluster_gives_the_same_though_a_worker_is_killed_and_one_added(tmp_pa
 
 @pytest.mark.slow
 def test_the_command_explores_and_refuses(tmp_path):
-    arguments = ("explore", "layout", "--designs", "128", "-o", "out")
+    arguments = ("explore", "layout", "--designs", "128", "--folder", "out")
     result = command(*arguments, cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "128 designs" in result.stdout
@@ -232,12 +232,12 @@ def test_the_command_explores_and_refuses(tmp_path):
     assert (tmp_path / "out" / "front.png").stat().st_size > 10_000
     again = command(*arguments, cwd=tmp_path)  # nothing is left to do
     assert again.returncode == 0
-    other = command(*arguments[:-2], "--seed", "2", "-o", "out", cwd=tmp_path)
+    other = command(*arguments[:-2], "--seed", "2", "-d", "out", cwd=tmp_path)
     assert other.returncode == 2
     assert "another search" in other.stderr
     for wrong, words in ((("--objective", "cost"), "no measure cost"),
                          (("--scheduler", "tcp://127.0.0.1:1"), "no cluster answers")):  # fmt: skip
-        result = command("explore", "layout", *wrong, "-o", "new", cwd=tmp_path)
+        result = command("explore", "layout", *wrong, "--folder", "new", cwd=tmp_path)
         assert result.returncode == 2
         assert words in result.stderr
 
@@ -285,7 +285,7 @@ def test_what_compiled_loops_do_not_know_is_looked_at_one_by_one():
 
 @pytest.mark.slow
 def test_a_run_killed_outright_goes_on_and_makes_nothing_twice(tmp_path):
-    words = ("explore", "layout", "--designs", "20000", "-o", "out", "--table", "parts")
+    words = ("explore", "layout", "--designs", "20000", "--folder", "out", "--no-table")
     parts = tmp_path / "out" / "parts"
     process = subprocess.Popen([*PROGRAM, *words], cwd=tmp_path, stdout=subprocess.DEVNULL)
     while process.poll() is None and len(study.parts_in(parts.parent)) < 2:
@@ -304,7 +304,7 @@ def test_a_run_killed_outright_goes_on_and_makes_nothing_twice(tmp_path):
 
 def test_an_older_page_is_not_replaced_unasked(tmp_path):
     (tmp_path / "page.html").write_text("mine")
-    result = command("explore", "layout", "--report", "page.html", "-o", "out", cwd=tmp_path)
+    result = command("explore", "layout", "--report", "page.html", "--folder", "out", cwd=tmp_path)
     assert result.returncode == 2
     assert "page.html" in result.stderr
     assert (tmp_path / "page.html").read_text() == "mine"
@@ -319,7 +319,7 @@ def test_nothing_to_vary_is_an_error():
 @pytest.mark.slow
 def test_sixteen_processes_share_a_search_though_one_is_killed(tmp_path):
     """As a job array with a core for each task, by the documentation's script for SLURM."""
-    words = ("explore", "layout", "--designs", "16000", "-o", "out")
+    words = ("explore", "layout", "--designs", "16000", "--folder", "out")
     out = tmp_path / "out"
     lost = [study.part_path(out, first) for first in range(800, 16000, 3200)]
     with contextlib.ExitStack() as running:
@@ -399,7 +399,9 @@ def test_a_part_of_another_search_is_not_mixed_in(tmp_path):
     ],
 )
 def test_a_share_that_means_nothing_is_refused(words, says, tmp_path):
-    result = command("explore", "layout", "--designs", "1000", *words, "-o", "out", cwd=tmp_path)
+    result = command(
+        "explore", "layout", "--designs", "1000", *words, "--folder", "out", cwd=tmp_path
+    )
     assert result.returncode == 2
     assert says in result.stderr
     assert not (tmp_path / "out").exists()

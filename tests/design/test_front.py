@@ -137,13 +137,13 @@ def test_the_command_follows_a_front_and_writes_one_of_its_designs(tmp_path):
         "extends: paper\n"
         "optimize: {variables: {radius_mm: [150, 260], inclination_deg: [40, 50]}}\n"
     )
-    result = command("explore", "mine.yaml", "--front", "--points", "6", *goals, "-o", "out",
+    result = command("explore", "mine.yaml", "--front", "--points", "6", *goals, "-d", "out",
                      cwd=tmp_path)  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert "u_roll_urad per range_roll_mrad" in result.stdout
     assert "as it is: u_roll_urad 4.24" in result.stdout
     assert (tmp_path / "out" / "pareto.png").stat().st_size > 10_000
-    picked = command("explore", "mine.yaml", "--front", "--pick", "2", "--from", "out", *goals,
+    picked = command("explore", "mine.yaml", "--front", "--pick", "2", "--folder", "out", *goals,
                      "-o", "two.yaml", cwd=tmp_path)  # fmt: skip
     assert picked.returncode == 0, picked.stderr
     assert "psd.height_mm" in picked.stdout  # everything that moved is told
@@ -154,7 +154,7 @@ def test_the_command_follows_a_front_and_writes_one_of_its_designs(tmp_path):
     assert (10 * sensor.psds[0].radius) == pytest.approx(round(10 * sensor.psds[0].radius))
     assert sensor.psds[1].height == sensor.psds[0].height != 0
     for wrong, says in ((("--pick", "999"), "has no point 999"), (("--pick", "1"), "--force")):
-        again = command("explore", "mine.yaml", "--front", *wrong, "--from", "out",
+        again = command("explore", "mine.yaml", "--front", *wrong, "--folder", "out",
                         *goals, "-o", "two.yaml" if says == "--force" else "three.yaml",
                         cwd=tmp_path)  # fmt: skip
         assert again.returncode == 2

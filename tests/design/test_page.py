@@ -150,8 +150,8 @@ def test_a_report_tells_the_whole_story(tmp_path):
         "extends: layout\noptimize:\n  starts: 1\n"
         "  variables: {inclination_deg: null, azimuth_b_deg: null, pitch_mrad: null}\n"
     )
-    result = command("optimize", "mine.yaml", "--report", "--certify", "10", "-o", "new.yaml",
-                     cwd=tmp_path)  # fmt: skip
+    result = command("optimize", "mine.yaml", "--report", "new.html", "--certify", "10",
+                     "-o", "new.yaml", cwd=tmp_path)  # fmt: skip
     assert result.returncode == 0, result.stderr
     text = (tmp_path / "new.html").read_text("utf-8")
     for part in ("What was asked for", "What changes", "diameter of the head, mm", "<svg",

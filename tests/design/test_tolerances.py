@@ -222,7 +222,7 @@ def test_a_design_without_margin_is_told_what_to_do(plain, share):
 @pytest.mark.slow
 def test_the_command_tells_yields_and_writes_tables(tmp_path):
     load(tmp_path, TEXT + CALIBRATED)
-    told = command("tolerances", "loose.yaml", "--heads", "10", "-o", "out", cwd=tmp_path)
+    told = command("tolerances", "loose.yaml", "--heads", "10", "-d", "out", cwd=tmp_path)
     assert told.returncode == 0, told.stderr
     assert "and accuracy, calibrated" in told.stdout
     lines = (tmp_path / "out" / "tolerances.csv").read_text().splitlines()
@@ -232,7 +232,7 @@ def test_the_command_tells_yields_and_writes_tables(tmp_path):
     assert rows[0]["calibrated_alone_percent"] == rows[0]["calibrated_halved_percent"]
     heads = (tmp_path / "out" / "heads.csv").read_text().splitlines()
     assert len([line for line in heads if not line.startswith("#")]) == 11
-    again = command("tolerances", "loose.yaml", "--heads", "10", "-o", "out", cwd=tmp_path)
+    again = command("tolerances", "loose.yaml", "--heads", "10", "-d", "out", cwd=tmp_path)
     assert again.returncode == 2
     assert "--force" in again.stderr
 
@@ -241,8 +241,8 @@ def test_the_command_tells_yields_and_writes_tables(tmp_path):
 def test_optimize_keeps_margins_and_reports_the_yield(tmp_path):
     load(tmp_path, TEXT + "  production: {yield_percent: 90}\n")
     told = command(
-        "optimize", "loose.yaml", "-o", "best.yaml", "--report", "--yield", "10", "--certify", "0",
-        cwd=tmp_path,
+        "optimize", "loose.yaml", "-o", "best.yaml", "--report", "best.html", "--heads", "10",
+        "--certify", "0", cwd=tmp_path,
     )  # fmt: skip
     assert told.returncode == 0, told.stderr
     assert "for 90 % of the heads spots, light and limits are kept with" in told.stdout

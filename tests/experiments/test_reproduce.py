@@ -15,7 +15,7 @@ from facets.experiments.paper.experiment import EXPERIMENTS, experiment
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("paper")
-    result = command("reproduce", "--quick", "-o", "out", cwd=folder)
+    result = command("reproduce", "--quick", "-d", "out", cwd=folder)
     return result, folder / "out"
 
 
@@ -100,7 +100,7 @@ def test_what_is_not_there_is_an_error(run, tmp_path):
     result = command("reproduce", "fig5", cwd=tmp_path)
     assert result.returncode == 2
     assert "no experiment fig5; there are: table1, fig4" in result.stderr
-    again = command("reproduce", "table1", "-o", str(folder), cwd=tmp_path)
+    again = command("reproduce", "table1", "-d", str(folder), cwd=tmp_path)
     assert again.returncode == 2
     assert "--force" in again.stderr
 

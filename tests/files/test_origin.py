@@ -49,10 +49,10 @@ def explored(tmp_path):
 @pytest.mark.parametrize(
     "words",
     [
-        ("--pick", "0", "--from", "out", "-o", "mine.yaml"),
-        ("--pick", "0", "--front", "--from", "out", "-o", "mine.yaml"),
-        ("-o", "out"),
-        ("--front", "-o", "out"),
+        ("--pick", "0", "-d", "out", "-o", "mine.yaml"),
+        ("--pick", "0", "--front", "-d", "out", "-o", "mine.yaml"),
+        ("-d", "out"),
+        ("--front", "-d", "out"),
     ],
 )
 @pytest.mark.parametrize("config", ["paper", "other.yaml"])
@@ -66,7 +66,7 @@ def test_designs_of_another_configuration_are_not_taken(explored, words, config)
 
 
 def test_designs_of_the_same_configuration_are_taken(explored):
-    words = ("explore", "layout", "--pick", "1", "--from", "out", "-o", "mine.yaml")
+    words = ("explore", "layout", "--pick", "1", "-d", "out", "-o", "mine.yaml")
     result = command(*words, cwd=explored)
     assert result.returncode == 0, result.stderr
     assert facets.load(explored / "mine.yaml").path.is_file()

@@ -128,7 +128,7 @@ def test_a_file_alone_belongs_to_no_set(tmp_path):
 
 
 def test_a_full_disk_leaves_no_folder_behind(tmp_path):
-    result = command("simulate", "paper", "--motion", "yaw-sweep", "-o", "deep/out", cwd=tmp_path,
+    result = command("simulate", "paper", "--motion", "yaw-sweep", "-d", "deep/out", cwd=tmp_path,
                      limit=20_000)  # fmt: skip
     assert result.returncode == 2
     assert "can not be written" in result.stderr
@@ -138,17 +138,18 @@ def test_a_full_disk_leaves_no_folder_behind(tmp_path):
 OPTIMUM = "extends: layout\noptimize: {starts: 1, variables: {radius_mm: [100, 260]}}\n"
 LOOSE = "extends: layout\ncalibrate: {before: {psd_mm: 0.05}}\n"
 COMMANDS = [
-    ("simulate", "paper", "--motion", "yaw-sweep", "-o", "out"),
-    ("resolution", "paper", "-o", "out"),
-    ("range-map", "paper", "--axes", "tx,ty", "-o", "out"),
-    ("jacobian", "paper", "--states", "1000", "--no-search", "--table", "csv", "-o", "out"),
+    ("simulate", "paper", "--motion", "yaw-sweep", "-d", "out"),
+    ("resolution", "paper", "-d", "out"),
+    ("range-map", "paper", "--axes", "tx,ty", "-d", "out"),
+    ("jacobian", "paper", "--states", "1000", "--no-search-worst", "--state-table", "csv",
+     "-d", "out"),
     ("jacobian", "paper", "--states", "1000", "--box", "tx_mm=0.01", "--certify", "--reach",
-     "-o", "out"),
-    ("tolerances", "layout", "--heads", "10", "-o", "out"),
-    ("optimize", "mine.yaml", "--report", "--sheets", "out/x.tex", "--certify", "0",
+     "-d", "out"),
+    ("tolerances", "layout", "--heads", "10", "-d", "out"),
+    ("optimize", "mine.yaml", "--report", "out/x.html", "--sheets", "out/x.tex", "--certify", "0",
      "-o", "out/x.yaml"),
-    ("export-c", "paper", "-o", "out"),
-    ("reproduce", "table1", "--quick", "-o", "out"),
+    ("export-c", "paper", "-d", "out"),
+    ("reproduce", "table1", "--quick", "-d", "out"),
 ]  # fmt: skip
 
 
@@ -191,7 +192,7 @@ def test_a_search_keeps_its_parts_alone_where_its_results_can_not_be_written(
     folder, monkeypatch, more
 ):
     monkeypatch.setattr(ResultSet, "publish", lambda _: failed())
-    words = ("explore", "mine.yaml", "--designs", "32", "-o", "out", "--report", "out/p.html")
+    words = ("explore", "mine.yaml", "--designs", "32", "-d", "out", "--report", "out/p.html")
     assert run((*words, *more), monkeypatch) == 2
     parts = {"out", "out/parts", "out/parts/0000000000.parquet", "out/search.txt"}
     assert set(tree(folder)) == {"mine.yaml"} | (set() if more else parts)

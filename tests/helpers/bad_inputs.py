@@ -82,7 +82,7 @@ def spoilt_config(rng: Rng, folder: Path) -> Case:
         (folder / "c.yaml").write_text("\n".join(lines), "utf-8")
     word = ["config", str(rng.choice(["check", "show"])), "c.yaml"]
     if rng.random() < 0.2:
-        word = ["simulate", "c.yaml", "--motion", "nowhere", "-o", "out"]
+        word = ["simulate", "c.yaml", "--motion", "nowhere", "-d", "out"]
         certain = True
     return Case(word, certain, f"configuration, way {kind}")
 
@@ -214,9 +214,9 @@ simulate
 simulate nowhere
 simulate paper --motion jump
 simulate paper --seed -1
-simulate paper -o FILE
-simulate paper -o FILE/x
-simulate paper -o LONG
+simulate paper -d FILE
+simulate paper -d FILE/x
+simulate paper -d LONG
 simulate paper --table xls
 simulate paper --plot bmp
 simulate paper extra
@@ -246,11 +246,11 @@ range-map paper --at =
 range-map paper --at tx_mm=3
 range-map paper --at tz_mm=1e300
 range-map paper --grid -1
-range-map paper -o FILE
-range-map paper -o LONG
+range-map paper -d FILE
+range-map paper -d LONG
 range-map paper --inside up
 resolution nowhere
-resolution paper -o FILE
+resolution paper -d FILE
 resolution paper --plot x
 jacobian paper --box tx_mm=1e6
 jacobian paper --box tx_mm=nan
@@ -263,17 +263,17 @@ jacobian paper --left-out phi
 jacobian paper --states 0
 jacobian paper --states 100000000000
 jacobian paper --states 1e3
-jacobian paper -o FILE
+jacobian paper -d FILE
 jacobian paper --limit 0
 jacobian paper --threads -1
 explore paper
 explore layout --designs 1
 explore layout --designs 0
 explore layout --objective cost
-explore layout -o FILE
-explore layout -o LONG
+explore layout -d FILE
+explore layout -d LONG
 explore layout --sampling random
-explore layout --scheduler tcp://127.0.0.1:1 -o out
+explore layout --scheduler tcp://127.0.0.1:1 -d out
 optimize layout -o out.txt
 optimize layout -o FILE/out.yaml
 optimize layout -o LONG.yaml
@@ -304,9 +304,9 @@ recover none
 recover FILE
 recover DIR
 reproduce nothing
-reproduce table1 -o FILE
-reproduce table1 -o LONG
-bench -o FILE
+reproduce table1 -d FILE
+reproduce table1 -d LONG
+bench -d FILE
 bench --seed -1
 config check nowhere
 config check DIR
@@ -318,7 +318,7 @@ config show FILE
 config x
 nothing
 --nothing
-simulate --tracking paper -x
+simulate --track paper -x
 config schema x
 emulate nowhere
 emulate bench --motion jump

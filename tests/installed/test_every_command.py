@@ -43,42 +43,43 @@ FILES = {
 #: Commands by chain; each takes what those before it have written. `&`: runs until the chain ends.
 CHAINS = {
     "motion": """
-        simulate paper --motion multi-axis -o 'a motion' --plot svg --table parquet
+        simulate paper --motion multi-axis -d 'a motion' --plot svg --table parquet
         solve paper 'a motion/readings.parquet' -o 'a motion/poses again.csv' --beam known
-        simulate rig --motion calibration --reference -o 'a rig'
+        simulate rig --motion calibration --with-reference -d 'a rig'
         calibrate paper 'a rig/readings.csv' -o 'a rig/calibrated.yaml'
         solve 'a rig/calibrated.yaml' 'a rig/readings.csv' -o 'a rig/poses by it.csv' --beam known
         """,
     "live": """
         emulate 'my bench.yaml' --motion rest --rate 1000 --folder 'virtual bench' &
-        acquire 'my bench.yaml' --port 'virtual bench/board' --samples 2000 -o 'a run' --plain
+        acquire 'my bench.yaml' --port 'virtual bench/board' --samples 2000 -d 'a run' --plain
         acquire 'my bench.yaml' --port 'virtual bench/board' --stage-port 'virtual bench/stage'
-          --check-stage --write 'my checked bench.yaml' -o 'checked' --plain
+          --check-stage --write 'my checked bench.yaml' -d 'checked' --plain
         acquire 'my checked bench.yaml' --port 'virtual bench/board'
-          --stage-port 'virtual bench/stage' --track --samples 200 -o 'tracked' --plain
+          --stage-port 'virtual bench/stage' --track --samples 200 -d 'tracked' --plain
         replay 'a run' --compare -o 'a run again.mcap'
         recover 'a run'
-        noise 'a run' -o 'the noise' --write 'with noise.yaml'
+        noise 'a run' -d 'the noise' --write 'with noise.yaml'
         """,
     "range": """
-        range-map paper --axes tx,ty -o 'a range'
-        resolution paper -o 'a resolution'
-        tolerances layout --heads 10 -o 'a yield'
+        range-map paper --axes tx,ty -d 'a range'
+        resolution paper -d 'a resolution'
+        tolerances layout --heads 10 -d 'a yield'
         """,
-    "jacobian": "jacobian paper -o 'a jacobian'",
+    "jacobian": "jacobian paper -d 'a jacobian'",
     "optimize": """
-        optimize layout -o 'a layout.yaml' --sheets 'a layout.xlsx' --report --certify 0
+        optimize layout -o 'a layout.yaml' --sheets 'a layout.xlsx'
+          --report 'a layout.html' --certify 0
         render 'a layout.yaml' -o 'the picture of a layout.png'
         """,
-    "explore": "explore layout --designs 4 -o 'a space' --report 'a space.html'",
+    "explore": "explore layout --designs 4 -d 'a space' --report 'a space.html'",
     "render": """
         render paper -o 'a rig.html'
         render paper --spots -o 'the spots.svg'
         render paper --motion multi-axis --frames 3 -o 'a film.mp4'
         """,
-    "firmware": "export-c bench -o 'the firmware'",
-    "bench": "bench --quick -o 'the times'",
-    "reproduce": "reproduce table1 fig4 --quick -o 'the paper'",
+    "firmware": "export-c bench -d 'the firmware'",
+    "bench": "bench --quick -d 'the times'",
+    "reproduce": "reproduce table1 fig4 --quick -d 'the paper'",
     "config": """
         config list
         config check paper bench
@@ -167,7 +168,7 @@ def run_chain(commands: list[str], folder: Path, **env: str) -> None:
 
 def test_the_command_that_export_c_prints_can_be_copied(tmp_path):
     """It is quoted for the shell, and it compiles."""
-    printed = run([PROGRAM, "export-c", "bench", "-o", "the board's C"], tmp_path)
+    printed = run([PROGRAM, "export-c", "bench", "-d", "the board's C"], tmp_path)
     command = printed.splitlines()[-1].removeprefix("next: ")
     assert shlex.split(command) == ["make", "-C", "the board's C", "test"]
 
@@ -179,7 +180,7 @@ def test_a_program_runs_without_a_home(home, tmp_path):
     env.pop("HOME", None)
     if home:
         env["HOME"] = home
-    words = [PROGRAM, "simulate", "paper", "--motion", "multi-axis", "-o", "moved"]
+    words = [PROGRAM, "simulate", "paper", "--motion", "multi-axis", "-d", "moved"]
     done = subprocess.run(
         words, cwd=tmp_path, env=env, capture_output=True, text=True, timeout=GUARD, check=False
     )
@@ -189,7 +190,7 @@ def test_a_program_runs_without_a_home(home, tmp_path):
 
 def test_two_processes_may_compile_first_at_the_same_time(tmp_path):
     env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "the cache")}
-    words = [PROGRAM, "simulate", "paper", "--motion", "multi-axis", "-o"]
+    words = [PROGRAM, "simulate", "paper", "--motion", "multi-axis", "-d"]
     both = [
         subprocess.Popen([*words, name], cwd=tmp_path, env=env, stderr=subprocess.PIPE, text=True)
         for name in ("one", "two")

@@ -182,7 +182,7 @@ def test_acquire_compares(tmp_path, library):
     with Program("emulate", "bench", *words, cwd=tmp_path) as bench:
         bench.await_output("running")
         with Program(
-            "acquire", "bench", "--port", "bench/board", "--samples", "2000", "--compare",
+            "acquire", "bench", "--port", "bench/board", "--samples", "2000", "--compare-board",
             "--max-loss", "1", cwd=tmp_path,
         ) as run:  # fmt: skip
             status = run.end(None)

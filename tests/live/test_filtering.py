@@ -222,7 +222,9 @@ def test_json_has_filtered_poses_where_there_are_any():
 def test_a_replay_filters_as_a_live_run(tmp_path):
     data, true = board(4_000)
     (tmp_path / "board.bin").write_bytes(data)
-    command("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--plain", cwd=tmp_path)
+    command(
+        "acquire", "bench", "--port", "file:board.bin", "--folder", "rec", "--plain", cwd=tmp_path
+    )
     result = command("replay", "rec", "--filter", "acceleration", "-o", "p.parquet", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "follows half of a sudden step after" in result.stdout

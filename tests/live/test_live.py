@@ -147,7 +147,7 @@ def test_tracking_follows_a_circle_within_the_noise(tmp_path, emulator):
     """Until the stage has moved 100 times, however long a busy machine takes for that."""
     (tmp_path / "calm.yaml").write_text(CALM)
     emulator("calm.yaml", "--motion", "circle", "--rate", "1000", "--truth")
-    with Program("acquire", "calm.yaml", "--track", *PORTS, "--plain", "-o", "rec", "--max-loss=1",
+    with Program("acquire", "calm.yaml", "--track", *PORTS, "--plain", "-d", "rec", "--max-loss=1",
                  cwd=tmp_path) as run:  # fmt: skip
         events = tmp_path / "rec" / "events.jsonl"
         run.await_true(lambda: count_lines(events, '"move"') > 100, "100 moves")
@@ -190,7 +190,7 @@ def test_the_stage_never_moves_without_track(tmp_path, emulator):
 @pytest.mark.slow
 def test_an_unplugged_cable_ends_with_a_message_and_an_intact_recording(tmp_path, emulator):
     bench = emulator("bench", "--motion", "wobble", "--rate", "1000")
-    with Program("acquire", "bench", "--port", "bench/board", "--plain", "-o", "rec",
+    with Program("acquire", "bench", "--port", "bench/board", "--plain", "-d", "rec",
                  cwd=tmp_path) as run:  # fmt: skip
         run.await_true(lambda: size_of(tmp_path / "rec" / "bytes.bin") > 20_000, "bytes")
         bench.end()
@@ -210,7 +210,7 @@ def test_an_unplugged_cable_ends_with_a_message_and_an_intact_recording(tmp_path
 @pytest.mark.slow
 def test_reconnect_goes_on(tmp_path, emulator):
     emulator("bench", "--motion", "wobble", "--rate", "500", "--faults", "unplug=1,restart=0.5")
-    with Program("acquire", "bench", "--port", "bench/board", "--plain", "-o", "rec", "--reconnect",
+    with Program("acquire", "bench", "--port", "bench/board", "--plain", "-d", "rec", "--reconnect",
                  "--max-loss", "1", cwd=tmp_path) as run:  # fmt: skip
         events = tmp_path / "rec" / "events.jsonl"
         run.await_true(lambda: count_lines(events, "connected again") > 1, "connected again")
@@ -231,7 +231,7 @@ def test_times_do_not_follow_the_ports_jitter(tmp_path, emulator):
     faults = "jitter_ms=20,drift_ppm=50,uptime_s=4294"
     bench = emulator("bench", "--motion", "wobble", "--rate", "500", "--faults", faults, "--truth")
     assert "bench/truth.bin, 2.31 MB a minute" in bench.stdout
-    result = command("acquire", "bench", "--port", "bench/board", "--plain", "-o", "rec",
+    result = command("acquire", "bench", "--port", "bench/board", "--plain", "-d", "rec",
                      "--samples", "3000", "--max-loss=1", cwd=tmp_path)  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert "the samples' times are known to" in result.stdout
@@ -264,7 +264,7 @@ def test_a_recording_of_a_version_without_timing_is_replayed_by_arrival(tmp_path
 @pytest.mark.slow
 def test_a_board_that_is_not_there_yet_is_waited_for(tmp_path, emulator):
     with Program("acquire", "waits.yaml", "--port", "bench/board", "--samples", "100",
-                 "-o", "rec", cwd=write(tmp_path, "waits.yaml", wait=3600)) as run:  # fmt: skip
+                 "-d", "rec", cwd=write(tmp_path, "waits.yaml", wait=3600)) as run:  # fmt: skip
         run.await_output("Waiting up to 3600 s")
         emulator("bench", "--motion", "wobble", "--rate", "1000")
         assert run.end(None) == 0, run.stderr
@@ -283,7 +283,7 @@ def write(folder, name, **acquire):
 def test_a_signal_stops_the_stage_and_closes_the_recording(tmp_path, emulator, number):
     (tmp_path / "calm.yaml").write_text(CALM)
     bench = emulator("calm.yaml", "--folder", "bench", "--motion", "circle", "--rate", "1000")
-    with Program("acquire", "calm.yaml", "--track", *PORTS, "--plain", "-o", "rec", "--max-loss=1",
+    with Program("acquire", "calm.yaml", "--track", *PORTS, "--plain", "-d", "rec", "--max-loss=1",
                  cwd=tmp_path) as run:  # fmt: skip
         events = tmp_path / "rec" / "events.jsonl"
         run.await_true(lambda: count_lines(events, '"move"') > 20, "20 moves")
@@ -315,8 +315,8 @@ def test_messages_say_what_to_do(tmp_path):
         (("acquire", "bench", *here, "--seconds", "0"), "end before it begins"),
         (("acquire", "bench", *here, "--plain", "--json"), "give one of them"),
         (("acquire", "bench", "--port", "file:none.bin", "--web"), "can not be read"),
-        (("acquire", "bench", *here, "-o", "file"), "is a file"),
-        (("acquire", "bench", *here, "-o", "file/deeper"), "can not be written"),
+        (("acquire", "bench", *here, "-d", "file"), "is a file"),
+        (("acquire", "bench", *here, "-d", "file/deeper"), "can not be written"),
         (("replay", "nothing"), "no such folder"),
         (("recover", "nothing"), "no such folder"),
         (("emulate", "bench", "--motion", "cirkel"), "no motion cirkel; it has: "),
@@ -334,7 +334,7 @@ def test_messages_say_what_to_do(tmp_path):
 @pytest.mark.slow
 def test_a_replay_into_something_that_is_there_is_refused(tmp_path):
     (tmp_path / "board.bin").write_bytes(stream(200))
-    words = ("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--plain")
+    words = ("acquire", "bench", "--port", "file:board.bin", "-d", "rec", "--plain")
     assert command(*words, cwd=tmp_path).returncode == 0
     (tmp_path / "there.csv").write_text("x")
     (tmp_path / "folder.csv").mkdir()
@@ -349,7 +349,7 @@ def test_a_replay_into_something_that_is_there_is_refused(tmp_path):
 def test_losses_are_named_as_the_reason_for_the_exit_status(tmp_path):
     data = stream(200)
     (tmp_path / "board.bin").write_bytes(data[: 100 * SIZE] + data[110 * SIZE :])
-    result = command("acquire", "bench", "--port", "file:board.bin", "--plain", "-o", "rec",
+    result = command("acquire", "bench", "--port", "file:board.bin", "--plain", "-d", "rec",
                      cwd=tmp_path)  # fmt: skip
     assert result.returncode == 1
     assert "exit status 1: 10 samples were lost, 5 % of all" in result.stderr
@@ -360,7 +360,7 @@ def test_losses_are_named_as_the_reason_for_the_exit_status(tmp_path):
 
 def test_a_stream_of_the_wrong_kind_says_so(tmp_path):
     (tmp_path / "noise.bin").write_bytes(os.urandom(100_000))
-    result = command("acquire", "bench", "--port", "file:noise.bin", "--plain", "-o", "rec",
+    result = command("acquire", "bench", "--port", "file:noise.bin", "--plain", "-d", "rec",
                      cwd=tmp_path)  # fmt: skip
     assert result.returncode == 1
     assert "0 samples" in result.stdout
@@ -372,7 +372,7 @@ def test_a_full_disk_is_told_and_the_stream_is_read_to_its_end(tmp_path):
     """By the system's own limit on the size of a file, in a process of its own."""
     (tmp_path / "board.bin").write_bytes(stream(5_000))
     result = subprocess.run(
-        [*PROGRAM, "acquire", "bench", "--port", "file:board.bin", "--plain", "-o", "rec"],
+        [*PROGRAM, "acquire", "bench", "--port", "file:board.bin", "--plain", "-d", "rec"],
         cwd=tmp_path, capture_output=True, text=True, check=False,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000)),
     )  # fmt: skip

@@ -18,7 +18,9 @@ pytestmark = pytest.mark.installed
 def test_every_sample_is_in_the_file_with_its_schema(tmp_path):
     reader = pytest.importorskip("mcap.reader")
     (tmp_path / "board.bin").write_bytes(stream(300))
-    command("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--plain", cwd=tmp_path)
+    command(
+        "acquire", "bench", "--port", "file:board.bin", "--folder", "rec", "--plain", cwd=tmp_path
+    )
     result = command("replay", "rec", "-o", "poses.mcap", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     poses = recorded_poses(tmp_path / "rec")

@@ -262,7 +262,7 @@ def test_an_acquisition_and_a_replay_publish(tmp_path):
     with Udps() as one, Udps() as two:
         addresses = ("--publish", f"udp://127.0.0.1:{one.port}",
                      "--publish", f"udp+binary://127.0.0.1:{two.port}")  # fmt: skip
-        result = command("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--plain",
+        result = command("acquire", "bench", "--port", "file:board.bin", "-d", "rec", "--plain",
                          *addresses, cwd=tmp_path)  # fmt: skip
     assert result.returncode == 0, result.stderr
     assert f"udp://127.0.0.1:{one.port}: 2000 samples published, 0 dropped" in result.stdout
@@ -278,7 +278,7 @@ def test_an_acquisition_and_a_replay_publish(tmp_path):
         assert replay.end(None) == 0
     for name in ("tx_mm", "u_yaw_mrad", "residual", "host_s", "utc_s"):
         np.testing.assert_allclose(again[name], rows[np.argsort(rows["seq"])][name], atol=1e-3)
-    bad = command("acquire", "bench", "--port", "file:board.bin", "-o", "other", "--publish", "x",
+    bad = command("acquire", "bench", "--port", "file:board.bin", "-d", "other", "--publish", "x",
                   cwd=tmp_path)  # fmt: skip
     assert bad.returncode == 2
     assert "--publish x: is no address" in bad.stderr

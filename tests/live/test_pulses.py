@@ -121,7 +121,7 @@ def test_published_and_replayed_times_follow_the_pulses(tmp_path):
 def test_a_replayed_table_has_the_times(tmp_path):
     (tmp_path / "board.bin").write_bytes(marked_stream(300, 10_000))
     (tmp_path / "mine.yaml").write_text("extends: bench\nacquire: {mark: pps}\n")
-    command("acquire", "mine.yaml", "--port", "file:board.bin", "-o", "rec", cwd=tmp_path)
+    command("acquire", "mine.yaml", "--port", "file:board.bin", "-d", "rec", cwd=tmp_path)
     result = command("replay", "rec", "-o", "poses.csv", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "steer the times in UTC" in result.stdout

@@ -196,8 +196,12 @@ def wobble(count):
 def test_a_replay_smooths_beside_the_raw_poses(tmp_path):
     data, true = wobble(1_500)
     (tmp_path / "board.bin").write_bytes(data)
-    command("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--plain", cwd=tmp_path)
-    result = command("replay", "rec", "--smooth", "-o", "poses.parquet", cwd=tmp_path)
+    command(
+        "acquire", "bench", "--port", "file:board.bin", "--folder", "rec", "--plain", cwd=tmp_path
+    )
+    result = command(
+        "replay", "rec", "--smooth", "acceleration", "-o", "poses.parquet", cwd=tmp_path
+    )
     assert result.returncode == 0, result.stderr
     assert "innovations: mean normalised square" in result.stdout
     assert "does not hold" not in result.stdout
@@ -212,6 +216,6 @@ def test_a_replay_smooths_beside_the_raw_poses(tmp_path):
         1 / 0.03 / (2 * np.pi * 5000), rel=0.05
     )
     assert (table["u_smooth_yaw_mrad"] < 0.5 * table["u_yaw_mrad"]).all()
-    bad = command("replay", "rec", "--smooth", cwd=tmp_path)
+    bad = command("replay", "rec", "--smooth", "speed", cwd=tmp_path)
     assert bad.returncode == 2
     assert "--smooth needs -o" in bad.stderr

@@ -40,7 +40,7 @@ def test_a_stop_lasts_until_a_person_says_go_and_a_killed_run_stops_the_stage(tm
     with Program("emulate", "calm.yaml", "--folder", "bench", "--motion", "circle",
                  "--rate", "1000", cwd=tmp_path) as bench:  # fmt: skip
         bench.await_output("running")
-        with Program("acquire", "calm.yaml", "--track", *PORTS, "--plain", "-o", "rec",
+        with Program("acquire", "calm.yaml", "--track", *PORTS, "--plain", "-d", "rec",
                      "--max-loss=1", cwd=tmp_path) as run:  # fmt: skip
 
             def go_on():
@@ -83,11 +83,11 @@ def test_a_stage_must_be_checked_before_it_follows(tmp_path):
     with Program("emulate", "bench", "--motion", "rest", "--rate", "1000", cwd=tmp_path) as bench:
         bench.await_output("running")
         check = ("acquire", "bench", "--check-stage", *PORTS, "--plain", "--max-loss", "1")
-        result = command(*check, "--write", "good.yaml", "-o", "a", cwd=tmp_path)
+        result = command(*check, "--write", "good.yaml", "-d", "a", cwd=tmp_path)
         assert result.returncode == 0, result.stdout + result.stderr
         assert "The stage is wired as the configuration has it." in result.stdout
         wrong = ("acquire", "mine.yaml", "--check-stage", "--plain", "--max-loss", "1")
-        result = command(*wrong, "--write", "bad.yaml", "-o", "b", cwd=tmp_path)
+        result = command(*wrong, "--write", "bad.yaml", "-d", "b", cwd=tmp_path)
     assert result.returncode == 1, result.stdout + result.stderr
     assert "correct stage.step_um" in result.stderr
     assert "checked: 20" in (tmp_path / "good.yaml").read_text()

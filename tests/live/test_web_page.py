@@ -31,7 +31,7 @@ def recorded(tmp_path_factory):
     """The folder of a recording `rec` of 6,000 samples, made with a page that nobody opened."""
     folder = tmp_path_factory.mktemp("recorded")
     (folder / "board.bin").write_bytes(stream(6_000))
-    words = ("acquire", "bench", "--port", "file:board.bin", "-o", "rec", "--web")
+    words = ("acquire", "bench", "--port", "file:board.bin", "-d", "rec", "--web")
     result = command(*words, "--plain", cwd=folder)
     assert result.returncode == 0, result.stderr
     assert "the page is at http://127.0.0.1:" in result.stderr

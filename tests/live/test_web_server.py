@@ -307,7 +307,15 @@ def test_a_process_that_dies_is_told_and_costs_the_run_nothing(page):
 @pytest.mark.slow
 def test_a_port_in_use_is_said_before_anything_is_recorded(still, tmp_path):
     result = command(
-        "acquire", "bench", "--port", "nothing", "--web", str(still.port), "-o", "rec", cwd=tmp_path
+        "acquire",
+        "bench",
+        "--port",
+        "nothing",
+        "--web",
+        str(still.port),
+        "--folder",
+        "rec",
+        cwd=tmp_path,
     )
     assert result.returncode == 2
     assert f"--web 127.0.0.1:{still.port}: Address already in use" in result.stderr

@@ -205,7 +205,7 @@ def test_every_command_that_draws_takes_a_style():
 
 
 def test_a_command_draws_in_the_style_asked_for(tmp_path):
-    words = ("resolution", "paper", "--plot", "svg", "-o", "out")
+    words = ("resolution", "paper", "--plot", "svg", "-d", "out")
     result = command(*words, "--style", "dark", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     text = (tmp_path / "out" / "budget.svg").read_text()

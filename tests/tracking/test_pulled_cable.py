@@ -52,7 +52,7 @@ def test_a_pulled_stage_is_told_and_the_recording_goes_on(tmp_path, bench):
     )
     words = ["acquire", "calm.yaml", "--track", "--port", "bench/board",
              "--stage-port", "bench/stage",
-             "--samples", str(SAMPLES), "--max-loss", "1", "--plain", "-o", "rec"]  # fmt: skip
+             "--samples", str(SAMPLES), "--max-loss", "1", "--plain", "-d", "rec"]  # fmt: skip
     process = subprocess.Popen(
         [*PROGRAM, *words], cwd=tmp_path, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
