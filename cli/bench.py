@@ -23,7 +23,7 @@ STUDIES = {
     "apertures": ("apertures", "cut light: time a pose, beside that of uncut light"),
     "maps": ("maps", "range maps: outlines to 0.1 um and 0.1 urad, beside grids as fine"),
     "layouts": ("layouts", "layouts: the best one, and many, beside SciPy on the float model"),
-    "drawing": ("drawing", "pictures of 1200 x 900 and a film of 720 x 480: first and next ones"),
+    "drawing": ("drawing", "pictures and frames of a film: the first and the next ones"),
     "profile": ("profile", "where the time of a pose goes"),
     "special": ("profile", "what a side sweeps over, evaluated in other ways"),
     "stability": ("stability", "errors over apex offset and tilt, against high precision"),

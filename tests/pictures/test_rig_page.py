@@ -50,7 +50,7 @@ def in_browser(path, profile, *flags):
     done = subprocess.run(
         ["chromium", "--headless", "--no-sandbox", "--disable-quic", "--no-first-run",
          "--disable-background-networking", "--disable-component-update", "--disable-sync",
-         f"--user-data-dir={profile}", "--window-size=1300,900", "--virtual-time-budget=20000",
+         f"--user-data-dir={profile}", "--window-size=1300,900", "--virtual-time-budget=6000",
          *flags, "--dump-dom", f"file://{path}"],
         check=True, capture_output=True, timeout=570, text=True,
     )  # fmt: skip

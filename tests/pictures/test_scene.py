@@ -114,7 +114,7 @@ def seen(page, shot):
         ["chromium", "--headless", "--no-sandbox", "--enable-unsafe-swiftshader", "--no-first-run",
          "--disable-background-networking", "--disable-component-update", "--disable-sync",
          f"--user-data-dir={shot.parent / 'profile'}", "--window-size=1000,800",
-         "--virtual-time-budget=20000", f"--screenshot={shot}", f"file://{page}"],
+         "--virtual-time-budget=6000", f"--screenshot={shot}", f"file://{page}"],
         check=True, capture_output=True, timeout=120,
     )  # fmt: skip
     return pixels(shot)
