@@ -455,8 +455,9 @@ def write_pick(
 
 def makeable(space: Space, x: Floats) -> Floats:
     """The design in numbers that can be made, where it is still one, with what that costs."""
-    from facets.design.exploration import MEASURES, SKIPPED, looked_at
+    from facets.design.exploration import MEASURES, looked_at
     from facets.design.gallery import rounded
+    from facets.design.survey import SKIPPED
 
     made = rounded(space, x)
     (_, exact), (why, values) = looked_at(space, x), looked_at(space, made)

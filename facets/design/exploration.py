@@ -5,11 +5,11 @@ hundred designs, goes to a worker as a number, and comes back as a table that is
 A run that was cut off goes on with the parts that are missing. Several processes may share the
 parts of one search in one folder, each with its own, without knowing of one another.
 
-Designs of a sensor with ideal light and simple noise are measured by compiled loops, all of them in
-full (`survey`). Of others ranges take nine tenths of the time, so a design that cannot be on the
-front is not asked for them: where the range of a rival, already known, is no smaller, and the rival
-is as good in all else. That takes two poses an axis. The first parts, the pilot, are looked at in
-full: they give the rivals, the same for all other parts wherever those are made, and the indices of
+Designs of a sensor with ideal light and simple noise are measured many at once, all of them in full
+(`survey`). Of others ranges take nine tenths of the time, so a design that cannot be on the front
+is not asked for them: where the range of a rival, already known, is no smaller, and the rival is as
+good in all else. That takes two poses an axis. The first parts, the pilot, are looked at in full:
+they give the rivals, the same for all other parts wherever those are made, and the indices of
 sensitivity.
 """
 
@@ -31,14 +31,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..characterization.ranges import (
-    COARSE,
-    LIGHT,
-    PSD,
-    SINGULAR,
-    axis_ranges,
-    clearances,
-)
+from ..characterization.ranges import axis_ranges, clearances
 from ..characterization.resolution import Estimator, uncertainties
 from ..characterization.singularity import measures
 from ..core.errors import InputError, OutputError
@@ -47,20 +40,29 @@ from ..core.names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS, STATE_UNITS
 from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats
-from ..detectors.noise import currents_of, power_floor
+from ..detectors.noise import currents_of
 from ..files.tables import Whole, read_head, write_table
 from ..model.arrays import margins, readings
 from ..model.threads import cores
 from .electronics import FULL
 from .requirement import Requirement, margins_of, worst_places_of
+from .survey import (
+    CHUNK,
+    OUTSIDE,
+    SKIPPED,
+    designs_of,
+    is_plain,
+    measure,
+    rest_reasons,
+)
 from .variables import sensor_of
 from .volume import states_of
 
 if TYPE_CHECKING:
     from ..core.settings import Layout
 
-#: Designs a task: about a second of work; and tasks of the pilot. Of sensors that are measured by
-#: compiled loops a task has up to so many times as many, where there are `TASKS` or more of them.
+#: Designs a task: about a second of work; and tasks of the pilot. A task of plain designs has up to
+#: `MANY` times as many, where there are `TASKS` tasks or more.
 PART, PILOT, MANY, TASKS = 200, 5, 50, 100
 #: The file that says which search a folder is of.
 MARK = "search.txt"
@@ -80,20 +82,6 @@ FAR, FINE = 1 / np.array(STATE_UNITS[:6]), 1 / np.array(FINE_UNITS[:6])
 MEASURES = ("head_mm", *RANGE_COLUMNS, *FINE_COLUMNS, "condition", "regular")
 AT_RANGES = slice(1, 7)
 NO_RIVALS = np.empty((0, len(MEASURES)))
-#: Why a design was not looked at further; "" for those that were.
-SKIPPED = (
-    "",
-    "spot beside the PSD at rest",
-    "too little light at rest",
-    "no sensor",
-    "not what is required over the volume",
-    "beaten before its ranges are known",
-    "Jacobian near singular at rest",
-    "too coarse at rest",
-    "amplifier past its full scale at rest",
-)
-#: Which of them it is where a design is outside its own range at rest, by the range's limit.
-OUTSIDE = {PSD: 1, LIGHT: 2, SINGULAR: 6, COARSE: 7}
 
 
 @dataclass(frozen=True)
@@ -148,9 +136,7 @@ class Space:
 
     @property
     def plain(self) -> bool:
-        """Whether compiled loops measure its designs (`survey`), all of them in full."""
-        from .survey import is_plain
-
+        """Whether its designs are measured many at once (`survey`), all of them in full."""
         return not self.required and is_plain(self.sensor, self.rules)
 
 
@@ -203,11 +189,9 @@ def at_rest(space: Space, x: Floats) -> tuple[int, Floats, Sensor | None]:
     except InputError:
         return 3, values, None
     values[0] = 2 * max(psd.radius for psd in sensor.psds)
-    rest = np.zeros((1, 8))
-    if not whole_on_detectors(sensor, rest):
-        return 1, values, None
-    if not readings(sensor, rest)[:, 2::3].min() > space.layout.least_power:
-        return 2, values, None
+    rest, least = np.zeros((1, 8)), space.layout.least_power
+    if why := int(rest_reasons(margins(sensor, rest), readings(sensor, rest), least)[0]):
+        return why, values, None
     if saturates(sensor, rest):
         return 8, values, None
     if space.required and not meets(sensor, space.layout, space.volume):
@@ -217,11 +201,6 @@ def at_rest(space: Space, x: Floats) -> tuple[int, Floats, Sensor | None]:
     signs = np.sign(measures(sensor, space.volume, spectra=False)[:, 0])
     values[14] = float(abs(signs.sum()) == len(signs))
     return 0, values, sensor
-
-
-def whole_on_detectors(sensor: Sensor, states: Floats) -> bool:
-    room = margins(sensor, states)
-    return bool(np.where(np.isnan(room), -1, room).min() > 0)
 
 
 def saturates(sensor: Sensor, states: Floats) -> bool:
@@ -327,29 +306,24 @@ def part_table(
 
 
 def at_once(space: Space, some: Floats) -> tuple[NDArray[Any], Floats, Floats]:
-    """Designs (n, variables) by compiled loops: why each is skipped, its measures, its seconds.
+    """Plain designs (n, variables): why each is skipped, its measures, and its seconds.
 
-    What these leave, and what is no sensor, is looked at one by one.
+    What is no sensor is looked at by itself.
     """
-    from .survey import surveyed
-
-    def measure(x: Floats) -> tuple[Floats, NDArray[Any]]:
-        return surveyed(
-            space.sensor, space.rules, space.names, x, space.volume, space.layout.least_power,
-            space.rules.snr * power_floor(space.sensor), FINE_ENOUGH,
-        )  # fmt: skip
-
-    measure(some[:1])  # loads the compiled code, which is no time of a design
     begin = time.perf_counter()
-    found, why = measure(some)
-    values = found.copy()
+    designs, heads, possible = designs_of(space.sensor, space.rules, space.names, some)
+    why, values = np.zeros(len(some), dtype=np.int64), np.full((len(some), len(MEASURES)), np.nan)
+    numbers = np.flatnonzero(possible)
+    for first in range(0, len(numbers), CHUNK):
+        rows = slice(first, first + CHUNK)
+        part, which = designs.subset(rows), numbers[rows]
+        found = measure(part, space.volume, space.layout.least_power, FINE_ENOUGH)
+        why[which], values[which, 1:] = found
     values[:, AT_RANGES] *= FAR
+    values[possible, 0] = heads[possible]
     seconds = np.full(len(some), (time.perf_counter() - begin) / max(1, len(some)))
-    for n in np.flatnonzero(why < 0).tolist():
-        begin = time.perf_counter()
+    for n in np.flatnonzero(~possible).tolist():
         why[n], values[n] = looked_at(space, some[n])
-        seconds[n] += time.perf_counter() - begin
-    values[why > 0, AT_RANGES] = np.nan
     return why, values, seconds
 
 
@@ -470,8 +444,6 @@ def pooled(
     if not firsts:
         return
     looked_at(space, designs(space)[0], rivals)  # compiled once, before the processes begin
-    if space.plain:
-        at_once(space, designs(space)[:1])
     workers = min(cores(), len(firsts))
     if workers == 1:
         yield from ((first, part_of(space, first, rivals)) for first in firsts)

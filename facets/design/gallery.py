@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats
-from .exploration import MEASURES, NO_RIVALS, SKIPPED, Space, at_once, looked_at
+from .exploration import MEASURES, NO_RIVALS, Space, at_once, looked_at
 from .rounding import nearest_steps
+from .survey import SKIPPED
 from .variables import present_values, sensor_of
 
 if TYPE_CHECKING:

@@ -1,383 +1,96 @@
-"""Many designs at once, compiled: what `exploration.looked_at` measures of each, for plain sensors.
+"""Many designs at once: what `exploration.looked_at` measures of each, for plain sensors.
 
-A design is a row of its vectors' numbers. Its ranges are followed along each axis by regula falsi
-on the least clearance of a spot, and shortened where too little light is left; the far end of a
-range is looked for on one side, and on the other only where it is nearer there. What is not plain
-(a facet without light, a way out that comes back, an ill-conditioned Jacobian) is left to the slow
-way, and told so. Importing this imports Numba.
+A design is a row of its sensor's 30 parameters and of its detectors' sizes; the model is asked for
+all of them in one call (`model.many`). Their ranges are followed as `characterization.ranges`
+follows those of one sensor.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..characterization.ranges import FARTHEST
+from ..characterization.ranges import (
+    CAUSES,
+    COARSE,
+    FARTHEST,
+    LIGHT,
+    PSD,
+    SINGULAR,
+    first_exits,
+    least_of_rows,
+    light_clearances,
+    spot_clearances,
+    standard_uncertainties,
+)
+from ..characterization.ranges import states_of as states_of_poses
+from ..characterization.singularity import UNITS, extremes
 from ..core.rules import Rules
 from ..core.sensor import Sensor
-from ..core.units import Booleans, Floats
-from ..model import blocks, evaluators, rare
-from ..model.jit import call_address, compilable, compiler
+from ..core.units import Booleans, Floats, Integers
+from ..detectors.noise import standard_deviations
+from ..model.arrays import edge_distances, edge_limits
 from ..model.kinds import kind_of
-from ..optics.forward import geometry
-from ..scalars.nesting import leaves
+from ..model.many import columns_of, evaluate, vectors_of
 from .variables import FACETS, PSDS, with_values
 
-Array = Any
-compiled = compiler(__file__)
-#: Where the power is among the numbers of a sensor: behind the beam's direction.
-POWER = 3
-#: Past this condition number, squared, normal equations lose what the slow way keeps.
-SQUARED = 1e9
-#: The share of a range at which all that limits it must hold, as well as at its end.
-SHARE = 0.5
-#: What the compiled loop says of a design, beside the numbers of `exploration.SKIPPED`.
-SLOW = -1
-#: Steps of a search along an axis, at most.
-STEPS = 60
+#: Why a design was not measured further; "" for those that were.
+SKIPPED = (
+    "",
+    "spot beside the PSD at rest",
+    "too little light at rest",
+    "no sensor",
+    "not what is required over the volume",
+    "beaten before its ranges are known",
+    "Jacobian near singular at rest",
+    "too coarse at rest",
+    "amplifier past its full scale at rest",
+)
+#: Which of them it is where a design is outside its own range at rest, by the range's limit.
+OUTSIDE = {PSD: 1, LIGHT: 2, SINGULAR: 6, COARSE: 7}
+#: Designs whose states are in memory at a time.
+CHUNK = 128
+#: Rays along the pose's axes, to the low and to the high ends of their ranges.
+RAYS = np.concatenate([-np.diag(FARTHEST), np.diag(FARTHEST)])
+#: The reading that Eq. (11) leaves out: the last power.
+LEFT_OUT = 8
 
 
-@compilable
-def least_spot(edges, packed, state, halves, found, memory):  # type: ignore[no-untyped-def]
-    """The least clearance of a spot to an edge, over its detector's half size; NaN without one.
+class Designs(NamedTuple):
+    """Plain sensors side by side.
 
-    edges: address of the model of how far the spots reach.  found: memory, (3, 5).
+    vectors (n, m): from `many.vectors_of`.  limits (n, 3, 5): from `arrays.edge_limits`, mm.
+    sensor, rules: what all of them share, the noise and the light that a range needs.
     """
-    call_address(edges, packed, state, found, memory)
-    least = np.inf
-    for k in range(3):
-        y, z = halves[k, 0], halves[k, 1]
-        left, right, low, high = found[k, 0], found[k, 1], found[k, 2], found[k, 3]
-        for value in ((y + left) / y, (y - right) / y, (z + low) / z, (z - high) / z):
-            if value != value:
-                return np.nan
-            least = min(least, value)
-    return least
 
+    vectors: Floats
+    limits: Floats
+    sensor: Sensor
+    rules: Rules
 
-@compilable
-def place(state, axis, value, tracking):  # type: ignore[no-untyped-def]
-    """Sets a state to rest but for one axis, which the beam follows in x and y if it is tracked."""
-    for c in range(8):
-        state[c] = 0.0
-    if axis >= 0:
-        state[axis] = value
-        if tracking > 0 and axis < 2:
-            state[6 + axis] = value
+    def subset(self, which: Any) -> Designs:
+        return self._replace(vectors=self.vectors[which], limits=self.limits[which])
 
+    def at_rest(self, name: str) -> Floats:
+        """Readings, derivatives or footprints of each at rest."""
+        owner = np.arange(len(self.vectors))
+        return evaluate(name, self.vectors, owner, np.zeros((len(owner), 8)))
 
-@compilable
-def light(address, packed, state, found, memory):  # type: ignore[no-untyped-def]
-    """The least power on a detector, mW; 0 where there is none."""
-    call_address(address, packed, state, found, memory)
-    least = np.inf
-    for k in range(3):
-        power = found[3 * k + 2]
-        if power != power:
-            return 0.0
-        least = min(least, power)
-    return least
-
-
-@compilable
-def sign_of_determinant(matrix):  # type: ignore[no-untyped-def]
-    """Of (8, 8), which is spoilt: elimination with the largest pivot of a column."""
-    sign = 1.0
-    for c in range(8):
-        best, row = abs(matrix[c, c]), c
-        for r in range(c + 1, 8):
-            if abs(matrix[r, c]) > best:
-                best, row = abs(matrix[r, c]), r
-        if not best > 0:
-            return 0.0
-        if row != c:
-            sign = -sign
-            for j in range(c, 8):
-                matrix[c, j], matrix[row, j] = matrix[row, j], matrix[c, j]
-        if matrix[c, c] < 0:
-            sign = -sign
-        for r in range(c + 1, 8):
-            share = matrix[r, c] / matrix[c, c]
-            for j in range(c + 1, 8):
-                matrix[r, j] -= share * matrix[c, j]
-    return sign
-
-
-#: Past this condition number, squared, the eigenvalues of J'J have lost half their digits.
-LOST = 1e8
-
-
-@compilable
-def condition_of(matrix, normal):  # type: ignore[no-untyped-def]
-    """The condition number of (9, 8). normal: becomes the matrix's normal equations, (8, 8)."""
-    for i in range(8):
-        for j in range(i + 1):
-            total = 0.0
-            for row in range(9):
-                total += matrix[row, i] * matrix[row, j]
-            normal[i, j] = total
-            normal[j, i] = total
-    values = np.linalg.eigvalsh(normal)
-    if values[0] * LOST > values[7]:
-        return np.sqrt(values[7] / values[0])
-    singular = np.linalg.svd(matrix)[1]
-    return singular[0] / singular[7]
-
-
-@compilable
-def deviations(normal, factor, out, n):  # type: ignore[no-untyped-def]
-    """Roots of the diagonal of the inverse of (8, 8) into out[n, 6:12]; whether it has one."""
-    for i in range(8):
-        for j in range(i + 1):
-            total = normal[i, j]
-            for k in range(j):
-                total -= factor[i, k] * factor[j, k]
-            if i == j:
-                if not total > 0:
-                    return False
-                factor[i, i] = np.sqrt(total)
-            else:
-                factor[i, j] = total / factor[j, j]
-    for column in range(6):  # of the inverse of the factor, whose squares add up
-        square = 0.0
-        for i in range(column, 8):
-            total = 1.0 if i == column else 0.0
-            for k in range(column, i):
-                total -= factor[i, k] * normal[0, k]
-            normal[0, i] = total / factor[i, i]  # the normal matrix is no longer needed
-            square += normal[0, i] ** 2
-        out[n, 6 + column] = np.sqrt(square)
-    return True
-
-
-@compiled
-def measure(
-    read: int, linearise: int, edges: int, packed: Array, halves: Array, numbers: Array, out: Array,
-    why: Array,
-) -> None:  # fmt: skip
-    """out (n, 14): ranges (6) in mm and rad, uncertainties (6) in um and urad, condition; the last
-    is left as it is.
-
-    read, linearise, edges: addresses of the models.  packed (n, m): `packing.pack` of each design.
-    halves (n, 3, 2) mm.  numbers: a place's sigma times the power (mm mW), a power's (mW), the
-    least power at rest and in a range (mW), whether the beam follows, the tolerance of a range over
-    `FARTHEST`.  why (n,): 0, SLOW, or the reason in `SKIPPED`.
-    """
-    found, memory, state = np.empty(9), np.empty((3, 8, 11)), np.zeros((1, 8))
-    ends_of_spots = np.empty((3, 5))
-    whole, x = np.empty((10, 10)), np.zeros(9)
-    scaled, normal, factor = np.empty((9, 8)), np.empty((8, 8)), np.zeros((8, 8))
-    ends = np.zeros(2)
-    for n in range(len(packed)):
-        row = packed[n]
-        place(state[0], -1, 0.0, 0.0)
-        rest = least_spot(edges, row, state[0], halves[n], ends_of_spots, memory)
-        if not rest > 0:
-            why[n] = 1 if rest == rest else SLOW
-            continue
-        least = light(read, row, state[0], found, memory)
-        if not least > numbers[2]:
-            why[n] = 2
-            continue
-        # ---- at rest
-        x[:] = 0.0
-        x[8] = row[POWER]
-        call_address(linearise, row, x, whole, memory)
-        for r in range(9):
-            sigma = numbers[1] if r % 3 == 2 else numbers[0] / whole[0, r - r % 3 + 2]
-            for c in range(8):
-                scaled[r, c] = whole[1 + r, c] * (1e-6 if 3 <= c < 6 else 1e-3) / sigma
-        condition = condition_of(scaled, normal)
-        out[n, 12] = condition
-        if not condition * condition < SQUARED or not deviations(normal, factor, out, n):
-            why[n] = SLOW
-            continue
-        if not least > numbers[3]:
-            why[n] = 2
-            continue
-        # ---- ranges
-        for axis in range(6):
-            far = FARTHEST[axis]
-            for side in range(2):
-                sense = 1.0 - 2.0 * side
-                if side == 1:  # is the range as long on this side?
-                    inside = True
-                    back = 0.0 if ends[0] >= far else numbers[5] * far
-                    for value in (ends[0] - back, SHARE * ends[0]):
-                        place(state[0], axis, -value, numbers[4])
-                        spot = least_spot(edges, row, state[0], halves[n], ends_of_spots, memory)
-                        if not spot > 0:
-                            inside = False
-                            break
-                        if not light(read, row, state[0], found, memory) > numbers[3]:
-                            inside = False
-                            break
-                    if inside:
-                        ends[1] = ends[0]
-                        continue
-                # how far the spots stay on their detectors; along x and y the light ends first
-                lit = axis < 2 and numbers[4] == 0
-                low, at_low, high, at_high = 0.0, rest, 0.0, 1.0
-                if lit:
-                    at_low = min(rest, np.log(least / numbers[3]))
-                step = 0.002 * far if lit else 0.01 * far
-                for _ in range(STEPS):
-                    place(state[0], axis, sense * step, numbers[4])
-                    spot = least_spot(edges, row, state[0], halves[n], ends_of_spots, memory)
-                    if lit:
-                        power = light(read, row, state[0], found, memory)
-                        bright = np.log(max(power, 1e-9 * numbers[3]) / numbers[3])
-                        spot = bright if spot != spot and bright <= 0 else min(spot, bright)
-                    if spot != spot:  # a facet is out of the circle, where the light ends it
-                        low = step
-                        if light(read, row, state[0], found, memory) > numbers[3]:
-                            why[n] = SLOW
-                        break
-                    if spot <= 0:
-                        high, at_high = step, spot
-                        break
-                    slope = (spot - at_low) / (step - low)
-                    low, at_low = step, spot
-                    if step >= far:
-                        break
-                    more = -1.02 * spot / slope if slope < 0 else 2.0 * step
-                    step = min(step + min(max(more, 1e-3 * far), 3.0 * step), far)
-                if why[n] == SLOW:
-                    break
-                end = low
-                if at_high <= 0:
-                    kept = 0
-                    for _ in range(STEPS):  # regula falsi, the end that stays is halved (Illinois)
-                        if high - low <= numbers[5] * far:
-                            break
-                        middle = (low * at_high - high * at_low) / (at_high - at_low)
-                        gap = 0.3 * numbers[5] * far
-                        middle = min(max(middle, low + gap), high - gap)
-                        place(state[0], axis, sense * middle, numbers[4])
-                        spot = least_spot(edges, row, state[0], halves[n], ends_of_spots, memory)
-                        if lit:
-                            power = light(read, row, state[0], found, memory)
-                            bright = np.log(max(power, 1e-9 * numbers[3]) / numbers[3])
-                            spot = bright if spot != spot and bright <= 0 else min(spot, bright)
-                        if spot > 0:
-                            low, at_low = middle, spot
-                            if kept == 1:
-                                at_high *= 0.5
-                            kept = 1
-                        elif spot <= 0:
-                            high, at_high = middle, spot
-                            if kept == -1:
-                                at_low *= 0.5
-                            kept = -1
-                        else:
-                            why[n] = SLOW
-                            break
-                    end = 0.5 * (low + high)
-                # how far there is enough light
-                place(state[0], axis, sense * low, numbers[4])
-                if not light(read, row, state[0], found, memory) > numbers[3]:
-                    low, high = 0.0, low
-                    while high - low > numbers[5] * far:
-                        end = 0.5 * (low + high)
-                        place(state[0], axis, sense * end, numbers[4])
-                        if light(read, row, state[0], found, memory) > numbers[3]:
-                            low = end
-                        else:
-                            high = end
-                    end = 0.5 * (low + high)
-                # a way out that comes back is for the slow way
-                back = 0.0 if end >= far else numbers[5] * far
-                for value in (end - back, SHARE * end):
-                    place(state[0], axis, sense * value, numbers[4])
-                    spot = least_spot(edges, row, state[0], halves[n], ends_of_spots, memory)
-                    if not spot > 0:
-                        why[n] = SLOW
-                place(state[0], axis, sense * SHARE * end, numbers[4])
-                if not light(read, row, state[0], found, memory) > numbers[3]:
-                    why[n] = SLOW
-                ends[side] = end
-            if why[n] == SLOW:
-                break
-            out[n, axis] = 2.0 * min(ends[0], ends[1])
-
-
-@compiled
-def signs(derivatives: Array, values: Array, out: Array) -> None:
-    """out (n,): 1 where the determinants of rows (n, v, 72), the last power's left out, have one
-    sign, else 0.  values: memory, (8, 8)."""
-    for n in range(len(derivatives)):
-        first, out[n] = 0.0, 1.0
-        for v in range(derivatives.shape[1]):
-            dark = False
-            for r in range(9):
-                dark |= derivatives[n, v, 8 * r] != derivatives[n, v, 8 * r]
-            sign = 0.0
-            if not dark:
-                for r in range(8):
-                    for c in range(8):
-                        values[r, c] = derivatives[n, v, 8 * r + c]
-                sign = sign_of_determinant(values)
-            if v == 0:
-                first = sign
-            if sign == 0.0 or sign != first:
-                out[n] = 0.0
-                break
-
-
-@compiled
-def fill(linearise: int, packed: Array, volume: Array, left: Array, out: Array) -> None:
-    """The derivatives (v, 72) of one design at those states of which `left` (v,) is not 0."""
-    memory, whole, x = np.empty((3, 8, 11)), np.empty((10, 10)), np.zeros(9)
-    for v in range(len(volume)):
-        if left[v] > 0:
-            for c in range(8):
-                x[c] = volume[v, c]
-            x[8] = 1.0
-            call_address(linearise, packed, x, whole, memory)
-            for r in range(9):
-                lit = whole[0, r] == whole[0, r]
-                for c in range(8):
-                    out[v, 8 * r + c] = whole[1 + r, c] if lit else np.nan
-
-
-#: Designs whose derivatives over the volume are kept at a time.
-CHUNK = 32
-
-
-def regular(linearise: int, rows: Floats, volume: Floats) -> Floats:
-    """1 for each design whose determinant has one sign over the volume, else 0."""
-    lanes = blocks.lanes()
-    states = np.concatenate([volume, np.repeat(volume[-1:], -len(volume) % lanes, axis=0)])
-    derive, count = blocks.kernel("derivatives"), len(states) // lanes
-    found, left = np.empty((CHUNK, len(states), 72)), np.zeros(count, np.int64)
-    out, memory = np.empty(len(rows)), np.empty((8, 8))
-    where, to = blocks.address_of(states), blocks.address_of(left)
-    for first in range(0, len(rows), CHUNK):
-        some = rows[first : first + CHUNK]
-        for n, row in enumerate(some):
-            derive(blocks.address_of(row), where, blocks.address_of(found[n]), to, count)
-            if left.any():
-                bits = ((left[:, None] >> np.arange(lanes)) & 1).ravel()
-                fill(linearise, row, states, bits, found[n])
-        signs(found[: len(some)], memory, out[first : first + CHUNK])
-    return out
-
-
-class Columns(np.ndarray):
-    """Numbers of many designs, for the text of the optics (`scalars.dispatch`)."""
-
-    def sin(self) -> Any:
-        return np.sin(self)
-
-    def cos(self) -> Any:
-        return np.cos(self)
+    def margins(self, owner: Integers, poses: Floats) -> Floats:
+        """`ranges.clearances` of designs `owner` (k,), in ascending order, at poses (k, 6)."""
+        states = states_of_poses(poses, self.rules)
+        reading = evaluate("readings", self.vectors, owner, states)
+        ends = evaluate("footprints", self.vectors, owner, states)
+        out = np.full((len(poses), len(CAUSES)), np.inf)
+        out[:, PSD] = spot_clearances(ends, reading, self.limits[owner], self.rules)
+        out[:, LIGHT] = light_clearances(self.sensor, reading, self.rules)
+        return out
 
 
 def is_plain(sensor: Sensor, rules: Rules) -> bool:
-    """Whether the compiled loop knows all that a sensor's ranges and resolution depend on."""
+    """Whether a sensor's ranges and uncertainties depend on nothing but what `Designs` knows."""
     return (
         kind_of(sensor) == "plain"
         and sensor.electronics is None
@@ -387,55 +100,25 @@ def is_plain(sensor: Sensor, rules: Rules) -> bool:
     )
 
 
-def surveyed(
-    sensor: Sensor, rules: Rules, names: Sequence[str], designs: Floats, volume: Floats,
-    least_power: float, weakest: float, tolerance: float,
-) -> tuple[Floats, NDArray[np.int64]]:  # fmt: skip
-    """The head and what `measure` finds of designs (n, variables): (n, 15), NaN where it was not
-    reached, and why (n,).
-
-    weakest: the least power in a range, mW.  The rest as in `measure`.
-    """
-    count = len(designs)
-    columns = [np.ascontiguousarray(column).view(Columns) for column in designs.T]
-    p, sizes = with_values(sensor, names, columns)
+def designs_of(
+    sensor: Sensor, rules: Rules, names: Sequence[str], rows: Floats
+) -> tuple[Designs, Floats, Booleans]:
+    """Designs from values (n, variables) of the named variables; the diameters of their heads (n,),
+    mm; and which of them are sensors (n,), the only ones among the designs."""
+    count = len(rows)
+    p, sizes = with_values(sensor, names, columns_of(rows))
     values = np.stack([np.broadcast_to(np.asarray(v, dtype=float), count) for v in p], axis=1)
-    halves = halves_of(sensor, names, sizes, count)
-    out = np.full((count, 15), np.nan)
-    out[:, 0] = 2 * values[:, list(PSDS)].max(axis=1)
-    why = np.full(count, SLOW)
-    sound = possible(values) & (halves > 0).all(axis=(1, 2))
-    if not sound.any():
-        return out, why
-    rows = packed(values[sound])
-    numbers = np.array([
-        sensor.noise.position * sensor.noise.at_power, sensor.noise.power, least_power, weakest,
-        float(rules.tracking), tolerance,
-    ])  # fmt: skip
-    some, reasons = out[sound, 1:], np.zeros(len(rows), dtype=np.int64)
-    measure(
-        evaluators.address(evaluators.readings(sensor)),
-        evaluators.address(evaluators.linearised(sensor)),
-        evaluators.address(evaluators.footprints(sensor)),
-        rows, halves[sound], numbers, some, reasons,
-    )  # fmt: skip
-    told = ~np.isnan(some[:, 12]) & (reasons >= 0)
-    some[told, 13] = regular(evaluators.address(evaluators.linearised(sensor)), rows[told], volume)
-    out[sound, 1:], why[sound] = some, reasons
-    return out, why
+    halves = np.tile(np.array([[psd.size_y, psd.size_z] for psd in sensor.psds]) / 2, (count, 1, 1))
+    if "size_mm" in names:
+        halves[:] = np.stack([np.asarray(size) / 2 for size in sizes], axis=1)[:, :, None]
+    possible = is_sensor(values) & (halves > 0).all(axis=(1, 2))
+    made = Designs(
+        vectors_of(values[possible]), edge_limits(halves[possible], np.inf), sensor, rules
+    )
+    return made, 2 * values[:, list(PSDS)].max(axis=1), possible
 
 
-def halves_of(sensor: Sensor, names: Sequence[str], sizes: list[Any], count: int) -> Floats:
-    """(n, 3, 2) mm."""
-    own = np.array([[psd.size_y, psd.size_z] for psd in sensor.psds]) / 2
-    if "size_mm" not in names:
-        return np.tile(own, (count, 1, 1))
-    columns = [np.broadcast_to(np.asarray(size, dtype=float), count) / 2 for size in sizes]
-    found: Floats = np.repeat(np.stack(columns, axis=1)[:, :, None], 2, axis=2)
-    return found
-
-
-def possible(p: Floats) -> Booleans:
+def is_sensor(p: Floats) -> Booleans:
     """Which rows of 30 parameters make a sensor (n,), as `core.sensor` checks them."""
     tilts = p[:, list(FACETS)]
     turns = p[:, [k + 1 for k in FACETS]]
@@ -446,10 +129,75 @@ def possible(p: Floats) -> Booleans:
     return found
 
 
-def packed(p: Floats) -> Floats:
-    """`packing.pack` of each row of 30 parameters: (n, m)."""
-    columns = tuple(np.ascontiguousarray(column).view(Columns) for column in p.T)
-    parts = [np.broadcast_to(np.asarray(n + 0.0), len(p)) for n in leaves(geometry(columns))]
-    address = np.broadcast_to(rare.ADDRESS, (len(p), len(rare.ADDRESS)))
-    found: Floats = np.ascontiguousarray(np.column_stack([np.stack(parts, axis=1), address]))
-    return found
+def rest_reasons(distances: Floats, reading: Floats, least: float) -> Integers:
+    """Numbers (n,) of SKIPPED by what designs give at rest: 1 where a spot is not whole on its
+    detector, 2 where a power is not above `least`, else 0.
+
+    distances (n, 3, 5): of the spots from their limits, as of `margins`.  reading: (n, 9).
+    """
+    beside = ~(least_of_rows(distances) > 0)
+    dim = ~(least_of_rows(reading[:, 2::3]) > least)
+    return np.where(beside, 1, np.where(dim, 2, 0))
+
+
+def spectra(some: Designs, reading: Floats) -> tuple[Floats, Floats]:
+    """At rest: standard uncertainties of the pose (n, 6), um and urad, and the condition number
+    (n,) of the Jacobian."""
+    sigma = standard_deviations(some.sensor, reading)
+    matrices = some.at_rest("derivatives") * UNITS / sigma[:, :, None]
+    return standard_uncertainties(matrices), extremes(matrices)[:, 1]
+
+
+def regularity(some: Designs, volume: Floats) -> Floats:
+    """1 for each design whose determinant of Eq. (11) has one sign at states (v, 8), else 0."""
+    count = len(some.vectors)
+    owner = np.repeat(np.arange(count), len(volume))
+    matrices = evaluate("derivatives", some.vectors, owner, np.tile(volume, (count, 1)))
+    dark = np.isnan(matrices).any(axis=(1, 2))
+    signs = np.where(dark, 0.0, np.sign(np.linalg.det(np.delete(matrices, LEFT_OUT, axis=1))))
+    whole: Floats = np.abs(signs.reshape(count, -1).sum(axis=1)) == len(volume)
+    return whole.astype(float)
+
+
+def symmetric_ranges(some: Designs, tolerance: float) -> Floats:
+    """Twice the nearer end of each axis's range, mm and rad: (n, 6).
+
+    tolerance: in units of `FARTHEST`.
+    """
+
+    def margins_at(distance: Floats, ray: Integers) -> Floats:
+        owner, way = np.divmod(ray, len(RAYS))
+        return some.margins(owner, distance[:, None] * RAYS[way])
+
+    found = first_exits(margins_at, len(some.vectors) * len(RAYS), tolerance)
+    ends = found.distance.reshape(-1, 2, 6).min(axis=1)
+    ranges: Floats = 2 * ends * FARTHEST
+    return ranges
+
+
+def measure(
+    some: Designs, volume: Floats, least_power: float, tolerance: float
+) -> tuple[Integers, Floats]:
+    """Why each design is skipped, by its number in SKIPPED, and its measures but for
+    the head (n, 14): ranges, mm and rad, uncertainties, um and urad, condition number, regular.
+
+    NaN in what was not reached.
+    """
+    reading = some.at_rest("readings")
+    distances = edge_distances(some.at_rest("footprints"), some.limits)
+    reasons = rest_reasons(distances, reading, least_power)
+    values = np.full((len(reasons), 14), np.nan)
+    sound = np.flatnonzero(reasons == 0)
+    if not len(sound):
+        return reasons, values
+    part = some.subset(sound)
+    values[sound, 6:12], values[sound, 12] = spectra(part, reading[sound])
+    values[sound, 13] = regularity(part, volume)
+    clear = part.margins(np.arange(len(sound)), np.zeros((len(sound), 6)))
+    outside = ~(clear.min(axis=1) > 0)
+    reasons[sound[outside]] = np.array([OUTSIDE[cause] for cause in range(len(CAUSES))])[
+        clear[outside].argmin(axis=1)
+    ]
+    if not outside.all():
+        values[sound[~outside], :6] = symmetric_ranges(part.subset(~outside), tolerance)
+    return reasons, values

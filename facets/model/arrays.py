@@ -339,17 +339,22 @@ def derivatives(sensor: Sensor, states: Floats, threads: int = 1, near: bool = T
     near: what `evaluators.nearly_linearised` gives, which is the same where the light is ideal.
     """
     out = np.empty((len(states), 9, 8))
-
-    def one_by_one(model: str, vectors: Floats, states: Floats, found: Floats) -> None:
-        given, whole = np.full((len(states), 9), sensor.beam.power), np.empty((len(states), 10, 10))
-        given[:, :8] = states
-        evaluators.fill(model, vectors, given, whole)
-        found[:] = np.where(np.isnan(whole[:, 0, :9, None]), np.nan, whole[:, 1:, :8])
-
     name = named(sensor, "near_derivatives" if near else "derivatives")
     model = (evaluators.nearly_linearised if near else evaluators.linearised)(sensor)
-    share(by_blocks(sensor, name, model, states, out, one_by_one), len(states), threads)
+    share(by_blocks(sensor, name, model, states, out, fill_derivatives), len(states), threads)
     return out
+
+
+#: Where the beam's power is among a sensor's packed vectors: behind the beam's direction.
+POWER = 3
+
+
+def fill_derivatives(model: str, vectors: Floats, states: Floats, found: Floats) -> None:
+    """Fills rows of `found` (n, 9, 8) by a model of `evaluators`; NaN where there is no reading."""
+    given, whole = np.full((len(states), 9), vectors[POWER]), np.empty((len(states), 10, 10))
+    given[:, :8] = states
+    evaluators.fill(model, vectors, given, whole)
+    found[:] = np.where(np.isnan(whole[:, 0, :9, None]), np.nan, whole[:, 1:, :8])
 
 
 @checked
@@ -477,10 +482,31 @@ def margins(sensor: Sensor, state: ArrayLike, whole: bool = True, threads: int =
     """
     ends = footprints(sensor, state, threads)
     if not whole:
-        spots = readings(sensor, state, threads=threads)
-        places = np.stack([spots[..., 0::3], spots[..., 1::3]], axis=-1)
-        ends[..., :4] = np.repeat(places, 2, axis=-1)
-    limits = np.repeat(half_sizes(sensor), 2, axis=1)
-    rims = np.full((3, 1), sensor.apertures.rim)
-    clear: Floats = np.hstack([limits, rims]) + ends * np.array([1, -1, 1, -1, -1])
-    return clear
+        ends[..., :4] = centroids_as_ends(readings(sensor, state, threads=threads))
+    return edge_distances(ends, edge_limits(half_sizes(sensor), sensor.apertures.rim))
+
+
+def centroids_as_ends(reading: Floats) -> Floats:
+    """The ends (..., 3, 4) of spots of no width at the centroids of readings (..., 9)."""
+    places = np.stack([reading[..., 0::3], reading[..., 1::3]], axis=-1)
+    ends: Floats = np.repeat(places, 2, axis=-1)
+    return ends
+
+
+def edge_limits(halves: Floats, rim: float) -> Floats:
+    """From the middle to the limits of a spot, in the order of `margins`: (..., 3, 5) mm.
+
+    halves: (..., 3, 2) of the detectors along y and z, mm.  rim: the mirror's radius, mm.
+    """
+    edges = np.repeat(halves, 2, axis=-1)
+    limits: Floats = np.concatenate([edges, np.full((*edges.shape[:-1], 1), rim)], axis=-1)
+    return limits
+
+
+def edge_distances(ends: Floats, limits: Floats) -> Floats:
+    """`margins` of spots with these ends (..., 3, 5), as of `footprints`; mm.
+
+    limits: (..., 3, 5), of `edge_limits`.
+    """
+    distances: Floats = limits + ends * np.array([1.0, -1.0, 1.0, -1.0, -1.0])
+    return distances

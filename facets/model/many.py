@@ -1,0 +1,100 @@
+"""The model of many sensors, each at states of its own, in one call.
+
+For ideal light that nothing cuts, since the code of blocks takes any such sensor's vectors
+(`blocks`). Sensors are rows of their 30 parameters, which `vectors_of` turns into vectors all at
+once; what a sensor gives at a state is the same bits as from `arrays`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..core.units import Booleans, Floats, Integers
+from ..optics.forward import geometry
+from ..scalars.nesting import leaves
+from . import evaluators, rare
+from .arrays import fill_derivatives
+from .blocks import address_of, kernel, lanes
+
+#: The shape of what a kernel finds at a state, and the model for states that leave their block.
+SHAPES = {"readings": (9,), "derivatives": (9, 8), "footprints": (3, 5)}
+MODELS = {
+    "readings": "readings_of_plain",
+    "derivatives": "near_linearised_of_plain",
+    "footprints": "footprints_of_plain",
+}
+
+
+class Column(np.ndarray):
+    """One number of many sensors, for the text of the optics (`scalars.dispatch`)."""
+
+    def sin(self) -> Any:
+        return np.sin(self)
+
+    def cos(self) -> Any:
+        return np.cos(self)
+
+
+def columns_of(rows: Floats) -> list[Column]:
+    """The columns of an array (n, m)."""
+    return [np.ascontiguousarray(column).view(Column) for column in rows.T]
+
+
+def vectors_of(parameters: Floats) -> Floats:
+    """`packing.pack` of each row of 30 parameters: (n, m)."""
+    count = len(parameters)
+    numbers = leaves(geometry(tuple(columns_of(parameters))))
+    parts = [np.broadcast_to(np.asarray(number + 0.0), count) for number in numbers]
+    address = np.broadcast_to(rare.ADDRESS, (count, len(rare.ADDRESS)))
+    vectors: Floats = np.ascontiguousarray(np.column_stack([np.stack(parts, axis=1), address]))
+    return vectors
+
+
+def evaluate(name: str, vectors: Floats, owner: Integers, states: Floats) -> Floats:
+    """Readings, derivatives or footprints (k, ...) of sensors at states (k, 8).
+
+    name: of `SHAPES`.  vectors (n, m): from `vectors_of`.  owner (k,): the row of the sensor that a
+    state belongs to, in ascending order.
+    """
+    width, code = lanes(), kernel(name)
+    counts = np.bincount(owner, minlength=len(vectors))
+    some = np.flatnonzero(counts)
+    begins, blocks = (np.cumsum(counts) - counts)[some], -(-counts[some] // width)
+    first = np.cumsum(blocks) - blocks
+    # a sensor's last block reaches into the next one's states, whose own block comes after it
+    rows = np.concatenate([states, np.zeros((width, 8))])
+    found = np.empty((len(rows), *SHAPES[name]))
+    bits = np.zeros(int(blocks.sum()), np.int64)
+    for arguments in zip(
+        (address_of(vectors) + vectors.strides[0] * some).tolist(),
+        (address_of(rows) + rows.strides[0] * begins).tolist(),
+        (address_of(found) + found.strides[0] * begins).tolist(),
+        (address_of(bits) + bits.strides[0] * first).tolist(),
+        blocks.tolist(),
+        strict=True,
+    ):
+        code(*arguments)
+    results: Floats = found[: len(states)]
+    if bits.any():
+        lane = np.arange(len(states)) - np.repeat(begins, counts[some])
+        block = np.repeat(first, counts[some]) + lane // width
+        unfit = ((bits[block] >> (lane % width)) & 1) > 0
+        fill_unfit(name, vectors, owner, states, unfit, results)
+    return results
+
+
+def fill_unfit(
+    name: str, vectors: Floats, owner: Integers, states: Floats, unfit: Booleans, found: Floats
+) -> None:
+    """Fills rows of `found` for states that no block takes, because a facet is faint there."""
+    fill = fill_derivatives if name == "derivatives" else evaluators.fill
+    numbers = np.flatnonzero(unfit)
+    if not len(numbers):
+        return
+    _, begins = np.unique(owner[numbers], return_index=True)
+    for mine in np.split(numbers, begins[1:]):
+        rows = np.empty((len(mine), *SHAPES[name]))
+        fill(MODELS[name], vectors[owner[mine[0]]], states[mine], rows)
+        found[mine] = rows
