@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from facets.calibration.identifiability import Direction
     from facets.calibration.verdict import Verdict
     from facets.config import Config
-    from facets.core.settings import Calibrate
+    from facets.core.calibrate import Calibrate
     from facets.core.units import Floats
 
 

@@ -59,9 +59,9 @@ def state_names() -> Sequence[str]:
 
 
 def effects() -> Sequence[str]:
-    from facets.config.calibrate_keys import Effects
+    from facets.core.calibrate import EFFECTS
 
-    return list(Effects.model_fields)
+    return [key.name for key in EFFECTS.keys]
 
 
 def measures() -> Sequence[str]:

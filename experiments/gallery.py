@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import facets
-from facets.core.settings import Sine
+from facets.core.motions import Sine
 from facets.core.units import Floats
 from facets.pictures import film, style
 from facets.pictures.magnification import motion_factor, turning_factor

@@ -521,11 +521,11 @@ def drawn_settings(rng: np.random.Generator, driver: str) -> Settings:
     size = float(rng.choice([0.5, 1.0, 7.0]))
     return replace(
         CONFIG.stage,
-        driver=driver or str(rng.choice(["zaber", "pi"])),
+        driver=driver or str(rng.choice(["zaber", "pi"])),  # type: ignore[arg-type]
         zero=tuple(rng.uniform(-0.2, 0.2, 2)),
         low=(-size, -size),
         high=(size, size),
-        law=str(rng.choice(["proportional", "pi", "feedforward", "feedforward"])),
+        law=str(rng.choice(["proportional", "pi", "feedforward", "feedforward"])),  # type: ignore[arg-type]
         max_speed=float(rng.choice([2.0, 20.0])),
         max_step=float(rng.choice([0.01, 0.1, 0.5])),
         rate=float(rng.choice([50.0, 100.0, 200.0])),
@@ -535,7 +535,7 @@ def drawn_settings(rng: np.random.Generator, driver: str) -> Settings:
         lag=float(rng.choice([0.002, 0.008])),
         acceleration=float(rng.choice([300.0, 2000.0])),
         permit=str(rng.choice(["", "board"])) or None,
-        resume=str(rng.choice(["person", "auto"])),
+        resume=str(rng.choice(["person", "auto"])),  # type: ignore[arg-type]
         resumes_per_hour=1,
     )
 

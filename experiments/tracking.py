@@ -42,7 +42,7 @@ if __name__ == "__main__":
         f"room {room:.4f} mm; {wide.rate:g} Hz, gain {wide.gain}, {wide.max_speed:g} mm/s at most"
     )
     for law in LAWS:
-        settings = replace(wide, law=law)
+        settings = replace(wide, law=law)  # type: ignore[arg-type]
         told, seen = margin_of(settings, pull_of(config.sensor, room)), lost_above(settings, room)
         print(f"{law:13} told {told.speed:6.2f} mm/s   found {seen:6.2f} mm/s   "
               f"{offset(settings, 6.28) * 1e3:6.1f} um off at 6.28 mm/s")  # fmt: skip

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from ..core.layout import Layout
 from ..core.sensor import Sensor
-from ..core.settings import Layout
 from ..core.units import Floats
 from ..design.variables import Outcome, heads_of, outcome, present_values, with_values
 from ..design.volume import states_of

@@ -29,7 +29,7 @@ from .table import bends
 from .unknowns import BACKLASH, DELAY, OF_DRIFT, PLACE, SKEW, Choice, assigned, values_of
 
 if TYPE_CHECKING:
-    from ..core.settings import Calibrate
+    from ..core.calibrate import Calibrate
 
 
 #: Samples are left out by so many parts in turn.

@@ -28,7 +28,7 @@ from .table import BEAM, REFERENCE, RUN, choice, gathered, whole_table
 from .unknowns import DELAY, PLACE
 
 if TYPE_CHECKING:
-    from ..core.settings import Calibrate
+    from ..core.calibrate import Calibrate
 
 
 #: Offsets are tried over this share of the common time, at most so many seconds, in so many steps.

@@ -21,8 +21,8 @@ from .fit import Fit
 from .unknowns import BACKLASH, DRIFTS, MOUNTING, OF_SEAT, POWER_DRIFT, SKEW, Choice, values_of
 
 if TYPE_CHECKING:
+    from ..core.calibrate import Calibrate
     from ..core.sensor import Psd
-    from ..core.settings import Calibrate
 
 
 #: What the reference says, one column an axis that it measures.

@@ -30,7 +30,7 @@ from .unknowns import DELAY, Choice
 from .validation import validation
 
 if TYPE_CHECKING:
-    from ..core.settings import Calibrate
+    from ..core.calibrate import Calibrate
 
 #: Errors on held-back samples over the stated ones, from which on they are told, and forbid.
 WIDER, WRONG = 1.5, 4.0

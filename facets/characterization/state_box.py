@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from ..config.section import MAX_LENGTH
+from ..core.axis_keys import MAX_LENGTH_MM
 from ..core.errors import InputError
 from ..core.names import ANGLES, POSE
 from ..core.plain_numbers import assignments, plain_number
@@ -96,7 +96,7 @@ def parse_box(text: str) -> StateBox:
             raise InputError(f"{has}{form}, of {', '.join(COLUMNS)}") from None
         if len(ends) > 2 or (len(ends) == 1 and ends[0] < 0):
             raise InputError(f"{has}a half width, or LOW:HIGH")
-        most = np.pi if UNITS[number] < 1 else MAX_LENGTH
+        most = np.pi if UNITS[number] < 1 else MAX_LENGTH_MM
         if not all(abs(end) * UNITS[number] <= most for end in ends):
             raise InputError(f"{has}up to {most / UNITS[number]:.5g} either way")
         exact = [Fraction(end.strip()) / round(1 / UNITS[number]) for end in value.split(":")]

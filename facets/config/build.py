@@ -7,39 +7,22 @@ from math import inf, radians
 from pathlib import Path
 from typing import Any
 
-from ..core.names import DETECTORS, FINE_UNITS
-from ..core.rules import Rules
+from ..core.keys import block_of
+from ..core.motions import KINDS, Motion
+from ..core.names import DETECTORS
 from ..core.sensor import Apertures, Electronics, Imperfections, Noise, Sensor
-from ..core.settings import (
-    Acquire,
-    AmplifierPart,
-    Calibrate,
-    LaserPart,
-    Layout,
-    Motion,
-    PsdPart,
-    Random,
-    Sine,
-    Solve,
-    Stage,
-    State,
-    Steps,
-    Sweep,
-    Table,
-)
 from . import covariance, geometry
-from .keys import Document, Mirror, Psds
 
 
-def resolve(document: Document) -> dict[str, Any]:
+def resolve(document: Any) -> dict[str, Any]:
     """Every key with its value, per detector, as plain types; loads again to the same."""
-    plain = document.model_dump(mode="json", by_alias=True, exclude={"extends"})
+    plain: dict[str, Any] = document.model_dump(mode="json", by_alias=True, exclude={"extends"})
     plain["sensor"]["mirror"] = _singles(document.sensor.mirror)
     plain["sensor"]["psd"] = _singles(document.sensor.psd)
     return plain
 
 
-def _singles(common: Mirror | Psds) -> dict[str, Any]:
+def _singles(common: Any) -> dict[str, Any]:
     """a, b and c in full: their own keys, else the common ones, else the nominal azimuth."""
     shared = common.model_dump(mode="json", exclude=set(DETECTORS))
     return {
@@ -124,156 +107,11 @@ def _apertures(keys: dict[str, Any]) -> Apertures:
     )
 
 
-def solve(keys: dict[str, Any], detectors: int) -> Solve:
-    """detectors: the fewest that a pose is made from, as older files say it."""
-    return Solve(
-        beam=keys["beam"],
-        beam_sigma=keys["beam_sigma_um"] / 1000,
-        power=keys["power"],
-        power_sigma=keys["power_sigma_percent"] / 100,
-        method=keys["method"],
-        start=keys["start"],
-        max_steps=keys["max_steps"],
-        accept_unchecked=keys["accept_unchecked"] or detectors == 2,
-    )
-
-
-def acquire(keys: dict[str, Any]) -> Acquire:
-    return Acquire(
-        port=keys["port"],
-        baud=keys["baud"],
-        format=keys["format"],
-        content=keys["content"],
-        dark=keys["dark_counts"],
-        timing=keys["timing"],
-        mark=keys["mark"],
-        least_delay=keys["least_delay_ms"] / 1000,
-        delay=keys["delay_ms"] / 1000,
-        wait=keys["wait_seconds"],
-        sync=keys["sync_seconds"],
-    )
-
-
-def stage(keys: dict[str, Any]) -> Stage:
-    return Stage(
-        driver=keys["driver"],
-        port=keys["port"],
-        baud=keys["baud"],
-        step=keys["step_um"] / 1000,
-        zero=tuple(keys["zero_mm"]),
-        low=tuple(keys["low_mm"]),
-        high=tuple(keys["high_mm"]),
-        max_speed=keys["max_speed_mm_s"],
-        max_step=keys["max_step_mm"],
-        rate=keys["rate_hz"],
-        accuracy=keys["accuracy_um"] / 1000,
-        law=keys["law"],
-        gain=keys["gain"],
-        integral=keys["integral"],
-        stale=keys["stale_ms"] / 1000,
-        bridge=keys["bridge_ms"] / 1000,
-        bridge_distance=keys["bridge_mm"],
-        lag=keys["lag_ms"] / 1000,
-        latency=keys["latency_ms"] / 1000,
-        acceleration=keys["acceleration_mm_s2"],
-        resume=keys["resume"],
-        resumes_per_hour=keys["resumes_per_hour"],
-        permit=keys["permit"],
-        heartbeat=keys["heartbeat"],
-        checked=keys["checked"],
-    )
-
-
-def layout(keys: dict[str, Any]) -> Layout:
-    return Layout(
-        variables={k: tuple(v) for k, v in keys["variables"].items() if v is not None},
-        volume=state(keys["volume"]),
-        psds={
-            name: PsdPart(
-                part["size_mm"],
-                None if part["position_um"] is None else part["position_um"] / 1000,
-                part["price"],
-                part["delivery_weeks"],
-            )
-            for name, part in keys["parts"]["psds"].items()
-        },
-        lasers={
-            name: LaserPart(
-                part["power_mw"], part["diameter_mm"], part["price"], part["delivery_weeks"]
-            )
-            for name, part in keys["parts"]["lasers"].items()
-        },
-        amplifiers={
-            name: AmplifierPart(part["power_uw"] / 1000, part["price"], part["delivery_weeks"])
-            for name, part in keys["parts"]["amplifiers"].items()
-        },
-        aim=keys["aim"],
-        weights={name.replace("_", "-"): w for name, w in keys["weights"].items() if w},
-        unit=per_axis(keys["unit"]),
-        limit=per_axis(keys["limit"]),
-        head=inf if keys["head_mm"] is None else keys["head_mm"],
-        least_power=keys["least_power_uw"] / 1000,
-        following=keys["beam"] == "following",
-        starts=keys["starts"],
-        seed=keys["seed"],
-        accuracy=per_axis(keys["accuracy"]),
-        production=(keys["production"]["yield_percent"] or 0.0) / 100,
-        calibrated=keys["production"]["calibrated"],
-        poses=keys["production"]["poses"],
-    )
-
-
-def per_axis(keys: dict[str, float | None]) -> tuple[float, ...]:
-    """(6,) um and urad, infinite where not given."""
-    return tuple(inf if value is None else value for value in keys.values())
-
-
-def calibrate(keys: dict[str, Any]) -> Calibrate:
-    sigmas = zip(per_axis(keys["reference"]), FINE_UNITS, strict=False)
-    return Calibrate(
-        reference=tuple(value * unit for value, unit in sigmas),
-        before={name: value for name, value in keys["before"].items() if value is not None},
-        power_per_sample=keys["laser"] == "drifts",
-        effects=dict(keys["effects"]),
-        beam=keys["beam"],
-        held_back=keys["held_back_percent"] / 100,
-        outliers=keys["outliers"],
-    )
-
-
-def range_(keys: dict[str, Any]) -> Rules:
-    """The rules of the measurement range."""
-    limits = per_axis(keys["coarsest"])
-    return Rules(
-        whole_spot=keys["spot"] == "whole",
-        snr=keys["snr"],
-        condition=keys["condition"],
-        coarsest=tuple(value * unit for value, unit in zip(limits, FINE_UNITS, strict=False)),
-    )
-
-
-def state(keys: dict[str, float]) -> State:
-    """A place: mm as they are, mrad in rad."""
-    tx, ty, tz, roll, pitch, yaw, bx, by = (
-        value / 1000 if key.endswith("_mrad") else value for key, value in keys.items()
-    )
-    return tx, ty, tz, roll, pitch, yaw, bx, by
+#: The classes of motions by the word in a file.
+MOTIONS = {kind.kind: block_of(kind) for kind in KINDS}
 
 
 def motion(keys: dict[str, Any]) -> Motion:
     """A motion from its resolved block."""
-    kind, rate = keys["kind"], keys["rate_hz"]
-    if kind == "table":
-        return Table(Path(keys["file"]), keys["samples_per_step"], rate)
-    if kind == "steps":
-        ends = state(keys["from"]), state(keys["to"])
-        return Steps(*ends, keys["steps"], keys["samples_per_step"], rate)
-    samples = keys["samples"]
-    if kind == "sweep":
-        return Sweep(state(keys["from"]), state(keys["to"]), samples, rate)
-    centre = state(keys["centre"])
-    if kind == "random":
-        return Random(centre, state(keys["box"]), samples, rate)
-    cycles = tuple(keys["cycles"].values())
-    phase = tuple(radians(value) for value in keys["phase_deg"].values())
-    return Sine(centre, state(keys["amplitude"]), cycles, phase, samples, rate)  # type: ignore[arg-type]
+    made: Motion = MOTIONS[keys["kind"]].read(keys)
+    return made

@@ -10,34 +10,9 @@ from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema
 
+from ..core.units import KEY_UNITS, unit_in
 from .keys import Document
 from .yaml_positions import Path_
-
-UNITS = {
-    "mm": "mm",
-    "um": "um",
-    "deg": "deg",
-    "mrad": "mrad",
-    "urad": "urad",
-    "mw": "mW",
-    "uw": "uW",
-    "hz": "Hz",
-    "na": "nA",
-    "kohm": "kohm",
-    "v": "V",
-    "k": "K",
-    "nm": "nm",
-    "ppm": "ppm",
-    "percent": "%",
-    "s": "s",
-    "ms": "ms",
-    "mm_s": "mm/s",
-    "mm_s2": "mm/s^2",
-    "us": "us",
-    "um2": "um^2",
-    "per_m": "1/m",
-    "a_w": "A/W",
-}
 
 
 class _Untitled(GenerateJsonSchema):
@@ -128,9 +103,8 @@ def unit(path: Path_) -> str:
     keys = [key for key in path if isinstance(key, str)]
     if path[0] == "motions" and len(keys) == 4 and keys[2] in ("cycles", "phase_deg"):
         keys.pop()
-    words = keys[-1].split("_")[1:]
-    whole = (UNITS.get("_".join(words[n:]), "") for n in range(len(words)))
-    return next((name for name in whole if name), "")
+    ending = unit_in(keys[-1])
+    return KEY_UNITS[ending].label if ending else ""
 
 
 def allowed(path: Path_, plain: Any = None) -> str:

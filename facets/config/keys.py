@@ -6,15 +6,18 @@ A key's last part is its unit. The checks are strict: text and true/false are no
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Union
 
-from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, ConfigDict, Field, create_model
 
-from .calibrate_keys import Calibrate
-from .layout_keys import Optimize
-from .live_keys import Acquire, Stage
-from .motion_keys import Motions
-from .section import HALF_TURN, MAX_LENGTH, PerAxis, Section, as_tuple
+from ..core.axis_keys import HALF_TURN_MRAD as HALF_TURN
+from ..core.axis_keys import MAX_LENGTH_MM as MAX_LENGTH
+from ..core.keys import block_of
+from ..core.motions import KINDS
+from ..core.settings import Config
+from .models import NAME, StrictModel, field_of, model_of, none_to_block, type_of
+from .models import StrictModel as Section
+from .models import list_to_tuple as as_tuple
 
 
 def _pair(value: Any) -> Any:
@@ -340,79 +343,32 @@ class SensorKeys(Section):
     )
 
 
-class RangeKeys(Section):
-    """What counts as inside the measurement range."""
-
-    spot: Literal["whole", "centroid"] = Field(
-        "whole",
-        description="what stays on the PSD: all of a spot inside the 1/e^2 circle, or its centroid",
-    )
-    snr: float = Field(
-        810.0,
-        gt=0,
-        le=1e9,
-        description="least power of a spot, without other light, over the noise of a PSD's power",
-    )
-    condition: float = Field(
-        1e8, gt=1, le=1e15, description="largest condition number of the weighted Jacobian"
-    )
-    coarsest: PerAxis = Field(PerAxis(), description="largest standard uncertainty of each axis")
-
-
-class Simulate(Section):
-    """What `facets simulate` adds to the motions."""
-
-    noise: bool = Field(True, description="whether readings carry noise")
-    seed: int = Field(
-        1, ge=0, le=2**32 - 1, description="of the random numbers; same seed, same run"
-    )
-
-
-class SolveKeys(Section):
-    """How readings are solved for the pose."""
-
-    beam: Literal["free", "known", "prior"] = Field(
-        "free", description="beam position: solved for, known, or known within `beam_sigma_um`"
-    )
-    beam_sigma_um: float = Field(
-        5.0, gt=0, le=10_000, description="1 sigma of the beam position, for `beam: prior`"
-    )
-    power: Literal["known", "prior", "unknown"] = Field(
-        "prior",
-        description="laser power: as in `sensor.beam`, known within `power_sigma_percent`, or "
-        "solved for; method: paper takes it as known",
-    )
-    power_sigma_percent: float = Field(
-        1.0, gt=0, le=100, description="1 sigma of the laser power, for `power: prior`"
-    )
-    method: Literal["least-squares", "paper"] = Field(
-        "least-squares", description="all nine readings, or Newton on eight as in the paper"
-    )
-    start: Literal["zero", "previous"] = Field(
-        "zero", description="where each solution starts: from zero or from the sample before"
-    )
-    max_steps: int = Field(50, ge=1, le=10_000, description="then a sample counts as not solved")
-    accept_unchecked: bool = Field(
-        False, description="give poses that no number is left to check, as those of two detectors"
-    )
-
-
-class Document(Section):
-    """A configuration of the three-facet-mirror 6-DOF sensor."""
-
-    extends: str | list[str] | None = Field(
-        None,
-        description="shipped name, or path from this file, whose keys this file overrides; of "
-        "several, the later override the earlier",
-    )
-    sensor: SensorKeys = Field(SensorKeys(), description="the sensor")
-    motions: Motions = Field(
-        {}, description="name: motion; `facets simulate` runs them one after the other"
-    )
-    simulate: Simulate = Field(Simulate(), description="settings of `facets simulate`")
-    solve: SolveKeys = Field(SolveKeys(), description="settings of the solver")
-    acquire: Acquire = Field(Acquire(), description="the detector board's stream")
-    stage: Stage = Field(Stage(), description="the stage that carries the beam")
-    range: RangeKeys = Field(RangeKeys(), description="what counts as the measurement range")
-    calibrate: Calibrate = Field(Calibrate(), description="what `facets calibrate` takes and finds")
-    optimize: Optimize = Field(Optimize(), description="what `facets optimize` looks for")
+#: One of the kinds of motions, which has other keys than the others.
+MOTION: Any = Annotated[
+    Union[tuple(model_of(block_of(kind), kind=kind.kind) for kind in KINDS)],  # noqa: UP007
+    Field(discriminator="kind"),
+]
+MOTIONS: Any = dict[NAME, MOTION]
+KEYS: dict[str, Any] = {
+    "extends": (
+        str | list[str] | None,
+        Field(
+            None,
+            description="shipped name, or path from this file, whose keys this file overrides; of "
+            "several, the later override the earlier",
+        ),
+    ),
+    "sensor": (SensorKeys, Field(SensorKeys(), description="the sensor")),
+    "motions": (
+        Annotated[MOTIONS, BeforeValidator(none_to_block)],
+        Field({}, description="name: motion; `facets simulate` runs them one after the other"),
+    ),
+    **{key.name: (type_of(key), field_of(key)) for key in block_of(Config).keys},
+}
+#: A whole file.
+Document: Any = create_model(
+    "Document",
+    __base__=StrictModel,
+    __doc__="A configuration of the three-facet-mirror 6-DOF sensor.",
+    **KEYS,
+)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import replace
 from math import inf, pi
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from pydantic import ValidationError
 
 from ..core.arguments import checked
 from ..core.errors import ConfigError, InputError
+from ..core.keys import block_of
 from ..core.names import DETECTORS
 from ..core.settings import Config
 from . import alignment_check, build
@@ -38,22 +40,18 @@ def load(name_or_path: str | Path) -> Config:
     file = find(name_or_path)
     tree = gather(file)
     resolved = _resolved(tree)
+    settings = {name: one.value(resolved) for name, one in block_of(Config).sources.items()}
+    if settings["acquire"].detectors == 2:  # as older files say it
+        settings["solve"] = replace(settings["solve"], accept_unchecked=True)
     return Config(
         name=file.stem,
         path=file,
         sensor=build.sensor(resolved["sensor"]),
         motions={name: build.motion(keys) for name, keys in resolved["motions"].items()},
-        noise=resolved["simulate"]["noise"],
-        seed=resolved["simulate"]["seed"],
-        solve=build.solve(resolved["solve"], resolved["acquire"]["detectors"]),
-        acquire=build.acquire(resolved["acquire"]),
-        stage=build.stage(resolved["stage"]),
         electronics=build.electronics(resolved["sensor"]["electronics"]),
-        range=build.range_(resolved["range"]),
-        layout=build.layout(resolved["optimize"]),
-        calibrate=build.calibrate(resolved["calibrate"]),
         resolved=resolved,
         sha256=fingerprint(resolved),
+        **settings,
     )
 
 

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf
 
 from .arguments import checked
+from .axis_keys import PER_AXIS, in_code_units
 from .errors import InputError
+from .keys import key
 
 
 @checked
 @dataclass(frozen=True)
 class Rules:
-    """What counts as inside the range.
+    """What counts as inside the measurement range.
 
     whole_spot: the footprint inside the 1/e^2 circle stays on the detector, else the centroid.
     snr: least power of a spot, without other light on its detector, over the noise of a power.
@@ -21,10 +22,29 @@ class Rules:
     tracking: whether the beam follows the mirror in x and y, else it stands at (0, 0).
     """
 
-    whole_spot: bool = True
-    snr: float = 810.0
-    condition: float = 1e8
-    coarsest: tuple[float, ...] = (inf,) * 6
+    whole_spot: bool = key(
+        "spot",
+        "whole",
+        "what stays on the PSD: all of a spot inside the 1/e^2 circle, or its centroid",
+        words={"whole": True, "centroid": False},
+    )
+    snr: float = key(
+        "snr",
+        810.0,
+        "least power of a spot, without other light, over the noise of a PSD's power",
+        gt=0,
+        le=1e9,
+    )
+    condition: float = key(
+        "condition", 1e8, "largest condition number of the weighted Jacobian", gt=1, le=1e15
+    )
+    coarsest: tuple[float, ...] = key(
+        "coarsest",
+        {},
+        "largest standard uncertainty of each axis",
+        block=PER_AXIS,
+        convert=in_code_units,
+    )
     tracking: bool = False
 
     def __post_init__(self) -> None:

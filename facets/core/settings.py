@@ -1,266 +1,248 @@
-"""What a configuration becomes: frozen, in the units of the code (mm, rad, mW, s)."""
+"""The settings of a configuration: frozen, in the units of the code (mm, rad, mW, s)."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, Literal
 
+from .axis_keys import MAX_LENGTH_MM
+from .calibrate import Calibrate
+from .keys import Key, block_of, block_of_keys, item_of, key
+from .layout import Layout
+from .motions import Motion
 from .rules import Rules
 from .sensor import Electronics, Sensor
 
-#: tx, ty, tz (mm), roll, pitch, yaw (rad), bx, by (mm): the state of Eq. (3).
-State = tuple[float, float, float, float, float, float, float, float]
+MAX_BAUD = 100_000_000
+PLACE_MM: dict[str, Any] = {"ge": -MAX_LENGTH_MM, "le": MAX_LENGTH_MM}
+Pair = tuple[float, float]
 
 
-@dataclass(frozen=True)
-class Steps:
-    """Stands still at `steps` equally spaced places from `start` to `stop`, both included.
-
-    samples_per_step: readings taken at each place.  rate: of the samples, Hz.
-    """
-
-    kind: ClassVar[str] = "steps"
-    start: State
-    stop: State
-    steps: int
-    samples_per_step: int
-    rate: float
-
-    @property
-    def samples(self) -> int:
-        return self.steps * self.samples_per_step
-
-
-@dataclass(frozen=True)
-class Sweep:
-    """Moves evenly from `start` to `stop`, both included, all axes at once.  rate: Hz."""
-
-    kind: ClassVar[str] = "sweep"
-    start: State
-    stop: State
-    samples: int
-    rate: float
-
-
-@dataclass(frozen=True)
-class Sine:
-    """centre + amplitude sin(2 pi cycles s + phase), each axis on its own, s from 0 up to 1.
-
-    cycles: periods over the whole motion.  phase: rad.  rate: Hz.
-    """
-
-    kind: ClassVar[str] = "sine"
-    centre: State
-    amplitude: State
-    cycles: State
-    phase: State
-    samples: int
-    rate: float
-
-
-@dataclass(frozen=True)
-class Random:
-    """Independent states, uniform in centre +- box.  rate: Hz."""
-
-    kind: ClassVar[str] = "random"
-    centre: State
-    box: State
-    samples: int
-    rate: float
-
-
-@dataclass(frozen=True)
-class Table:
-    """States from a CSV file; its columns are the axis keys (tx_mm ...), time_s if given.
-
-    file: absolute path.  samples_per_step: of each row, and rate: of samples, Hz, both where the
-    file has no time_s.
-    """
-
-    kind: ClassVar[str] = "table"
-    file: Path
-    samples_per_step: int
-    rate: float
-
-
-Motion = Steps | Sweep | Sine | Random | Table
-
-
-@dataclass(frozen=True)
-class Solve:
-    """How readings are solved; the words are those of `facets.solve`.
-
-    beam: "free", "known" or "prior", which holds it to the given position within `beam_sigma`, mm.
-    power: "unknown", "known" or "prior", which holds it to the sensor's within `power_sigma`, a
-    share.  accept_unchecked: whether to give poses that no number is left to check.
-    """
-
-    beam: str
-    beam_sigma: float
-    power: str
-    method: str
-    start: str
-    max_steps: int
-    power_sigma: float = 0.01
-    accept_unchecked: bool = False
+def check_line(value: str) -> str:
+    """The name of a line into or out of this machine; raises `ValueError` for any other text."""
+    kind, colon, place = value.partition(":")
+    if value != "board" and not (kind in ("ni", "file") and colon and place):
+        raise ValueError(f"must be board, ni:DEVICE/LINE or file:PATH (got {value!r})")
+    return value
 
 
 @dataclass(frozen=True)
 class Acquire:
-    """The detector board's stream.
+    """The detector board's stream; how counts become light is in `sensor.electronics`."""
 
-    dark: counts without light.  timing: "envelope" or "arrival".  mark: "trigger" or "pps".
-    least_delay, delay: s.  wait: for a port that is not there yet, s.  sync: what a power failure
-    may cost a recording, s; 0 for whatever the system leaves.
-    """
-
-    port: str | None
-    baud: int
-    format: str
-    content: str
-    dark: float
-    timing: str
-    least_delay: float
-    delay: float
-    wait: float
-    sync: float
-    mark: str = "trigger"
+    port: str | None = key(
+        "port",
+        None,
+        "device or URL: /dev/ttyACM0, COM3, socket://host:port, udp://:port, file:bytes.bin",
+    )
+    baud: int = key("baud", 3_000_000, "of a serial line", gt=0, le=MAX_BAUD)
+    format: Literal["frames", "cobs", "text"] = key(
+        "format", "frames", "of the stream; see Formats in the documentation"
+    )
+    content: Literal["electrodes", "xy-sum"] = key(
+        "content", "electrodes", "of text lines; frames say it themselves"
+    )
+    dark: float = key("dark_counts", 0.0, "what an electrode reads without light", ge=-1e9, le=1e9)
+    timing: Literal["envelope", "arrival"] = key(
+        "timing",
+        "envelope",
+        "how samples get the host's time: by the soonest arrivals of a minute, which "
+        "know the board's clock best, or each block by its own arrival, as versions before did",
+    )
+    least_delay: float = key(
+        "least_delay_ms",
+        0.2,
+        "from a sample to its bytes at the host, at the soonest; for `envelope`",
+        ge=0,
+        le=1000,
+    )
+    delay: float = key(
+        "delay_ms",
+        1.5,
+        "from a sample to its bytes at the host, on average; for `arrival`",
+        ge=0,
+        le=1000,
+    )
+    mark: Literal["trigger", "pps"] = key(
+        "mark",
+        "trigger",
+        "what the board's marked input is: of no meaning here, or a pulse per second "
+        "at whole seconds of UTC, which then steers `utc_s` of what is published and replayed",
+    )
+    wait: float = key(
+        "wait_seconds",
+        5.0,
+        "for a port that is not there yet, since a board boots",
+        ge=0,
+        le=3600,
+    )
+    sync: float = key(
+        "sync_seconds",
+        1.0,
+        "a power failure costs a recording no more than its last so many seconds; "
+        "0: the system writes back when it likes",
+        ge=0,
+        le=3600,
+    )
+    detectors: int = key(
+        "detectors",
+        3,
+        "2: the same as `solve.accept_unchecked: true`, as older files have it",
+        ge=2,
+        le=3,
+    )
 
 
 @dataclass(frozen=True)
 class Stage:
-    """The stage that carries the beam; mm, mm/s, s.
+    """The two-axis stage that carries the beam."""
 
-    zero: the beam's place at the stage's zero.  low, high: soft limits in the stage's coordinates.
-    step: one native unit.  accuracy: of the encoder, 1 sigma.  gain, integral: per command.
-    bridge, bridge_distance: for how long and how far a mirror's motion may be predicted.
-    resume: "person" or "auto".  permit, heartbeat: lines, None where there is none.  checked: date,
-    driver, port and step of the stage whose wiring was checked.
-    """
-
-    driver: str
-    port: str | None
-    baud: int
-    step: float
-    zero: tuple[float, float]
-    low: tuple[float, float]
-    high: tuple[float, float]
-    max_speed: float
-    max_step: float
-    rate: float
-    accuracy: float
-    law: str
-    gain: float
-    integral: float
-    stale: float
-    bridge: float
-    bridge_distance: float
-    lag: float
-    latency: float
-    acceleration: float
-    resume: str
-    resumes_per_hour: int
-    permit: str | None
-    heartbeat: str | None
-    checked: str | None
-
-
-@dataclass(frozen=True)
-class PsdPart:
-    """A detector that can be had.  size: mm.  position: noise, mm, None as the sensor's.
-
-    price: of one, None where it is not known; as of all parts.  delivery: weeks, likewise.
-    """
-
-    size: float
-    position: float | None
-    price: float | None
-    delivery: float | None = None
-
-
-@dataclass(frozen=True)
-class LaserPart:
-    """A laser that can be had: mW, mm."""
-
-    power: float
-    diameter: float
-    price: float | None
-    delivery: float | None = None
-
-
-@dataclass(frozen=True)
-class AmplifierPart:
-    """Amplifiers that can be had, for all detectors.  power: noise of a power, mW."""
-
-    power: float
-    price: float | None
-    delivery: float | None = None
-
-
-@dataclass(frozen=True)
-class Layout:
-    """What a layout is to be found for; see the keys of `optimize`.
-
-    variables: least and most of each, in the unit of its name.  volume: half widths of the pose and
-    of the beam's offset (8,), mm and rad.  unit, limit: (6,) um and urad, infinite where not given.
-    head: mm, infinite where it may be any.  least_power: mW.  weights: of the aims, where they
-    are weighted.
-    psds, lasers, amplifiers: the parts that can be had, by name; empty where any can.
-    accuracy: (6,) um and urad, the largest error of a head as built; infinite where not given.
-    production: share of the heads that must keep all, 0 where the design alone must.
-    calibrated: whether heads are calibrated before they are used, at so many `poses`.
-    """
-
-    variables: dict[str, tuple[float, float]]
-    psds: dict[str, PsdPart]
-    lasers: dict[str, LaserPart]
-    volume: State
-    aim: str
-    weights: dict[str, float]
-    unit: tuple[float, ...]
-    limit: tuple[float, ...]
-    head: float
-    least_power: float
-    following: bool
-    starts: int
-    seed: int
-    amplifiers: dict[str, AmplifierPart] = field(default_factory=dict)
-    accuracy: tuple[float, ...] = (float("inf"),) * 6
-    production: float = 0.0
-    calibrated: bool = True
-    poses: int = 60
-
-    @property
-    def has_parts(self) -> bool:
-        """Whether a catalogue is laid under the search."""
-        return bool(self.psds or self.lasers or self.amplifiers)
-
-    @property
-    def aims(self) -> dict[str, float]:
-        """What is aimed at, and how much each counts."""
-        return self.weights if self.aim == "weighted" else {self.aim: 1.0}
+    driver: Literal["zaber", "pi", "other"] = key(
+        "driver",
+        "zaber",
+        "Zaber ASCII, PI GCS 2.0, or what the port's name begins with, as kinesis:",
+    )
+    port: str | None = key(
+        "port", None, "device or URL; for `other` a name as kinesis:27000001,27000002"
+    )
+    baud: int = key("baud", 115_200, "of a serial line", gt=0, le=MAX_BAUD)
+    step: float = key("step_um", 0.1, "Zaber: one native unit of position", gt=0, le=1000)
+    zero: Pair = key("zero_mm", (0.0, 0.0), "beam's place at the stage's zero", **PLACE_MM)
+    low: Pair = key(
+        "low_mm",
+        (-7.0, -7.0),
+        "soft limits in the stage's own coordinates, as its controller shows them, "
+        "whatever `zero_mm` is",
+        **PLACE_MM,
+    )
+    high: Pair = key("high_mm", (7.0, 7.0), "upper soft limits, as `low_mm`", **PLACE_MM)
+    max_speed: float = key("max_speed_mm_s", 20.0, "of commanded moves", gt=0, le=10_000)
+    max_step: float = key("max_step_mm", 0.5, "of one commanded move", gt=0, le=MAX_LENGTH_MM)
+    rate: float = key("rate_hz", 100.0, "of commands", gt=0, le=10_000)
+    accuracy: float = key("accuracy_um", 2.0, "of its encoder, 1 sigma", gt=0, le=10_000)
+    law: Literal["proportional", "pi", "feedforward"] = key(
+        "law",
+        "feedforward",
+        "Eq. (14), the same with an integral, or by the solved place of the apex",
+    )
+    gain: float = key("gain", 0.5, "share of the error that one command takes away", gt=0, le=2)
+    integral: float = key("integral", 0.1, "for `pi`: share of the summed error", ge=0, le=1)
+    stale: float = key(
+        "stale_ms",
+        50.0,
+        "age from which on a pose is not followed; a predicted motion may follow it",
+        gt=0,
+        le=10_000,
+    )
+    bridge: float = key(
+        "bridge_ms",
+        150.0,
+        "after the last good pose the stage may follow the predicted motion for this "
+        "long, at most; then it stops. 0 turns prediction off. The circle of the virtual bench "
+        "(9.9 mm/s²) leaves its predicted line by 0.11 mm in 150 ms, a third of the range in which "
+        "there are poses",
+        ge=0,
+        le=1000,
+    )
+    bridge_distance: float = key(
+        "bridge_mm",
+        1.0,
+        "largest distance of a predicted place from the last good pose: 150 ms at "
+        "6.7 mm/s; a faster mirror is predicted for a shorter time",
+        ge=0,
+        le=MAX_LENGTH_MM,
+    )
+    lag: float = key("lag_ms", 8.0, "its answer to a step: time constant", ge=0, le=10_000)
+    latency: float = key(
+        "latency_ms", 5.0, "from light on the detectors to the stage's start", ge=0, le=10_000
+    )
+    acceleration: float = key("acceleration_mm_s2", 2000.0, "largest", gt=0, le=1e7)
+    resume: Literal["person", "auto"] = key(
+        "resume",
+        "person",
+        "who ends a stop: a person, or, after a stop for want of good samples, the "
+        "program itself as soon as there are good ones; stops for any other reason need a person",
+    )
+    resumes_per_hour: int = key(
+        "resumes_per_hour", 6, "largest number of stops in an hour that `auto` ends", ge=1, le=3600
+    )
+    permit: str | None = key(
+        "permit",
+        None,
+        "input without which no move is sent: `board` (the flag 8 of its frames), "
+        "`ni:Dev1/port0/line0`, or `file:PATH` of a file that holds 1",
+        check=check_line,
+    )
+    heartbeat: str | None = key(
+        "heartbeat",
+        None,
+        "where the program sends a sign of life while the stage may move: `board` (its "
+        "port), `ni:Dev1/port0/line1` (toggles), or `file:PATH`",
+        check=check_line,
+    )
+    checked: str | None = key(
+        "checked",
+        None,
+        "date of the check of the wiring, and the driver, port and step of the stage "
+        "that was checked, as `acquire --check-stage` writes them",
+        max_length=300,
+    )
 
 
 @dataclass(frozen=True)
-class Calibrate:
-    """What a calibration takes; see the keys of `calibrate`.
+class Solve:
+    """How readings are solved for the pose."""
 
-    reference: (6,) mm and rad, infinite where an axis is not measured.  before: by key, in its
-    unit; what stays is not there.  power_per_sample: whether the laser's power is an unknown of
-    each.  effects: by key "auto", "on" or "off".  beam: "given", where the table says that it is,
-    or "still", at the origin whatever the table says.  held_back: share of the samples.
-    dwells: whether rows are averaged where the reference stands still.
-    """
+    beam: Literal["free", "known", "prior"] = key(
+        "beam", "free", "beam position: solved for, known, or known within `beam_sigma_um`"
+    )
+    beam_sigma: float = key(
+        "beam_sigma_um", 5.0, "1 sigma of the beam position, for `beam: prior`", gt=0, le=10_000
+    )
+    power: Literal["known", "prior", "unknown"] = key(
+        "power",
+        "prior",
+        "laser power: as in `sensor.beam`, known within `power_sigma_percent`, or "
+        "solved for; method: paper takes it as known",
+    )
+    power_sigma: float = key(
+        "power_sigma_percent", 1.0, "1 sigma of the laser power, for `power: prior`", gt=0, le=100
+    )
+    method: Literal["least-squares", "paper"] = key(
+        "method", "least-squares", "all nine readings, or Newton on eight as in the paper"
+    )
+    start: Literal["zero", "previous"] = key(
+        "start", "zero", "where each solution starts: from zero or from the sample before"
+    )
+    max_steps: int = key("max_steps", 50, "then a sample counts as not solved", ge=1, le=10_000)
+    accept_unchecked: bool = key(
+        "accept_unchecked",
+        False,
+        "give poses that no number is left to check, as those of two detectors",
+    )
 
-    reference: tuple[float, ...]
-    before: dict[str, float]
-    power_per_sample: bool
-    effects: dict[str, str]
-    beam: str
-    held_back: float
-    outliers: float | None
-    dwells: bool = False
+
+SIMULATE = Key(
+    "simulate",
+    {},
+    "settings of `facets simulate`",
+    block=block_of_keys(
+        "Simulate",
+        "What `facets simulate` adds to the motions.",
+        [
+            Key("noise", True, "whether readings carry noise", hint=bool),
+            Key(
+                "seed",
+                1,
+                "of the random numbers; same seed, same run",
+                hint=int,
+                bounds={"ge": 0, "le": 2**32 - 1},
+            ),
+        ],
+        dict,
+    ),
+)
 
 
 @dataclass(frozen=True)
@@ -277,14 +259,16 @@ class Config:
     path: Path
     sensor: Sensor
     motions: dict[str, Motion]
-    noise: bool
-    seed: int
-    solve: Solve
-    acquire: Acquire
-    stage: Stage
     electronics: Electronics
-    range: Rules
-    layout: Layout
-    calibrate: Calibrate
     resolved: dict[str, Any]
     sha256: str
+    noise: bool = item_of(SIMULATE, "noise")
+    seed: int = item_of(SIMULATE, "seed")
+    solve: Solve = key("solve", {}, "settings of the solver", block=block_of(Solve))
+    acquire: Acquire = key("acquire", {}, "the detector board's stream", block=block_of(Acquire))
+    stage: Stage = key("stage", {}, "the stage that carries the beam", block=block_of(Stage))
+    range: Rules = key("range", {}, "what counts as the measurement range", block=block_of(Rules))
+    calibrate: Calibrate = key(
+        "calibrate", {}, "what `facets calibrate` takes and finds", block=block_of(Calibrate)
+    )
+    layout: Layout = key("optimize", {}, "what `facets optimize` looks for", block=block_of(Layout))

@@ -7,6 +7,8 @@ the keys of a configuration.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from math import degrees, radians
 from typing import NamedTuple
 
 import numpy as np
@@ -68,3 +70,61 @@ def with_micro(unit: str) -> str:
 def ascii_unit(text: str) -> str:
     """A text for a table's column or cell: "µm" is "um"."""
     return text.replace(MICRO, "u")
+
+
+class KeyUnit(NamedTuple):
+    """A unit of configuration keys, whose names end with it.
+
+    label: as people write it.  to_code: from this unit to that of the code (mm, rad, mW, s, V, A,
+    ohm, Hz, K).  to_key: the other way.
+    """
+
+    label: str
+    to_code: Callable[[float], float] = float
+    to_key: Callable[[float], float] = float
+
+
+def _divide(label: str, per: float) -> KeyUnit:
+    return KeyUnit(label, lambda value: value / per, lambda value: value * per)
+
+
+def _multiply(label: str, factor: float, back: float) -> KeyUnit:
+    return KeyUnit(label, lambda value: factor * value, lambda value: back * value)
+
+
+#: Whether a factor divides or multiplies decides on the last bit, and stays as it is: the same file
+#: gives the same sensor in every version.
+KEY_UNITS = {
+    "mm": KeyUnit("mm"),
+    "um": _divide("um", UM),
+    "nm": _multiply("nm", 1e-6, 1e6),
+    "um2": _multiply("um^2", 1e-6, 1e6),
+    "per_m": _divide("1/m", 1e3),
+    "deg": KeyUnit("deg", radians, degrees),
+    "mrad": _divide("mrad", MRAD),
+    "urad": _multiply("urad", 1e-6, URAD),
+    "mw": KeyUnit("mW"),
+    "uw": _divide("uW", UW),
+    "percent": _divide("%", 100.0),
+    "ppm": _multiply("ppm", 1e-6, 1e6),
+    "s": KeyUnit("s"),
+    "ms": _divide("ms", 1e3),
+    "us": _multiply("us", 1e-6, 1e6),
+    "hz": KeyUnit("Hz"),
+    "mm_s": KeyUnit("mm/s"),
+    "mm_s2": KeyUnit("mm/s^2"),
+    "v": KeyUnit("V"),
+    "k": KeyUnit("K"),
+    "a_w": KeyUnit("A/W"),
+    "na": _multiply("nA", 1e-9, 1e9),
+    "kohm": _multiply("kohm", 1e3, 1e-3),
+    "nv_rthz": _multiply("", 1e-9, 1e9),
+    "pa_rthz": _multiply("", 1e-12, 1e12),
+}
+
+
+def unit_in(key: str) -> str:
+    """The unit that ends a key's name, or nothing: `unit_in("max_speed_mm_s")` is "mm_s"."""
+    words = key.split("_")[1:]
+    endings = ("_".join(words[n:]) for n in range(len(words)))
+    return next((ending for ending in endings if ending in KEY_UNITS), "")

@@ -28,7 +28,8 @@ from ..model.arrays import readings
 from .requirement import Requirement, requirement_of
 
 if TYPE_CHECKING:
-    from ..core.settings import Calibrate, Layout
+    from ..core.calibrate import Calibrate
+    from ..core.layout import Layout
 
 #: How far a calibration's motion goes in x and y, over the beam's diameter: only powers that bend
 #: tell gains and the beam's size from the apex's place. What it keeps clear of a detector's edge,

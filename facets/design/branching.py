@@ -20,7 +20,7 @@ from ..core.sensor import Sensor
 from .catalogue import Choice, choice_of, with_parts
 
 if TYPE_CHECKING:
-    from ..core.settings import Layout
+    from ..core.layout import Layout
     from .search import StartResult
 
 #: By how much a bound must be worse than what is known, over that, before a branch is left.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ..core.sensor import Sensor
 
 if TYPE_CHECKING:
-    from ..core.settings import Layout
+    from ..core.layout import Layout
 
 
 @dataclass(frozen=True)

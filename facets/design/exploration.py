@@ -59,7 +59,7 @@ from .variables import sensor_of
 from .volume import states_of
 
 if TYPE_CHECKING:
-    from ..core.settings import Layout
+    from ..core.layout import Layout
 
 #: Designs a task: about a second of work; and tasks of the pilot. A task of plain designs has up to
 #: `MANY` times as many, where there are `TASKS` tasks or more.

@@ -29,7 +29,7 @@ from .variables import GAIN, Outcome, gain_of, heads_of, outcome_of, rim_clearan
 from .volume import span_of, states_of, worst_places
 
 if TYPE_CHECKING:
-    from ..core.settings import Layout
+    from ..core.layout import Layout
 
 
 EDGES = ("-y", "+y", "-z", "+z")

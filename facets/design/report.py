@@ -15,7 +15,7 @@ from .search import solve_from
 from .volume import with_worst_states
 
 if TYPE_CHECKING:
-    from ..core.settings import Layout
+    from ..core.layout import Layout
 
 
 def in_words(aim: str, objective: float) -> str:

@@ -23,7 +23,7 @@ from .problem import EDGES
 from .volume import shares_of_volume, span_of, states_of, wide_axes, worst_places
 
 if TYPE_CHECKING:
-    from ..core.settings import Layout
+    from ..core.layout import Layout
 
 FREE = Estimator("", np.inf)
 #: The margin of what can not be told, since a spot or its light is not there.

@@ -23,7 +23,8 @@ from .tolerancing import SAFE, Draws, Expansion, drawn, expanded, kept_of
 from .variables import sensor_of
 
 if TYPE_CHECKING:
-    from ..core.settings import Calibrate, Layout
+    from ..core.calibrate import Calibrate
+    from ..core.layout import Layout
 
 #: Rounds at most; and how near to the yield that is asked for the prediction must come.
 ROUNDS, NEAR = 8, 0.002

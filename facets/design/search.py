@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.arguments import checked
+from ..core.layout import Layout
 from ..core.sensor import Sensor
-from ..core.settings import Layout
 from ..core.units import Floats
 from .branching import best_parts, priced
 from .catalogue import Choice, choices, with_parts

@@ -25,7 +25,7 @@ from ..model.arrays import margins, readings
 from .volume import with_worst_states
 
 if TYPE_CHECKING:
-    from ..core.settings import Layout
+    from ..core.layout import Layout
 
 
 #: Noisy readings at the worst state of each axis, and random states of the volume.

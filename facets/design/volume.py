@@ -21,7 +21,7 @@ import numpy as np
 from ..core.units import Booleans, Floats
 
 if TYPE_CHECKING:
-    from ..core.settings import Layout
+    from ..core.layout import Layout
 
 #: A search between the corners begins with steps of this share of the volume's half width, and ends
 #: with the last of these; what is worst is flat there, so that it is found to a millionth.

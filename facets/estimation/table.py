@@ -117,7 +117,7 @@ def solve_readings(
         exact_readings(sensor, readings, time),
         beam=beam_known(sensor, options, place),
         power=power_known(sensor, options),
-        method=options.method,  # type: ignore[arg-type]
+        method=options.method,
         start=options.start,
         max_steps=options.max_steps,
         accept_unchecked=options.accept_unchecked,

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.motions import Motion, Sine, Steps, Sweep, Table
 from ..core.names import STATE_COLUMNS, STATE_UNITS
-from ..core.settings import Config, Motion, Sine, Steps, Sweep, Table
+from ..core.settings import Config
 from ..core.units import Floats
 from ..files.tables import read_chunks
 

@@ -28,7 +28,7 @@ from facets.calibration.identifiability import information, mean_left, proposed,
 from facets.calibration.unknowns import ALL, PLACE, Choice, block, values_of
 from facets.characterization.resolution import Estimator, uncertainties
 from facets.core.errors import ConfigError, InputError
-from facets.core.settings import Table
+from facets.core.motions import Table
 from facets.detectors.calibrated import KNOWN
 from facets.detectors.correction import coefficients, corrected, slopes, uncorrected
 from facets.files.provenance import run_record

@@ -684,7 +684,7 @@ def test_the_schema_lets_an_editor_pass_what_a_file_may_inherit_or_leave_empty()
     assert all("required" not in block for block in defs.values())
     assert all("null" in block["type"] for block in defs.values())
     (motion,) = schema()["properties"]["motions"]["patternProperties"].values()
-    assert {"$ref": "#/$defs/SweepKeys"} in motion["anyOf"]
+    assert {"$ref": "#/$defs/Sweep"} in motion["anyOf"]
     assert "oneOf" not in motion  # {samples: 3} fits several kinds
 
 

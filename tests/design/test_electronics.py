@@ -11,7 +11,7 @@ from commands import command
 import facets
 from facets.characterization.resolution import Estimator, uncertainties
 from facets.core.errors import InputError
-from facets.core.settings import AmplifierPart, PsdPart
+from facets.core.layout import AmplifierPart, PsdPart
 from facets.design.exploration import Space, looked_at
 from facets.design.front import pareto_front
 from facets.design.search import optimize

@@ -15,8 +15,8 @@ import facets
 from facets.characterization.resolution import Estimator, uncertainties
 from facets.characterization.singularity import measures
 from facets.core.errors import ConfigError, InputError
+from facets.core.layout import LaserPart, PsdPart
 from facets.core.sensor import BenchLight
-from facets.core.settings import LaserPart, PsdPart
 from facets.design.exploration import meets
 from facets.design.problem import problem_of
 from facets.design.report import worst_over

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 import facets
+from facets.core.motions import Random, Sine
 from facets.core.names import STATE_UNITS
-from facets.core.settings import Random, Sine
 from facets.live.virtual import Bench, Faults
 
 CONFIG = facets.load("bench")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from facets.core.errors import InputError
-from facets.core.settings import Random, Sine, Steps, Sweep, Table
+from facets.core.motions import Random, Sine, Steps, Sweep, Table
 from facets.simulation.motion import states
 
 ZERO = (0.0,) * 8

@@ -1,0 +1,125 @@
+"""Blocks of keys with one number for each axis of the state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf
+
+from .keys import Key, KeyBlock, block_of_keys
+from .names import ANGLES, FINE_UNITS, POSE, STATE
+
+MAX_LENGTH_MM = 10_000
+HALF_TURN_MRAD = 3142
+MAX_FINE = 1e6  # um and urad
+
+State = tuple[float, float, float, float, float, float, float, float]
+Pose = tuple[float, float, float, float, float, float]
+
+
+def _tuple(**values: float) -> tuple[float, ...]:
+    return tuple(values.values())
+
+
+def state_block(
+    name: str,
+    meaning: str,
+    texts: Sequence[str],
+    bounds: tuple[dict[str, float], dict[str, float]],
+    default: float = 0.0,
+    unit: str | None = None,
+) -> KeyBlock:
+    """The eight components of a state, Eq. (3), as a tuple.
+
+    bounds: of lengths and of angles.  unit: of all, where it is not that in a component's name.
+    """
+    keys = []
+    for axis, text in zip(STATE, texts, strict=True):
+        is_angle = axis in ANGLES
+        own = "mrad" if is_angle else "mm"
+        keys.append(
+            Key(
+                f"{axis}_{own}",
+                default,
+                text,
+                own if unit is None else unit,
+                float,
+                bounds[is_angle],
+            )
+        )
+    return block_of_keys(name, meaning, keys, _tuple)
+
+
+def pose_block(name: str, meaning: str, length: float | None, angle: float | None) -> KeyBlock:
+    """A standard uncertainty for each axis of the pose: (6,) um and urad, infinite for null.
+
+    length, angle: defaults.
+    """
+    keys = [
+        Key(
+            f"{axis}_urad" if axis in ANGLES else f"{axis}_um",
+            angle if axis in ANGLES else length,
+            f"of {axis}",
+            hint=float | None,
+            bounds={"gt": 0, "le": MAX_FINE},
+            null=inf,
+        )
+        for axis in POSE
+    ]
+    return block_of_keys(name, meaning, keys, _tuple)
+
+
+def in_code_units(uncertainties: Sequence[float]) -> tuple[float, ...]:
+    """(6,) um and urad in mm and rad."""
+    return tuple(value * unit for value, unit in zip(uncertainties, FINE_UNITS, strict=False))
+
+
+def _signed(largest: float) -> dict[str, float]:
+    return {"ge": -largest, "le": largest}
+
+
+def _positive(largest: float) -> dict[str, float]:
+    return {"ge": 0, "le": largest}
+
+
+PLACE = state_block(
+    "Place",
+    "A state of the mirror and the beam, or a difference of two.",
+    (
+        "mirror apex along x_w",
+        "mirror apex along y_w",
+        "mirror apex along z_w",
+        "gamma, about the mirror's x",
+        "beta, about y, after roll",
+        "alpha, about z, last",
+        "beam centre along x_w",
+        "beam centre along y_w",
+    ),
+    (_signed(MAX_LENGTH_MM), _signed(HALF_TURN_MRAD)),
+)
+BOX = state_block(
+    "Box",
+    "Half the width of a range on each axis.",
+    [f"half-width on {axis}" for axis in STATE],
+    (_positive(MAX_LENGTH_MM), _positive(HALF_TURN_MRAD)),
+)
+CYCLES = state_block(
+    "Cycles",
+    "Periods on each axis over the whole motion.",
+    [f"periods of {axis}" for axis in STATE],
+    (_positive(1e6), _positive(1e6)),
+    default=1.0,
+    unit="",
+)
+PHASES = state_block(
+    "Phases",
+    "Where in its period each axis begins; 90 makes a cosine.",
+    [f"phase of {axis}, degrees" for axis in STATE],
+    (_signed(360), _signed(360)),
+    unit="deg",
+)
+PER_AXIS = pose_block(
+    "PerAxis",
+    "Standard uncertainties by axis of the pose; an axis left out has none given.",
+    None,
+    None,
+)

@@ -1,0 +1,208 @@
+"""Declaration of configuration keys, each on the field that it sets.
+
+The declaration says the key's default, bounds and unit, and what the key means. The default of the
+field, the conversion to the units of the code, the check of files with its messages, and the JSON
+Schema follow from it (`facets.config.models`).
+
+    @dataclass(frozen=True)
+    class Amplifier:
+        "What amplifies a detector's current."
+
+        gain: float = key("gain_kohm", 100.0, "volts per ampere", gt=0, le=1e9)
+
+By its name the key is in kohm: `block_of(Amplifier).read({"gain_kohm": 5.0}).gain` is 5000 ohm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field, fields, replace
+from functools import cache
+from typing import Any, get_type_hints
+
+from .units import KEY_UNITS, unit_in
+
+Values = Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Key:
+    """One key of a configuration.
+
+    default: in the key's unit; MISSING where a file must give the key.
+    hint: type of the value in a file; that of the field if None.
+    bounds: `gt`, `ge`, `lt`, `le` of each number; `pattern`, `min_length`, `max_length` of text.
+    null: what the field holds where the file says null.
+    words: the field's value for each word that a file may say, where the field holds no words.
+    block: the keys inside, where the value is a block.
+    named: the keys of each block inside, where the user gives these blocks their names.
+    length: of a list for a field that holds a tuple of any length.
+    from_single: whether a single number stands for a pair of equal ones.
+    check: returns the value, or raises `ValueError` with what is allowed.
+    convert: turns the value, in the units of the code, into what the field holds.
+    """
+
+    name: str
+    default: Any
+    meaning: str
+    unit: str = ""
+    hint: Any = None
+    bounds: Values = field(default_factory=dict)
+    null: Any = None
+    words: Values | None = None
+    block: KeyBlock | None = None
+    named: KeyBlock | None = None
+    length: int = 0
+    from_single: bool = False
+    check: Callable[[Any], Any] | None = None
+    convert: Callable[[Any], Any] | None = None
+
+    def read(self, value: Any) -> Any:
+        """What the field holds, from the value in a file."""
+        if value is None:
+            return self.null
+        if self.words is not None:
+            return self.words[value]
+        if self.block is not None:
+            value = self.block.read(value)
+        elif self.named is not None:
+            value = {name: self.named.read(values) for name, values in value.items()}
+        else:
+            value = to_code(value, self.unit)
+        return value if self.convert is None else self.convert(value)
+
+    def write(self, value: Any) -> Any:
+        """The inverse of `read` for numbers and lists of them."""
+        return None if value == self.null else to_key(value, self.unit)
+
+
+def to_code(value: Any, unit: str) -> Any:
+    """Numbers in a key's unit in that of the code; lists become tuples, and all else stays."""
+    if isinstance(value, list | tuple):
+        return tuple(to_code(item, unit) for item in value)
+    return KEY_UNITS[unit].to_code(value) if unit else value
+
+
+def to_key(value: Any, unit: str) -> Any:
+    """The inverse of `to_code`, with lists."""
+    if isinstance(value, list | tuple):
+        return [to_key(item, unit) for item in value]
+    return KEY_UNITS[unit].to_key(value) if unit else value
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """The keys that give the value of one field.
+
+    read: the field's value from all values of the block; that of the only key if None.
+    index: which item of the only key's value the field is, if not the whole.
+    write: the values of the keys from that of the field.
+    """
+
+    keys: tuple[Key, ...]
+    read: Callable[[Values], Any] | None = None
+    index: int | str | None = None
+    write: Callable[[Any], Sequence[Any]] | None = None
+
+    def value(self, values: Values) -> Any:
+        """The field's value."""
+        return self.read(values) if self.read else self.keys[0].read(values[self.keys[0].name])
+
+
+def key(name: str, default: Any, meaning: str, **options: Any) -> Any:
+    """Declare a field with its own key, whose unit its name says.
+
+    options: attributes of `Key`, and bounds.
+    """
+    known = {one: options.pop(one) for one in Key.__dataclass_fields__ if one in options}
+    return declare(Source((Key(name, default, meaning, unit_in(name), bounds=options, **known),)))
+
+
+def item_of(key: Key, index: int | str) -> Any:
+    """Declare a field that holds one item of a key's value."""
+    return declare(Source((key,), lambda values: key.read(values[key.name])[index], index))
+
+
+def declare(source: Source) -> Any:
+    """A field of a dataclass whose value, and default, some keys give."""
+    metadata = {"source": source}
+    if any(one.default is MISSING for one in source.keys):
+        return field(metadata=metadata)
+    default = source.value({one.name: one.default for one in source.keys})
+    if isinstance(default, dict):
+        return field(default_factory=default.copy, metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True, eq=False)
+class KeyBlock:
+    """A block of keys.
+
+    sources: where the value of each field comes from.  make: the object of the fields' values.
+    common: keys that only a file has, which hold for all blocks inside that do not say otherwise.
+    partial: whether keys that are left out have a value elsewhere, so that no default is shown.
+    """
+
+    name: str
+    meaning: str
+    sources: dict[str, Source]
+    make: Callable[..., Any]
+    common: tuple[Key, ...] = ()
+    partial: bool = False
+
+    @property
+    def keys(self) -> list[Key]:
+        """All keys, in the order of a file."""
+        own = {key.name: key for source in self.sources.values() for key in source.keys}
+        return [*self.common, *own.values()]
+
+    def read(self, values: Values) -> Any:
+        """What the values of all keys give; a key that is left out has its default."""
+        values = {**{key.name: key.default for key in self.keys}, **values}
+        return self.make(**{name: source.value(values) for name, source in self.sources.items()})
+
+    def write(self, values: Values, thing: Any) -> dict[str, Any]:
+        """The values with those changed that give other fields than `thing` has."""
+        old, new = self.read(values), dict(values)
+        for name, source in self.sources.items():
+            value, first = getattr(thing, name), source.keys[0]
+            if value == getattr(old, name):
+                continue
+            if first.block is not None:
+                new[first.name] = first.block.write(new[first.name], value)
+            elif isinstance(source.index, int):
+                items = [*new[first.name]]
+                items[source.index] = first.write(value)
+                new[first.name] = items
+            else:
+                written = source.write(value) if source.write else [first.write(value)]
+                new |= {key.name: item for key, item in zip(source.keys, written, strict=True)}
+        return new
+
+
+@cache
+def block_of(kind: type[Any]) -> KeyBlock:
+    """The keys that a dataclass declares; its docstring's first paragraph is their meaning."""
+    hints = get_type_hints(kind)
+    meaning = " ".join((kind.__doc__ or "").split("\n\n")[0].split())
+    sources = {
+        one.name: complete(one.metadata["source"], hints[one.name])
+        for one in fields(kind)
+        if "source" in one.metadata
+    }
+    return KeyBlock(kind.__name__, meaning, sources, kind)
+
+
+def complete(source: Source, hint: Any) -> Source:
+    """A field's source with the type that its key has from the field."""
+    if source.read is not None:
+        return source
+    own = source.keys[0]
+    return replace(source, keys=(replace(own, hint=own.hint or hint),))
+
+
+def block_of_keys(
+    name: str, meaning: str, keys: Sequence[Key], make: Callable[..., Any]
+) -> KeyBlock:
+    """A block of keys that `make` takes by name."""
+    return KeyBlock(name, meaning, {key.name: Source((key,)) for key in keys}, make)

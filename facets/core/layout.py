@@ -1,0 +1,251 @@
+"""What a layout is to be found for: the keys of `optimize`."""
+
+from __future__ import annotations
+
+from dataclasses import MISSING, dataclass
+from math import inf
+from typing import Any, Literal
+
+from .axis_keys import BOX, HALF_TURN_MRAD, MAX_LENGTH_MM, PER_AXIS, State
+from .keys import Key, block_of, block_of_keys, item_of, key
+from .names import DETECTORS
+
+Bounds = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class PsdPart:
+    """A detector that can be had."""
+
+    size: float = key("size_mm", MISSING, "side of its sensitive area", gt=0, le=1000)
+    position: float | None = key(
+        "position_um",
+        None,
+        "its noise, as sensor.noise.position_um; if left out that",
+        gt=0,
+        le=1000,
+    )
+    price: float | None = key("price", None, "of one, in any money", ge=0, le=1e9)
+    delivery: float | None = key("delivery_weeks", None, "until it is there", ge=0, le=1000)
+
+
+@dataclass(frozen=True)
+class LaserPart:
+    """A laser that can be had."""
+
+    power: float = key("power_mw", MISSING, "laser power", gt=0, le=1000)
+    diameter: float = key("diameter_mm", MISSING, "1/e^2 diameter of its round beam", gt=0, le=1000)
+    price: float | None = key("price", None, "in the same money", ge=0, le=1e9)
+    delivery: float | None = key("delivery_weeks", None, "until it is there", ge=0, le=1000)
+
+
+@dataclass(frozen=True)
+class AmplifierPart:
+    """Amplifiers and converter that can be had, for all three detectors."""
+
+    power: float = key(
+        "power_uw", MISSING, "noise of a power, as sensor.noise.power_uw", gt=0, le=1e6
+    )
+    price: float | None = key("price", None, "of all, in the same money", ge=0, le=1e9)
+    delivery: float | None = key("delivery_weeks", None, "until they are there", ge=0, le=1000)
+
+
+def _variable(name: str, meaning: str, least: float, most: float) -> Key:
+    return Key(name, None, meaning, hint=Bounds | None, bounds={"ge": least, "le": most})
+
+
+def _variables_of_one(kind: str, bounds: dict[str, tuple[float, float]]) -> list[Key]:
+    return [
+        _variable(f"{kind}_{letter}_{name}", f"of {kind} {letter} alone", *limits)
+        for letter in DETECTORS
+        for name, limits in bounds.items()
+    ]
+
+
+def _given(**values: Any) -> dict[str, Any]:
+    """The values of the keys that are not null, in their units."""
+    return {name: value for name, value in values.items() if value is not None}
+
+
+VARIABLES = block_of_keys(
+    "Variables",
+    "What may change, from least to most; what is left out stays as it is.",
+    [
+        _variable("radius_mm", "of all detectors", 1, 10_000),
+        _variable(
+            "inclination_deg",
+            "of all facets; the detectors' heights follow the sub-beams",
+            5,
+            85,
+        ),
+        *(
+            _variable(name, "of all detectors", -1000, 1000)
+            for name in ("roll_mrad", "pitch_mrad", "yaw_mrad")
+        ),
+        _variable("azimuth_b_deg", "of facet and detector B; C's mirrors it", 20, 170),
+        _variable("size_mm", "of all detectors, square", 0.1, 1000),
+        _variable("diameter_mm", "of a round beam, 1/e^2", 0.01, 100),
+        _variable("power_mw", "of the laser", 0.001, 1000),
+        _variable(
+            "transimpedance_kohm",
+            "gain of all amplifiers, for `noise.model: electronics`",
+            0.001,
+            1e9,
+        ),
+        *_variables_of_one("facet", {"inclination_deg": (5, 85), "azimuth_deg": (-360, 360)}),
+        *_variables_of_one(
+            "psd",
+            {
+                "radius_mm": (1, MAX_LENGTH_MM),
+                "azimuth_deg": (-360, 360),
+                "height_mm": (-MAX_LENGTH_MM, MAX_LENGTH_MM),
+                "roll_mrad": (-HALF_TURN_MRAD, HALF_TURN_MRAD),
+                "pitch_mrad": (-HALF_TURN_MRAD, HALF_TURN_MRAD),
+                "yaw_mrad": (-HALF_TURN_MRAD, HALF_TURN_MRAD),
+            },
+        ),
+    ],
+    _given,
+)
+PARTS = Key(
+    "parts",
+    {},
+    "what can be had; size_mm and power_mw come from it",
+    block=block_of_keys(
+        "Parts",
+        "A catalogue: of each kind that is listed, the best is taken.",
+        [
+            Key("psds", {}, "name: detector; three of the same", named=block_of(PsdPart)),
+            Key("lasers", {}, "name: laser", named=block_of(LaserPart)),
+            Key("amplifiers", {}, "name: amplifiers", named=block_of(AmplifierPart)),
+        ],
+        dict,
+    ),
+)
+WEIGHTS = block_of_keys(
+    "Weights",
+    "How much each aim counts in `aim: weighted`; those left out do not.",
+    [
+        Key(name, 0, meaning, hint=float, bounds={"ge": 0, "le": 1e6})
+        for name, meaning in {
+            "resolution": "worst uncertainty over its unit",
+            "mean_resolution": "mean uncertainty over its unit",
+            "range": "how many times as large the volume is",
+            "size": "diameter of the head, 100 mm",
+            "condition": "worst condition number, decades",
+            "price": "of the parts, thousands; none for unknown",
+        }.items()
+    ],
+    lambda **values: {name.replace("_", "-"): weight for name, weight in values.items() if weight},
+)
+PRODUCTION = Key(
+    "production",
+    {},
+    "of heads that are not perfect",
+    block=block_of_keys(
+        "Production",
+        "Heads as they are built, with the tolerances that `calibrate.before` states.",
+        [
+            Key(
+                "yield_percent",
+                None,
+                "share of the heads that must keep spots, light and limits; null: the design",
+                "percent",
+                float | None,
+                {"gt": 0, "lt": 100},
+                null=0.0,
+            ),
+            Key(
+                "calibrated",
+                True,
+                "whether each head is calibrated, so that `accuracy` holds after that",
+                hint=bool,
+            ),
+            Key(
+                "poses",
+                60,
+                "of a calibration's motion, beside `calibrate.reference`",
+                hint=int,
+                bounds={"ge": 10, "le": 10_000},
+            ),
+        ],
+        dict,
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What `facets optimize` looks for.
+
+    variables: least and most of each, in the unit of its name.  volume: half widths of the pose and
+    of the beam's offset (8,), mm and rad.  unit, limit, accuracy: (6,) um and urad, infinite where
+    not given.  production: share of the heads that must keep all, 0 where the design alone must.
+    """
+
+    variables: dict[str, Bounds] = key("variables", {}, "what may change", block=VARIABLES)
+    psds: dict[str, PsdPart] = item_of(PARTS, "psds")
+    lasers: dict[str, LaserPart] = item_of(PARTS, "lasers")
+    amplifiers: dict[str, AmplifierPart] = item_of(PARTS, "amplifiers")
+    volume: State = key(
+        "volume",
+        {"tx_mm": 0.1, "ty_mm": 0.1, "tz_mm": 3, "roll_mrad": 5, "pitch_mrad": 5, "yaw_mrad": 10},
+        "half widths of the poses to be measured; bx_mm, by_mm: of the beam's offset",
+        block=BOX,
+    )
+    aim: Literal["resolution", "mean-resolution", "range", "size", "condition", "weighted"] = key(
+        "aim",
+        "resolution",
+        "finest at worst or on average over the volume; the volume as many times as "
+        "large as can be; the smallest head; the best conditioned; or a sum by `weights`",
+    )
+    weights: dict[str, float] = key(
+        "weights", {}, "of the aims, for `aim: weighted`", block=WEIGHTS
+    )
+    unit: tuple[float, ...] = key(
+        "unit",
+        {"tz_um": 1, "roll_urad": 5, "pitch_urad": 5, "yaw_urad": 5},
+        "uncertainty of each axis that counts as 1; axes left out do not count",
+        block=PER_AXIS,
+    )
+    limit: tuple[float, ...] = key(
+        "limit", {}, "largest uncertainty of each axis in the volume", block=PER_AXIS
+    )
+    accuracy: tuple[float, ...] = key(
+        "accuracy",
+        {},
+        "largest error of a head as built in the volume, from rest, without noise",
+        block=PER_AXIS,
+    )
+    production: float = item_of(PRODUCTION, "yield_percent")
+    calibrated: bool = item_of(PRODUCTION, "calibrated")
+    poses: int = item_of(PRODUCTION, "poses")
+    head: float = key(
+        "head_mm",
+        None,
+        "largest diameter of the head, over the detectors",
+        gt=0,
+        le=20_000,
+        null=inf,
+    )
+    least_power: float = key(
+        "least_power_uw", 32.4, "least power on a detector in the volume", gt=0, le=1e6
+    )
+    following: bool = key(
+        "beam",
+        "free",
+        "whether the beam's place is an unknown at rest, or follows the apex",
+        words={"free": False, "following": True},
+    )
+    starts: int = key("starts", 4, "from which it begins, the first as it is", ge=1, le=1000)
+    seed: int = key("seed", 1, "of the other starts", ge=0, le=2**32 - 1)
+
+    @property
+    def has_parts(self) -> bool:
+        """Whether a catalogue is laid under the search."""
+        return bool(self.psds or self.lasers or self.amplifiers)
+
+    @property
+    def aims(self) -> dict[str, float]:
+        """What is aimed at, and how much each counts."""
+        return self.weights if self.aim == "weighted" else {self.aim: 1.0}

@@ -1,0 +1,84 @@
+"""The motions of a configuration: frozen, in the units of the code (mm, rad, s)."""
+
+from __future__ import annotations
+
+from dataclasses import MISSING, dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from .axis_keys import BOX, CYCLES, PHASES, PLACE, State
+from .keys import key
+
+SAMPLES: dict[str, Any] = {"meaning": "number of readings", "ge": 1, "le": 1_000_000_000}
+RATE: dict[str, Any] = {"gt": 0, "le": 1e9}
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Stands still at equally spaced places between two, both included."""
+
+    kind: ClassVar[str] = "steps"
+    start: State = key("from", {}, "first place", block=PLACE)
+    stop: State = key("to", {}, "last place", block=PLACE)
+    steps: int = key("steps", 21, "number of places", ge=1, le=1_000_000)
+    samples_per_step: int = key("samples_per_step", 1, "readings at each place", ge=1, le=1_000_000)
+    rate: float = key("rate_hz", 1000.0, "readings per second", **RATE)
+
+    @property
+    def samples(self) -> int:
+        return self.steps * self.samples_per_step
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Moves evenly from one place to another, both included, all axes at once."""
+
+    kind: ClassVar[str] = "sweep"
+    start: State = key("from", {}, "first place", block=PLACE)
+    stop: State = key("to", {}, "last place", block=PLACE)
+    samples: int = key("samples", 401, **SAMPLES)
+    rate: float = key("rate_hz", 1000.0, "readings per second", **RATE)
+
+
+@dataclass(frozen=True)
+class Sine:
+    """Each axis swings on its own: centre + amplitude sin(2 pi cycles s + phase), s from 0 to 1."""
+
+    kind: ClassVar[str] = "sine"
+    centre: State = key("centre", {}, "middle of the swing", block=PLACE)
+    amplitude: State = key("amplitude", {}, "half the swing", block=PLACE)
+    cycles: State = key("cycles", {}, "periods over the whole motion", block=CYCLES)
+    phase: State = key("phase_deg", {}, "at the beginning", block=PHASES)
+    samples: int = key("samples", 1000, **SAMPLES)
+    rate: float = key("rate_hz", 1000.0, "readings per second", **RATE)
+
+
+@dataclass(frozen=True)
+class Random:
+    """Independent states, uniform in a box."""
+
+    kind: ClassVar[str] = "random"
+    centre: State = key("centre", {}, "middle of the box", block=PLACE)
+    box: State = key("box", {}, "half-width of the box on each axis", block=BOX)
+    samples: int = key("samples", 1000, **SAMPLES)
+    rate: float = key("rate_hz", 1000.0, "readings per second", **RATE)
+
+
+@dataclass(frozen=True)
+class Table:
+    """States from a CSV file: columns tx_mm ... yaw_mrad, and if wanted bx_mm, by_mm, time_s."""
+
+    kind: ClassVar[str] = "table"
+    file: Path = key("file", MISSING, "CSV file, path from this file", min_length=1, convert=Path)
+    samples_per_step: int = key(
+        "samples_per_step",
+        1,
+        "readings at each row; 1 where the file has time_s",
+        ge=1,
+        le=1_000_000,
+    )
+    rate: float = key("rate_hz", 1000.0, "readings per second where the file has no time_s", **RATE)
+
+
+Motion = Steps | Sweep | Sine | Random | Table
+KINDS = (Steps, Sweep, Sine, Random, Table)
