@@ -41,8 +41,8 @@ def noise(
     from facets.characterization.rest import reading_faults
     from facets.core.errors import InputError
     from facets.files import provenance, tables, whole
-    from facets.live.recording import meta_of
-    from facets.live.replay import recorded_config
+    from facets.live.recording.reader import meta_of
+    from facets.live.recording.replay import recorded_config
 
     from .replay import tell as tell_replay
 
@@ -88,10 +88,10 @@ def noise(
 
 def solved(recording: Path, settings: Config, tell_replay: Callable[..., None]) -> Columns:
     """The poses of a recording as columns, with a bar; says what of it is damaged."""
-    from facets.live.pipeline import Pipeline
-    from facets.live.pose_table import join_columns, pose_columns
-    from facets.live.recording import Damage
-    from facets.live.replay import replay
+    from facets.live.recording.index import Damage
+    from facets.live.recording.pose_table import join_columns, pose_columns
+    from facets.live.recording.replay import replay
+    from facets.live.run.pipeline import Pipeline
 
     pipeline, damage, parts = Pipeline(settings), Damage(), []
 

@@ -218,8 +218,9 @@ def film_states(settings: Config, motion: str | None, recording: Path | None, fr
     if recording is not None:
         from facets.core.names import STATE_COLUMNS, STATE_UNITS
         from facets.files.provenance import require_origin
-        from facets.live.recording import meta_of, recorded_poses
-        from facets.live.replay import recorded_config
+        from facets.live.recording.pose_table import recorded_poses
+        from facets.live.recording.reader import meta_of
+        from facets.live.recording.replay import recorded_config
 
         if recorded_config(recording).sensor != settings.sensor:
             remedy = "render it with the configuration that it was recorded with"

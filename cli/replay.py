@@ -58,11 +58,12 @@ def replay(
     from facets import load
     from facets.core.extras import require_extra
     from facets.files import tables
-    from facets.live.pipeline import Pipeline
-    from facets.live.publication import require_packages
-    from facets.live.recording import Damage, meta_of
-    from facets.live.replay import recorded_config
-    from facets.live.replay import replay as run
+    from facets.live.recording.index import Damage
+    from facets.live.recording.reader import meta_of
+    from facets.live.recording.replay import recorded_config
+    from facets.live.recording.replay import replay as run
+    from facets.live.run.pipeline import Pipeline
+    from facets.live.streams.publication import require_packages
 
     meta_of(recording, own=config is None)
     settings = load(config) if config else recorded_config(recording)
@@ -122,7 +123,7 @@ def save(output: Path | None, found: list[Any], pipeline: Any, recording: Path, 
 
 def check_smoothing(output: Path | None, model: str) -> None:
     from facets.core.errors import InputError
-    from facets.live.smoothing import MODELS
+    from facets.live.run.smoothing import MODELS
 
     if output is None or is_mcap(output):
         raise InputError("--smooth needs -o, a table for the smoothed poses")
@@ -132,7 +133,7 @@ def check_smoothing(output: Path | None, model: str) -> None:
 
 def check_filter(model: str, smooth: bool, output: Path | None, publish: list[str] | None) -> None:
     from facets.core.errors import InputError
-    from facets.live.smoothing import MODELS
+    from facets.live.run.smoothing import MODELS
 
     if model not in MODELS:
         raise InputError(f"--filter {model}: is no model; give {', '.join(MODELS)}")
@@ -148,10 +149,10 @@ def write_filtered(path: Path, found: list[Any], pipeline: Any, model: str) -> N
 
     from facets.core.errors import InputError
     from facets.files import provenance, tables
-    from facets.live.filtered_rows import WIDE, RowFilter
-    from facets.live.pipeline import join_poses
-    from facets.live.replay import label
-    from facets.live.sample_rows import SAMPLE, rows_of
+    from facets.live.recording.replay import label
+    from facets.live.run.pipeline import join_poses
+    from facets.live.streams.filtered_rows import WIDE, RowFilter
+    from facets.live.streams.sample_rows import SAMPLE, rows_of
 
     if not found:
         raise InputError(f"{path}: not written, the recording holds no whole sample")
@@ -167,9 +168,9 @@ def write_smoothed(path: Path, found: list[Any], pipeline: Any, model: str) -> N
     """The table of poses, with those that all samples together make likeliest beside them."""
     from facets.core.errors import InputError
     from facets.files import provenance, tables
-    from facets.live.pipeline import join_poses
-    from facets.live.replay import label
-    from facets.live.smoothing import smoothed_columns
+    from facets.live.recording.replay import label
+    from facets.live.run.pipeline import join_poses
+    from facets.live.run.smoothing import smoothed_columns
 
     if not found:
         raise InputError(f"{path}: not written, the recording holds no whole sample")
@@ -191,8 +192,8 @@ def is_mcap(path: Path) -> bool:
 
 def write_mcap(path: Path, found: list[Any], recording: Path, about: dict[str, str]) -> None:
     from facets.files.whole import Whole
-    from facets.live.mcap_file import McapFile
-    from facets.live.recording import utc_offset
+    from facets.live.recording.reader import utc_offset
+    from facets.live.streams.mcap_file import McapFile
 
     with Whole(path) as temporary, McapFile(temporary, about, utc_offset(recording) or 0.0) as file:
         for poses in found:
@@ -207,14 +208,14 @@ def published(
     filter_by: str | None,
 ) -> Iterator[Any]:
     """The same poses; each is given to other programs on its way."""
-    from facets.live.publication import Publications
-    from facets.live.recording import utc_offset
+    from facets.live.recording.reader import utc_offset
+    from facets.live.streams.publication import Publications
 
     offset = utc_offset(recording)
     with Publications(addresses, settings, True, offset, filter_by) as publications:
         typer.echo(f"publishing at {', '.join(publications.places())}", err=True)
         for poses in replayed:
-            publications.send(poses)
+            publications.add_poses(poses)
             yield poses
     for text in publications.sentences():
         typer.echo(text)
@@ -233,10 +234,10 @@ def recover(
     The recording itself is not changed.
     """
     from facets.files import provenance, tables
-    from facets.live.pipeline import Pipeline
-    from facets.live.recording import Damage
-    from facets.live.replay import recorded_config
-    from facets.live.replay import replay as run
+    from facets.live.recording.index import Damage
+    from facets.live.recording.replay import recorded_config
+    from facets.live.recording.replay import replay as run
+    from facets.live.run.pipeline import Pipeline
 
     path = output or recording / "recovered.parquet"
     settings = recorded_config(recording)
@@ -253,8 +254,8 @@ def pulses_of(settings: Any, recording: Path) -> tuple[Any, float] | None:
     """The clock that a pulse per second steers, and UTC over the host's clock; None without."""
     if settings.acquire.mark != "pps":
         return None
-    from facets.live.pulses import PulseClock
-    from facets.live.recording import utc_offset
+    from facets.live.recording.reader import utc_offset
+    from facets.live.run.pulses import PulseClock
 
     return PulseClock(), utc_offset(recording) or 0.0
 
@@ -267,8 +268,8 @@ def write(
 ) -> None:
     """The table of poses. pulses: see `pulses_of`."""
     from facets.files import tables
-    from facets.live.pulses import pulse_columns
-    from facets.live.replay import label
+    from facets.live.recording.replay import label
+    from facets.live.run.pulses import pulse_columns
 
     with tables.Whole(path) as temporary:
         writer = tables.Writer(temporary, about)
@@ -313,9 +314,9 @@ def compared(
     recording: Path, found: list[Any], pipeline: Any, damage: Any, config: str | None
 ) -> None:
     """Says whether the poses are those that were recorded, bit by bit, and all of them."""
-    from facets.live.pose_table import join_columns, pose_columns, recorded_poses
-    from facets.live.recording import seal_of
-    from facets.live.replay import compare
+    from facets.live.recording.pose_table import join_columns, pose_columns, recorded_poses
+    from facets.live.recording.reader import seal_of
+    from facets.live.recording.replay import compare
 
     new = join_columns([pose_columns(poses) for poses in found]) if found else {}
     seen, seal = compare(recorded_poses(recording), new), seal_of(recording)
@@ -366,7 +367,7 @@ def tell_unrecorded(seen: Any, seal: Any, lost: int) -> bool:
 def tell_different(recording: Path, seen: Any, damage: Any, config: str | None) -> None:
     """Says in what recorded and new poses differ, and the cause if it is known."""
     from facets.core.version import __version__
-    from facets.live.recording import meta_of
+    from facets.live.recording.reader import meta_of
 
     names = ", ".join(seen.columns[:8]) + (", ..." if len(seen.columns) > 8 else "")
     typer.echo(f"  they differ in {names}")

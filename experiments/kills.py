@@ -21,12 +21,14 @@ import numpy as np
 import facets
 from facets.detectors.counts import counts_of
 from facets.files.provenance import run_record
-from facets.live.acquire import Ending, Live, Reader, acquire
-from facets.live.frames import SIZE, Samples, pack
-from facets.live.pipeline import Pipeline
-from facets.live.pose_table import join_columns, pose_columns, recorded_poses
-from facets.live.recording import Recording
-from facets.live.replay import compare, recorded_config, replay
+from facets.live.recording.pose_table import join_columns, pose_columns, recorded_poses
+from facets.live.recording.replay import compare, recorded_config, replay
+from facets.live.recording.writer import Recording
+from facets.live.run.live import Live
+from facets.live.run.loop import Ending, acquire
+from facets.live.run.pipeline import Pipeline
+from facets.live.run.reader import Reader
+from facets.live.sources.frames import SIZE, Samples, pack
 
 BLOCK, RATE = 50, 400.0
 
@@ -65,11 +67,12 @@ def acquiring(folder: Path, data: bytes, given: Any) -> None:
     config = facets.load("bench")
     live = Live(Pipeline(config))
     recording = Recording(folder, run_record(config, None, 0, {}), config.resolved)
-    reader = Reader(config, f"file:{os.devnull}", recording, False, live)
+    live.sinks.append(recording)
+    reader = Reader(config, f"file:{os.devnull}", False, live)
     reader.port = StreamSource(data, given)
     for number in (signal.SIGTERM, signal.SIGHUP):  # as the command has it
         signal.signal(number, signal.default_int_handler)
-    acquire(live, reader, recording, Ending())
+    acquire(live, reader, Ending())
 
 
 def kill(folder: Path, data: bytes, after: float, number: int = signal.SIGKILL) -> dict[str, int]:

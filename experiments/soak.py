@@ -35,11 +35,14 @@ import numpy as np
 import facets
 from facets.core.names import STATE_COLUMNS, STATE_UNITS
 from facets.files.provenance import run_record
-from facets.live.acquire import Ending, Live, Reader, acquire
-from facets.live.pipeline import Pipeline
-from facets.live.publication import Publications
-from facets.live.recording import Recording, recorded_poses
-from facets.live.subscription import Subscription
+from facets.live.recording.pose_table import recorded_poses
+from facets.live.recording.writer import Recording
+from facets.live.run.live import Live
+from facets.live.run.loop import Ending, acquire
+from facets.live.run.pipeline import Pipeline
+from facets.live.run.reader import Reader
+from facets.live.streams.publication import Publications
+from facets.live.streams.subscription import Subscription
 from facets.live.virtual import SENT, Bench, Faults, truth_of
 
 FAULTS = "flip=1e-4,lose=1e-4,double=1e-4,drop=1e-4,stall=0.1,block=0.1,saturate=0.1"
@@ -117,12 +120,13 @@ def soak(
     other.start()
     while not (folder / "board").exists():
         time.sleep(0.01)
-    live.publications = Publications(["tcp://127.0.0.1:0"] * readers, config)
-    told = start_readers(live.publications)
+    publications = Publications(["tcp://127.0.0.1:0"] * readers, config)
+    told = start_readers(publications)
     story = run_record(config, None, 0, {})
     recording = Recording(folder / "recording", story, config.resolved, config.acquire.sync)
     live.begin = time.monotonic()
-    reader = Reader(config, str(folder / "board"), recording, True, live)
+    live.sinks += [recording, publications]
+    reader = Reader(config, str(folder / "board"), True, live)
     memory: list[float] = []
     spent = time.process_time()
 
@@ -130,18 +134,18 @@ def soak(
         if len(memory) < time.monotonic() - live.begin:  # once a second
             memory.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3)
 
-    acquire(live, reader, recording, Ending(seconds, samples), show)
+    acquire(live, reader, Ending(seconds, samples), show)
     spent = (time.process_time() - spent) / (time.monotonic() - live.begin)
     ending.set()
     other.join()
     heard = [told.get(timeout=PATIENCE) for _ in range(readers)]
-    published = [(one["sent"], one["dropped"]) for one in live.publications.counts()]
+    published = [(one["sent"], one["dropped"]) for one in publications.counts()]
     return {
         **judged(folder, live),
         "published_and_dropped": published,
         "received_and_p99_ms": [(count, 1e3 * late) for count, late in heard],
         "cores": spent,
-        "p99_ms": 1e3 * live.ninety_nine(),
+        "p99_ms": 1e3 * live.latency_p99(),
         "memory_mb": (memory[min(3, len(memory) - 1)], memory[-1]),
     }
 

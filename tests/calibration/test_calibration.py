@@ -32,8 +32,8 @@ from facets.core.motions import Table
 from facets.detectors.calibrated import KNOWN
 from facets.detectors.correction import coefficients, corrected, slopes, uncorrected
 from facets.files.provenance import run_record
-from facets.live.recording import Recording
-from facets.live.replay import recorded_config
+from facets.live.recording.replay import recorded_config
+from facets.live.recording.writer import Recording
 from facets.model.arrays import parameters, sensor_with
 from facets.simulation.motion import states
 

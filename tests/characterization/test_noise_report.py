@@ -10,7 +10,7 @@ from commands import command
 
 import facets
 from facets.detectors.counts import counts_of
-from facets.live.frames import Samples, pack
+from facets.live.sources.frames import Samples, pack
 
 RATE, COUNT = 1000, 1 << 14
 CENTROID, POWER, MAINS = 5e-3, 1e-4, 2e-3  # mm, mW, mm

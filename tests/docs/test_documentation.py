@@ -79,7 +79,7 @@ def test_every_page_is_in_the_menu():
         "facets/optics/wedge.py",  # the power on a facet
         "facets/estimation/gauss_newton.py",  # the solver's step
         "facets/characterization/ranges.py",  # the range's limits
-        "facets/live/frames.py",  # the frame format
+        "facets/live/sources/frames.py",  # the frame format
         "facets/proof/uniqueness.py",  # the certificate's inequality
     ],
 )

@@ -107,7 +107,7 @@ def test_a_page_from_elsewhere_has_its_links_made_right():
 
 
 def test_a_link_out_of_a_folder_of_pages_is_right_in_the_site():
-    text = "See [`this`](../../facets/live/frames.py) and [that](../hooks/includes.py)."
+    text = "See [`this`](../../facets/live/sources/frames.py) and [that](../hooks/includes.py)."
     found = INCLUDES.on_page_markdown(text, page=page_at("decisions/x.md"))
     for link in re.findall(r'href="([^"]+)"', found):
         assert (ROOT / "docs" / "decisions" / link).resolve().exists(), link

@@ -18,7 +18,8 @@ import facets
 from facets.config import to_yaml
 from facets.core.names import READING_COLUMNS
 from facets.files.provenance import run_record
-from facets.live.recording import Block, Recording
+from facets.live.recording.writer import Recording
+from facets.live.sources import Block
 
 Rng = np.random.Generator
 
@@ -353,7 +354,7 @@ def recorded(folder: Path) -> Path:
         data = stream(60)
         recording = Recording(place, run_record(config, None, 0.0, {}), config.resolved)
         for n in range(0, len(data), 640):
-            recording.block(Block(data[n : n + 640], n * 1e-6, None))
+            recording.add_block(Block(data[n : n + 640], n * 1e-6, None))
         recording.close()
         _RECORDED["folder"] = place
     shutil.copytree(_RECORDED["folder"], folder / "recording")

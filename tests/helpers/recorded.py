@@ -6,10 +6,10 @@ from facets.experiments.kills import stream
 
 import facets
 from facets.files.provenance import run_record
-from facets.live.frames import SIZE
-from facets.live.index import Block
-from facets.live.pipeline import Pipeline
-from facets.live.recording import Recording
+from facets.live.recording.writer import Recording
+from facets.live.run.pipeline import Pipeline
+from facets.live.sources import Block
+from facets.live.sources.frames import SIZE
 
 CONFIG = facets.load("bench")
 BLOCKS, EACH = 12, 25
@@ -23,8 +23,8 @@ def record(folder, first=0, count=BLOCKS, close=True):
     for n in range(count):
         part = data[n * EACH * SIZE : (n + 1) * EACH * SIZE]
         block = Block(part, 1.0 + 0.0025 * n - 1e-5 * n**1.5, None)
-        recording.block(block)
-        recording.poses(pipeline.feed(block.data, block.arrival))
+        recording.add_block(block)
+        recording.add_poses(pipeline.feed(block.data, block.arrival))
         recording.flush()
     if close:
         recording.close()

@@ -12,9 +12,9 @@ import facets
 from facets.firmware.export import export
 from facets.firmware.library import FirmwareLibrary
 from facets.firmware.source import Provenance
-from facets.live.board_poses import SOLVED, solved_on_board
-from facets.live.frames import POSE, SIZE, FixedFrames
-from facets.live.pipeline import Pipeline
+from facets.live.run.board_poses import SOLVED, solved_on_board
+from facets.live.run.pipeline import Pipeline
+from facets.live.sources.frames import POSE, SIZE, FixedFrames
 from facets.live.virtual import Faults
 from facets.live.virtual.board import Board, Count, HeartbeatWatch
 from facets.live.virtual.faults import Schedule

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import facets
-from facets.live.clock import WRAP, Sequence
-from facets.live.frames import ELECTRODES, Samples, encode
-from facets.live.pipeline import Pipeline
+from facets.live.run.pipeline import Pipeline
+from facets.live.sources.clock import WRAP, Sequence
+from facets.live.sources.frames import ELECTRODES, Samples, encode
 
 PERIOD = 100
 

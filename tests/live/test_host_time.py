@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import facets
-from facets.live import host_time
-from facets.live.clock import WRAP
-from facets.live.frames import ELECTRODES, MARK, Samples, encode
-from facets.live.host_time import HostTime, touching_line
-from facets.live.pipeline import MARKED, Pipeline
+from facets.live.run.pipeline import MARKED, Pipeline
+from facets.live.sources import host_time
+from facets.live.sources.clock import WRAP
+from facets.live.sources.frames import ELECTRODES, MARK, Samples, encode
+from facets.live.sources.host_time import HostTime, touching_line
 
 JITTER, DRIFT, PACKET = 5e-3, 50e-6, 2e-3
 CONFIG = facets.load("bench")

@@ -20,12 +20,12 @@ from programs import Program, count_lines, size_of
 
 import facets
 from facets.core.errors import InputError
-from facets.live.acquire import HOLD
-from facets.live.frames import SIZE
-from facets.live.pipeline import Pipeline
-from facets.live.pose_table import join_columns, pose_columns, recorded_poses
-from facets.live.recording import blocks
-from facets.live.replay import recorded_config, replay
+from facets.live.recording.pose_table import join_columns, pose_columns, recorded_poses
+from facets.live.recording.reader import blocks
+from facets.live.recording.replay import recorded_config, replay
+from facets.live.run.pipeline import Pipeline
+from facets.live.run.reader import MAX_BLOCK_S
+from facets.live.sources.frames import SIZE
 from facets.live.virtual import Faults, truth_of
 
 CONFIG = facets.load("bench")
@@ -103,9 +103,9 @@ def test_a_replay_is_the_run_again(tmp_path):
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.slow
 def test_a_killed_recording_loses_no_more_than_its_last_block(tmp_path, number):
-    """A block is what came within HOLD, and the read that was under way."""
+    """A block is what came within MAX_BLOCK_S, and the read that was under way."""
     data = stream(20_000)
-    pieces = int(HOLD * RATE) + 2  # the source waits before it gives one
+    pieces = int(MAX_BLOCK_S * RATE) + 2  # the source waits before it gives one
     for n, after in enumerate((0.05, 0.45)):
         row = kill(tmp_path / str(n), data, after, number)
         assert row["lost"] <= pieces * BLOCK * SIZE

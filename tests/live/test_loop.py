@@ -10,13 +10,15 @@ from facets.experiments.kills import stream
 
 import facets
 from facets.estimation.solution import Status
-from facets.live import acquire as module
-from facets.live.acquire import Ending, Live, Loop
-from facets.live.frames import SIZE
-from facets.live.index import Block
-from facets.live.pipeline import FULL, SKIPPED, TWO_DETECTORS, Pipeline
-from facets.live.pose_table import join_columns, pose_columns
-from facets.live.replay import compare
+from facets.live.recording.pose_table import join_columns, pose_columns
+from facets.live.recording.replay import compare
+from facets.live.run import loop as module
+from facets.live.run.live import Live
+from facets.live.run.loop import Ending, Loop
+from facets.live.run.pipeline import FULL, SKIPPED, TWO_DETECTORS, Pipeline
+from facets.live.run.sink import Sink
+from facets.live.sources import Block
+from facets.live.sources.frames import SIZE
 
 CONFIG = facets.load("bench")
 EACH = 20
@@ -61,18 +63,16 @@ class Board:
         return bool(self.blocks)
 
 
-class Kept:
+class Kept(Sink):
     """A recording in memory."""
-
-    trouble, lost = "", 0
 
     def __init__(self):
         self.events, self.parts = [], []
 
-    def event(self, name, **more):
+    def add_event(self, name, **more):
         self.events.append((name, more))
 
-    def poses(self, poses):
+    def add_poses(self, poses):
         self.parts.append(pose_columns(poses))
 
 
@@ -91,12 +91,13 @@ class Slow(Pipeline):
 def run(monkeypatch, seconds, count):
     clock = Clock()
     monkeypatch.setattr(module, "time", clock)
-    live, kept = Live(Slow(clock, seconds)), Kept()
+    kept = Kept()
+    live = Live(Slow(clock, seconds), sinks=[kept])
     seen = []
-    loop = Loop(live, Board(clock, count), kept, lambda now: seen.append(now.messages()))
+    loop = Loop(live, Board(clock, count), lambda now: seen.append(now.messages()))
     loop.run(Ending())
     loop.finish()
-    loop.tell_end(0, [])
+    loop.report_end(0, [])
     return live, kept, seen
 
 
@@ -129,7 +130,7 @@ def test_a_loop_that_falls_behind_says_so_keeps_up_with_the_newest_and_catches_u
     assert names == ["behind", "caught up", "end"]
     assert any("the newest samples are solved first" in text for part in seen for text in part)
     assert not seen[-1]
-    assert live.ninety_nine() < module.PROMPT + 2 * 0.02 + 0.002
+    assert live.latency_p99() < module.NEWEST_FIRST_AFTER_S + 2 * 0.02 + 0.002
     assert live.late > 0
     assert live.pipeline.tally.skipped == 0
     found = compare(in_order(join_columns(kept.parts)), in_turn(500))
@@ -139,8 +140,8 @@ def test_a_loop_that_falls_behind_says_so_keeps_up_with_the_newest_and_catches_u
 
 def test_what_there_is_never_time_for_is_given_up_by_name(monkeypatch):
     """Twice too slow for ever: all is accounted for, half is skipped, the newest is not old."""
-    monkeypatch.setattr(module, "TOO_OLD", 0.5)
-    monkeypatch.setattr(module, "FINISH", 0.05)
+    monkeypatch.setattr(module, "GIVE_UP_AFTER_S", 0.5)
+    monkeypatch.setattr(module, "FINISH_S", 0.05)
     live, kept, _ = run(monkeypatch, [4e-3], 1_000)
     assert [name for name, _ in kept.events] == ["behind", "caught up", "end"]
     columns = in_order(join_columns(kept.parts))
@@ -149,7 +150,7 @@ def test_what_there_is_never_time_for_is_given_up_by_name(monkeypatch):
     assert 0.35 < skipped.mean() < 0.55
     assert skipped.sum() == live.pipeline.tally.skipped
     assert np.isnan(columns["tx_mm"][skipped]).all()
-    assert live.ninety_nine() < module.PROMPT + 0.02
+    assert live.latency_p99() < module.NEWEST_FIRST_AFTER_S + 0.02
     assert kept.events[-1][1]["statuses"]["skipped"] == skipped.sum()
 
 
@@ -178,8 +179,9 @@ def test_a_terminal_that_is_gone_ends_the_view_and_not_the_loop(monkeypatch):
     def show(_):
         raise OSError(5, "Input/output error")
 
-    live, kept = Live(Pipeline(CONFIG)), Kept()
-    Loop(live, Board(clock, 10), kept, show).run(Ending())
+    kept = Kept()
+    live = Live(Pipeline(CONFIG), sinks=[kept])
+    Loop(live, Board(clock, 10), show).run(Ending())
     assert live.pipeline.tally.samples == 10 * EACH
 
 
@@ -255,7 +257,7 @@ def test_poses_of_another_geometry_are_not_believed_without_a_word():
 
 def test_what_can_not_be_believed_is_said_in_a_line_each_while_it_lasts():
     """Saturation, lost light and a residual beyond chance, each in one of three runs."""
-    from facets.live.doubts import LOOKED_AT
+    from facets.live.run.doubts import LOOKED_AT
 
     rounds = LOOKED_AT // 40 + 1
     spoils = {

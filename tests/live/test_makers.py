@@ -11,11 +11,11 @@ import pytest
 
 import facets
 from facets.detectors.counts import counts_of, xy_sum_of
-from facets.live.contract import check_missing, check_port
-from facets.live.frames import ELECTRODES, XY_SUM, FixedFrames
-from facets.live.ni_card import counts_of_volts, frames_of
-from facets.live.pipeline import Pipeline
-from facets.live.ports import PortError, PortInUse, open_port
+from facets.live.run.pipeline import Pipeline
+from facets.live.sources import check_missing, check_source
+from facets.live.sources.frames import ELECTRODES, XY_SUM, FixedFrames
+from facets.live.sources.ni_card import counts_of_volts, frames_of
+from facets.live.sources.ports import PortError, PortInUse, open_port
 from facets.tracking.interlock import Heartbeat, close_line, open_permit
 from facets.tracking.stage import StageError
 
@@ -51,7 +51,7 @@ def test_a_card_is_a_port(installed):
         assert task.started
         task.in_stream.volts = counts.T * (10 / 2**16)
 
-    check_port(lambda: open_port(NAME, 0), send, expected)
+    check_source(lambda: open_port(NAME, 0), send, expected)
     assert makers.Task.open == []
 
 

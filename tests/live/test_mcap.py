@@ -9,7 +9,7 @@ import pytest
 from commands import command
 from facets.experiments.kills import stream
 
-from facets.live.pose_table import recorded_poses
+from facets.live.recording.pose_table import recorded_poses
 
 pytestmark = pytest.mark.installed
 

@@ -14,12 +14,12 @@ from programs import Program
 
 import facets
 from facets.core.errors import InputError
-from facets.live import row_stream
-from facets.live.frames import SIZE
-from facets.live.pipeline import LABELS, Pipeline
-from facets.live.publication import Publications
-from facets.live.sample_rows import SAMPLE, rows_of
-from facets.live.source import poses
+from facets.live.run.pipeline import LABELS, Pipeline
+from facets.live.run.poses import poses
+from facets.live.sources.frames import SIZE
+from facets.live.streams import row_stream
+from facets.live.streams.publication import Publications
+from facets.live.streams.sample_rows import SAMPLE, rows_of
 
 bluesky = pytest.importorskip("bluesky")
 pytest.importorskip("ophyd_async")
@@ -30,7 +30,7 @@ from bluesky.preprocessors import run_decorator, stage_decorator  # noqa: E402
 from bluesky.run_engine import RunEngine  # noqa: E402
 from bluesky.utils import FailedStatus  # noqa: E402
 
-from facets.live.ophyd_device import COLUMNS, Interval, PoseSensor  # noqa: E402
+from facets.live.streams.ophyd_device import COLUMNS, Interval, PoseSensor  # noqa: E402
 
 pytestmark = pytest.mark.installed
 
@@ -226,11 +226,11 @@ def test_a_flight_takes_the_samples_of_a_publication(engine, documents):
 
         def during():
             for batch in pipeline.take(data[SIZE:], time.monotonic() + 100.0):
-                publications.send(pipeline.solve(batch))
+                publications.add_poses(pipeline.solve(batch))
             yield from bps.null()
 
         # staging waits for a first sample, and the flight for those after it
-        publications.send(pipeline.feed(data[:SIZE], time.monotonic()))
+        publications.add_poses(pipeline.feed(data[:SIZE], time.monotonic()))
         engine(flight(sensor, Interval(samples=400), during))
     assert documents.flown("seq") == list(range(1, 401))
     assert set(documents.flown("status")) == {LABELS[0]}

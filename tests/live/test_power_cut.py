@@ -14,12 +14,14 @@ import facets
 from facets.core.errors import InputError
 from facets.detectors.counts import counts_of
 from facets.files.provenance import run_record
-from facets.live.frames import ELECTRODES, Samples, encode
-from facets.live.index import Block, Damage
-from facets.live.pipeline import Pipeline
-from facets.live.pose_table import join_columns, pose_columns, recorded_poses
-from facets.live.recording import Recording, meta_of
-from facets.live.replay import replay
+from facets.live.recording.index import Damage
+from facets.live.recording.pose_table import join_columns, pose_columns, recorded_poses
+from facets.live.recording.reader import meta_of
+from facets.live.recording.replay import replay
+from facets.live.recording.writer import Recording
+from facets.live.run.pipeline import Pipeline
+from facets.live.sources import Block
+from facets.live.sources.frames import ELECTRODES, Samples, encode
 from facets.tracking.encoder import Encoder
 
 BLOCKS, EACH, CUTS = 40, 12, 60
@@ -45,11 +47,11 @@ def recorded(form):
 
     def write():
         nonlocal written
-        recording.block(queue[written])
+        recording.add_block(queue[written])
         part = pipeline.feed(queue[written].data, queue[written].arrival, queue[written].encoder)
         if part is not None:
             poses.append(part)
-            recording.poses(part)
+            recording.add_poses(part)
         written += 1
 
     def on_sync(name):
@@ -62,7 +64,7 @@ def recorded(form):
             write()
         recording.flush()
         before = written
-        recording.event("synced")
+        recording.add_event("synced")
         recording.sync()
         end = max(n for n, (what, name, _) in enumerate(log.done) if (what, name) == (
             "sync", "index.bin"))  # fmt: skip
@@ -182,7 +184,7 @@ def test_the_whole_recording_comes_back_whole(tmp_path):
 
 def test_a_recording_from_before_the_sums_is_read_as_it_was(tmp_path):
     """Rows of 72 bytes, without CRC; poses without the column that proves them."""
-    from facets.live.index import OLD, pack_encoder
+    from facets.live.recording.index import OLD, pack_encoder
 
     rows, data = [], b""
     for block in make_blocks("frames")[:5]:

@@ -14,13 +14,13 @@ from programs import GUARD, Program, await_true
 
 import facets
 from facets.core.errors import InputError
-from facets.live import publication as module
-from facets.live.pipeline import Pipeline
-from facets.live.pose_table import join_columns, pose_columns
-from facets.live.publication import Publication, Publications
-from facets.live.sample_rows import MAGIC, SAMPLE, rows_of
-from facets.live.senders import Udp, json_of
-from facets.live.subscription import Subscription
+from facets.live.recording.pose_table import join_columns, pose_columns
+from facets.live.run.pipeline import Pipeline
+from facets.live.streams import publication as module
+from facets.live.streams.publication import Publication, Publications
+from facets.live.streams.sample_rows import MAGIC, SAMPLE, rows_of
+from facets.live.streams.senders import Udp, json_of
+from facets.live.streams.subscription import Subscription
 
 CONFIG = facets.load("bench")
 
@@ -139,7 +139,7 @@ def test_a_local_reader_gets_every_sample_at_full_rate():
             assert subscription.about["statuses"]["0"] == "converged"
             for _ in range(10):
                 for part in parts:
-                    publications.send(part)
+                    publications.add_poses(part)
             threading.Thread(target=publications.close).start()
             came = np.concatenate(list(subscription))
     expected = np.concatenate([rows_of(part, 0.0) for part in parts])
@@ -160,7 +160,7 @@ def test_a_reader_that_takes_nothing_costs_itself_samples_and_nobody_else(monkey
             reader.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
             while not stuck.dropped:  # each call returns, whatever the reader does
                 for part in parts:
-                    publications.send(part)
+                    publications.add_poses(part)
                 given = free.given
                 await_true(lambda given=given: free.sent + free.dropped == given, "all to go")
             publications.close()
@@ -238,7 +238,7 @@ def test_an_inlet_of_the_lab_streaming_layer_gets_every_sample(tmp_path, monkeyp
         assert ("yaw_mrad", "mrad") in labels
         assert info.name() == "here"
         for part in parts:
-            publications.send(part)
+            publications.add_poses(part)
         came, times = [], []
         while len(came) < 1_000:
             rows, at = inlet.pull_chunk(timeout=5.0)

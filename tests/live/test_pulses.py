@@ -10,11 +10,11 @@ from commands import command
 from facets.experiments.kills import stream
 
 import facets
-from facets.live.frames import FRAME, MARK, SIZE, FixedFrames, pack
-from facets.live.pipeline import Pipeline
-from facets.live.publication import Publications
-from facets.live.pulses import PulseClock
-from facets.live.subscription import Subscription
+from facets.live.run.pipeline import Pipeline
+from facets.live.run.pulses import PulseClock
+from facets.live.sources.frames import FRAME, MARK, SIZE, FixedFrames, pack
+from facets.live.streams.publication import Publications
+from facets.live.streams.subscription import Subscription
 
 START = 1_800_000_000.3  # UTC of the board's zero
 
@@ -105,7 +105,7 @@ def test_published_and_replayed_times_follow_the_pulses(tmp_path):
         Subscription(publications.places()[0]) as samples,
     ):
         for part in parts:
-            publications.send(part)
+            publications.add_poses(part)
         for some in samples:
             came.append(some)
             if sum(map(len, came)) == 1_000:

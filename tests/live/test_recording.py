@@ -13,16 +13,20 @@ from facets.experiments.kills import stream
 
 import facets
 from facets.core.errors import InputError
-from facets.live import acquire as module
-from facets.live.acquire import Ending, Live, Reader, acquire
-from facets.live.disk import Disk
-from facets.live.frames import SIZE
-from facets.live.index import Block, Damage
-from facets.live.pipeline import Pipeline
-from facets.live.ports import PortError
-from facets.live.pose_table import recorded_poses
-from facets.live.recording import DiskError, Recording, blocks
-from facets.live.replay import replay
+from facets.live.recording.disk import Disk
+from facets.live.recording.index import Damage
+from facets.live.recording.pose_table import recorded_poses
+from facets.live.recording.reader import blocks
+from facets.live.recording.replay import replay
+from facets.live.recording.writer import DiskError, Recording
+from facets.live.run import loop as module
+from facets.live.run.live import Live
+from facets.live.run.loop import Ending, acquire
+from facets.live.run.pipeline import Pipeline
+from facets.live.run.reader import Reader
+from facets.live.sources import Block
+from facets.live.sources.frames import SIZE
+from facets.live.sources.ports import PortError
 
 CONFIG = facets.load("bench")
 META = "config: bench\nresolved: {}\n"
@@ -72,8 +76,8 @@ def test_what_was_recorded_before_the_disk_was_full_is_readable(tmp_path, room):
     recording = Recording(tmp_path / "r", META, CONFIG.resolved, disk=disk)
     pipeline = Pipeline(CONFIG)
     for block in pieces(40):
-        recording.block(block)
-        recording.poses(pipeline.feed(block.data, block.arrival))
+        recording.add_block(block)
+        recording.add_poses(pipeline.feed(block.data, block.arrival))
         recording.flush()
     recording.close()
     assert "No space left" in recording.trouble
@@ -89,16 +93,16 @@ def test_what_was_recorded_before_the_disk_was_full_is_readable(tmp_path, room):
 
 
 def test_recording_goes_on_when_the_disk_has_space_again(tmp_path, monkeypatch):
-    monkeypatch.setattr("facets.live.recording.AGAIN", 0.0)
+    monkeypatch.setattr("facets.live.recording.writer.RETRY_INTERVAL_S", 0.0)
     disk = Full(10_000)
     with Recording(tmp_path / "r", META, CONFIG.resolved, disk=disk) as recording:
         some = pieces(40)
         for block in some[:20]:
-            recording.block(block)
+            recording.add_block(block)
         assert recording.lost
         lost, disk.left = recording.lost, 10**9
         for block in some[20:]:
-            recording.block(block)
+            recording.add_block(block)
         assert recording.lost == lost
     pipeline = Pipeline(CONFIG)
     count = sum(len(poses) for poses in replay(tmp_path / "r", pipeline))
@@ -113,7 +117,7 @@ def test_a_disk_that_can_not_sync_is_told_and_goes_on(tmp_path):
     recording = Recording(tmp_path / "r", META, CONFIG.resolved, disk=disk)
     disk.sync_error = OSError(errno.EIO, "Input/output error")
     for block in pieces(4):
-        recording.block(block)
+        recording.add_block(block)
         recording.sync()
     recording.close()
     assert "can not be synced: Input/output error" in recording.trouble
@@ -134,7 +138,7 @@ def test_what_is_written_is_synced_beside_the_writing(tmp_path):
                     all_seen.set()
 
     with Recording(tmp_path / "r", META, CONFIG.resolved, sync=0.01, disk=Watched()) as recording:
-        recording.block(pieces(1)[0])
+        recording.add_block(pieces(1)[0])
         assert all_seen.wait(60)
         assert seen == set(recording.files.values())
     assert not recording.syncer.is_alive()
@@ -220,7 +224,8 @@ def begin(folder, tmp_path, tracker=None, disk=None):
     (tmp_path / "empty").touch()
     live = Live(Pipeline(CONFIG), tracker=tracker)
     recording = Recording(folder, META, CONFIG.resolved, disk=disk)
-    reader = Reader(CONFIG, f"file:{tmp_path / 'empty'}", recording, False, live)
+    live.sinks.append(recording)
+    reader = Reader(CONFIG, f"file:{tmp_path / 'empty'}", False, live)
     reader.port.close()
     reader.port = Source()
     return live, recording, reader
@@ -248,12 +253,12 @@ class Pieces:
 @pytest.mark.parametrize("busy", [True, False])
 @pytest.mark.parametrize("error", [None, PortError("gone")])
 def test_the_reader_keeps_every_byte_in_however_large_blocks(tmp_path, monkeypatch, busy, error):
-    monkeypatch.setattr("facets.live.acquire.HOLD", np.inf)
+    monkeypatch.setattr("facets.live.run.reader.MAX_BLOCK_S", np.inf)
     live, recording, reader = begin(tmp_path / "r", tmp_path)
     live.backlog = 100 if busy else 0  # the loop has its hands full, or nothing to do
     pieces = [bytes([n]) * 100 for n in range(50)]
     reader.port = Pieces(pieces, error)
-    monkeypatch.setattr(reader, "loop_waits", reader.loop_waits if busy else lambda: True)
+    monkeypatch.setattr(reader, "loop_is_idle", reader.loop_is_idle if busy else lambda: True)
     reader.run()
     recording.close()
     found = [block.data for block in blocks(tmp_path / "r")]
@@ -275,14 +280,14 @@ def test_an_error_in_the_end_skips_nothing_of_it(tmp_path, monkeypatch, where, k
         raise kind("no")
 
     if where in ("poses", "flush", "sync"):
-        monkeypatch.setattr(recording, where, fail)
+        monkeypatch.setattr(recording, {"poses": "add_poses"}.get(where, where), fail)
     show = fail if where == "show" else (lambda _: None)
     swallowed = where == "show" and kind is KeyboardInterrupt  # that ends a run as it should end
     if swallowed or (where == "poses" and kind is KeyboardInterrupt):
-        acquire_quietly(live, reader, recording, show)
+        acquire_quietly(live, reader, show)
     else:
         with pytest.raises(kind):
-            acquire(live, reader, recording, Ending(), show)
+            acquire(live, reader, Ending(), show)
     assert tracker.ended
     assert source.closed
     assert not reader.is_alive()
@@ -292,9 +297,9 @@ def test_an_error_in_the_end_skips_nothing_of_it(tmp_path, monkeypatch, where, k
     )
 
 
-def acquire_quietly(live, reader, recording, show):
+def acquire_quietly(live, reader, show):
     try:
-        acquire(live, reader, recording, Ending(), show)
+        acquire(live, reader, Ending(), show)
     except KeyboardInterrupt:
         pass
     else:
@@ -303,9 +308,9 @@ def acquire_quietly(live, reader, recording, show):
 
 def test_a_stage_error_stops_the_stage_and_not_the_record(tmp_path):
     tracker = Stage(error="the stage does not answer")
-    live, recording, reader = begin(tmp_path / "r", tmp_path, tracker)
+    live, _, reader = begin(tmp_path / "r", tmp_path, tracker)
     said = []
-    acquire(live, reader, recording, Ending(), lambda now: said.append(now.messages()))
+    acquire(live, reader, Ending(), lambda now: said.append(now.messages()))
     assert len(recorded_poses(tmp_path / "r")["seq"]) == 125
     assert any(
         "the stage is stopped, the recording goes on" in text for part in said for text in part
@@ -314,9 +319,9 @@ def test_a_stage_error_stops_the_stage_and_not_the_record(tmp_path):
 
 
 def test_a_full_disk_does_not_end_the_stream(tmp_path):
-    live, recording, reader = begin(tmp_path / "r", tmp_path, disk=Full(2_500 + len(META)))
-    acquire(live, reader, recording, Ending())
+    live, _, reader = begin(tmp_path / "r", tmp_path, disk=Full(2_500 + len(META)))
+    acquire(live, reader, Ending())
     assert live.pipeline.tally.samples == 125
     assert live.pipeline.tally.statuses["converged"] == 125
     assert any("are not recorded" in text for text in live.messages())
-    assert module.FINISH > 0
+    assert module.FINISH_S > 0

@@ -14,11 +14,11 @@ from facets.experiments.kills import stream
 
 import facets
 from facets.core.errors import InputError
-from facets.live import shared_ring as module
-from facets.live.pipeline import Pipeline
-from facets.live.publication import Publications
-from facets.live.sample_rows import SAMPLE, description, rows_of
-from facets.live.shared_ring import HEAD, SharedSender, SharedSubscription, attach
+from facets.live.run.pipeline import Pipeline
+from facets.live.streams import shared_ring as module
+from facets.live.streams.publication import Publications
+from facets.live.streams.sample_rows import SAMPLE, description, rows_of
+from facets.live.streams.shared_ring import HEAD, SharedSender, SharedSubscription, attach
 
 CONFIG = facets.load("bench")
 ABOUT = description({"config": "bench"})
@@ -123,8 +123,8 @@ def test_a_second_reader_and_a_second_writer_are_refused(name):
 def test_what_a_killed_writer_left_is_taken_away(name):
     code = (
         "import os, sys\n"
-        "from facets.live.shared_ring import SharedSender\n"
-        "from facets.live.sample_rows import description\n"
+        "from facets.live.streams.shared_ring import SharedSender\n"
+        "from facets.live.streams.sample_rows import description\n"
         "from multiprocessing import resource_tracker\n"
         "resource_tracker.register = lambda *_: None\n"  # killed as a whole, with its tracker
         f"SharedSender({name!r}, description({{}}), 0.0)\n"
@@ -161,7 +161,7 @@ def test_a_publication_in_shared_memory_gives_all_samples(name):
         SharedSubscription(f"shm:{name}") as samples,
     ):
         for part in parts:
-            publications.send(part)
+            publications.add_poses(part)
         for some in samples:
             came.append(some)
             if sum(map(len, came)) == 3_000:

@@ -10,9 +10,8 @@ from commands import command
 
 import facets
 from facets.detectors.counts import counts_of
-from facets.live import smoothing as module
-from facets.live.frames import Samples, pack
-from facets.live.smoothing import (
+from facets.live.run import smoothing as module
+from facets.live.run.smoothing import (
     MODELS,
     dynamic_error,
     noise_covariance,
@@ -20,6 +19,7 @@ from facets.live.smoothing import (
     smooth,
     transition,
 )
+from facets.live.sources.frames import Samples, pack
 
 AXES = 2
 NOISE = np.array([[1.0, 0.6], [0.6, 2.0]])  # of a sample, as neighbours' axes have it

@@ -10,26 +10,26 @@ import pytest
 from facets.experiments.kills import stream
 
 import facets
-from facets.live import ports as module
-from facets.live.contract import check_port
-from facets.live.frames import SIZE
-from facets.live.pipeline import Pipeline
-from facets.live.ports import DatagramPort, PortError, open_port
-from facets.live.source import poses
+from facets.live.run.pipeline import Pipeline
+from facets.live.run.poses import poses
+from facets.live.sources import check_source
+from facets.live.sources import ports as module
+from facets.live.sources.frames import SIZE
+from facets.live.sources.ports import DatagramPort, PortError, open_port
 
 DATA = stream(200)
 
 
 def test_a_file_is_a_port(tmp_path):
     (tmp_path / "bytes.bin").write_bytes(DATA)
-    check_port(lambda: open_port(f"file:{tmp_path}/bytes.bin", 0), lambda _: None, DATA)
+    check_source(lambda: open_port(f"file:{tmp_path}/bytes.bin", 0), lambda _: None, DATA)
 
 
 def test_datagrams_are_a_port():
     port = DatagramPort("udp://127.0.0.1:0")
     there = port.line.getsockname()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
-        check_port(
+        check_source(
             lambda: port,
             lambda data: [line.sendto(data[n : n + 20 * SIZE], there)
                           for n in range(0, len(data), 20 * SIZE)],
@@ -42,10 +42,10 @@ def test_a_socket_is_a_port():
         port = open_port(f"socket://127.0.0.1:{server.getsockname()[1]}", 0)
         line, _ = server.accept()
         with line:
-            check_port(lambda: port, line.sendall, DATA)
+            check_source(lambda: port, line.sendall, DATA)
 
 
-class Other(module.Closing):
+class Other(module.ClosedAtExit):
     """A source as another package would write it."""
 
     ended = False
@@ -87,7 +87,7 @@ def others(monkeypatch):
 
 
 def test_another_packages_source_is_a_port(others):
-    check_port(lambda: open_port("test:1", 0), lambda _: None, DATA)
+    check_source(lambda: open_port("test:1", 0), lambda _: None, DATA)
     for name, words in (
         ("test:gone", "is not plugged in"),
         ("test:broken", "RuntimeError: driver 7"),

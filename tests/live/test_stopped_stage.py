@@ -15,7 +15,7 @@ import pytest
 from commands import PROGRAM, command
 from programs import Program, await_true, count_lines
 
-from facets.live.keys import pressing
+from facets.live.run.keys import pressing
 from facets.live.virtual.board import HEARTBEAT_PATIENCE_S, HeartbeatWatch
 from facets.tracking.interlock import heartbeat_frame
 
@@ -145,7 +145,7 @@ def test_a_key_calls_its_action_and_the_terminal_is_as_it_was(tmp_path):
     """In a process of its own, whose terminal is a pty."""
     script = tmp_path / "keys.py"
     script.write_text(
-        "import threading\nfrom facets.live.keys import pressing\n"
+        "import threading\nfrom facets.live.run.keys import pressing\n"
         "pressed = threading.Event()\n"
         "with pressing({'r': pressed.set}):\n    print('ready', flush=True)\n    pressed.wait()\n"
         "print('resumed', flush=True)\n"

@@ -13,9 +13,9 @@ from rich.console import Console
 
 import facets
 from facets.core.hues import DARK, LIGHT
-from facets.live import view
-from facets.live.acquire import Live
-from facets.live.pipeline import Pipeline
+from facets.live.run import view
+from facets.live.run.live import Live
+from facets.live.run.pipeline import Pipeline
 
 CONFIG = facets.load("bench")
 

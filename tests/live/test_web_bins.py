@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from facets.core.names import READING_COLUMNS, STATE_COLUMNS
-from facets.live.sample_rows import SAMPLE
+from facets.live.streams.sample_rows import SAMPLE
 from facets.live.web.bins import COLUMNS, AllBins, Bins
 
 

@@ -12,10 +12,10 @@ from facets.experiments.kills import stream
 from programs import Program, await_true
 
 import facets
-from facets.live.acquire import Live
-from facets.live.pipeline import Pipeline
-from facets.live.recording import recorded_poses
-from facets.live.sample_rows import SAMPLE
+from facets.live.recording.pose_table import recorded_poses
+from facets.live.run.live import Live
+from facets.live.run.pipeline import Pipeline
+from facets.live.streams.sample_rows import SAMPLE
 from facets.live.web.page import WebPage
 from facets.live.web.status import status_of
 from facets.pictures.page.scripts import rig_scripts

@@ -15,9 +15,9 @@ from programs import GUARD, await_true
 
 import facets
 from facets.core.errors import InputError
-from facets.live.acquire import Live
-from facets.live.pipeline import Pipeline
-from facets.live.sample_rows import SAMPLE
+from facets.live.run.live import Live
+from facets.live.run.pipeline import Pipeline
+from facets.live.streams.sample_rows import SAMPLE
 from facets.live.web import page as module
 from facets.live.web.bins import COLUMNS
 from facets.live.web.guard import Guard, parse_address

@@ -12,7 +12,7 @@ import pytest
 from commands import PROGRAM
 
 import facets
-from facets.live.pose_table import recorded_poses
+from facets.live.recording.pose_table import recorded_poses
 from facets.live.virtual import Bench, Faults
 
 CONFIG = facets.load("bench")

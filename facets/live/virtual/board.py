@@ -17,9 +17,9 @@ from ...detectors.counts import counts_of, xy_sum_of
 from ...model.arrays import mask_missed
 from ...simulation.imperfect_optics import seen_late
 from ...tracking.interlock import HEARTBEAT, KIND, MAY_MOVE, SIGN, heartbeat_frame
-from ..board_poses import SOLVED
-from ..frames import ELECTRODES, OVERRUN, PERMIT, POSE, XY_SUM, Samples, encode
-from ..frames import SATURATED as FULL
+from ..run.board_poses import SOLVED
+from ..sources.frames import ELECTRODES, OVERRUN, PERMIT, POSE, XY_SUM, Samples, encode
+from ..sources.frames import SATURATED as FULL
 from .faults import Schedule
 from .pty import Pty
 

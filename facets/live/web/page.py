@@ -14,7 +14,7 @@ from ...core.names import ANGLES, DETECTORS, STATE
 from ...detectors.counts import SATURATED
 from ...detectors.noise import least_light
 from ...model.arrays import half_sizes
-from ..publication import MOST, Publication
+from ..streams.publication import MOST, Publication
 from .guard import is_local, parse_address, place
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ class WebPage(Publication):
 
 def description_of(config: Config) -> dict[str, Any]:
     """What a page must know of a configuration, beside the units of the columns."""
-    from ..pipeline import LABELS
+    from ..run.pipeline import LABELS
 
     sensor = config.sensor
     free = config.solve.beam == "free"

@@ -10,14 +10,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from ..interruption import deferring
-from ..recording import CLOSED, utc_offset
-from ..sample_rows import rows_of
+from ..recording.index import CLOSED
+from ..recording.reader import utc_offset
+from ..run.interruption import deferring
+from ..streams.sample_rows import rows_of
 from .page import WebPage
 from .status import status_of_replay
 
 if TYPE_CHECKING:
-    from ..pipeline import Pipeline, Poses
+    from ..run.pipeline import Pipeline, Poses
 
 #: So often it is looked whether the page is to end, s.
 LOOK = 0.1

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...tracking.control import tracking_error
-from ..view import rounded
+from ..run.view import rounded
 
 if TYPE_CHECKING:
     from ...tracking.tracker import Tracker
-    from ..acquire import Live
-    from ..pipeline import Pipeline
+    from ..run.live import Live
+    from ..run.pipeline import Pipeline
 
 Item = dict[str, Any]
 
@@ -42,7 +42,7 @@ def status_of(live: Live) -> dict[str, Any]:
         "stage": stage(live.tracker, live),
         "published": [
             {key: one[key] for key in ("address", "sent", "dropped", "trouble")}
-            for one in (live.publications.counts() if live.publications else ())
+            for one in live.values().get("published", ())
         ],
         "recording": recording(live),
     }
@@ -103,7 +103,7 @@ def loop_counts(live: Live) -> list[Item]:
     """How the loop keeps up."""
     skipped = live.pipeline.tally.skipped
     return [
-        item("latency p99", 1e3 * live.ninety_nine(), "ms", "no sample is solved yet"),
+        item("latency p99", 1e3 * live.latency_p99(), "ms", "no sample is solved yet"),
         item("waiting", live.backlog, "samples", bad=live.behind),
         item("solved late", live.late, bad=live.late > 0),
         item("left to a replay", skipped, bad=skipped > 0),
@@ -124,10 +124,11 @@ def clock(pipeline: Pipeline) -> list[Item]:
 
 
 def recording(live: Live) -> str:
-    if live.recording is None:
+    known = live.values()
+    if "recording" not in known:
         return "nothing is recorded (--no-record)"
-    lost = f"; {live.recording.lost} bytes are not" if live.recording.lost else ""
-    return f"recorded in {live.recording.folder}{lost}"
+    lost = known["not_recorded_bytes"]
+    return f"recorded in {known['recording']}" + (f"; {lost} bytes are not" if lost else "")
 
 
 def stage(tracker: Tracker | None, live: Live) -> dict[str, Any]:

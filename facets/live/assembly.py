@@ -1,0 +1,301 @@
+"""A run assembled from a configuration: a source, the loop that solves, and sinks."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from datetime import UTC, datetime
+from functools import partial
+from math import inf
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+from ..core.errors import InputError
+from ..files.provenance import run_record
+from ..tracking.check import StageCheck
+from .recording.writer import Recording
+from .run.live import Live
+from .run.loop import Ending, acquire
+from .run.pipeline import Pipeline
+from .run.reader import Reader
+from .run.smoothing import require_model
+from .stage_setup import check_sentences, open_tracker, refuse_board
+from .streams.publication import Publications, require_packages
+from .web.page import WebPage
+from .web.status import status_of
+
+if TYPE_CHECKING:
+    from ..core.settings import Config
+
+Tell = Callable[[str], None]
+Show = Callable[[Live], None]
+
+
+class Run:
+    """A stream that is recorded, solved, followed by a stage, and published, as it comes.
+
+    `from_config` assembles a run and opens all its parts; `acquire` runs it to its end and closes
+    them.
+
+    Attributes
+    ----------
+    live : Live
+        The state of the run, at any time: counts, the newest poses, messages.
+    recording : Recording or None
+        What is written.
+    check : StageCheck or None
+        The check of the stage's wiring, if that is what the run is for.
+
+    Examples
+    --------
+    >>> import facets
+    >>> from facets.live import Run
+    >>> run = Run.from_config(facets.load("bench"), "file:bytes.bin")  # doctest: +SKIP
+    >>> run.acquire()  # doctest: +SKIP
+    >>> run.live.pipeline.tally.samples  # doctest: +SKIP
+    10000
+    """
+
+    def __init__(self, config: Config, max_loss: float = 0.001, compare: bool = False) -> None:
+        """Prepare the solver; `from_config` adds the source and the sinks."""
+        self.config, self.max_loss, self.compare = config, max_loss, compare
+        self.live = Live(Pipeline(config))
+        self.live.pipeline.warm_up()
+        self.reader: Reader
+        self.ending = Ending()
+        self.stage_port = ""
+        self.recording: Recording | None = None
+        self.publications: Publications | None = None
+        self.page: WebPage | None = None
+
+    @classmethod
+    def from_config(
+        cls,
+        config: Config,
+        port: str | None = None,
+        *,
+        record: bool = True,
+        folder: Path | None = None,
+        track: bool = False,
+        check_stage: bool = False,
+        stage_port: str | None = None,
+        search: bool = True,
+        seconds: float | None = None,
+        samples: int | None = None,
+        reconnect: bool = False,
+        max_loss: float = 0.001,
+        compare: bool = False,
+        publish: Sequence[str] = (),
+        filter_by: str | None = None,
+        web: str | None = None,
+        page_scripts: dict[str, str] | None = None,
+        tell: Tell = lambda _: None,
+    ) -> Self:
+        """Open the source, the recording, the publications, the page and the stage of a run.
+
+        Parameters
+        ----------
+        config : Config
+            Sensor, solver, stream and stage.
+        port : str, optional
+            Port of the detector board; `acquire.port` of the configuration by default.
+        record, folder
+            Whether everything that comes is recorded, and the new folder for it;
+            `recordings/TIME` by default.
+        track, check_stage : bool
+            Whether the stage follows the mirror, or moves for a check of its wiring; not both.
+            Without either the stage never moves.
+        stage_port : str, optional
+            Port of the stage; `stage.port` of the configuration by default.
+        search : bool
+            Whether a mirror that was lost is looked for, once a person has resumed the stage.
+        seconds, samples
+            When the run ends by itself: after this time, s, or this number of samples.
+        reconnect : bool
+            Whether a board that is unplugged is waited for.
+        max_loss, compare
+            When a run is not good: above this share of lost samples; where poses that the board
+            sends differ from those solved here.
+        publish, filter_by
+            Addresses that samples are published at, and the model of a filter whose poses are
+            published beside the raw ones.
+        web, page_scripts
+            Address `[HOST:]PORT` of a page that shows the run, and its scripts for the drawing.
+        tell : callable
+            Receives what a person should know at the beginning, line by line.
+
+        Raises
+        ------
+        InputError
+            For what cannot be meant, and for an address or a folder that cannot be used.
+        PortError
+            Where the board or the stage cannot be opened. Everything that was opened before is then
+            closed again, and an empty recording removed.
+        """
+        refuse_options(track, check_stage, seconds, publish, filter_by)
+        port = require_port(port or config.acquire.port, "--port", "acquire.port")
+        if track or check_stage:
+            refuse_board(config, port)
+        if check_stage:  # the readings alone are to say where the beam is
+            config = replace(config, solve=replace(config.solve, beam="free"))
+        require_packages(publish, web)
+        run = cls(config, max_loss, compare)
+        try:
+            if record:
+                run.begin_recording(folder)
+            if publish or web is not None:
+                run.publish(publish, filter_by, track, web, page_scripts, tell)
+            if track or check_stage:
+                run.open_stage(stage_port, search, check_stage, tell)
+            run.reader = Reader(config, port, reconnect, run.live, tell)
+        except BaseException:
+            run.abandon()
+            raise
+        check = run.check
+        run.ending = Ending(seconds or inf, samples or inf, lambda: bool(check and check.is_over))
+        return run
+
+    @property
+    def check(self) -> StageCheck | None:
+        """The check of the stage's wiring, if there is one."""
+        tracker = self.live.tracker
+        return tracker if isinstance(tracker, StageCheck) else None
+
+    def begin_recording(self, folder: Path | None) -> None:
+        """Begin a recording in a new folder."""
+        now = datetime.now(UTC)
+        folder = folder or Path("recordings") / now.strftime("%Y%m%d-%H%M%S")
+        begin = {"begin_utc": now.isoformat(), "begin_monotonic": time.monotonic()}
+        meta = run_record(self.config, None, 0.0, begin)
+        self.recording = Recording(folder, meta, self.config.resolved, self.config.acquire.sync)
+        self.live.sinks.append(self.recording)
+
+    def publish(
+        self,
+        addresses: Sequence[str],
+        filter_by: str | None,
+        carried: bool,
+        web: str | None,
+        page_scripts: dict[str, str] | None,
+        tell: Tell,
+    ) -> None:
+        """Begin to publish samples, and tell where. carried: whether a stage carries the beam."""
+        self.publications = Publications(
+            addresses, self.config, filter_by=filter_by, carried=carried
+        )
+        self.live.sinks.append(self.publications)
+        if addresses:
+            tell(f"publishing at {', '.join(self.publications.places())}")
+        if web is None:
+            return
+        status = partial(status_of, self.live)
+        self.page = WebPage(self.config, web, status, {"kind": "acquire"}, drawn=page_scripts)
+        self.publications.all.append(self.page)
+        for text in self.page.greeting():
+            tell(text)
+        self.page.show()
+
+    def open_stage(self, port: str | None, search: bool, check: bool, tell: Tell) -> None:
+        """Open the stage; the page can then resume it."""
+        self.stage_port = require_port(port or self.config.stage.port, "--stage-port", "stage.port")
+        tracker = open_tracker(
+            self.config, self.stage_port, search, check, tell, self.live.add_event
+        )
+        self.live.tracker = tracker
+        if self.page:
+            self.page.resume = partial(tracker.resume, "the page")
+
+    def abandon(self) -> None:
+        """Close what was opened for a run that does not begin, and remove its empty recording."""
+        with ExitStack() as closing:
+            if self.recording is not None:
+                closing.callback(self.recording.discard)
+            if self.live.tracker is not None:
+                closing.callback(self.live.tracker.close)
+            if self.publications is not None:
+                closing.callback(self.publications.close)
+
+    def acquire(self, show: Show = lambda _: None) -> None:
+        """Run to the end: of the stream, by time or samples, or by ^C; and close everything.
+
+        show: called often, with the state of the run. Raises the `FacetsError` that ended the
+        reading, if one did; what came until then is recorded and solved.
+        """
+        show = with_page(self.page, show) if self.page else show
+        acquire(self.live, self.reader, self.ending, show, lambda _: self.complaints())
+
+    def complaints(self) -> list[str]:
+        """Why a run that came to its end is not a good one, in sentences; none for a good one."""
+        live, found = self.live, []
+        if not live.pipeline.tally.samples:
+            found.append("no sample came.")
+        if live.loss > self.max_loss:
+            found.append(
+                f"{live.pipeline.sequence.lost} samples were lost, {100 * live.loss:.3g} % of all; "
+                f"--max-loss allows {100 * self.max_loss:.3g} %."
+            )
+        if live.pipeline.tally.misfit.mostly:
+            found.append(live.pipeline.tally.misfit.sentence)
+        board = live.pipeline.board
+        if self.compare and not board.compared:
+            found.append("the board sent no pose of its own that could be compared.")
+        elif self.compare and board.trouble():
+            found.append(board.trouble())
+        if self.check:
+            return found + self.check.faults()
+        if live.stage_stop:
+            found.append(f"the stage was stopped and not resumed: {live.stage_stop}")
+        if self.recording:
+            found += [f"{text}." for text in self.recording.messages()]
+        return found
+
+    def check_sentences(self, path: Path | None) -> Iterator[str]:
+        """Yield what the check of the stage found, and write the checked configuration to path."""
+        if self.check:
+            good = not self.complaints()
+            yield from check_sentences(self.check, self.config, self.stage_port, path, good)
+
+
+def refuse_options(
+    track: bool,
+    check_stage: bool,
+    seconds: float | None,
+    publish: Sequence[str],
+    filter_by: str | None,
+) -> None:
+    """Raise `InputError` for options that contradict each other."""
+    if check_stage and track:
+        raise InputError("--check-stage and --track both move the stage; check it first")
+    if seconds == 0:
+        raise InputError(
+            "--seconds 0 would end before it begins; give more, or leave it out to run until ^C"
+        )
+    if filter_by is not None:
+        require_model("--filter", filter_by)
+        if not publish:
+            raise InputError("--filter needs --publish: filtered poses go to other programs")
+
+
+def require_port(port: str | None, option: str, key: str) -> str:
+    """The port; raises `InputError` where there is none."""
+    if not port:
+        raise InputError(f"no port is given: give {option}, or {key} in the configuration")
+    return port
+
+
+def with_page(page: WebPage, show: Show) -> Show:
+    """A view that also keeps the page up to date, and does so after a terminal was closed."""
+    is_open = True
+
+    def show_both(live: Live) -> None:
+        nonlocal is_open
+        page.show()
+        try:
+            if is_open:
+                show(live)
+        except OSError:
+            is_open = False
+
+    return show_both

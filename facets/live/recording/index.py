@@ -1,0 +1,115 @@
+"""The index of a recording: a row for each block of bytes, which proves itself and its block."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...tracking.encoder import Encoder
+from ..sources.source import Block
+
+OLD = np.dtype(
+    [
+        ("offset", "<u8"),
+        ("length", "<u8"),
+        ("monotonic", "<f8"),
+        ("utc", "<f8"),
+        ("stage", "<f8", 5),
+    ]
+)
+#: data_crc: see `block_crc`.  crc: CRC-32 of the row's bytes before it. Rows of a recording made
+#: before there were any end with `stage`.
+INDEX = np.dtype([*OLD.descr, ("data_crc", "<u4"), ("crc", "<u4")])
+SIZE = INDEX.itemsize
+#: The event that a recording ends with, unless the run was killed or the power failed.
+CLOSED = "closed"
+
+
+@dataclass
+class Damage:
+    """What of a recording is not as it was written.
+
+    rows: of the index, spoilt.  absent: rows that were there when the recording was closed, and are
+    not any more.  missing: bytes that are known of and the file has not.  unproven: bytes without a
+    row that proves them; those that came last before the end among them.  since: the first sample
+    that any of this can have changed, where it is known.
+    """
+
+    rows: int = 0
+    absent: int = 0
+    missing: int = 0
+    unproven: int = 0
+    since: int | None = None
+
+    @property
+    def words(self) -> str:
+        """In words, or nothing."""
+        found = (
+            (self.rows, "rows of index.bin are spoilt"),
+            (self.absent, "rows of index.bin are missing"),
+            (self.missing, "bytes of bytes.bin are missing"),
+            (self.unproven, "bytes of bytes.bin have no row in index.bin that proves them"),
+        )
+        return ", ".join(f"{count} {what}" for count, what in found if count)
+
+
+def make_row(block: Block, offset: int, utc: float) -> bytes:
+    """The row of a block that begins at `offset`."""
+    row = np.zeros(1, INDEX)
+    row["offset"], row["length"] = offset, len(block.data)
+    row["monotonic"], row["utc"] = block.arrival, utc
+    row["stage"] = pack_encoder(block.encoder)
+    row["data_crc"] = block_crc(block.data)
+    row["crc"] = zlib.crc32(row.tobytes()[:-4])
+    return row.tobytes()
+
+
+def block_crc(data: bytes) -> int:
+    """CRC-32 of a block's bytes from the last to the first.
+
+    From the first to the last it would be the same number for all blocks of a length: a frame ends
+    with its own CRC-32, and the CRC-32 of bytes with their CRC-32 behind them is a constant.
+    """
+    return zlib.crc32(data[::-1])
+
+
+def proves(row: np.void, data: bytes) -> bool:
+    """Whether a row of the index is that of these bytes; also one of an older version, which had
+    the CRC-32 from the first byte to the last."""
+    return int(row["data_crc"]) in (block_crc(data), zlib.crc32(data))
+
+
+def read_rows(raw: bytes) -> tuple[NDArray[np.void], bool, int]:
+    """The sound rows of an index, whether they have a CRC, and how many are spoilt.
+
+    A torn row at the end counts as spoilt only where rows can be proven.
+    """
+    whole = len(raw) // SIZE
+    rows = np.frombuffer(raw[: whole * SIZE], INDEX)
+    sound = np.array([is_sound(raw[n * SIZE : (n + 1) * SIZE]) for n in range(whole)], bool)
+    if sound.any():
+        return rows[sound], True, int((~sound).sum()) + (len(raw) % SIZE > 0)
+    old = len(raw) // OLD.itemsize
+    return np.frombuffer(raw[: old * OLD.itemsize], OLD), False, 0
+
+
+def is_sound(row: bytes) -> bool:
+    return zlib.crc32(row[:-4]) == int.from_bytes(row[-4:], "little")
+
+
+def pack_encoder(encoder: Encoder | None) -> list[float]:
+    if encoder is None:
+        return [np.nan] * 5
+    return [encoder.time, *encoder.place, *encoder.speed]
+
+
+def unpack_encoder(row: NDArray[np.float64]) -> Encoder | None:
+    return None if np.isnan(row[0]) else Encoder(float(row[0]), row[1:3].copy(), row[3:5].copy())
+
+
+def name_of_copy(digest: str) -> str:
+    """The name that a file with this SHA-256 has in a recording."""
+    return f"measured-{digest[:12]}.csv"

@@ -1,0 +1,94 @@
+"""Poses as columns, and the Arrow stream of them in a recording."""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ..run.pipeline import Poses
+
+Columns = dict[str, NDArray[Any]]
+#: The stream's end, as Arrow has it.
+END = b"\xff\xff\xff\xff\0\0\0\0"
+#: The column that proves a batch: the CRC-32 of all others, the same in each of its rows.
+CRC = "crc"
+
+
+def pose_columns(poses: Poses) -> Columns:
+    """Poses as columns of a table, with the readings that they are from."""
+    solution = poses.solution
+    uncertainty = solution.uncertainty
+    columns: Columns = {
+        "seq": poses.seq,
+        "board_us": poses.time,
+        "host_s": poses.host,
+        "status": solution.status,
+        "flags": poses.flags,
+    }
+    columns |= {name: poses.readings[:, i] for i, name in enumerate(READING_COLUMNS)}
+    for i, name in enumerate(STATE_COLUMNS):
+        columns[name] = solution.state[:, i] / STATE_UNITS[i]
+    for i, name in enumerate(STATE_COLUMNS):
+        columns[f"u_{name}"] = uncertainty[:, i] / STATE_UNITS[i]
+    columns["residual"] = solution.residual
+    return columns
+
+
+def join_columns(parts: list[Columns]) -> Columns:
+    """Tables of the same columns, one after the other."""
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def make_batch(columns: Columns) -> Any:
+    """An Arrow batch with the CRC of its columns."""
+    import pyarrow as pa
+
+    count = len(next(iter(columns.values())))
+    proof = np.full(count, crc_of(columns), np.uint32)
+    return pa.RecordBatch.from_pydict({**columns, CRC: proof})
+
+
+def crc_of(columns: Columns) -> int:
+    crc = 0
+    for name, column in columns.items():
+        crc = zlib.crc32(np.ascontiguousarray(column).tobytes(), zlib.crc32(name.encode(), crc))
+    return crc
+
+
+def schema_of(batch: Any) -> bytes:
+    """The beginning of a stream of batches like this one."""
+    data: bytes = batch.schema.serialize().to_pybytes()
+    return data
+
+
+def recorded_poses(folder: Path) -> Columns:
+    """The poses that a recording holds, in the samples' order, as far as they can be proven.
+
+    A batch that is not as it was written is left out; past a torn end nothing can be read. Status
+    is one of `Status`, `pipeline.SKIPPED`, `pipeline.TWO_DETECTORS` or `pipeline.FULL`.
+    """
+    import pyarrow as pa
+
+    parts: list[Columns] = []
+    try:
+        with pa.OSFile(str(folder / "poses.arrows")) as file:
+            reader = pa.ipc.open_stream(file)
+            while True:
+                batch = reader.read_next_batch()
+                batch.validate(full=True)
+                part = {name: batch[name].to_numpy() for name in batch.schema.names}
+                proof = part.pop(CRC, None)
+                if proof is None or (len(proof) and (proof == crc_of(part)).all()):
+                    parts.append(part)
+    except (StopIteration, pa.ArrowException, OSError, ValueError, MemoryError):
+        pass
+    if not parts:
+        return {}
+    poses = join_columns(parts)
+    order = np.argsort(poses["seq"], kind="stable")
+    return poses if (np.diff(order) == 1).all() else {n: c[order] for n, c in poses.items()}

@@ -1,0 +1,208 @@
+"""A recording read again: its blocks, and how it was made."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from ...core.errors import InputError
+from ...tracking.encoder import Encoder
+from ..sources.source import Block
+from .index import CLOSED, Damage, proves, read_rows, unpack_encoder
+
+
+@dataclass(frozen=True)
+class Seal:
+    """What a recording's files held when it was closed; see `Recording.seal`."""
+
+    bytes: int
+    rows: int
+    poses: int
+    meta_crc: int
+    refused_bytes: int
+    refused_poses: int
+
+
+def seal_of(folder: Path) -> Seal | None:
+    """None of a recording that was not closed, or was made before recordings were sealed."""
+    names = [field.name for field in fields(Seal)]
+    try:
+        lines = (folder / "events.jsonl").read_bytes().splitlines()
+        last = next(json.loads(line) for line in reversed(lines) if line.strip())
+        if last["event"] == CLOSED:
+            return Seal(*(int(last[name]) for name in names))
+    except (OSError, StopIteration, ValueError, KeyError, TypeError):
+        pass
+    return None
+
+
+def blocks(folder: Path, damage: Damage | None = None, salvage: bool = False) -> Iterator[Block]:
+    """Yield the blocks of a recording, also of one that ended in the middle of a write.
+
+    Bytes that no sound row of the index proves come as blocks of their own, `doubtful`; the beam's
+    place is then unknown where a stage carried it. damage: receives what is not as it was written.
+    salvage: do without the index if it is missing or not that of these bytes; otherwise this
+    raises `InputError`.
+    """
+    damage = damage if damage is not None else Damage()
+    seal, size = seal_of(folder), size_of(folder)
+    rows, proven, damage.rows = read_rows(read_index(folder, salvage))
+    if not proven:
+        count = contiguous(rows)
+        rows, damage.rows = rows[:count], len(rows) - count
+    path = folder / "bytes.bin"
+    try:
+        file = path.open("rb")
+    except OSError as error:
+        raise missing_file(path, error, "a recording cannot be solved without its bytes") from None
+    with file:
+        if proven and not any_agrees(rows, file):
+            if seal and not salvage:
+                raise foreign_index(folder, seal, size, len(rows))
+            rows, damage.rows = rows[:0], damage.rows + len(rows)
+        if seal:
+            damage.absent = max(0, seal.rows - len(rows) - damage.rows)
+            damage.missing = max(0, seal.bytes - size)
+        carried = not len(rows) or not np.isnan(rows["stage"][:, 0]).all()
+        nowhere = Encoder(-np.inf, np.zeros(2), np.zeros(2)) if carried else None
+        yield from indexed_blocks(file, rows, proven, size, nowhere, damage)
+        rest = file.read()
+        damage.unproven += len(rest)
+        if rest:
+            yield Block(rest, float("nan"), nowhere, doubtful=True)
+
+
+def foreign_index(folder: Path, seal: Seal, size: int, rows: int) -> InputError:
+    """The error of a sealed recording in which no row of the index agrees with the bytes."""
+    path = folder / "bytes.bin"
+    if not size:
+        return InputError(f"{path}: is empty, but held {seal.bytes} bytes when it was closed")
+    return InputError(
+        f"{folder / 'index.bin'}: none of its {rows} rows agrees with {path}: one of the two is "
+        f"damaged or of another recording. `facets recover {folder}` solves the bytes without it"
+    )
+
+
+def indexed_blocks(
+    file: BinaryIO, rows: Any, proven: bool, size: int, nowhere: Encoder | None, damage: Damage
+) -> Iterator[Block]:
+    """Yield the blocks that the index knows of, and the bytes between them.
+
+    size: of the file, bytes.  nowhere: the stage's place for bytes that no row proves.
+    """
+    place, known_missing = 0, damage.missing
+    for row in rows:
+        offset, length, arrival = int(row["offset"]), int(row["length"]), float(row["monotonic"])
+        if proven and offset < place:  # nothing that this program writes
+            damage.rows += 1
+            continue
+        if proven and offset > place:
+            between = file.read(offset - place)
+            damage.unproven += len(between)
+            if between:
+                yield Block(between, arrival, nowhere, doubtful=True)
+        data = file.read(min(length, size))
+        place = offset + length
+        lacking = length - len(data)
+        damage.missing += max(0, lacking - known_missing)
+        known_missing = max(0, known_missing - lacking)
+        sound = not proven or proves(row, data)
+        damage.unproven += 0 if sound else len(data)
+        if data:
+            yield Block(data, arrival, unpack_encoder(row["stage"]), doubtful=not sound)
+
+
+def read_index(folder: Path, salvage: bool) -> bytes:
+    path = folder / "index.bin"
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        if salvage:
+            return b""
+        if not size_of(folder):
+            raise InputError(
+                f"{folder}: is no recording: it has no index.bin and no bytes"
+            ) from None
+        remedy = f"`facets recover {folder}` solves the bytes without it"
+        raise missing_file(path, error, remedy) from None
+
+
+def missing_file(path: Path, error: OSError, remedy: str) -> InputError:
+    if isinstance(error, FileNotFoundError):
+        return InputError(f"{path}: is missing; {remedy}")
+    return InputError(f"{path}: can not be read: {error.strerror}; {remedy}")
+
+
+def contiguous(rows: Any) -> int:
+    """How many rows without a CRC follow each other as a recording writes them."""
+    ends = np.cumsum(rows["length"])
+    begins = np.append(np.zeros(1, ends.dtype), ends[:-1])[: len(rows)]
+    return int(np.argmin(np.append(rows["offset"] == begins, False)))
+
+
+def any_agrees(rows: Any, file: BinaryIO) -> bool:
+    """Whether the bytes of any row are those of the file, which is then at its beginning."""
+    for row in rows:
+        file.seek(int(row["offset"]))
+        if proves(row, file.read(int(row["length"]))):
+            file.seek(0)
+            return True
+    file.seek(0)
+    return False
+
+
+def size_of(folder: Path) -> int:
+    """Bytes that a recording holds, 0 where it has no file of them."""
+    try:
+        return (folder / "bytes.bin").stat().st_size
+    except OSError:
+        return 0
+
+
+def utc_offset(folder: Path) -> float | None:
+    """Of the wall clock over the host's monotonic one, s, at the recording's beginning."""
+    rows, _, _ = read_rows(read_index(folder, salvage=True))
+    known = rows[np.isfinite(rows["monotonic"])]
+    return float(known["utc"][0] - known["monotonic"][0]) if len(known) else None
+
+
+def meta_of(folder: Path, own: bool = True) -> dict[str, Any]:
+    """How a recording was made; raises `InputError` where the folder is none.
+
+    own: refuse a `meta.yaml` that is not the one that the recording was closed with.
+    """
+    path = folder / "meta.yaml"
+    remedy = (
+        f"what came is in {folder / 'bytes.bin'}, which `facets acquire CONFIG --port "
+        f"file:{folder / 'bytes.bin'}` reads"
+    )
+    if not path.is_file():
+        if (folder / "bytes.bin").is_file():
+            raise InputError(f"{path}: is missing; {remedy}")
+        what = "it has no meta.yaml" if folder.is_dir() else "there is no such folder"
+        raise InputError(f"{folder}: is no recording: {what}")
+    try:
+        data = path.read_bytes()
+        found = YAML(typ="safe").load(data.decode())
+    except OSError as error:
+        raise InputError(f"{path}: can not be read: {error.strerror}") from None
+    except (YAMLError, ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict) or not isinstance(found.get("resolved"), dict):
+        raise InputError(f"{path}: is damaged, it holds no configuration; {remedy}")
+    seal = seal_of(folder)
+    if own and seal and seal.meta_crc != zlib.crc32(data):
+        raise InputError(
+            f"{path}: is not the file that this recording was closed with: it was changed, or is "
+            "of another recording. Put the right one back, or name a configuration: "
+            f"`facets replay {folder} --config CONFIG`"
+        )
+    return found

@@ -1,0 +1,272 @@
+"""A recording: a folder in which nothing that came is lost, whenever the program or the power ends.
+
+meta.yaml       first of all: how it was made, the whole configuration, when it began
+bytes.bin       the received bytes, as they are
+index.bin       a row (`index.INDEX`) for each block of them: where, when, what the stage said
+                then, and the sums that prove both
+poses.arrows    the poses as an Arrow stream, batch by batch; where the loop fell behind, the newest
+                first
+events.jsonl    a line for each thing that happened; the last says how much the others hold
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+import zlib
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from ...config.loading import measured
+from ...core.errors import FacetsError, InputError
+from ..run.pipeline import Poses, join_poses
+from ..run.sink import Sink
+from ..sources.source import Block
+from . import pose_table
+from .disk import Disk
+from .index import CLOSED, make_row, name_of_copy
+
+#: In the order in which they are synced: no row reaches the disk long before its bytes.
+NAMES = ("bytes.bin", "index.bin", "poses.arrows", "events.jsonl")
+#: Poses are written this often, s: each batch is a short pause of the loop, with a head of 1.6 kB.
+FLUSH_INTERVAL_S = 0.1
+#: A disk that refused is tried again after this time, s.
+RETRY_INTERVAL_S = 1.0
+
+
+class DiskError(FacetsError):
+    """A recording that can not be begun."""
+
+
+class Recording(Sink):
+    """Writes one, and says what it could not write.
+
+    Bytes go to the system at once, so that the end of the program takes none of them; a thread of
+    its own has the system put them on the disk every `sync` seconds, so that a power failure takes
+    no more than that. Where the disk refuses, `trouble` says why and `lost` counts the bytes that
+    came and are not recorded; what was written stays readable, and writing goes on as soon as it
+    can. After the beginning no method raises.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        meta: str,
+        resolved: dict[str, Any],
+        sync: float = 0.0,
+        disk: Disk | None = None,
+    ) -> None:
+        """Begins with the whole configuration, and what files it names about the sensor.
+
+        sync: s, 0 for never. Raises `InputError` for a folder that is not new, `DiskError` where it
+        can not be written.
+        """
+        self.folder, self.disk = folder, disk or Disk()
+        self.lost = 0
+        self.trouble = ""
+        self.refused = False
+        self.locks = {name: threading.Lock() for name in NAMES}
+        self.sizes = dict.fromkeys(NAMES, 0)
+        self.meta_crc = zlib.crc32(meta.encode())
+        self.rows = self.poses_written = self.poses_refused = 0
+        self.retry = 0.0
+        try:
+            if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+                what = "is not empty" if folder.is_dir() else "is a file"
+                raise InputError(f"{folder}: {what}; a recording begins in a new folder")
+            self.begin(meta, resolved)
+        except OSError as error:
+            raise DiskError(f"{folder}: can not be written: {error.strerror}") from None
+        import pyarrow as pa
+
+        pa.RecordBatch.from_pydict({"": np.zeros(1)})  # loads what it needs before poses come
+        self.has_schema = self.closed = False
+        self.waiting: list[Poses] = []
+        self.written = time.monotonic()
+        self.syncer = Syncer(self, sync) if sync > 0 else None
+        if self.syncer:
+            self.syncer.start()
+
+    def begin(self, meta: str, resolved: dict[str, Any]) -> None:
+        """The files that are there before the first byte comes, whatever happens then."""
+        self.above = [one for one in self.folder.parents if not one.exists()]
+        self.disk.make_folder(self.folder)
+        self.save("meta.yaml", meta.encode())
+        for keys, name, digest in measured(resolved):
+            self.save(name_of_copy(digest), Path(keys[name]).read_bytes())
+        self.files = {name: self.disk.create(self.folder / name) for name in NAMES}
+        self.disk.sync_folder(self.folder)
+        self.disk.sync_folder(self.folder.absolute().parent)
+
+    def save(self, name: str, data: bytes) -> None:
+        """A whole file, at once and for good."""
+        handle = self.disk.create(self.folder / name)
+        try:
+            view = memoryview(data)
+            while view:
+                view = view[self.disk.append(handle, view) :]
+            self.disk.sync(handle)
+        finally:
+            self.disk.close(handle)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def put(self, name: str, *parts: bytes) -> bool:
+        """All of the parts at a file's end, or nothing of them; whether that was possible."""
+        with self.locks[name]:
+            before = self.sizes[name]
+            try:
+                for part in parts:
+                    view = memoryview(part)
+                    while view:
+                        view = view[self.disk.append(self.files[name], view) :]
+            except OSError as error:
+                self.complain(name, error)
+                with suppress(OSError):
+                    self.disk.shorten(self.files[name], before)
+                return False
+            self.sizes[name] = before + sum(map(len, parts))
+        return True
+
+    def complain(self, name: str, error: OSError) -> None:
+        """Keeps the first thing that the disk refused, in words, for those who show it."""
+        self.refused = True
+        self.retry = time.monotonic() + RETRY_INTERVAL_S
+        self.trouble = self.trouble or (
+            f"{self.folder / name}: can not be written on: {error.strerror}"
+        )
+
+    def add_block(self, block: Block) -> None:
+        """The bytes, then their row in the index: a row is never without its bytes."""
+        if self.refused and time.monotonic() < self.retry:
+            self.lost += len(block.data)
+            return
+        offset = self.sizes["bytes.bin"]
+        written = self.put("bytes.bin", block.data)
+        if written and not self.put("index.bin", make_row(block, offset, time.time())):
+            self.take_back(offset)
+            written = False
+        self.rows += written
+        if not written:
+            self.lost += len(block.data)
+        elif self.refused:
+            self.refused = False
+            self.add_event("recording again", lost_bytes=self.lost)
+
+    def take_back(self, size: int) -> None:
+        with self.locks["bytes.bin"], suppress(OSError):
+            self.disk.shorten(self.files["bytes.bin"], size)
+            self.sizes["bytes.bin"] = size
+
+    def add_event(self, name: str, **details: Any) -> None:
+        """A line about something that happened now."""
+        row = {"monotonic": time.monotonic(), "utc": time.time(), "event": name, **details}
+        self.put("events.jsonl", json.dumps(row, default=str).encode() + b"\n")
+
+    def add_poses(self, poses: Poses) -> None:
+        """Poses, which are written a little later, many at once."""
+        self.waiting.append(poses)
+        if time.monotonic() - self.written > FLUSH_INTERVAL_S:
+            self.flush()
+
+    def flush(self) -> None:
+        """Writes the poses that wait."""
+        self.written = time.monotonic()
+        if not self.waiting:
+            return
+        rows = pose_table.make_batch(pose_table.pose_columns(join_poses(self.waiting)))
+        self.waiting = []
+        head = b"" if self.has_schema else pose_table.schema_of(rows)
+        if self.put("poses.arrows", head, rows.serialize().to_pybytes()):
+            self.has_schema = True
+            self.poses_written += len(rows)
+        else:
+            self.poses_refused += len(rows)
+
+    def sync(self) -> None:
+        """Has the system put on the disk what it was given."""
+        for name in NAMES:
+            try:
+                self.disk.sync(self.files[name])
+            except OSError as error:
+                self.trouble = self.trouble or (
+                    f"{self.folder / name}: can not be synced: {error.strerror}"
+                )
+
+    def close(self) -> None:
+        """Writes what waits, syncs, and closes every file, whatever of this fails."""
+        if self.closed:
+            return
+        self.closed = True
+        with ExitStack() as closing:
+            for handle in self.files.values():
+                closing.callback(self.close_file, handle)
+            closing.callback(self.sync)
+            if self.syncer:
+                closing.callback(self.syncer.finish)
+            closing.callback(self.seal)
+            closing.callback(self.end_poses)
+
+    def close_file(self, handle: int) -> None:
+        with suppress(OSError):
+            self.disk.close(handle)
+
+    def end_poses(self) -> None:
+        self.flush()
+        if self.has_schema:
+            self.put("poses.arrows", pose_table.END)
+
+    def seal(self) -> None:
+        """The last event: how much each file holds, so that what is cut off later is missed."""
+        self.add_event(
+            CLOSED, bytes=self.sizes["bytes.bin"], rows=self.rows, poses=self.poses_written,
+            meta_crc=self.meta_crc, refused_bytes=self.lost, refused_poses=self.poses_refused,
+        )  # fmt: skip
+
+    def messages(self) -> list[str]:
+        """What the disk refused, if anything."""
+        if not self.trouble:
+            return []
+        return [f"{self.trouble}; {self.lost} bytes that came are not recorded"]
+
+    def values(self) -> dict[str, Any]:
+        return {"recording": str(self.folder), "not_recorded_bytes": self.lost}
+
+    def discard(self) -> None:
+        """Remove a recording that holds nothing yet, and the folders that were made for it."""
+        self.close()
+        for file in self.folder.iterdir():
+            file.unlink()
+        self.folder.rmdir()
+        for folder in self.above:
+            with suppress(OSError):  # another run may have begun in it
+                folder.rmdir()
+
+
+class Syncer(threading.Thread):
+    """Syncs a recording every so often, beside those who write: a disk may take its time."""
+
+    def __init__(self, recording: Recording, seconds: float) -> None:
+        super().__init__(name="sync", daemon=True)
+        self.recording, self.seconds = recording, seconds
+        self.ending = threading.Event()
+
+    def run(self) -> None:
+        while not self.ending.wait(self.seconds):
+            self.recording.sync()
+
+    def finish(self) -> None:
+        self.ending.set()
+        if self.is_alive():
+            self.join(timeout=10.0)

@@ -1,0 +1,56 @@
+"""Signals: those that end a run wait until it is their turn, one lets a stopped stage go on."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ...tracking.tracker import Tracker
+
+NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
+@contextmanager
+def deferring() -> Iterator[list[int]]:
+    """Within it the signals that would interrupt are put down in the list that it gives.
+
+    At its end the handler of the first of them is called after all; the `KeyboardInterrupt` that it
+    may raise is dropped, since the work has ended in good order. Signals that end a program at once
+    still do, as do all outside the main thread.
+    """
+    came: list[int] = []
+    before: dict[int, Callable[[int, FrameType | None], Any]] = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (getattr(signal, name) for name in NAMES if hasattr(signal, name)):
+            handler = signal.getsignal(number)
+            if callable(handler):
+                before[number] = handler
+                signal.signal(number, lambda number, _: came.append(number))
+    try:
+        yield came
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        with suppress(KeyboardInterrupt):
+            for number in came[:1]:
+                before[number](number, None)
+
+
+@contextmanager
+def resume_by_signal(tracker: Tracker) -> Iterator[None]:
+    """Within it SIGUSR1 resumes a stopped stage, where the system has such a signal."""
+    number = getattr(signal, "SIGUSR1", None)
+    if number is None or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(number, lambda *_: tracker.resume("SIGUSR1"))
+    try:
+        yield
+    finally:
+        # a late one is no reason to end
+        signal.signal(number, before if callable(before) else signal.SIG_IGN)

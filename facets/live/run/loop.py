@@ -1,0 +1,286 @@
+"""A stream recorded and solved as it comes.
+
+One thread reads and records, and does nothing else (`reader`); this one solves; a third moves the
+stage. Samples that are not solved yet wait in a backlog. Where the backlog grows old, the newest
+samples are solved first and the others when there is time; those for which there is none are given
+up: they are recorded, and a replay solves them. The run tells when it falls behind, and when it has
+caught up.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
+from functools import partial
+from queue import Empty
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.errors import FacetsError
+from ...detectors.counts import SATURATED
+from ...estimation.solution import Status
+from ...tracking.priority import urgent
+from ..sources.source import Block
+from .interruption import deferring, resume_by_signal
+from .keys import pressing
+from .live import Live
+from .pipeline import PERMITTED, Batch, Poses
+from .reader import Reader
+
+#: Batches whose oldest has waited this long, s, are solved the newest first.
+NEWEST_FIRST_AFTER_S = 0.05
+#: A loop whose backlog is this old, s, is behind, and says so.
+BACKLOG_WARNING_S = 0.25
+#: A batch that has waited this long, s, is given up.
+GIVE_UP_AFTER_S = 10.0
+#: What waits at the end of a run is solved for up to this time, s.
+FINISH_S = 2.0
+#: A thread that waits for the interpreter gets it after this time, s: the solver, busy with many
+#: small steps, else keeps the reader and the loop of the stage waiting for several milliseconds.
+THREAD_SWITCH_INTERVAL_S = 5e-4
+INTERRUPTED = "interrupted"
+
+
+class Backlog:
+    """Batches that are not solved yet, in the order in which they came."""
+
+    def __init__(self) -> None:
+        self.batches: deque[Batch] = deque()
+        self.samples = 0
+
+    def __len__(self) -> int:
+        return len(self.batches)
+
+    def add(self, batches: list[Batch]) -> None:
+        self.batches.extend(batches)
+        self.samples += sum(map(len, batches))
+
+    def age(self, now: float) -> float:
+        """How long the oldest batch has waited at the time `now`, s."""
+        return now - self.batches[0].arrival if self.batches else 0.0
+
+    def pop(self, newest: bool) -> Batch:
+        batch = self.batches.pop() if newest else self.batches.popleft()
+        self.samples -= len(batch)
+        return batch
+
+
+class Ending:
+    """When a run ends by itself: after a time, s, or a number of samples, or when `is_over()`."""
+
+    def __init__(
+        self,
+        seconds: float = np.inf,
+        samples: float = np.inf,
+        is_over: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self.seconds, self.samples, self.is_over = seconds, samples, is_over
+
+    def is_reached(self, live: Live) -> bool:
+        if self.is_over():
+            return True
+        passed = time.monotonic() - live.begin
+        return passed >= self.seconds or live.pipeline.tally.samples >= self.samples
+
+
+class Loop:
+    """Solves what the reader brings; the newest first where not all can be solved in time."""
+
+    def __init__(
+        self,
+        live: Live,
+        reader: Reader,
+        show: Callable[[Live], None] = lambda _: None,
+    ) -> None:
+        self.live, self.reader, self.show = live, reader, show
+        self.backlog = Backlog()
+        self.patient = reader.port is not None and reader.port.waits
+
+    def run(self, ending: Ending, signals: Sequence[int] = ()) -> None:
+        """Solve until the stream, the time or the samples end, or a signal has come."""
+        while not ending.is_reached(self.live):
+            if signals:
+                self.live.note = INTERRUPTED
+                break
+            self.gather(wait=0.0 if self.backlog else 0.05)
+            if self.backlog:
+                self.solve_batch()
+            elif not self.reader.is_alive() and self.reader.queue.empty():
+                break
+            else:
+                self.live.check_silence()
+            self.report_backlog()
+            self.display()
+
+    def gather(self, wait: float = 0.0) -> None:
+        """Take in all blocks that have come; wait up to `wait` seconds for the first."""
+        with suppress(Empty):
+            self.take(
+                self.reader.queue.get(timeout=wait) if wait else self.reader.queue.get_nowait()
+            )
+            while True:
+                self.take(self.reader.queue.get_nowait())
+
+    def take(self, block: Block) -> None:
+        self.backlog.add(self.live.pipeline.take(block.data, block.arrival, block.encoder))
+        self.live.check_silence()
+
+    def solve_batch(self) -> None:
+        """Solve one batch, and give up those that are too old."""
+        age = self.backlog.age(time.monotonic())
+        batch = self.backlog.pop(newest=age > NEWEST_FIRST_AFTER_S and not self.patient)
+        self.pass_on(self.live.pipeline.solve(batch), batch.arrival)
+        while not self.patient and self.backlog.age(time.monotonic()) > GIVE_UP_AFTER_S:
+            self.give_up()
+
+    def give_up(self) -> None:
+        self.give_to_sinks(self.live.pipeline.skip(self.backlog.pop(newest=False)))
+
+    def pass_on(self, poses: Poses, arrival: float) -> None:
+        """Pass poses on to the view, to the stage and to the sinks."""
+        live = self.live
+        if live.tracker:
+            has_pose = poses.solution.status == Status.CONVERGED
+            live.beam_loss.add(poses.host, has_pose, live.tracker.begun)
+        if live.newest is None or poses.seq[-1] > live.newest.seq[-1]:
+            live.newest = poses
+            live.latency.append(time.monotonic() - arrival)
+            if len(live.latency) > 20_000:
+                del live.latency[:10_000]
+            if live.tracker:
+                is_permitted = bool((poses.flags & PERMITTED).all())
+                apexes, beams = apexes_of(poses)
+                live.tracker.feed(poses.host, powers_of(poses), apexes, beams, is_permitted)
+        else:
+            live.late += len(poses)
+        self.give_to_sinks(poses)
+
+    def give_to_sinks(self, poses: Poses) -> None:
+        """Give poses to the sinks."""
+        for sink in self.live.sinks:
+            sink.add_poses(poses)
+
+    def report_backlog(self) -> None:
+        """Tell the sinks, once each, that the loop has fallen behind and that it has caught up."""
+        live = self.live
+        live.backlog, live.age = self.backlog.samples, self.backlog.age(time.monotonic())
+        live.most = max(live.most, live.backlog)
+        if not live.behind and live.age > BACKLOG_WARNING_S and not self.patient:
+            live.behind = True
+            live.add_event("behind", seconds=round(live.age, 3), samples=live.backlog)
+        elif live.behind and not self.backlog:
+            live.behind = False
+            live.add_event("caught up", late=live.late, skipped=live.pipeline.tally.skipped)
+
+    def display(self) -> None:
+        """Show the run; a terminal that was closed ends the view, not the recording."""
+        try:
+            self.show(self.live)
+        except OSError:
+            self.show = lambda _: None
+
+    def finish(self) -> None:
+        """Solve what waits for up to `FINISH_S`, and give up the rest."""
+        self.gather()
+        last = time.monotonic() + FINISH_S
+        while self.backlog and time.monotonic() < last:
+            self.solve_batch()
+        while self.backlog:
+            self.give_up()
+        self.report_backlog()
+
+    def report_end(self, status: int, reasons: list[str]) -> None:
+        """Add the last event: the run's counts, its exit status and every reason for it."""
+        live = self.live
+        tally, sequence = live.pipeline.tally, live.pipeline.sequence
+        followed = {"beam_lost": live.beam_loss.share} if live.beam_loss.solved else {}
+        live.add_event(
+            "end", samples=tally.samples, lost=sequence.lost, restarts=sequence.restarts,
+            late=live.late, statuses=dict(tally.statuses), messages=live.messages(), **followed,
+            is_urgent=live.is_urgent, exit_status=status, reasons=reasons,
+        )  # fmt: skip
+
+
+def end_of(
+    error: BaseException | None, signals: Sequence[int], complaints: Callable[[], list[str]]
+) -> tuple[int, list[str]]:
+    """Exit status of a run that an error, a signal or nothing ended, and the reasons for it."""
+    reasons = complaints()
+    if error is not None and not isinstance(error, KeyboardInterrupt):
+        known = isinstance(error, FacetsError)
+        words = str(error) if known else f"{type(error).__name__}: {error}"
+        return 2 if known else 1, [words, *reasons]
+    if signals and signals[0] != signal.SIGINT:
+        name = signal.Signals(signals[0]).name
+        return 128 + signals[0], [f"the program was ended by {name}", *reasons]
+    return int(bool(reasons)), reasons
+
+
+def acquire(
+    live: Live,
+    reader: Reader,
+    ending: Ending,
+    show: Callable[[Live], None] = lambda _: None,
+    complaints: Callable[[Live], list[str]] = lambda _: [],
+) -> None:
+    """Solve what the reader brings until the stream, the time or the samples end, or ^C.
+
+    show: called after each batch.  complaints: returns why a run that came to its end is not a good
+    one, which the sinks are told. Whatever happens, and whatever fails of it: the stage stops, the
+    reading ends, what came is solved as far as there is time, and the sinks are closed, the first
+    of them last. An error of the stage stops the stage and nothing else; see `Live.stage_stop`.
+    """
+    loop = Loop(live, reader, show)
+    with deferring() as signals, ExitStack() as closing:
+        closing.callback(sys.setswitchinterval, sys.getswitchinterval())
+        sys.setswitchinterval(min(THREAD_SWITCH_INTERVAL_S, sys.getswitchinterval()))
+        for sink in live.sinks:
+            closing.callback(sink.close)
+
+        def finish(
+            kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+        ) -> None:
+            try:
+                loop.finish()
+            finally:
+                ended = end_of(error or reader.error, signals, lambda: complaints(live))
+                loop.report_end(*ended)
+
+        closing.push(finish)
+        closing.callback(reader.finish)
+        if live.tracker:
+            if live.tracker.envelope.heartbeat:
+                live.tracker.envelope.heartbeat.to_board = reader.write
+            closing.enter_context(resume_by_signal(live.tracker))
+            closing.enter_context(pressing({"r": partial(live.tracker.resume, "the key r")}))
+            closing.enter_context(live.tracker)
+        live.begin = time.monotonic()
+        reader.start()
+        if not loop.patient:
+            live.is_urgent = closing.enter_context(urgent())
+        try:
+            loop.run(ending, signals)
+        except KeyboardInterrupt:
+            live.note = INTERRUPTED
+    if reader.error:
+        raise reader.error
+
+
+def powers_of(poses: Poses) -> NDArray[np.float64]:
+    """The detectors' powers (n, 3), mW; infinite where a detector is saturated."""
+    powers = poses.readings[:, 2::3]
+    full = (poses.flags & SATURATED > 0)[:, None] & np.isnan(powers)
+    return np.where(full, np.inf, powers)
+
+
+def apexes_of(poses: Poses) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Solved places of apex and beam, (n, 2) each, mm; NaN where there is no pose."""
+    good = (poses.solution.status == Status.CONVERGED)[:, None]
+    state = np.where(good, poses.solution.state, np.nan)
+    return state[:, :2], state[:, 6:]

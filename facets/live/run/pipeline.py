@@ -1,0 +1,344 @@
+"""From blocks of bytes to poses: the same for a live stream, a replay and a salvage.
+
+A block is taken in once, in order: parsed, its counters followed, its counts turned into light.
+What it held is then solved in batches, each by itself: the poses of a batch depend on nothing but
+its own samples, so that they are the same to the last bit in whatever order, at whatever time, and
+beside whatever else they are solved.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, replace
+from math import hypot, isnan
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.knowledge import Prior
+from ...core.units import Floats
+from ...detectors.correction import corrected
+from ...detectors.counts import SATURATED, UNEQUAL, readings_of
+from ...detectors.noise import least_light
+from ...detectors.skew import align
+from ...estimation.misfit import Misfit
+from ...estimation.series import solve_series
+from ...estimation.solution import Solution, Status
+from ...estimation.table import beam_known, power_known
+from ...tracking.encoder import REACH, Encoder
+from ..sources.clock import Sequence
+from ..sources.frames import MARK, OVERRUN, PERMIT, XY_SUM, Samples, parser
+from ..sources.host_time import HostTime
+from .board_poses import BoardPoses, is_pose
+from .doubts import Doubts
+
+if TYPE_CHECKING:
+    from ...core.settings import Config
+
+
+#: How well a sample's time and a stage's are known to each other, 1 sigma, s.
+TIMING = 1e-3
+#: What is to be known of a sample, by the bits of `counts`, and of the board. Its permit for the
+#: stage is no event: it is set in every sample, and counted in none.
+LOST_BEFORE, MARKED, PERMITTED = 4, 8, 16
+FLAGS = {
+    SATURATED: "saturated",
+    UNEQUAL: "unequal sums",
+    LOST_BEFORE: "board overrun",
+    MARKED: "marked by the board's input",
+}
+#: Samples that are solved together, as a series. No newer sample waits longer than for one batch.
+BATCH = 250
+#: Steps of the estimator for a live sample, at most. Where a pose can be found it takes four or
+#: five from rest, and up to sixteen 1 mm off the beam.
+STEPS = 20
+#: The status of a sample that was recorded and not solved, since the loop had fallen behind. It is
+#: none of the estimator's: a replay solves the sample.
+SKIPPED = 64
+#: What older recordings have for `Status.UNCHECKED`.
+TWO_DETECTORS = 65
+#: The status of a sample that the estimator calls "non finite" since a converter was at its end.
+FULL = 66
+LABELS = {status.value: status.label for status in Status} | {
+    SKIPPED: "skipped",
+    TWO_DETECTORS: "two detectors only",
+    FULL: "saturated",
+}
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Samples that wait to be solved.
+
+    seq, time: (n,) unwrapped, the board's us.  host: (n,) the host's monotonic clock, s.
+    readings: (n, 9) as the detectors gave them.  flags: (n,) bits of FLAGS.  arrival: of their
+    bytes, s.  encoder: what the stage said then.
+    """
+
+    seq: NDArray[np.int64]
+    time: NDArray[np.int64]
+    host: Floats
+    readings: Floats
+    flags: NDArray[np.uint8]
+    arrival: float
+    encoder: Encoder | None
+
+    def __len__(self) -> int:
+        return len(self.seq)
+
+    def split(self) -> Iterator[Batch]:
+        """Itself in batches of at most BATCH samples, in their order."""
+        for start in range(0, len(self), BATCH):
+            part = slice(start, start + BATCH)
+            yield Batch(
+                self.seq[part], self.time[part], self.host[part], self.readings[part],
+                self.flags[part], self.arrival, self.encoder,
+            )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Poses:
+    """What became of some samples: the columns of `Batch`, and solution (n).
+
+    The solution's status is one of `Status`, or SKIPPED, UNCHECKED or FULL; see LABELS.
+    """
+
+    seq: NDArray[np.int64]
+    time: NDArray[np.int64]
+    host: Floats
+    readings: Floats
+    solution: Solution
+    flags: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.seq)
+
+
+@dataclass
+class Tally:
+    """What happened so far.
+
+    samples: that came.  statuses: of those that are solved or given up.  misfit: of the poses,
+    those whose residual is beyond chance.
+    """
+
+    samples: int = 0
+    misfit: Misfit = field(default_factory=Misfit)
+    statuses: Counter[str] = field(default_factory=Counter)
+    flags: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def unsolved(self) -> int:
+        """Samples that were looked at and have no pose."""
+        return self.statuses.total() - self.statuses[Status.CONVERGED.label]
+
+    @property
+    def skipped(self) -> int:
+        return self.statuses[LABELS[SKIPPED]]
+
+
+class Pipeline:
+    """Parses, follows the counters, converts; and solves."""
+
+    def __init__(self, config: Config) -> None:
+        self.config = config
+        self.parser = parser(config.acquire.format, config.acquire.content)
+        self.sequence = Sequence()
+        self.host_time = HostTime()
+        self.tally = Tally()
+        self.board = BoardPoses()
+        self.doubts = Doubts(least_light(config.sensor))
+        self.at_rest = beam_at_rest(config)
+        self.dark = np.full(12, config.acquire.dark)
+        self.last = (float("nan"), 0)  # arrival, s, and board's time, us, of the last sample
+        self.latest = -float("inf")  # host's time of the last sample, s
+
+    def feed(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> Poses | None:
+        """The poses of all samples that a block completes; None where it completes none.
+
+        arrival: host's monotonic clock, s; NaN where it is not known.
+        """
+        parts = [self.solve(batch) for batch in self.take(block, arrival, encoder)]
+        return join_poses(parts) if parts else None
+
+    def take(self, block: bytes, arrival: float, encoder: Encoder | None = None) -> list[Batch]:
+        """The samples that a block completes, ready to be solved, in batches, in order."""
+        restarts = self.sequence.restarts
+        came = self.parser.feed(block)
+        solved = is_pose(came)
+        poses = came.where(solved) if solved.any() else None
+        samples, seq, time = self.sequence.follow(
+            came if poses is None else came.where(~solved), arrival
+        )
+        if poses is not None:
+            self.board.add(poses, self.sequence, self.sequence.restarts > restarts)
+        if not len(samples):
+            return []
+        host = self.host_times(time, arrival, self.sequence.restarts > restarts)
+        if isnan(arrival):  # as late after its sample as the last that is known
+            arrival = self.last[0] + 1e-6 * (int(time[-1]) - self.last[1])
+        self.last = arrival, int(time[-1])
+        readings, flags = self.convert(samples)
+        flags |= np.where(samples.flags & OVERRUN, LOST_BEFORE, 0).astype(np.uint8)
+        flags |= np.where(samples.flags & MARK, MARKED, 0).astype(np.uint8)
+        flags |= np.where(samples.flags & PERMIT, PERMITTED, 0).astype(np.uint8)
+        self.count(flags)
+        whole = Batch(seq, time, host, readings, flags, arrival, encoder)
+        return list(whole.split())
+
+    def host_times(self, time: NDArray[np.int64], arrival: float, restarted: bool) -> Floats:
+        """The samples' times on the host's clock (n,), s, which only grow.
+
+        time: the board's, us.  restarted: whether the board was, before one of these samples.
+        """
+        device: Floats = 1e-6 * time.astype(np.float64)
+        before = self.host_time.line
+        if restarted:
+            self.host_time.begin_anew()
+        if not isnan(arrival):
+            self.host_time.add(float(device[-1]), arrival)
+        if self.config.acquire.timing == "arrival" or self.host_time.line is None:
+            known = arrival
+            if isnan(arrival):
+                known = self.last[0] + 1e-6 * (int(time[-1]) - self.last[1])
+            return known - self.config.acquire.delay - 1e-6 * (time[-1] - time)  # type: ignore[no-any-return]
+        host = self.host_time.line.at(device)
+        if restarted and before is not None:
+            host[: self.sequence.fresh] = before.at(device[: self.sequence.fresh])
+        host -= self.config.acquire.least_delay
+        # the line moves as it is known better, and later samples are not earlier for that
+        host = np.maximum(host, self.latest + 1e-9 * np.arange(1, len(host) + 1))
+        host = np.maximum.accumulate(host)
+        self.latest = float(host[-1])
+        return host
+
+    def warm_up(self) -> None:
+        """Compiles, or loads, what the stream will need, before it runs."""
+        from ...estimation.solver import prepare
+
+        nobody = Batch(
+            np.zeros(2, np.int64), np.zeros(2, np.int64), np.zeros(2), np.full((2, 9), 0.1),
+            np.zeros(2, np.uint8), 0.0, None,
+        )  # fmt: skip
+        beam, sensor = self.beam(nobody.host, nobody.encoder), self.config.sensor
+        prepare(sensor, beam, power_known(sensor, self.config.solve))
+        self.solve(nobody)
+        self.tally = Tally()
+        self.doubts = Doubts(self.doubts.floor)
+
+    def convert(self, samples: Samples) -> tuple[Floats, NDArray[np.uint8]]:
+        """Readings (n, 9) and flags (n,) of counts."""
+        sensor, electronics = self.config.sensor, self.config.electronics
+        xy_sum = samples.kind == XY_SUM
+        if xy_sum.all() or not xy_sum.any():
+            return readings_of(sensor, electronics, samples.counts, bool(xy_sum[0]), self.dark)
+        out, flags = np.empty((len(samples), 9)), np.empty(len(samples), np.uint8)
+        for kind in (True, False):
+            part = xy_sum == kind
+            out[part], flags[part] = readings_of(
+                sensor, electronics, samples.counts[part], kind, self.dark
+            )
+        return out, flags
+
+    def solve(self, batch: Batch) -> Poses:
+        """The poses of a batch.
+
+        The estimator screens each sample first: one with too few detectors that have enough light,
+        within their edges and below saturation, gets its status without a step.
+        """
+        options = self.config.solve
+        exact = corrected(self.config.sensor, batch.readings)
+        exact = align(self.config.sensor, 1e-6 * batch.time, exact)
+        beam = self.beam(batch.host, batch.encoder)
+        solution = solve_series(
+            self.config.sensor,
+            exact,
+            beam=beam,
+            power=power_known(self.config.sensor, options),
+            method=options.method,
+            max_steps=min(options.max_steps, STEPS),
+            accept_unchecked=options.accept_unchecked,
+        )
+        self.tally.misfit.carried |= batch.encoder is not None
+        places = np.zeros(2) if isinstance(beam, str) else np.asarray(beam.mean)
+        known = replace(options, beam="free" if beam == "free" else "prior")
+        self.tally.misfit.add(solution, self.config.sensor, known, exact, places)
+        self.doubts.add(batch.readings, batch.flags, solution.misfit)
+        self.board.compare(batch.seq, solution)
+        return self.finish(batch, with_causes(solution, batch.flags))
+
+    def skip(self, batch: Batch) -> Poses:
+        """The batch without poses, for want of time."""
+        n = len(batch)
+        empty = Solution(
+            state=np.full((n, 8), np.nan),
+            status=np.full(n, SKIPPED, np.int8),
+            power=np.full(n, np.nan),
+            used=np.zeros((n, 3), bool),
+            iterations=np.zeros(n, np.int32),
+            residual=np.full(n, np.nan),
+            checks=np.zeros(n, np.int8),
+            limit=np.full(n, np.inf),
+            covariance=np.full((n, 8, 8), np.nan),
+        )
+        return self.finish(batch, empty)
+
+    def finish(self, batch: Batch, solution: Solution) -> Poses:
+        for status, count in enumerate(np.bincount(solution.status).tolist()):
+            if count:
+                self.tally.statuses[LABELS[status]] += count
+        return Poses(batch.seq, batch.time, batch.host, batch.readings, solution, batch.flags)
+
+    def beam(self, host: Floats, encoder: Encoder | None) -> Any:
+        """What is known of the beam's place at the samples' times, if anything."""
+        if encoder is None or self.at_rest == "free":
+            return self.at_rest
+        age = float(host[-1]) - encoder.time
+        if not age <= REACH:
+            return "free"
+        # a stage may have changed its speed since it was asked: half the way is in doubt
+        moving = float(np.hypot(*encoder.speed)) * (TIMING + max(0.0, age) / 2)
+        sigma = hypot(self.config.stage.accuracy, moving, jitter_of(self.config))
+        return Prior(encoder.at(host), sigma)
+
+    def count(self, flags: NDArray[np.uint8]) -> None:
+        self.tally.samples += len(flags)
+        if flags.any():
+            for bit, name in FLAGS.items():
+                self.tally.flags[name] += int((flags & bit > 0).sum())
+
+
+def jitter_of(config: Config) -> float:
+    """The beam's pointing jitter at the mirror, 1 sigma, mm."""
+    return config.sensor.electronics.pointing if config.sensor.electronics else 0.0
+
+
+def beam_at_rest(config: Config) -> Any:
+    """What is known of the beam's place where no stage carries it; "free" also where one does."""
+    return "free" if config.solve.method == "paper" else beam_known(config.sensor, config.solve)
+
+
+def with_causes(solution: Solution, flags: NDArray[np.uint8]) -> Solution:
+    """The same with the status FULL for what is not finite since a converter was at its end."""
+    full = flags & SATURATED > 0
+    if not full.any():
+        return solution
+    full &= solution.status == Status.NON_FINITE
+    return replace(solution, status=np.where(full, np.int8(FULL), solution.status))
+
+
+def join_poses(parts: list[Poses]) -> Poses:
+    """Poses one after the other."""
+    if len(parts) == 1:
+        return parts[0]
+    joined = {
+        f.name: np.concatenate([getattr(part.solution, f.name) for part in parts])
+        for f in fields(Solution)
+    }
+    columns = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("seq", "time", "host", "readings", "flags")
+    }
+    return Poses(solution=Solution(**joined), **columns)

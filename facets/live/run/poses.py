@@ -1,0 +1,44 @@
+"""Poses in a loop, for programs in Python that want nothing recorded."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+from ..sources.ports import await_port
+from .pipeline import Pipeline, Poses
+
+if TYPE_CHECKING:
+    from ...core.settings import Config
+
+
+def poses(
+    config: Config, port: str | None = None, ended: Callable[[], bool] = lambda: False
+) -> Iterator[Poses]:
+    """Opens a detector board and gives the poses of its samples as they come, some at a time.
+
+    config: of the sensor and the stream; its `pipeline` is warm before the port is opened.  port:
+    its own if left out.  ended: is asked at each read whether to end, for programs with threads.
+    Ends with the stream, of a file, or where the loop is left; the port is then closed. Raises
+    `PortError` where the port can not be opened, or goes away.
+
+    A sample that can not be solved has a status and NaN, as `facets.solve` has it. A loop that is
+    slower than the stream loses samples in the system's buffers; `seq` tells.
+    """
+    pipeline = Pipeline(config)
+    pipeline.warm_up()
+    name = port or config.acquire.port
+    if not name:
+        from ...core.errors import InputError
+
+        raise InputError("no port is given, and acquire.port of the configuration is none")
+    source = await_port(name, config.acquire.baud, config.acquire.wait)
+    try:
+        while not (source.ended or ended()):
+            if data := source.read():
+                found = pipeline.feed(data, time.monotonic())
+                if found is not None:
+                    yield found
+    finally:
+        source.close()

@@ -1,0 +1,154 @@
+"""The thread that reads a source and does nothing else that takes time."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import nullcontext, suppress
+from queue import SimpleQueue
+
+from ...core.errors import FacetsError
+from ...core.settings import Config
+from ...tracking.priority import urgent
+from ..sources.ports import SerialPort, await_port, open_port
+from ..sources.source import Block, PortError, Source
+from .live import Live
+from .pipeline import BATCH
+
+#: Time between attempts to open a port again, s.
+REOPEN_INTERVAL_S = 0.2
+#: Bytes that a serial line gives in the first moment were sent before, s.
+DISCARD_S = 0.1
+#: A source that loses nothing is not read while this many batches wait to be solved.
+MAX_WAITING_BATCHES = 50
+#: Bytes are passed on to a busy loop after this time, s.
+MAX_BLOCK_S = 0.015
+
+
+class Reader(threading.Thread):
+    """Reads a source, gives its blocks to the sinks, and queues them for the loop.
+
+    The thread ends at the source's end, or with an error in `error`. A block is passed on at once
+    where the loop waits for it. Where the loop is busy, the block grows for up to `MAX_BLOCK_S`:
+    each block has a cost beside that of its samples, and few large blocks let the loop catch up.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        name: str,
+        reconnect: bool,
+        live: Live,
+        tell: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        """Open the port, waiting for it for up to `acquire.wait_s` of the configuration.
+
+        reconnect: wait for the port in the thread instead, without end, and again whenever it goes
+        away.  tell: receives a sentence if there is something to wait for.
+        """
+        super().__init__(name="reader", daemon=True)
+        self.settings, self.port_name = config.acquire, name
+        self.reconnect, self.live = reconnect, live
+        self.port: Source | None = None
+        if reconnect:
+            live.note = f"waiting for {name}"
+        else:
+            self.port = await_port(name, config.acquire.baud, config.acquire.wait, tell)
+        self.queue: SimpleQueue[Block] = SimpleQueue()
+        self.pending = bytearray()  # bytes that came since the last block
+        self.since = self.arrival = 0.0  # when the first and the last of them came
+        self.ending = threading.Event()
+        self.error: FacetsError | None = None
+
+    def run(self) -> None:
+        try:
+            with nullcontext() if self.port and self.port.waits else urgent():
+                self.discard_old_bytes()
+                while not self.ending.is_set() and (self.port is None or not self.port.ended):
+                    self.step()
+        except FacetsError as error:
+            self.error = error
+        except Exception as error:
+            self.error = FacetsError(
+                f"{self.port_name}: reading ended: {type(error).__name__}: {error}"
+            )
+        finally:
+            self.pass_on()
+            self.close_port()
+
+    def close_port(self) -> None:
+        """Close the port; one that is gone may refuse even that."""
+        port, self.port = self.port, None
+        if port is not None:
+            with suppress(Exception):
+                port.close()
+
+    def discard_old_bytes(self) -> None:
+        """Discard what buffers of a serial line hold from before."""
+        begin = time.monotonic()
+        while isinstance(self.port, SerialPort) and time.monotonic() - begin < DISCARD_S:
+            self.port.read()
+
+    def step(self) -> None:
+        if self.port is None:
+            self.reopen()
+            return
+        if self.port.waits and self.queue.qsize() + self.live.backlog / BATCH > MAX_WAITING_BATCHES:
+            self.ending.wait(0.001)
+            return
+        try:
+            data = self.port.read()
+        except PortError as error:
+            self.pass_on()
+            self.live.add_event("unplugged", reason=str(error))
+            self.close_port()
+            if not self.reconnect:
+                raise
+            self.live.note = "unplugged; waiting for it to come back"
+            return
+        if data:
+            self.arrival = time.monotonic()
+            self.since = self.since if self.pending else self.arrival
+            self.pending += data
+        if self.port.waits or self.loop_is_idle() or time.monotonic() - self.since > MAX_BLOCK_S:
+            self.pass_on()
+
+    def loop_is_idle(self) -> bool:
+        """Whether the loop has nothing to do but to wait for the next block."""
+        return self.queue.empty() and not self.live.backlog
+
+    def pass_on(self) -> None:
+        """Give what came since the last block, as a block, to the sinks and to the loop."""
+        if not self.pending:
+            return
+        data = bytes(self.pending)
+        self.pending.clear()
+        tracker = self.live.tracker
+        block = Block(data, self.arrival, tracker.encoder if tracker else None)
+        for sink in self.live.sinks:
+            sink.add_block(block)
+        self.live.bytes += len(data)
+        self.queue.put(block)
+
+    def reopen(self) -> None:
+        try:
+            self.port = open_port(self.port_name, self.settings.baud)
+        except PortError:
+            self.ending.wait(REOPEN_INTERVAL_S)
+            return
+        self.live.reconnects += self.live.bytes > 0
+        self.live.note = ""
+        self.live.add_event("connected again" if self.live.bytes else "connected")
+
+    def write(self, data: bytes) -> bool:
+        """Send bytes to the board, from any thread; return whether the line took them."""
+        send = getattr(self.port, "write", None)
+        return bool(send and send(data))
+
+    def finish(self) -> None:
+        """End the thread, and wait for it."""
+        self.ending.set()
+        if self.is_alive():
+            self.join(timeout=5.0)
+        self.close_port()

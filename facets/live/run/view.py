@@ -1,0 +1,353 @@
+"""What a person, a pipe or another program sees of a run."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...core.hues import DARK, LIGHT, Hues
+from ...core.names import ANGLES, DETECTORS, STATE
+from ...detectors.counts import SATURATED
+from ...detectors.noise import least_light
+from ...estimation.solution import Status
+from ...model.arrays import half_sizes
+from ...tracking.control import tracking_error
+from .live import Live
+from .pipeline import FLAGS, LABELS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rich.console import Console, ConsoleOptions
+
+#: A PSD's face in characters: across and down, at most and at least; odd, for a middle.
+WIDE, HIGH = (33, 5), (13, 3)
+#: Columns from which on the counts of the stream stand beside the pose.
+BESIDE = 62
+#: Lines of the view beside the faces: the table of the pose, borders, the stream and messages.
+OTHERS = 16
+
+
+def values(live: Live) -> dict[str, Any]:
+    """The newest sample and the counts so far, in the units that people see."""
+    passed = max(time.monotonic() - live.begin, 1e-9)
+    sequence, tally, parser = live.pipeline.sequence, live.pipeline.tally, live.pipeline.parser
+    found: dict[str, Any] = {
+        "seconds": round(passed, 3),
+        "samples": tally.samples,
+        "rate_hz": round(tally.samples / passed, 1),
+        "lost": sequence.lost,
+        "corrupt": parser.corrupt,
+        "skipped_bytes": parser.skipped,
+        "doubled": sequence.doubled,
+        "restarts": sequence.restarts,
+        "reconnects": live.reconnects,
+        "unsolved": tally.unsolved,
+        "late": live.late,
+        "skipped": tally.skipped,
+        "misfit": tally.misfit.flagged,
+        "flags": {name: count for name, count in tally.flags.items() if count},
+        "latency_p99_ms": rounded(1e3 * live.latency_p99()),
+        "backlog": live.backlog,
+        "behind_s": round(live.age, 3) if live.behind else 0.0,
+        "clock_ppm": rounded(live.pipeline.host_time.ppm),
+        "u_time_us": rounded(1e6 * live.pipeline.host_time.uncertainty),
+        "note": "; ".join(live.messages()),
+    }
+    if live.pipeline.board.came:
+        found["board"] = live.pipeline.board.values()
+    found |= live.values()
+    if live.newest is not None:
+        found |= sample(live)
+    if live.tracker:
+        found |= {
+            "stage_mm": [rounded(x) for x in live.tracker.encoder.place],
+            "stage": live.tracker.state,
+            "moves": live.tracker.moves,
+            "bridged_gaps": live.tracker.bridges,
+            "stops": live.tracker.envelope.stops,
+            "beam_lost": rounded(live.beam_loss.share),
+        }
+    return found
+
+
+def sample(live: Live) -> dict[str, Any]:
+    poses = live.newest
+    assert poses is not None
+    solution, reading = poses.solution, poses.readings[-1]
+    state, sigma = solution.state[-1], solution.uncertainty[-1]
+    found: dict[str, Any] = {"status": LABELS[int(solution.status[-1])]}
+    for i, name in enumerate(STATE):
+        angle = name in ANGLES
+        key = f"{name}_mrad" if angle else f"{name}_mm"
+        found[key] = rounded(state[i] * (1e3 if angle else 1))
+        fine = "urad" if angle else "um"
+        found[f"u_{name}_{fine}"] = rounded(sigma[i] * (1e6 if angle else 1e3))
+    found["spots_mm"] = [[rounded(x) for x in reading[3 * k : 3 * k + 2]] for k in range(3)]
+    found["powers_uw"] = [rounded(1e3 * power) for power in reading[2::3]]
+    found["tracking_error"] = [rounded(x) for x in tracking_error(reading[2::3])]
+    return found
+
+
+def rounded(value: float) -> float | None:
+    """Six digits; None for what is no number, which JSON has no word for."""
+    return float(f"{value:.6g}") if np.isfinite(value) else None
+
+
+def json_line(live: Live) -> str:
+    return json.dumps(values(live))
+
+
+def plain_line(live: Live) -> str:
+    now = values(live)
+    pose = "no pose"
+    if now.get("status") == Status.CONVERGED.label:
+        places = " ".join(f"{now[f'{n}_mm']:+.4f}" for n in STATE[:3])
+        angles = " ".join(f"{now[f'{n}_mrad']:+.4f}" for n in ANGLES)
+        pose = f"{places} mm {angles} mrad"
+    elif "status" in now:
+        pose = now["status"]
+    text = f"{now['seconds']:.1f} s  {pose}  {now['rate_hz']:.0f}/s  lost {now['lost']}"
+    text += f"  corrupt {now['corrupt']}  unsolved {now['unsolved']}"
+    if now["late"] or now["skipped"]:
+        text += f"  late {now['late']}  skipped {now['skipped']}"
+    if now["latency_p99_ms"] is not None:
+        text += f"  p99 {now['latency_p99_ms']:.1f} ms"
+    if "stage" in now:
+        text += f"  stage {now['stage']}"
+    if dropped := sum(one["dropped"] for one in now.get("published", ())):
+        text += f"  not published {dropped}"
+    return text + (f"  [{now['note']}]" if now["note"] else "")
+
+
+def summary(live: Live) -> Iterator[str]:
+    """Yield what is said at the end of a run, line by line."""
+    if live.tracker:
+        yield live.beam_loss.sentence
+    yield plain_line(live)
+    yield f"{live.pipeline.tally.samples} samples, {100 * live.loss:.4f} % lost"
+    details = (stage_sentences(live), sample_sentences(live), loop_sentences(live))
+    for text in chain(*details):
+        yield f"  {text}"
+
+
+def stage_sentences(live: Live) -> Iterator[str]:
+    """How the stage followed, where there is one."""
+    if not live.tracker:
+        return
+    if live.tracker.bridges:
+        yield f"{live.tracker.bridges} gaps were bridged by the predicted motion"
+    if stops := live.tracker.envelope.stops:
+        ended = "stands since then" if live.stage_stop else "was resumed after each"
+        yield f"the stage was stopped {stops} times, and {ended}"
+    if live.beam_loss.lost and not live.is_urgent:
+        yield (
+            "the run had no real-time priority, with which a busy machine loses the beam more "
+            "seldom; see 'Beside other programs' in docs/commands/acquire.md"
+        )
+
+
+def sample_sentences(live: Live) -> Iterator[str]:
+    """How many samples have which status and flags, and whether poses can be believed."""
+    tally, full = live.pipeline.tally, FLAGS[SATURATED]
+    for words, count in tally.statuses.items():
+        if words not in (Status.CONVERGED.label, full) and count:
+            yield f"{count} {words}"
+    for words, count in tally.flags.items():
+        without = f", {tally.statuses[full]} of them without a pose" if words == full else ""
+        if count:
+            yield f"{count} {words}{without}"
+    if tally.misfit.sentence:
+        yield tally.misfit.sentence
+
+
+def loop_sentences(live: Live) -> Iterator[str]:
+    """How the loop kept up, what the board and its clock did, and what the sinks received."""
+    skipped = live.pipeline.tally.skipped
+    if live.late or skipped:
+        yield (
+            f"the loop fell behind: {live.late} samples were solved after newer ones, "
+            f"{skipped} were not; `facets replay` solves them"
+        )
+    if live.pipeline.board.came:
+        yield live.pipeline.board.sentence()
+    yield from clock_sentences(live)
+    for sink in live.sinks:
+        yield from sink.sentences()
+    if live.pipeline.sequence.restarts:
+        yield f"the board restarted {live.pipeline.sequence.restarts} times"
+
+
+def clock_sentences(live: Live) -> Iterator[str]:
+    """How well the samples' times are known, and how the board's clock runs."""
+    clock = live.pipeline.host_time
+    if live.pipeline.config.acquire.timing == "envelope" and np.isfinite(clock.uncertainty):
+        yield (
+            f"the samples' times are known to {1e6 * clock.uncertainty:.2g} us (1 sigma), beside "
+            "what acquire.least_delay_ms is off"
+        )
+    if np.isfinite(clock.ppm):
+        yield (
+            f"the board's clock is {abs(clock.ppm):.3g} ppm {'slow' if clock.ppm > 0 else 'fast'}"
+            f", +- {1e6 * clock.rate_sigma:.2g}"
+        )
+
+
+class Screen:
+    """Pose, three PSD faces with their spots and powers, and how the stream does.
+
+    A rich renderable, which fits itself to the terminal: whatever its size, all three detectors are
+    there. Detectors and axes have the hues that they have in every picture.
+    """
+
+    def __init__(self, live: Live) -> None:
+        self.live = live
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Any]:
+        from rich.table import Table
+
+        now, beside = values(self.live), options.max_width >= BESIDE
+        if beside:
+            top = Table.grid(padding=(0, 3))
+            top.add_row(pose_table(now), counts_table(now))
+            yield top
+        else:
+            yield pose_table(now)
+        high = odd_within((options.height or console.height) - OTHERS, HIGH)
+        wide = odd_within(min(options.max_width // 3 - 4, 3 * high + 6), WIDE)
+        grid = Table.grid()
+        grid.add_row(*[face(self.live, k, wide, high) for k in range(3)])
+        yield grid
+        yield from below(now, beside)
+
+
+def terminal_hues() -> Hues:
+    """For a dark ground, unless the terminal says that its own is light (COLORFGBG, as "0;15")."""
+    ground = os.environ.get("COLORFGBG", "").rpartition(";")[2]
+    return LIGHT if ground in ("7", "15") else DARK
+
+
+def odd_within(size: int, ends: tuple[int, int]) -> int:
+    """The largest odd number up to `size`, between two ends (most, least)."""
+    return max(ends[1], min(ends[0], size - 1 + size % 2))
+
+
+def pose_table(now: dict[str, Any]) -> Any:
+    """A line an axis, with a bar of its hue before its name."""
+    from rich.table import Table
+    from rich.text import Text
+
+    hues = terminal_hues()
+    table = Table(box=None, title_justify="left", pad_edge=False)
+    for heading in ("", "value", "u (1 sigma)"):
+        table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
+    for name in STATE:
+        unit, fine = ("mrad", "urad") if name in ANGLES else ("mm", "um")
+        value, sigma = now.get(f"{name}_{unit}"), now.get(f"u_{name}_{fine}")
+        shown = "-" if value is None else f"{value:+.5f} {unit}"
+        marked = Text.assemble(("▌", hues.axes[name]), name)
+        table.add_row(marked, shown, "-" if sigma is None else f"{sigma:.3g} µ{fine[1:]}")
+    return table
+
+
+def counts(now: dict[str, Any]) -> list[tuple[str, str, bool]]:
+    """How the stream does: (name, value, whether it needs a look)."""
+    latency = now["latency_p99_ms"]
+    faults = ("lost", "corrupt", "unsolved", "late", "skipped")
+    return [
+        ("samples", f"{now['samples']}, {now['rate_hz']:.0f}/s", False),
+        *((name, str(now[name]), now[name] > 0) for name in faults),
+        ("backlog", str(now["backlog"]), False),
+        ("p99", "-" if latency is None else f"{latency:.1f} ms", False),
+    ]
+
+
+def counts_table(now: dict[str, Any]) -> Any:
+    """The counts beside the pose; one that is not as it should be stands out."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    table.add_column("stream", style="dim", no_wrap=True)
+    table.add_column("", justify="right", no_wrap=True)
+    for name, value, bad in counts(now):
+        table.add_row(name, value, style=f"bold {terminal_hues().alarm} not dim" if bad else None)
+    return table
+
+
+def below(now: dict[str, Any], beside: bool) -> Iterator[Any]:
+    """What stands under the faces: the counts, where they are not beside the pose, and messages."""
+    from rich.text import Text
+
+    alarm = f"bold {terminal_hues().alarm}"
+    if not beside:
+        words = Text()
+        for name, value, bad in counts(now):
+            words.append(f"{name} {value}", alarm if bad else "")
+            words.append("   ")
+        yield words
+    for line in more(now):
+        yield Text(line)
+    if now["note"]:
+        yield Text(now["note"], alarm)
+
+
+def face(live: Live, k: int, wide: int, high: int) -> Any:
+    """One detector in its hue: its area with the spot on it, and a bar of its power."""
+    from rich.panel import Panel
+    from rich.text import Text
+
+    hue = terminal_hues().detectors[DETECTORS[k]]
+    rows = [[" "] * wide for _ in range(high)]
+    rows[high // 2] = ["·"] * wide
+    for row in rows:
+        row[wide // 2] = "·"
+    power = float("nan")
+    if live.newest is not None:
+        y, z, power = live.newest.readings[-1, 3 * k : 3 * k + 3]
+        half = half_sizes(live.pipeline.config.sensor)[k]
+        if np.isfinite([y, z]).all() and abs(y) <= half[0] and abs(z) <= half[1]:
+            across = round((y / half[0] + 1) / 2 * (wide - 1))
+            rows[round((1 - z / half[1]) / 2 * (high - 1))][across] = "●"
+    share = power / live.pipeline.config.sensor.beam.power
+    bar = "█" * round(wide * min(max(share, 0), 1)) if np.isfinite(share) else ""
+    drawn = Text("\n".join("".join(row) for row in rows), "dim")
+    drawn.highlight_regex("●", f"bold {hue} not dim")
+    drawn.append(f"\n{bar:<{wide}}", f"{hue} not dim")
+    title = f"{DETECTORS[k].upper()} {light(live, k, power)}"
+    if wide >= len(title) + 4:
+        title = f"PSD {title}"
+    return Panel(drawn, title=Text(title, f"bold {hue}"), border_style=hue, width=wide + 4)
+
+
+def light(live: Live, k: int, power: float) -> str:
+    """A detector's light in words that fit above its face."""
+    if live.newest is None:
+        return "-"
+    if np.isnan(power):
+        return "full" if live.newest.flags[-1] & SATURATED else "no light"
+    sensor = live.pipeline.config.sensor
+    return f"{1e3 * power:.1f} µW" if power > least_light(sensor)[k] else "no light"
+
+
+def more(now: dict[str, Any]) -> Iterator[str]:
+    """Of what a run may have beside its samples: stage, board, publications, flags."""
+    if "stage" in now:
+        error = now.get("tracking_error") or [None, None]
+        shown = ", ".join("-" if x is None else f"{x:+.4f}" for x in error)
+        yield (
+            f"stage {now['stage_mm']} mm, {now['stage']}, {now['moves']} moves   Eq. (14): {shown}"
+        )
+    if "board" in now:
+        yield (
+            f"board: {now['board']['came']} poses of its own, at most "
+            f"{now['board']['worst_u']:.2g} u from these"
+        )
+    for one in now.get("published", ()):
+        yield f"{one['address']}: {one['sent']} published, {one['dropped']} dropped"
+    if now["flags"]:
+        yield ", ".join(f"{count} {name}" for name, count in now["flags"].items())

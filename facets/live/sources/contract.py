@@ -1,0 +1,55 @@
+"""What every source of bytes must do, as a check that any package's tests can call.
+
+from facets.live.sources import check_source
+
+def test_my_source(board):
+    check_source(lambda: open_mine("mine:1", 0), board.send, DATA)
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from .source import PortError, Source
+
+#: What a source was given must come within this, on any machine, s.
+GUARD = 600.0
+
+
+def check_source(
+    opened: Callable[[], Source], send: Callable[[bytes], object], data: bytes
+) -> None:
+    """Raises `AssertionError`, in words, where a source does not keep `Source`.
+
+    opened: opens it.  send: has the other end send bytes.  data: what is sent, and must come.
+    """
+    port = opened()
+    try:
+        for name in ("ended", "waits"):
+            assert isinstance(getattr(port, name), bool), f"{name} is neither True nor False"
+        send(data)
+        came, last = bytearray(), time.monotonic() + GUARD
+        while len(came) < len(data):
+            assert time.monotonic() < last, f"{len(came)} of {len(data)} bytes came"
+            assert not port.ended, "the source ended before all had come"
+            part = port.read()
+            assert isinstance(part, bytes), f"read() gives {type(part).__name__}, not bytes"
+            came.extend(part)
+        assert bytes(came) == data, "other bytes came than were sent"
+        for _ in range(3):  # nothing more is no error, and no end but where there is one
+            assert port.ended or port.read() == b"", "more came than was sent"
+    finally:
+        port.close()
+    port.close()  # again does nothing
+
+
+def check_missing(opened: Callable[[], Source]) -> None:
+    """A source that is not there is told by `PortError`, and by no other error."""
+    told = None
+    try:
+        opened().close()
+    except PortError as error:
+        told = str(error)
+    assert told is not None, "a source that is not there was opened"
+    assert told, "the error says nothing"

@@ -1,0 +1,179 @@
+"""When a board's samples were taken, on the host's clock, by the blocks that came soonest.
+
+A block can only be late: the port, the system and a busy reader keep it for a while, and nothing
+brings it early. Of all arrivals the earliest therefore know the time best. The line under the
+arrivals against the board's clock that touches them from below, with the least sum of distances
+(Moon, Skelly and Towsley, 1999), is the maximum of the likelihood for exponential delays; it is
+an edge of the lower convex hull. Its slope is the drift of the board's clock.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from itertools import pairwise
+from math import hypot, inf, isfinite, log, nan
+from typing import NamedTuple
+
+import numpy as np
+
+from ...core.units import Floats
+
+#: Arrivals are remembered for so long, s: a quartz drifts with its temperature within minutes.
+WINDOW = 60.0
+#: Of so long the soonest arrival alone is remembered, s.
+BUCKET = 0.1
+#: No clock of a board is wrong by more, 1 sigma; the slope is held within three of them.
+WORST_RATE = 100e-6
+#: By how much a clock's rate may have changed between two lives of the board, 1 sigma.
+RATE_CHANGE = 1e-6
+#: An arrival that is earlier than possible by more than this shows that a clock was set, s.
+EARLY = 0.05
+#: Where all arrivals of so many buckets are late by more than LATE (s), a clock has stood still.
+LATE_BUCKETS, LATE = 50, 0.01
+#: Of a line under n points with exponential distances of mean s: its bias at their middle, and the
+#: standard deviations of its value at their end and of its rise over all of them, in units of s/n;
+#: by simulation (tests/live/test_host_time.py repeats it).
+BIAS, END, RISE = 1.8, 4.0, 7.0
+#: A board's clock counts microseconds, s, 1 sigma.
+COUNT = 1e-6 / 12**0.5
+
+
+class Line(NamedTuple):
+    """host = device + offset + rate (device - middle), all in s."""
+
+    middle: float
+    offset: float
+    rate: float
+
+    def lag(self, device: float) -> float:
+        """Host's time less the board's."""
+        return self.offset + self.rate * (device - self.middle)
+
+    def at(self, device: Floats) -> Floats:
+        times: Floats = device + self.offset + self.rate * (device - self.middle)
+        return times
+
+
+class HostTime:
+    """The line of one life of a board, from its arrivals so far; see the module.
+
+    rate, rate_sigma: of the host's clock against the board's, and how well that is known; they
+    outlive a restart.  restarts: how often it was begun anew.
+    """
+
+    def __init__(self) -> None:
+        self.rate, self.rate_sigma = 0.0, WORST_RATE
+        self.restarts = -1
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """The clocks are apart by another amount from here on; their rates are not."""
+        self.restarts += 1
+        self.line: Line | None = None
+        self.points: deque[tuple[float, float]] = deque()  # board's time, and the lag of arrival
+        self.bucket = -inf
+        self.lowest: tuple[float, float] | None = None
+        self.scale = 0.0
+        self.held = self.rate, hypot(self.rate_sigma, RATE_CHANGE)
+
+    def add(self, device: float, arrival: float) -> None:
+        """One block: the board's time of its last sample, and when it came, s."""
+        lag = arrival - device
+        if self.line is None:
+            self.line = Line(device, lag, self.rate)
+            self.bucket = device
+        over = lag - self.line.lag(device)
+        if over < -EARLY:
+            self.begin_anew()
+            self.add(device, arrival)
+            return
+        if over < 0:  # known at once, where the fit is only made now and then
+            self.line = self.line._replace(offset=self.line.offset + over)
+        if self.lowest is None or over < self.lowest[1] - self.line.lag(self.lowest[0]):
+            self.lowest = device, lag
+        if device - self.bucket >= BUCKET:
+            self.points.append(self.lowest)
+            self.lowest, self.bucket = None, device
+            while len(self.points) > 1 and self.points[0][0] < device - WINDOW:
+                self.points.popleft()
+            self.fit()
+
+    def fit(self) -> None:
+        """The line under the remembered arrivals."""
+        at, lag = np.array(self.points).T
+        middle = float(at.mean())
+        known, sigma = self.held
+        offset, rate, free = touching_line(at - middle, lag, known - 3 * sigma, known + 3 * sigma)
+        over = lag - offset - rate * (at - middle)
+        if self.stood_still(over):
+            for _ in range(len(over) - LATE_BUCKETS):
+                self.points.popleft()
+            self.fit()
+            return
+        count, length = len(over), float(at[-1] - at[0]) or BUCKET
+        self.scale = float(np.median(over)) / log(2) if count > 4 else float(over.mean())
+        self.rate = rate
+        spread = RISE * self.scale / count / length
+        # counts of microseconds are as much in doubt at both ends
+        self.rate_sigma = min(sigma, hypot(spread, 2 * COUNT / length)) if free else sigma
+        self.line = Line(middle, offset - BIAS * self.scale / count, rate)
+
+    def stood_still(self, over: Floats) -> bool:
+        """Whether what came lately is late as a whole: the board's clock has lost time."""
+        older, newer = over[:-LATE_BUCKETS], over[-LATE_BUCKETS:]
+        return len(older) >= 10 and bool(newer.min() > LATE + 20 * np.median(older))
+
+    @property
+    def uncertainty(self) -> float:
+        """Of the times of the newest samples, 1 sigma, s; NaN before there are any.
+
+        It holds for what arrivals can tell: that the soonest of them took the least delay, which
+        the configuration knows.
+        """
+        if self.line is None:
+            return nan
+        if len(self.points) < 5:
+            return inf
+        end = END * self.scale / len(self.points)
+        reach = (self.points[-1][0] - self.points[0][0]) / 2
+        held = self.rate_sigma * reach if self.rate_sigma >= self.held[1] else 0.0
+        return float(np.sqrt(end**2 + held**2 + COUNT**2))
+
+    @property
+    def ppm(self) -> float:
+        """By how much the host's clock runs faster, 1e-6; NaN until there is something to say."""
+        return 1e6 * self.rate if self.rate_sigma < WORST_RATE else nan
+
+
+def touching_line(x: Floats, y: Floats, least: float, most: float) -> tuple[float, float, bool]:
+    """The line under points (n,) with the least sum of distances, its slope between two ends.
+
+    x: ascending, of mean zero. Returns its value at zero, its slope, and whether that is free.
+    """
+    slope = hull_slope(x, y)
+    free = isfinite(slope) and least < slope < most
+    if not free:
+        slope = min(max(slope, least), most) if isfinite(slope) else (least + most) / 2
+    return float((y - slope * x).min()), slope, free
+
+
+def hull_slope(x: Floats, y: Floats) -> float:
+    """The slope of the lower convex hull where x is zero; NaN for a single point."""
+    hull: list[tuple[float, float]] = []
+    for point in zip(x.tolist(), y.tolist(), strict=True):
+        while len(hull) > 1 and turns_down(hull[-2], hull[-1], point):
+            hull.pop()
+        hull.append(point)
+    for (left, low), (right, high) in pairwise(hull):
+        if right >= 0:
+            return (high - low) / (right - left)
+    return nan
+
+
+def turns_down(
+    first: tuple[float, float], second: tuple[float, float], third: tuple[float, float]
+) -> bool:
+    """Whether the second point is on or above the line from the first to the third."""
+    return (second[0] - first[0]) * (third[1] - first[1]) <= (third[0] - first[0]) * (
+        second[1] - first[1]
+    )

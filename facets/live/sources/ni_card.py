@@ -1,0 +1,140 @@
+"""National Instruments' cards as a source of samples, by the maker's package `nidaqmx`.
+
+`ni:Dev1/ai0:11?rate=10000` samples twelve voltages by the card's own clock: of detectors A, B, C,
+each at -y, +y, -z, +z, in the order of the channels. `bits` and `range` say how voltages become
+counts, and must be what `sensor.electronics` has as `adc_bits` and `adc_range_v` (16 and 10 by
+default); `terminal` is rse, nrse, diff or default. Not tried on a card: written by the maker's
+documentation and source (nidaqmx 1.7).
+"""
+
+from __future__ import annotations
+
+import time
+from contextlib import suppress
+from typing import Any
+from urllib.parse import parse_qsl
+
+import numpy as np
+
+from ...core.errors import InputError
+from ...core.extras import require_extra
+from ...core.units import Floats
+from .frames import ELECTRODES, Samples, pack
+from .source import POLL_S, ClosedAtExit, PortError, PortInUse
+
+CHANNELS = 12
+#: Samples of each channel that the driver keeps while nobody reads, s.
+BUFFER = 10.0
+#: A reserved resource: another program has the card.
+RESERVED = -50103
+TERMINALS = {"rse": "RSE", "nrse": "NRSE", "diff": "DIFF", "default": "DEFAULT"}
+
+
+def numbers_of(name: str, known: dict[str, float]) -> tuple[str, dict[str, float], dict[str, str]]:
+    """The place of a port's name, and its options with their defaults; words are told apart.
+
+    Raises `PortInUse`, since no waiting helps, for an option that is none or no number.
+    """
+    place, _, query = name.partition("?")
+    given = dict(parse_qsl(query, keep_blank_values=True))
+    words = {key: given.pop(key) for key in list(given) if key not in known}
+    try:
+        found = known | {key: float(value) for key, value in given.items()}
+    except ValueError as error:
+        raise PortInUse(f"{name}: {error}") from None
+    if not all(np.isfinite(value) and value > 0 for value in found.values()):
+        raise PortInUse(f"{name}: {', '.join(known)} must be positive numbers")
+    return place.partition(":")[2], found, words
+
+
+def counts_of_volts(volts: Floats, bits: float, full: float) -> Any:
+    """Counts of a converter of so many bits for `full` volts; its end where there are more."""
+    top = 2**bits - 1
+    return np.clip(np.round(volts * (2**bits / full)), -top, top).astype(np.int32)
+
+
+class Card(ClosedAtExit):
+    """A task of the card that samples without end."""
+
+    ended = waits = False
+
+    def __init__(self, name: str, baud: int) -> None:
+        """baud: of serial lines, and nothing to a card."""
+        self.name = name
+        channels, options, words = numbers_of(name, {"rate": 10_000, "bits": 16, "range": 10})
+        terminal = words.pop("terminal", "default")
+        if words or terminal not in TERMINALS or not channels:
+            raise PortInUse(
+                f"{name}: give ni:DEVICE/ai0:11, and of the options rate, bits, range, "
+                f"terminal={'|'.join(TERMINALS)}"
+            )
+        self.rate, self.bits, self.full = options["rate"], options["bits"], options["range"]
+        try:
+            nidaqmx = require_extra("nidaqmx", name)
+            constants = require_extra("nidaqmx.constants", name)
+            readers = require_extra("nidaqmx.stream_readers", name)
+        except InputError as error:
+            raise PortInUse(str(error)) from None
+        self.task: Any = None
+        try:
+            self.task = nidaqmx.Task()
+            self.task.ai_channels.add_ai_voltage_chan(
+                channels,
+                terminal_config=getattr(constants.TerminalConfiguration, TERMINALS[terminal]),
+                min_val=-self.full,
+                max_val=self.full,
+            )
+            self.task.timing.cfg_samp_clk_timing(
+                self.rate,
+                sample_mode=constants.AcquisitionType.CONTINUOUS,
+                samps_per_chan=int(self.rate * BUFFER),
+            )
+            count = len(self.task.ai_channels)
+            self.rate = float(self.task.timing.samp_clk_rate)  # what the card can do
+            self.task.start()
+        except Exception as error:  # the maker's own, also where its driver is not installed
+            self.close()
+            code = getattr(error, "error_code", None)
+            kind = PortInUse if code == RESERVED else PortError
+            raise kind(f"{name}: can not be opened: {error}") from None
+        if count != CHANNELS:
+            self.close()
+            raise PortInUse(f"{name}: names {count} channels, not {CHANNELS}: four a detector")
+        self.reader = readers.AnalogMultiChannelReader(self.task.in_stream)
+        self.made = 0
+
+    def read(self) -> bytes:
+        """What the card has sampled since, as frames."""
+        try:
+            count = int(self.task.in_stream.avail_samp_per_chan)
+            if not count:
+                time.sleep(POLL_S)
+                return b""
+            volts = np.empty((CHANNELS, count))
+            self.reader.read_many_sample(volts, number_of_samples_per_channel=count, timeout=1.0)
+        except Exception as error:  # also where nobody has read for BUFFER, and samples are lost
+            raise PortError(f"{self.name}: went away: {error}") from None
+        number = self.made + np.arange(count)
+        self.made += count
+        return frames_of(counts_of_volts(volts.T, self.bits, self.full), number,
+                         1e6 * number / self.rate, ELECTRODES)  # fmt: skip
+
+    def close(self) -> None:
+        task, self.task = self.task, None
+        if task is not None:
+            with suppress(Exception):
+                task.close()
+
+
+def frames_of(counts: Any, number: Any, microseconds: Any, kind: int) -> bytes:
+    """Frames of counts (n, 12) with their numbers and times (n,), which wrap."""
+    none = np.zeros(len(counts), np.uint8)
+    return pack(
+        Samples(
+            none + np.uint8(kind),
+            none,
+            (number % 2**32).astype(np.uint32),
+            (np.round(microseconds).astype(np.int64) % 2**32).astype(np.uint32),
+            counts,
+        )
+    )

@@ -1,0 +1,78 @@
+"""What a run reads from: the protocol `Source`, its errors, and its blocks of bytes."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import NamedTuple, Protocol, Self
+
+from ...core.errors import FacetsError
+from ...tracking.encoder import Encoder
+
+#: A read waits no longer than this for bytes, s, so that blocks are as short.
+POLL_S = 0.003
+#: A read returns at most this many bytes.
+MAX_READ_BYTES = 65_536
+
+
+class PortError(FacetsError):
+    """A port cannot be opened, or it went away."""
+
+
+class PortInUse(PortError):
+    """A port cannot be opened, and waiting does not help: another program has it, for example."""
+
+
+class Block(NamedTuple):
+    """Bytes that came together.
+
+    arrival: when, on the host's monotonic clock, s; NaN where it is not known.  encoder: the
+    stage's last place before that.  doubtful: whether nothing proves that these bytes came.
+    """
+
+    data: bytes
+    arrival: float
+    encoder: Encoder | None
+    doubtful: bool = False
+
+
+class Source(Protocol):
+    """A source of bytes in one of the formats of `frames`.
+
+    The call that opens it raises `PortError` where there is nothing to open, and `PortInUse` where
+    waiting does not help. One thread uses a source.
+    """
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more will ever come."""
+        ...
+
+    @property
+    def waits(self) -> bool:
+        """Whether nothing is lost while nobody reads, as from a file."""
+        ...
+
+    def read(self) -> bytes:
+        """Return what has come, after `POLL_S` at the latest; empty bytes are no error.
+
+        Raises `PortError` where the source went away.
+        """
+        ...
+
+    def close(self) -> None:
+        """Release the source. Nothing is read afterwards; a second call does nothing."""
+        ...
+
+
+class ClosedAtExit:
+    """Closes a source at the end of a `with` statement."""
+
+    def close(self) -> None: ...
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,107 @@
+"""A stage opened for a run, refused where it is unsafe, and what the check of its wiring found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..characterization.ranges import axis_ranges
+from ..core.errors import InputError
+from ..files import provenance, whole
+from ..tracking.check import StageCheck, checked_today, stage_checked
+from ..tracking.control import Law, margin_of, pull_of
+from ..tracking.tracker import Tracker
+from .sources.ports import open_line
+
+if TYPE_CHECKING:
+    from ..core.settings import Config
+
+
+def refuse_board(config: Config, port: str) -> None:
+    """Raise `InputError` for a permit or a heartbeat by a board that has no such thing."""
+    if config.stage.permit == "board" and config.acquire.format == "text":
+        raise InputError(
+            "stage.permit is board: lines of text have no flag for it; use acquire.format: frames"
+        )
+    if config.stage.heartbeat == "board" and port.startswith(("file:", "ni:", "thorlabs:")):
+        raise InputError(f"stage.heartbeat is board: nothing can be sent to {port}")
+
+
+def refuse_unchecked(config: Config, port: str) -> None:
+    """Raise `InputError` for a stage whose wiring was not checked."""
+    known, here = config.stage.checked, stage_checked(config.stage, port)
+    if known and known.partition(" ")[2] == here:
+        return
+    what = f"is {known!r}, and so of another stage than {here!r}" if known else "is not given"
+    raise InputError(
+        f"stage.checked {what}: run `facets acquire CONFIG --check-stage --write FILE.yaml` once, "
+        "with the mirror at rest, and then track with FILE.yaml"
+    )
+
+
+def open_tracker(
+    config: Config,
+    port: str,
+    search: bool,
+    check: bool,
+    tell: Callable[[str], None],
+    add_event: Callable[..., None],
+) -> Tracker:
+    """Open the stage, and tell how stable the loop is before anything moves.
+
+    search: look for a mirror that was lost, after a person has resumed the stage.  check: move the
+    stage to check its wiring, instead of following the mirror. Raises `InputError` where the stage
+    was not checked, or the loop would be unstable; `PortError` where the port cannot be opened.
+    """
+    stage = config.stage
+    if not check:
+        refuse_unchecked(config, port)
+    axes = axis_ranges(config.sensor, config.range, np.zeros(6))[:2]
+    clearance = min(axis.symmetric / 2 for axis in axes)
+    margin = margin_of(stage, pull_of(config.sensor, clearance))
+    tell(f"stage: {stage.law}, {margin.words}")
+    if margin.times < 1:
+        raise InputError(
+            f"stage.gain is {stage.gain}: with a delay of {1e3 * margin.delay:.3g} ms at "
+            f"{stage.rate:g} Hz the loop is unstable; allowed: below {margin.most:.3g}"
+        )
+
+    def open_stage() -> Any:
+        return port if stage.driver == "other" else open_line(port, stage.baud, 0.02)
+
+    law = Law.of(config.sensor, stage)
+    if check:
+        return StageCheck(open_stage(), stage, law, add_event)
+    return Tracker(open_stage(), stage, law, add_event, search, open_again=open_stage)
+
+
+def check_sentences(
+    check: StageCheck, config: Config, port: str, path: Path | None, is_good: bool
+) -> Iterator[str]:
+    """Yield what a check of the stage found; write the checked configuration to `path`, if given.
+
+    Nothing is written where the check, or the run that it was part of, is not good.
+    """
+    if check.leg == len(check.LEGS):
+        for axis in check.axes():
+            yield axis.sentence
+    if not is_good:
+        return
+    stage = config.stage
+    delay_ms = 1e3 * (stage.latency + stage.lag)
+    yield (
+        "The stage is wired as the configuration has it. It counts on a delay of "
+        f"{delay_ms:.3g} ms (stage.latency_ms and stage.lag_ms)."
+    )
+    value = checked_today(stage, port)
+    if path is None:
+        yield f"For --track, write into the configuration: stage: {{checked: {value}}}"
+        return
+    block = {**config.resolved["stage"], "checked": value}
+    with whole.Whole(path) as temporary:
+        about = provenance.about(config)
+        temporary.write_text(provenance.configuration(config, block, about, "stage"), "utf-8")
+    yield f"{path}"

@@ -1,0 +1,133 @@
+"""Poses of a recording as an MCAP file, which Foxglove and other tools of robotics open.
+
+Two channels in JSON, each with its schema: `/facets/sample`, all that is known of a sample, in the
+units of the tables; and `/facets/pose`, a `foxglove.PoseInFrame` of the mirror in the world's frame
+for views in three dimensions, in metres.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...core.extras import require_extra
+from ...core.names import READING_COLUMNS, STATE_COLUMNS
+from .sample_rows import rows_of, unit_of
+from .senders import json_of
+
+if TYPE_CHECKING:
+    from ..run.pipeline import Poses
+
+NANO = 1_000_000_000
+
+
+class McapFile:
+    """Appends poses; closed at the end of a `with` statement. Raises `InputError` without mcap."""
+
+    def __init__(self, path: Path, about: dict[str, str], utc_offset: float) -> None:
+        """about: how it was made.  utc_offset: of the wall clock over the monotonic one, s."""
+        writer = require_extra("mcap.writer", str(path))
+        self.offset = utc_offset
+        self.file = path.open("wb")
+        self.writer: Any = writer.Writer(self.file)
+        self.writer.start(library="facets")
+        self.writer.add_metadata("facets", about)
+        self.sample = self.channel("/facets/sample", "facets.Sample", sample_schema())
+        self.pose = self.channel("/facets/pose", "foxglove.PoseInFrame", pose_schema())
+
+    def channel(self, topic: str, name: str, schema: dict[str, Any]) -> int:
+        known = self.writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
+        found: int = self.writer.register_channel(topic, "json", known)
+        return found
+
+    def write(self, poses: Poses) -> None:
+        rows = rows_of(poses, self.offset)
+        times = np.round(rows["utc_s"] * NANO).astype(np.int64).tolist()
+        numbers, texts = rows["seq"].tolist(), json_of(rows)
+        for number, time, text in zip(numbers, times, texts, strict=True):
+            self.writer.add_message(self.sample, time, text.encode(), time, number % 2**32)
+        good = np.flatnonzero(poses.solution.converged)
+        for n, message in zip(good.tolist(), pose_messages(poses, times), strict=True):
+            data = json.dumps(message, separators=(",", ":")).encode()
+            self.writer.add_message(self.pose, times[n], data, times[n], numbers[n] % 2**32)
+
+    def close(self) -> None:
+        self.writer.finish()
+        self.file.close()
+
+    def __enter__(self) -> McapFile:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def pose_messages(poses: Poses, times: list[int]) -> list[dict[str, Any]]:
+    """Of the samples that have a pose: place in m, turn as a quaternion, Rz(yaw) Ry Rx."""
+    from scipy.spatial.transform import Rotation
+
+    good = np.flatnonzero(poses.solution.converged)
+    if not len(good):
+        return []
+    states = poses.solution.state[good]
+    turns = Rotation.from_euler("ZYX", states[:, 5:2:-1]).as_quat()
+    return [
+        {
+            "timestamp": {"sec": times[n] // NANO, "nsec": times[n] % NANO},
+            "frame_id": "world",
+            "pose": {
+                "position": dict(zip("xyz", place, strict=True)),
+                "orientation": dict(zip("xyzw", turn, strict=True)),
+            },
+        }
+        for n, place, turn in zip(
+            good.tolist(), (1e-3 * states[:, :3]).tolist(), turns.tolist(), strict=True
+        )
+    ]
+
+
+def numbers(names: tuple[str, ...]) -> dict[str, Any]:
+    return {
+        "type": "object",
+        "properties": {name: {"type": "number", "description": unit_of(name)} for name in names},
+    }
+
+
+def sample_schema() -> dict[str, Any]:
+    return {
+        "title": "facets.Sample",
+        "type": "object",
+        "properties": {
+            "timestamp": {"type": "number", "description": "s, UTC"},
+            "seq": {"type": "integer"},
+            "status": {"type": "integer", "description": "0: converged"},
+            "flags": {"type": "integer"},
+            "reading": numbers(tuple(READING_COLUMNS)),
+            "pose": numbers(tuple(STATE_COLUMNS)),
+            "u": numbers(tuple(f"u_{name}" for name in STATE_COLUMNS)),
+            "residual": {"type": "number", "description": "sigma"},
+        },
+    }
+
+
+def pose_schema() -> dict[str, Any]:
+    def parts(names: str) -> dict[str, Any]:
+        return {"type": "object", "properties": {name: {"type": "number"} for name in names}}
+
+    time = {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}
+    return {
+        "title": "foxglove.PoseInFrame",
+        "type": "object",
+        "properties": {
+            "timestamp": {"type": "object", "title": "time", "properties": time},
+            "frame_id": {"type": "string"},
+            "pose": {
+                "type": "object",
+                "title": "foxglove.Pose",
+                "properties": {"position": parts("xyz"), "orientation": parts("xyzw")},
+            },
+        },
+    }

@@ -1,0 +1,264 @@
+"""The sensor as a device for bluesky plans, by ophyd-async: read at a point, or flown.
+
+Needs the extra `bluesky` (ophyd-async). `trigger` and `read` give one sample with its
+uncertainties; `kickoff`, `complete` and `collect` give all samples of an interval as event pages.
+What a RunEngine gets is not the record: where nothing may be lost, run `facets acquire --publish
+tcp://127.0.0.1:PORT`, and give this device that address.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from bluesky.protocols import (
+    EventPageCollectable,
+    Flyable,
+    HasHints,
+    Hints,
+    Preparable,
+    Reading,
+    Stageable,
+    Triggerable,
+)
+from event_model import DataKey, PartialEventPage
+from ophyd_async.core import AsyncConfigurable, AsyncReadable, AsyncStatus, Device
+
+from ...core.errors import FacetsError, InputError
+from ...core.names import STATE_COLUMNS
+from ...core.version import __version__
+from ..run.pipeline import LABELS
+from .row_stream import Rows, RowStream, is_published
+from .sample_rows import SAMPLE, unit_of
+
+if TYPE_CHECKING:
+    from ...core.settings import Config
+
+#: Samples of one event page.
+PAGE = 1_000
+#: Columns of a sample; its time in UTC is the time stamp of each.
+COLUMNS = tuple(name for name in SAMPLE.names or () if name != "utc_s")
+
+
+@dataclass(frozen=True)
+class Interval:
+    """What a flight holds, for `prepare`: so many samples, or those of so many seconds.
+
+    Without either it ends when the plan says `complete`, for a file at its end.
+    """
+
+    samples: int | None = None
+    seconds: float | None = None
+
+
+class PoseSensor(
+    Device,
+    AsyncReadable,
+    AsyncConfigurable,
+    Triggerable,
+    Stageable,
+    Preparable,
+    Flyable,
+    EventPageCollectable,
+    HasHints,
+):
+    """Poses with their standard uncertainties, of one sensor.
+
+    A sample that can not be solved has its status in words and NaN for what is not known, as
+    everywhere. The port is open from `stage`, or the first `trigger` or `kickoff`, to `unstage`.
+    """
+
+    def __init__(self, config: Config, address: str | None = None, name: str = "") -> None:
+        """address: a board's port, `file:PATH` or `tcp://127.0.0.1:PORT` of `facets acquire
+        --publish`, or `shm:NAME`; the configuration's own port if left out."""
+        self._config = config
+        self._address = address or config.acquire.port or ""
+        if not self._address:
+            raise InputError(
+                "no port is given, and acquire.port of the configuration is none; give one to "
+                "PoseSensor"
+            )
+        self._stream: RowStream | None = None
+        self._interval = Interval()
+        self._row: Rows | None = None
+        self._begin = self._end = 0.0
+        self._left: int | None = None
+        self._flying = False
+        super().__init__(name=name)
+
+    async def _open(self) -> RowStream:
+        if self._stream is None:
+            self._stream = await asyncio.to_thread(RowStream, self._config, self._address)
+        self._stream.check()
+        return self._stream
+
+    def _opened(self) -> RowStream:
+        if self._stream is None:
+            raise FacetsError(f"{self.name}: is not staged, and was neither triggered nor flown")
+        return self._stream
+
+    @AsyncStatus.wrap
+    async def stage(self) -> None:
+        """Opens the source, and waits for its first sample."""
+        stream = await self._open()
+        await asyncio.to_thread(stream.wait, lambda: np.isfinite(stream.newest))
+
+    @AsyncStatus.wrap
+    async def unstage(self) -> None:
+        """Lets go of the source."""
+        stream, self._stream = self._stream, None
+        self._flying = False
+        if stream is not None:
+            await asyncio.to_thread(stream.close)
+
+    @AsyncStatus.wrap
+    async def trigger(self) -> None:
+        """Waits for the first sample that is taken from now on; of a file, for the next one."""
+        if self._flying:
+            raise FacetsError(f"{self.name}: flies; complete the flight before a trigger")
+        stream = await self._open()
+        now, found = stream.keep(), np.empty(0, SAMPLE)
+        try:
+            while not len(found):
+                await asyncio.to_thread(stream.wait, lambda: stream.held.count > 0)
+                rows = stream.take(1 if stream.patient else None)
+                if not len(rows):
+                    raise FacetsError(f"{self._address}: ended; there is no sample any more")
+                found = rows if stream.patient else rows[rows["host_s"] >= now]
+        finally:
+            stream.forget()
+        self._row = found[:1]
+
+    async def read(self) -> dict[str, Reading[Any]]:
+        """The sample of the last trigger. Raises where there was none."""
+        if self._row is None:
+            raise FacetsError(f"{self.name}: was not triggered, and has no sample to be read")
+        at = float(self._row["utc_s"][0])
+        return {
+            self._key(name): Reading(value=values[0], timestamp=at)
+            for name, values in listed(self._row).items()
+        }
+
+    async def describe(self) -> dict[str, DataKey]:
+        return {self._key(name): self._data_key(name) for name in COLUMNS}
+
+    async def describe_collect(self) -> dict[str, DataKey]:
+        return await self.describe()
+
+    async def read_configuration(self) -> dict[str, Reading[Any]]:
+        now = time.time()
+        return {
+            self._key(name): Reading(value=value, timestamp=now)
+            for name, value in self._about().items()
+        }
+
+    async def describe_configuration(self) -> dict[str, DataKey]:
+        return {
+            self._key(name): DataKey(source=self._address, dtype="string", shape=[])
+            for name in self._about()
+        }
+
+    @property
+    def hints(self) -> Hints:
+        return {"fields": [self._key(name) for name in STATE_COLUMNS[:6]]}
+
+    @AsyncStatus.wrap
+    async def prepare(self, value: Interval) -> None:
+        """Says what the next flight is to hold."""
+        if (value.samples or 1) <= 0 or (value.seconds or 1) <= 0:
+            raise InputError(f"{self.name}: {value}: a flight holds more than nothing")
+        self._interval = value
+
+    @AsyncStatus.wrap
+    async def kickoff(self) -> None:
+        """Keeps the samples that are taken from now on; of a file, those that are left."""
+        if self._flying:
+            raise FacetsError(f"{self.name}: flies already")
+        stream = await self._open()
+        self._begin = -np.inf if stream.patient else stream.keep()
+        stream.read_on()
+        seconds = self._interval.seconds
+        self._end = np.inf if seconds is None or stream.patient else self._begin + seconds
+        self._left = self._interval.samples
+        self._flying = True
+
+    @AsyncStatus.wrap
+    async def complete(self) -> None:
+        """Waits until all samples of the interval are there.
+
+        Raises `FacetsError` where samples found no place since nobody collected them.
+        """
+        stream = self._opened()
+        if self._left is None and self._end == np.inf and not stream.patient:
+            self._end = time.monotonic()
+        try:
+            await asyncio.to_thread(stream.wait, lambda: self._is_whole(stream))
+        finally:
+            self._flying = False
+        if not self._is_whole(stream) and not (stream.patient and self._left is None):
+            raise FacetsError(f"{self._address}: ended before all samples of the flight had come")
+        if stream.held.lost:
+            raise FacetsError(
+                f"{self.name}: {stream.held.lost} samples of the flight are lost, since nobody "
+                "collected them; collect while it completes, or fly for a shorter time"
+            )
+
+    def _is_whole(self, stream: RowStream) -> bool:
+        if self._left is None:
+            return bool(stream.newest > self._end)
+        return stream.count_since(self._begin) >= self._left
+
+    async def collect_pages(self) -> AsyncIterator[PartialEventPage]:
+        """What came of the interval and was not collected yet, as event pages."""
+        stream = self._opened()
+        rows = await asyncio.to_thread(self._gather, stream)
+        if not self._flying:
+            stream.forget()
+        for start in range(0, len(rows), PAGE):
+            part = rows[start : start + PAGE]
+            at = part["utc_s"].tolist()
+            values = listed(part)
+            yield PartialEventPage(
+                data={self._key(name): column for name, column in values.items()},
+                timestamps={self._key(name): at for name in values},
+                time=at,
+            )
+
+    def _gather(self, stream: RowStream) -> Rows:
+        rows = stream.take(self._left if stream.patient else None)
+        found: Rows = rows[(rows["host_s"] >= self._begin) & (rows["host_s"] <= self._end)]
+        if self._left is not None:
+            found = found[: self._left]
+            self._left -= len(found)
+        return found
+
+    def _about(self) -> dict[str, str]:
+        return {
+            "config": self._config.name,
+            "config_sha256": self._config.sha256,
+            "facets": __version__,
+            "address": self._address,
+            "solved_by": "its publisher" if is_published(self._address) else "this device",
+        }
+
+    def _key(self, name: str) -> str:
+        return f"{self.name}-{name}"
+
+    def _data_key(self, name: str) -> DataKey:
+        kind = SAMPLE[name].kind
+        dtype = "string" if name == "status" else "integer" if kind in "iu" else "number"
+        found = DataKey(source=self._address, dtype=dtype, shape=[])  # type: ignore[typeddict-item]
+        if unit_of(name):
+            found["units"] = unit_of(name)
+        return found
+
+
+def listed(rows: Rows) -> dict[str, list[Any]]:
+    """Columns of rows as lists of plain numbers, the status in words."""
+    found: dict[str, list[Any]] = {name: rows[name].tolist() for name in COLUMNS}
+    found["status"] = [LABELS.get(number, str(number)) for number in found["status"]]
+    return found

@@ -1,0 +1,212 @@
+"""Samples as rows, of a board or of another process, kept by a thread until they are taken."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.errors import FacetsError
+from ..run.poses import poses
+from .sample_rows import SAMPLE, rows_of
+from .shared_ring import SharedSubscription
+from .subscription import Subscription
+
+if TYPE_CHECKING:
+    from ...core.settings import Config
+
+Rows = NDArray[np.void]
+
+#: Samples that are kept for somebody who does not take them: 480 MB, 200 s at 10 kHz.
+MOST = 2_000_000
+#: Samples that are read ahead of a file, which loses nothing while it waits.
+AHEAD = 10_000
+#: A stream from which nothing comes for so long is silent, s.
+PATIENCE = 10.0
+
+
+def is_published(address: str) -> bool:
+    """Whether an address is that of another process's publication, and not of a board."""
+    return address.startswith(("tcp://", "shm:"))
+
+
+def subscribed(address: str) -> Subscription | SharedSubscription:
+    return SharedSubscription(address) if address.startswith("shm:") else Subscription(address)
+
+
+class Part:
+    """Rows in the order in which they came.  lost: that found no place."""
+
+    def __init__(self) -> None:
+        self.parts: deque[Rows] = deque()
+        self.count = self.lost = 0
+
+    def add(self, rows: Rows) -> None:
+        if self.count + len(rows) > MOST:
+            self.lost += len(rows)
+            return
+        self.parts.append(rows)
+        self.count += len(rows)
+
+    def take(self, most: int | None = None) -> Rows:
+        """The oldest rows, all or at most so many, which are then no longer here."""
+        found: list[Rows] = []
+        room = self.count if most is None else most
+        while self.parts and room > 0:
+            rows = self.parts.popleft()
+            if len(rows) > room:
+                self.parts.appendleft(rows[room:])
+                rows = rows[:room]
+            found.append(rows)
+            room -= len(rows)
+            self.count -= len(rows)
+        return np.concatenate(found) if found else np.empty(0, SAMPLE)
+
+
+class RowStream:
+    """A thread that reads a stream from now on; what it reads is kept while `keep` is on.
+
+    patient: whether the source is a file, of which nothing is kept back or passed over.  newest:
+    host's time of the newest sample, s.  ended: whether nothing more comes.
+    """
+
+    def __init__(self, config: Config, address: str) -> None:
+        """address: a board's port, `file:PATH`; `tcp://127.0.0.1:PORT` or `shm:NAME` of a
+        publication. Raises `FacetsError` where a publication can not be opened; a port's error
+        comes by `check`.
+        """
+        self.config, self.address = config, address
+        self.patient = address.startswith("file:")
+        self.ahead = AHEAD
+        self.held = Part()
+        self.keeping = self.patient
+        self.newest, self.came = -np.inf, np.inf  # nothing is late before the port is open
+        self.ended = False
+        self.error: Exception | None = None
+        self.ending = threading.Event()
+        self.news = threading.Condition()
+        self.remote = subscribed(address) if is_published(address) else None
+        self.thread = threading.Thread(target=self.run, name="samples", daemon=True)
+        self.thread.start()
+
+    def rows(self) -> Iterator[Rows]:
+        if self.remote is not None:
+            for rows in self.remote:
+                yield same_columns(rows)
+            return
+        offset = time.time() - time.monotonic()
+
+        def is_over() -> bool:
+            """Asked at each read, first when the port has been opened."""
+            self.came = min(self.came, time.monotonic())
+            return self.ending.is_set()
+
+        for part in poses(self.config, self.address, is_over):
+            yield rows_of(part, offset)
+
+    def run(self) -> None:
+        try:
+            for rows in self.rows():
+                self.add(rows)
+                if self.ending.is_set():
+                    break
+        except Exception as error:  # told to whoever waits
+            self.error = error
+        finally:
+            with self.news:
+                self.ended = True
+                self.news.notify_all()
+
+    def add(self, rows: Rows) -> None:
+        with self.news:
+            while self.patient and self.held.count > self.ahead and not self.ending.is_set():
+                self.news.wait(0.1)
+            if self.keeping:
+                self.held.add(rows)
+            self.newest = max(self.newest, float(rows["host_s"][-1]))
+            self.came = time.monotonic()
+            self.news.notify_all()
+
+    def keep(self) -> float:
+        """Keeps what is taken from now on; returns this time on the host's clock, s."""
+        with self.news:
+            if not self.patient:
+                self.held = Part()
+            self.keeping = True
+            now = time.monotonic()
+            self.came = now if np.isfinite(self.came) else self.came
+            return now
+
+    def read_on(self) -> None:
+        """Reads a file without waiting for those who take its samples."""
+        with self.news:
+            self.ahead = MOST
+            self.news.notify_all()
+
+    def forget(self) -> None:
+        """Keeps nothing any more. A file's samples wait for the next who wants them."""
+        with self.news:
+            if not self.patient:
+                self.keeping, self.held = False, Part()
+
+    def take(self, most: int | None = None) -> Rows:
+        """The oldest kept rows, all or at most so many."""
+        with self.news:
+            rows = self.held.take(most)
+            self.news.notify_all()
+            return rows
+
+    def count_since(self, begin: float) -> int:
+        """How many of the kept samples were taken at a host's time, s, or after it."""
+        with self.news:
+            return sum(int((rows["host_s"] >= begin).sum()) for rows in self.held.parts)
+
+    def wait(self, true: Callable[[], bool]) -> None:
+        """Until something is so, or nothing more comes. Raises `FacetsError` where nothing comes
+        for PATIENCE seconds, or the source failed."""
+        with self.news:
+            while not (true() or self.ended):
+                if time.monotonic() - self.came > PATIENCE:
+                    raise FacetsError(
+                        f"{self.address}: no sample came for {PATIENCE:g} s: is the board on, and "
+                        "are acquire.baud and acquire.format its own?"
+                    )
+                self.news.wait(0.1)
+        self.check()
+
+    def check(self) -> None:
+        """Raises what went wrong with the source."""
+        if self.error is not None and not self.ending.is_set():
+            raise self.error
+
+    def close(self) -> None:
+        """Ends the thread, and lets go of the source."""
+        self.ending.set()
+        if self.remote is not None:
+            self.remote.stop()
+        with self.news:
+            self.news.notify_all()
+        self.thread.join(timeout=PATIENCE)
+        if self.remote is not None:
+            self.remote.close()
+
+
+def same_columns(rows: Rows) -> Rows:
+    """Rows of a publication, as this version has them. Raises where a column is missing."""
+    if rows.dtype == SAMPLE:
+        return rows
+    names = SAMPLE.names or ()
+    lacks = [name for name in names if name not in (rows.dtype.names or ())]
+    if lacks:
+        raise FacetsError(
+            f"the publication has no {', '.join(lacks)}: it is of another version of facets"
+        )
+    found = np.empty(len(rows), SAMPLE)
+    for name in names:
+        found[name] = rows[name]
+    return found
