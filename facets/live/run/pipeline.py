@@ -23,6 +23,7 @@ from ...detectors.correction import corrected
 from ...detectors.counts import SATURATED, UNEQUAL, readings_of
 from ...detectors.noise import least_light
 from ...detectors.skew import align
+from ...estimation.estimates import prepare
 from ...estimation.misfit import Misfit
 from ...estimation.series import solve_series
 from ...estimation.solution import Solution, Status
@@ -216,8 +217,6 @@ class Pipeline:
 
     def warm_up(self) -> None:
         """Compiles, or loads, what the stream will need, before it runs."""
-        from ...estimation.solver import prepare
-
         nobody = Batch(
             np.zeros(2, np.int64), np.zeros(2, np.int64), np.zeros(2), np.full((2, 9), 0.1),
             np.zeros(2, np.uint8), 0.0, None,
