@@ -49,8 +49,8 @@ SearchMirror = Annotated[
     bool,
     typer.Option(
         "--search-mirror/--no-search-mirror",
-        help="With --track: move the stage to search for a mirror that the beam has lost, after a "
-        "person has resumed the stopped stage.",
+        help="Search for a lost mirror by moving the stage with --track, after a person has "
+        "resumed the stopped stage.",
     ),
 ]
 CheckStage = Annotated[

@@ -52,7 +52,7 @@ def optimize(
     """Find the layout that meets the requirements of the block `optimize` best.
 
     Varies the parameters named there within their bounds, from several starting layouts, and with
-    every combination of parts from the catalogue if one is given. Prints which requirements limit
+    every combination of parts from the catalogue, if there is one. Prints which requirements limit
     the optimum; if no layout meets all of them, prints which exclude each other and ends with exit
     status 1. Writes a configuration that extends CONFIG by the new values, rounded to values that
     can be manufactured, and beside it a table and a picture that compare it with CONFIG. With

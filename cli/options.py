@@ -150,7 +150,7 @@ def choose_look(look: Look) -> Look:
     return look
 
 
-def in_words(default: str) -> str:
+def describe_default(default: str) -> str:
     """The end of a help text: a default that typer cannot print."""
     return f"  [default: {default}]" if default else ""
 
@@ -161,7 +161,7 @@ def output_option(formats: str, default: str = "") -> typer.models.OptionInfo:
         "-o",
         "--output",
         metavar="FILE",
-        help=f"File for the result: {formats}.{in_words(default)}",
+        help=f"File for the result: {formats}.{describe_default(default)}",
     )
     return option
 
@@ -169,7 +169,10 @@ def output_option(formats: str, default: str = "") -> typer.models.OptionInfo:
 def folder_option(default: str) -> typer.models.OptionInfo:
     """`-d FOLDER`, of commands whose results are several files."""
     option: typer.models.OptionInfo = typer.Option(
-        "-d", "--folder", metavar="FOLDER", help=f"Folder for the results.{in_words(default)}"
+        "-d",
+        "--folder",
+        metavar="FOLDER",
+        help=f"Folder for the results.{describe_default(default)}",
     )
     return option
 
@@ -197,7 +200,7 @@ def motion_option(use: str, default: str = "") -> typer.models.OptionInfo:
     option: typer.models.OptionInfo = typer.Option(
         "--motion",
         metavar="NAME",
-        help=f"Name of a motion in the configuration: {use}.{in_words(default)}",
+        help=f"Name of a motion in the configuration: {use}.{describe_default(default)}",
         autocompletion=completion.motions,
     )
     return option
@@ -210,7 +213,7 @@ def heads_option(least: str, default: str = "") -> typer.models.OptionInfo:
         min=0,
         max=10**6,
         help="Number of sensor heads to simulate for the yield, with the tolerances in "
-        f"`calibrate.before`: {least}.{in_words(default)}",
+        f"`calibrate.before`: {least}.{describe_default(default)}",
     )
     return option
 
@@ -218,7 +221,7 @@ def heads_option(least: str, default: str = "") -> typer.models.OptionInfo:
 def seed_option(default: str = "") -> typer.models.OptionInfo:
     """`--seed N`."""
     option: typer.models.OptionInfo = typer.Option(
-        "--seed", min=0, help=f"Seed of the random numbers.{in_words(default)}"
+        "--seed", min=0, help=f"Seed of the random numbers.{describe_default(default)}"
     )
     return option
 

@@ -37,7 +37,7 @@ def resolution(
     """Compute the standard uncertainty of each axis, at rest and at the worst pose.
 
     The worst pose is searched along the symmetric range of each axis, with the other axes at rest.
-    The uncertainties are given for the paper's inversion and for the least-squares solver with the
+    They are computed for the paper's inversion and for the least-squares solver with the
     beam's position free, known within `solve.beam_sigma_um`, and known exactly. Writes a table, a
     picture of the noise budget at rest and a record of the run into the folder.
     """

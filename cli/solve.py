@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .console import FINDING, load_config
-from .options import ConfigName, Force, in_words, output_option
+from .options import ConfigName, Force, describe_default, output_option
 
 if TYPE_CHECKING:
     from facets.estimation.table import Count
@@ -23,7 +23,7 @@ MUCH, BOUNDLESS = 10.0, 1e4
 
 
 #: The default of most options.
-CONFIGURED = in_words("the configuration's")
+CONFIGURED = describe_default("the configuration's")
 
 
 class Beam(StrEnum):

@@ -14,8 +14,8 @@ Row = dict[str, Any]
 
 
 def drawing(quick: bool, seed: int) -> list[Row]:
-    """Views at 1200 x 900 and a film's frames at 720 x 480, after imports; a quick run draws a third
-    of each width and height."""
+    """Views at 1200 x 900 and frames of a film at 720 x 480, after imports; a quick run draws a
+    third of each width and height."""
     del seed  # no number of the pictures is random
     with Picture(rivals.SENSOR, np.zeros(8), "mirror", (200, 200)) as picture:
         picture.image()  # imports, graphics
