@@ -127,6 +127,14 @@ def test_a_parquet_column_that_holds_no_numbers_is_named(tmp_path, column, says)
         read(path)
 
 
+def test_the_rows_of_a_parquet_table_are_numbered_from_one(tmp_path):
+    path = tmp_path / "t.parquet"
+    tables.write_table(path, {"a": np.arange(5.0), "b": np.arange(5.0)}, {})
+    columns, rows, _ = read(path, rows=2)
+    assert rows == [1, 2, 3, 4, 5]
+    assert columns["a"].tolist() == [0, 1, 2, 3, 4]
+
+
 def test_garbage_bytes_are_broken_rows(tmp_path):
     path = tmp_path / "t.csv"
     path.write_bytes(b"a,b\n1,2\n\xff\xfe\x00,3\n4,5\n")
