@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from facets.characterization.state_box import StateBox
     from facets.config import Config
     from facets.core.units import Floats
-    from facets.proof.pieces import Piece
+    from facets.proof.pieces import ProvedPiece
     from facets.proof.range_cover import RangeCover
     from facets.proof.tolerances import Tolerances
     from facets.proof.uniqueness import Certificate
@@ -59,9 +59,9 @@ def claim_for(
 ) -> Claim:
     """factor: of the standard uncertainties that are allowed for; None for the sensor as it is."""
     from facets.characterization.state_box import least_share as share_by_rules
-    from facets.proof.tolerances import tolerances_of
+    from facets.proof.tolerances import calibration_tolerances
 
-    known = None if factor is None else tolerances_of(settings, factor)
+    known = None if factor is None else calibration_tolerances(settings, factor)
     whole = least_share is not None
     if whole and known is not None:
         least_share = share_by_rules(settings.sensor, settings.range, known.values[0])
@@ -326,7 +326,7 @@ def describe_pair(pair: PairSearch | None) -> list[str]:
     return lines + [f"  {n:<10} {a / unit:12.6g} {b / unit:12.6g}" for n, unit, a, b in rows]
 
 
-def piece_text(piece: Piece) -> str:
+def piece_text(piece: ProvedPiece) -> str:
     """Where nothing is proved, its ends rounded outwards."""
     from facets.characterization.state_box import COLUMNS, UNITS
 

@@ -22,7 +22,7 @@ from facets.core.units import Floats
 ANGLES, DISTANCES, REACH = 40, 48, 6.0
 
 
-class Bench(NamedTuple):
+class RayBench(NamedTuple):
     """What of the light the nominal model does not know.
 
     covariance: of the irradiance (2, 2), mm^2.  curvature: of the wavefront (2, 2), 1/mm.
@@ -48,7 +48,7 @@ class Bench(NamedTuple):
     chip: float = 0.0
 
 
-def about(axis: int, angle: Floats | float) -> Floats:
+def rotation_about(axis: int, angle: Floats | float) -> Floats:
     """Rotations (..., 3, 3) about x, y or z."""
     angle = np.asarray(angle, dtype=float)
     c, s = np.cos(angle), np.sin(angle)
@@ -60,22 +60,26 @@ def about(axis: int, angle: Floats | float) -> Floats:
     return out
 
 
-def unit(vectors: Floats) -> Floats:
+def normalise(vectors: Floats) -> Floats:
     size: Floats = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
     return size
 
 
-def plane(psd: Psd) -> tuple[Floats, Floats]:
+def detector_plane(psd: Psd) -> tuple[Floats, Floats]:
     """A detector's centre (3,), and its axes by rows (3, 3)."""
     centre = np.array([psd.radius * np.cos(psd.azimuth), psd.radius * np.sin(psd.azimuth),
                        psd.height])  # fmt: skip
-    turn = about(2, psd.azimuth + psd.yaw) @ about(1, psd.pitch) @ about(0, psd.roll)
+    turn = (
+        rotation_about(2, psd.azimuth + psd.yaw)
+        @ rotation_about(1, psd.pitch)
+        @ rotation_about(0, psd.roll)
+    )
     return centre, turn.T
 
 
-def landed(start: Floats, along: Floats, psd: Psd) -> tuple[Floats, Floats]:
+def landing_point(start: Floats, along: Floats, psd: Psd) -> tuple[Floats, Floats]:
     """Where rays meet a detector's plane (..., 2), and after which path (...)."""
-    centre, (x, y, z) = plane(psd)
+    centre, (x, y, z) = detector_plane(psd)
     path = ((centre - start) @ x) / (along @ x)
     beside = start + path[..., None] * along - centre
     return np.stack([beside @ y, beside @ z], axis=-1), path
@@ -89,7 +93,7 @@ def reflectance(cosine: Floats, index: complex) -> tuple[Floats, Floats]:
     return np.abs(s) ** 2, np.abs(p) ** 2
 
 
-class Beam(NamedTuple):
+class RayBeam(NamedTuple):
     """Its direction and the axes of its cross-section, in the world."""
 
     along: Floats
@@ -97,24 +101,24 @@ class Beam(NamedTuple):
     y: Floats
 
     @classmethod
-    def of(cls, sensor: Sensor) -> Beam:
-        turn = about(1, sensor.beam.tilt_y) @ about(0, sensor.beam.tilt_x)
+    def of(cls, sensor: Sensor) -> RayBeam:
+        turn = rotation_about(1, sensor.beam.tilt_y) @ rotation_about(0, sensor.beam.tilt_x)
         return cls(turn @ [0.0, 0.0, -1.0], turn @ [1.0, 0.0, 0.0], turn @ [0.0, 1.0, 0.0])
 
 
 def edges_of(normals: Floats) -> Floats:
     """Unit vectors (3, 3) down the edges; edge k is where facet k begins."""
-    found = unit(np.cross(normals[[2, 0, 1]], normals))
+    found = normalise(np.cross(normals[[2, 0, 1]], normals))
     return found * -np.sign(found[:, 2:])
 
 
-def spots(sensor: Sensor, bench: Bench, state: Floats) -> Floats:
+def spots(sensor: Sensor, bench: RayBench, state: Floats) -> Floats:
     """Exact readings (n, 9) at states (n, 8)."""
     normals = np.array([[np.sin(f.inclination) * np.cos(f.azimuth),
                          np.sin(f.inclination) * np.sin(f.azimuth), np.cos(f.inclination)]
                         for f in sensor.facets])  # fmt: skip
     edges = edges_of(normals)
-    parts = [about(2 - i, state[:, 5 - i]) for i in range(3)]
+    parts = [rotation_about(2 - i, state[:, 5 - i]) for i in range(3)]
     turn = parts[0] @ parts[1] @ parts[2]
     out = np.empty((len(state), 9))
     for k in range(3):
@@ -123,26 +127,32 @@ def spots(sensor: Sensor, bench: Bench, state: Floats) -> Floats:
 
 
 def facet(
-    sensor: Sensor, bench: Bench, state: Floats, turn: Floats, normal: Floats, edges: Floats, k: int
+    sensor: Sensor,
+    bench: RayBench,
+    state: Floats,
+    turn: Floats,
+    normal: Floats,
+    edges: Floats,
+    k: int,
 ) -> Floats:
     """Place and power (n, 3) of the light of one facet."""
-    beam, psd = Beam.of(sensor), sensor.psds[k]
-    points, area, distances = net(bench, normal, edges[k], edges[(k + 1) % 3], k)
+    beam, psd = RayBeam.of(sensor), sensor.psds[k]
+    points, area, distances = sample_facet(bench, normal, edges[k], edges[(k + 1) % 3], k)
     world = state[:, None, :3] + points @ np.swapaxes(turn, 1, 2)
-    density, cosine, along = light(bench, beam, world, state, turn, normal)
-    reflected = share(bench, beam, cosine, turn @ normal)
+    density, cosine, along = incident_light(bench, beam, world, state, turn, normal)
+    reflected = reflected_share(bench, beam, cosine, turn @ normal)
     weight = sensor.beam.power * density * area * reflected
     if bench.chip and k < 2:
         weight = weight * (np.linalg.norm(points, axis=-1) > bench.chip)
-    tilted = normal - slope(bench, distances, normal, edges[k], edges[(k + 1) % 3], k)
-    surface = unit(tilted) @ np.swapaxes(turn, 1, 2)
+    tilted = normal - surface_slope(bench, distances, normal, edges[k], edges[(k + 1) % 3], k)
+    surface = normalise(tilted) @ np.swapaxes(turn, 1, 2)
     leaving = along - 2 * (along * surface).sum(-1, keepdims=True) * surface
-    place, _ = landed(world, leaving, psd)
+    place, _ = landing_point(world, leaving, psd)
     power = weight.sum(axis=1)
     centre = (weight[..., None] * place).sum(axis=1) / power[:, None]
     if bench.wavelength:
         for edge in (edges[k], edges[(k + 1) % 3]):
-            power, centre = diffracted(
+            power, centre = add_diffraction(
                 sensor, bench, beam, state, turn, normal, edge, reflected.mean(axis=1), power,
                 centre, k,
             )  # fmt: skip
@@ -151,8 +161,8 @@ def facet(
     return np.column_stack([(centre * power[:, None] + at * extra) / whole[:, None], whole])
 
 
-def net(
-    bench: Bench, normal: Floats, first: Floats, second: Floats, k: int
+def sample_facet(
+    bench: RayBench, normal: Floats, first: Floats, second: Floats, k: int
 ) -> tuple[Floats, Floats, Floats]:
     """Points of a facet (m, 3) in the mirror's frame, their areas, their distances from edges."""
     inward = np.cross(normal, first), np.cross(second, normal)
@@ -171,8 +181,8 @@ def net(
         [points @ v for v in inward])  # fmt: skip
 
 
-def light(
-    bench: Bench, beam: Beam, world: Floats, state: Floats, turn: Floats, normal: Floats
+def incident_light(
+    bench: RayBench, beam: RayBeam, world: Floats, state: Floats, turn: Floats, normal: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """Of the rays through points: flux on the facet, cosine, direction."""
     beside = world - np.pad(state[:, None, 6:], ((0, 0), (0, 0), (0, 1)))
@@ -192,19 +202,19 @@ def light(
     return bell * facing / np.linalg.det(matrix), cosine, along
 
 
-def share(bench: Bench, beam: Beam, cosine: Floats, normal: Floats) -> Floats:
+def reflected_share(bench: RayBench, beam: RayBeam, cosine: Floats, normal: Floats) -> Floats:
     """How much of the light is reflected (n, m)."""
     if bench.metal is None:
         return np.ones_like(cosine)
     field = np.cos(bench.polarisation) * beam.x + np.sin(bench.polarisation) * beam.y
-    upright = (unit(np.cross(beam.along, normal)) @ field) ** 2
+    upright = (normalise(np.cross(beam.along, normal)) @ field) ** 2
     s, p = reflectance(cosine, bench.metal)
     mixed: Floats = upright[:, None] * s + (1 - upright[:, None]) * p
     return mixed
 
 
-def slope(
-    bench: Bench, distances: Floats, normal: Floats, first: Floats, second: Floats, k: int
+def surface_slope(
+    bench: RayBench, distances: Floats, normal: Floats, first: Floats, second: Floats, k: int
 ) -> Floats:
     """By how much the surface falls towards its edges (m, 3)."""
     inward = np.array([np.cross(normal, first), np.cross(second, normal)])
@@ -213,8 +223,8 @@ def slope(
     return found
 
 
-def diffracted(
-    sensor: Sensor, bench: Bench, beam: Beam, state: Floats, turn: Floats, normal: Floats,
+def add_diffraction(
+    sensor: Sensor, bench: RayBench, beam: RayBeam, state: Floats, turn: Floats, normal: Floats,
     edge: Floats, reflected: Floats, power: Floats, centre: Floats, k: int,
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """Power and place once one edge has spread its light past the detector's window."""
@@ -223,7 +233,7 @@ def diffracted(
     far = 4 * REACH * np.sqrt(np.trace(bench.covariance))
     along = far * (nodes + 1) / 2
     points = state[:, None, :3] + along[:, None] * world[:, None]
-    bell, _, fan = light(bench, beam, points, state, turn, normal)
+    bell, _, fan = incident_light(bench, beam, points, state, turn, normal)
     facing = -np.einsum("nmi,ni->nm", fan, turn @ normal)
     bell *= sensor.beam.power * reflected[:, None] / facing
     flat = np.stack([world @ beam.x, world @ beam.y], axis=-1)
@@ -238,10 +248,10 @@ def diffracted(
     step -= ((step * surface).sum(-1) / (surface @ beam.along))[:, None] * beam.along
     arriving = (weight[..., None] * fan).sum(axis=1) / weight.sum(axis=1)[:, None]
     leaving = arriving - 2 * (surface * arriving).sum(-1, keepdims=True) * surface
-    here, length = each_landed(on_edge, leaving, psd)
-    across = each_landed(on_edge + 1e-3 * step, leaving, psd)[0] - here
+    here, length = landing_points(on_edge, leaving, psd)
+    across = landing_points(on_edge + 1e-3 * step, leaving, psd)[0] - here
     across /= 1e-3
-    ahead, behind = to_window(here, across, psd), to_window(here, -across, psd)
+    ahead, behind = steps_to_window(here, across, psd), steps_to_window(here, -across, psd)
     strength = bench.wavelength * length * per_mm / (4 * np.pi**2)
     sums = 1 / ahead + 1 / behind
     left = power - strength * sums
@@ -249,12 +259,12 @@ def diffracted(
     return left, centre - strength[:, None] * moved / left[:, None]
 
 
-def each_landed(start: Floats, along: Floats, psd: Psd) -> tuple[Floats, Floats]:
-    place, path = landed(start, along, psd)
+def landing_points(start: Floats, along: Floats, psd: Psd) -> tuple[Floats, Floats]:
+    place, path = landing_point(start, along, psd)
     return place, path * np.linalg.norm(along, axis=-1)
 
 
-def to_window(place: Floats, along: Floats, psd: Psd) -> Floats:
+def steps_to_window(place: Floats, along: Floats, psd: Psd) -> Floats:
     """How many steps along it is to the edge of the sensitive area (n,)."""
     half = np.array([psd.size_y, psd.size_z]) / 2
     with np.errstate(divide="ignore"):

@@ -21,7 +21,7 @@ def span(low: Any, high: Any) -> Any:
     return arb(low).union(arb(high))
 
 
-class Dual:
+class IntervalDual:
     """A value and its derivatives by tx, ty, tz, roll, pitch, yaw; intervals.
 
     The value may be such a number too, and the derivatives then carry theirs. It compares by it.
@@ -30,31 +30,33 @@ class Dual:
     def __init__(self, value: Any, slope: list[Any] | None = None) -> None:
         self.value, self.slope = value, [arb(0)] * 6 if slope is None else slope
 
-    def __add__(self, other: Any) -> Dual:
-        b = other if isinstance(other, Dual) else Dual(other)
-        return Dual(self.value + b.value, [x + y for x, y in zip(self.slope, b.slope, strict=True)])
+    def __add__(self, other: Any) -> IntervalDual:
+        b = other if isinstance(other, IntervalDual) else IntervalDual(other)
+        return IntervalDual(
+            self.value + b.value, [x + y for x, y in zip(self.slope, b.slope, strict=True)]
+        )
 
-    def __mul__(self, other: Any) -> Dual:
-        b = other if isinstance(other, Dual) else Dual(other)
+    def __mul__(self, other: Any) -> IntervalDual:
+        b = other if isinstance(other, IntervalDual) else IntervalDual(other)
         both = zip(self.slope, b.slope, strict=True)
-        return Dual(self.value * b.value, [x * b.value + self.value * y for x, y in both])
+        return IntervalDual(self.value * b.value, [x * b.value + self.value * y for x, y in both])
 
-    def __truediv__(self, other: Dual) -> Dual:
+    def __truediv__(self, other: IntervalDual) -> IntervalDual:
         ratio = self.value / other.value
         both = zip(self.slope, other.slope, strict=True)
-        return Dual(ratio, [(x - ratio * y) / other.value for x, y in both])
+        return IntervalDual(ratio, [(x - ratio * y) / other.value for x, y in both])
 
     __radd__, __rmul__ = __add__, __mul__
 
-    def __neg__(self) -> Dual:
+    def __neg__(self) -> IntervalDual:
         return self * arb(-1)
 
-    def __rsub__(self, other: Any) -> Dual:
-        difference: Dual = -self + other
+    def __rsub__(self, other: Any) -> IntervalDual:
+        difference: IntervalDual = -self + other
         return difference
 
-    def __rtruediv__(self, other: Any) -> Dual:
-        return Dual(other) / self
+    def __rtruediv__(self, other: Any) -> IntervalDual:
+        return IntervalDual(other) / self
 
     def __lt__(self, other: Any) -> bool:
         return bool(self.value < other)
@@ -62,40 +64,40 @@ class Dual:
     def __gt__(self, other: Any) -> bool:
         return bool(self.value > other)
 
-    def sin(self) -> Dual:
-        return Dual(self.value.sin(), [self.value.cos() * d for d in self.slope])
+    def sin(self) -> IntervalDual:
+        return IntervalDual(self.value.sin(), [self.value.cos() * d for d in self.slope])
 
-    def cos(self) -> Dual:
-        return Dual(self.value.cos(), [-self.value.sin() * d for d in self.slope])
+    def cos(self) -> IntervalDual:
+        return IntervalDual(self.value.cos(), [-self.value.sin() * d for d in self.slope])
 
-    def __sub__(self, other: Any) -> Dual:
-        difference: Dual = self + other * arb(-1)
+    def __sub__(self, other: Any) -> IntervalDual:
+        difference: IntervalDual = self + other * arb(-1)
         return difference
 
 
-def inner(a: Any, b: Any) -> Any:
+def inner_product(a: Any, b: Any) -> Any:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def product_of(a: Any, b: Any) -> Any:
-    return [[inner(row, [b[0][j], b[1][j], b[2][j]]) for j in range(3)] for row in a]
+def matrix_product(a: Any, b: Any) -> Any:
+    return [[inner_product(row, [b[0][j], b[1][j], b[2][j]]) for j in range(3)] for row in a]
 
 
-def turned(angles: Any, one: Any) -> Any:
+def rotation(angles: Any, one: Any) -> Any:
     """Rz(yaw) Ry(pitch) Rx(roll), as three rows."""
     roll, pitch, yaw = angles
     none = one * arb(0)
     x = [[one, none, none], [none, roll.cos(), -roll.sin()], [none, roll.sin(), roll.cos()]]
     y = [[pitch.cos(), none, pitch.sin()], [none, one, none], [-pitch.sin(), none, pitch.cos()]]
     z = [[yaw.cos(), -yaw.sin(), none], [yaw.sin(), yaw.cos(), none], [none, none, one]]
-    return product_of(z, product_of(y, x))
+    return matrix_product(z, matrix_product(y, x))
 
 
-def turned_by(roll: Any, pitch: Any, yaw: Any) -> Any:
-    return turned((roll, pitch, yaw), arb(1))
+def rotation_by(roll: Any, pitch: Any, yaw: Any) -> Any:
+    return rotation((roll, pitch, yaw), arb(1))
 
 
-class Rig:
+class IntervalSensor:
     """All sensors whose 30 parameters, in the order of `facets.PARAMETERS`, are off so much."""
 
     def __init__(self, parameters: list[float], tolerances: list[float]) -> None:
@@ -104,7 +106,7 @@ class Rig:
             for value, off in zip(parameters, tolerances, strict=True)
         ]
         self.power = p[0]
-        tilt = turned_by(p[4], p[5], arb(0))
+        tilt = rotation_by(p[4], p[5], arb(0))
         x, y, back = ([row[i] for row in tilt] for i in range(3))
         c, s = p[3].cos(), p[3].sin()
         self.down = [-value for value in back]
@@ -118,59 +120,67 @@ class Rig:
         self.centres, self.axes = [], []
         for i in (12, 18, 24):
             self.centres.append([p[i] * p[i + 1].cos(), p[i] * p[i + 1].sin(), p[i + 2]])
-            rows = turned_by(p[i + 3], p[i + 4], p[i + 1] + p[i + 5])
+            rows = rotation_by(p[i + 3], p[i + 4], p[i + 1] + p[i + 5])
             self.axes.append([[row[j] for row in rows] for j in range(3)])
 
     def flat(self, v: Any) -> Any:
         """A vector seen along the beam, sigmas."""
-        return [inner(v, a) * (1 / s) for a, s in zip(self.across, self.sigma, strict=True)]
+        return [inner_product(v, a) * (1 / s) for a, s in zip(self.across, self.sigma, strict=True)]
 
 
-def unknown(box: list[Any]) -> list[Dual]:
+def pose_of_box(box: list[Any]) -> list[IntervalDual]:
     """The pose, by itself."""
-    return [Dual(x, [arb(i == j) for j in range(6)]) for i, x in enumerate(box)]
+    return [IntervalDual(x, [arb(i == j) for j in range(6)]) for i, x in enumerate(box)]
 
 
-def spots(rig: Rig, box: list[Any], light: Any) -> list[Dual]:
+def spots(rig: IntervalSensor, box: list[Any], light: Any) -> list[IntervalDual]:
     """psi and zeta of the three detectors, with their derivatives at fixed shares of the light."""
-    pose = unknown(box)
-    turn = turned(pose[3:], Dual(arb(1)))
+    pose = pose_of_box(box)
+    turn = rotation(pose[3:], IntervalDual(arb(1)))
     apex, out = pose[:3], []
     for k in range(3):
-        normal = [inner(row, rig.normals[k]) for row in turn]
+        normal = [inner_product(row, rig.normals[k]) for row in turn]
         middle = [
-            Dual(span(*light["from_point"][k][i]),
+            IntervalDual(span(*light["from_point"][k][i]),
                  [arb(0)] * 3 + [span(*d) for d in light["turns"][k][i]])
             for i in range(2)
         ]  # fmt: skip
         beside = [
-            sum((middle[i] * (rig.sigma[i] * rig.across[i][c]) for i in range(2)), Dual(arb(0)))
+            sum(
+                (middle[i] * (rig.sigma[i] * rig.across[i][c]) for i in range(2)),
+                IntervalDual(arb(0)),
+            )
             for c in range(3)
         ]
-        down = inner(normal, rig.down)
-        drop = -inner(normal, beside) / down
+        down = inner_product(normal, rig.down)
+        drop = -inner_product(normal, beside) / down
         start = [apex[c] + beside[c] + drop * rig.down[c] for c in range(3)]
         away = [normal[c] * (down * arb(-2)) + rig.down[c] for c in range(3)]
         x, y, z = rig.axes[k]
-        reach = inner([Dual(m) - s for m, s in zip(rig.centres[k], start, strict=True)], x)
-        facing = inner(away, x)
+        reach = inner_product(
+            [IntervalDual(m) - s for m, s in zip(rig.centres[k], start, strict=True)], x
+        )
+        facing = inner_product(away, x)
         refuse_unless(down.value < 0, f"facet {'abc'[k]} may not face the beam in the box")
         refuse_unless(facing.value > 0, f"detector {'abc'[k]} may not face its sub-beam in the box")
         refuse_unless(reach.value > 0, f"detector {'abc'[k]} may stand behind the mirror")
         place = [start[c] + away[c] * (reach / facing) - rig.centres[k][c] for c in range(3)]
-        out += [inner(place, y), inner(place, z)]
+        out += [inner_product(place, y), inner_product(place, z)]
     return out
 
 
-def edges_of(rig: Rig, angles: list[Any]) -> list[tuple[Any, list[Any]]]:
+def edges_of(rig: IntervalSensor, angles: list[Any]) -> list[tuple[Any, list[Any]]]:
     """Of each edge, its angle seen along the beam and how that changes with roll, pitch and yaw."""
-    own = [Dual(x, [arb(0)] * 3 + [arb(i == j) for j in range(3)]) for i, x in enumerate(angles)]
-    turn = turned((own[0], own[1], own[2]), Dual(arb(1)))
+    own = [
+        IntervalDual(x, [arb(0)] * 3 + [arb(i == j) for j in range(3)])
+        for i, x in enumerate(angles)
+    ]
+    turn = rotation((own[0], own[1], own[2]), IntervalDual(arb(1)))
     found = []
     for k in range(3):
         a, b = rig.normals[k], rig.normals[k - 1]
         edge = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-        x, y = rig.flat([inner(row, edge) for row in turn])
+        x, y = rig.flat([inner_product(row, edge) for row in turn])
         c, s = x.value.mid(), y.value.mid()
         angle = arb.atan2(s, c) + arb.atan2(c * y.value - s * x.value, c * x.value + s * y.value)
         slopes = [

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from flint import arb, arb_mat
 
-from .certificate_optics import Dual, Rig, span, spots, unknown
+from .certificate_optics import IntervalDual, IntervalSensor, pose_of_box, span, spots
 from .certificate_schema import Refused, refuse_unless
 
 Rows = list[list[Any]]
@@ -28,7 +28,7 @@ DEPTH = 8
 
 
 @dataclass
-class Finding:
+class CheckResult:
     """What was found again: a lower bound of the margin and of Eq. (11)'s |det|, and what was not.
 
     verified: what the box holds.  not_verified: sentences.
@@ -57,24 +57,26 @@ class Jacobian(NamedTuple):
         ]  # fmt: skip
 
 
-def jacobian_over(rig: Rig, piece: dict[str, Any], light: Any) -> Jacobian:
+def jacobian_over(rig: IntervalSensor, piece: dict[str, Any], light: Any) -> Jacobian:
     pose = [span(a, b) for a, b in zip(piece["low"], piece["high"], strict=True)]
     place = [side.mid() for side in pose]
     off = [side - x for side, x in zip(pose, place, strict=True)]
     middle = [spot.slope for spot in spots(rig, place, light)]
     spots(rig, pose, light)  # refuses where a facet or a detector may face away
-    carried = [spot.slope for spot in spots(rig, unknown([*place[:3], *pose[3:]]), light)]
-    slopes = [[x.slope if isinstance(x, Dual) else [arb(0)] * 6 for x in row] for row in carried]
+    carried = [spot.slope for spot in spots(rig, pose_of_box([*place[:3], *pose[3:]]), light)]
+    slopes = [
+        [x.slope if isinstance(x, IntervalDual) else [arb(0)] * 6 for x in row] for row in carried
+    ]
     return Jacobian(place, off, middle, slopes)
 
 
-def exactly(x: Any) -> Fraction:
+def as_fraction(x: Any) -> Fraction:
     """An exact number as a fraction."""
     value = x.fmpq()
     return Fraction(int(value.p), int(value.q))
 
 
-def slope_of_powers(rig: Rig, content: dict[str, Any]) -> Any:
+def slope_of_powers(rig: IntervalSensor, content: dict[str, Any]) -> Any:
     """By what Eq. (11) is larger than the determinant of the 6 x 6 Jacobian, or more.
 
     It is d(power_a, power_b) / d(bx, by), the powers being those of q = across . (t - b) / sigma.
@@ -86,7 +88,9 @@ def slope_of_powers(rig: Rig, content: dict[str, Any]) -> Any:
     return least * rig.down[2].abs_lower() / (rig.sigma[0] * rig.sigma[1])
 
 
-def check_pieces(rig: Rig, content: dict[str, Any], found: Finding) -> list[Jacobian]:
+def check_pieces(
+    rig: IntervalSensor, content: dict[str, Any], found: CheckResult
+) -> list[Jacobian]:
     """The Jacobians over the pieces; finds the determinants again."""
     slope, unverified = slope_of_powers(rig, content), 0
     jacobians, least = [], []
@@ -95,7 +99,7 @@ def check_pieces(rig: Rig, content: dict[str, Any], found: Finding) -> list[Jaco
         size = determinant_of(jacobians[-1].whole()) * slope
         refuse_unless(not size.abs_upper() < arb(piece["at_least"]),
                       "a piece claims a larger determinant than it has")  # fmt: skip
-        least.append(lowest(size))
+        least.append(least_magnitude(size))
         unverified += least[-1] < Fraction(piece["at_least"])
     found.determinant = min(least)
     claims = min(Fraction(piece["at_least"]) for piece in content["pieces"])
@@ -107,9 +111,9 @@ def check_pieces(rig: Rig, content: dict[str, Any], found: Finding) -> list[Jaco
     return jacobians
 
 
-def lowest(size: Any) -> Fraction:
+def least_magnitude(size: Any) -> Fraction:
     """The least absolute value, 0 where there is none."""
-    return max(exactly(size.abs_lower()), Fraction(0)) if size.is_finite() else Fraction(0)
+    return max(as_fraction(size.abs_lower()), Fraction(0)) if size.is_finite() else Fraction(0)
 
 
 def middles_of(rows: Rows) -> Any:
@@ -141,23 +145,23 @@ def margin_of(rows: Rows, inverse: Any, weights: Any) -> Fraction:
             row += (product[i, j] - (i == j)).abs_upper() * weights[j]
         refuse_unless(row < weights[i], f"the hull of the Jacobians may be singular: row {i + 1} of"
                       f" |1 - C M| times the weights is {row}, not below its own")  # fmt: skip
-        margins.append(exactly((1 - row / weights[i]).lower()))
+        margins.append(as_fraction((1 - row / weights[i]).lower()))
     return min(margins)
 
 
-def check_hull(jacobians: list[Jacobian], content: dict[str, Any], found: Finding) -> None:
+def check_hull(jacobians: list[Jacobian], content: dict[str, Any], found: CheckResult) -> None:
     """The hull of all Jacobians is regular, by the file's inverse and weights."""
     hull = hull_of([jacobian.whole() for jacobian in jacobians])
     found.margin = margin_of(hull, content["inverse"], content["weights"])
     note_margin(content, found)
 
 
-def note_margin(content: dict[str, Any], found: Finding) -> None:
+def note_margin(content: dict[str, Any], found: CheckResult) -> None:
     if found.margin < Fraction(content["margin"]):
         found.not_verified.append(f"the margin of {content['margin']:.4g}")
 
 
-class Affine:
+class CertifiedAffine:
     """The file's L: it need not be near the Jacobian, and proves the less the further it is."""
 
     def __init__(self, content: dict[str, Any]) -> None:
@@ -184,10 +188,10 @@ class Affine:
 
 
 def check_middles(
-    rig: Rig, jacobians: list[Jacobian], content: dict[str, Any], found: Finding
+    rig: IntervalSensor, jacobians: list[Jacobian], content: dict[str, Any], found: CheckResult
 ) -> None:
     """L(middle) + the hull of J - L is regular wherever in the box the middle is."""
-    affine, slope = Affine(content["middles"]), slope_of_powers(rig, content)
+    affine, slope = CertifiedAffine(content["middles"]), slope_of_powers(rig, content)
     rest = hull_of([affine.rest(jacobian) for jacobian in jacobians])
     whole = list(zip(map(arb, content["low"]), map(arb, content["high"]), strict=True))
     enough, todo = Fraction(content["margin"]) / 2, [(whole, 0)]
@@ -202,12 +206,12 @@ def check_middles(
         ]
         margin, inverse = margin_by_itself(rows)
         if margin <= 0 or (margin < enough and depth < DEPTH):
-            todo += [(half, depth + 1) for half in cut(part, affine.slopes, rows)]
+            todo += [(half, depth + 1) for half in cut_in_two(part, affine.slopes, rows)]
             continue
         margins.append(margin)
         power = arb(margin.numerator) / margin.denominator
         bound = power**6 / arb_mat(inverse).det() * slope
-        sizes.append(max(lowest(bound), lowest(determinant_of(rows) * slope)))
+        sizes.append(max(least_magnitude(bound), least_magnitude(determinant_of(rows) * slope)))
         claim = arb(content["least_determinant"])
         refuse_unless(not (determinant_of(rows) * slope).abs_upper() < claim,
                       "least_determinant is a larger determinant than it has")  # fmt: skip
@@ -234,7 +238,7 @@ def margin_by_itself(rows: Rows) -> tuple[Fraction, list[list[float]]]:
         return Fraction(-1), inverse
 
 
-def cut(part: list[tuple[Any, Any]], slopes: Any, rows: Rows) -> list[list[tuple[Any, Any]]]:
+def cut_in_two(part: list[tuple[Any, Any]], slopes: Any, rows: Rows) -> list[list[tuple[Any, Any]]]:
     """In two across the axis that moves L the most."""
     inverse = np.abs(np.linalg.pinv(middles_of(rows)))
     moved = [

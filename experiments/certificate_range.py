@@ -15,14 +15,14 @@ import numpy as np
 from flint import arb, arb_mat
 
 from .certificate_optics import (
-    Rig,
+    IntervalSensor,
     edges_of,
     farthest_offset,
-    inner,
+    inner_product,
     openings_between,
+    rotation_by,
     span,
     spots,
-    turned_by,
 )
 from .certificate_schema import Refused, refuse_unless
 
@@ -45,7 +45,7 @@ Side = tuple[Any, Any]
 Sides = list[Side]
 
 
-def check_range(rig: Rig, content: dict[str, Any]) -> tuple[list[str], list[str]]:
+def check_range(rig: IntervalSensor, content: dict[str, Any]) -> tuple[list[str], list[str]]:
     """What of the claim about the range was found again, and what was not: sentences."""
     unverified = check_rules(content)
     claim = content["range"]
@@ -90,23 +90,25 @@ def poses_beyond(box: Sides, farthest: list[float]) -> list[Sides]:
     return poses
 
 
-def smaller_parts(rig: Rig, content: dict[str, Any], part: Sides, box: Sides) -> list[Sides]:
+def smaller_parts(
+    rig: IntervalSensor, content: dict[str, Any], part: Sides, box: Sides
+) -> list[Sides]:
     """What is left to be looked at of a part."""
     claim = content["range"]
     try:
         points = points_of_spots(rig, part, content["least_share"], claim["whole_spot"])
-        if no_way(rig, part, points, claim["halves_mm"]):
+        if cannot_land(rig, part, points, claim["halves_mm"]):
             return []
-        kept = contracted(rig, part, points, claim["halves_mm"])
+        kept = contract(rig, part, points, claim["halves_mm"])
     except Refused:  # too wide to tell
-        return halves(part, (0, 0, 0, 1, 1, 1))
+        return halve(part, (0, 0, 0, 1, 1, 1))
     if kept is None:
         return []
     sides = zip(part, kept, strict=True)
     if any(new[1] - new[0] < KEPT * (old[1] - old[0]) for old, new in sides):
         return [kept]
     refuse_unless_large(kept, box)
-    return cut_off(kept, box) or halves(kept, LEVERS)
+    return cut_sides(kept, box) or halve(kept, LEVERS)
 
 
 def refuse_unless_large(part: Sides, box: Sides) -> None:
@@ -117,7 +119,7 @@ def refuse_unless_large(part: Sides, box: Sides) -> None:
     refuse_unless(large, f"a pose near {near} may keep the rules of the range, outside of the box")
 
 
-def cut_off(part: Sides, box: Sides) -> list[Sides]:
+def cut_sides(part: Sides, box: Sides) -> list[Sides]:
     """What sticks out of the box, where a part lies across one face of it and no other."""
     sides = zip(part, box, strict=True)
     out = [i for i, ((a, b), (low, high)) in enumerate(sides) if a < low or b > high]
@@ -131,7 +133,7 @@ def cut_off(part: Sides, box: Sides) -> list[Sides]:
     return [[*part[:axis], end, *part[axis + 1 :]] for end in ends]
 
 
-def halves(part: Sides, levers: tuple[int, ...]) -> list[Sides]:
+def halve(part: Sides, levers: tuple[int, ...]) -> list[Sides]:
     widths = [(b - a) * lever for (a, b), lever in zip(part, levers, strict=True)]
     axis = max(range(6), key=lambda i: float(widths[i].mid()))
     a, b = part[axis]
@@ -140,7 +142,7 @@ def halves(part: Sides, levers: tuple[int, ...]) -> list[Sides]:
     return [[*part[:axis], side, *part[axis + 1 :]] for side in ((a, middle), (middle, b))]
 
 
-def points_of_spots(rig: Rig, part: Sides, least: float, whole: bool) -> list[list[Any]]:
+def points_of_spots(rig: IntervalSensor, part: Sides, least: float, whole: bool) -> list[list[Any]]:
     """(3, 2) sigmas from the apex, seen along the beam: a point of each facet whose ray lands on
     its detector if the pose keeps the rules."""
     edges = edges_of(rig, [span(*side) for side in part[3:]])
@@ -176,17 +178,19 @@ def farthest_centroid(least: float) -> Any:
     return min((bound.upper() for bound in bounds), key=float)
 
 
-def no_way(rig: Rig, part: Sides, points: list[list[Any]], sizes: list[list[float]]) -> bool:
+def cannot_land(
+    rig: IntervalSensor, part: Sides, points: list[list[Any]], sizes: list[list[float]]
+) -> bool:
     """Whether at no pose of a part the three rays can land on their detectors' areas.
 
     Where a ray lands is taken times what it goes towards the detector in a unit of its way, so that
     nothing is divided by what may be zero.
     """
     pose = [span(*side) for side in part]
-    turn = turned_by(*pose[3:])
+    turn = rotation_by(*pose[3:])
     for k in range(3):
-        normal = [inner(row, rig.normals[k]) for row in turn]
-        down = inner(normal, rig.down)
+        normal = [inner_product(row, rig.normals[k]) for row in turn]
+        down = inner_product(normal, rig.down)
         if down >= 0:
             return True
         if not down < 0:
@@ -194,22 +198,22 @@ def no_way(rig: Rig, part: Sides, points: list[list[Any]], sizes: list[list[floa
         beside = [
             sum(points[k][i] * rig.sigma[i] * rig.across[i][c] for i in range(2)) for c in range(3)
         ]
-        drop = -inner(normal, beside) / down
+        drop = -inner_product(normal, beside) / down
         away = [rig.down[c] - 2 * down * normal[c] for c in range(3)]
         start = [pose[c] + beside[c] + drop * rig.down[c] - rig.centres[k][c] for c in range(3)]
         x, *across = rig.axes[k]
-        facing, gap = inner(away, x), -inner(start, x)
+        facing, gap = inner_product(away, x), -inner_product(start, x)
         if (facing > 0 and gap < 0) or (facing < 0 and gap > 0):
             return True
         for axis, half in zip(across, sizes[k], strict=True):
-            landing = inner(start, axis) * facing + gap * inner(away, axis)
+            landing = inner_product(start, axis) * facing + gap * inner_product(away, axis)
             if not (landing + span(-half, half) * facing).contains(arb(0)):
                 return True
     return False
 
 
-def contracted(
-    rig: Rig, part: Sides, points: list[list[Any]], sizes: list[list[float]]
+def contract(
+    rig: IntervalSensor, part: Sides, points: list[list[Any]], sizes: list[list[float]]
 ) -> Sides | None:
     """What of a part can keep the rules; None where nothing. Raises `Refused` where it is too wide.
 
@@ -222,7 +226,7 @@ def contracted(
              "turns": [[[(0, 0)] * 3] * 2] * 3}  # fmt: skip
     slopes = arb_mat([spot.slope for spot in spots(rig, [*middle[:3], *pose[3:]], light)])
     places = [spot.value for spot in spots(rig, middle, light)]
-    near = arb_mat(inverted(slopes))
+    near = arb_mat(approximate_inverse(slopes))
     limits = [span(-half, half) for size in sizes for half in size]
     step = near * arb_mat([[a - b] for a, b in zip(limits, places, strict=True)])
     rest = near * slopes
@@ -238,7 +242,7 @@ def contracted(
     return kept
 
 
-def inverted(slopes: Any) -> list[list[float]]:
+def approximate_inverse(slopes: Any) -> list[list[float]]:
     """Any matrix would do; one that nearly inverts the middles makes the part small."""
     middles = np.array([[float(slopes[i, j].mid()) for j in range(6)] for i in range(6)])
     refuse_unless(bool(np.isfinite(middles).all()), "no bounds of the Jacobian")

@@ -32,8 +32,8 @@ from typing import Any
 
 from flint import arb
 
-from .certificate_optics import Rig, edges_of, farthest_offset, openings_between, span
-from .certificate_pieces import Finding, check_hull, check_middles, check_pieces
+from .certificate_optics import IntervalSensor, edges_of, farthest_offset, openings_between, span
+from .certificate_pieces import CheckResult, check_hull, check_middles, check_pieces
 from .certificate_range import check_range
 from .certificate_schema import SCHEMA, Refused, conform, refuse_unless
 
@@ -49,22 +49,22 @@ BLOCKS = ("beam", "mirror", "psd", "noise", "electronics", "apertures", "imperfe
 ROUNDED = 1e-12
 
 
-def not_below_zero(x: Any) -> Any:
+def nonnegative(x: Any) -> Any:
     return max(x.lower(), arb(0))
 
 
-def along(q: list[Any], angle: Any) -> tuple[Any, Any, Any, list[Any]]:
+def half_line(q: list[Any], angle: Any) -> tuple[Any, Any, Any, list[Any]]:
     """Light L on a half-line from q, K / L, J / K, and its direction; all fall as q . u grows."""
     u = [angle.cos(), angle.sin()]
     a, h = q[0] * u[0] + q[1] * u[1], q[0] * u[1] - q[1] * u[0]
-    near, far = means(a.lower()), means(a.upper())
+    near, far = half_line_means(a.lower()), half_line_means(a.upper())
     nearest, farthest = (((-(side**2)) / 2).exp() for side in (h.abs_lower(), h.abs_upper()))
     scale = (8 * arb.pi()).sqrt()
     whole = (far[0] * farthest / scale).union(near[0] * nearest / scale)
     return whole, far[1].union(near[1]), far[2].union(near[2]), u
 
 
-def means(x: Any) -> tuple[Any, Any, Any]:
+def half_line_means(x: Any) -> tuple[Any, Any, Any]:
     """erfc, and the means K / L and J / K, of the light on a half-line that begins at x."""
     beyond = (x / arb(2).sqrt()).erfc()
     rho = (arb(2) / arb.pi()).sqrt() * (-x * x / 2).exp() / beyond - x
@@ -83,8 +83,8 @@ def light_on(edge: Any, opening: Any, q: list[Any], rays: int) -> tuple[Any, lis
     mass, moment = arb(0), [arb(0), arb(0)]
     for n in range(rays):
         part = (span(0, 1) + n) / rays
-        whole, mean, reach, u = along(q, edge + opening * part)
-        low = not_below_zero(whole) * not_below_zero(mean)
+        whole, mean, reach, u = half_line(q, edge + opening * part)
+        low = nonnegative(whole) * nonnegative(mean)
         density = low.union(whole.upper() * mean.upper())
         mass += density
         moment = [moment[i] + density * reach * u[i] for i in range(2)]
@@ -93,7 +93,7 @@ def light_on(edge: Any, opening: Any, q: list[Any], rays: int) -> tuple[Any, lis
 
 def claims_in_cell(edges: Any, q: list[Any], shares: Any, middles: Any, light: Any) -> Claims:
     """What the file says of the light, and what is found in a cell of offsets."""
-    rays = [along(q, edge[0]) for edge in edges]
+    rays = [half_line(q, edge[0]) for edge in edges]
     u = [ray[3] for ray in rays]
     alpha = [u[e - 2][0] * u[e - 1][1] - u[e - 2][1] * u[e - 1][0] for e in range(3)]
     claims: Claims = []
@@ -113,7 +113,7 @@ def claims_in_cell(edges: Any, q: list[Any], shares: Any, middles: Any, light: A
     claims += [(light["from_point"][k][i], middles[k][i]) for k in range(3) for i in range(2)]
     lights = [ray[0] for ray in rays]
     products = [(lights[e - 1], lights[e], alpha[e - 2]) for e in range(3)]
-    low = sum(not_below_zero(a) * not_below_zero(b) * not_below_zero(c) for a, b, c in products)
+    low = sum(nonnegative(a) * nonnegative(b) * nonnegative(c) for a, b, c in products)
     slope = low.union(sum(a.upper() * b.upper() * c.upper() for a, b, c in products))
     return [*claims, (light["slope"], slope)]
 
@@ -132,11 +132,11 @@ def check_cell(
     if all(holds(*claim) for claim in claims_in_cell(edges, q, shares, middles, light)):
         return
     refuse_unless(depth < DEPTH, f"the bounds of the light do not hold with the apex near {q}")
-    for x, y in product(*(halves(side) for side in q)):
+    for x, y in product(*(halve(side) for side in q)):
         check_cell(edges, openings, [x, y], least, light, depth + 1)
 
 
-def halves(x: Any) -> list[Any]:
+def halve(x: Any) -> list[Any]:
     low, middle, high = x.lower(), x.mid(), x.upper()
     return [low.union(middle), middle.union(high)]
 
@@ -146,7 +146,7 @@ def parts_of(low: float, high: float, count: int) -> list[float]:
     return [low, *(low + (high - low) * part / count for part in range(1, count)), high]
 
 
-def check_light(rig: Rig, content: dict[str, Any]) -> None:
+def check_light(rig: IntervalSensor, content: dict[str, Any]) -> None:
     """The bounds of the light, over the square beyond which a facet lacks its least share."""
     low, high, least = content["low"], content["high"], content["least_share"]
     count = PARTS if high[5] > low[5] else 1
@@ -216,7 +216,7 @@ def best_cut(low: Ends, high: Ends, pieces: list[Any]) -> tuple[int, float]:
     return min(sorted(edges), key=cost)
 
 
-def check_configuration(content: dict[str, Any], found: Finding) -> None:
+def check_configuration(content: dict[str, Any], found: CheckResult) -> None:
     """The checksum of the resolved configuration, and that the parameters are its sensor's."""
     resolved, checksum = content["resolved"], content.get("config_sha256")
     if resolved is None:
@@ -282,7 +282,9 @@ def read(path: Path) -> dict[str, Any]:
     """The file's content. Raises `Refused` where it is no certificate."""
     try:
         content = json.loads(
-            path.read_text("utf-8"), object_pairs_hook=without_twins, parse_constant=no_number
+            path.read_text("utf-8"),
+            object_pairs_hook=refuse_repeated_names,
+            parse_constant=refuse_number,
         )
     except (OSError, ValueError, RecursionError) as error:
         raise Refused(f"the file can not be read as JSON: {error}") from None
@@ -291,30 +293,30 @@ def read(path: Path) -> dict[str, Any]:
     return whole
 
 
-def without_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def refuse_repeated_names(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     names = [name for name, _ in pairs]
     twice = sorted({name for name in names if names.count(name) > 1})
     refuse_unless(not twice, f"given twice: {', '.join(twice)}")
     return dict(pairs)
 
 
-def no_number(text: str) -> float:
+def refuse_number(text: str) -> float:
     raise Refused(f"{text} is no number")
 
 
-def check(path: Path) -> Finding:
+def check(path: Path) -> CheckResult:
     """What of a certificate is found again; raises `Refused` where that is no proof."""
     content = read(path)
     try:
-        return find_again(content)
+        return check_content(content)
     except Refused:
         raise
     except Exception as error:
         raise Refused(f"it can not be checked: {error!r:.200}") from None
 
 
-def find_again(content: dict[str, Any]) -> Finding:
-    found = Finding()
+def check_content(content: dict[str, Any]) -> CheckResult:
+    found = CheckResult()
     check_configuration(content, found)
     check_cover(content)
     for claims in intervals_of(content["light"]):
@@ -322,7 +324,7 @@ def find_again(content: dict[str, Any]) -> Finding:
             claims[0] <= claims[1], f"a bound of the light has its ends crossed: {claims}"
         )
     refuse_unless(content["light"]["slope"][0] > 0, "the bound of the powers' slope is not above 0")
-    rig = Rig(content["parameters"], content["tolerances"])
+    rig = IntervalSensor(content["parameters"], content["tolerances"])
     refuse_unless(rig.power > 0 and all(s > 0 for s in rig.sigma), "the beam has no power or width")
     check_light(rig, content)
     jacobians = check_pieces(rig, content, found)
@@ -344,9 +346,9 @@ def intervals_of(light: dict[str, Any]) -> list[list[float]]:
     return [*rows, *turns, light["slope"]]
 
 
-def told(found: Finding) -> str:
+def describe(found: CheckResult) -> str:
     """Bounds rounded down."""
-    margin, bound = floor(1000 * found.margin) / 1000, rounded_down(found.determinant)
+    margin, bound = floor(1000 * found.margin) / 1000, round_down(found.determinant)
     unverified = "; ".join(found.not_verified)
     return "\n".join(
         [
@@ -357,7 +359,7 @@ def told(found: Finding) -> str:
     )
 
 
-def rounded_down(value: Fraction) -> str:
+def round_down(value: Fraction) -> str:
     """Three digits of a number that is not below zero: 4.57e6."""
     if value < Fraction(1, 10**30):
         return "0"
@@ -380,7 +382,7 @@ def main(arguments: list[str]) -> int:
     refused = 0
     for name in arguments:
         try:
-            print(f"{name}: {told(check(Path(name)))}")
+            print(f"{name}: {describe(check(Path(name)))}")
         except Refused as reason:
             refused += 1
             print(f"{name}: refused: {reason}")

@@ -24,7 +24,7 @@ import numpy as np
 
 from facets.core.units import Floats
 
-from .bench_rays import Bench
+from .bench_rays import RayBench
 from .rigs import REFERENCE, BenchTrial, Disturbance, Rng, tried_on_bench
 
 
@@ -191,7 +191,7 @@ def ghost(share: float) -> Callable[[Floats, Floats], Floats]:
     return factor
 
 
-def chipped(bench: Bench) -> Bench:
+def chipped(bench: RayBench) -> RayBench:
     return bench._replace(chip=0.03)
 
 

@@ -60,17 +60,17 @@ def turn_about(axis: int, angle: Floats) -> Floats:
     return out
 
 
-def turned(roll: Floats, pitch: Floats, yaw: Floats) -> Floats:
+def rotation(roll: Floats, pitch: Floats, yaw: Floats) -> Floats:
     matrix: Floats = turn_about(2, yaw) @ turn_about(1, pitch) @ turn_about(0, roll)
     return matrix
 
 
-class Model:
+class RayModel:
     """The sensor's 30 parameters as rays: (n, 8) states to (n, 9) readings, and the shares."""
 
     def __init__(self, p: tuple[float, ...]) -> None:
         self.power = p[0]
-        tilt = turned(*(np.array(x) for x in (p[4], p[5], 0.0)))
+        tilt = rotation(*(np.array(x) for x in (p[4], p[5], 0.0)))
         spin = turn_about(2, np.array(p[3]))
         self.frame = (tilt @ spin)[:, :2].T
         self.sigma = np.array([p[1], p[2]]) / 4
@@ -84,7 +84,7 @@ class Model:
         self.centres = np.stack(
             [psd[:, 0] * np.cos(psd[:, 1]), psd[:, 0] * np.sin(psd[:, 1]), psd[:, 2]], axis=1
         )
-        self.axes = turned(psd[:, 3], psd[:, 4], psd[:, 1] + psd[:, 5])
+        self.axes = rotation(psd[:, 3], psd[:, 4], psd[:, 1] + psd[:, 5])
 
     def light(self, q: Floats, start: Floats, opening: Floats) -> tuple[Floats, Floats]:
         """Share (n,) and centroid (n, 2) of a wedge from q, in sigmas."""
@@ -102,7 +102,7 @@ class Model:
 
     def __call__(self, states: Floats) -> Floats:
         apex, place = states[:, :3], np.column_stack([states[:, 6:], np.zeros(len(states))])
-        turn = turned(states[:, 3], states[:, 4], states[:, 5])
+        turn = rotation(states[:, 3], states[:, 4], states[:, 5])
         normals = np.einsum("nij,kj->nki", turn, self.normals)
         edges = np.cross(normals, np.roll(normals, 1, axis=1))
         seen = np.einsum("nki,ji->nkj", edges, self.frame) / self.sigma
@@ -133,7 +133,7 @@ class Model:
 
 
 @dataclass
-class Case:
+class ProofCase:
     """A sensor, a box of poses and a least share."""
 
     sensor: Sensor
@@ -141,7 +141,7 @@ class Case:
     share: float
 
 
-def random_cases(count: int, seed: int) -> list[Case]:
+def random_cases(count: int, seed: int) -> list[ProofCase]:
     """From the paper's sensor to the singular one and a little past it, and off that way."""
     rng = np.random.default_rng(seed)
     paper, singular = load("paper").sensor, load("singular").sensor
@@ -155,11 +155,11 @@ def random_cases(count: int, seed: int) -> list[Case]:
         values = ends[0] + part * (ends[1] - ends[0]) + rng.uniform(-1, 1, 30) * off
         half = rng.uniform(0.2, 1.5) * np.array([5, 5, 5, 0.012, 0.012, 0.02])
         box = box_of_poses(-half, half)
-        cases.append(Case(sensor_with(paper, values.tolist()), box, rng.uniform(0.1, 0.25)))
+        cases.append(ProofCase(sensor_with(paper, values.tolist()), box, rng.uniform(0.1, 0.25)))
     return cases
 
 
-def leaning_cases(count: int, seed: int) -> list[Case]:
+def leaning_cases(count: int, seed: int) -> list[ProofCase]:
     """The paper's sensor with beams that lean by up to 0.6 rad about each axis, of any section."""
     rng = np.random.default_rng(seed)
     paper = load("paper").sensor
@@ -172,11 +172,11 @@ def leaning_cases(count: int, seed: int) -> list[Case]:
         middle = rng.uniform(-1, 1, 6) * np.array([5, 5, 5, 0.01, 0.01, 0.02])
         half = rng.uniform(0, 0.1) * np.array([1, 0, 1, 0, 0, 0.01])
         box = box_of_poses(middle - half, middle + half)
-        cases.append(Case(sensor_with(paper, values.tolist()), box, rng.uniform(0.28, 0.32)))
+        cases.append(ProofCase(sensor_with(paper, values.tolist()), box, rng.uniform(0.28, 0.32)))
     return cases
 
 
-def states_of(case: Case, model: Model, count: int, rng: np.random.Generator) -> Floats:
+def states_of(case: ProofCase, model: RayModel, count: int, rng: np.random.Generator) -> Floats:
     """States of the set: the beam goes by the apex within some sigmas across itself."""
     pose = rng.uniform(case.box.low[:6], case.box.high[:6], (count, 6))
     offset = rng.uniform(-1.5, 1.5, (count, 2)) * model.sigma
@@ -188,7 +188,7 @@ def states_of(case: Case, model: Model, count: int, rng: np.random.Generator) ->
     return kept
 
 
-def inside(case: Case, model: Model, states: Floats) -> NDArray[np.bool_]:
+def is_in_case(case: ProofCase, model: RayModel, states: Floats) -> NDArray[np.bool_]:
     pose = states[:, :6]
     boxed = (pose >= case.box.low[:6]).all(axis=1) & (pose <= case.box.high[:6]).all(axis=1)
     lit = model(states)[:, 2::3].min(axis=1) >= case.share * model.power
@@ -196,14 +196,18 @@ def inside(case: Case, model: Model, states: Floats) -> NDArray[np.bool_]:
     return both
 
 
-def broken_bound(case: Case, model: Model, found: Certificate, rng: np.random.Generator) -> bool:
+def breaks_bound(
+    case: ProofCase, model: RayModel, found: Certificate, rng: np.random.Generator
+) -> bool:
     """Whether a state has a smaller determinant than was proved."""
     states = states_of(case, model, SAMPLES, rng)
     sizes = np.abs(np.linalg.det(model.slopes(states)[:, :8]))
     return bool((sizes < found.at_least * (1 - 1e-6)).any())
 
 
-def broken_check(case: Case, model: Model, found: Certificate, rng: np.random.Generator) -> bool:
+def breaks_check(
+    case: ProofCase, model: RayModel, found: Certificate, rng: np.random.Generator
+) -> bool:
     """Whether a state has a smaller determinant than the checker finds, of the certificate or of
     one whose bound of the powers' slope is as large as any that holds."""
     states = states_of(case, model, MORE_SAMPLES, rng)
@@ -222,7 +226,7 @@ def broken_check(case: Case, model: Model, found: Certificate, rng: np.random.Ge
     return any(float(bound) > least * (1 + 1e-6) for bound in bounds)
 
 
-def broken_uniqueness(case: Case, model: Model, rng: np.random.Generator) -> bool:
+def breaks_uniqueness(case: ProofCase, model: RayModel, rng: np.random.Generator) -> bool:
     """Whether two states of the set read the same: Newton's method from many pairs at once."""
     states = states_of(case, model, 4 * PAIRS, rng)
     if len(states) < 2:
@@ -244,24 +248,26 @@ def broken_uniqueness(case: Case, model: Model, rng: np.random.Generator) -> boo
         other = other + moved * np.minimum(1.0, 1e4 / length)[:, None]
     same = np.abs(model(other)[:, :8] - wanted).max(axis=1, initial=0.0) < SAME
     apart = np.abs(other - one).max(axis=1, initial=0.0) > APART
-    return bool((same & apart & inside(case, model, other) & inside(case, model, one)).any())
+    return bool(
+        (same & apart & is_in_case(case, model, other) & is_in_case(case, model, one)).any()
+    )
 
 
-def decide(case: Case, rng: np.random.Generator, checked: bool = False) -> tuple[str, bool]:
+def decide(case: ProofCase, rng: np.random.Generator, checked: bool = False) -> tuple[str, bool]:
     """The outcome, and whether the search breaks it.  checked: whether to ask the checker, too."""
-    model = Model(parameters(case.sensor))
+    model = RayModel(parameters(case.sensor))
     found = certify(case.sensor, case.box, case.share, work=WORK)
     if found.unique:
-        broken = broken_bound(case, model, found, rng) or broken_uniqueness(case, model, rng)
-        return "unique", broken or (checked and broken_check(case, model, found, rng))
+        broken = breaks_bound(case, model, found, rng) or breaks_uniqueness(case, model, rng)
+        return "unique", broken or (checked and breaks_check(case, model, found, rng))
     states = states_of(case, model, SAMPLES, rng)
     if len(states):
         values = measures(case.sensor, states)[:, 1]
         weak = states[int(np.nanargmin(values))]
         if find_pair_in_box(case.sensor, case.box, case.share, weak).outside == 0:
-            return "counterexample", found.regular and broken_bound(case, model, found, rng)
+            return "counterexample", found.regular and breaks_bound(case, model, found, rng)
     if found.regular:
-        return "regular", broken_bound(case, model, found, rng)
+        return "regular", breaks_bound(case, model, found, rng)
     return "undecided", False
 
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 import facets
-from facets.detectors.counts import counts_of
+from facets.detectors.counts import readings_to_counts
 from facets.files.provenance import run_record
 from facets.live.recording.pose_table import join_columns, pose_columns, recorded_poses
 from facets.live.recording.replay import compare, recorded_config, replay
@@ -38,7 +38,9 @@ def stream(count: int) -> bytes:
     config = facets.load("bench")
     state = np.zeros((count, 8))
     state[:, 5] = 1e-3 * np.sin(np.arange(count) / 100)
-    counts = counts_of(config.sensor, config.electronics, facets.readings(config.sensor, state))
+    counts = readings_to_counts(
+        config.sensor, config.electronics, facets.readings(config.sensor, state)
+    )
     number = np.arange(count, dtype=np.uint32)
     kind = np.ones(count, np.uint8)
     return pack(Samples(kind, 0 * kind, number, 100 * number, counts))

@@ -26,7 +26,7 @@ from facets.calibration.bundle_adjustment import Choice, Data
 from facets.calibration.fit import fit
 from facets.core.sensor import BenchLight, Imperfections, Sensor
 from facets.core.units import Booleans, Floats
-from facets.detectors.correction import corrected
+from facets.detectors.correction import correct
 from facets.files.tables import write_table
 from facets.simulation.imperfect_optics import seen
 
@@ -45,7 +45,7 @@ def wavefront(distance: float) -> float:
     return float(distance * (1 + (rayleigh / distance) ** 2))
 
 
-def flawed(**flaws: Any) -> Sensor:
+def imperfect_configuration(**flaws: Any) -> Sensor:
     return replace(facets.Sensor(), imperfections=Imperfections(**flaws))
 
 
@@ -55,63 +55,65 @@ DEPTHS = (6.3e-5, 4e-5, 5e-5, 6e-5, 3e-5, 5e-5)
 ROOM_LIGHT = ((5e-4, 1, 2), (5e-4, -1, 1), (5e-4, 0, -2))
 
 
-class Case(NamedTuple):
+class NeglectedEffect(NamedTuple):
     """A sensor that is not ideal, and the one that a solver would have to know."""
 
     real: Sensor
     known: Sensor
 
 
-def case(**flaws: Any) -> Case:
+def imperfection_case(**flaws: Any) -> NeglectedEffect:
     """One of `Imperfections`, by rays, and the same in the model."""
     light = dict(flaws)
     if "wavefront_radius" in light:
         bend = 1 / light.pop("wavefront_radius")
         light |= {"curvature_xx": bend, "curvature_yy": bend}
-    return Case(flawed(**flaws), replace(facets.Sensor(), light=BenchLight(**light)))
+    return NeglectedEffect(
+        imperfect_configuration(**flaws), replace(facets.Sensor(), light=BenchLight(**light))
+    )
 
 
-def cases() -> dict[str, Case]:
+def cases() -> dict[str, NeglectedEffect]:
     nominal = facets.Sensor()
     beam = nominal.beam
     sag = WAVELENGTH / 10
     wide = replace(nominal, beam=replace(beam, diameter_x=1.05 * beam.diameter_x))
     tilted = replace(nominal, beam=replace(beam, tilt_x=1.4e-3, tilt_y=-1.4e-3))
-    domed = flawed(sag=(sag, -sag, sag))
+    domed = imperfect_configuration(sag=(sag, -sag, sag))
     return {
-        "aluminium; light unpolarised": case(index=ALUMINIUM),
-        "aluminium; light polarised": case(index=ALUMINIUM, polarization=0.3),
-        "ellipticity 5 %": Case(wide, wide),
-        "beam tilt 2 mrad": Case(tilted, tilted),
-        "divergence; 0.5 m from a HeNe": case(wavefront_radius=wavefront(500.0)),
-        "diffraction at the edges": case(wavelength=WAVELENGTH),
-        "edges rolled off 63 nm over 0.1 mm": case(rolloff=DEPTHS, rolloff_width=0.1),
-        "strips of 10, 14, 8 um lost at edges": case(strips=(0.01, 0.014, 0.008)),
-        "a flat tip, 25 um in radius": case(tip=np.pi * 0.025**2),
-        "other light, 0.5 uW on each": case(
+        "aluminium; light unpolarised": imperfection_case(index=ALUMINIUM),
+        "aluminium; light polarised": imperfection_case(index=ALUMINIUM, polarization=0.3),
+        "ellipticity 5 %": NeglectedEffect(wide, wide),
+        "beam tilt 2 mrad": NeglectedEffect(tilted, tilted),
+        "divergence; 0.5 m from a HeNe": imperfection_case(wavefront_radius=wavefront(500.0)),
+        "diffraction at the edges": imperfection_case(wavelength=WAVELENGTH),
+        "edges rolled off 63 nm over 0.1 mm": imperfection_case(rolloff=DEPTHS, rolloff_width=0.1),
+        "strips of 10, 14, 8 um lost at edges": imperfection_case(strips=(0.01, 0.014, 0.008)),
+        "a flat tip, 25 um in radius": imperfection_case(tip=np.pi * 0.025**2),
+        "other light, 0.5 uW on each": imperfection_case(
             background=((5e-4, 1, 2), (5e-4, -1, 1), (5e-4, 0, -2))
         ),
-        "facets domed by a tenth wave over 5 mm": Case(domed, nominal),
+        "facets domed by a tenth wave over 5 mm": NeglectedEffect(domed, nominal),
     }
 
 
-def choice() -> Choice:
+def calibrated_unknowns() -> Choice:
     """What `rigs` lets vary, the beam's cross-section, and detectors that are not linear."""
     known = rigs.hidden() | {"beam.sigma_xx": 4e-3, "beam.sigma_yy": 4e-3, "beam.sigma_xy": 2e-3}
     known |= {f"correction_{k}.{a}{p}": 0.05 for k in "abc" for a in "yz" for p in BENT}
     return Choice(tuple(known), np.array(list(known.values())))
 
 
-def moved(sensor: Sensor, count: int, rng: np.random.Generator) -> tuple[Data, Floats]:
+def move_sensor(sensor: Sensor, count: int, rng: np.random.Generator) -> tuple[Data, Floats]:
     """Exact readings of random motions, which the reference knows as well as that of `rigs`."""
     pose = rng.uniform(-1, 1, (count, 6)) * rigs.BOX
     state = np.concatenate([pose, np.zeros((count, 2))], axis=1)
     return Data(seen(sensor, state), pose, rigs.REFERENCE, np.zeros((count, 2))), state
 
 
-def over_noise(sensor: Sensor, data: Data, state: Floats, apex: Floats) -> Floats:
+def errors_over_noise(sensor: Sensor, data: Data, state: Floats, apex: Floats) -> Floats:
     """r.m.s. error over the uncertainty of one reading: the worse of x and y, the worst other."""
-    solution = facets.solve(sensor, corrected(sensor, data.raw), beam="known")
+    solution = facets.solve(sensor, correct(sensor, data.raw), beam="known")
     error = (solution.state - state)[:, :6]
     error[:, :2] -= apex
     own = facets.solve(facets.Sensor(), data.raw, beam="known").uncertainty[:, :6]
@@ -119,23 +121,25 @@ def over_noise(sensor: Sensor, data: Data, state: Floats, apex: Floats) -> Float
     return np.array([ratio[:2].max(), ratio[2:].max()])
 
 
-def optics() -> list[tuple[Any, ...]]:
+def compare_optics() -> list[tuple[Any, ...]]:
     """(what, then in x and y and in others: before, after calibration, in the model)."""
     found: list[tuple[Any, ...]] = []
     still = np.zeros(2)
     for name, (real, known) in cases().items():
         rng = np.random.default_rng(1)
-        data, _ = moved(real, 150, rng)
-        fresh, state = moved(real, 200, rng)
-        before = over_noise(facets.Sensor(), fresh, state, still)
-        fitted = fit(facets.Sensor(), data, choice(), None)
-        after = over_noise(fitted.sensor, fresh, state, fitted.apex[:2])
-        best = over_noise(known, fresh, state, still)
+        data, _ = move_sensor(real, 150, rng)
+        fresh, state = move_sensor(real, 200, rng)
+        before = errors_over_noise(facets.Sensor(), fresh, state, still)
+        fitted = fit(facets.Sensor(), data, calibrated_unknowns(), None)
+        after = errors_over_noise(fitted.sensor, fresh, state, fitted.apex[:2])
+        best = errors_over_noise(known, fresh, state, still)
         found.append((name, *before.tolist(), *after.tolist(), *best.tolist()))
     return found
 
 
-def diffracted(offset: float, places: Floats, count: int = 4096, step: float = 0.0055) -> Floats:
+def diffraction_shifts(
+    offset: float, places: Floats, count: int = 4096, step: float = 0.0055
+) -> Floats:
     """Shifts of a spot's centroid, mm, where it lies at `places` on a detector of 13 mm.
 
     offset: of the apex from the beam, along the facet's middle, mm.  The field is that of a facet
@@ -143,7 +147,7 @@ def diffracted(offset: float, places: Floats, count: int = 4096, step: float = 0
     """
     x = (np.arange(count) - count // 2) * step
     along, across = np.meshgrid(x, x, indexing="ij")
-    field = np.exp(-(along**2 + across**2) / WAIST**2) * covered(along, across, offset, step)
+    field = np.exp(-(along**2 + across**2) / WAIST**2) * covered_share(along, across, offset, step)
     inside = (along * field**2).sum() / (field**2).sum()
     wave = np.fft.fftfreq(count, step)
     phase = np.exp(-1j * np.pi * WAVELENGTH * PATH * (wave[:, None] ** 2 + wave**2))
@@ -158,19 +162,21 @@ def diffracted(offset: float, places: Floats, count: int = 4096, step: float = 0
     return np.array(shifts)
 
 
-def closed(offset: float, places: Floats) -> Floats:
+def closed_form_shifts(offset: float, places: Floats) -> Floats:
     """The same by the closed form: PSD A is moved under its spot, whose z runs along the facet."""
     nominal, state = facets.Sensor(), np.array([offset, 0, 0, 0, 0, 0, 0, 0])
     shifts = []
     for place in places:
         height = facets.readings(nominal, state)[1] + place
         psds = (replace(nominal.psds[0], height=height), *nominal.psds[1:])
-        sensor = replace(flawed(wavelength=WAVELENGTH), psds=psds)
+        sensor = replace(imperfect_configuration(wavelength=WAVELENGTH), psds=psds)
         shifts.append(facets.readings(sensor, state)[1] - seen(sensor, state[None])[0, 1])
     return np.array(shifts)
 
 
-def covered(along: Floats, across: Floats, offset: float, step: float, parts: int = 4) -> Floats:
+def covered_share(
+    along: Floats, across: Floats, offset: float, step: float, parts: int = 4
+) -> Floats:
     """What share of each cell the facet covers; only cells that an edge may cross are cut up."""
 
     def inside(x: Floats, y: Floats) -> Booleans:
@@ -195,7 +201,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--output", type=Path)
     options = parser.parse_args()
-    rows = optics()
+    rows = compare_optics()
     print("r.m.s. error over the noise of one reading: light ideal, calibrated so, in the model")
     print(f"{'':42}" + f" {'x; y':>8} {'others':>8}" * 3)
     for name, *numbers in rows:
@@ -208,7 +214,7 @@ def main() -> None:
     )
     print(f"{'apex off by, mm':>24} " + " ".join(f"{place:5.0f} mm" for place in places))
     for offset in (-0.1, 0.0, 0.1):
-        for name, way in (("field", diffracted), ("closed", closed)):
+        for name, way in (("field", diffraction_shifts), ("closed", closed_form_shifts)):
             shifts = way(offset, places)
             told = " ".join(f"{1e3 * (shift - shifts[0]):8.2f}" for shift in shifts)
             print(f"{offset:17.1f} {name:>6} {told}")

@@ -38,10 +38,10 @@ from facets.calibration.unknowns import (
 from facets.calibration.verdict import Verdict, verdict
 from facets.core.sensor import Sensor
 from facets.core.units import Floats
-from facets.detectors.correction import corrected, uncorrected
+from facets.detectors.correction import correct, invert_correction
 from facets.detectors.noise import add_noise, standard_deviations
 
-from .bench_rays import Bench, spots
+from .bench_rays import RayBench, spots
 
 #: Standard uncertainty of the reference, mm and rad.
 REFERENCE = np.array([1e-4] * 3 + [5e-7] * 3)
@@ -92,7 +92,7 @@ def read(rig: Rig, data: Data, rng: np.random.Generator) -> Data:
     """With what the detectors read where the reference carries the mirror."""
     state = states_of(data, np.zeros((len(data.pose), 9)), rig.values)
     noisy = add_noise(rig.sensor, facets.readings(rig.sensor, state), rng)
-    return data._replace(raw=uncorrected(rig.sensor, noisy))
+    return data._replace(raw=invert_correction(rig.sensor, noisy))
 
 
 def moved(rig: Rig, count: int, rng: np.random.Generator) -> tuple[Data, Floats]:
@@ -106,7 +106,7 @@ def moved(rig: Rig, count: int, rng: np.random.Generator) -> tuple[Data, Floats]
 
 def errors(sensor: Sensor, data: Data, state: Floats) -> Floats:
     """Solved poses less the true ones (n, 6), the beam known; mm and rad."""
-    found = facets.solve(sensor, corrected(sensor, data.raw), beam="known", threads=0)
+    found = facets.solve(sensor, correct(sensor, data.raw), beam="known", threads=0)
     error: Floats = (found.state - state)[:, :6]
     return error
 
@@ -134,7 +134,7 @@ class BenchRig(NamedTuple):
     """rig: with ideal light, what its detectors add and where the mirror is.  bench: its light."""
 
     rig: Rig
-    bench: Bench
+    bench: RayBench
 
 
 Rng = np.random.Generator
@@ -149,7 +149,7 @@ class Disturbance(NamedTuple):
     known standard deviations.
     """
 
-    light: Callable[[Bench], Bench] | None = None
+    light: Callable[[RayBench], RayBench] | None = None
     mirror: Callable[[Floats, Rng], Floats] | None = None
     reference: Callable[[Floats, Rng], Floats] | None = None
     told: Floats = REFERENCE
@@ -174,7 +174,7 @@ def drawn_on_bench(nominal: Sensor, rng: np.random.Generator) -> BenchRig:
     long, short, turn = sigma * (1 + 0.0125), sigma * (1 - 0.0125), rng.uniform(0, np.pi)
     axes = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     round_ = rng.uniform(2000, 6000) * rng.choice([-1, 1])
-    bench = Bench(
+    bench = RayBench(
         covariance=axes @ np.diag([long**2, short**2]) @ axes.T,
         curvature=np.diag(1 / (round_ * rng.uniform(0.8, 1.25, 2))),
         wavelength=633e-6,
@@ -206,7 +206,7 @@ def moved_on_bench(
     exact[:, 2::3] *= 1 + 0.01 * np.sin(np.linspace(0, 5, count))[:, None]
     if wrong.power is not None:
         exact[:, 2::3] *= wrong.power(count, rng)[:, None]
-    raw = uncorrected(sensor, add_noise(sensor, exact, rng))
+    raw = invert_correction(sensor, add_noise(sensor, exact, rng))
     said = empty.pose + REFERENCE * rng.standard_normal(empty.pose.shape)
     if wrong.reference is not None:
         said = wrong.reference(said, rng)
@@ -265,7 +265,7 @@ def tried_on_bench(
         return BenchTrial(found, np.full(6, np.inf), np.zeros(6), seconds)
     other, state = moved_on_bench(real, fresh, rng)
     solved = facets.solve(
-        found.sensor, corrected(found.sensor, other.raw), beam="known", power="unknown", threads=0
+        found.sensor, correct(found.sensor, other.raw), beam="known", power="unknown", threads=0
     )
     error = (solved.state - state)[:, :6]
     ideal = add_noise(found.sensor, facets.readings(found.sensor, state), rng)

@@ -25,7 +25,7 @@ import numpy as np
 import facets
 from facets.files.tables import write_table
 from facets.model.threads import cores
-from facets.optics.wedge import Plane, side, turned, wedge
+from facets.optics.wedge import Plane, side, turn_derivative, wedge
 
 BITS, NODES, STANDS = 192, 20, 1e-19
 OPENINGS = (0.01, 0.1, 1, 10, 60, 90, 120, 170, 179, 179.99)
@@ -34,7 +34,7 @@ KINDS = ("mass", "centroid", "covariance", "mass_by_angle", "centroid_by_angle")
 Wedge = tuple[Plane, Plane, Plane]
 
 
-def draw(rng: np.random.Generator) -> Wedge:
+def draw_wedge(rng: np.random.Generator) -> Wedge:
     r, opening = rng.choice(OFFSETS), math.radians(rng.choice(OPENINGS))
     if rng.random() < 0.7:
         r, opening = 35 * rng.random() ** 2, math.radians(rng.uniform(0.01, 179.99))
@@ -98,7 +98,7 @@ def polar_moments(q: tuple[Any, Any], low: Any, high: Any) -> list[Any]:
     return total
 
 
-def exact(q: Plane, u1: Plane, u2: Plane) -> dict[str, list[Any]]:
+def exact_wedge(q: Plane, u1: Plane, u2: Plane) -> dict[str, list[Any]]:
     """What `facets.optics.wedge` gives, of the floats given; a list for each of KINDS."""
     from flint import arb, ctx
 
@@ -129,10 +129,12 @@ def exact(q: Plane, u1: Plane, u2: Plane) -> dict[str, list[Any]]:
     return result
 
 
-def computed(q: Plane, u1: Plane, u2: Plane) -> dict[str, list[float]]:
+def computed_wedge(q: Plane, u1: Plane, u2: Plane) -> dict[str, list[float]]:
     sides = side(q, u1), side(q, u2)
     mass, centroid, shift, from_point = wedge(q, u1, u2, *sides)
-    turns = [turned(u, ray, mass, from_point) for u, ray in zip((u1, u2), sides, strict=True)]
+    turns = [
+        turn_derivative(u, ray, mass, from_point) for u, ray in zip((u1, u2), sides, strict=True)
+    ]
     return {
         "mass": [mass],
         "centroid": [*centroid],
@@ -158,12 +160,12 @@ def search(count: int, seed: int) -> list[tuple[Wedge, float, list[float]]]:
     rng = np.random.default_rng(seed)
     found: list[tuple[Wedge, float, list[float]]] = []
     while len(found) < count:
-        point = draw(rng)
-        theirs = exact(*point)
+        point = draw_wedge(rng)
+        theirs = exact_wedge(*point)
         mass = float(theirs["mass"][0])
         if mass < 1e-290:
             continue
-        ours = computed(*point)
+        ours = computed_wedge(*point)
         found.append((point, mass, [error(ours[kind], theirs[kind], kind) for kind in KINDS]))
     return found
 

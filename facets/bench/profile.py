@@ -97,10 +97,10 @@ def reference(points: Floats) -> Any:
     """From the definition, at 30 digits."""
     import mpmath as mp
 
-    from ..optics.wedge import swept
+    from ..optics.wedge import swept_mass
 
     with mp.workdps(30):
-        return np.array([swept(mp.mpf(float(a)), mp.mpf(float(h))) for a, h in points])
+        return np.array([swept_mass(mp.mpf(float(a)), mp.mpf(float(h))) for a, h in points])
 
 
 def worst(values: Floats, exact: Any) -> float:

@@ -18,8 +18,8 @@ from ..model.block_code import LaneWrite, each_block
 from ..model.jit import compiler
 from ..model.packing import vectors_of
 from ..optics.central import side_central
-from ..optics.forward import Geometry, placed, readings, shone_on
-from ..optics.gradient import linearised
+from ..optics.forward import Geometry, dark_scene, illuminate, readings
+from ..optics.gradient import linearise
 from ..optics.wedge import swept_series
 from ..scalars.lanes import LaneWriter
 from ..scalars.nesting import leaves
@@ -60,16 +60,16 @@ FLOOR = "functions of three edges alone"
 #: In the order of the chain: each does what the one before does, and more.
 CHAIN: dict[str, Callable[[LaneWriter, Any, tuple[Any, ...]], Iterable[Any]]] = {
     "mirror turned; its edges seen along the beam": lambda code, vectors, state: leaves(
-        (placed(vectors, state).q, placed(vectors, state).sides)
+        (dark_scene(vectors, state).q, dark_scene(vectors, state).sides)
     ),
     "special functions of three edges": lambda code, vectors, state: leaves(
-        shone_on(placed(vectors, state)).integrals
+        illuminate(dark_scene(vectors, state)).integrals
     ),
     "mass; centroid and covariance on three facets": lambda code, vectors, state: leaves(
-        shone_on(placed(vectors, state)).moments
+        illuminate(dark_scene(vectors, state)).moments
     ),
     "three rays to the detectors": lambda code, vectors, state: leaves(readings(vectors, state)),
-    "their 72 derivatives": lambda code, vectors, state: leaves(linearised(vectors, state)),
+    "their 72 derivatives": lambda code, vectors, state: leaves(linearise(vectors, state)),
 }
 
 

@@ -12,7 +12,7 @@ from ..core.units import Floats
 from ..estimation.solver import solve
 from ..model.arrays import jacobian, parameters, readings
 from ..model.threads import cores
-from ..optics.forward import geometry
+from ..optics.forward import build_geometry
 from ..optics.forward import readings as text
 from . import casadi_rival, peers, rivals
 from .clock import Contender, Timing, alternate
@@ -26,7 +26,7 @@ def reference(states: Floats, digits: int = 40) -> Any:
     import mpmath as mp
 
     with mp.workdps(digits):
-        sensor = geometry(tuple(mp.mpf(x) for x in parameters(SENSOR)))
+        sensor = build_geometry(tuple(mp.mpf(x) for x in parameters(SENSOR)))
         exact = [text(sensor, tuple(mp.mpf(float(x)) for x in state)) for state in states]
     return np.array(exact, dtype=object).reshape(len(states), 9)
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..core.names import FINE_UNITS
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from ..detectors.correction import NAMES, corrected, slopes
+from ..detectors.correction import NAMES, correct, correction_slopes
 from ..detectors.noise import standard_deviations
 from ..model.arrays import EFFECTS, effect_jacobian, effects, jacobian, readings, with_effects
 from ..model.beam_shape import SHAPE
@@ -313,7 +313,7 @@ def deviations(sensor: Sensor, data: Data) -> Floats:
     """Standard deviations (n, 9) of the readings."""
     if data.noise is not None:
         return data.noise
-    sigma: Floats = standard_deviations(sensor, corrected(sensor, data.raw))
+    sigma: Floats = standard_deviations(sensor, correct(sensor, data.raw))
     return sigma
 
 
@@ -323,7 +323,7 @@ def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: 
     state = states_of(data, opening, values)
     seen = predicted(sensor, data, opening, values, state)
     sigma = deviations(sensor, data)
-    left = (corrected(sensor, data.raw) - seen) / sigma
+    left = (correct(sensor, data.raw) - seen) / sigma
     by_state = by_thirds(sensor, data, state, jacobian)
     light = light_of(data, opening, values)[:, None, None]
     by_state[:, 2::3] *= light
@@ -338,7 +338,7 @@ def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: 
         by_thirds(sensor, data, state, by_sensor), (*GEOMETRY, *SHAPE), data
     )
     every[:, 2::3, : len(GEOMETRY) + len(SHAPE)] *= light
-    every[:, :, block(NAMES)] = -slopes(sensor, data.raw)
+    every[:, :, block(NAMES)] = -correction_slopes(sensor, data.raw)
     if any(name in EFFECTS for name in choice.names):
         columns = by_thirds(sensor, data, state, wanted_effects(data, choice))
         every[:, :, block(EFFECTS)] = in_the_mirror(columns, EFFECTS, data)
@@ -455,7 +455,7 @@ def residuals(sensor: Sensor, data: Data, opening: Floats, values: Floats) -> Fl
     """(n, 9) in standard deviations; 0 where nothing was read, `LOST` where the model has none."""
     state = states_of(data, opening, values)
     seen = predicted(sensor, data, opening, values, state)
-    over: Floats = (corrected(sensor, data.raw) - seen) / deviations(sensor, data)
+    over: Floats = (correct(sensor, data.raw) - seen) / deviations(sensor, data)
     over[~np.isfinite(over)] = LOST
     over[~np.isfinite(data.raw)] = 0.0
     return over

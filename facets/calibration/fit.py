@@ -26,7 +26,7 @@ from ..core.errors import InputError
 from ..core.names import DETECTORS
 from ..core.sensor import Calibration, Sensor
 from ..core.units import Floats
-from ..detectors.correction import corrected
+from ..detectors.correction import correct
 from ..estimation.solver import solve
 from .bundle_adjustment import (
     OWN,
@@ -115,7 +115,7 @@ def opened(data: Data, sensor: Sensor) -> Floats:
     opening = np.zeros((len(data.pose), OWN))
     free = np.isinf(data.sigma)
     if free.any():
-        found = solve(sensor, corrected(sensor, data.raw), beam="free", covariance=False)
+        found = solve(sensor, correct(sensor, data.raw), beam="free", covariance=False)
         solved = found.converged[:, None] & free
         opening[:, :6] = np.where(solved, found.state[:, :6] - data.pose, 0.0)
     return opening

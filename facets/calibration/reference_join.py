@@ -18,7 +18,7 @@ from ..core.errors import InputError
 from ..core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from ..detectors.correction import corrected
+from ..detectors.correction import correct
 from ..estimation.solver import solve
 from ..estimation.table import BEAM_UNCERTAINTIES
 from .bundle_adjustment import Data
@@ -146,7 +146,7 @@ def found_offset(sensor: Sensor, columns: dict[str, Floats], track: Track) -> tu
     some = np.unique(np.linspace(0, len(time) - 1, min(len(time), 3000)).astype(np.int64))
     raw = np.column_stack([columns[name][some] for name in READING_COLUMNS])
     pose = solve(
-        sensor, corrected(sensor, raw), beam="known", power="unknown", covariance=False
+        sensor, correct(sensor, raw), beam="known", power="unknown", covariance=False
     ).state[:, :6]
     pose = without_jumps(pose)
     time = time[some]

@@ -9,7 +9,7 @@ import numpy as np
 from ..core.names import DETECTORS, POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from ..detectors.correction import corrected
+from ..detectors.correction import correct
 from ..detectors.noise import standard_deviations, step_variances
 from ..model.arrays import near_edges, readings, spot_size
 from .bundle_adjustment import OWN, Data, deviations, states_of
@@ -61,7 +61,7 @@ def stuck(sensor: Sensor, data: Data) -> list[Finding]:
     with np.errstate(invalid="ignore"), catch_warnings():
         simplefilter("ignore")  # a motion in wrong units may leave no reading at all
         asked = np.nanstd(without_jumps(readings(sensor, state)), axis=0)
-        moved = np.nanstd(without_jumps(corrected(sensor, data.raw)), axis=0)
+        moved = np.nanstd(without_jumps(correct(sensor, data.raw)), axis=0)
         noise = np.nanmedian(deviations(sensor, data), axis=0)
     still = np.flatnonzero((moved < STUCK * asked) & (asked > MOVED * noise)).tolist()
     if len({n // 3 for n in still}) > 1:  # not all at once: then the motion is in wrong units
@@ -195,7 +195,7 @@ def with_converter(sensor: Sensor, data: Data) -> Data:
     at one state, so that no mean takes it away, and nothing that scatters shows it."""
     if data.rows is None or data.noise is None or sensor.electronics is None:
         return data
-    raw, rows = corrected(sensor, data.raw), data.rows[:, None]
+    raw, rows = correct(sensor, data.raw), data.rows[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = data.noise**2 * rows / standard_deviations(sensor, raw) ** 2
     share = np.ones(len(raw))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..core.names import DETECTORS, POSE
 from ..core.sensor import MONOMIALS, Sensor
 from ..core.units import Floats
-from ..detectors.correction import NAMES, OF_ONE, coefficients
+from ..detectors.correction import NAMES, NAMES_OF_ONE, coefficients
 from ..model import arrays
 from ..model.arrays import EFFECTS, effects, parameters, sensor_with, with_effects
 from ..model.beam_shape import (
@@ -118,7 +118,7 @@ def assigned(sensor: Sensor, values: Floats) -> Sensor:
 
 def with_corrections(sensor: Sensor, coefficient: Floats) -> Sensor:
     """With coefficients in the order of `correction.NAMES`."""
-    parts = coefficient.reshape(3, len(OF_ONE)).tolist()
+    parts = coefficient.reshape(3, len(NAMES_OF_ONE)).tolist()
     count = len(MONOMIALS)
     psds = [
         replace(psd, correction=replace(

@@ -11,7 +11,7 @@ from ..core.knowledge import Prior
 from ..core.names import ANGLES, POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from ..detectors.correction import corrected
+from ..detectors.correction import correct
 from ..estimation.solution import Solution
 from ..estimation.solver import solve
 from ..model.arrays import readings
@@ -54,7 +54,7 @@ def trial(sensor: Sensor, held: Data, values: Floats, found: Fit) -> Trial:
     add_skew(seen, sensor, data, still, values)
     solution: Solution = solve(
         sensor,
-        corrected(sensor, data.raw) - (seen - exact),
+        correct(sensor, data.raw) - (seen - exact),
         beam=Prior(truth[:, 6:], found.choice.beam),
         power="unknown" if found.choice.power else "known",
         threads=0,

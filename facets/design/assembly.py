@@ -22,7 +22,7 @@ from ..core.errors import InputError
 from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats
-from ..detectors.correction import uncorrected
+from ..detectors.correction import invert_correction
 from ..detectors.noise import add_noise
 from ..model.arrays import readings
 from .requirement import Requirement, requirement_of
@@ -108,7 +108,7 @@ def motion(sensor: Sensor, rules: Rules, count: int, reference: Floats) -> Float
 def measured(built: Assembly, head: Sensor, rng: np.random.Generator) -> Data:
     """What a calibration of a head sees: noisy readings beside a reference with its errors."""
     states = np.concatenate([built.poses, np.zeros((len(built.poses), 2))], axis=1)
-    raw = uncorrected(head, add_noise(head, readings(head, states), rng))
+    raw = invert_correction(head, add_noise(head, readings(head, states), rng))
     told = np.isfinite(built.reference)
     errors = rng.normal(size=built.poses.shape) * np.where(told, built.reference, 0.0)
     return Data(raw, built.poses + errors, built.reference, states[:, 6:])

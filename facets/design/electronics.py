@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from ..core.sensor import Electronics
-from ..detectors.noise import CHARGE, current_variances, two_layers
+from ..detectors.noise import CHARGE, current_variances, has_two_layers
 
 #: Of an amplifier's full scale, what the light of a design may take; the rest is for the laser's
 #: noise, for parts that differ, and for the noise of the reading itself.
@@ -26,7 +26,7 @@ def currents_of(electronics: Electronics, values: Any, halves: tuple[Any, Any]) 
     """The four electrodes' currents, A, of a reading (psi, zeta, power)."""
     y, z = values[0] / halves[0], values[1] / halves[1]
     light = 1e-3 * electronics.responsivity * values[2]
-    if two_layers(electronics):
+    if has_two_layers(electronics):
         parts = [(1 - y) / 2, (1 + y) / 2, (1 - z) / 2, (1 + z) / 2]
     else:
         parts = [(1 - y) * (1 - z) / 4, (1 + y) * (1 - z) / 4,
@@ -62,7 +62,7 @@ def deviations(
         below, above = sum(currents[i] for i in low), sum(currents[i] for i in high)
         square = above**2 * sum(var[i] for i in low) + below**2 * sum(var[i] for i in high)
         found.append(2 * half * ca.sqrt(square) / (below + above) ** 2)
-    whole = sum(var) / (4 if two_layers(electronics) else 1)
+    whole = sum(var) / (4 if has_two_layers(electronics) else 1)
     found.append(ca.sqrt(whole) / (1e-3 * electronics.responsivity))
     full = FULL * electronics.adc_range / gain
     return found, [1 - current / full for current in currents]

@@ -40,7 +40,7 @@ from ..core.names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS, STATE_UNITS
 from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats
-from ..detectors.noise import currents_of
+from ..detectors.noise import electrode_currents
 from ..files.tables import Whole, read_head, write_table
 from ..model.arrays import margins, readings
 from ..model.threads import cores
@@ -211,7 +211,7 @@ def saturates(sensor: Sensor, states: Floats) -> bool:
         return False
     light = readings(sensor, states).reshape(-1, 3, 3)
     full = FULL * electronics.adc_range / electronics.transimpedance
-    return bool((currents_of(sensor, electronics, light) > full).any())
+    return bool((electrode_currents(sensor, electronics, light) > full).any())
 
 
 def meets(sensor: Sensor, layout: Layout, states: Floats) -> bool:

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..optics.forward import Geometry, Scene, placed
-from ..optics.rays import gradient_of_shift, reflect, slanted
+from ..optics.forward import Geometry, Scene, dark_scene
+from ..optics.rays import gradient_of_shift, reflect, slant
 from ..optics.vectors import dot
 from ..optics.wedge import Plane
 
@@ -43,7 +43,7 @@ def edge_clearances(fixed: Geometry, state: Any, sizes: Any) -> dict[tuple[int, 
 
     sizes: of each detector along y and z, mm.
     """
-    at: Scene = placed(fixed, state)
+    at: Scene = dark_scene(fixed, state)
     found = {}
     for k in range(3):
         normal, (x, y, z) = at.normals[k], fixed.axes[k]
@@ -52,7 +52,7 @@ def edge_clearances(fixed: Geometry, state: Any, sizes: Any) -> dict[tuple[int, 
         offset = tuple(b - t for b, t in zip(at.place, at.apex, strict=True))
         u1, u2 = at.sides[k], at.sides[(k + 1) % 3]
         for n, axis in enumerate((y, z)):
-            along = slanted(axis, leaving, x)
+            along = slant(axis, leaving, x)
             shift = gradient_of_shift(along, fixed.direction, normal)
             middle = dot(along, centre) + dot(shift, offset)
             slope = tuple(dot(shift, spread) for spread in fixed.spread)
@@ -67,5 +67,5 @@ def edge_clearances(fixed: Geometry, state: Any, sizes: Any) -> dict[tuple[int, 
 
 def within_circle(fixed: Geometry, state: Any) -> Any:
     """Positive where the mirror's tip is inside the 1/e^2 circle, which `reaches` takes for so."""
-    q = placed(fixed, state).q
+    q = dark_scene(fixed, state).q
     return 1 - (q[0] * q[0] + q[1] * q[1]) / (RADIUS * RADIUS)

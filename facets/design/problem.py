@@ -23,7 +23,7 @@ from ..core.extras import require_extra
 from ..core.names import POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from ..optics.forward import geometry
+from ..optics.forward import build_geometry
 from .tape import Tape, tape_of
 from .variables import GAIN, Outcome, gain_of, heads_of, outcome_of, rim_clearances, with_values
 from .volume import span_of, states_of, worst_places
@@ -360,7 +360,7 @@ def problem_of(sensor: Sensor, layout: Layout, constant: float = 0.0) -> Problem
     found = outcome_of(sensor, given, sizes, state, 0.0, gain_of(sensor, names, x))
     heads, rims = heads_of(parameters), []
     if np.isfinite(sensor.apertures.rim):
-        rims = rim_clearances(geometry(given), state, sensor.apertures.rim)
+        rims = rim_clearances(build_geometry(given), state, sensor.apertures.rim)
     wanted = [*requirements(layout, found, heads, sizes, rims), *aimed_at(layout, found, heads)]
     means = variances_over_units(layout, found) if "mean-resolution" in layout.aims else {}
     outputs = ca.vertcat(*[each.value for each in wanted], *means.values())

@@ -16,7 +16,7 @@ from ..characterization.resolution import Estimator, uncertainties
 from ..core.names import DETECTORS, FINE_UNITS, POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from ..detectors.correction import corrected, uncorrected
+from ..detectors.correction import correct, invert_correction
 from ..estimation.solver import solve
 from ..model.arrays import half_sizes, margins, readings
 from .problem import EDGES
@@ -114,9 +114,9 @@ def errors_of(asked: Requirement, built: Sensor, thought: Sensor) -> Floats:
     built: the head as it is.  thought: the head that the solver takes it for.  NaN where it finds
     no pose.
     """
-    raw = uncorrected(built, readings(built, asked.states).copy())
+    raw = invert_correction(built, readings(built, asked.states).copy())
     found = solve(
-        thought, corrected(thought, raw), beam="free", power=asked.power, start=asked.states,
+        thought, correct(thought, raw), beam="free", power=asked.power, start=asked.states,
         covariance=False, accept_unchecked=True,
     )  # fmt: skip
     off = (found.state - asked.states)[:, :6] / UNITS

@@ -17,7 +17,7 @@ from ..core.extras import require_extra
 from ..core.names import FINE_COLUMNS, POSE, RANGE_COLUMNS
 from ..core.units import Floats
 from ..detectors.noise import power_floor
-from ..optics.forward import geometry
+from ..optics.forward import build_geometry
 from .exploration import FAR, MEASURES, NO_RIVALS, Space, looked_at
 from .footprint import edge_clearances, within_circle
 from .problem import EDGES, Problem, Wanted, asked_at, headrooms, require_supported, rows_of
@@ -175,7 +175,7 @@ def wanted_of(
     own = [(psd.size_y, psd.size_z) for psd in space.sensor.psds]
     sizes = [(d, d) for d in square] if "size_mm" in space.names else own
     given = tuple(map(ca.SX, parameters))
-    fixed = geometry(given)
+    fixed = build_geometry(given)
     found = outcome_of(space.sensor, given, square, state, 0.0)
     heads = heads_of(parameters)
     outside = [n for n, row in enumerate(states) if row[:8].any()]

@@ -16,10 +16,10 @@ from ..core.names import DETECTORS, FINE_UNITS
 from ..core.sensor import Electronics, Sensor
 from ..core.units import Floats
 from ..model.arrays import parameters, sensor_with
-from ..optics.forward import geometry, placed
-from ..optics.gradient import linearised
-from ..optics.limits import outward, seen
-from ..optics.rays import gradient_of_shift, reflect, slanted
+from ..optics.forward import build_geometry, dark_scene
+from ..optics.gradient import linearise
+from ..optics.limits import gradient_per_sigma, outward_direction
+from ..optics.rays import gradient_of_shift, reflect, slant
 from ..optics.vectors import dot, subtract
 from .electronics import deviations
 
@@ -70,8 +70,8 @@ def outcome_of(
     """
     import casadi as ca
 
-    fixed = geometry(given)
-    detectors = linearised(fixed, state)
+    fixed = build_geometry(given)
+    detectors = linearise(fixed, state)
     rows = []
     headroom: list[Any] = []
     for k, (values, derivatives) in enumerate(detectors):
@@ -108,11 +108,11 @@ def rim_clearances(fixed: Any, state: Any, rim: float) -> list[Any]:
     """From the light inside the 1/e^2 ellipse to the mirror's rim on each facet, over the rim."""
     import casadi as ca
 
-    at = placed(fixed, state)
+    at = dark_scene(fixed, state)
     found = []
     for k in range(3):
-        along = slanted(outward(fixed, at, k), fixed.direction, at.normals[k])
-        slope = seen(fixed, along)
+        along = slant(outward_direction(fixed, at, k), fixed.direction, at.normals[k])
+        slope = gradient_per_sigma(fixed, along)
         out = dot(subtract(at.place, at.apex), along)
         reach = RIM * ca.sqrt(slope[0] ** 2 + slope[1] ** 2)
         found.append(1 - (out + reach) / rim)
@@ -123,7 +123,7 @@ def clearances_of(fixed: Any, state: Any, sizes: Any) -> list[Any]:
     """From the image of the beam's 1/e^2 ellipse to the detectors' edges; 12."""
     import casadi as ca
 
-    at = placed(fixed, state)
+    at = dark_scene(fixed, state)
     clearances = []
     for k in range(3):
         normal, (x, y, z) = at.normals[k], fixed.axes[k]
@@ -131,7 +131,7 @@ def clearances_of(fixed: Any, state: Any, sizes: Any) -> list[Any]:
         centre = tuple(p - c for p, c in zip(at.apex, fixed.centres[k], strict=True))
         offset = tuple(b - t for b, t in zip(at.place, at.apex, strict=True))
         for axis in (y, z):
-            along = slanted(axis, leaving, x)
+            along = slant(axis, leaving, x)
             shift = gradient_of_shift(along, fixed.direction, normal)
             middle = dot(along, centre) + dot(shift, offset)
             reach = RIM * ca.sqrt(sum(dot(shift, spread) ** 2 for spread in fixed.spread))

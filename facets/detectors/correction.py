@@ -1,7 +1,7 @@
 """What detectors read, corrected: unequal gains, and places that are not linear.
 
 The model's readings are those of perfect detectors. What real ones read comes to it by way of
-`corrected`; a simulation goes the other way. Corrections are linear in their coefficients; a grid
+`correct`; a simulation goes the other way. Corrections are linear in their coefficients; a grid
 that the maker or the user has measured comes on top.
 """
 
@@ -15,9 +15,9 @@ from ..core.units import Floats
 from ..model.arrays import half_sizes
 
 #: Of one detector: what is added to the power, then the coefficients of psi and of zeta.
-OF_ONE = ("power", "dark", *(f"{axis}{a}{b}" for axis in "yz" for a, b in MONOMIALS))
+NAMES_OF_ONE = ("power", "dark", *(f"{axis}{a}{b}" for axis in "yz" for a, b in MONOMIALS))
 #: Of all: "correction_a.power", "correction_a.y10", ...
-NAMES = tuple(f"correction_{letter}.{name}" for letter in DETECTORS for name in OF_ONE)
+NAMES = tuple(f"correction_{letter}.{name}" for letter in DETECTORS for name in NAMES_OF_ONE)
 
 
 def is_corrected(sensor: Sensor) -> bool:
@@ -37,14 +37,14 @@ def coefficients(sensor: Sensor) -> Floats:
     return np.array(parts).ravel()
 
 
-def slopes(sensor: Sensor, raw: Floats) -> Floats:
+def correction_slopes(sensor: Sensor, raw: Floats) -> Floats:
     """What each coefficient adds to raw readings (n, 9), per unit: (n, 9, 60)."""
     out = np.zeros((len(raw), 9, len(NAMES)))
     count = len(MONOMIALS)
     for k, half in enumerate(half_sizes(sensor)):
         y, z = raw[:, 3 * k] / half[0], raw[:, 3 * k + 1] / half[1]
         powers = np.stack([y**a * z**b for a, b in MONOMIALS], axis=1)
-        first = k * len(OF_ONE)
+        first = k * len(NAMES_OF_ONE)
         out[:, 3 * k + 2, first] = raw[:, 3 * k + 2]
         out[:, 3 * k + 2, first + 1] = 1.0
         out[:, 3 * k, first + 2 : first + 2 + count] = powers
@@ -52,19 +52,21 @@ def slopes(sensor: Sensor, raw: Floats) -> Floats:
     return out
 
 
-def corrected(sensor: Sensor, raw: Floats) -> Floats:
+def correct(sensor: Sensor, raw: Floats) -> Floats:
     """Readings (n, 9) as perfect detectors would give them."""
     if not is_corrected(sensor):
         return raw
     with np.errstate(over="ignore", invalid="ignore"):  # a spoilt reading can be anything
-        fixed: Floats = raw + slopes(sensor, raw) @ coefficients(sensor)
+        fixed: Floats = raw + correction_slopes(sensor, raw) @ coefficients(sensor)
     for k, psd in enumerate(sensor.psds):
         if psd.correction.grid is not None:
-            fixed[:, 3 * k : 3 * k + 2] += looked_up(psd.correction.grid, raw[:, 3 * k : 3 * k + 2])
+            fixed[:, 3 * k : 3 * k + 2] += interpolate_grid(
+                psd.correction.grid, raw[:, 3 * k : 3 * k + 2]
+            )
     return fixed
 
 
-def looked_up(grid: Grid, places: Floats) -> Floats:
+def interpolate_grid(grid: Grid, places: Floats) -> Floats:
     """What a grid adds at places (n, 2), mm; past its edge what it adds there.
 
     Anything finite where a place is NaN, which stays NaN when that is added to it.
@@ -77,11 +79,11 @@ def looked_up(grid: Grid, places: Floats) -> Floats:
     return found
 
 
-def uncorrected(sensor: Sensor, exact: Floats) -> Floats:
+def invert_correction(sensor: Sensor, exact: Floats) -> Floats:
     """What the detectors read (n, 9) where perfect ones would give `exact`."""
     if not is_corrected(sensor):
         return exact
     raw = exact.copy()
     for _ in range(30):  # corrections of some per cent: two digits a step
-        raw -= corrected(sensor, raw) - exact
+        raw -= correct(sensor, raw) - exact
     return raw

@@ -13,7 +13,7 @@ from ..core.sensor import Electronics, Sensor
 from ..core.units import Floats
 from ..model.arrays import half_sizes, mask_missed
 from . import electrodes
-from .noise import current_variances, currents_of, two_layers
+from .noise import current_variances, electrode_currents, has_two_layers
 
 #: What is wrong with a sample, as bits: a converter at its end; the sums along y and z of a
 #: duo-lateral PSD, which see the same light, apart by more than MISMATCH.
@@ -22,12 +22,12 @@ SATURATED, UNEQUAL = 1, 2
 MISMATCH = 0.02
 
 
-def per_ampere(electronics: Electronics) -> float:
+def counts_per_ampere(electronics: Electronics) -> float:
     """Counts per ampere of an electrode."""
     return electronics.transimpedance * 2.0**electronics.adc_bits / electronics.adc_range
 
 
-def counts_of(
+def readings_to_counts(
     sensor: Sensor, electronics: Electronics, exact: Floats, rng: np.random.Generator | None = None
 ) -> NDArray[np.int32]:
     """What the converters say to exact readings (n, 9), with noise if rng is given: (n, 12).
@@ -35,16 +35,16 @@ def counts_of(
     A spot past its detector's edge makes no current, nor does what is NaN.
     """
     light = mask_missed(sensor, exact, exact).reshape(-1, 3, 3)
-    currents = np.nan_to_num(currents_of(sensor, electronics, light))
+    currents = np.nan_to_num(electrode_currents(sensor, electronics, light))
     if rng is not None:
         var = current_variances(electronics, currents)[..., :-1].sum(axis=-1)
         currents = currents + np.sqrt(var) * rng.standard_normal(currents.shape)
-    counts = np.round(currents.reshape(-1, 12) * per_ampere(electronics))
+    counts = np.round(currents.reshape(-1, 12) * counts_per_ampere(electronics))
     top = 2**electronics.adc_bits - 1
     return np.clip(counts, -top, top).astype(np.int32)
 
 
-def xy_sum_of(electronics: Electronics, counts: NDArray[np.int32]) -> NDArray[np.int32]:
+def counts_to_xy_sum(electronics: Electronics, counts: NDArray[np.int32]) -> NDArray[np.int32]:
     """Electrode counts (n, 12) as X, Y, SUM and a spare of each detector (n, 12).
 
     X and Y are scaled so that X / SUM is the place in half sizes.
@@ -60,7 +60,7 @@ def xy_sum_of(electronics: Electronics, counts: NDArray[np.int32]) -> NDArray[np
     return out
 
 
-def readings_of(
+def counts_to_readings(
     sensor: Sensor, electronics: Electronics, counts: NDArray[np.int32], xy_sum: bool, dark: Floats
 ) -> tuple[Floats, NDArray[np.uint8]]:
     """Readings (n, 9) in mm and mW, and what is wrong with them (n,), of counts (n, 12).
@@ -69,7 +69,7 @@ def readings_of(
     """
     half, kind = half_sizes(sensor), electronics.kind
     top = 2**electronics.adc_bits - 1
-    per_milliwatt = 1e-3 * electronics.responsivity * per_ampere(electronics)
+    per_milliwatt = 1e-3 * electronics.responsivity * counts_per_ampere(electronics)
     raw = counts.reshape(-1, 3, 4)
     lit = raw - dark.reshape(3, 4)
     out, flags = np.empty((len(counts), 3, 3)), np.zeros(len(counts), np.uint8)
@@ -80,24 +80,25 @@ def readings_of(
         else:
             whole = electrodes.total(kind, lit)
             ratios = electrodes.ratios(kind, lit)
-        out[..., :2] = half * straight(kind, ratios, half)
+        out[..., :2] = half * places_of_quotients(kind, ratios, half)
     out[..., 2] = whole / per_milliwatt
     if raw.max(initial=0) >= top or raw.min(initial=0) <= -top:
         full = (np.abs(raw) >= top).any(axis=-1)
         out[full] = np.nan
         flags[full.any(axis=-1)] |= SATURATED
-    if two_layers(electronics) and not xy_sum:
+    if has_two_layers(electronics) and not xy_sum:
         apart = np.abs(lit[..., 0] + lit[..., 1] - lit[..., 2] - lit[..., 3])
         unequal = apart > MISMATCH * np.maximum(whole, top / 100)
         flags[unequal.any(axis=-1)] |= UNEQUAL
     return out.reshape(-1, 9), flags
 
 
-def straight(kind: str, ratios: Floats, half: Floats) -> Floats:
+def places_of_quotients(kind: str, ratios: Floats, half: Floats) -> Floats:
     """Places (n, 3, 2) from quotients (n, 3, 2), which are those of the kind's formula."""
     if kind != "tetra-lateral":
         return ratios
     places = [
-        electrodes.unbent(ratios[:, k], tall) for k, tall in enumerate(half[:, 1] / half[:, 0])
+        electrodes.tetra_lateral_places(ratios[:, k], tall)
+        for k, tall in enumerate(half[:, 1] / half[:, 0])
     ]
     return np.stack(places, axis=1)

@@ -37,15 +37,15 @@ def fractions(kind: str, y: Floats, z: Floats, aspect: float = 1.0) -> Floats:
         corners = [(1 - y) * (1 - z), (1 + y) * (1 - z), (1 - y) * (1 + z), (1 + y) * (1 + z)]
         return np.stack(corners, axis=-1) / 4
     sides = [
-        side(-y, z, aspect),
-        side(y, z, aspect),
-        side(-z, y, 1 / aspect),
-        side(z, y, 1 / aspect),
+        side_potential(-y, z, aspect),
+        side_potential(y, z, aspect),
+        side_potential(-z, y, 1 / aspect),
+        side_potential(z, y, 1 / aspect),
     ]
     return np.stack(sides, axis=-1)
 
 
-def side(towards: Floats, along: Floats, aspect: float) -> Floats:
+def side_potential(towards: Floats, along: Floats, aspect: float) -> Floats:
     """The potential in a rectangle with the side at towards = 1 at 1 and the others at 0.
 
     along: the coordinate along that side; aspect: that side's length over the other's. In a strip
@@ -89,11 +89,11 @@ def places(kind: str, currents: Floats, aspect: float = 1.0) -> Floats:
     NaN where a tetra-lateral's currents fit no place on the area.
     """
     measured = ratios(kind, currents)
-    return measured if kind != "tetra-lateral" else unbent(measured, aspect)
+    return measured if kind != "tetra-lateral" else tetra_lateral_places(measured, aspect)
 
 
-def unbent(measured: Floats, aspect: float) -> Floats:
-    """The places (..., 2) where a tetra-lateral gives ratios (..., 2): the inverse of `bent`.
+def tetra_lateral_places(measured: Floats, aspect: float) -> Floats:
+    """The places (..., 2) where a tetra-lateral gives ratios (..., 2), iterated.
 
     Each is found by itself, whatever stands beside it; NaN where there is none.
     """
@@ -101,26 +101,29 @@ def unbent(measured: Floats, aspect: float) -> Floats:
     found, open_ = wanted.copy(), np.arange(len(wanted))
     for _ in range(30):
         here = found[open_]
-        rest = wanted[open_] - bent(here, aspect)
+        rest = wanted[open_] - tetra_lateral_ratios(here, aspect)
         step = np.linalg.solve(slopes(here, aspect), rest[..., None])[..., 0]
         found[open_] = np.clip(here + np.clip(step, -0.3, 0.3), -0.97, 0.97)
         open_ = open_[~(np.abs(rest).max(axis=-1) < 1e-12)]
         if len(open_) == 0:
             break
-    off = np.abs(wanted - bent(found, aspect)).max(axis=-1) > 1e-9
+    off = np.abs(wanted - tetra_lateral_ratios(found, aspect)).max(axis=-1) > 1e-9
     found[off] = np.nan
     return found.reshape(measured.shape)
 
 
-def bent(place: Floats, aspect: float) -> Floats:
+def tetra_lateral_ratios(place: Floats, aspect: float) -> Floats:
     """The ratios (..., 2) that a tetra-lateral gives at places (..., 2)."""
     return ratios("tetra-lateral", fractions("tetra-lateral", place[..., 0], place[..., 1], aspect))
 
 
 def slopes(place: Floats, aspect: float, step: float = 1e-6) -> Floats:
-    """The derivatives (..., 2, 2) of `bent` by the place."""
+    """The derivatives (..., 2, 2) of `tetra_lateral_ratios` by the place."""
     columns = []
     for axis in np.eye(2):
-        ahead, behind = bent(place + step * axis, aspect), bent(place - step * axis, aspect)
+        ahead, behind = (
+            tetra_lateral_ratios(place + step * axis, aspect),
+            tetra_lateral_ratios(place - step * axis, aspect),
+        )
         columns.append((ahead - behind) / (2 * step))
     return np.stack(columns, axis=-1)

@@ -50,13 +50,15 @@ def standard_deviations(sensor: Sensor, reading: ArrayLike) -> Floats:
         var = variances(sensor, exact).sum(axis=-1)
     else:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            formula = two_layer_variances if two_layers(sensor.electronics) else summed_variances
-            var = formula(sensor, sensor.electronics, by_detector(exact))
+            formula = (
+                two_layer_variances if has_two_layers(sensor.electronics) else summed_variances
+            )
+            var = formula(sensor, sensor.electronics, split_detectors(exact))
     root: Floats = np.sqrt(var.reshape(exact.shape))
     return root
 
 
-def by_detector(exact: Floats) -> Floats:
+def split_detectors(exact: Floats) -> Floats:
     """Readings (..., 9) as (..., 3, 3)."""
     return exact.reshape(*exact.shape[:-1], 3, 3)
 
@@ -66,7 +68,7 @@ def power_floor(sensor: Sensor) -> float:
     if sensor.electronics is None:
         return sensor.noise.power
     var = current_variances(sensor.electronics, np.zeros(4)).sum()
-    var /= 4 if two_layers(sensor.electronics) else 1
+    var /= 4 if has_two_layers(sensor.electronics) else 1
     return float(np.sqrt(var) / (1e-3 * sensor.electronics.responsivity))
 
 
@@ -103,14 +105,14 @@ def variances(sensor: Sensor, reading: ArrayLike) -> Floats:
         out[..., 0::3, 0] = out[..., 1::3, 0] = place
         out[..., 2::3, 1] = sensor.noise.power**2 + 0 * exact[..., 2::3]
         return out
-    parts = electric_variances(sensor, sensor.electronics, by_detector(exact))
+    parts = electric_variances(sensor, sensor.electronics, split_detectors(exact))
     return parts.reshape(*exact.shape, len(ELECTRIC))
 
 
 def current_variances(electronics: Electronics, currents: Floats, together: bool = False) -> Floats:
     """Of the electrodes' currents (..., 4), A: by source (..., 4, 5), or their sum (..., 4, 1)."""
     e, band = electronics, electronics.bandwidth
-    dark = (e.dark_current + 1e-3 * e.responsivity * e.ambient) / (2 if two_layers(e) else 4)
+    dark = (e.dark_current + 1e-3 * e.responsivity * e.ambient) / (2 if has_two_layers(e) else 4)
     thermal = 4 * BOLTZMANN * e.temperature * band
     amplifier = (e.voltage_noise / e.resistance) ** 2 + e.current_noise**2
     step = e.adc_range / 2**e.adc_bits / e.transimpedance
@@ -130,11 +132,11 @@ def current_variances(electronics: Electronics, currents: Floats, together: bool
     return out
 
 
-def two_layers(electronics: Electronics) -> bool:
+def has_two_layers(electronics: Electronics) -> bool:
     return electronics.kind == "duo-lateral"
 
 
-def currents_of(sensor: Sensor, electronics: Electronics, exact: Floats) -> Floats:
+def electrode_currents(sensor: Sensor, electronics: Electronics, exact: Floats) -> Floats:
     """The electrodes' currents (..., 3, 4), A, of the detectors' light (..., 3, 3) alone.
 
     A place past a detector's edge counts as on the edge, where noise is asked for the size it has;
@@ -159,18 +161,18 @@ def electric_variances(
 ) -> Floats:
     """Variances of psi, zeta and power of each detector, (..., 3, 3), mm^2 and mm^2 and mW^2:
     by source (..., 3, 3, 5), or their sum (..., 3, 3, 1)."""
-    currents = currents_of(sensor, electronics, exact)
+    currents = electrode_currents(sensor, electronics, exact)
     var = current_variances(electronics, currents, together)
-    return carried(sensor, electronics, exact, currents, var)
+    return reading_variances(sensor, electronics, exact, currents, var)
 
 
-def carried(
+def reading_variances(
     sensor: Sensor, electronics: Electronics, exact: Floats, currents: Floats, var: Floats
 ) -> Floats:
     """Variances of currents (..., 3, 4, m) as those of psi, zeta and power (..., 3, 3, m)."""
     kind, half = electronics.kind, half_sizes(sensor)
     out = np.empty((*exact.shape, var.shape[-1]))
-    flow, noise = at_either_end(kind, currents[..., None]), at_either_end(kind, var)
+    flow, noise = end_sums(kind, currents[..., None]), end_sums(kind, var)
     below, above = flow[..., 0, :], flow[..., 1, :]
     square = above**2 * noise[..., 0, :] + below**2 * noise[..., 1, :]
     whole = (below + above) ** 2
@@ -180,7 +182,7 @@ def carried(
             place = np.clip(exact[..., k, :2] / half[k], -0.97, 0.97)
             slope = electrodes.slopes(place, tall)
             out[..., k, :2, :] /= np.diagonal(slope, axis1=-2, axis2=-1)[..., None] ** 2
-    of_sum = var.sum(axis=-2) / (4 if two_layers(electronics) else 1)
+    of_sum = var.sum(axis=-2) / (4 if has_two_layers(electronics) else 1)
     out[..., 2, :] = of_sum / (1e-3 * electronics.responsivity) ** 2
     return out
 
@@ -196,9 +198,9 @@ def step_variances(sensor: Sensor, reading: ArrayLike, share: ArrayLike = 1.0) -
     exact = np.asarray(reading, dtype=float)
     if sensor.electronics is None:
         return np.zeros_like(exact)
-    electronics, parts = sensor.electronics, by_detector(exact)
+    electronics, parts = sensor.electronics, split_detectors(exact)
     step = electronics.adc_range / 2**electronics.adc_bits / electronics.transimpedance
-    currents = currents_of(sensor, electronics, parts)
+    currents = electrode_currents(sensor, electronics, parts)
     noise = current_variances(electronics, currents)[..., :-1].sum(axis=-1)
     noise = noise * np.broadcast_to(share, exact.shape[:-1])[..., None, None] / step**2
     left = np.zeros_like(noise)
@@ -206,7 +208,7 @@ def step_variances(sensor: Sensor, reading: ArrayLike, share: ArrayLike = 1.0) -
         left += np.exp(-((2 * np.pi * k) ** 2) * noise) / k**2
     var = (step**2 / (2 * np.pi**2) * left)[..., None]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        return carried(sensor, electronics, parts, currents, var).reshape(exact.shape)
+        return reading_variances(sensor, electronics, parts, currents, var).reshape(exact.shape)
 
 
 #: Harmonics of the error of a step: what comes after is 1 % of its variance without noise.
@@ -240,7 +242,7 @@ def two_layer_variances(sensor: Sensor, electronics: Electronics, exact: Floats)
     return out
 
 
-def at_either_end(kind: str, parts: Floats) -> Floats:
+def end_sums(kind: str, parts: Floats) -> Floats:
     """Sums of the electrodes' parts (..., 4, m) over those that light moves away from, and towards,
     along y and along z: (..., 2, 2, m)."""
     shape = (*parts.shape[:-2], 2, 2, parts.shape[-1])
@@ -272,7 +274,9 @@ def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> F
     if sensor.electronics is None:
         sigma = standard_deviations(sensor, exact)
         return mask_missed(sensor, exact, exact + sigma * rng.standard_normal(sigma.shape))
-    currents = currents_of(sensor, sensor.electronics, exact.reshape(*exact.shape[:-1], 3, 3))
+    currents = electrode_currents(
+        sensor, sensor.electronics, exact.reshape(*exact.shape[:-1], 3, 3)
+    )
     parts = [
         sample_detector(sensor.electronics, half, currents[..., k, :], rng)
         for k, half in enumerate(half_sizes(sensor))

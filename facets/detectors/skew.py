@@ -17,7 +17,7 @@ from ..core.units import Floats
 Times = NDArray[np.floating[Any]]
 
 #: A pause of this many usual steps parts a recording: no slope is taken over it.
-PAUSE = 10.0
+LONGEST_PAUSE = 10.0
 
 
 def slopes(time: Times, values: Floats) -> Floats:
@@ -32,7 +32,7 @@ def slopes(time: Times, values: Floats) -> Floats:
         return out
     step = np.diff(time)
     usual = np.median(step[step > 0]) if (step > 0).any() else 0.0
-    sound = (step > 0) & (step <= PAUSE * usual)
+    sound = (step > 0) & (step <= LONGEST_PAUSE * usual)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         each = np.where(sound[:, None], np.diff(values, axis=0) / step[:, None], np.nan)
     known = np.isfinite(each)
@@ -56,7 +56,7 @@ def align(sensor: Sensor, time: Times, readings: Floats) -> Floats:
     return fixed
 
 
-def later(time: Times, states: Floats, delay: float) -> Floats:
+def delay_states(time: Times, states: Floats, delay: float) -> Floats:
     """States (n, 8) of a motion so much later, s."""
     moved: Floats = states + delay * slopes(time, states)
     return moved

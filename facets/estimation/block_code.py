@@ -14,9 +14,9 @@ from llvmlite import ir
 from ..model.block_code import LaneWrite, linearise_exactly, pointers_to, power_derivative
 from ..model.packing import vectors_at, vectors_of
 from ..optics import bench_gradient, gradient
-from ..optics.forward import with_power
-from ..scalars.lanes import Flag, LaneWriter, Memory
-from ..scalars.machine import DOUBLE, LONG, counted
+from ..optics.forward import replace_power
+from ..scalars.lanes import LaneFlag, LaneMemory, LaneWriter
+from ..scalars.machine import DOUBLE, LONG, write_loop
 from ..scalars.tracing import Condition, Value
 from . import straight
 from .block_task import SCALES, BlockTask, Form
@@ -36,7 +36,7 @@ def estimating(form: Form) -> LaneWrite:
         at = builder.inttoptr(arguments[0], ir.PointerType(LONG))
         numbers = range(len(BlockTask._fields))
         task = BlockTask(*(builder.load(builder.gep(at, [ir.Constant(LONG, n)])) for n in numbers))
-        with counted(builder, task.blocks) as index:
+        with write_loop(builder, task.blocks) as index:
             write_block(LaneWriter(builder, lanes), form, task, index)
 
     return write
@@ -172,7 +172,7 @@ def weighted(
     """The Jacobian's columns of the free unknowns and the residuals, in standard deviations."""
     rows: list[Numbers] = []
     residuals: Numbers = []
-    found = linearised(code, with_power(vectors, x[8]), x, form)
+    found = linearised(code, replace_power(vectors, x[8]), x, form)
     for (values, derivatives), darkness in zip(found, question.darkness, strict=True):
         code.leave(~(values[2] > darkness))
         for value, row in zip(values, derivatives, strict=True):
@@ -190,11 +190,11 @@ def linearised(
     state, places = tuple(x[:8]), [c for c in form.free if c < 8]
     text: Any
     if form.kind == "plain":
-        text = gradient.linearised(vectors, state)
+        text = gradient.linearise(vectors, state)
     elif form.exact:
         text = linearise_exactly(code, vectors, state, len(places))
     else:
-        text = bench_gradient.nearly_linearised(vectors, state)
+        text = bench_gradient.linearise_nearly(vectors, state)
     found = []
     for k, (values, derivatives) in enumerate(text):
         rows = [[row[c] for c in places] for row in derivatives]
@@ -216,10 +216,10 @@ class PlainSteps:
     def __init__(self, code: LaneWriter, form: Form, task: BlockTask) -> None:
         size = len(form.free)
         self.code, self.form, self.task = code, form, task
-        self.at, self.end = Memory(code, UNKNOWNS), Memory(code, UNKNOWNS)
-        self.cost, self.gain, self.small = (Memory(code, 1) for _ in range(3))
-        self.steps, self.factor = Memory(code, 1), Memory(code, size * (size + 1) // 2)
-        self.going, self.stalled = (Flag(code, code.same(False)) for _ in range(2))
+        self.at, self.end = LaneMemory(code, UNKNOWNS), LaneMemory(code, UNKNOWNS)
+        self.cost, self.gain, self.small = (LaneMemory(code, 1) for _ in range(3))
+        self.steps, self.factor = LaneMemory(code, 1), LaneMemory(code, size * (size + 1) // 2)
+        self.going, self.stalled = (LaneFlag(code, code.same(False)) for _ in range(2))
         self.most_steps = code.spread(code.builder.sitofp(task.most_steps, DOUBLE))
 
     def begin(self, start: Numbers, question: Question) -> None:
@@ -286,9 +286,9 @@ class DampedSteps(PlainSteps):
     def __init__(self, code: LaneWriter, form: Form, task: BlockTask) -> None:
         super().__init__(code, form, task)
         size = len(form.free)
-        self.here, self.right = Memory(code, UNKNOWNS), Memory(code, size)
-        self.matrix = Memory(code, size * (size + 1) // 2)
-        self.damping, self.earlier, self.since = (Memory(code, 1) for _ in range(3))
+        self.here, self.right = LaneMemory(code, UNKNOWNS), LaneMemory(code, size)
+        self.matrix = LaneMemory(code, size * (size + 1) // 2)
+        self.damping, self.earlier, self.since = (LaneMemory(code, 1) for _ in range(3))
 
     def begin(self, start: Numbers, question: Question) -> None:
         super().begin(start, question)
@@ -317,7 +317,7 @@ class DampedSteps(PlainSteps):
     ) -> tuple[Numbers, list[Numbers], Numbers]:
         """The state from where to step, and its equations: those of this round, or the kept."""
 
-        def choose(memory: Memory, numbers: Numbers) -> Numbers:
+        def choose(memory: LaneMemory, numbers: Numbers) -> Numbers:
             for n, number in enumerate(numbers):
                 memory[n] = self.code.select(accepted, number, memory[n])
             return [memory[n] for n in range(len(numbers))]
@@ -346,7 +346,7 @@ class DampedSteps(PlainSteps):
         return slow  # type: ignore[no-any-return]
 
 
-def covariance_of(factor: Memory, free: Sequence[int]) -> Numbers:
+def covariance_of(factor: LaneMemory, free: Sequence[int]) -> Numbers:
     """That of the free unknowns at its places in that of the state, (8, 8), row by row."""
     size = len(free)
     numbers = iter([factor[n] for n in range(size * (size + 1) // 2)])

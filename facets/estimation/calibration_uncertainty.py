@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..core.names import FINE_UNITS
 from ..core.units import Floats
 from ..detectors.calibrated import MISFIT
-from ..detectors.correction import NAMES, slopes
+from ..detectors.correction import NAMES, correction_slopes
 from ..detectors.noise import standard_deviations
 from ..model.arrays import EFFECTS, effect_jacobian, jacobian, parameter_jacobian, readings
 from ..model.beam_shape import SHAPE, by_shape
@@ -70,7 +70,11 @@ def covariances(
 def by_parameters(sensor: Sensor, known: Calibration, states: Floats, seen: Floats) -> Floats:
     """How far model and reading part for each unit of what was calibrated: (n, 9, p)."""
     whole = parameter_jacobian(sensor, states)
-    blocks = {PARAMETERS: whole, NAMES: -slopes(sensor, seen), MISFIT: misfit(len(states))}
+    blocks = {
+        PARAMETERS: whole,
+        NAMES: -correction_slopes(sensor, seen),
+        MISFIT: misfit(len(states)),
+    }
     if any(name in SHAPE for name in known.names):
         blocks[SHAPE] = by_shape(sensor, states, whole)
     if any(name in EFFECTS for name in known.names):

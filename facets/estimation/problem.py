@@ -233,7 +233,7 @@ def workspace() -> Workspace:
     return Workspace(
         np.empty((LAYERS, 10, 10)),
         np.empty((ROWS, 10)),
-        np.empty((3, outlines.MOST, outlines.COLUMNS)),
+        np.empty((3, outlines.MOST_SIDES, outlines.COLUMNS)),
     )
 
 

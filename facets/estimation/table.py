@@ -15,7 +15,7 @@ from ..core.errors import InputError
 from ..core.knowledge import Prior
 from ..core.names import DETECTORS, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ..core.units import Booleans, Floats
-from ..detectors.correction import corrected
+from ..detectors.correction import correct
 from ..detectors.skew import align
 from ..files import tables
 from ..model.arrays import near_edges
@@ -132,7 +132,7 @@ def compile_for_poses(sensor: Sensor, options: Solve, *tasks: Task) -> None:
 
 def exact_readings(sensor: Sensor, readings: Floats, time: Floats | None) -> Floats:
     """Readings (n, 9), as the detectors gave them, as the model has them, of one instant each."""
-    exact = corrected(sensor, readings)
+    exact = correct(sensor, readings)
     return exact if time is None else align(sensor, time, exact)
 
 

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-from ..scalars.nesting import leaves, nested
+from ..scalars.nesting import leaves, nest
 from ..scalars.tracing import Condition, Tracer, Value, key_of
 
 #: A number of the formula, or one that is known already; or tuples of such.
@@ -66,7 +66,7 @@ class CWriter(Tracer):
 
     def narrow(self, part: Numbers) -> Numbers:
         """Wide numbers, in nested tuples, as others."""
-        return nested(part, (self._narrow(each) for each in leaves(part)))
+        return nest(part, (self._narrow(each) for each in leaves(part)))
 
     def _narrow(self, part: Numbers) -> Numbers:
         if not is_wide(part):
@@ -100,7 +100,7 @@ class CWriter(Tracer):
         self._write(f"facets_real {place}[{len(wanted)}];")
         self._write(f"facets_{function.__name__}({given}, {place});")
         found = iter([Value(self, f"{place}[{n}]") for n in range(len(wanted))])
-        return nested(like, found)
+        return nest(like, found)
 
     rarely = called
 
@@ -117,7 +117,7 @@ class CWriter(Tracer):
             size = len(list(leaves(like)))
         self._write("}")
         self.statements.insert(first, f"{self._indent}facets_real {place}[{size}];")
-        return nested(like, iter([Value(self, f"{place}[{n}]") for n in range(size)]))
+        return nest(like, iter([Value(self, f"{place}[{n}]") for n in range(size)]))
 
     def _branch(self, way: Callable[[], Numbers], place: str) -> Numbers:
         """Writes one way of `choose`."""
@@ -156,7 +156,7 @@ class CWriter(Tracer):
 CONSTANT = re.compile(r"\s*const facets_(?:real|wide) (\w+) = ")
 
 
-def needed(statements: list[str]) -> list[str]:
+def drop_unused(statements: list[str]) -> list[str]:
     """The statements without those whose number no later one asks for."""
     asked: set[str] = set()
     kept: list[str] = []

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from ..core.sensor import Sensor
-from .source import Provenance, Source, filled, source, template
-from .vectors import Vectors, vectors
+from .source import CSource, Provenance, fill_template, template, write_source
+from .vectors import TestVectors, make_vectors
 
 #: Of the shipped configuration `bench`, by GCC 12.2 with -O2, counted by QEMU 7.2.
 COSTS = """\
@@ -43,30 +43,30 @@ FILES = (
 
 def export(sensor: Sensor, about: Provenance) -> dict[Path, str]:
     """The files of the folder by their paths in it. Raises `InputError` where it can not be."""
-    code = source(sensor, about)
+    code = write_source(sensor, about)
     found = {
         Path("facets.h"): code.header,
         Path("facets.c"): code.code,
-        Path("vectors.h"): vectors_header(vectors(sensor), about),
+        Path("vectors.h"): vectors_header(make_vectors(sensor), about),
     }
     for name in FILES:
-        found[Path(name.removesuffix(".in"))] = completed(template(name), code, about)
+        found[Path(name.removesuffix(".in"))] = fill_folder_template(template(name), code, about)
     return found
 
 
-def completed(text: str, code: Source, about: Provenance) -> str:
+def fill_folder_template(text: str, code: CSource, about: Provenance) -> str:
     return (
-        filled(text, about)
+        fill_template(text, about)
         .replace("@OPERATIONS@", f"{code.operations:,}")
         .replace("@COSTS@", COSTS)
     )
 
 
-def vectors_header(found: Vectors, about: Provenance) -> str:
+def vectors_header(found: TestVectors, about: Provenance) -> str:
     """The test vectors as constants of C, in double precision."""
     count = len(found.status)
     lines = [
-        filled('/* Test vectors of "@NAME@", hash @HASH@, by facets @VERSION@. */', about),
+        fill_template('/* Test vectors of "@NAME@", hash @HASH@, by facets @VERSION@. */', about),
         "#ifndef FACETS_VECTORS_H",
         "#define FACETS_VECTORS_H",
         "#include <math.h>",

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 #: States at which a library is compared with a sensor, mm and rad; and how far a reading of numbers
 #: of 32 bits may be off, mm or mW.
-SPREAD, CLOSE_MM = np.array([0.1, 0.1, 0.1, 5e-3, 5e-3, 5e-3, 0.1, 0.1]), 2e-4
+SPREAD, SAME_READING_MM = np.array([0.1, 0.1, 0.1, 5e-3, 5e-3, 5e-3, 0.1, 0.1]), 2e-4
 
 
-class Solved(NamedTuple):
+class FirmwareSolutions(NamedTuple):
     """state: (n, 8) mm, rad, power: (n,) mW, NaN where not converged.  status: (n,).
     covariance: (n, 8, 8).  residual: (n,).  used: (n, 3) the detectors that took part."""
 
@@ -74,7 +74,7 @@ class FirmwareLibrary:
         from ..model.arrays import readings
 
         states = SPREAD * np.random.default_rng(1).uniform(-1, 1, (4, 8))
-        close = np.isclose(self.readings(states), readings(sensor, states), 1e-4, CLOSE_MM)
+        close = np.isclose(self.readings(states), readings(sensor, states), 1e-4, SAME_READING_MM)
         return bool(close.all())
 
     def solve(
@@ -85,7 +85,7 @@ class FirmwareLibrary:
         means: ArrayLike | None = None,
         sigmas: ArrayLike | None = None,
         accept_unchecked: bool = False,
-    ) -> Solved:
+    ) -> FirmwareSolutions:
         """The poses of readings (n, 9).
 
         start: states and powers (9,) or (n, 9) to start from; None for zero.  beam: "free", or
@@ -109,7 +109,7 @@ class FirmwareLibrary:
             self._code.facets_solve(
                 pointer(row), first, pointer(options), pointer(found[n : n + 1])
             )
-        return Solved(
+        return FirmwareSolutions(
             found["state"].astype(float),
             found["power"].astype(float),
             found["status"].copy(),

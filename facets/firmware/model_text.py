@@ -6,10 +6,18 @@ from typing import NamedTuple
 
 from ..core.sensor import Sensor
 from ..model.arrays import geometry_of
-from ..optics.forward import by_power, path, placed, reading, shone_on, with_light, with_power
-from ..optics.gradient import linearised_detector, turns_of_edges
+from ..optics.forward import (
+    dark_scene,
+    illuminate,
+    path,
+    power_derivative,
+    reading,
+    replace_light,
+    replace_power,
+)
+from ..optics.gradient import edge_turns, linearise_detector
 from ..optics.vectors import rotation_axes
-from .c_numbers import CONSTANT, CWriter, needed
+from .c_numbers import CONSTANT, CWriter, drop_unused
 
 
 class ModelText(NamedTuple):
@@ -28,19 +36,19 @@ def model_text(sensor: Sensor) -> ModelText:
     """
     writer = CWriter()
     exact = tuple(writer.variable(f"x[{c}]", wide=True) for c in range(8))
-    vectors = with_power(geometry_of(sensor), writer.variable("(facets_real)x[8]"))
-    standing = placed(vectors, exact)
-    at = shone_on(writer.narrow(standing))
-    lit = with_light(standing, at.integrals, at.moments)
-    turns, axes = turns_of_edges(vectors, at), writer.narrow(rotation_axes(exact[4], exact[5]))
+    vectors = replace_power(geometry_of(sensor), writer.variable("(facets_real)x[8]"))
+    standing = dark_scene(vectors, exact)
+    at = illuminate(writer.narrow(standing))
+    lit = replace_light(standing, at.integrals, at.moments)
+    turns, axes = edge_turns(vectors, at), writer.narrow(rotation_axes(exact[4], exact[5]))
     for k in range(3):
-        values, derivatives = linearised_detector(vectors, at, k, turns, axes)
+        values, derivatives = linearise_detector(vectors, at, k, turns, axes)
         psi, zeta, _ = writer.narrow(reading(vectors, lit, k, path(vectors, lit, k)))
         for i, value in enumerate((psi, zeta, values[2])):
             row = 3 * k + i
             writer.put(f"found[0][{row}]", value)
             for c in range(8):
                 writer.put(f"found[{1 + row}][{c}]", derivatives[i][c])
-            writer.put(f"found[{1 + row}][8]", by_power(vectors, values, k, i))
-    statements = needed(writer.statements)
+            writer.put(f"found[{1 + row}][8]", power_derivative(vectors, values, k, i))
+    statements = drop_unused(writer.statements)
     return ModelText("\n".join(statements), sum(map(bool, map(CONSTANT.match, statements))))

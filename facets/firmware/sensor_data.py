@@ -7,11 +7,11 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.sensor import Grid, Sensor
 from ..detectors.correction import coefficients, is_corrected
-from ..detectors.counts import per_ampere
-from ..detectors.noise import CHARGE, current_variances, power_floor, two_layers
+from ..detectors.counts import counts_per_ampere
+from ..detectors.noise import CHARGE, current_variances, has_two_layers, power_floor
 from ..estimation.doubts import has_fold
 from ..model.arrays import half_sizes, parameters
-from ..optics.forward import edges, geometry, in_sigmas, unit
+from ..optics.forward import build_geometry, mirror_edges, project_to_sigmas, unit_vector
 from ..optics.half_normal import TABLE
 from ..optics.tail_quadrature import NARROW, SLICES
 from .c_numbers import number
@@ -43,7 +43,7 @@ def refuse_unsupported(sensor: Sensor) -> None:
             "the detectors are tetra-lateral, whose places follow from an iteration that is not "
             "part of the C code; use duo-lateral or pincushion detectors"
         )
-    narrowest = float(np.min(openings(sensor)))
+    narrowest = float(np.min(facet_angles(sensor)))
     if narrowest < NARROW + TILT:
         raise InputError(
             f"a facet's opening, seen along the beam, is {np.degrees(narrowest):.0f} degrees; "
@@ -56,10 +56,13 @@ def refuse_unsupported(sensor: Sensor) -> None:
         )
 
 
-def openings(sensor: Sensor) -> list[float]:
+def facet_angles(sensor: Sensor) -> list[float]:
     """The angles between the edges of each facet, seen along the beam in its sigmas, rad."""
-    vectors = geometry(parameters(sensor))
-    seen = [complex(*unit(in_sigmas(vectors, edge))) for edge in edges(vectors.normals)]
+    vectors = build_geometry(parameters(sensor))
+    seen = [
+        complex(*unit_vector(project_to_sigmas(vectors, edge)))
+        for edge in mirror_edges(vectors.normals)
+    ]
     return [float(np.angle(seen[(k + 1) % 3] / seen[k]) % (2 * np.pi)) for k in range(3)]
 
 
@@ -89,17 +92,17 @@ def noise_data(sensor: Sensor) -> str:
     even = float(current_variances(e, np.zeros(4))[0].sum())
     lines = [
         "#define ELECTRODES 1",
-        f"#define PINCUSHION {int(not two_layers(e))}",
+        f"#define PINCUSHION {int(not has_two_layers(e))}",
         define("RESPONSIVITY", 1e-3 * e.responsivity, "A/mW"),
         define("SHOT_NOISE", 2 * CHARGE * e.bandwidth, "A^2 for each A"),
         define("EVEN_NOISE", even, "A^2, of an electrode without light"),
-        define("COUNTS_PER_MILLIWATT", 1e-3 * e.responsivity * per_ampere(e)),
-        f"#define CONVERTER_TOP {top(e.adc_bits)} /* counts at the converter's end */",
+        define("COUNTS_PER_MILLIWATT", 1e-3 * e.responsivity * counts_per_ampere(e)),
+        f"#define CONVERTER_TOP {largest_count(e.adc_bits)} /* counts at the converter's end */",
     ]
     return "\n".join(lines)
 
 
-def top(bits: int) -> int:
+def largest_count(bits: int) -> int:
     """The largest count of a converter that fits the 32 bits of a frame."""
     return int(min(2**bits - 1, 2**31 - 1))
 

@@ -19,7 +19,7 @@ class Provenance(NamedTuple):
     command: str
 
 
-class Source(NamedTuple):
+class CSource(NamedTuple):
     """header, code: the texts of the two files.  operations: of the model's readings and their
     derivatives, by count of the numbers that are computed."""
 
@@ -32,7 +32,7 @@ def template(name: str) -> str:
     return files(__package__).joinpath("c", name).read_text(encoding="utf-8")
 
 
-def filled(text: str, about: Provenance) -> str:
+def fill_template(text: str, about: Provenance) -> str:
     """A template with its marks replaced by what is known of the sensor."""
     marks = {
         "@NAME@": about.name,
@@ -58,11 +58,11 @@ static void facets_linearise(const facets_wide x[9], facets_real found[10][10])
 """
 
 
-def source(sensor: Sensor, about: Provenance) -> Source:
+def write_source(sensor: Sensor, about: Provenance) -> CSource:
     """The C of a sensor. Raises `InputError` for one whose readings it would not give."""
     refuse_unsupported(sensor)
     model = model_text(sensor)
-    head = filled(
+    head = fill_template(
         '/* Written by facets @VERSION@ for "@NAME@", hash @HASH@; see facets.h. */', about
     )
     code = [
@@ -76,4 +76,4 @@ def source(sensor: Sensor, about: Provenance) -> Source:
         template("counts.c"),
         template("estimator.c"),
     ]
-    return Source(filled(template("facets.h.in"), about), "\n".join(code), model.operations)
+    return CSource(fill_template(template("facets.h.in"), about), "\n".join(code), model.operations)

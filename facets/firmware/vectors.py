@@ -18,7 +18,7 @@ FREE, KNOWN = 16, 8
 SEED = 1
 
 
-class Vectors(NamedTuple):
+class TestVectors(NamedTuple):
     """reading: (n, 9).  beam_known: (n,).  status: (n,).  state, uncertainty: (n, 8)."""
 
     reading: Floats
@@ -28,7 +28,7 @@ class Vectors(NamedTuple):
     uncertainty: Floats
 
 
-def states_within(sensor: Sensor, count: int, rng: np.random.Generator) -> Floats:
+def sample_states(sensor: Sensor, count: int, rng: np.random.Generator) -> Floats:
     """States (count, 8) at which every spot reaches its detector, drawn about zero.
 
     Raises `InputError` where a spot misses its detector at zero already.
@@ -50,7 +50,7 @@ def states_within(sensor: Sensor, count: int, rng: np.random.Generator) -> Float
     return found[:count]
 
 
-def spoilt(reading: Floats, half: Floats) -> Floats:
+def unsolvable_readings(reading: Floats, half: Floats) -> Floats:
     """Readings (6, 9) that can not be solved, or by two detectors only."""
     rows = np.tile(reading, (6, 1))
     rows[0] = 0.0
@@ -62,30 +62,32 @@ def spoilt(reading: Floats, half: Floats) -> Floats:
     return rows
 
 
-def vectors(sensor: Sensor) -> Vectors:
+def make_vectors(sensor: Sensor) -> TestVectors:
     """For a sensor; the same ones each time."""
     rng = np.random.default_rng(SEED)
     parts = []
     for count, beam in ((FREE, "free"), (KNOWN, "known")):
-        states = states_within(sensor, count, rng)
+        states = sample_states(sensor, count, rng)
         if beam == "known":
             states[:, 6:] = 0
         exact = readings(sensor, states)
-        bad = spoilt(exact[0], half_sizes(sensor))
+        bad = unsolvable_readings(exact[0], half_sizes(sensor))
         parts.append(
-            solved(sensor, np.concatenate([exact, add_noise(sensor, exact, rng), bad]), beam)
+            solve_readings(
+                sensor, np.concatenate([exact, add_noise(sensor, exact, rng), bad]), beam
+            )
         )
-    return Vectors(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    return TestVectors(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def solved(sensor: Sensor, rows: Floats, beam: str) -> Vectors:
-    plain = sensor if sensor.calibration is None else uncalibrated(sensor)
+def solve_readings(sensor: Sensor, rows: Floats, beam: str) -> TestVectors:
+    plain = sensor if sensor.calibration is None else drop_uncertainty(sensor)
     found = solve(plain, rows, beam=beam)  # type: ignore[arg-type]
     known = np.full(len(rows), beam == "known")
-    return Vectors(rows, known, found.status, found.state, found.uncertainty)
+    return TestVectors(rows, known, found.status, found.state, found.uncertainty)
 
 
-def uncalibrated(sensor: Sensor) -> Sensor:
+def drop_uncertainty(sensor: Sensor) -> Sensor:
     """The same parameters without their uncertainty, which the C code does not know of."""
     from dataclasses import replace
 

@@ -14,10 +14,10 @@ from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..optics.effects import EFFECTS as EFFECTS
-from ..optics.effects import Effects, Options
-from ..optics.forward import Geometry, Openings, geometry
+from ..optics.effects import LightEffects, LightOptions
+from ..optics.forward import Geometry, Openings, build_geometry
 from ..optics.parameters import BEAM, FACET, PSD
-from ..optics.parameters import axes as axes_of
+from ..optics.parameters import parameter_axes as axes_of
 from ..scalars.dual import Dual
 from ..scalars.nesting import leaves
 from . import blocks, evaluators, packing
@@ -48,24 +48,26 @@ def sensor_with(sensor: Sensor, p: Sequence[float]) -> Sensor:
 def geometry_of(sensor: Sensor) -> Geometry:
     """The sensor's vectors, in plain floats."""
     light = of_light(sensor) if sensor.light.on else None
-    return geometry(parameters(sensor), openings(sensor), light)
+    return build_geometry(parameters(sensor), openings(sensor), light)
 
 
 #: Nearer to the edge of a detector, mm, what diffraction loses there is told as at this distance.
 NEAREST = 0.1
 
 
-def options(sensor: Sensor) -> Options:
+def options(sensor: Sensor) -> LightOptions:
     """What of the light is not varied; on, whether or not there is any."""
     y, z = half_sizes(sensor).T.tolist()
     halves: Any = tuple(zip(y, z, strict=True))
     light = sensor.light
-    return Options(True, light.index is not None, light.polarization is not None, halves, NEAREST)
+    return LightOptions(
+        True, light.index is not None, light.polarization is not None, halves, NEAREST
+    )
 
 
-def of_light(sensor: Sensor) -> Effects:
+def of_light(sensor: Sensor) -> LightEffects:
     """The light of the bench as the optics takes it."""
-    return Effects(tuple(effects(sensor).tolist()), options(sensor))
+    return LightEffects(tuple(effects(sensor).tolist()), options(sensor))
 
 
 def effects(sensor: Sensor) -> Floats:
@@ -148,9 +150,9 @@ def effect_jacobian(sensor: Sensor, state: ArrayLike, names: Sequence[str] | Non
     wanted = [n for n, name in enumerate(EFFECTS) if names is None or name in names]
     out = np.zeros((len(rows), 9, len(EFFECTS)))
     if wanted:
-        varied = Effects(varying(effects(sensor), wanted), options(sensor))
+        varied = LightEffects(varying(effects(sensor), wanted), options(sensor))
         vectors, moved = (
-            geometry(parameters(sensor), openings(sensor), light)
+            build_geometry(parameters(sensor), openings(sensor), light)
             for light in (of_light(sensor), varied)
         )
         own, name = packing.pack_slopes(moved), f"slopes_of_{lit_kind(sensor)}"
@@ -200,7 +202,7 @@ def packed(sensor: Sensor) -> Floats:
 def varied(sensor: Sensor) -> Geometry:
     """The sensor's vectors, which carry their slopes by its parameters."""
     light = of_light(sensor) if sensor.light.on else None
-    return geometry(varying(parameters(sensor)), openings(sensor), light)
+    return build_geometry(varying(parameters(sensor)), openings(sensor), light)
 
 
 def as_vectors(values: ArrayLike, width: int, what: str) -> Floats:

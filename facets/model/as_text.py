@@ -17,10 +17,10 @@ import numpy as np
 
 from ..core.units import Floats
 from ..optics import bench_gradient, bench_light, forward, gradient, parameters
-from ..optics.footprint import footprint, slopes
-from ..optics.forward import Geometry, by_power, placed, with_power
-from ..scalars.dual import parts
-from ..scalars.nesting import leaves, nested
+from ..optics.footprint import collimated_slopes, footprint
+from ..optics.forward import Geometry, dark_scene, power_derivative, replace_power
+from ..scalars.dual import value_and_slope
+from ..scalars.nesting import leaves, nest
 from . import evaluators
 from .blocks import task_of
 from .packing import carried
@@ -41,12 +41,12 @@ def readings(geometry: Geometry, state: State) -> list[float]:
 def derivatives(geometry: Geometry, state: State) -> list[Sequence[float]]:
     """NaN where there is no reading."""
     text = bench_gradient if geometry.light.options.on else gradient
-    return rows_of(text.linearised(geometry, state))
+    return rows_of(text.linearise(geometry, state))
 
 
 def near_derivatives(geometry: Geometry, state: State) -> list[Sequence[float]]:
-    """Under the light of a bench, what `bench_gradient.nearly_linearised` gives."""
-    return rows_of(bench_gradient.nearly_linearised(geometry, state))
+    """Under the light of a bench, what `bench_gradient.linearise_nearly` gives."""
+    return rows_of(bench_gradient.linearise_nearly(geometry, state))
 
 
 def rows_of(detectors: Any) -> list[Sequence[float]]:
@@ -58,8 +58,8 @@ def rows_of(detectors: Any) -> list[Sequence[float]]:
 
 
 def footprints(geometry: Geometry, state: State) -> list[Sequence[float]]:
-    at = placed(geometry, state)
-    return [footprint(geometry, at, k, slopes(geometry, at, k)) for k in range(3)]
+    at = dark_scene(geometry, state)
+    return [footprint(geometry, at, k, collimated_slopes(geometry, at, k)) for k in range(3)]
 
 
 FORMULAS: dict[str, Callable[[Geometry, State], Any]] = {
@@ -123,12 +123,14 @@ def fill_slopes(
     if not is_sooner(name, len(which), FEW_SLOW):
         return which
     if isinstance(moved, parameters.Axes):
-        own = partial(parameters.linearised, vectors, moved)
+        own = partial(parameters.linearise, vectors, moved)
         return fill_each(lambda state: rows_of(own(state)), states, found, which)
-    carrying = carried(vectors, nested(moved, (parts(number)[1] for number in leaves(moved))))
+    carrying = carried(
+        vectors, nest(moved, (value_and_slope(number)[1] for number in leaves(moved)))
+    )
 
     def slopes(state: State) -> list[Any]:
-        found = bench_gradient.varied(carrying, state, bench_light.scene(vectors, state))
+        found = bench_gradient.reading_slopes(carrying, state, bench_light.scene(vectors, state))
         return [row for rows in found for row in rows]
 
     return fill_each(slopes, states, found, which)
@@ -137,13 +139,13 @@ def fill_slopes(
 def linearised_at(geometry: Geometry, exact: bool, x: Floats, found: Floats) -> None:
     """Fills found (10, 10) as `row_code.write_linearised` does, or `write_linearised_exactly`."""
     *state, power = x[:9].tolist()
-    powered, lit = with_power(geometry, power), geometry.light.options.on
+    powered, lit = replace_power(geometry, power), geometry.light.options.on
     text = bench_gradient if lit else gradient
-    formula = text.linearised if exact or not lit else bench_gradient.nearly_linearised
+    formula = text.linearise if exact or not lit else bench_gradient.linearise_nearly
     for k, (values, rows) in enumerate(formula(powered, tuple(state))):
         for i in range(3):
             n = 3 * k + i
             found[0, n], found[1 + n, :8] = values[i], rows[i]
             found[1 + n, 8] = 0.0 if i < 2 else values[i] / power
             if lit:
-                found[1 + n, 8] = by_power(powered, values, k, i)
+                found[1 + n, 8] = power_derivative(powered, values, k, i)

@@ -12,13 +12,13 @@ from typing import Any
 
 from llvmlite import ir
 
-from ..optics import bench_gradient, bench_light, gradient, parameters
-from ..optics.footprint import footprint, slopes
-from ..optics.forward import Geometry, Scene, by_power, placed
+from ..optics import bench_gradient, bench_light, forward, gradient, parameters
+from ..optics.footprint import collimated_slopes, footprint
+from ..optics.forward import Geometry, Scene, dark_scene
 from ..optics.forward import readings as readings_uncut
 from ..scalars.dual import Dual
-from ..scalars.lanes import LaneWriter, Memory
-from ..scalars.machine import DOUBLE, LONG, Writer, counted
+from ..scalars.lanes import LaneMemory, LaneWriter
+from ..scalars.machine import DOUBLE, LONG, MachineWriter, write_loop
 from ..scalars.nesting import leaves
 from ..scalars.tracing import Value
 from .kinds import LIT
@@ -44,7 +44,7 @@ def each_block(formula: Formula, load: Load, found: int) -> LaneWrite:
     def write(builder: Any, arguments: Sequence[Any], lanes: int) -> None:
         packed, asked, results = pointers_to(builder, arguments[:3])
         left = builder.inttoptr(arguments[3], ir.PointerType(LONG))
-        with counted(builder, arguments[4]) as index:
+        with write_loop(builder, arguments[4]) as index:
             code = LaneWriter(builder, lanes)
             here, there = (
                 builder.gep(pointer, [builder.mul(index, ir.Constant(LONG, lanes * numbers))])
@@ -70,10 +70,10 @@ def write_readings(code: LaneWriter, vectors: Geometry, states: Any, found: Any)
 def write_derivatives(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
     """found: nine rows of eight derivatives for each state; NaN where there is no reading.
 
-    Under the light of a bench those of `bench_gradient.nearly_linearised`.
+    Under the light of a bench those of `bench_gradient.linearise_nearly`.
     """
     state = code.load_rows(states, 8, 8)
-    text = gradient.linearised if is_ideal(vectors) else bench_gradient.nearly_linearised
+    text = gradient.linearise if is_ideal(vectors) else bench_gradient.linearise_nearly
     code.store_rows(lit_rows(code, text(vectors, tuple(state))), found, 72)
 
 
@@ -81,10 +81,10 @@ def power_derivative(vectors: Geometry, values: Any, k: int, i: int) -> Any:
     """The derivative of number i of detector k's `values` by the beam's power."""
     if is_ideal(vectors):
         return values[2] / vectors.power if i == 2 else 0.0
-    return by_power(vectors, values, k, i)
+    return forward.power_derivative(vectors, values, k, i)
 
 
-def lit_rows(code: Writer, detectors: Any) -> list[Value]:
+def lit_rows(code: MachineWriter, detectors: Any) -> list[Value]:
     """The derivatives of readings, one row after the other; NaN where there is no reading."""
     derivatives: list[Value] = []
     for values, rows in detectors:
@@ -96,10 +96,10 @@ def lit_rows(code: Writer, detectors: Any) -> list[Value]:
 
 def write_footprints(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
     """found: a row of fifteen numbers for each state, of which `footprint` gives five a spot."""
-    at = placed(vectors, tuple(code.load_rows(states, 8, 8)))
+    at = dark_scene(vectors, tuple(code.load_rows(states, 8, 8)))
     ends: list[Any] = []
     for k in range(3):
-        *edges, out = footprint(vectors, at, k, slopes(vectors, at, k))
+        *edges, out = footprint(vectors, at, k, collimated_slopes(vectors, at, k))
         landed = code.compare("==", edges[0], edges[0])  # lanes take x - x for zero, NaN or not
         ends += [*edges, code.select(landed, out, nan)]
     code.store_rows(ends, found, 15)
@@ -117,7 +117,7 @@ def each_component(
             own = code.builder.icmp_signed("==", component, ir.Constant(LONG, c))
             slope = code.spread(code.builder.uitofp(own, DOUBLE)) if c < count else 0.0
             moved.append(Dual(number, slope))
-        yield component, list(leaves(bench_gradient.varied(vectors, tuple(moved), at)))
+        yield component, list(leaves(bench_gradient.reading_slopes(vectors, tuple(moved), at)))
 
 
 def write_slopes_by_state(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
@@ -132,10 +132,10 @@ def linearise_exactly(
     code: LaneWriter, vectors: Geometry, state: Sequence[Value], count: int
 ) -> list[tuple[Any, list[list[Value]]]]:
     """Readings and their derivatives by the first `count` components of the state, detector by
-    detector as `bench_gradient.linearised` gives them."""
+    detector as `bench_gradient.linearise` gives them."""
     at = bench_light.scene(vectors, tuple(state))
-    values = bench_light.readings_in(vectors, at)
-    memory = Memory(code, 9 * count)
+    values = bench_light.scene_readings(vectors, at)
+    memory = LaneMemory(code, 9 * count)
     with each_component(code, vectors, state, at, count) as (component, slopes):
         for row, slope in enumerate(slopes):
             first = code.builder.add(component, ir.Constant(LONG, row * count))
@@ -157,7 +157,7 @@ def each_block_of_slopes(formula: SlopesFormula, kind: str) -> LaneWrite:
         packed, varied, states, found = pointers_to(builder, arguments[:4])
         left = builder.inttoptr(arguments[4], ir.PointerType(LONG))
         copies = arguments[5]
-        with counted(builder, arguments[6]) as index:
+        with write_loop(builder, arguments[6]) as index:
             code = LaneWriter(builder, lanes)
             rows = builder.mul(index, ir.Constant(LONG, lanes))
             here = builder.gep(states, [builder.mul(rows, ir.Constant(LONG, 8))])
@@ -180,7 +180,7 @@ def slopes_by_copies(kind: str) -> LaneWrite:
         with code.looped(copies) as copy:
             row = code.builder.gep(varied, [code.builder.mul(copy, ir.Constant(LONG, PACKED))])
             moved = carried(vectors, vectors_of(code, row, kind))
-            slopes = bench_gradient.varied(moved, state, at)
+            slopes = bench_gradient.reading_slopes(moved, state, at)
             code.store_column(list(leaves(slopes)), found, copy, copies)
 
     return each_block_of_slopes(formula, kind)
@@ -191,7 +191,7 @@ def write_slopes_by_parameters(
 ) -> None:
     """By the thirty parameters, of ideal light.  axes: pointer to `parameters.Axes`."""
     own = vectors_at(code, axes, AXES)
-    derivatives = lit_rows(code, parameters.linearised(vectors, own, state))
+    derivatives = lit_rows(code, parameters.linearise(vectors, own, state))
     code.store_rows(derivatives, found, len(derivatives))
 
 

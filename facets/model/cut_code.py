@@ -13,9 +13,9 @@ import numpy as np
 from numba import carray  # type: ignore[attr-defined]  # noqa: TID253
 
 from ..optics import cut_light
-from ..optics.detected import cut_scene, linearised_where_cut
-from ..optics.forward import by_power, readings_of, with_power
-from ..optics.limits import COLUMNS, MOST
+from ..optics.detected import cut_scene, linearise_where_cut
+from ..optics.forward import power_derivative, replace_power, scene_readings
+from ..optics.limits import COLUMNS, MOST_SIDES
 from . import kernels, packing
 from .jit import MODEL, callback, compilable
 from .kernels import state_of, unpack, unpack_cut
@@ -56,7 +56,7 @@ def put_light(found: Any, vectors: Any, detectors: Any) -> None:
     put_linearised(found, detectors)
     for k in range(3):
         for i in range(3):
-            found[1 + 3 * k + i, 8] = by_power(vectors, detectors[k][0], k, i)
+            found[1 + 3 * k + i, 8] = power_derivative(vectors, detectors[k][0], k, i)
 
 
 @compilable
@@ -69,17 +69,20 @@ def put_nothing(found: Any) -> None:
 def readings_of_cut(
     packed: Pointer, given: Pointer, found: Pointer, memory: Pointer, rows: int
 ) -> None:
-    vectors, outlines = unpack_cut(carray(packed, (PACKED,))), carray(memory, (3, MOST, COLUMNS))
+    vectors, outlines = (
+        unpack_cut(carray(packed, (PACKED,))),
+        carray(memory, (3, MOST_SIDES, COLUMNS)),
+    )
     states, out = carray(given, (rows, 8)), carray(found, (rows, 9))
     for n in range(rows):
         at = cut_scene(vectors, state_of(states, n), outlines)[0]
-        put_readings(out[n], readings_of(vectors, at))
+        put_readings(out[n], scene_readings(vectors, at))
 
 
 def readings_of_cut_light(
     packed: Pointer, given: Pointer, found: Pointer, memory: Pointer, rows: int
 ) -> None:
-    vectors, outlines = unpack(carray(packed, (PACKED,))), carray(memory, (3, MOST, COLUMNS))
+    vectors, outlines = unpack(carray(packed, (PACKED,))), carray(memory, (3, MOST_SIDES, COLUMNS))
     states, out = carray(given, (rows, 8)), carray(found, (rows, 9))
     for n in range(rows):
         try:
@@ -92,24 +95,27 @@ def near_linearised_of_cut(
     packed: Pointer, given: Pointer, found: Pointer, memory: Pointer, rows: int
 ) -> None:
     """As `row_code.write_linearised`, and exact."""
-    vectors, outlines = unpack_cut(carray(packed, (PACKED,))), carray(memory, (3, MOST, COLUMNS))
+    vectors, outlines = (
+        unpack_cut(carray(packed, (PACKED,))),
+        carray(memory, (3, MOST_SIDES, COLUMNS)),
+    )
     states, out = carray(given, (rows, 9)), carray(found, (rows, 10, 10))
     for n in range(rows):
         power = states[n, 8]
-        powered = with_power(vectors, power)
-        put_linearised(out[n], linearised_where_cut(powered, state_of(states, n), outlines))
+        powered = replace_power(vectors, power)
+        put_linearised(out[n], linearise_where_cut(powered, state_of(states, n), outlines))
         put_by_power(out[n], power)
 
 
 def near_linearised_of_cut_light(
     packed: Pointer, given: Pointer, found: Pointer, memory: Pointer, rows: int
 ) -> None:
-    vectors, outlines = unpack(carray(packed, (PACKED,))), carray(memory, (3, MOST, COLUMNS))
+    vectors, outlines = unpack(carray(packed, (PACKED,))), carray(memory, (3, MOST_SIDES, COLUMNS))
     states, out = carray(given, (rows, 9)), carray(found, (rows, 10, 10))
     for n in range(rows):
-        powered = with_power(vectors, states[n, 8])
+        powered = replace_power(vectors, states[n, 8])
         try:
-            detectors = cut_light.linearised(powered, state_of(states, n), outlines)
+            detectors = cut_light.linearise(powered, state_of(states, n), outlines)
             put_light(out[n], powered, detectors)
         except Exception:
             put_nothing(out[n])

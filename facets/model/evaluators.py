@@ -18,7 +18,7 @@ import numpy as np
 
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from ..optics.limits import COLUMNS, MOST
+from ..optics.limits import COLUMNS, MOST_SIDES
 from .blocks import address_of
 from .failures import raise_failure
 from .kinds import LIT, kind_of
@@ -86,7 +86,7 @@ def address(name: str) -> int:
 
 def fill(name: str, vectors: Floats, given: Floats, found: Floats) -> None:
     """Fills rows of `found` for rows of `given` by one of the models."""
-    memory = np.empty((3, MOST, COLUMNS))
+    memory = np.empty((3, MOST_SIDES, COLUMNS))
     model(name)(*map(address_of, (vectors, given, found, memory)), len(given))
     raise_failure()
 

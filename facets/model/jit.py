@@ -65,7 +65,7 @@ TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
     dispatch.erfc: lambda x: lambda x: math.erfc(x),
     dispatch.atan2: lambda y, x: lambda y, x: math.atan2(y, x),
     dispatch.pi: lambda like: lambda like: math.pi,
-    dispatch.defined: lambda value, a, b, c: (
+    dispatch.nan_unless_positive: lambda value, a, b, c: (
         lambda value, a, b, c: (
             value if a.real > 0 and b.real > 0 and c.real > 0 else value * math.nan
         )

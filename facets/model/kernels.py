@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from ..optics.cut_parameters import cut_by_parameter
+from ..optics.cut_parameters import cut_parameter_slopes
 from ..optics.detected import cut_scene
-from ..optics.effects import Light, Options
-from ..optics.forward import Geometry, Openings, placed
-from ..optics.limits import COLUMNS, MOST
+from ..optics.effects import Light, LightOptions
+from ..optics.forward import Geometry, Openings, dark_scene
+from ..optics.limits import COLUMNS, MOST_SIDES
 from .jit import compilable, compiler
 from .packing import EXAMPLE
 
@@ -26,7 +26,7 @@ compiled = compiler(__file__)
 
 
 #: Whose numbers are plain, whatever carries a derivative beside them.
-PLAIN = (Openings, Options)
+PLAIN = (Openings, LightOptions)
 
 
 def expression(part: Any, numbers: Iterator[int], plain: bool = False) -> str:
@@ -48,7 +48,7 @@ def unpacking(example: Geometry) -> Callable[[Array], Geometry]:
 
     example: a sensor's vectors, with None for the last ones where these are not wanted.
     """
-    names = {kind.__name__: kind for kind in (Geometry, Light, Openings, Options)}
+    names = {kind.__name__: kind for kind in (Geometry, Light, Openings, LightOptions)}
     exec(f"def unpack(a):\n    return {expression(example, count())}", names)
     return compilable(names["unpack"])
 
@@ -60,7 +60,7 @@ unpack_cut = unpacking(EXAMPLE._replace(light=None))  # type: ignore[arg-type]
 @compilable
 def outlines() -> Array:
     """Memory for the sides of three outlines, for `optics.detected`."""
-    return np.empty((3, MOST, COLUMNS))
+    return np.empty((3, MOST_SIDES, COLUMNS))
 
 
 @compilable
@@ -81,10 +81,12 @@ def differentiate_cut(packed: Array, varied: Array, states: Array, out: Array) -
         at, counts = cut_scene(geometry, state, workspace)
         for p in range(len(varied)):
             copy = unpack(varied[p])
-            moved = placed(copy, state)
+            moved = dark_scene(copy, state)
             for k in range(3):
                 if counts[k] > 0:
                     lit = at.moments[k][1][0] == at.moments[k][1][0]
-                    rows = cut_by_parameter(geometry, at, copy, moved, k, workspace[k], counts[k])
+                    rows = cut_parameter_slopes(
+                        geometry, at, copy, moved, k, workspace[k], counts[k]
+                    )
                     for i in range(3):
                         out[n, 3 * k + i, p] = rows[i] if lit else np.nan

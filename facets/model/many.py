@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..core.units import Booleans, Floats, Integers
-from ..optics.forward import geometry
+from ..optics.forward import build_geometry
 from ..scalars.nesting import leaves
 from . import evaluators, rare
 from .arrays import fill_derivatives
@@ -45,7 +45,7 @@ def columns_of(rows: Floats) -> list[Column]:
 def vectors_of(parameters: Floats) -> Floats:
     """`packing.pack` of each row of 30 parameters: (n, m)."""
     count = len(parameters)
-    numbers = leaves(geometry(tuple(columns_of(parameters))))
+    numbers = leaves(build_geometry(tuple(columns_of(parameters))))
     parts = [np.broadcast_to(np.asarray(number + 0.0), count) for number in numbers]
     address = np.broadcast_to(rare.ADDRESS, (count, len(rare.ADDRESS)))
     vectors: Floats = np.ascontiguousarray(np.column_stack([np.stack(parts, axis=1), address]))

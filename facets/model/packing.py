@@ -7,23 +7,23 @@ from typing import Any
 
 import numpy as np
 
-from ..optics.effects import Options
-from ..optics.forward import Geometry, geometry
-from ..optics.parameters import axes
+from ..optics.effects import LightOptions
+from ..optics.forward import Geometry, build_geometry
+from ..optics.parameters import parameter_axes
 from ..scalars.dispatch import STEP
-from ..scalars.dual import Dual, parts
-from ..scalars.nesting import leaves, nested
+from ..scalars.dual import Dual, value_and_slope
+from ..scalars.nesting import leaves, nest
 from . import rare
 from .kinds import LIT
 
 #: A sensor's vectors, for their arrangement alone.
-EXAMPLE = geometry((1.0,) * 30)
+EXAMPLE = build_geometry((1.0,) * 30)
 #: The address of `rare.TABLE`, as a float.
 HERE = rare.ADDRESS.item()
 #: How many numbers `pack` makes of a sensor, before the address.
 PACKED = len(list(leaves(EXAMPLE)))
 #: How these answer to the parameters, likewise.
-AXES = axes((1.0,) * 30)
+AXES = parameter_axes((1.0,) * 30)
 #: How many numbers a row of what is given has: a state, or that and the beam's power.
 STATE, WITH_POWER = 8, 9
 #: The arrangement where nothing cuts the light and rays are parallel, and where rays are parallel.
@@ -42,7 +42,7 @@ def pack(vectors: Geometry) -> np.ndarray:
 
 def pack_slopes(vectors: Geometry) -> np.ndarray:
     """The slopes that a sensor's vectors carry by m things: (m, ...), each row as from `pack`."""
-    slopes = [parts(number)[1] for number in leaves(vectors)]
+    slopes = [value_and_slope(number)[1] for number in leaves(vectors)]
     count = max(np.size(slope) for slope in slopes)
     return np.array([np.broadcast_to(slope, count) for slope in slopes]).T.copy()
 
@@ -79,7 +79,7 @@ def is_ideal(vectors: Any) -> bool:
 
 def carried(values: Any, slopes: Any) -> Any:
     """Vectors that carry their slopes along; whose numbers are always plain stay so."""
-    if isinstance(values, Options) or values is None:
+    if isinstance(values, LightOptions) or values is None:
         return values
     if not isinstance(values, tuple):
         return Dual(values, slopes)
@@ -90,13 +90,14 @@ def carried(values: Any, slopes: Any) -> Any:
 def vectors_at(writer: Any, pointer: Any, example: Any) -> Any:
     """A sensor's vectors as code that is being written finds them in memory.
 
-    writer: a `scalars.machine.Writer`.  example: their arrangement; None for what is not wanted.
+    writer: a `scalars.machine.MachineWriter`.
+    example: their arrangement; None for what is not wanted.
     """
     places = count()
     vectors = [
         part
         if part is None
-        else nested(part, (writer.load(pointer, next(places)) for _ in leaves(part)))
+        else nest(part, (writer.load(pointer, next(places)) for _ in leaves(part)))
         for part in example
     ]
     return type(example)(*vectors)

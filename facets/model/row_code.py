@@ -11,12 +11,12 @@ from typing import Any
 from llvmlite import ir
 
 from ..optics import bench_gradient, bench_light, gradient, parameters
-from ..optics.curved_light import curved
-from ..optics.footprint import footprint, slopes, spreading
-from ..optics.forward import Geometry, placed, with_power
+from ..optics.curved_light import apparent_scene
+from ..optics.footprint import collimated_slopes, curved_slopes, footprint
+from ..optics.forward import Geometry, dark_scene, replace_power
 from ..optics.forward import readings as readings_uncut
 from ..scalars.dual import Dual
-from ..scalars.machine import DOUBLE, LONG, counted
+from ..scalars.machine import DOUBLE, LONG, write_loop
 from ..scalars.nesting import leaves
 from ..scalars.rows import RowWriter
 from ..scalars.tracing import Value
@@ -65,7 +65,7 @@ def each_row(formula: Formula, load: Load, given: int, found: int) -> Write:
 
     def write(builder: Any, arguments: Sequence[Any]) -> None:
         packed, asked, results = pointers_to(builder, arguments[:3])
-        with counted(builder, arguments[4]) as index:
+        with write_loop(builder, arguments[4]) as index:
             code = writer_of(builder, packed)
             here = row_at(builder, asked, index, ir.Constant(LONG, given))
             there = row_at(builder, results, index, ir.Constant(LONG, found))
@@ -92,12 +92,12 @@ def write_linearised(code: RowWriter, vectors: Geometry, given: Any, found: Any)
     """Of a state and the beam's power; found (10, 10): the readings, then their derivatives by each
     of these, a reading a row; the last column is not used.
 
-    Under the light of a bench those of `bench_gradient.nearly_linearised`.
+    Under the light of a bench those of `bench_gradient.linearise_nearly`.
     """
     x = numbers_at(code, given, WITH_POWER)
-    powered, state = with_power(vectors, x[8]), tuple(x[:8])
+    powered, state = replace_power(vectors, x[8]), tuple(x[:8])
     ideal = is_ideal(vectors)
-    text = gradient.linearised if ideal else bench_gradient.nearly_linearised
+    text = gradient.linearise if ideal else bench_gradient.linearise_nearly
     for k, (values, rows) in enumerate(text(powered, state)):
         store(code, values, found, 3 * k)
         for i in range(3):
@@ -109,9 +109,9 @@ def write_linearised(code: RowWriter, vectors: Geometry, given: Any, found: Any)
 def write_linearised_exactly(code: RowWriter, vectors: Geometry, given: Any, found: Any) -> None:
     """The same under the light of a bench, with nothing left out."""
     x = numbers_at(code, given, WITH_POWER)
-    powered, state = with_power(vectors, x[8]), tuple(x[:8])
+    powered, state = replace_power(vectors, x[8]), tuple(x[:8])
     at = bench_light.scene(powered, state)
-    detectors = bench_light.readings_in(powered, at)
+    detectors = bench_light.scene_readings(powered, at)
     for k, values in enumerate(detectors):
         store(code, values, found, 3 * k)
         for i in range(3):
@@ -122,7 +122,7 @@ def write_linearised_exactly(code: RowWriter, vectors: Geometry, given: Any, fou
         for c, number in enumerate(state):
             own = build.icmp_signed("==", component, ir.Constant(LONG, c))
             moved.append(Dual(number, Value(code, build.uitofp(own, DOUBLE))))
-        derivatives = leaves(bench_gradient.varied(powered, tuple(moved), at))
+        derivatives = leaves(bench_gradient.reading_slopes(powered, tuple(moved), at))
         for n, number in enumerate(derivatives):
             place = build.add(ir.Constant(LONG, 10 * (1 + n)), component)
             code.store(number, build.gep(found, [place]), 0)
@@ -130,9 +130,12 @@ def write_linearised_exactly(code: RowWriter, vectors: Geometry, given: Any, fou
 
 def write_footprints(code: RowWriter, vectors: Geometry, given: Any, found: Any) -> None:
     """found (3, 5): the footprints of the spots."""
-    at, spread = placed(vectors, tuple(numbers_at(code, given, STATE))), slopes
+    at, spread = (
+        dark_scene(vectors, tuple(numbers_at(code, given, STATE))),
+        collimated_slopes,
+    )
     if not is_ideal(vectors):
-        at, spread = curved(vectors, at), spreading
+        at, spread = apparent_scene(vectors, at), curved_slopes
     for k in range(3):
         store(code, footprint(vectors, at, k, spread(vectors, at, k)), found, 5 * k)
 
@@ -150,7 +153,7 @@ def each_row_of_slopes(formula: SlopesFormula, kind: str) -> Write:
         packed, states, results, varied = pointers_to(builder, arguments[:4])
         copies = arguments[5]
         size = builder.mul(copies, ir.Constant(LONG, 9))
-        with counted(builder, arguments[4]) as index:
+        with write_loop(builder, arguments[4]) as index:
             code = writer_of(builder, packed)
             here = row_at(builder, states, index, ir.Constant(LONG, STATE))
             found = row_at(builder, results, index, size)
@@ -171,7 +174,7 @@ def slopes_by_copies(kind: str) -> Write:
         with code.looped(copies) as copy:
             row = row_at(build, varied, copy, ir.Constant(LONG, PACKED))
             moved = carried(vectors, vectors_of(code, row, kind))
-            for n, number in enumerate(leaves(bench_gradient.varied(moved, state, at))):
+            for n, number in enumerate(leaves(bench_gradient.reading_slopes(moved, state, at))):
                 first = build.mul(copies, ir.Constant(LONG, n))
                 code.store(number, build.gep(found, [build.add(first, copy)]), 0)
 
@@ -183,7 +186,7 @@ def write_slopes_by_parameters(
 ) -> None:
     """By the thirty parameters, of ideal light.  axes: pointer to `parameters.Axes`."""
     own = vectors_at(code, axes, AXES)
-    store(code, lit_rows(code, parameters.linearised(vectors, own, state)), found)
+    store(code, lit_rows(code, parameters.linearise(vectors, own, state)), found)
 
 
 def loops_of(kind: str) -> dict[str, Write]:

@@ -1,8 +1,8 @@
 """Derivatives of the readings, carried along through the text of the readings (`scalars.dual`).
 
-Under the light of a bench these are the exact ones. Those of the light on a facet, whose text is
-for plain numbers, are closed (`carried`). For steps of an iteration there is a faster Jacobian that
-leaves out how the edges' effects change (`nearly_linearised`).
+Under the light of a bench these derivatives are exact. The text of the light on a facet is for
+plain numbers; its derivatives are closed formulas (`light_with_slope`). An iteration can use a
+faster Jacobian, which neglects how the edges' effects change (`linearise_nearly`).
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from ..scalars.dispatch import Number
-from ..scalars.dual import Dual, parts
-from .bench_light import readings_in, scene
-from .curved_light import applied, curved, unbent
-from .forward import Geometry, Scene, Three, path, placed, with_light
-from .gradient import by_state, gradients, turns_of_edges
+from ..scalars.dual import Dual, value_and_slope
+from .bench_light import scene, scene_readings
+from .curved_light import apparent_scene, apply, back_projection
+from .forward import Geometry, Scene, Three, dark_scene, path, replace_light
+from .gradient import edge_turns, gradients, state_row
 from .vectors import Matrix, Vector, add, combine, cross2, dot, dot2, rotation_axes, subtract
-from .wedge import Moments, Plane, Side, moments_closed, turned
+from .wedge import Moments, Plane, Side, moments_closed, turn_derivative
 
 #: A number's derivatives by the eight components of a state.
 Row = tuple[Any, ...]
@@ -28,7 +28,7 @@ Row = tuple[Any, ...]
 DIM = 0.01
 
 
-def carried_side(q: Plane, u: Plane, side: Side) -> Side:
+def side_with_slope(q: Plane, u: Plane, side: Side) -> Side:
     """What `wedge.side` gives, with the derivative that q and u carry along.
 
     With a = q.u and h = q x u: dL = -f da - h L dh, dK = -L da - h K dh, dJ = -2 K da - h J dh.
@@ -45,30 +45,32 @@ def carried_side(q: Plane, u: Plane, side: Side) -> Side:
     )
 
 
-def turn_of(u: Plane) -> Number:
+def angle_slope(u: Plane) -> Number:
     """By how much a unit vector that carries a derivative turns."""
     return u[0].real * u[1].imag - u[1].real * u[0].imag
 
 
-def carried_moments(
+def moments_with_slope(
     q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side, real1: Side, real2: Side,
     moments: Moments,
 ) -> Moments:  # fmt: skip
     """What `wedge.wedge` gives, likewise. side1, side2: carried; real1, real2, moments: plain."""
     mass, (cx, cy), (pxx, pxy, pyy), from_point = moments
-    qx, qy, turn1, turn2 = q[0].imag, q[1].imag, turn_of(u1), turn_of(u2)
-    mass1, (x1, y1) = turned((u1[0].real, u1[1].real), real1, mass, from_point)
-    mass2, (x2, y2) = turned((u2[0].real, u2[1].real), real2, mass, from_point)
+    qx, qy, turn1, turn2 = q[0].imag, q[1].imag, angle_slope(u1), angle_slope(u2)
+    mass1, (x1, y1) = turn_derivative((u1[0].real, u1[1].real), real1, mass, from_point)
+    mass2, (x2, y2) = turn_derivative((u2[0].real, u2[1].real), real2, mass, from_point)
     of_mass = -mass * (cx * qx + cy * qy) - mass1 * turn1 + mass2 * turn2
     of_x = pxx * qx + pxy * qy - x1 * turn1 + x2 * turn2
     of_y = pxy * qx + pyy * qy - y1 * turn1 + y2 * turn2
     whole, x, y = Dual(mass, of_mass), Dual(cx, of_x), Dual(cy, of_y)
-    of_xx, of_xy, of_yy = of_covariance(q, u1, u2, side1, side2, whole)
+    of_xx, of_xy, of_yy = covariance_slope(q, u1, u2, side1, side2, whole)
     shift = Dual(pxx, of_xx), Dual(pxy, of_xy), Dual(pyy, of_yy)
     return whole, (x, y), shift, (x - q[0], y - q[1])
 
 
-def of_covariance(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side, whole: Number) -> Three:
+def covariance_slope(
+    q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side, whole: Number
+) -> Three:
     """How one less the light's covariance changes, as xx, xy, yy; 0 where there is less light than
     DIM."""
     lit = whole.real > DIM
@@ -82,76 +84,84 @@ def of_covariance(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side, whol
     return select(lit, xx, 0.0), select(lit, xy, 0.0), select(lit, yy, 0.0)
 
 
-def carried(to: Scene, at: Scene) -> Scene:
+def light_with_slope(to: Scene, at: Scene) -> Scene:
     """The scene `to`, of numbers that carry a derivative along, with its light.
 
     at: the same with plain numbers, in which the light has been found.
     """
     q, (u0, u1, u2), (r0, r1, r2) = to.q, to.sides, at.integrals
-    s0, s1, s2 = carried_side(q, u0, r0), carried_side(q, u1, r1), carried_side(q, u2, r2)
-    on_a = carried_moments(q, u0, u1, s0, s1, r0, r1, at.moments[0])
-    on_b = carried_moments(q, u1, u2, s1, s2, r1, r2, at.moments[1])
-    on_c = carried_moments(q, u2, u0, s2, s0, r2, r0, at.moments[2])
-    return with_light(to, (s0, s1, s2), (on_a, on_b, on_c))
+    s0, s1, s2 = side_with_slope(q, u0, r0), side_with_slope(q, u1, r1), side_with_slope(q, u2, r2)
+    on_a = moments_with_slope(q, u0, u1, s0, s1, r0, r1, at.moments[0])
+    on_b = moments_with_slope(q, u1, u2, s1, s2, r1, r2, at.moments[1])
+    on_c = moments_with_slope(q, u2, u0, s2, s0, r2, r0, at.moments[2])
+    return replace_light(to, (s0, s1, s2), (on_a, on_b, on_c))
 
 
-def varied(geometry: Geometry, state: tuple[Any, ...], at: Scene) -> tuple[Three, Three, Three]:
+def reading_slopes(
+    geometry: Geometry, state: tuple[Any, ...], at: Scene
+) -> tuple[Three, Three, Three]:
     """The readings' derivatives by what geometry or state carry along.
 
     at: the plain scene with its light, from `bench_light.scene`.
     """
-    a, b, c = readings_in(geometry, carried(curved(geometry, placed(geometry, state)), at))
-    return slopes(a), slopes(b), slopes(c)
+    a, b, c = scene_readings(
+        geometry, light_with_slope(apparent_scene(geometry, dark_scene(geometry, state)), at)
+    )
+    return slopes_of_detector(a), slopes_of_detector(b), slopes_of_detector(c)
 
 
-def slopes(values: Three) -> Three:
-    return parts(values[0])[1], parts(values[1])[1], parts(values[2])[1]
+def slopes_of_detector(values: Three) -> Three:
+    return (
+        value_and_slope(values[0])[1],
+        value_and_slope(values[1])[1],
+        value_and_slope(values[2])[1],
+    )
 
 
-def linearised(
+def linearise(
     geometry: Geometry, state: tuple[Any, ...]
 ) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
-    """Readings and Jacobian at a state, for detectors A, B and C, as `gradient.linearised`; for
+    """Readings and Jacobian at a state, for detectors A, B and C, as `gradient.linearise`; for
     floats, and other numbers that NumPy's arrays may hold."""
     at = scene(geometry, state)
     each = tuple(Dual(number, seed) for number, seed in zip(state, np.eye(len(state)), strict=True))
-    a, b, c = zip(readings_in(geometry, at), varied(geometry, each, at), strict=True)
+    a, b, c = zip(scene_readings(geometry, at), reading_slopes(geometry, each, at), strict=True)
     return a, b, c
 
 
-def nearly_linearised(
+def linearise_nearly(
     geometry: Geometry, state: tuple[Any, ...]
 ) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
     """Readings, exact, and a Jacobian that leaves out how what happens at the edges changes.
 
-    For steps of an iteration and for uncertainties, some ten times faster than `linearised`: right
+    For steps of an iteration and for uncertainties, some ten times faster than `linearise`: right
     for a curved wavefront, and to some per cent where spots are near the edge of a detector.
     """
     at = scene(geometry, state)
-    back = unbent(geometry, at)
-    values = readings_in(geometry, at)
-    whitening = seen_axes(geometry, at, back)
-    seen = bundle(geometry, geometry.direction, geometry.power, geometry.spread, whitening)
-    turns, axes = turns_of_edges(seen, at), rotation_axes(state[4], state[5])
+    back = back_projection(geometry, at)
+    values = scene_readings(geometry, at)
+    whitening = apparent_axes(geometry, at, back)
+    seen = parallel_beam(geometry, geometry.direction, geometry.power, geometry.spread, whitening)
+    turns, axes = edge_turns(seen, at), rotation_axes(state[4], state[5])
     return (
-        (values[0], near_rows(geometry, at, whitening, turns, axes, 0, values[0])),
-        (values[1], near_rows(geometry, at, whitening, turns, axes, 1, values[1])),
-        (values[2], near_rows(geometry, at, whitening, turns, axes, 2, values[2])),
+        (values[0], approximate_rows(geometry, at, whitening, turns, axes, 0, values[0])),
+        (values[1], approximate_rows(geometry, at, whitening, turns, axes, 1, values[1])),
+        (values[2], approximate_rows(geometry, at, whitening, turns, axes, 2, values[2])),
     )
 
 
-def seen_axes(
+def apparent_axes(
     geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any]
 ) -> tuple[Vector, Vector]:
     """What multiplies a small step of the apex to give that of q, in sigmas, and an edge to give
     its direction as the light sees it."""
-    bent = applied(geometry.light.bend, at.q)
+    bent = apply(geometry.light.bend, at.q)
     x = combine(1, geometry.whitening[0], -bent[0], geometry.direction)
     y = combine(1, geometry.whitening[1], -bent[1], geometry.direction)
     return combine(back[0], x, back[1], y), combine(back[2], x, back[3], y)
 
 
-def bundle(
+def parallel_beam(
     geometry: Geometry,
     direction: Vector,
     power: Number,
@@ -172,7 +182,7 @@ def bundle(
     )
 
 
-def near_rows(
+def approximate_rows(
     geometry: Geometry,
     at: Scene,
     whitening: tuple[Vector, Vector],
@@ -191,25 +201,27 @@ def near_rows(
     own = (values[2] - light.background[k][0]) / mass
     bend = combine(centroid[0], light.fan[0], centroid[1], light.fan[1])
     direction = add(geometry.direction, bend)
-    ray = path(bundle(geometry, direction, own, geometry.spread, whitening), at, k)
+    ray = path(parallel_beam(geometry, direction, own, geometry.spread, whitening), at, k)
     reach = dot(subtract(ray.start, ray.origin), direction) + ray.length
     spread = (
         combine(1, geometry.spread[0], reach, light.fan[0]),
         combine(1, geometry.spread[1], reach, light.fan[1]),
     )
-    parallel = bundle(geometry, direction, own, spread, whitening)
+    parallel = parallel_beam(geometry, direction, own, spread, whitening)
     of_psi, of_zeta, of_power = gradients(parallel, at, k, ray)
     normal, both = at.normals[k], (turns[k], turns[(k + 1) % 3])
-    return drawn(
+    return add_background_to_rows(
         values,
         light.background[k],
-        by_state(parallel, of_psi, normal, both, axes),
-        by_state(parallel, of_zeta, normal, both, axes),
-        by_state(parallel, of_power, normal, both, axes),
+        state_row(parallel, of_psi, normal, both, axes),
+        state_row(parallel, of_zeta, normal, both, axes),
+        state_row(parallel, of_power, normal, both, axes),
     )
 
 
-def drawn(values: Three, other: Three, of_psi: Row, of_zeta: Row, of_power: Row) -> Three:
+def add_background_to_rows(
+    values: Three, other: Three, of_psi: Row, of_zeta: Row, of_power: Row
+) -> Three:
     """The eight derivatives of each of a detector's readings, from those of its spot alone.
 
     values: (psi, zeta, power) as read, with the other light in them.  other: its power and place.
@@ -219,13 +231,13 @@ def drawn(values: Three, other: Three, of_psi: Row, of_zeta: Row, of_power: Row)
     own = (whole - other[0]) * share
     draws = other[0] * share / (whole - other[0])
     return (
-        draws_place(of_psi, of_power, own, (values[0] - other[1]) * draws),
-        draws_place(of_zeta, of_power, own, (values[1] - other[2]) * draws),
+        add_background_to_row(of_psi, of_power, own, (values[0] - other[1]) * draws),
+        add_background_to_row(of_zeta, of_power, own, (values[1] - other[2]) * draws),
         of_power,
     )
 
 
-def draws_place(of_place: Row, of_power: Row, own: Number, lever: Number) -> Row:
+def add_background_to_row(of_place: Row, of_power: Row, own: Number, lever: Number) -> Row:
     """own: the spot's part of the power.  lever: what more of its power does to the place."""
     a, b, c, d, e, f, g, h = of_place
     p, q, r, s, t, u, v, w = of_power

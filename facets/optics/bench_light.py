@@ -10,11 +10,25 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..scalars.dispatch import Number, defined, pi
-from .curved_light import bowed, curved, mirrored, ray_at, unbent
-from .edge_light import Sum, at_point, beyond, push, step_across, streak, worn
+from ..scalars.dispatch import Number, nan_unless_positive, pi
+from .curved_light import (
+    apparent_scene,
+    back_projection,
+    curvature_shift,
+    detector_image,
+    trace_ray,
+)
+from .edge_light import (
+    EdgeEffects,
+    add_apex_loss,
+    add_rolloff,
+    add_streak_loss,
+    edge_step,
+    edge_streak,
+    light_after_wear,
+)
 from .effects import reflectances
-from .forward import Geometry, Scene, Three, placed, shone_on
+from .forward import Geometry, Scene, Three, dark_scene, illuminate
 from .vectors import Vector, add, combine, cross, dot
 from .wedge import Plane
 
@@ -33,7 +47,7 @@ def reflectance(geometry: Geometry, normal: Vector, direction: Vector) -> Number
     return 2 * (share * s + (1 - share) * p) / light.plain
 
 
-def with_background(spot: Plane, power: Number, other: Three) -> Three:
+def add_background(spot: Plane, power: Number, other: Three) -> Three:
     """(psi, zeta, power) of a spot and other light, of given power and place."""
     whole = power + other[0]
     inverse = 1 / whole
@@ -50,46 +64,48 @@ def reading(
     """Of detector k: (psi, zeta, power), mm and mW. NaN as in `forward.reading`."""
     following = (k + 1) % 3
     light = geometry.light
-    image = mirrored(geometry, at, k)
-    mass, centroid, moved = worn(geometry, at, back, steps, k)
-    ray = ray_at(image, centroid)
-    bow = bowed(image, ray, at.moments[k][2])
+    image = detector_image(geometry, at, k)
+    mass, centroid, moved = light_after_wear(geometry, at, back, steps, k)
+    ray = trace_ray(image, centroid)
+    bow = curvature_shift(image, ray, at.moments[k][2])
     centre = ray.spot[0] + bow[0], ray.spot[1] + bow[1]
     zero = mass * 0
-    total = Sum(zero, (zero, zero))
+    total = EdgeEffects(zero, (zero, zero))
     first, second = light.rolloff[k]
     step, after = steps[k], steps[following]
     circle = 2 * pi(mass)
     scatter = light.wavelength * image.path / (circle * circle)
-    one, other = streak(image, step, scatter), streak(image, after, scatter)
-    total = push(geometry, at, image, k, k, step, one, first, moved, total)
-    total = push(geometry, at, image, k, following, after, other, -second, moved, total)
-    total = beyond(geometry, image, one, centre, total)
-    total = beyond(geometry, image, other, centre, total)
+    one, other = edge_streak(image, step, scatter), edge_streak(image, after, scatter)
+    total = add_rolloff(geometry, at, image, k, k, step, one, first, moved, total)
+    total = add_rolloff(geometry, at, image, k, following, after, other, -second, moved, total)
+    total = add_streak_loss(geometry, image, one, centre, total)
+    total = add_streak_loss(geometry, image, other, centre, total)
     streaks = one, other
-    total = at_point(geometry, at, back, image, k, (step, after), streaks, scatter, centre, total)
-    rest = defined(mass - total.lost, mass - total.lost, mass, ray.facing)
+    total = add_apex_loss(
+        geometry, at, back, image, k, (step, after), streaks, scatter, centre, total
+    )
+    rest = nan_unless_positive(mass - total.lost, mass - total.lost, mass, ray.facing)
     share = 1 / rest
     spot = centre[0] + total.moment[0] * share, centre[1] + total.moment[1] * share
     bend = combine(centroid[0], light.fan[0], centroid[1], light.fan[1])
     direction = add(geometry.direction, bend)
     power = geometry.power * rest * reflectance(geometry, at.normals[k], direction)
-    psi, zeta, whole = with_background(spot, power, light.background[k])
+    psi, zeta, whole = add_background(spot, power, light.background[k])
     incidence = -dot(direction, at.normals[k])
     return (
-        defined(psi, incidence, ray.facing, image.path),
-        defined(zeta, incidence, ray.facing, image.path),
-        defined(whole, incidence, ray.facing, image.path),
+        nan_unless_positive(psi, incidence, ray.facing, image.path),
+        nan_unless_positive(zeta, incidence, ray.facing, image.path),
+        nan_unless_positive(whole, incidence, ray.facing, image.path),
     )
 
 
-def readings_in(geometry: Geometry, at: Scene) -> tuple[Three, Three, Three]:
+def scene_readings(geometry: Geometry, at: Scene) -> tuple[Three, Three, Three]:
     """(psi, zeta, power) of detectors A, B and C in a scene from `curved` with the light in it."""
-    back = unbent(geometry, at)
+    back = back_projection(geometry, at)
     steps = (
-        step_across(geometry, at, back, 0),
-        step_across(geometry, at, back, 1),
-        step_across(geometry, at, back, 2),
+        edge_step(geometry, at, back, 0),
+        edge_step(geometry, at, back, 1),
+        edge_step(geometry, at, back, 2),
     )
     return (
         reading(geometry, at, back, steps, 0),
@@ -99,9 +115,9 @@ def readings_in(geometry: Geometry, at: Scene) -> tuple[Three, Three, Three]:
 
 
 def scene(geometry: Geometry, state: tuple[Any, ...]) -> Scene:
-    return shone_on(curved(geometry, placed(geometry, state)))
+    return illuminate(apparent_scene(geometry, dark_scene(geometry, state)))
 
 
 def readings(geometry: Geometry, state: tuple[Any, ...]) -> tuple[Three, Three, Three]:
     """Eq. (1) under the light of a bench: (psi, zeta, power) of detectors A, B and C."""
-    return readings_in(geometry, scene(geometry, state))
+    return scene_readings(geometry, scene(geometry, state))

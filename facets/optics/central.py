@@ -23,7 +23,7 @@ Side = tuple[Any, Any, Any, Any]
 
 #: How far the point may be from the beam's centre, sigmas, squared. Beyond, one of the facets of a
 #: mirror like the paper's is faint.
-REACH = 4.0
+CENTRAL_SQUARED = 4.0
 
 
 def tables() -> tuple[list[float], list[float]]:
@@ -48,10 +48,10 @@ def side_central(q: Plane, a: Number, h: Number) -> Side:
     density = exponential(radius * 0.5) * (1 / (2 * pi))
     first = density - a * length
     within = error_function(h, across) * 0.25
-    return length, first, length - a * first, within - triangle(a * h, across, radius)
+    return length, first, length - a * first, within - triangle_mass(a * h, across, radius)
 
 
-def triangle(product: Number, across: Number, radius: Number) -> Number:
+def triangle_mass(product: Number, across: Number, radius: Number) -> Number:
     """The mass of the triangle between the beam's centre, the foot of the side and its point q.
 
     product, across, radius: a h, h^2, |q|^2.

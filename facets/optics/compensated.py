@@ -28,7 +28,7 @@ def sum_of_products(a: float, b: float, c: float, d: float) -> tuple[float, floa
     return rounded, missing - (rounded - total)
 
 
-def normalised(q: Plane, u: Plane) -> tuple[float, float, float]:
+def normalise(q: Plane, u: Plane) -> tuple[float, float, float]:
     """(q . u, q x u, what the latter misses) for u made a unit vector beyond its own rounding."""
     square, missing = sum_of_products(u[0], u[0], u[1], u[1])
     excess = ((square - 1) + missing) / 2

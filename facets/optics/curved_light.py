@@ -1,10 +1,10 @@
-"""Light whose wavefront is curved: as seen from where it comes from, and on a detector's image.
+"""Light with a curved wavefront, seen from its source and on a detector's image.
 
-Seen from there, the mirror's edges are straight too, so that mass and centroid of the light on a
-facet stay those of a wedge (`curved`). The ray through the centroid is followed to the detector's
-image in the facet (`mirrored`), where its landing point is a ratio of two linear functions of the
-place in the beam; half its second derivative, contracted with the light's covariance, moves the
-centroid from there (`bowed`). For any number type.
+Seen from the source, the mirror's edges are straight too, so that mass and centroid of the light on
+a facet stay those of a wedge (`apparent_scene`). The ray through the centroid is followed to the
+detector's image in the facet (`detector_image`). Its landing point is a ratio of two linear
+functions of the place in the beam; half its second derivative, contracted with the light's
+covariance, moves the centroid from there (`curvature_shift`). For any number type.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from ..scalars.dispatch import Number
-from .forward import Geometry, Scene, in_sigmas, unit
+from .forward import Geometry, Scene, project_to_sigmas, unit_vector
 from .vectors import Matrix, Vector, add, combine, dot, dot2, rotate, subtract
 from .wedge import Plane
 
 
-def unbent(geometry: Geometry, at: Scene) -> tuple[Any, Any, Any, Any]:
+def back_projection(geometry: Geometry, at: Scene) -> tuple[Any, Any, Any, Any]:
     """What carries vectors across the beam at the apex's height back to the height of its place."""
     xx, xy, yx, yy = geometry.light.bend
     height = dot(subtract(at.apex, at.place), geometry.direction)
@@ -26,35 +26,35 @@ def unbent(geometry: Geometry, at: Scene) -> tuple[Any, Any, Any, Any]:
     return d / size, -b / size, -c / size, a / size
 
 
-def applied(matrix: tuple[Any, Any, Any, Any], x: Plane) -> Plane:
+def apply(matrix: tuple[Any, Any, Any, Any], x: Plane) -> Plane:
     return matrix[0] * x[0] + matrix[1] * x[1], matrix[2] * x[0] + matrix[3] * x[1]
 
 
-def curved(geometry: Geometry, at: Scene) -> Scene:
+def apparent_scene(geometry: Geometry, at: Scene) -> Scene:
     """The scene with apex and edges as seen from where a curved wavefront's light comes from."""
-    back = unbent(geometry, at)
-    q = applied(back, at.q)
-    bent = applied(geometry.light.bend, q)
+    back = back_projection(geometry, at)
+    q = apply(back, at.q)
+    bent = apply(geometry.light.bend, q)
     sides = (
-        seen_edge(geometry, back, bent, at.edges[0]),
-        seen_edge(geometry, back, bent, at.edges[1]),
-        seen_edge(geometry, back, bent, at.edges[2]),
+        apparent_edge(geometry, back, bent, at.edges[0]),
+        apparent_edge(geometry, back, bent, at.edges[1]),
+        apparent_edge(geometry, back, bent, at.edges[2]),
     )
     return Scene(
         at.apex, at.place, at.turn, at.normals, at.edges, q, sides, at.integrals, at.moments
     )
 
 
-def seen_edge(
+def apparent_edge(
     geometry: Geometry, back: tuple[Any, Any, Any, Any], bent: Plane, edge: Vector
 ) -> Plane:
     """The direction, in sigmas, of an edge as the light sees it."""
     along = dot(edge, geometry.direction)
-    x, y = in_sigmas(geometry, edge)
-    return unit(applied(back, (x - along * bent[0], y - along * bent[1])))
+    x, y = project_to_sigmas(geometry, edge)
+    return unit_vector(apply(back, (x - along * bent[0], y - along * bent[1])))
 
 
-class Image(NamedTuple):
+class DetectorImage(NamedTuple):
     """A detector as seen in its facet, and the beam in the image's own frame: along its normal, y
     and z, from its centre; mm.
 
@@ -75,13 +75,13 @@ def reflected(v: Vector, normal: Vector) -> Vector:
     return combine(1, v, -2 * dot(v, normal), normal)
 
 
-def mirrored(geometry: Geometry, at: Scene, k: int) -> Image:
+def detector_image(geometry: Geometry, at: Scene, k: int) -> DetectorImage:
     normal, (x, y, z) = at.normals[k], geometry.axes[k]
     axes = reflected(x, normal), reflected(y, normal), reflected(z, normal)
     apex = reflected(subtract(at.apex, geometry.centres[k]), normal)  # from the image's centre
     direction = rotate(axes, geometry.direction)
     spread, fan = geometry.spread, geometry.light.fan
-    return Image(
+    return DetectorImage(
         axes=axes,
         halves=geometry.light.options.halves[k],
         start=rotate(axes, add(apex, subtract(at.place, at.apex))),
@@ -103,7 +103,7 @@ class Ray(NamedTuple):
     spot: Plane
 
 
-def ray_at(image: Image, x: Plane) -> Ray:
+def trace_ray(image: DetectorImage, x: Plane) -> Ray:
     """The ray through the place x of the beam, in sigmas."""
     start = add(image.start, combine(x[0], image.spread[0], x[1], image.spread[1]))
     direction = add(image.direction, combine(x[0], image.fan[0], x[1], image.fan[1]))
@@ -114,7 +114,7 @@ def ray_at(image: Image, x: Plane) -> Ray:
     return Ray(start[0], facing, slopes, spot)
 
 
-def bowed(image: Image, ray: Ray, shift: tuple[Any, Any, Any]) -> Plane:
+def curvature_shift(image: DetectorImage, ray: Ray, shift: tuple[Any, Any, Any]) -> Plane:
     """How far the light's mean landing point lies from the landing point of its mean, mm.
 
     shift: one less the light's covariance, in sigmas, as xx, xy, yy.

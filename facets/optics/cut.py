@@ -12,49 +12,49 @@ from typing import Any, NamedTuple
 
 from .forward import Geometry, Path, Scene, Three, path, reading
 from .limits import (
-    FAR,
     KIND,
+    NEGLIGIBLE_EXPONENT,
     Limit,
-    depth_of,
     gather_detector,
     gather_edges,
     gather_mirror,
+    gradient_per_sigma,
     limit,
-    seen,
-    turning,
+    limit_turn_gradient,
+    relevant_depth,
 )
-from .rays import gradient_of_mirror, gradient_of_normal, gradient_of_shift, slanted
-from .region import DIM, DISTANCE, FIRST, LENGTH, NORMAL, SECOND, Array, light, measure
+from .rays import gradient_of_mirror, gradient_of_normal, gradient_of_shift, slant
+from .region import DIM, DISTANCE, FIRST, LENGTH, NORMAL, SECOND, Array, measure_sides, region_light
 from .vectors import Matrix, Vector, add, combine, cross, dot, scale, subtract
 
 
-def always_cut(geometry: Geometry) -> bool:
+def is_always_cut(geometry: Geometry) -> bool:
     """Whether every sub-beam is cut, wherever the mirror stands: the uncut light is not needed."""
     openings = geometry.openings
-    return openings.gap > 0 or openings.radius * openings.radius < 2 * FAR
+    return openings.gap > 0 or openings.radius * openings.radius < 2 * NEGLIGIBLE_EXPONENT
 
 
-def outline(geometry: Geometry, at: Scene, k: int, sides: Array) -> tuple[int, Any]:
+def passing_light(geometry: Geometry, at: Scene, k: int, sides: Array) -> tuple[int, Any]:
     """The light that gets from facet k to its detector: how many `sides` cut it, and its moments.
 
-    at: with the uncut light, unless `always_cut`.
+    at: with the uncut light, unless `is_always_cut`.
     sides: (limits.MOST, limits.COLUMNS), filled. 0 where nothing that shows is missing: then the
     moments are those of the scene, else only mass and centroid are known.
     """
     openings = geometry.openings
-    depth = depth_of(DIM if always_cut(geometry) else at.moments[k][0])
+    depth = relevant_depth(DIM if is_always_cut(geometry) else at.moments[k][0])
     radius = openings.radius if openings.radius * openings.radius < depth else inf
     count = gather_mirror(geometry, at, k, depth, sides, 0)
     count = gather_detector(geometry, at, k, depth, sides, count)
     if count == 0 and radius == inf and openings.gap == 0:
         return 0, at.moments[k]
     count = gather_edges(geometry, at, k, sides, count)
-    measure(sides, count, radius)
-    mass, centroid = light(sides, count, radius)
+    measure_sides(sides, count, radius)
+    mass, centroid = region_light(sides, count, radius)
     return count, (mass, centroid, (nan, nan, nan), (nan, nan))
 
 
-class Answer(NamedTuple):
+class Response(NamedTuple):
     """How a reading answers to a motion of the apex, a turn of the mirror, a motion of the beam."""
 
     apex: Vector
@@ -62,34 +62,36 @@ class Answer(NamedTuple):
     place: Vector
 
 
-def held(geometry: Geometry, at: Scene, k: int, ray: Path, along: Vector) -> Answer:
+def response_of_landing(
+    geometry: Geometry, at: Scene, k: int, ray: Path, along: Vector
+) -> Response:
     """Of a landing coordinate with the slanted axis `along`, the centroid in the beam held."""
     beam, normal = geometry.direction, at.normals[k]
     lever = subtract(at.apex, ray.start)
     of_normal = gradient_of_normal(along, beam, normal, lever, ray.length)
-    return Answer(
+    return Response(
         gradient_of_mirror(along, beam, normal),
         cross(normal, of_normal),
         gradient_of_shift(along, beam, normal),
     )
 
 
-def advanced(
-    answer: Answer, of: Limit, turns: tuple[Vector, Vector], zeroth: float, first: float
-) -> Answer:
+def add_side_response(
+    answer: Response, of: Limit, turns: tuple[Vector, Vector], zeroth: float, first: float
+) -> Response:
     """`answer` and what the advance of one side adds.
 
     turns: the limit's answer to a turn at s = 0, and how much more at s = 1.
     zeroth, first: integrals of w f and w s f along the side, w being what the light there counts.
     """
-    return Answer(
+    return Response(
         add(answer.apex, scale(zeroth / of.size, of.apex)),
         add(answer.turn, combine(zeroth / of.size, turns[0], first / of.size, turns[1])),
         add(answer.place, scale(zeroth / of.size, of.origin)),
     )
 
 
-def row(answer: Answer, axes: Matrix) -> tuple[Any, ...]:
+def state_row(answer: Response, axes: Matrix) -> tuple[Any, ...]:
     apex, turn, place = answer
     return (
         apex[0],
@@ -103,38 +105,49 @@ def row(answer: Answer, axes: Matrix) -> tuple[Any, ...]:
     )
 
 
-def linearised_cut(
+def linearise_cut(
     geometry: Geometry, at: Scene, k: int, sides: Array, count: int, axes: Matrix
 ) -> tuple[Three, Three]:
     """(psi, zeta, power) of detector k, and the eight derivatives of each.
 
-    at: with the light as cut.  sides, count: from `outline`.  axes: the world axes of roll, pitch
-    and yaw.
+    at: with the light as cut.  sides, count: from `passing_light`.
+    axes: the world axes of roll, pitch and yaw.
     """
     ray = path(geometry, at, k)
     mass, centroid, _, _ = at.moments[k]
     x, y, z = geometry.axes[k]
     nothing = (0.0, 0.0, 0.0)
-    psi = held(geometry, at, k, ray, slanted(y, ray.leaving, x))
-    zeta = held(geometry, at, k, ray, slanted(z, ray.leaving, x))
-    power = Answer(nothing, nothing, nothing)
-    to_psi, to_zeta = seen(geometry, psi.place), seen(geometry, zeta.place)
+    psi = response_of_landing(geometry, at, k, ray, slant(y, ray.leaving, x))
+    zeta = response_of_landing(geometry, at, k, ray, slant(z, ray.leaving, x))
+    power = Response(nothing, nothing, nothing)
+    to_psi, to_zeta = (
+        gradient_per_sigma(geometry, psi.place),
+        gradient_per_sigma(geometry, zeta.place),
+    )
     for j in range(count):
         length, first, second = sides[j, LENGTH], sides[j, FIRST], sides[j, SECOND]
         if length == 0:
             continue
         of = limit(geometry, at, k, int(sides[j, KIND]))
         nx, ny, distance = sides[j, NORMAL], sides[j, NORMAL + 1], sides[j, DISTANCE]
-        foot = turning(geometry, at, k, of, (distance * nx, distance * ny))
-        on = turning(geometry, at, k, of, (distance * nx - ny, distance * ny + nx))
+        foot = limit_turn_gradient(geometry, at, k, of, (distance * nx, distance * ny))
+        on = limit_turn_gradient(geometry, at, k, of, (distance * nx - ny, distance * ny + nx))
         turns = foot, subtract(on, foot)
         dx, dy = distance * nx - centroid[0], distance * ny - centroid[1]
         # what light at s counts for a centroid: even + rise s
         even = (to_psi[0] * dx + to_psi[1] * dy) / mass
         rise = (to_psi[1] * nx - to_psi[0] * ny) / mass
-        psi = advanced(psi, of, turns, even * length + rise * first, even * first + rise * second)
+        psi = add_side_response(
+            psi, of, turns, even * length + rise * first, even * first + rise * second
+        )
         even = (to_zeta[0] * dx + to_zeta[1] * dy) / mass
         rise = (to_zeta[1] * nx - to_zeta[0] * ny) / mass
-        zeta = advanced(zeta, of, turns, even * length + rise * first, even * first + rise * second)
-        power = advanced(power, of, turns, geometry.power * length, geometry.power * first)
-    return reading(geometry, at, k, ray), (row(psi, axes), row(zeta, axes), row(power, axes))
+        zeta = add_side_response(
+            zeta, of, turns, even * length + rise * first, even * first + rise * second
+        )
+        power = add_side_response(power, of, turns, geometry.power * length, geometry.power * first)
+    return reading(geometry, at, k, ray), (
+        state_row(psi, axes),
+        state_row(zeta, axes),
+        state_row(power, axes),
+    )

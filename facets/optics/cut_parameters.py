@@ -10,8 +10,17 @@ from __future__ import annotations
 
 from ..scalars.dispatch import STEP, Number
 from .forward import Geometry, Scene, Three
-from .limits import AT_MINUS_Y, AT_MINUS_Z, AT_PLUS_Y, KIND, RIM, across, limit, seen
-from .rays import flight, gradient_of_shift, hit, land, reflect, slanted
+from .limits import (
+    AT_MINUS_Y,
+    AT_MINUS_Z,
+    AT_PLUS_Y,
+    KIND,
+    RIM,
+    gradient_per_sigma,
+    limit,
+    limit_direction,
+)
+from .rays import flight, gradient_of_shift, hit, land, reflect, slant
 from .region import DISTANCE, FIRST, LENGTH, NORMAL, SECOND, Array
 from .vectors import Vector, add, combine, dot, subtract
 from .wedge import Plane
@@ -34,26 +43,26 @@ def clearance(geometry: Geometry, at: Scene, k: int, kind: int, x: Plane) -> Num
     """By how much the ray through x clears a limit, mm, but for a constant."""
     if kind <= RIM:
         point = subtract(incidence(geometry, at, k, x), at.apex)
-        return dot(point, across(geometry, at, k, kind))
+        return dot(point, limit_direction(geometry, at, k, kind))
     psi, zeta = landing(geometry, at, k, x)
     coordinate = psi if kind <= AT_PLUS_Y else zeta
     return coordinate if kind in (AT_MINUS_Y, AT_MINUS_Z) else -coordinate
 
 
-def cut_by_parameter(
+def cut_parameter_slopes(
     geometry: Geometry, at: Scene, varied: Geometry, moved: Scene, k: int, sides: Array, count: int
 ) -> Three:
     """The derivatives of (psi, zeta, power) of detector k by one parameter.
 
     at: of `sensor`, with the light as cut.  varied: the copy of the sensor in which the parameter
-    carries STEP.  moved: of `varied`, without light.  sides, count: from `cut.outline`.
+    carries STEP.  moved: of `varied`, without light.  sides, count: from `cut.passing_light`.
     """
     mass, centroid, _, _ = at.moments[k]
     beam, normal = geometry.direction, at.normals[k]
     x, y, z = geometry.axes[k]
     leaving = reflect(beam, normal)
-    to_psi = seen(geometry, gradient_of_shift(slanted(y, leaving, x), beam, normal))
-    to_zeta = seen(geometry, gradient_of_shift(slanted(z, leaving, x), beam, normal))
+    to_psi = gradient_per_sigma(geometry, gradient_of_shift(slant(y, leaving, x), beam, normal))
+    to_zeta = gradient_per_sigma(geometry, gradient_of_shift(slant(z, leaving, x), beam, normal))
     landed = landing(varied, moved, k, centroid)
     psi, zeta = landed[0].imag / STEP, landed[1].imag / STEP
     power = mass * varied.power.imag / STEP

@@ -8,10 +8,10 @@ from __future__ import annotations
 from typing import Any
 
 from . import bench_light
-from .cut import always_cut, linearised_cut, outline
-from .forward import Geometry, Scene, Three, placed, readings_of, shone_on, with_light
+from .cut import is_always_cut, linearise_cut, passing_light
+from .forward import Geometry, Scene, Three, dark_scene, illuminate, replace_light, scene_readings
 from .forward import scene as uncut_scene
-from .gradient import linearised_detector, turns_of_edges
+from .gradient import edge_turns, linearise_detector
 from .region import Array
 from .vectors import Matrix, rotation_axes
 
@@ -20,13 +20,13 @@ def cut_scene(
     geometry: Geometry, state: tuple[Any, ...], workspace: Array
 ) -> tuple[Scene, tuple[int, int, int]]:
     """A sensor at a state with the light as cut, and how many sides cut each sub-beam."""
-    at = placed(geometry, state)
-    if not always_cut(geometry):
-        at = shone_on(at)
-    a, on_a = outline(geometry, at, 0, workspace[0])
-    b, on_b = outline(geometry, at, 1, workspace[1])
-    c, on_c = outline(geometry, at, 2, workspace[2])
-    return with_light(at, at.integrals, (on_a, on_b, on_c)), (a, b, c)
+    at = dark_scene(geometry, state)
+    if not is_always_cut(geometry):
+        at = illuminate(at)
+    a, on_a = passing_light(geometry, at, 0, workspace[0])
+    b, on_b = passing_light(geometry, at, 1, workspace[1])
+    c, on_c = passing_light(geometry, at, 2, workspace[2])
+    return replace_light(at, at.integrals, (on_a, on_b, on_c)), (a, b, c)
 
 
 def scene(geometry: Geometry, state: tuple[Any, ...], workspace: Array) -> Scene:
@@ -42,23 +42,23 @@ def readings(
     """Eq. (1): (psi, zeta, power) of detectors A, B and C at a state of Eq. (3)."""
     if geometry.light.options.on:
         return bench_light.readings(geometry, state)
-    return readings_of(geometry, scene(geometry, state, workspace))
+    return scene_readings(geometry, scene(geometry, state, workspace))
 
 
-def linearised_where_cut(
+def linearise_where_cut(
     geometry: Geometry, state: tuple[Any, ...], workspace: Array
 ) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
-    """Readings and Jacobian at a state, for detectors A, B and C, as `gradient.linearised`."""
+    """Readings and Jacobian at a state, for detectors A, B and C, as `gradient.linearise`."""
     at, counts = cut_scene(geometry, state, workspace)
-    turns, axes = turns_of_edges(geometry, at), rotation_axes(state[4], state[5])
+    turns, axes = edge_turns(geometry, at), rotation_axes(state[4], state[5])
     return (
-        linearised_one(geometry, at, 0, workspace, counts, turns, axes),
-        linearised_one(geometry, at, 1, workspace, counts, turns, axes),
-        linearised_one(geometry, at, 2, workspace, counts, turns, axes),
+        linearise_detector_where_cut(geometry, at, 0, workspace, counts, turns, axes),
+        linearise_detector_where_cut(geometry, at, 1, workspace, counts, turns, axes),
+        linearise_detector_where_cut(geometry, at, 2, workspace, counts, turns, axes),
     )
 
 
-def linearised_one(
+def linearise_detector_where_cut(
     geometry: Geometry,
     at: Scene,
     k: int,
@@ -68,5 +68,5 @@ def linearised_one(
     axes: Matrix,
 ) -> tuple[Three, Three]:
     if counts[k] > 0:
-        return linearised_cut(geometry, at, k, workspace[k], counts[k], axes)
-    return linearised_detector(geometry, at, k, turns, axes)
+        return linearise_cut(geometry, at, k, workspace[k], counts[k], axes)
+    return linearise_detector(geometry, at, k, turns, axes)

@@ -1,15 +1,15 @@
-"""What happens to the light along the facets' edges: it diffracts, is sent outward, or is lost.
+"""Effects of the facets' edges on the light: diffraction, roll-off and lost strips.
 
-It is told by the edge's own light (`Step`). Diffraction spreads, at the distance s across the edge
-from where that light lands, the share a / s^2 a mm with a = wavelength x path x light / 4 pi^2
-(Fresnel's far field of an edge). What falls beyond the detector's sensitive area is lost, and what
-lies on it unequally far to both sides moves the centroid:
+They are proportional to the light along the edge (`EdgeStep`). At the distance s across the edge
+from where this light lands, diffraction spreads the share a / s^2 per mm, where
+a = wavelength x path x light / 4 pi^2 (Fresnel's far field of an edge). Light beyond the detector's
+sensitive area is lost; light within it moves the centroid, where the area's ends are unequally far:
 
     dP = -sum a (1/S+ + 1/S-)
     c' = c - sum a [(x_e - c)(1/S+ + 1/S-) + v ln(S-/S+)] / (P + dP)
 
-To second order in the spot's size over S, an edge's light is as wide as it is (`Streak`), and the
-facet's point, where both edges end, spreads light of its own (`at_point`).
+To second order in the spot's size over S, the width of the edge's own light counts (`EdgeStreak`),
+and the facet's point, where both edges end, spreads light of its own (`add_apex_loss`).
 
 A surface that rolls off by a depth d sends the strip's light outward: the spot moves by
 2 d cos(incidence) path x light / P across the edge. A lost strip moves the wedge's point inward,
@@ -21,14 +21,14 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..scalars.dispatch import Number, larger, log, pi, sqrt
-from .curved_light import Image, Ray, applied, ray_at
-from .forward import Geometry, Scene, Three, in_sigmas
+from ..scalars.dispatch import Number, log, maximum, pi, sqrt
+from .curved_light import DetectorImage, Ray, apply, trace_ray
+from .forward import Geometry, Scene, Three, project_to_sigmas
 from .vectors import Vector, combine, cross, cross2, dot, dot2, rotate, scale
 from .wedge import Plane
 
 
-class Step(NamedTuple):
+class EdgeStep(NamedTuple):
     """A step of one mm across an edge, into the facet that begins there, and the edge's own light.
 
     world: the step.  away: how far it leads away from the edge as the light sees it, in sigmas.
@@ -36,7 +36,7 @@ class Step(NamedTuple):
     far, middle: of the edge's own light, from the apex and its place, in sigmas.  along, fan: a
     sigma along the edge, mm, and by how much a ray's direction changes over it; in the world.
     spread: the variance of the edge's light along it, in sigmas squared.  blur: 1 - a f / L, that
-    of the waves that make it up (`streak`).
+    of the waves that make it up (`edge_streak`).
     """
 
     world: Vector
@@ -51,20 +51,22 @@ class Step(NamedTuple):
     blur: Number
 
 
-def step_across(geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], edge: int) -> Step:
+def edge_step(
+    geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], edge: int
+) -> EdgeStep:
     along = at.edges[edge]
     across = cross(along, geometry.direction)
     square = dot(across, across)
     size = sqrt(square)
     step = scale(1 / size, across)
     u, (length, first, second, _) = at.sides[edge], at.integrals[edge]
-    away = cross2(u, applied(back, in_sigmas(geometry, step)))
+    away = cross2(u, apply(back, project_to_sigmas(geometry, step)))
     far = first / length
     middle = at.q[0] + far * u[0], at.q[1] + far * u[1]
     fan = geometry.light.fan
     height = dot2(at.q, u)
     waves = 1 - height * (far + height)
-    return Step(
+    return EdgeStep(
         world=step,
         away=away,
         sine=sqrt(square / dot(along, along)),
@@ -74,11 +76,11 @@ def step_across(geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], 
         along=combine(u[0], geometry.spread[0], u[1], geometry.spread[1]),
         fan=combine(u[0], fan[0], u[1], fan[1]),
         spread=second / length - far * far,
-        blur=larger(waves, waves * 0),
+        blur=maximum(waves, waves * 0),
     )
 
 
-def worn(
+def light_after_wear(
     geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], steps: Three, k: int
 ) -> tuple[Number, Plane, Plane]:
     """Mass and centroid of the light on facet k less what strips along its edges and the tip lose,
@@ -104,7 +106,7 @@ def worn(
     pd = pxx * d[0] + pxy * d[1], pxy * d[0] + pyy * d[1]
     step = dot2(centroid, d)
     left = mass * (1 - step - (dot2(d, pd) - step * step) / 2)
-    lost, place = at_tip(geometry, at, back, k)
+    lost, place = tip_loss(geometry, at, back, k)
     rest = left - lost
     moved = centroid[0] + pd[0], centroid[1] + pd[1]
     share = 1 / rest
@@ -115,7 +117,7 @@ def worn(
     return rest, centroid, d
 
 
-def at_tip(
+def tip_loss(
     geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], k: int
 ) -> tuple[Number, Plane]:
     """The share of the beam that facet k loses at the worn tip, and its centroid in sigmas.
@@ -129,12 +131,12 @@ def at_tip(
     axis = at.turn[0][2], at.turn[1][2], at.turn[2][2]
     size = back[0] * back[3] - back[1] * back[2]
     area = -dot(axis, geometry.direction) * light.tip * light.tip_shares[k]
-    offset = applied(back, in_sigmas(geometry, rotate(at.turn, light.tip_offsets[k])))
+    offset = apply(back, project_to_sigmas(geometry, rotate(at.turn, light.tip_offsets[k])))
     lost = density * (1 - dot2(at.q, offset)) * area * size * light.density
     return lost, (at.q[0] + offset[0], at.q[1] + offset[1])
 
 
-class Sum(NamedTuple):
+class EdgeEffects(NamedTuple):
     """What the edges add up to: light lost beyond the detector (a share of the beam), what that and
     the light's unequal spread do to the first moment of place, and roll-off's part of it."""
 
@@ -142,7 +144,7 @@ class Sum(NamedTuple):
     moment: Plane
 
 
-class Streak(NamedTuple):
+class EdgeStreak(NamedTuple):
     """The light that an edge spreads to both sides, as it lies on a detector's image.
 
     share: a, of the a / s^2 at s steps across the edge; mm.  spot: where the edge's own light
@@ -155,49 +157,51 @@ class Streak(NamedTuple):
     wide: Plane
 
 
-def seen_from(ray: Ray, image: Image, v: Vector) -> Plane:
+def step_on_image(ray: Ray, image: DetectorImage, v: Vector) -> Plane:
     """What a step v across the light, in the world, is on the image."""
     level, across, up = rotate(image.axes, v)
     return across - level * ray.slopes[0], up - level * ray.slopes[1]
 
 
-def streak(image: Image, step: Step, scatter: Number) -> Streak:
+def edge_streak(image: DetectorImage, step: EdgeStep, scatter: Number) -> EdgeStreak:
     """What an edge spreads. scatter: wavelength x path / 4 pi^2, mm^2.
 
     The light along an edge lands where its rays do, and each part of it is as wide as the waves
     make it that such a short piece lets through: their variances add up. That of a piece which ends
-    at the apex has no bound, since its ends diffract; `at_point` has these, and what is left is
+    at the apex has no bound, since its ends diffract; `add_apex_loss` has these, and the rest is
     Hadamard's finite part, (wavelength x path / 4 pi sigma)^2 (1 - a f / L), with the density f at
     the apex.
     """
-    ray = ray_at(image, step.middle)
+    ray = trace_ray(image, step.middle)
     own, landed = dot(step.along, step.along), combine(1, step.along, image.path, step.fan)
     inverse = 1 / own
     waves = pi(own) * scatter * inverse
     wide = sqrt(step.spread * dot(landed, landed) * inverse + waves * waves * step.blur)
-    along = seen_from(ray, image, step.along)
-    return Streak(
+    along = step_on_image(ray, image, step.along)
+    return EdgeStreak(
         share=scatter * step.light,
         spot=ray.spot,
-        v=seen_from(ray, image, step.world),
+        v=step_on_image(ray, image, step.world),
         wide=(wide * along[0], wide * along[1]),
     )
 
 
-def beyond(geometry: Geometry, image: Image, light: Streak, centre: Plane, total: Sum) -> Sum:
+def add_streak_loss(
+    geometry: Geometry, image: DetectorImage, light: EdgeStreak, centre: Plane, total: EdgeEffects
+) -> EdgeEffects:
     """`total` and what a streak loses beyond the detector's sensitive area.
 
     It counts as two lines, one standard deviation to both sides of its middle.  centre: the spot's,
     mm.
     """
     (x, y), v, wide, nearest = light.spot, light.v, light.wide, geometry.light.options.nearest
-    ahead, behind = rates((x + wide[0], y + wide[1]), v, image.halves, nearest)
-    ahead2, behind2 = rates((x - wide[0], y - wide[1]), v, image.halves, nearest)
+    ahead, behind = edge_rates((x + wide[0], y + wide[1]), v, image.halves, nearest)
+    ahead2, behind2 = edge_rates((x - wide[0], y - wide[1]), v, image.halves, nearest)
     half = light.share / 2
     one, other = half * (ahead + behind), half * (ahead2 + behind2)
     missing, lopsided = one + other, one - other
     lean = half * log(ahead * ahead2 / (behind * behind2))
-    return Sum(
+    return EdgeEffects(
         total.lost + missing,
         (
             total.moment[0] - (x - centre[0]) * missing - wide[0] * lopsided - v[0] * lean,
@@ -206,18 +210,18 @@ def beyond(geometry: Geometry, image: Image, light: Streak, centre: Plane, total
     )
 
 
-def at_point(
+def add_apex_loss(
     geometry: Geometry,
     at: Scene,
     back: tuple[Any, Any, Any, Any],
-    image: Image,
+    image: DetectorImage,
     k: int,
-    steps: tuple[Step, Step],
-    streaks: tuple[Streak, Streak],
+    steps: tuple[EdgeStep, EdgeStep],
+    streaks: tuple[EdgeStreak, EdgeStreak],
     scatter: Number,
     centre: Plane,
-    total: Sum,
-) -> Sum:
+    total: EdgeEffects,
+) -> EdgeEffects:
     """`total` and what facet k's point loses beyond the detector, where both edges end.
 
     With s and t steps of the two streaks from where the apex's own ray lands, the point's waves are
@@ -239,19 +243,24 @@ def at_point(
     density = (first + dot2(q, at.sides[k]) * length) * size * geometry.light.density
     sine = dot(cross(steps[0].world, steps[1].world), geometry.direction)
     amount = -scatter * scatter * density / sine
-    spot = ray_at(image, q).spot
+    spot = trace_ray(image, q).spot
     v, w = one.v, other.v
     turn = cross2(v, w)
     widths = dot2(one.wide, one.wide), dot2(other.wide, other.wide)
     (y, z), nearest = image.halves, geometry.light.options.nearest
     y1, z1, y0, z0 = y - spot[0], z - spot[1], -y - spot[0], -z - spot[1]
-    a, b = corner(v, w, widths, y1, z0), corner(v, w, widths, y1, z1)
-    c, d = corner(v, w, widths, y0, z1), corner(v, w, widths, y0, z0)
+    a, b = corner_steps_squared(v, w, widths, y1, z0), corner_steps_squared(v, w, widths, y1, z1)
+    c, d = corner_steps_squared(v, w, widths, y0, z1), corner_steps_squared(v, w, widths, y0, z0)
     up = log(b[0] * a[1] / (b[1] * a[0]))
     over = log(c[0] * b[1] / (c[1] * b[0]))
     down = log(d[0] * c[1] / (d[1] * c[0]))
     least = nearest + spot[0] * 0
-    y1, z1, y0, z0 = larger(y1, least), larger(z1, least), larger(-y0, least), larger(-z0, least)
+    y1, z1, y0, z0 = (
+        maximum(y1, least),
+        maximum(z1, least),
+        maximum(-y0, least),
+        maximum(-z0, least),
+    )
     level, upright = y1 * y0, z1 * z0
     each = 1 / (2 * level * upright)
     right, left, top, bottom = (
@@ -271,7 +280,7 @@ def at_point(
         amount * (2 * v[0] * w[0] * sideways + (w[1] * v[0] + v[1] * w[0]) * upward),
         amount * ((w[0] * v[1] + v[0] * w[1]) * sideways + 2 * v[1] * w[1] * upward),
     )
-    return Sum(
+    return EdgeEffects(
         total.lost + missing,
         (
             total.moment[0] - (spot[0] - centre[0]) * missing - lean[0],
@@ -280,7 +289,7 @@ def at_point(
     )
 
 
-def corner(v: Plane, w: Plane, widths: Plane, x: Number, y: Number) -> Plane:
+def corner_steps_squared(v: Plane, w: Plane, widths: Plane, x: Number, y: Number) -> Plane:
     """The squares of t and s of a corner (x, y) from where the apex's ray lands, as s v + t w.
 
     widths: the squares of both streaks' standard deviations, mm^2.
@@ -289,18 +298,18 @@ def corner(v: Plane, w: Plane, widths: Plane, x: Number, y: Number) -> Plane:
     return t * t + widths[0], s * s + widths[1]
 
 
-def push(
+def add_rolloff(
     geometry: Geometry,
     at: Scene,
-    image: Image,
+    image: DetectorImage,
     k: int,
     edge: int,
-    step: Step,
-    light: Streak,
+    step: EdgeStep,
+    light: EdgeStreak,
     depth: Number,
     moved: Plane,
-    total: Sum,
-) -> Sum:
+    total: EdgeEffects,
+) -> EdgeEffects:
     """`total` and where an edge of facet k that rolls off sends its light.
 
     depth: mm, positive for the facet that begins at the edge where it falls off; its negative for
@@ -310,10 +319,12 @@ def push(
     width = geometry.light.rolloff_width * facing / step.sine
     mean = strip_mean(at, k, edge, step, moved, width)
     far = -2 * depth * facing * image.path * step.light * mean
-    return Sum(total.lost, (total.moment[0] + light.v[0] * far, total.moment[1] + light.v[1] * far))
+    return EdgeEffects(
+        total.lost, (total.moment[0] + light.v[0] * far, total.moment[1] + light.v[1] * far)
+    )
 
 
-def strip_mean(at: Scene, k: int, edge: int, step: Step, moved: Plane, width: Number) -> Number:
+def strip_mean(at: Scene, k: int, edge: int, step: EdgeStep, moved: Plane, width: Number) -> Number:
     """The light along a strip of facet k beside its edge, over the light along the edge itself.
 
     moved: where the strip begins, from the apex, in sigmas.  width: of the strip, across the beam,
@@ -339,15 +350,15 @@ def strip_mean(at: Scene, k: int, edge: int, step: Step, moved: Plane, width: Nu
     return 1 + rise + bow / 2
 
 
-def rates(spot: Plane, v: Plane, halves: Plane, nearest: Number) -> tuple[Number, Number]:
+def edge_rates(spot: Plane, v: Plane, halves: Plane, nearest: Number) -> tuple[Number, Number]:
     """One over how many steps v lead from a spot to the window's edge, ahead and behind."""
     least = nearest + spot[0] * 0
-    right, left = larger(halves[0] - spot[0], least), larger(halves[0] + spot[0], least)
-    above, below = larger(halves[1] - spot[1], least), larger(halves[1] + spot[1], least)
+    right, left = maximum(halves[0] - spot[0], least), maximum(halves[0] + spot[0], least)
+    above, below = maximum(halves[1] - spot[1], least), maximum(halves[1] + spot[1], least)
     level, upright = right * left, above * below
     whole = 1 / (level * upright)  # one division for all four
     x, y = v[0] * upright * whole, v[1] * level * whole
     return (
-        larger(larger(x * left, -x * right), larger(y * below, -y * above)),
-        larger(larger(-x * left, x * right), larger(-y * below, y * above)),
+        maximum(maximum(x * left, -x * right), maximum(y * below, -y * above)),
+        maximum(maximum(-x * left, x * right), maximum(-y * below, y * above)),
     )

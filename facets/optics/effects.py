@@ -1,7 +1,7 @@
-"""What the light of a bench does beside the ideal: its numbers, and the vectors made of them.
+"""Deviations of a bench's light from the ideal: their numbers, and the vectors made of them.
 
-`Effects` are the numbers by which it is described, `EFFECTS` their names and order; `Light` is what
-the optics takes, made once a sensor by `light`. Lengths in mm, powers in mW.
+`LightEffects` holds the numbers, `EFFECTS` their names and order. `Light` is the form that the
+optics uses; `build_light` makes it once a sensor. Lengths in mm, powers in mW.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ EFFECTS = (
 )
 
 
-class Options(NamedTuple):
+class LightOptions(NamedTuple):
     """What is not varied: plain floats and truth values, whatever the type of the numbers.
 
     on: whether any of it counts; else the ideal light's own formulas hold.
@@ -46,11 +46,11 @@ class Options(NamedTuple):
     nearest: Any
 
 
-class Effects(NamedTuple):
+class LightEffects(NamedTuple):
     """values: in the order of `EFFECTS`."""
 
     values: tuple[Any, ...]
-    options: Options
+    options: LightOptions
 
 
 class Light(NamedTuple):
@@ -67,7 +67,7 @@ class Light(NamedTuple):
     degrees, twice.  field: of polarised light, in the world.
     """
 
-    options: Options
+    options: LightOptions
     bend: tuple[Any, Any, Any, Any]
     fan: tuple[Vector, Vector]
     density: Number
@@ -84,25 +84,25 @@ class Light(NamedTuple):
     field: Vector
 
 
-ENDLESS = (inf, inf)
-OFF = Options(False, False, False, (ENDLESS, ENDLESS, ENDLESS), 0.0)
-NOTHING = (0.0, 0.0, 0.0)
+UNBOUNDED = (inf, inf)
+OFF = LightOptions(False, False, False, (UNBOUNDED, UNBOUNDED, UNBOUNDED), 0.0)
+ZERO_VECTOR = (0.0, 0.0, 0.0)
 IDEAL = Light(
     options=OFF,
     bend=(0.0, 0.0, 0.0, 0.0),
-    fan=(NOTHING, NOTHING),
+    fan=(ZERO_VECTOR, ZERO_VECTOR),
     density=0.0,
     wavelength=0.0,
     rolloff=((0.0, 0.0), (0.0, 0.0), (0.0, 0.0)),
     rolloff_width=0.0,
-    strips=NOTHING,
+    strips=ZERO_VECTOR,
     tip=0.0,
-    tip_shares=NOTHING,
-    tip_offsets=(NOTHING, NOTHING, NOTHING),
-    background=(NOTHING, NOTHING, NOTHING),
+    tip_shares=ZERO_VECTOR,
+    tip_offsets=(ZERO_VECTOR, ZERO_VECTOR, ZERO_VECTOR),
+    background=(ZERO_VECTOR, ZERO_VECTOR, ZERO_VECTOR),
     coating=(1.0, 0.0),
     plain=1.0,
-    field=NOTHING,
+    field=ZERO_VECTOR,
 )
 
 
@@ -113,7 +113,7 @@ def opening(first: Vector, second: Vector) -> Number:
     )
 
 
-def middle(first: Vector, second: Vector, opening: Number, radius: Number) -> Vector:
+def sector_centroid(first: Vector, second: Vector, opening: Number, radius: Number) -> Vector:
     """From the middle of a disc to the centroid of its sector between two edges, seen along the
     mirror's axis, in the mirror's frame; mm."""
     one = sqrt(first[0] * first[0] + first[1] * first[1])
@@ -140,15 +140,15 @@ def reflectances(index: tuple[Any, Any], cosine: Number) -> tuple[Number, Number
     return s, p
 
 
-def turned(effects: tuple[Any, ...], x: Vector, y: Vector, v: Vector) -> Vector:
+def ray_turn(effects: tuple[Any, ...], x: Vector, y: Vector, v: Vector) -> Vector:
     """By how much a ray's direction changes over a step v across the beam."""
     xx, xy, yy = effects[:3]
     right, up = dot(v, x), dot(v, y)
     return combine(xx * right + xy * up, x, xy * right + yy * up, y)
 
 
-def light(
-    effects: Effects,
+def build_light(
+    effects: LightEffects,
     edges: Three,
     axes: tuple[Vector, Vector],
     spread: tuple[Vector, Vector],
@@ -165,7 +165,7 @@ def light(
     area = effects.values[13]
     radius = sqrt(area / pi(area)) if real(area) > 0 else area * 0
     v = effects.values
-    first, second = turned(v, x, y, spread[0]), turned(v, x, y, spread[1])
+    first, second = ray_turn(v, x, y, spread[0]), ray_turn(v, x, y, spread[1])
     normal = cross(whitening[0], whitening[1])
     across, along = reflectances((v[23], v[24]), sqrt((v[23] * 0 + 1) / 2))
     return Light(
@@ -185,9 +185,9 @@ def light(
         tip=v[13],
         tip_shares=(shares[0] / whole, shares[1] / whole, shares[2] / whole),
         tip_offsets=(
-            middle(edges[0], edges[1], shares[0], radius),
-            middle(edges[1], edges[2], shares[1], radius),
-            middle(edges[2], edges[0], shares[2], radius),
+            sector_centroid(edges[0], edges[1], shares[0], radius),
+            sector_centroid(edges[1], edges[2], shares[1], radius),
+            sector_centroid(edges[2], edges[0], shares[2], radius),
         ),
         background=((v[14], v[15], v[16]), (v[17], v[18], v[19]), (v[20], v[21], v[22])),
         coating=(v[23], v[24]),

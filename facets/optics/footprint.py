@@ -12,15 +12,15 @@ from math import inf, nan, sqrt
 from typing import Any
 
 from ..scalars.dispatch import Number
-from .curved_light import mirrored, ray_at
+from .curved_light import detector_image, trace_ray
 from .forward import Geometry, Scene
-from .limits import central_landing, outward, seen
-from .rays import gradient_of_shift, reflect, slanted
+from .limits import central_landing, gradient_per_sigma, outward_direction
+from .rays import gradient_of_shift, reflect, slant
 from .vectors import dot, subtract
 from .wedge import Plane
 
 #: The 1/e^2 radius in sigmas.
-RADIUS = 2.0
+FOOTPRINT_RADIUS_SIGMAS = 2.0
 
 
 def inside(point: Plane, q: Plane, u1: Plane, u2: Plane) -> bool:
@@ -74,7 +74,7 @@ def between(
 def between_float(
     slope: Plane, q: Plane, u1: Plane, u2: Plane, opening: float, centre: float
 ) -> tuple[float, float]:
-    radius = min(RADIUS, opening)
+    radius = min(FOOTPRINT_RADIUS_SIGMAS, opening)
     back = (-slope[0], -slope[1])
     most, least = reach(slope, q, u1, u2, radius), -reach(back, q, u1, u2, radius)
     if most < least:
@@ -87,7 +87,9 @@ def between_straight(
 ) -> tuple[Number, Number]:
     """The same without branches, for numbers that write machine code."""
     code: Any = centre.writer
-    radius = code.select(code.compare("<", opening, RADIUS), opening, RADIUS)
+    radius = code.select(
+        code.compare("<", opening, FOOTPRINT_RADIUS_SIGMAS), opening, FOOTPRINT_RADIUS_SIGMAS
+    )
     back = (-slope[0], -slope[1])
     most = reach_straight(code, slope, q, u1, u2, radius)
     least = -reach_straight(code, back, q, u1, u2, radius)
@@ -122,13 +124,13 @@ def reach_straight(code: Any, slope: Plane, q: Plane, u1: Plane, u2: Plane, radi
     return at_most(within & code.compare(">", size, 0.0), radius * size)
 
 
-def spreading(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, Plane]:
+def curved_slopes(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, Plane]:
     """How psi and zeta change a sigma across a beam whose wavefront is curved, mm."""
-    image = mirrored(geometry, at, k)
-    middle = ray_at(image, (0.0, 0.0)).spot
+    image = detector_image(geometry, at, k)
+    middle = trace_ray(image, (0.0, 0.0)).spot
     right, up = (
-        ray_at(image, (1.0, 0.0)).spot,
-        ray_at(image, (0.0, 1.0)).spot,
+        trace_ray(image, (1.0, 0.0)).spot,
+        trace_ray(image, (0.0, 1.0)).spot,
     )
     return (
         (right[0] - middle[0], up[0] - middle[0]),
@@ -136,15 +138,15 @@ def spreading(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, Plane]:
     )
 
 
-def slopes(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, Plane]:
+def collimated_slopes(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, Plane]:
     """How psi and zeta change a sigma across a collimated beam, mm."""
     beam, normal = geometry.direction, at.normals[k]
     x, y, z = geometry.axes[k]
     leaving = reflect(beam, normal)
-    along_y, along_z = slanted(y, leaving, x), slanted(z, leaving, x)
+    along_y, along_z = slant(y, leaving, x), slant(z, leaving, x)
     return (
-        seen(geometry, gradient_of_shift(along_y, beam, normal)),
-        seen(geometry, gradient_of_shift(along_z, beam, normal)),
+        gradient_per_sigma(geometry, gradient_of_shift(along_y, beam, normal)),
+        gradient_per_sigma(geometry, gradient_of_shift(along_z, beam, normal)),
     )
 
 
@@ -154,12 +156,14 @@ def footprint(
     """(least psi, largest psi, least zeta, largest zeta) of the spot on detector k, and how far
     from the mirror's axis its light meets facet k at most; mm. NaN as `extent` and `reading`.
 
-    across: what `slopes` gives, or `spreading` where the wavefront is curved.
+    across: from `collimated_slopes`, or from `curved_slopes` where the wavefront is curved.
     """
     beam, normal = geometry.direction, at.normals[k]
     _, (psi, zeta) = central_landing(geometry, at, k)
     left, right = extent(geometry, at, k, across[0], psi)
     low, high = extent(geometry, at, k, across[1], zeta)
-    away = slanted(outward(geometry, at, k), beam, normal)
-    _, out = extent(geometry, at, k, seen(geometry, away), dot(subtract(at.place, at.apex), away))
+    away = slant(outward_direction(geometry, at, k), beam, normal)
+    _, out = extent(
+        geometry, at, k, gradient_per_sigma(geometry, away), dot(subtract(at.place, at.apex), away)
+    )
     return left, right, low, high, out + (psi - psi)  # NaN where psi is

@@ -13,8 +13,8 @@ from __future__ import annotations
 from math import inf
 from typing import Any, NamedTuple
 
-from ..scalars.dispatch import Number, cos, defined, sin, sqrt
-from .effects import IDEAL, Effects, Light, light
+from ..scalars.dispatch import Number, cos, nan_unless_positive, sin, sqrt
+from .effects import IDEAL, Light, LightEffects, build_light
 from .rays import flight, hit, land, reflect
 from .vectors import (
     Matrix,
@@ -53,7 +53,7 @@ OPEN = Openings(False, inf, 0.0, inf, 0.0, ((inf, inf), (inf, inf), (inf, inf)))
 
 
 class Geometry(NamedTuple):
-    """A sensor at rest, as vectors; from `geometry`.
+    """A sensor at rest, as vectors; from `build_geometry`.
 
     direction: of the beam.  power: mW.
     spread: the beam's two cross-section axes times their sigma, mm.
@@ -95,8 +95,8 @@ def psd_axes(azimuth: Number, roll: Number, pitch: Number, yaw: Number) -> Matri
     return columns(rotation(roll, pitch, azimuth + yaw))
 
 
-def geometry(
-    parameters: tuple[Any, ...], openings: Openings = OPEN, effects: Effects | None = None
+def build_geometry(
+    parameters: tuple[Any, ...], openings: Openings = OPEN, effects: LightEffects | None = None
 ) -> Geometry:
     """The vectors of a sensor from its 30 parameters, in the order of `facets.PARAMETERS`.
 
@@ -115,7 +115,7 @@ def geometry(
     own = IDEAL
     if effects is not None:
         level = beam_axes(turn * 0, tilt_x, tilt_y)
-        own = light(effects, edges((a, b, c)), level[:2], spread, whitening)
+        own = build_light(effects, mirror_edges((a, b, c)), level[:2], spread, whitening)
     return Geometry(
         direction=scale(-1, back),
         power=power,
@@ -129,7 +129,7 @@ def geometry(
     )
 
 
-def with_power(geometry: Geometry, power: Number) -> Geometry:
+def replace_power(geometry: Geometry, power: Number) -> Geometry:
     """The same sensor with another power of its beam, mW."""
     return Geometry(
         geometry.direction,
@@ -144,7 +144,7 @@ def with_power(geometry: Geometry, power: Number) -> Geometry:
     )
 
 
-def by_power(geometry: Geometry, values: Three, k: int, i: int) -> Number:
+def power_derivative(geometry: Geometry, values: Three, k: int, i: int) -> Number:
     """The derivative of number i of detector k's (psi, zeta, power), `values`, by the beam's power.
 
     A place answers to it where other light falls on the detector: of power B at c_B it weighs the
@@ -158,7 +158,7 @@ def by_power(geometry: Geometry, values: Three, k: int, i: int) -> Number:
     return (values[i] - other[1 + i]) * other[0] / (values[2] * geometry.power)
 
 
-def edges(normals: Three) -> Three:
+def mirror_edges(normals: Three) -> Three:
     """The mirror's edges ca, ab, bc from the apex down (not of unit length).
 
     Edge number k is where facet k begins, counter-clockwise seen from above, so that facet k lies
@@ -168,12 +168,12 @@ def edges(normals: Three) -> Three:
     return cross(a, c), cross(b, a), cross(c, b)
 
 
-def in_sigmas(geometry: Geometry, v: Vector) -> Plane:
+def project_to_sigmas(geometry: Geometry, v: Vector) -> Plane:
     """A vector of the world as seen along the beam, in units of the beam's sigma."""
     return dot(geometry.whitening[0], v), dot(geometry.whitening[1], v)
 
 
-def unit(v: Plane) -> Plane:
+def unit_vector(v: Plane) -> Plane:
     norm = sqrt(v[0] * v[0] + v[1] * v[1])
     return v[0] / norm, v[1] / norm
 
@@ -201,21 +201,21 @@ class Scene(NamedTuple):
 
 
 def scene(geometry: Geometry, state: tuple[Any, ...]) -> Scene:
-    return shone_on(placed(geometry, state))
+    return illuminate(dark_scene(geometry, state))
 
 
-def placed(geometry: Geometry, state: tuple[Any, ...]) -> Scene:
+def dark_scene(geometry: Geometry, state: tuple[Any, ...]) -> Scene:
     """The scene with the light left out: its integrals and moments are zero."""
     tx, ty, tz, roll, pitch, yaw, bx, by = state
     apex, place = (tx, ty, tz), (bx, by, bx * 0)
     turn = rotation(roll, pitch, yaw)
     a, b, c = geometry.normals
     normals = rotate(turn, a), rotate(turn, b), rotate(turn, c)
-    edge = edges(normals)
-    q = in_sigmas(geometry, subtract(apex, place))
-    u0 = unit(in_sigmas(geometry, edge[0]))
-    u1 = unit(in_sigmas(geometry, edge[1]))
-    u2 = unit(in_sigmas(geometry, edge[2]))
+    edge = mirror_edges(normals)
+    q = project_to_sigmas(geometry, subtract(apex, place))
+    u0 = unit_vector(project_to_sigmas(geometry, edge[0]))
+    u1 = unit_vector(project_to_sigmas(geometry, edge[1]))
+    u2 = unit_vector(project_to_sigmas(geometry, edge[2]))
     zero = tx * 0
     dark = zero, (zero, zero), (zero, zero, zero), (zero, zero)
     none = zero, zero, zero, zero
@@ -223,17 +223,17 @@ def placed(geometry: Geometry, state: tuple[Any, ...]) -> Scene:
     return Scene(apex, place, turn, normals, edge, q, sides, (none, none, none), (dark, dark, dark))
 
 
-def shone_on(at: Scene) -> Scene:
+def illuminate(at: Scene) -> Scene:
     """The scene with the light in it, nothing cut."""
     q, (u0, u1, u2) = at.q, at.sides
     s0, s1, s2 = side(q, u0), side(q, u1), side(q, u2)
     on_a = wedge(q, u0, u1, s0, s1)
     on_b = wedge(q, u1, u2, s1, s2)
     on_c = wedge(q, u2, u0, s2, s0)
-    return with_light(at, (s0, s1, s2), (on_a, on_b, on_c))
+    return replace_light(at, (s0, s1, s2), (on_a, on_b, on_c))
 
 
-def with_light(at: Scene, integrals: Three, moments: Three) -> Scene:
+def replace_light(at: Scene, integrals: Three, moments: Three) -> Scene:
     return Scene(
         at.apex, at.place, at.turn, at.normals, at.edges, at.q, at.sides, integrals, moments
     )
@@ -277,18 +277,18 @@ def reading(geometry: Geometry, at: Scene, k: int, ray: Path) -> Three:
     psi, zeta = land(ray.start, ray.leaving, ray.length, geometry.centres[k], geometry.axes[k])
     power = geometry.power * at.moments[k][0]
     return (
-        defined(psi, -ray.incidence, ray.facing, ray.length),
-        defined(zeta, -ray.incidence, ray.facing, ray.length),
-        defined(power, -ray.incidence, ray.facing, ray.length),
+        nan_unless_positive(psi, -ray.incidence, ray.facing, ray.length),
+        nan_unless_positive(zeta, -ray.incidence, ray.facing, ray.length),
+        nan_unless_positive(power, -ray.incidence, ray.facing, ray.length),
     )
 
 
 def readings(geometry: Geometry, state: tuple[Any, ...]) -> tuple[Three, Three, Three]:
     """Eq. (1): (psi, zeta, power) of detectors A, B and C at a state of Eq. (3), nothing cut."""
-    return readings_of(geometry, scene(geometry, state))
+    return scene_readings(geometry, scene(geometry, state))
 
 
-def readings_of(geometry: Geometry, at: Scene) -> tuple[Three, Three, Three]:
+def scene_readings(geometry: Geometry, at: Scene) -> tuple[Three, Three, Three]:
     return (
         reading(geometry, at, 0, path(geometry, at, 0)),
         reading(geometry, at, 1, path(geometry, at, 1)),

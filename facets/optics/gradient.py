@@ -2,7 +2,7 @@
 
 Each reading has a few raw gradients (`Gradient`): how it answers to the ray, the facet, the apex
 seen along the beam, and the angles of the facet's two edges. The derivatives with respect to the
-state (`linearised`) and to the sensor's parameters (`by_parameters`) are dot products with these.
+state (`linearise`) and to the parameters (`parameters.linearise`) are dot products with these.
 A small turn of a vector v about an axis w is w x v, so a gradient g with respect to v contributes
 (v x g) . w.
 """
@@ -12,10 +12,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from ..scalars.dispatch import Number
-from .forward import Geometry, Path, Scene, Three, in_sigmas, path, reading, scene
-from .rays import gradient_of_mirror, gradient_of_normal, gradient_of_shift, slanted
+from .forward import Geometry, Path, Scene, Three, path, project_to_sigmas, reading, scene
+from .rays import gradient_of_mirror, gradient_of_normal, gradient_of_shift, slant
 from .vectors import Matrix, Vector, add, combine, cross, dot, rotation_axes, subtract
-from .wedge import Plane, turned
+from .wedge import Plane, turn_derivative
 
 
 class Gradient(NamedTuple):
@@ -84,11 +84,11 @@ def gradients(
     """Of psi, zeta and power of detector k."""
     following = (k + 1) % 3
     mass, _, _, from_point = at.moments[k]
-    mass1, (x1, y1) = turned(at.sides[k], at.integrals[k], mass, from_point)
-    mass2, second = turned(at.sides[following], at.integrals[following], mass, from_point)
+    mass1, (x1, y1) = turn_derivative(at.sides[k], at.integrals[k], mass, from_point)
+    mass2, second = turn_derivative(at.sides[following], at.integrals[following], mass, from_point)
     first = (-x1, -y1)  # the first edge turns counter-clockwise: the facet closes
     x, y, z = geometry.axes[k]
-    along_y, along_z = slanted(y, ray.leaving, x), slanted(z, ray.leaving, x)
+    along_y, along_z = slant(y, ray.leaving, x), slant(z, ray.leaving, x)
     return (
         landing_gradient(geometry, at, k, ray, along_y, first, second),
         landing_gradient(geometry, at, k, ray, along_z, first, second),
@@ -98,17 +98,17 @@ def gradients(
 
 def gradient_of_angle(geometry: Geometry, edge: Vector) -> Vector:
     """Of an edge's angle, seen along the beam in sigmas, with respect to the edge."""
-    x, y = in_sigmas(geometry, edge)
+    x, y = project_to_sigmas(geometry, edge)
     square = x * x + y * y
     return combine(x / square, geometry.whitening[1], -y / square, geometry.whitening[0])
 
 
-def in_world(geometry: Geometry, gradient: Plane) -> Vector:
+def gradient_in_world(geometry: Geometry, gradient: Plane) -> Vector:
     """A gradient with respect to a place in sigmas, as one with respect to it in mm."""
     return combine(gradient[0], geometry.whitening[0], gradient[1], geometry.whitening[1])
 
 
-def by_state(
+def state_row(
     geometry: Geometry,
     gradient: Gradient,
     normal: Vector,
@@ -120,7 +120,7 @@ def by_state(
     turns: how the angles of the facet's two edges answer to a turn of the mirror.
     axes: the world axes of roll, pitch and yaw.
     """
-    seen = in_world(geometry, gradient.q)
+    seen = gradient_in_world(geometry, gradient.q)
     apex = add(gradient.mirror, seen)
     place = subtract(gradient.origin, seen)
     of_edges = combine(gradient.first, turns[0], gradient.second, turns[1])
@@ -137,7 +137,7 @@ def by_state(
     )
 
 
-def turns_of_edges(geometry: Geometry, at: Scene) -> tuple[Vector, Vector, Vector]:
+def edge_turns(geometry: Geometry, at: Scene) -> tuple[Vector, Vector, Vector]:
     """How the angle of each edge, seen along the beam, answers to a turn of the mirror."""
     return (
         cross(at.edges[0], gradient_of_angle(geometry, at.edges[0])),
@@ -146,24 +146,24 @@ def turns_of_edges(geometry: Geometry, at: Scene) -> tuple[Vector, Vector, Vecto
     )
 
 
-def linearised_detector(
+def linearise_detector(
     geometry: Geometry, at: Scene, k: int, turns: tuple[Vector, Vector, Vector], axes: Matrix
 ) -> tuple[Three, Three]:
     """(psi, zeta, power) of detector k, and the eight derivatives of each.
 
-    turns: from `turns_of_edges`.  axes: the world axes of roll, pitch and yaw.
+    turns: from `edge_turns`.  axes: the world axes of roll, pitch and yaw.
     """
     ray = path(geometry, at, k)
     of_psi, of_zeta, of_power = gradients(geometry, at, k, ray)
     normal, own = at.normals[k], (turns[k], turns[(k + 1) % 3])
     return reading(geometry, at, k, ray), (
-        by_state(geometry, of_psi, normal, own, axes),
-        by_state(geometry, of_zeta, normal, own, axes),
-        by_state(geometry, of_power, normal, own, axes),
+        state_row(geometry, of_psi, normal, own, axes),
+        state_row(geometry, of_zeta, normal, own, axes),
+        state_row(geometry, of_power, normal, own, axes),
     )
 
 
-def linearised(
+def linearise(
     geometry: Geometry, state: tuple[Any, ...]
 ) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
     """Readings and Jacobian at a state, for detectors A, B and C, nothing cut.
@@ -172,9 +172,9 @@ def linearised(
     """
     at = scene(geometry, state)
     axes = rotation_axes(state[4], state[5])
-    turns = turns_of_edges(geometry, at)
+    turns = edge_turns(geometry, at)
     return (
-        linearised_detector(geometry, at, 0, turns, axes),
-        linearised_detector(geometry, at, 1, turns, axes),
-        linearised_detector(geometry, at, 2, turns, axes),
+        linearise_detector(geometry, at, 0, turns, axes),
+        linearise_detector(geometry, at, 1, turns, axes),
+        linearise_detector(geometry, at, 2, turns, axes),
     )

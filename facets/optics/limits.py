@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import inf, log
 from typing import NamedTuple
 
-from ..scalars.dispatch import defined, sqrt
+from ..scalars.dispatch import nan_unless_positive, sqrt
 from .forward import Geometry, Scene
 from .rays import (
     flight,
@@ -21,7 +21,7 @@ from .rays import (
     hit,
     land,
     reflect,
-    slanted,
+    slant,
 )
 from .region import DISTANCE, NORMAL, Array
 from .vectors import Vector, add, combine, cross, dot, rotate, scale, subtract
@@ -31,26 +31,26 @@ from .wedge import Plane
 KIND, COLUMNS = 10, 11
 #: A facet's first and second edge, tip and rim, and its detector's edges.
 FIRST_EDGE, SECOND_EDGE, TIP, RIM, AT_MINUS_Y, AT_PLUS_Y, AT_MINUS_Z, AT_PLUS_Z = range(8)
-MOST = 8
+MOST_SIDES = 8
 
 #: A side past which the beam has less than exp(-FAR) of the facet's light cuts nothing: 4e-18.
-FAR = 40.0
-FAINTEST = 5e-324
+NEGLIGIBLE_EXPONENT = 40.0
+SMALLEST_FLOAT = 5e-324
 HAIR = 1e-300
 
 
-def depth_of(mass: float) -> float:
+def relevant_depth(mass: float) -> float:
     """The square of the distance from the beam's centre, in sigmas, past which nothing shows
     beside a facet's own `mass`."""
-    return 2 * (FAR - log(max(mass, FAINTEST)))
+    return 2 * (NEGLIGIBLE_EXPONENT - log(max(mass, SMALLEST_FLOAT)))
 
 
-def seen(geometry: Geometry, origin: Vector) -> Plane:
+def gradient_per_sigma(geometry: Geometry, origin: Vector) -> Plane:
     """A gradient with respect to a ray's origin as one over the cross-section, per sigma."""
     return dot(origin, geometry.spread[0]), dot(origin, geometry.spread[1])
 
 
-def put(
+def add_side(
     sides: Array, count: int, kind: int, value: float, slope: Plane, sense: float, depth: float
 ) -> int:
     """Writes the side where value + sense slope . x = 0 if it is nearer than `depth`.
@@ -77,13 +77,13 @@ def gather_mirror(
     tip, rim = geometry.openings.tip, geometry.openings.rim
     if tip == 0 and rim == inf:
         return count
-    along = slanted(outward(geometry, at, k), geometry.direction, at.normals[k])
+    along = slant(outward_direction(geometry, at, k), geometry.direction, at.normals[k])
     value = dot(subtract(at.place, at.apex), along)
-    slope = seen(geometry, along)
+    slope = gradient_per_sigma(geometry, along)
     if tip > 0:
-        count = put(sides, count, TIP, value - tip, slope, 1.0, depth)
+        count = add_side(sides, count, TIP, value - tip, slope, 1.0, depth)
     if rim < inf:
-        count = put(sides, count, RIM, rim - value, slope, -1.0, depth)
+        count = add_side(sides, count, RIM, rim - value, slope, -1.0, depth)
     return count
 
 
@@ -101,7 +101,7 @@ def central_landing(geometry: Geometry, at: Scene, k: int) -> tuple[Vector, Plan
     length = flight(start, leaving, centre, axes)
     psi, zeta = land(start, leaving, length, centre, axes)
     clear = -dot(beam, normal), dot(leaving, axes[0]), length
-    return leaving, (defined(psi, *clear), defined(zeta, *clear))
+    return leaving, (nan_unless_positive(psi, *clear), nan_unless_positive(zeta, *clear))
 
 
 def gather_detector(
@@ -113,12 +113,16 @@ def gather_detector(
         return count
     beam, normal, axes = geometry.direction, at.normals[k], geometry.axes[k]
     leaving, (psi, zeta) = central_landing(geometry, at, k)
-    slope = seen(geometry, gradient_of_shift(slanted(axes[1], leaving, axes[0]), beam, normal))
-    count = put(sides, count, AT_MINUS_Y, half_y + psi, slope, 1.0, depth)
-    count = put(sides, count, AT_PLUS_Y, half_y - psi, slope, -1.0, depth)
-    slope = seen(geometry, gradient_of_shift(slanted(axes[2], leaving, axes[0]), beam, normal))
-    count = put(sides, count, AT_MINUS_Z, half_z + zeta, slope, 1.0, depth)
-    return put(sides, count, AT_PLUS_Z, half_z - zeta, slope, -1.0, depth)
+    slope = gradient_per_sigma(
+        geometry, gradient_of_shift(slant(axes[1], leaving, axes[0]), beam, normal)
+    )
+    count = add_side(sides, count, AT_MINUS_Y, half_y + psi, slope, 1.0, depth)
+    count = add_side(sides, count, AT_PLUS_Y, half_y - psi, slope, -1.0, depth)
+    slope = gradient_per_sigma(
+        geometry, gradient_of_shift(slant(axes[2], leaving, axes[0]), beam, normal)
+    )
+    count = add_side(sides, count, AT_MINUS_Z, half_z + zeta, slope, 1.0, depth)
+    return add_side(sides, count, AT_PLUS_Z, half_z - zeta, slope, -1.0, depth)
 
 
 def gather_edges(geometry: Geometry, at: Scene, k: int, sides: Array, count: int) -> int:
@@ -129,8 +133,9 @@ def gather_edges(geometry: Geometry, at: Scene, k: int, sides: Array, count: int
         ux, uy = at.sides[edge]
         distance = sense * (at.q[0] * uy - at.q[1] * ux)
         if gap > 0:
-            slope = seen(
-                geometry, slanted(across(geometry, at, k, kind), geometry.direction, at.normals[k])
+            slope = gradient_per_sigma(
+                geometry,
+                slant(limit_direction(geometry, at, k, kind), geometry.direction, at.normals[k]),
             )
             distance -= gap / sqrt(slope[0] * slope[0] + slope[1] * slope[1])
         sides[count, DISTANCE] = distance if distance != 0 else HAIR
@@ -140,14 +145,14 @@ def gather_edges(geometry: Geometry, at: Scene, k: int, sides: Array, count: int
     return count
 
 
-def outward(geometry: Geometry, at: Scene, k: int) -> Vector:
+def outward_direction(geometry: Geometry, at: Scene, k: int) -> Vector:
     """Square to the mirror's axis, away from it in the direction that facet k faces."""
     x, y, z = geometry.normals[k]
     size = sqrt(x * x + y * y)
     return rotate(at.turn, (x / size, y / size, z * 0))
 
 
-def across(geometry: Geometry, at: Scene, k: int, kind: int) -> Vector:
+def limit_direction(geometry: Geometry, at: Scene, k: int, kind: int) -> Vector:
     """The direction along which a limit on facet k counts; a unit vector that turns with it."""
     if kind == FIRST_EDGE:
         edge = at.edges[k]
@@ -155,7 +160,7 @@ def across(geometry: Geometry, at: Scene, k: int, kind: int) -> Vector:
     if kind == SECOND_EDGE:
         edge = at.edges[(k + 1) % 3]
         return scale(1 / sqrt(dot(edge, edge)), cross(edge, at.normals[k]))
-    return scale(1.0 if kind == TIP else -1.0, outward(geometry, at, k))
+    return scale(1.0 if kind == TIP else -1.0, outward_direction(geometry, at, k))
 
 
 class Limit(NamedTuple):
@@ -178,20 +183,20 @@ def limit(geometry: Geometry, at: Scene, k: int, kind: int) -> Limit:
     beam, normal, axes = geometry.direction, at.normals[k], geometry.axes[k]
     on_facet = kind <= RIM
     if on_facet:
-        along = slanted(across(geometry, at, k, kind), beam, normal)
+        along = slant(limit_direction(geometry, at, k, kind), beam, normal)
         origin, apex = along, scale(-1.0, along)
     else:
         axis = axes[1] if kind <= AT_PLUS_Y else axes[2]
         sense = 1.0 if kind in (AT_MINUS_Y, AT_MINUS_Z) else -1.0
-        along = scale(sense, slanted(axis, reflect(beam, normal), axes[0]))
+        along = scale(sense, slant(axis, reflect(beam, normal), axes[0]))
         origin = gradient_of_shift(along, beam, normal)
         apex = gradient_of_mirror(along, beam, normal)
-    slope = seen(geometry, origin)
+    slope = gradient_per_sigma(geometry, origin)
     size = sqrt(slope[0] * slope[0] + slope[1] * slope[1])
     return Limit(along, origin, apex, size, on_facet)
 
 
-def turning(geometry: Geometry, at: Scene, k: int, of: Limit, x: Plane) -> Vector:
+def limit_turn_gradient(geometry: Geometry, at: Scene, k: int, of: Limit, x: Plane) -> Vector:
     """The gradient of a limit with respect to a turn of the mirror, at the ray through x."""
     beam, normal = geometry.direction, at.normals[k]
     offset = combine(x[0], geometry.spread[0], x[1], geometry.spread[1])

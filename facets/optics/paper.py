@@ -25,7 +25,7 @@ PANELS = 4
 EDGE = 9.0
 
 
-class Image(NamedTuple):
+class SubBeamImage(NamedTuple):
     """What is seen on a detector's plane: (y, z), mm, in the detector's frame.
 
     apex: Q of Fig. 2.  beam: S.  edges: directions of the images of the two edges.
@@ -38,21 +38,22 @@ class Image(NamedTuple):
     leaving: Floats
 
 
-def landed(geometry: Geometry, k: int, start: Vector, leaving: Vector) -> Floats:
+def landing_point(geometry: Geometry, k: int, start: Vector, leaving: Vector) -> Floats:
     axes, centre = geometry.axes[k], geometry.centres[k]
     return np.array(land(start, leaving, flight(start, leaving, centre, axes), centre, axes))
 
 
-def image(geometry: Geometry, at: Scene, k: int, ray: Path) -> Image:
+def sub_beam_image(geometry: Geometry, at: Scene, k: int, ray: Path) -> SubBeamImage:
     leaving = ray.leaving
-    apex = landed(geometry, k, at.apex, leaving)
+    apex = landing_point(geometry, k, at.apex, leaving)
     under_beam = hit(at.place, geometry.direction, at.apex, at.normals[k])
     first, second = (
-        landed(geometry, k, add(at.apex, at.edges[j]), leaving) - apex for j in (k, (k + 1) % 3)
+        landing_point(geometry, k, add(at.apex, at.edges[j]), leaving) - apex
+        for j in (k, (k + 1) % 3)
     )
-    return Image(
+    return SubBeamImage(
         apex=apex,
-        beam=landed(geometry, k, under_beam, leaving),
+        beam=landing_point(geometry, k, under_beam, leaving),
         edges=(first, second),
         leaving=np.array([dot(leaving, axis) for axis in geometry.axes[k]]),
     )
@@ -74,7 +75,7 @@ def angles(edges: tuple[Floats, Floats]) -> tuple[float, float]:
     return np.arctan2(z1, y1), np.arctan2(y1 * z2 - z1 * y2, y1 * y2 + z1 * z2)
 
 
-def integrate(seen: Image, power: float, diameter: float) -> tuple[float, float, float]:
+def integrate(seen: SubBeamImage, power: float, diameter: float) -> tuple[float, float, float]:
     """Eq. (9): centroid (psi, zeta) and power of the irradiance of Eq. (7) and (8)."""
     px, py, pz = seen.leaving
     ky, kz = px**2 / (px**2 + py**2), px**2 / (px**2 + pz**2)
@@ -106,6 +107,6 @@ def paper_readings(geometry: Geometry, states: Floats) -> Floats:
         for k in range(3):
             ray = path(geometry, at, k)
             if -ray.incidence > 0 and ray.facing > 0 and ray.length > 0:
-                seen = image(geometry, at, k, ray)
+                seen = sub_beam_image(geometry, at, k, ray)
                 out[n, 3 * k : 3 * k + 3] = integrate(seen, geometry.power, 4 * sigma_x)
     return out

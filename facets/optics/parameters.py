@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 from ..scalars.dispatch import Number, cos, sin
 from .forward import Geometry, Path, Scene, Three, path, reading, scene
-from .gradient import Gradient, gradient_of_angle, gradients, in_world
-from .rays import gradient_of_beam, slanted
+from .gradient import Gradient, gradient_in_world, gradient_of_angle, gradients
+from .rays import gradient_of_beam, slant
 from .vectors import (
     Vector,
     add,
@@ -49,7 +49,7 @@ class Axes(NamedTuple):
     psds: Three
 
 
-def axes(parameters: tuple[Any, ...]) -> Axes:
+def parameter_axes(parameters: tuple[Any, ...]) -> Axes:
     tilt_x, tilt_y, _ = rotation_axes(parameters[5], parameters[5] * 0)
     a, b, c = (axes_of_facet(*parameters[k : k + 2]) for k in (6, 8, 10))
     d, e, f = (axes_of_psd(parameters[k : k + 6]) for k in (12, 18, 24))
@@ -70,7 +70,7 @@ def axes_of_psd(psd: tuple[Any, ...]) -> tuple[Vector, Vector, Vector, Vector, V
     return (ca, sa, zero), (-radius * sa, radius * ca, zero), roll_axis, pitch_axis, yaw_axis
 
 
-def turn_of_beam(
+def beam_turn_gradient(
     geometry: Geometry, at: Scene, k: int, ray: Path, along: Vector, gradient: Gradient
 ) -> Vector:
     """One reading's gradient with respect to a turn of the beam and its cross-section.
@@ -82,11 +82,11 @@ def turn_of_beam(
     offset, apex = subtract(ray.origin, at.place), subtract(at.apex, at.place)
     turn = add(cross(geometry.direction, aim), cross(offset, gradient.origin))
     # turning the beam's axes turns what is seen along it the other way
-    turn = add(turn, cross(in_world(geometry, gradient.q), apex))
-    return subtract(turn, turn_of_edges(geometry, at, k, gradient))
+    turn = add(turn, cross(gradient_in_world(geometry, gradient.q), apex))
+    return subtract(turn, edge_turn_gradient(geometry, at, k, gradient))
 
 
-def turn_of_edges(geometry: Geometry, at: Scene, k: int, gradient: Gradient) -> Vector:
+def edge_turn_gradient(geometry: Geometry, at: Scene, k: int, gradient: Gradient) -> Vector:
     first, second = at.edges[k], at.edges[(k + 1) % 3]
     return combine(
         gradient.first,
@@ -96,7 +96,7 @@ def turn_of_edges(geometry: Geometry, at: Scene, k: int, gradient: Gradient) -> 
     )
 
 
-def by_sigmas(at: Scene, k: int, gradient: Gradient) -> tuple[Number, Number]:
+def sigma_derivatives(at: Scene, k: int, gradient: Gradient) -> tuple[Number, Number]:
     """One reading's derivatives with respect to the logarithms of the beam's two sigmas."""
     first, second = at.sides[k], at.sides[(k + 1) % 3]
     shear = gradient.first * first[0] * first[1] + gradient.second * second[0] * second[1]
@@ -107,7 +107,7 @@ def by_sigmas(at: Scene, k: int, gradient: Gradient) -> tuple[Number, Number]:
     )
 
 
-def by_beam(
+def beam_derivatives(
     geometry: Geometry,
     at: Scene,
     k: int,
@@ -118,8 +118,8 @@ def by_beam(
     axes: Axes,
 ) -> tuple[Any, ...]:
     """One reading's derivatives with respect to the beam's six parameters."""
-    x, y = by_sigmas(at, k, gradient)
-    turn = turn_of_beam(geometry, at, k, ray, along, gradient)
+    x, y = sigma_derivatives(at, k, gradient)
+    turn = beam_turn_gradient(geometry, at, k, ray, along, gradient)
     return (
         of_power,
         x / axes.diameters[0],
@@ -130,7 +130,9 @@ def by_beam(
     )
 
 
-def by_normals(geometry: Geometry, at: Scene, k: int, gradient: Gradient) -> tuple[Any, Any, Any]:
+def normal_gradients(
+    geometry: Geometry, at: Scene, k: int, gradient: Gradient
+) -> tuple[Any, Any, Any]:
     """One reading's gradients with respect to the normals of facets A, B and C, in the world."""
     before, after = (k + 2) % 3, (k + 1) % 3
     normal = at.normals[k]
@@ -146,7 +148,7 @@ def by_normals(geometry: Geometry, at: Scene, k: int, gradient: Gradient) -> tup
     return of_after, of_before, own
 
 
-def by_facet(
+def facet_derivatives(
     gradient: Vector, own: tuple[Vector, Vector], turn: tuple[Any, Any, Any]
 ) -> tuple[Number, Number]:
     """Derivatives by a facet's inclination and azimuth. own: of `Axes.facets`.  turn: the mirror's
@@ -154,7 +156,7 @@ def by_facet(
     return dot(gradient, rotate(turn, own[0])), dot(gradient, rotate(turn, own[1]))
 
 
-def by_psd(
+def psd_derivatives(
     geometry: Geometry, k: int, along: Vector, landing: tuple[Any, Any], own: tuple[Any, ...]
 ) -> tuple[Any, ...]:
     """A landing coordinate's derivatives with respect to its detector's six parameters.
@@ -176,7 +178,7 @@ def by_psd(
     )
 
 
-def by_parameters(
+def parameter_row(
     geometry: Geometry,
     axes: Axes,
     at: Scene,
@@ -192,17 +194,15 @@ def by_parameters(
     along: the landing coordinate's slanted axis, zero for the power. of_power: the derivative by
     the beam's power.
     """
-    of_normals = by_normals(geometry, at, k, gradient)
-    of_facets = [by_facet(of_normals[j], axes.facets[j], at.turn) for j in range(3)]
+    of_normals = normal_gradients(geometry, at, k, gradient)
+    of_facets = [facet_derivatives(of_normals[j], axes.facets[j], at.turn) for j in range(3)]
     of_psds: list[tuple[Any, ...]] = [(0.0,) * 6] * 3
-    of_psds[k] = by_psd(geometry, k, along, landing, axes.psds[k])
-    of_beam = by_beam(geometry, at, k, ray, along, gradient, of_power, axes)
+    of_psds[k] = psd_derivatives(geometry, k, along, landing, axes.psds[k])
+    of_beam = beam_derivatives(geometry, at, k, ray, along, gradient, of_power, axes)
     return (*of_beam, *(each for some in (*of_facets, *of_psds) for each in some))
 
 
-def detector_by_parameters(
-    geometry: Geometry, axes: Axes, at: Scene, k: int
-) -> tuple[Three, Three]:
+def linearise_detector(geometry: Geometry, axes: Axes, at: Scene, k: int) -> tuple[Three, Three]:
     """(psi, zeta, power) of detector k, and the thirty derivatives of each."""
     ray = path(geometry, at, k)
     psi, zeta, power = reading(geometry, at, k, ray)
@@ -211,23 +211,23 @@ def detector_by_parameters(
     mass = at.moments[k][0]
     zero = mass * 0
     nothing = (zero, zero, zero)
-    along_y, along_z = slanted(y, ray.leaving, x), slanted(z, ray.leaving, x)
+    along_y, along_z = slant(y, ray.leaving, x), slant(z, ray.leaving, x)
     spot = (psi, zeta)
     return (psi, zeta, power), (
-        by_parameters(geometry, axes, at, k, ray, spot, along_y, of_psi, zero),
-        by_parameters(geometry, axes, at, k, ray, spot, along_z, of_zeta, zero),
-        by_parameters(geometry, axes, at, k, ray, spot, nothing, of_power, mass),
+        parameter_row(geometry, axes, at, k, ray, spot, along_y, of_psi, zero),
+        parameter_row(geometry, axes, at, k, ray, spot, along_z, of_zeta, zero),
+        parameter_row(geometry, axes, at, k, ray, spot, nothing, of_power, mass),
     )
 
 
-def linearised(
+def linearise(
     geometry: Geometry, axes: Axes, state: tuple[Any, ...]
 ) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
     """Readings at a state, and their derivatives by the parameters, for detectors A, B and C; of
     ideal light that nothing cuts."""
     at = scene(geometry, state)
     return (
-        detector_by_parameters(geometry, axes, at, 0),
-        detector_by_parameters(geometry, axes, at, 1),
-        detector_by_parameters(geometry, axes, at, 2),
+        linearise_detector(geometry, axes, at, 0),
+        linearise_detector(geometry, axes, at, 1),
+        linearise_detector(geometry, axes, at, 2),
     )

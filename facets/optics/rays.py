@@ -37,7 +37,7 @@ def land(
     return dot(spot, axes[1]), dot(spot, axes[2])
 
 
-def slanted(axis: Vector, direction: Vector, normal: Vector) -> Vector:
+def slant(axis: Vector, direction: Vector, normal: Vector) -> Vector:
     """The gradient of the coordinate along `axis` when the ray is shifted as a whole.
 
     The projection along the ray: a shift along the ray itself changes nothing.

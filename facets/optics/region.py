@@ -10,8 +10,8 @@ normals and turns of a closed outline add up to zero and to a whole turn. With c
     M1 = -sum n (L - c (s1 - s0) / 2 pi)
     M0 = sum (G(s0, d) - G(s1, d)) + (1 - c) arcs
 
-where G is `wedge.swept` and `arcs` the share of a whole turn that the arcs subtend from the centre:
-1 or 0, as the centre lies inside or outside, less what the spans subtend.
+where G is `wedge.swept_mass` and arcs (`arc_share`) the share of a whole turn that the arcs subtend
+from the centre: 1 or 0, as the centre lies inside or outside, less what the spans subtend.
 
 A region is an array with a row for each side; the columns are named below. Good to some 1e-16 of
 the whole beam, not of the light in the region: one with less than `DIM` has no place. For floats.
@@ -71,7 +71,7 @@ def erf_between(low: float, high: float) -> float:
     return erf(high / root) - erf(low / root)
 
 
-def measure(sides: Array, count: int, radius: float) -> None:
+def measure_sides(sides: Array, count: int, radius: float) -> None:
     """Fills the columns from LENGTH on for the first `count` sides."""
     for j in range(count):
         low, high = span_ends(sides, count, j, radius)
@@ -101,7 +101,7 @@ def measure_span(sides: Array, j: int, low: float, high: float, radius: float) -
     sides[j, SWEPT] -= swept_series(high, distance, to_high, across, erfc(high / root), within)
 
 
-def arcs(sides: Array, count: int) -> float:
+def arc_share(sides: Array, count: int) -> float:
     """The share of a whole turn that the outline's arcs subtend from the beam's centre."""
     share = 1.0
     for j in range(count):
@@ -120,7 +120,7 @@ def arcs(sides: Array, count: int) -> float:
     return share
 
 
-def light(sides: Array, count: int, radius: float) -> tuple[float, Plane]:
+def region_light(sides: Array, count: int, radius: float) -> tuple[float, Plane]:
     """Mass and centroid of the light inside the sides and the disc; NaN where it has no place."""
     mass = x = y = 0.0
     closed = radius == inf
@@ -130,7 +130,7 @@ def light(sides: Array, count: int, radius: float) -> tuple[float, Plane]:
         y -= sides[j, NORMAL + 1] * sides[j, EXCESS]
         closed = closed and isfinite(sides[j, LOW]) and isfinite(sides[j, HIGH])
     if not closed:
-        mass += (1 - exp(-radius * radius / 2)) * arcs(sides, count)
+        mass += (1 - exp(-radius * radius / 2)) * arc_share(sides, count)
     if not mass > DIM:
         return max(mass, 0.0), (nan, nan)
     return mass, (x / mass, y / mass)

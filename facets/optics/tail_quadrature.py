@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .compensated import gauss, normalised, sum_of_products
+from .compensated import gauss, normalise, sum_of_products
 from .half_normal import half_normal
 
 Plane = tuple[float, float]
@@ -81,12 +81,12 @@ ENOUGH = 38.0
 #: `slices` takes openings, rad, between these; a wider one is halved first.
 NARROW, WIDE = 1.0, 2.3
 #: A ray that points away from the light by more than this takes the continued fraction.
-AWAY = 1.5
+AWAY_SIGMAS = 1.5
 #: More pieces than this have never been needed: a bound, so that no input can hang the loop.
 PIECES = 5000
 
 
-class Side(NamedTuple):
+class BrighterSide(NamedTuple):
     """The wedge's brighter side, from which angles and moments are counted.
 
     a, h: q . u and q x u.  u: its direction.  sense: 1 where the wedge opens counter-clockwise.
@@ -103,27 +103,27 @@ class Side(NamedTuple):
     scale: float
 
 
-def brighter_side(q: Plane, u1: Plane, u2: Plane) -> Side:
-    a1, h1, h1_error = normalised(q, u1)
-    a2, h2, h2_error = normalised(q, u2)
+def brighter_side(q: Plane, u1: Plane, u2: Plane) -> BrighterSide:
+    a1, h1, h1_error = normalise(q, u1)
+    a2, h2, h2_error = normalise(q, u2)
     a, h, error, u, sense = a1, h1, h1_error, u1, 1.0
     if a2 < a1:
         a, h, error, u, sense = a2, h2, h2_error, u2, -1.0
     if a < -1:
-        return Side(a, h, u, sense, True, exp(-a * a / 2) / (2 * pi), gauss(h, error))
+        return BrighterSide(a, h, u, sense, True, exp(-a * a / 2) / (2 * pi), gauss(h, error))
     square, square_error = sum_of_products(q[0], q[0], q[1], q[1])
     scale = exp(-square / 2) * (1 - square_error / 2)
-    return Side(a, h, u, sense, False, 1 / (2 * pi), scale)
+    return BrighterSide(a, h, u, sense, False, 1 / (2 * pi), scale)
 
 
-def other_side(q: Plane, side: Side, u1: Plane, u2: Plane) -> Side:
+def other_side(q: Plane, side: BrighterSide, u1: Plane, u2: Plane) -> BrighterSide:
     """The darker side in the units of the brighter one, where moments count from q."""
     u = u2 if side.sense > 0 else u1
-    a, h, _ = normalised(q, u)
-    return Side(a, h, u, -side.sense, False, side.light, side.scale)
+    a, h, _ = normalise(q, u)
+    return BrighterSide(a, h, u, -side.sense, False, side.light, side.scale)
 
 
-def tail(a: float) -> tuple[float, float, float]:
+def tail_integrals(a: float) -> tuple[float, float, float]:
     """int s^n exp(-s^2/2 - a s) ds from 0 up, for n = 1, 2, 3 and a > 0.
 
     I_n / I_n-1 = n / (a + I_n+1 / I_n), a continued fraction of positive terms, where the
@@ -152,14 +152,14 @@ def moments(i1: float, i2: float, i3: float, u: Plane, w: Plane) -> Sums:
     )
 
 
-def ray(side: Side, angle: float) -> Sums:
+def ray_integrals(side: BrighterSide, angle: float) -> Sums:
     """The radial integrals along the ray at an angle from the brighter side."""
     c, s, s_half = cos(angle), sin(angle), sin(angle / 2)
     a, h, u = side.a, side.h, side.u
     ux, uy = u[0] * c - u[1] * s, u[1] * c + u[0] * s
     along = a * c - h * s
-    if along > AWAY:
-        i1, i2, i3 = tail(along)
+    if along > AWAY_SIGMAS:
+        i1, i2, i3 = tail_integrals(along)
         w = (a * u[0], a * u[1]) if side.near else (0.0, 0.0)
         return moments(side.light * i1, side.light * i2, side.light * i3, (ux, uy), w)
     if side.near:
@@ -176,7 +176,7 @@ def ray(side: Side, angle: float) -> Sums:
     return moments(i1, length, i1 + side.light, (ux, uy), w)
 
 
-def added(a: Sums, b: Sums, weight: float) -> Sums:
+def add_sums(a: Sums, b: Sums, weight: float) -> Sums:
     return (
         a[0] + weight * b[0],
         a[1] + weight * b[1],
@@ -187,18 +187,18 @@ def added(a: Sums, b: Sums, weight: float) -> Sums:
     )
 
 
-def panel(side: Side, start: float, stop: float) -> Sums:
+def panel_sums(side: BrighterSide, start: float, stop: float) -> Sums:
     """The six sums over a range of angles, by one Gauss-Legendre rule."""
     middle, half = (start + stop) / 2, (stop - start) / 2
     total = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for k in range(12):
         node = NODES[k // 2] if k % 2 else -NODES[k // 2]
         angle = side.sense * (middle + half * node)
-        total = added(total, ray(side, angle), half * WEIGHTS[k // 2])
+        total = add_sums(total, ray_integrals(side, angle), half * WEIGHTS[k // 2])
     return total
 
 
-def agree(coarse: Sums, fine: Sums, total: Sums) -> bool:
+def sums_agree(coarse: Sums, fine: Sums, total: Sums) -> bool:
     """Whether a piece and its halves agree in mass and spread, within what is summed so far.
 
     Agreement to 2e-14 leaves an error 2^-24 times smaller; finer, rounding would decide.
@@ -209,23 +209,23 @@ def agree(coarse: Sums, fine: Sums, total: Sums) -> bool:
     ) <= 2e-14 * (spread + known)
 
 
-def integrate(side: Side, opening: float) -> Sums:
+def integrate(side: BrighterSide, opening: float) -> Sums:
     """The six sums over the wedge, each piece halved until it agrees with its two halves."""
     total = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     width = opening
     depth = index = 0  # the piece in hand: number `index` of the 2^depth equal pieces
-    coarse = panel(side, 0.0, opening)
+    coarse = panel_sums(side, 0.0, opening)
     for _ in range(PIECES):
         start = index * width
-        left = panel(side, start, start + width / 2)
-        fine = added(left, panel(side, start + width / 2, start + width), 1.0)
-        if not agree(coarse, fine, total):
+        left = panel_sums(side, start, start + width / 2)
+        fine = add_sums(left, panel_sums(side, start + width / 2, start + width), 1.0)
+        if not sums_agree(coarse, fine, total):
             coarse = left
             width /= 2
             depth += 1
             index *= 2
             continue
-        total = added(total, fine, 1.0)
+        total = add_sums(total, fine, 1.0)
         index += 1
         while depth > 0 and index % 2 == 0:
             index //= 2
@@ -233,7 +233,7 @@ def integrate(side: Side, opening: float) -> Sums:
             width *= 2
         if depth == 0:
             return total
-        coarse = panel(side, index * width, (index + 1) * width)
+        coarse = panel_sums(side, index * width, (index + 1) * width)
     return (float("nan"), 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -268,8 +268,8 @@ def slices_from_point(a: float, h: float, c: float, s: float) -> Sums:
             i1 = 1 - start * i0
             i2 = i0 - start * i1
         weight = SLICES[k, 1] * exp(-r * (a2 + r / 2))
-        total = added(total, (i0, i1, r * i0, i2, r * i1, r * r * i0), weight)
-    return scaled(total, end * s)
+        total = add_sums(total, (i0, i1, r * i0, i2, r * i1, r * r * i0), weight)
+    return scale_sums(total, end * s)
 
 
 def slices_from_foot(a: float, h: float, c: float, s: float) -> Sums:
@@ -290,15 +290,15 @@ def slices_from_foot(a: float, h: float, c: float, s: float) -> Sums:
             i0 = sqrt(2 * pi) - i0
         i2 = i0 + start * across
         weight = SLICES[k, 1] * exp(-r * (h + r / 2))
-        total = added(total, (i0, across, r * i0, i2, r * across, r * r * i0), weight)
-    return scaled(total, end / (2 * pi))
+        total = add_sums(total, (i0, across, r * i0, i2, r * across, r * r * i0), weight)
+    return scale_sums(total, end / (2 * pi))
 
 
-def scaled(sums: Sums, by: float) -> Sums:
+def scale_sums(sums: Sums, by: float) -> Sums:
     return (sums[0] * by, sums[1] * by, sums[2] * by, sums[3] * by, sums[4] * by, sums[5] * by)
 
 
-def slices(side: Side, c: float, s: float) -> Sums:
+def slices(side: BrighterSide, c: float, s: float) -> Sums:
     """The six sums over a wedge, as `integrate` gives them.  c, s: of its opening."""
     x1, y1 = side.u
     h = -side.sense * side.h
@@ -307,7 +307,7 @@ def slices(side: Side, c: float, s: float) -> Sums:
         x2, y2 = -side.sense * y1, side.sense * x1
     else:
         sums = slices_from_point(side.a, h, c, s)
-        mass, p, r, pp, pr, rr = scaled(sums, side.light)
+        mass, p, r, pp, pr, rr = scale_sums(sums, side.light)
         x2, y2 = c * x1 - side.sense * s * y1, c * y1 + side.sense * s * x1
     return (
         mass,
@@ -319,7 +319,7 @@ def slices(side: Side, c: float, s: float) -> Sums:
     )
 
 
-def shifted(sums: Sums, x: float, y: float) -> Sums:
+def shift_sums(sums: Sums, x: float, y: float) -> Sums:
     """The sums counted from another point: x, y are where the old one is, seen from the new."""
     mass, px, py, xx, xy, yy = sums
     return (
@@ -332,7 +332,7 @@ def shifted(sums: Sums, x: float, y: float) -> Sums:
     )
 
 
-def over_wedge(q: Plane, side: Side, u1: Plane, u2: Plane, opening: float) -> Sums:
+def wedge_sums(q: Plane, side: BrighterSide, u1: Plane, u2: Plane, opening: float) -> Sums:
     """The six sums over a wedge, by whichever way suits its opening; from where `side` counts."""
     if opening < NARROW or (side.near and side.sense * side.h > 0):
         return integrate(side, opening)
@@ -342,8 +342,8 @@ def over_wedge(q: Plane, side: Side, u1: Plane, u2: Plane, opening: float) -> Su
     c, s = cos(opening / 2), sin(opening / 2)
     rest = slices(other_side(q, side, u1, u2), c, s)
     if side.near:
-        rest = shifted(rest, side.a * side.u[0], side.a * side.u[1])
-    return added(slices(side, c, s), rest, 1.0)
+        rest = shift_sums(rest, side.a * side.u[0], side.a * side.u[1])
+    return add_sums(slices(side, c, s), rest, 1.0)
 
 
 def no_light() -> tuple[float, Plane, tuple[float, float, float], Plane]:
@@ -351,14 +351,16 @@ def no_light() -> tuple[float, Plane, tuple[float, float, float], Plane]:
     return 0.0, (nan, nan), (nan, nan, nan), (nan, nan)
 
 
-def faint(q: Plane, u1: Plane, u2: Plane) -> tuple[float, Plane, tuple[float, float, float], Plane]:
+def faint_wedge(
+    q: Plane, u1: Plane, u2: Plane
+) -> tuple[float, Plane, tuple[float, float, float], Plane]:
     """What `wedge` gives, for a wedge of small mass; NaN centroid where no light is left at all."""
     cross, _ = sum_of_products(u1[0], u2[1], -u1[1], u2[0])
     opening = atan2(cross, u1[0] * u2[0] + u1[1] * u2[1])
     side = brighter_side(q, u1, u2)
     if not (side.scale > 0 and opening > 0):  # too far, or a facet seen from behind
         return no_light()
-    light, x, y, xx, xy, yy = over_wedge(q, side, u1, u2, opening)
+    light, x, y, xx, xy, yy = wedge_sums(q, side, u1, u2, opening)
     mass = side.scale * light
     if not mass > 0:
         return no_light()

@@ -12,8 +12,8 @@ A side is the half-line q + s u, s > 0. With a = q . u and h = q x u, its integr
 
 The divergence theorem turns the wedge's moments into these: M1 = -(n1 L1 + n2 L2), with n the
 outward normals. The mass is that of a wedge pointed at the beam's centre, angle / 2 pi, plus what
-each side sweeps over while the point moves from there to q (`swept`). Where the mass is small this
-sum cancels, and for floats `faint` takes over: an integral over angle with positive terms only.
+each side sweeps over while the point moves from there to q (`swept_mass`). Where the mass is small
+this sum cancels; for floats, `faint_wedge` then integrates over the angle with positive terms only.
 
 Derivatives follow from the normal distribution being an exponential family: with centroid C and
 covariance S of the light in the wedge, dM0/dq = -M0 C and dC/dq = 1 - S; turning a side adds
@@ -27,10 +27,10 @@ from typing import Any
 import numpy as np
 
 from ..scalars.dispatch import Number, atan2, erf, erfc, exp, integral, is_float, pi, sqrt
-from .central import REACH, side_central
-from .compensated import gauss, gauss_of_point, normalised
+from .central import CENTRAL_SQUARED, side_central
+from .compensated import gauss, gauss_of_point, normalise
 from .half_normal import half_normal
-from .tail_quadrature import AWAY, faint, no_light
+from .tail_quadrature import AWAY_SIGMAS, faint_wedge, no_light
 
 Plane = tuple[Any, Any]
 Side = tuple[Any, Any, Any, Any]
@@ -51,26 +51,26 @@ def side(q: Plane, u: Plane) -> Side:
     density = exp(-a * a / 2) * across / (2 * pi(a))
     length = across * erfc(a / half_turn) / (2 * root)
     first = density - a * length
-    return length, first, length - a * first, swept(a, h)
+    return length, first, length - a * first, swept_mass(a, h)
 
 
 #: Past this many sigmas the rounding of q . u and q x u shows in the Gaussian: squared.
-FAR = 30.0
+FAR_SQUARED = 30.0
 
 
 def side_float(q: Plane, u: Plane, a: float, h: float) -> Side:
     """`side` for floats. a, h: q . u and q x u."""
-    return side_far(q, u, a) if a * a + h * h > FAR else side_near(a, h)
+    return side_far(q, u, a) if a * a + h * h > FAR_SQUARED else side_near(a, h)
 
 
 def side_code(q: Plane, u: Plane, a: Number, h: Number) -> Side:
     """`side_float` where machine code is written; of several poses at once near the centre only."""
     code, like = a.writer, (a, a, a, a)
     if code.lanes > 1:
-        code.leave(~(q[0] * q[0] + q[1] * q[1] < REACH))
+        code.leave(~(q[0] * q[0] + q[1] * q[1] < CENTRAL_SQUARED))
         return side_central(q, a, h)
     return code.choose(  # type: ignore[no-any-return]
-        a * a + h * h > FAR,
+        a * a + h * h > FAR_SQUARED,
         lambda: code.rarely(side_far, like, q, u, a),
         lambda: code.called(side_near, like, a, h),
     )
@@ -84,7 +84,7 @@ def side_near(a: float, h: float) -> Side:
 def side_far(q: Plane, u: Plane, a: float) -> Side:
     """a: q . u with its rounding."""
     along = exp(-a * a / 2)
-    exact, h, missing = normalised(q, u)
+    exact, h, missing = normalise(q, u)
     return side_of(exact, h, along, gauss(h, missing), gauss_of_point(q))
 
 
@@ -98,14 +98,14 @@ def side_of(a: float, h: float, along: float, across: float, density: float) -> 
 
 def moments_along_float(a: float, density: float, length: float) -> tuple[float, float]:
     """K and J where the side points away from the light, too: there the differences cancel."""
-    if a > AWAY:
+    if a > AWAY_SIGMAS:
         _, first, second = half_normal(a)
         return density * first, density * second
     first = density - a * length
     return first, length - a * first
 
 
-def swept(a: Number, h: Number) -> Number:
+def swept_mass(a: Number, h: Number) -> Number:
     """The mass that a side sweeps over while its end moves straight from the beam's centre to q;
     for floats see `swept_series`.
 
@@ -126,7 +126,7 @@ INVERSE = np.array([0.0, *(1 / j for j in range(1, 400))])
 def swept_series(
     a: float, h: float, along: float, across: float, beyond: float, within: float
 ) -> float:
-    """`swept` for floats, to a few parts in 1e17.
+    """`swept_mass` for floats, to a few parts in 1e17.
 
     along, across: exp(-a^2/2), exp(-h^2/2); beyond, within: erfc(a/sqrt 2), erf(h/sqrt 2).
     With x = max(a^2, h^2)/2 and t = min(|a|, |h|) / max(|a|, |h|), what is not erf is
@@ -176,16 +176,16 @@ def wedge(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
 
 #: Where the mass is less than this, times 1 + |q|, the closed form has lost two digits to
 #: cancellation, and `faint` takes over.
-FAINT = 0.01
+FAINT_MASS = 0.01
 #: Above this mass nothing cancels, however far the point.
-BRIGHT = 0.3
+BRIGHT_MASS = 0.3
 #: Further off, sigmas, a wedge that holds less is dark: only a solver's lost steps get there.
-BEYOND = 1000.0
+DARK_SIGMAS = 1000.0
 
 
 def wedge_float(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
     mass = mass_closed(u1, u2, side1, side2)
-    if mass > min(FAINT * (1 + abs(q[0]) + abs(q[1])), BRIGHT):
+    if mass > min(FAINT_MASS * (1 + abs(q[0]) + abs(q[1])), BRIGHT_MASS):
         return moments_closed(q, u1, u2, side1, side2, mass)
     return faint_or_dark(q, u1, u2)
 
@@ -195,15 +195,15 @@ def wedge_code(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Mome
     mass = mass_closed(u1, u2, side1, side2)
     code, like = mass.writer, (mass, (mass, mass), (mass, mass, mass), (mass, mass))
     return code.choose(  # type: ignore[no-any-return]
-        (mass > FAINT * (1 + abs(q[0]) + abs(q[1]))) | (mass > BRIGHT),
+        (mass > FAINT_MASS * (1 + abs(q[0]) + abs(q[1]))) | (mass > BRIGHT_MASS),
         lambda: moments_closed(q, u1, u2, side1, side2, mass),
         lambda: code.rarely(faint_or_dark, like, q, u1, u2),
     )
 
 
 def faint_or_dark(q: Plane, u1: Plane, u2: Plane) -> Moments:
-    if q[0] * q[0] + q[1] * q[1] < BEYOND * BEYOND:
-        return faint(q, u1, u2)
+    if q[0] * q[0] + q[1] * q[1] < DARK_SIGMAS * DARK_SIGMAS:
+        return faint_wedge(q, u1, u2)
     return no_light()
 
 
@@ -231,7 +231,7 @@ def moments_closed(
     return mass, (cx, cy), (pxx, pxy, pyy), (cx - q[0], cy - q[1])
 
 
-def turned(u: Plane, ray: Side, mass: Number, from_point: Plane) -> tuple[Number, Plane]:
+def turn_derivative(u: Plane, ray: Side, mass: Number, from_point: Plane) -> tuple[Number, Plane]:
     """How mass and centroid change when side `ray` turns so that the wedge opens, per radian.
 
     from_point: the centroid less the wedge's point.

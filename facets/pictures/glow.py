@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..core.units import Booleans, Floats
-from ..optics.forward import shone_on
+from ..optics.forward import illuminate
 from .camera import Camera
 from .raster import enlarged
 from .scene import RIM, Stand, in_wedge, mirrored
@@ -72,7 +72,7 @@ def hazy(shot: Shot, light: Callable[[Shot], Floats], stand: Stand) -> Floats:
 
 def centroid(stand: Stand, k: int) -> tuple[Floats, float]:
     """Of the light on facet k: where across the beam, sigmas, and its share of the power."""
-    mass, middle = shone_on(stand.at).moments[k][:2]
+    mass, middle = illuminate(stand.at).moments[k][:2]
     return np.nan_to_num(np.array(middle, float)), float(mass)
 
 

@@ -18,7 +18,7 @@ from ..core.names import DETECTORS
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import geometry_of
-from ..optics.forward import Geometry, Scene, edges, placed
+from ..optics.forward import Geometry, Scene, dark_scene, mirror_edges
 from ..optics.rays import flight, hit, reflect
 from ..optics.vectors import combine, rotate
 
@@ -77,7 +77,7 @@ class Stand:
     def of(cls, sensor: Sensor, state: Floats) -> Stand:
         geometry = geometry_of(sensor)
         numbers = [float(x) for x in state]
-        return cls(sensor, geometry, placed(geometry, tuple(numbers)))
+        return cls(sensor, geometry, dark_scene(geometry, tuple(numbers)))
 
     def incoming(self, cross: Floats) -> Any:
         """Rays' origins at places (..., 2) across the beam, sigmas."""
@@ -189,7 +189,7 @@ def rim_of(sensor: Sensor) -> float:
 def mirror(stand: Stand) -> list[Body]:
     """Three facets, from the apex down their edges to the rim."""
     turn = stand.at.turn
-    body = [rotate(turn, edge) for edge in edges(stand.geometry.normals)]
+    body = [rotate(turn, edge) for edge in mirror_edges(stand.geometry.normals)]
     axis = np.array([row[2] for row in turn])
     apex = np.array(stand.at.apex)
     feet = []

@@ -35,15 +35,15 @@ def write_certificate(
         "resolved": resolved,
         "parameters": parameters(sensor),
         "tolerances": found.tolerances,
-        **claims_of(found),
-        **proof_of(found),
-        "range": None if cover is None else range_of(cover),
+        **certificate_claims(found),
+        **certificate_proof(found),
+        "range": None if cover is None else certificate_range(cover),
     }
     with Whole(path) as temporary:
         temporary.write_text(json.dumps(content, indent=1), "utf-8")
 
 
-def claims_of(found: Certificate) -> dict[str, Any]:
+def certificate_claims(found: Certificate) -> dict[str, Any]:
     """What is said of the box of poses and of the least share of the light."""
     return {
         "low": found.box.low[:6].tolist(),
@@ -59,7 +59,7 @@ def claims_of(found: Certificate) -> dict[str, Any]:
     }
 
 
-def proof_of(found: Certificate) -> dict[str, Any]:
+def certificate_proof(found: Certificate) -> dict[str, Any]:
     """What the claims rest on."""
     return {
         "light": found.shares,
@@ -71,7 +71,7 @@ def proof_of(found: Certificate) -> dict[str, Any]:
     }
 
 
-def range_of(cover: RangeCover) -> dict[str, Any]:
+def certificate_range(cover: RangeCover) -> dict[str, Any]:
     return {
         "farthest": cover.farthest,
         "halves_mm": cover.halves,

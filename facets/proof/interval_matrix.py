@@ -6,9 +6,9 @@ import numpy as np
 from flint import arb, arb_mat
 
 from ..core.units import Floats
-from ..scalars.intervals import Ball, between, ends, hull, magnitude
+from ..scalars.intervals import Interval, ends, hull, interval, magnitude
 
-Matrix = list[list[Ball]]
+Matrix = list[list[Interval]]
 
 #: What sums of a few floats can round.
 ROUNDED = 1e-12
@@ -24,16 +24,16 @@ def middles(matrix: Matrix) -> Floats:
     return np.array([[float(x.mid()) for x in row] for row in matrix])
 
 
-def determinant(matrix: Matrix) -> Ball:
+def determinant(matrix: Matrix) -> Interval:
     """Of an interval matrix, sharp where it is near its middle: what is left of it there is 1."""
     middle = middles(matrix)
     if not np.isfinite(middle).all() or np.linalg.matrix_rank(middle) < len(middle):
-        return between(-np.inf, np.inf)
+        return interval(-np.inf, np.inf)
     inverse = arb_mat(np.linalg.inv(middle).tolist())
     return (inverse * arb_mat(matrix)).det() / inverse.det()
 
 
-def distance_from_zero(x: Ball) -> float:
+def distance_from_zero(x: Interval) -> float:
     """The least absolute value in an interval, rounded down; 0 where it holds zero."""
     low, high = ends(x)
     if not np.isfinite(low) or not np.isfinite(high):

@@ -19,12 +19,20 @@ from typing import Any, NamedTuple
 
 from flint import arb
 
-from ..optics.forward import Geometry, Scene, in_sigmas
-from ..optics.gradient import turns_of_edges
+from ..optics.forward import Geometry, Scene, project_to_sigmas
+from ..optics.gradient import edge_turns
 from ..optics.vectors import Vector, dot
-from ..scalars.intervals import Ball, between, ends, hull, magnitude, positive, square
+from ..scalars.intervals import (
+    Interval,
+    ends,
+    hull,
+    interval,
+    magnitude,
+    nonnegative_product,
+    square,
+)
 
-Plane = tuple[Ball, Ball]
+Plane = tuple[Interval, Interval]
 
 #: Into how many slices each facet's angle is cut, and more for each square sigma that the apex is
 #: off, since the light on them then differs more.
@@ -49,29 +57,29 @@ class SharingBounds(NamedTuple):
     slope: the determinant of two shares by the offset, per square sigma.
     """
 
-    from_point: list[list[Ball]]
-    turns: list[list[list[Ball]]]
-    offset: list[Ball]
-    slope: Ball
+    from_point: list[list[Interval]]
+    turns: list[list[list[Interval]]]
+    offset: list[Interval]
+    slope: Interval
 
 
 class HalfLine(NamedTuple):
     """One half-line over a small box: u, and of its light L, rho = K / L, eta = J / K."""
 
     u: Plane
-    light: Ball
-    mean: Ball
-    reach: Ball
+    light: Interval
+    mean: Interval
+    reach: Interval
 
 
 class FacetLight(NamedTuple):
     """Of a facet: its share of the beam, and its centroid less the apex, sigmas."""
 
-    mass: Ball
+    mass: Interval
     from_point: Plane
 
 
-def times(u: Plane, v: Plane) -> Ball:
+def cross_product(u: Plane, v: Plane) -> Interval:
     """The cross product of two vectors of the plane."""
     return u[0] * v[1] - u[1] * v[0]
 
@@ -80,7 +88,7 @@ def times(u: Plane, v: Plane) -> Ball:
 ROOT_2, ROOT_2_OVER_PI, ROOT_8_PI = arb(2).sqrt(), (2 / arb.pi()).sqrt(), (8 * arb.pi()).sqrt()
 
 
-def means_along(a: Ball) -> tuple[Ball, Ball, Ball]:
+def means_along(a: Interval) -> tuple[Interval, Interval, Interval]:
     """erfc(a / sqrt 2), and rho = K / L and eta = J / K on a half-line; all of them fall with a."""
     beyond = (a / ROOT_2).erfc()
     mean = ROOT_2_OVER_PI * (-a * a / 2).exp() / beyond - a
@@ -92,7 +100,7 @@ def half_line(q: Plane, u: Plane) -> HalfLine:
     a, h = q[0] * u[0] + q[1] * u[1], q[0] * u[1] - q[1] * u[0]
     most, least = means_along(a.lower()), means_along(a.upper())
     beyond, mean, reach = (x.union(y) for x, y in zip(least, most, strict=True))
-    light = positive((-square(h) / 2).exp(), beyond) / ROOT_8_PI
+    light = nonnegative_product((-square(h) / 2).exp(), beyond) / ROOT_8_PI
     return HalfLine(u, light, mean, reach)
 
 
@@ -100,18 +108,18 @@ class FacetEdges(NamedTuple):
     """The edges over a box of rotations: their angles, what lies between them, and how each turns
     with roll, pitch and yaw."""
 
-    angles: list[Ball]
-    openings: list[Ball]
-    turns: list[list[Ball]]
+    angles: list[Interval]
+    openings: list[Interval]
+    turns: list[list[Interval]]
 
 
 def facet_edges(sensor: Geometry, at: Scene, axes: Any) -> FacetEdges:
     """at, axes: the mirror and its axes of rotation, over the box. Raises `LightNotShared`."""
-    angles = [angle_of(sensor, edge) for edge in at.edges]
+    angles = [edge_angle(sensor, edge) for edge in at.edges]
     openings = [opening(angles[k], angles[(k + 1) % 3]) for k in range(3)]
     if not all(0 < part < arb.pi() for part in openings):
         raise LightNotShared
-    turns = [[dot(turn, axis) for axis in axes] for turn in turns_of_edges(sensor, at)]
+    turns = [[dot(turn, axis) for axis in axes] for turn in edge_turns(sensor, at)]
     return FacetEdges(angles, openings, turns)
 
 
@@ -122,7 +130,7 @@ def light_on_facets(edges: FacetEdges, q: Plane) -> list[FacetLight]:
 def bounds_at_fixed_shares(edges: FacetEdges, least: float) -> SharingBounds:
     """Bounds for all offsets at which each facet has at least the share `least`."""
     distance = farthest_offset(edges, least)
-    far = between(-distance, distance)
+    far = interval(-distance, distance)
     pieces: list[SharingBounds] = []
     todo = [((far, far), 0)]
     while todo:
@@ -132,9 +140,9 @@ def bounds_at_fixed_shares(edges: FacetEdges, least: float) -> SharingBounds:
             continue
         sharp = all(light.mass.lower() > SHARP * light.mass.upper() for light in lights)
         if sharp or depth == DEPTH:
-            pieces.append(bounds_near(edges, [at_least(light, least) for light in lights], q))
+            pieces.append(bounds_near(edges, [limit_light(light, least) for light in lights], q))
         else:
-            todo += [(part, depth + 1) for part in product(halves(q[0]), halves(q[1]))]
+            todo += [(part, depth + 1) for part in product(halve(q[0]), halve(q[1]))]
     return hull_of_bounds(pieces)
 
 
@@ -149,7 +157,7 @@ def light_if_enough(edges: FacetEdges, q: Plane, least: float) -> list[FacetLigh
     return lights
 
 
-def at_least(light: FacetLight, least: float) -> FacetLight:
+def limit_light(light: FacetLight, least: float) -> FacetLight:
     """The same, of which it is known besides that the facet has the share `least`."""
     low = max(light.mass.lower(), arb(least))
     return FacetLight(low.union(light.mass.upper()), light.from_point)
@@ -169,7 +177,7 @@ def farthest_offset(edges: FacetEdges, least: float) -> float:
     return far
 
 
-def share_beyond(edges: FacetEdges, distance: float) -> Ball:
+def share_beyond(edges: FacetEdges, distance: float) -> Interval:
     """A bound of the least share where the apex is further off than `distance`, in sigmas.
 
     The direction in which it is off lies in some facet; that facet is a convex set no nearer to
@@ -181,7 +189,7 @@ def share_beyond(edges: FacetEdges, distance: float) -> Ball:
     return max(share.upper() for share in shares)
 
 
-def least_sine(opening: Ball) -> Ball:
+def least_sine(opening: Interval) -> Interval:
     """A bound of the least sine between a right angle and the opening; 1 where that is acute."""
     right = arb.pi() / 2
     return arb(1) if opening <= right else opening.upper().sin()
@@ -194,7 +202,7 @@ def least_share_over(edges: FacetEdges, q: Plane, depth: int = 0) -> float:
         return min(ends(light.mass)[0] for light in lights)
     if depth == DEPTH:
         return 0.0
-    parts = product(halves(q[0]), halves(q[1]))
+    parts = product(halve(q[0]), halve(q[1]))
     return min(least_share_over(edges, part, depth + 1) for part in parts)
 
 
@@ -213,24 +221,24 @@ def hull_of_bounds(pieces: list[SharingBounds]) -> SharingBounds:
     )
 
 
-def angle_of(sensor: Geometry, edge: Vector) -> Ball:
+def edge_angle(sensor: Geometry, edge: Vector) -> Interval:
     """Of an edge as seen along the beam, counted from its middle: never near half a turn off."""
-    x, y = in_sigmas(sensor, edge)
+    x, y = project_to_sigmas(sensor, edge)
     c, s = x.mid(), y.mid()
     return arb.atan2(s, c) + arb.atan2(c * y - s * x, c * x + s * y)
 
 
-def along(angle: Ball) -> Plane:
+def direction_at(angle: Interval) -> Plane:
     return angle.cos(), angle.sin()
 
 
-def halves(whole: Ball) -> list[Ball]:
+def halve(whole: Interval) -> list[Interval]:
     low, high = ends(whole)
     middle = (low + high) / 2
-    return [between(low, middle), between(middle, high)]
+    return [interval(low, middle), interval(middle, high)]
 
 
-def opening(first: Ball, second: Ball) -> Ball:
+def opening(first: Interval, second: Interval) -> Interval:
     """From one angle on to the next, counter-clockwise."""
     turns = ((second - first) / (2 * arb.pi())).mid().floor()
     return second - first - 2 * arb.pi() * turns
@@ -238,30 +246,33 @@ def opening(first: Ball, second: Ball) -> Ball:
 
 def bounds_near(edges: FacetEdges, lights: list[FacetLight], q: Plane) -> SharingBounds:
     """`bounds_at_fixed_shares` for a small box of q."""
-    u = [along(angle) for angle in edges.angles]
+    u = [direction_at(angle) for angle in edges.angles]
     sides = [half_line(q, side) for side in u]
-    alpha = [times(u[(e + 1) % 3], u[(e + 2) % 3]) for e in range(3)]
+    alpha = [cross_product(u[(e + 1) % 3], u[(e + 2) % 3]) for e in range(3)]
     resistance = sum(alpha[e] / sides[e].light for e in range(3))
     dq = [[arb(0)] * 3, [arb(0)] * 3]
     for j in range(3):
         swept = sum(alpha[e] * sides[e].mean * edges.turns[e][j] for e in range(3)) / resistance
         w = [swept / sides[e].light - sides[e].mean * edges.turns[e][j] for e in range(2)]
         for i in range(2):
-            dq[i][j] = (w[0] * u[1][i] - w[1] * u[0][i]) / times(u[0], u[1])
+            dq[i][j] = (w[0] * u[1][i] - w[1] * u[0][i]) / cross_product(u[0], u[1])
     moved = [centroid_moves(dq, sides, lights[k], edges.turns, k) for k in range(3)]
     on = [side.light for side in sides]
-    slope = sum(positive(positive(on[e], on[e - 1]), times(u[e - 1], u[e])) for e in range(3))
+    slope = sum(
+        nonnegative_product(nonnegative_product(on[e], on[e - 1]), cross_product(u[e - 1], u[e]))
+        for e in range(3)
+    )
     return SharingBounds([list(light.from_point) for light in lights], moved, list(q), slope)
 
 
-def light_between(q: Plane, start: Ball, opening: Ball) -> FacetLight:
+def light_between(q: Plane, start: Interval, opening: Interval) -> FacetLight:
     """Of a facet, by slices of its angle: light per angle is K, its mean distance J / K."""
     mass, x, y = arb(0), arb(0), arb(0)
     slices = SLICES + int(MORE * (magnitude(q[0]) ** 2 + magnitude(q[1]) ** 2))
     for n in range(slices):
-        u = along(start + opening * between(arb(n) / slices, arb(n + 1) / slices))
+        u = direction_at(start + opening * interval(arb(n) / slices, arb(n + 1) / slices))
         ray = half_line(q, u)
-        light = positive(ray.light, ray.mean)
+        light = nonnegative_product(ray.light, ray.mean)
         mass += light
         x += light * ray.reach * u[0]
         y += light * ray.reach * u[1]
@@ -269,14 +280,18 @@ def light_between(q: Plane, start: Ball, opening: Ball) -> FacetLight:
 
 
 def centroid_moves(
-    dq: list[list[Ball]], sides: list[HalfLine], light: FacetLight, turns: list[list[Ball]], k: int
-) -> list[list[Ball]]:
+    dq: list[list[Interval]],
+    sides: list[HalfLine],
+    light: FacetLight,
+    turns: list[list[Interval]],
+    k: int,
+) -> list[list[Interval]]:
     """How the centroid of facet k less the apex changes with the three angles: (2, 3)."""
     first, second = sides[k], sides[(k + 1) % 3]
     moved = [[arb(0)] * 3, [arb(0)] * 3]
     for j in range(3):
         length = (arb(magnitude(dq[0][j])) ** 2 + arb(magnitude(dq[1][j])) ** 2).sqrt()
-        within = between(-length, length) / 2
+        within = interval(-length, length) / 2
         for i in range(2):
             by_first = first.light * first.mean * (first.reach * first.u[i] - light.from_point[i])
             by_second = (

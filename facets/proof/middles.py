@@ -19,17 +19,17 @@ from flint import arb
 from ..characterization.state_box import StateBox
 from ..core.units import Floats
 from ..optics.forward import Geometry
-from ..scalars.intervals import Ball
+from ..scalars.intervals import Interval
 from .interval_matrix import Matrix, determinant_bound, hull_of_matrices, middles, regularity
 from .light_sharing import SharingBounds
-from .pieces import Piece, cut_in_two, pieces_of, shares_of
-from .spot_jacobian import Centred, centred_jacobian, intervals
+from .pieces import ProvedPiece, cut_in_two, initial_pieces, share_levers
+from .spot_jacobian import Centred, centred_jacobian, intervals_between
 
 #: So many pieces are looked at for the middle of the way, and each is halved so many times.
-WORK, DEPTH = 4000, 12
+MOST_PIECES, MOST_CUTS = 4000, 12
 
 
-class Affine(NamedTuple):
+class AffineJacobian(NamedTuple):
     """A matrix (6, 6) that is affine in the pose: value at `place` (6,), slopes (6, 6, 6), the
     first index the axis of the pose. Any will do; it proves more the nearer it is to dG."""
 
@@ -41,7 +41,7 @@ class Affine(NamedTuple):
         """For a certificate's file; a checker finds the rest again."""
         return {name: values.tolist() for name, values in self._asdict().items()}
 
-    def over(self, pose: Sequence[Ball]) -> Matrix:
+    def over(self, pose: Sequence[Interval]) -> Matrix:
         off = [side - float(x) for side, x in zip(pose, self.place, strict=True)]
         return [
             [
@@ -61,9 +61,9 @@ class ByMiddles(NamedTuple):
     of its determinant.
     """
 
-    affine: Affine
+    affine: AffineJacobian
     rest: Matrix
-    pieces: list[Piece]
+    pieces: list[ProvedPiece]
     margin: float
 
 
@@ -76,35 +76,35 @@ def prove_by_middles(
 ) -> ByMiddles:
     """jacobians: over pieces that fill the box.  slope: of the powers, a lower bound."""
     affine = affine_part(sensor, shares, box)
-    rest = hull_of_matrices([rest_of(affine, jacobian) for jacobian in jacobians])
-    pieces: list[Piece] = []
-    margin, todo = 1.0, [(*piece, 0) for piece in pieces_of(box)]
-    for _ in range(WORK):
+    rest = hull_of_matrices([affine_remainder(affine, jacobian) for jacobian in jacobians])
+    pieces: list[ProvedPiece] = []
+    margin, todo = 1.0, [(*piece, 0) for piece in initial_pieces(box)]
+    for _ in range(MOST_PIECES):
         if not todo:
             return ByMiddles(affine, rest, pieces, margin)
         low, high, depth = todo.pop()
-        matrix = added(affine.over(intervals(low, high)), rest)
+        matrix = add_matrices(affine.over(intervals_between(low, high)), rest)
         found = regularity(matrix)[0]
         if found > 0:
             margin = min(margin, found)
             least = determinant_bound(matrix, slope, found)
-            pieces.append(Piece(tuple(low.tolist()), tuple(high.tolist()), least))
-        elif depth == DEPTH:
+            pieces.append(ProvedPiece(tuple(low.tolist()), tuple(high.tolist()), least))
+        elif depth == MOST_CUTS:
             break
         else:
-            todo += [(*part, depth + 1) for part in cut_in_two(low, high, shares_of(box))]
+            todo += [(*part, depth + 1) for part in cut_in_two(low, high, share_levers(box))]
     return ByMiddles(affine, rest, pieces, -np.inf)
 
 
-def affine_part(sensor: Geometry, shares: SharingBounds, box: StateBox) -> Affine:
+def affine_part(sensor: Geometry, shares: SharingBounds, box: StateBox) -> AffineJacobian:
     """The Jacobian and its slopes in the middle of the box."""
     place = (box.low + box.high)[:6] / 2
     found = centred_jacobian(sensor, shares, place, place)
     slopes = np.array([middles(slope) for slope in found.slopes])
-    return Affine(place, middles(found.middle), slopes)
+    return AffineJacobian(place, middles(found.middle), slopes)
 
 
-def rest_of(affine: Affine, found: Centred) -> Matrix:
+def affine_remainder(affine: AffineJacobian, found: Centred) -> Matrix:
     """What the Jacobian is more than L over a piece."""
     at = affine.over(found.place)
     return [
@@ -121,7 +121,7 @@ def rest_of(affine: Affine, found: Centred) -> Matrix:
     ]
 
 
-def added(a: Matrix, b: Matrix) -> Matrix:
+def add_matrices(a: Matrix, b: Matrix) -> Matrix:
     return [
         [x + y for x, y in zip(row, other, strict=True)] for row, other in zip(a, b, strict=True)
     ]

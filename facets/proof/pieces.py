@@ -12,10 +12,10 @@ from ..characterization.state_box import StateBox
 from ..core.units import Floats
 
 #: Into how many pieces each axis of the pose is cut to begin with: tx ty tz roll pitch yaw.
-PIECES = (2, 2, 1, 3, 3, 3)
+INITIAL_COUNTS = (2, 2, 1, 3, 3, 3)
 
 
-class Piece(NamedTuple):
+class ProvedPiece(NamedTuple):
     """A box of poses, low and high (6,), mm and rad, and a lower bound there of Eq. (11)'s |det|.
 
     at_least: 0 where nothing was proved.
@@ -26,16 +26,16 @@ class Piece(NamedTuple):
     at_least: float
 
 
-def pieces_of(box: StateBox) -> Iterator[tuple[Floats, Floats]]:
+def initial_pieces(box: StateBox) -> Iterator[tuple[Floats, Floats]]:
     """The box of poses, cut to begin with; neighbours share their edge to the last digit."""
-    counts = [n if box.high[i] > box.low[i] else 1 for i, n in enumerate(PIECES)]
+    counts = [n if box.high[i] > box.low[i] else 1 for i, n in enumerate(INITIAL_COUNTS)]
     places = [np.linspace(box.low[i], box.high[i], n + 1) for i, n in enumerate(counts)]
     for cell in product(*(range(n) for n in counts)):
         low = np.array([places[i][n] for i, n in enumerate(cell)])
         yield low, np.array([places[i][n + 1] for i, n in enumerate(cell)])
 
 
-def shares_of(box: StateBox) -> Floats:
+def share_levers(box: StateBox) -> Floats:
     """Levers (6,) that measure a piece as shares of its box; 0 where that has no width."""
     width = (box.high - box.low)[:6]
     return np.divide(1.0, width, out=np.zeros(6), where=width > 0)

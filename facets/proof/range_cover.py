@@ -29,15 +29,15 @@ from ..core.units import Floats
 from ..optics.forward import Geometry
 from ..optics.rays import reflect
 from ..optics.vectors import cross, dot, rotation_axes, subtract
-from ..scalars.intervals import Ball, between, ends, hull, magnitude
+from ..scalars.intervals import Interval, ends, hull, interval, magnitude
 from .interval_matrix import middles
 from .light_sharing import LightNotShared, SharingBounds, facet_edges, farthest_offset
 from .pieces import cut_in_two
 from .spot_jacobian import (
     NotFacing,
+    dark_scene_over,
     interval_geometry,
-    intervals,
-    scene_of,
+    intervals_between,
     spot_jacobian,
     spot_places,
 )
@@ -73,7 +73,7 @@ class RangeCover(NamedTuple):
     work: int
 
 
-class Problem(NamedTuple):
+class RangeProblem(NamedTuple):
     """The sensor in intervals; half the sizes of A, B, C along y and z, mm; the rules.
 
     levers: (6,) how far a spot moves with each axis, roughly.
@@ -86,7 +86,7 @@ class Problem(NamedTuple):
     levers: Floats
 
 
-class Nothing(Exception):
+class NoPose(Exception):
     """No pose of a box keeps the rules."""
 
 
@@ -104,10 +104,10 @@ def cover_range(
     halves = tuple((psd.size_y / 2, psd.size_z / 2) for psd in sensor.psds)
     levers = np.where(TURNS > 0, max(psd.radius for psd in sensor.psds), 1.0)
     geometry = interval_geometry(sensor, tolerances)
-    problem = Problem(geometry, halves, share, rules.whole_spot, levers)
+    problem = RangeProblem(geometry, halves, share, rules.whole_spot, levers)
     far = np.array(FARTHEST)
     try:
-        aim = aimed_at(problem)
+        aim = target_box(problem)
     except (NotFacing, LightNotShared, np.linalg.LinAlgError):
         return None
     low, high, done = narrow_down(problem, -far, far, aim, work)
@@ -116,7 +116,7 @@ def cover_range(
     return RangeCover(low, high, FARTHEST, share, halves, rules.whole_spot, done)
 
 
-def aimed_at(problem: Problem) -> StateBox:
+def target_box(problem: RangeProblem) -> StateBox:
     """The box that a sensor with a Jacobian as at rest would need, and a little more.
 
     Tolerances make that Jacobian an interval: what is off its middle moves a spot as well.
@@ -136,7 +136,7 @@ def aimed_at(problem: Problem) -> StateBox:
 
 
 def narrow_down(
-    problem: Problem, low: Floats, high: Floats, aim: StateBox, work: int
+    problem: RangeProblem, low: Floats, high: Floats, aim: StateBox, work: int
 ) -> tuple[Floats | None, Floats, int]:
     """The hull of what is left of a box of poses, and how many boxes were looked at."""
     todo, left, done = [(low, high)], [], 0
@@ -150,7 +150,7 @@ def narrow_down(
         done += 1
         try:
             smaller = contract(problem, low, high)
-        except Nothing:
+        except NoPose:
             continue
         except (NotFacing, LightNotShared):
             todo += cut_in_two(low, high, TURNS)
@@ -173,26 +173,26 @@ def is_within(piece: tuple[Floats, Floats], box: StateBox, times: float = 1.0) -
     return bool((piece[0] >= middle - half).all() and (piece[1] <= middle + half).all())
 
 
-def points_near_apex(problem: Problem, pose: Sequence[Ball]) -> list[list[Ball]]:
+def points_near_apex(problem: RangeProblem, pose: Sequence[Interval]) -> list[list[Interval]]:
     """(3, 2) sigmas from the apex, across the beam: where each spot has a point on its detector."""
     zero = arb(0)
-    at = scene_of(problem.sensor, [zero, zero, zero, *pose[3:]])
+    at = dark_scene_over(problem.sensor, [zero, zero, zero, *pose[3:]])
     edges = facet_edges(problem.sensor, at, rotation_axes(pose[4], pose[5]))
     offset = farthest_offset(edges, problem.share)
     if problem.whole and offset <= ELLIPSE:
         return [[zero, zero]] * 3
     reach = offset + max(farthest_centroid(problem.share), ELLIPSE if problem.whole else 0.0)
-    return [within_facet(edges.angles[k], edges.openings[k], reach) for k in range(3)]
+    return [points_in_facet(edges.angles[k], edges.openings[k], reach) for k in range(3)]
 
 
 #: A facet's angle is cut into so many parts to bound its points.
 PARTS = 4
 
 
-def within_facet(start: Ball, opening: Ball, reach: float) -> list[Ball]:
+def points_in_facet(start: Interval, opening: Interval, reach: float) -> list[Interval]:
     """The points of a facet within `reach` of the apex, seen along the beam: (2,) sigmas."""
-    parts = [start + opening * (between(0, 1) + n) / PARTS for n in range(PARTS)]
-    far = between(0, reach)
+    parts = [start + opening * (interval(0, 1) + n) / PARTS for n in range(PARTS)]
+    far = interval(0, reach)
     return [hull(far * part.cos() for part in parts), hull(far * part.sin() for part in parts)]
 
 
@@ -207,12 +207,12 @@ def farthest_centroid(share: float) -> float:
     return float(bounds.min()) * (1 + 1e-9)
 
 
-def contract(problem: Problem, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """A smaller box that holds all poses of a box that keep the rules. Raises `Nothing`.
+def contract(problem: RangeProblem, low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """A smaller box that holds all poses of a box that keep the rules. Raises `NoPose`.
 
     Raises `NotFacing` or `LightNotShared` where the box is too large to tell.
     """
-    pose = intervals(low, high)
+    pose = intervals_between(low, high)
     around = points_near_apex(problem, pose)
     refuse_wrong_way(problem, pose, around)
     middle = (low + high) / 2
@@ -220,7 +220,7 @@ def contract(problem: Problem, low: Floats, high: Floats) -> tuple[Floats, Float
     slopes = jacobian_at(problem.sensor, [*thin[:3], *pose[3:]], around)
     places = spot_places(problem.sensor, thin, around)
     missing = [
-        between(-half, half) - place
+        interval(-half, half) - place
         for half, place in zip(np.ravel(problem.halves).tolist(), places, strict=True)
     ]
     inverse = np.linalg.pinv(middles(slopes))
@@ -233,37 +233,37 @@ def contract(problem: Problem, low: Floats, high: Floats) -> tuple[Floats, Float
         bounds = ends(thin[i] + step[i, 0] + rest)
         new_low[i], new_high[i] = max(low[i], bounds[0]), min(high[i], bounds[1])
     if (new_low > new_high).any():
-        raise Nothing
+        raise NoPose
     return new_low, new_high
 
 
 def jacobian_at(
-    sensor: Geometry, pose: Sequence[Ball], around: list[list[Ball]]
-) -> list[list[Ball]]:
+    sensor: Geometry, pose: Sequence[Interval], around: list[list[Interval]]
+) -> list[list[Interval]]:
     """Of the coordinates of rays that stay where they are to the apex."""
     still = [[[arb(0)] * 3] * 2] * 3
     return spot_jacobian(sensor, SharingBounds(around, still, [], arb(0)), pose)
 
 
 def refuse_wrong_way(
-    problem: Problem, pose: Sequence[Ball], around: Sequence[Sequence[Ball]]
+    problem: RangeProblem, pose: Sequence[Interval], around: Sequence[Sequence[Interval]]
 ) -> None:
-    """Raises `Nothing` where a sub-beam can not go from its facet to its detector's area.
+    """Raises `NoPose` where a sub-beam can not go from its facet to its detector's area.
 
     Takes no quotient, so that it tells of large boxes too: from where the ray leaves to where it
     may land is along the ray.
     """
-    sensor, at = problem.sensor, scene_of(problem.sensor, pose)
+    sensor, at = problem.sensor, dark_scene_over(problem.sensor, pose)
     for k in range(3):
         normal, beam = at.normals[k], sensor.direction
         incidence = dot(beam, normal)
         if incidence >= 0:
-            raise Nothing
+            raise NoPose
         if not incidence < 0:
             raise NotFacing
         leaving = reflect(beam, normal)
         _, y, z = sensor.axes[k]
-        a, b = (between(-half, half) for half in problem.halves[k])
+        a, b = (interval(-half, half) for half in problem.halves[k])
         middle = [
             around[k][0] * p + around[k][1] * q
             for p, q in zip(sensor.spread[0], sensor.spread[1], strict=True)
@@ -274,4 +274,4 @@ def refuse_wrong_way(
         way = subtract((landing[0], landing[1], landing[2]), (start[0], start[1], start[2]))
         across = cross(way, leaving)
         if any(not x.contains(arb(0)) for x in across) or dot(way, leaving) < 0:
-            raise Nothing
+            raise NoPose

@@ -10,7 +10,7 @@ from typing import Any
 
 from flint import arb
 
-from ..scalars.intervals import Ball
+from ..scalars.intervals import Interval
 
 NONE = (arb(0),) * 3
 
@@ -20,7 +20,7 @@ class Sloped:
 
     __slots__ = ("slope", "value")
 
-    def __init__(self, value: Ball, slope: Sequence[Ball] = NONE) -> None:
+    def __init__(self, value: Interval, slope: Sequence[Interval] = NONE) -> None:
         self.value, self.slope = value, slope
 
     def __add__(self, other: Any) -> Sloped:
@@ -74,7 +74,7 @@ class Sloped:
     def __gt__(self, other: Any) -> bool:
         return bool(self.value > other)
 
-    def by(self, value: Ball, rate: Ball) -> Sloped:
+    def by(self, value: Interval, rate: Interval) -> Sloped:
         """A function of this number, by its value and its derivative."""
         a = self.slope
         return Sloped(value, (rate * a[0], rate * a[1], rate * a[2]))

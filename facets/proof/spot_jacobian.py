@@ -15,8 +15,8 @@ from flint import arb
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import parameters
-from ..optics.forward import Geometry, Scene, edges, geometry, placed
-from ..optics.rays import flight, gradient_of_normal, gradient_of_shift, reflect, slanted
+from ..optics.forward import Geometry, Scene, build_geometry, dark_scene, mirror_edges
+from ..optics.rays import flight, gradient_of_normal, gradient_of_shift, reflect, slant
 from ..optics.vectors import (
     Matrix,
     Vector,
@@ -29,7 +29,7 @@ from ..optics.vectors import (
     scale,
     subtract,
 )
-from ..scalars.intervals import Ball, around, between, magnitude
+from ..scalars.intervals import Interval, interval, interval_around, magnitude
 from .interval_matrix import middles
 from .light_sharing import SharingBounds
 from .slopes import Sloped
@@ -46,18 +46,22 @@ def interval_geometry(sensor: Sensor, tolerances: Sequence[float] | None = None)
     """
     values = parameters(sensor)
     off = [0.0] * len(values) if tolerances is None else tolerances
-    return geometry(tuple(around(value, by) for value, by in zip(values, off, strict=True)))
+    return build_geometry(
+        tuple(interval_around(value, by) for value, by in zip(values, off, strict=True))
+    )
 
 
-def intervals(low: Any, high: Any) -> list[Ball]:
-    return [between(float(a), float(b)) for a, b in zip(low, high, strict=True)]
+def intervals_between(low: Any, high: Any) -> list[Interval]:
+    return [interval(float(a), float(b)) for a, b in zip(low, high, strict=True)]
 
 
-def scene_of(sensor: Geometry, pose: Sequence[Ball]) -> Scene:
+def dark_scene_over(sensor: Geometry, pose: Sequence[Interval]) -> Scene:
     """Where the mirror stands for all poses of a box; the light left out."""
     zero = arb(0)
-    at = placed(sensor, (*pose, zero, zero))
-    a, b, c = edges(sensor.normals)  # turned as they are: a cross product of intervals is wider
+    at = dark_scene(sensor, (*pose, zero, zero))
+    a, b, c = mirror_edges(
+        sensor.normals
+    )  # turned as they are: a cross product of intervals is wider
     return at._replace(edges=(rotate(at.turn, a), rotate(at.turn, b), rotate(at.turn, c)))
 
 
@@ -71,10 +75,10 @@ class SubBeam(NamedTuple):
     leaving: Vector
     lever: Vector
     start: Vector
-    length: Ball
+    length: Interval
 
 
-def sub_beam(sensor: Geometry, at: Scene, k: int, from_point: Sequence[Ball]) -> SubBeam:
+def sub_beam(sensor: Geometry, at: Scene, k: int, from_point: Sequence[Interval]) -> SubBeam:
     """The ray that meets facet k `from_point` (2,) off the apex, in sigmas across the beam."""
     normal, beam = at.normals[k], sensor.direction
     incidence = dot(beam, normal)
@@ -93,13 +97,13 @@ def sub_beam(sensor: Geometry, at: Scene, k: int, from_point: Sequence[Ball]) ->
 
 
 def spot_jacobian(
-    sensor: Geometry, shares: SharingBounds, pose: Sequence[Ball]
-) -> list[list[Ball]]:
+    sensor: Geometry, shares: SharingBounds, pose: Sequence[Interval]
+) -> list[list[Interval]]:
     """6 x 6 over a box of poses (6,): psi and zeta of A, B, C by apex and angles; mm and rad.
 
     shares: what is known of the light while the shares of it are held.  Raises `NotFacing`.
     """
-    at = scene_of(sensor, pose)
+    at = dark_scene_over(sensor, pose)
     axes = rotation_axes(pose[4], pose[5])
     rays = [sub_beam(sensor, at, k, shares.from_point[k]) for k in range(3)]
     return [
@@ -116,12 +120,12 @@ class Centred(NamedTuple):
     middle: over what is known of the light, at that pose.  slopes: (6, 6, 6) over the whole piece.
     """
 
-    place: list[Ball]
-    half: list[Ball]
-    middle: list[list[Ball]]
-    slopes: list[list[list[Ball]]]
+    place: list[Interval]
+    half: list[Interval]
+    middle: list[list[Interval]]
+    slopes: list[list[list[Interval]]]
 
-    def whole(self) -> list[list[Ball]]:
+    def whole(self) -> list[list[Interval]]:
         """All values of the Jacobian over the piece."""
         return [
             [
@@ -145,7 +149,7 @@ def centred_jacobian(sensor: Geometry, shares: SharingBounds, low: Floats, high:
     The spots are linear in the apex: the first three columns have no slope by it, and the slope of
     the others by it is that of the first three by the angle.
     """
-    pose = intervals(low, high)
+    pose = intervals_between(low, high)
     place = [arb(float(x)) for x in (low + high) / 2]
     half = [side - middle for side, middle in zip(pose, place, strict=True)]
     middle = spot_jacobian(sensor, shares, place)
@@ -155,13 +159,13 @@ def centred_jacobian(sensor: Geometry, shares: SharingBounds, low: Floats, high:
     ]
     spot_jacobian(sensor, shares, pose)  # is every facet in it facing?
     carried = spot_jacobian(sensor, shares, [*place[:3], *angles])
-    by_angles = [[[slope_of(x, j) for x in row] for row in carried] for j in range(3)]
+    by_angles = [[[slope_along(x, j) for x in row] for row in carried] for j in range(3)]
     by_apex = [[[none] * 3 + [by_angles[j][i][m] for j in range(3)] for i in range(6)]
                for m in range(3)]  # fmt: skip
     return Centred(place, half, middle, [*by_apex, *by_angles])
 
 
-def slope_of(x: Any, axis: int) -> Ball:
+def slope_along(x: Any, axis: int) -> Interval:
     return x.slope[axis] if isinstance(x, Sloped) else arb(0)
 
 
@@ -170,16 +174,16 @@ def gradient_of_spot(
     ray: SubBeam,
     axis: Vector,
     outward: Vector,
-    turns: Sequence[Sequence[Ball]],
+    turns: Sequence[Sequence[Interval]],
     axes: Matrix,
-) -> list[Ball]:
+) -> list[Interval]:
     """Of the spot's coordinate along `axis`: (6,) by apex, roll, pitch and yaw.
 
     outward: the detector's x.  turns: (2, 3) of the light's centroid from the apex, with the
     angles.  axes: about which roll, pitch and yaw turn the mirror.
     """
     beam = sensor.direction
-    along = slanted(axis, ray.leaving, outward)
+    along = slant(axis, ray.leaving, outward)
     by_normal = gradient_of_normal(along, beam, ray.normal, ray.lever, ray.length)
     turn = cross(ray.normal, by_normal)
     shift = gradient_of_shift(along, beam, ray.normal)
@@ -191,10 +195,10 @@ def gradient_of_spot(
 
 
 def spot_places(
-    sensor: Geometry, pose: Sequence[Ball], from_point: Sequence[Sequence[Ball]]
-) -> list[Ball]:
+    sensor: Geometry, pose: Sequence[Interval], from_point: Sequence[Sequence[Interval]]
+) -> list[Interval]:
     """(6,) psi and zeta of A, B, C, mm, of the rays `from_point` (3, 2) sigmas off the apex."""
-    at = scene_of(sensor, pose)
+    at = dark_scene_over(sensor, pose)
     places = []
     for k in range(3):
         ray = sub_beam(sensor, at, k, from_point[k])

@@ -24,7 +24,7 @@ class Tolerances(NamedTuple):
     left_out: tuple[str, ...]
 
 
-def tolerances_of(settings: Config, factor: float) -> Tolerances:
+def calibration_tolerances(settings: Config, factor: float) -> Tolerances:
     """`factor` standard uncertainties of each parameter: the coverage factor.
 
     Those of the sensor's calibration, if it has one, else those of `calibrate.before`. A box of
@@ -32,19 +32,19 @@ def tolerances_of(settings: Config, factor: float) -> Tolerances:
     """
     known = settings.sensor.calibration
     if known is None:
-        sigmas, source = known_before(settings), "calibrate.before"
+        sigmas, source = prior_uncertainties(settings), "calibrate.before"
     else:
         spread = np.sqrt(np.diag(np.array(known.covariance)))
         sigmas = dict(zip(known.names, spread.tolist(), strict=True))
         source = "the sensor's calibration"
-    values = tuple(rounded_up(factor * sigmas.get(name, 0.0)) for name in PARAMETERS)
+    values = tuple(round_up(factor * sigmas.get(name, 0.0)) for name in PARAMETERS)
     exact = tuple(name for name, value in zip(PARAMETERS, values, strict=True) if value == 0)
     own = [name for name in sigmas if name.startswith(("beam.", "facet_", "psd_", "correction_"))]
     left_out = tuple(name for name in own if name not in PARAMETERS)
     return Tolerances(values, source, exact, left_out)
 
 
-def known_before(settings: Config) -> dict[str, float]:
+def prior_uncertainties(settings: Config) -> dict[str, float]:
     """Standard uncertainties by name, from `calibrate.before`; mm, rad, mW."""
     sensor, before = settings.sensor, settings.calibrate.before
     found = choice(sensor, settings.calibrate)
@@ -60,5 +60,5 @@ def known_before(settings: Config) -> dict[str, float]:
 DIAMETERS = ("diameter_x", "diameter_y")
 
 
-def rounded_up(value: float) -> float:
+def round_up(value: float) -> float:
     return float(np.nextafter(value, np.inf)) if value > 0 else 0.0

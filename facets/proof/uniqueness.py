@@ -30,9 +30,9 @@ from flint import arb
 from ..characterization.state_box import StateBox
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from ..optics.forward import Geometry, in_sigmas
+from ..optics.forward import Geometry, project_to_sigmas
 from ..optics.vectors import rotation_axes
-from ..scalars.intervals import Ball, between, ends, positive
+from ..scalars.intervals import Interval, ends, interval, nonnegative_product
 from .interval_matrix import determinant_bound, hull_of_matrices, regularity
 from .light_sharing import (
     FacetEdges,
@@ -44,15 +44,15 @@ from .light_sharing import (
     least_share_over,
 )
 from .middles import prove_by_middles
-from .pieces import Piece, cut_in_two, pieces_of, shares_of
-from .spot_jacobian import Centred, NotFacing, centred_jacobian, interval_geometry, scene_of
+from .pieces import ProvedPiece, cut_in_two, initial_pieces, share_levers
+from .spot_jacobian import Centred, NotFacing, centred_jacobian, dark_scene_over, interval_geometry
 
 #: A piece is halved at most so many times.
-DEPTH = 12
+MOST_CUTS = 12
 #: So many pieces without a proof end the search: there would be more.
-ENOUGH = 20
+MOST_DOUBTFUL = 20
 #: So many pieces are looked at.
-WORK = 20_000
+MOST_PIECES = 20_000
 #: A hull with a smaller margin is none that another grid than this one finds again.
 SMALL = 0.15
 #: And for the light each angle is cut into: roll pitch yaw.
@@ -81,8 +81,8 @@ class Certificate:
     unique: bool = False
     margin: float = -np.inf
     at_least: float = 0.0
-    pieces: list[Piece] = field(default_factory=list)
-    doubtful: list[Piece] = field(default_factory=list)
+    pieces: list[ProvedPiece] = field(default_factory=list)
+    doubtful: list[ProvedPiece] = field(default_factory=list)
     reason: str = ""
     seconds: float = 0.0
     work: int = 0
@@ -92,7 +92,7 @@ class Certificate:
     middles: dict[str, Any] | None = None
 
 
-def beyond_the_theorem(sensor: Sensor) -> str:
+def refusal_reason(sensor: Sensor) -> str:
     """Why nothing can be proved of a sensor whose model has more than ideal light; else empty."""
     if sensor.apertures.cut:
         return "sensor.apertures cuts the light, of which the theorem knows nothing"
@@ -108,7 +108,7 @@ def certify(
     limit: float = np.inf,
     tell: Callable[[float], None] = lambda _: None,
     tolerances: Sequence[float] | None = None,
-    work: int = WORK,
+    work: int = MOST_PIECES,
 ) -> Certificate:
     """Tries to prove that the box has no singular state, and no two states with equal readings.
 
@@ -122,7 +122,7 @@ def certify(
     """
     begin = time.perf_counter()
     found = Certificate(box, (0.0,) * 30 if tolerances is None else tuple(map(float, tolerances)))
-    found.reason = beyond_the_theorem(sensor)
+    found.reason = refusal_reason(sensor)
     if not found.reason:
         try:
             prove(
@@ -144,9 +144,9 @@ def prove(
 ) -> None:
     """Fills in a certificate. Raises `LightNotShared`."""
     parts = edges_over_rotations(sensor, found.box)
-    found.share = share_over(sensor, parts, found.box) if share is None else share
+    found.share = least_share_in_box(sensor, parts, found.box) if share is None else share
     shares = hull_of_bounds([bounds_at_fixed_shares(edges, found.share) for edges in parts])
-    found.shares = as_numbers(shares)
+    found.shares = bounds_as_numbers(shares)
     slope = ends(slope_of_powers(sensor, shares))[0]
     if prove_at_once(sensor, found, shares, slope):
         tell(1.0)
@@ -161,12 +161,12 @@ def prove_at_once(
     sensor: Geometry, found: Certificate, shares: SharingBounds, slope: float
 ) -> bool:
     """Whether no piece needs to be cut any further; fills in the certificate then."""
-    looked = [(low, high, *look_at(sensor, shares, slope, low, high))
-              for low, high in pieces_of(found.box)]  # fmt: skip
+    looked = [(low, high, *examine_piece(sensor, shares, slope, low, high))
+              for low, high in initial_pieces(found.box)]  # fmt: skip
     jacobians = [jacobian for *_, jacobian, _ in looked if jacobian is not None]
     if len(jacobians) < len(looked):
         return False
-    pieces = [Piece(tuple(a.tolist()), tuple(b.tolist()), least) for a, b, _, least in looked]
+    pieces = [ProvedPiece(tuple(a.tolist()), tuple(b.tolist()), least) for a, b, _, least in looked]
     found.pieces, found.work = pieces, len(pieces)
     conclude(sensor, found, shares, jacobians, slope)
     if not found.unique:
@@ -209,18 +209,18 @@ def prove_pieces(
     """Sorts the box's pieces into proved and doubtful ones; the Jacobians over the proved ones."""
     slope = ends(slope_of_powers(sensor, shares))[0]
     found.work = 0
-    todo = [(low, high, 0) for low, high in pieces_of(found.box)]
+    todo = [(low, high, 0) for low, high in initial_pieces(found.box)]
     whole, done, jacobians = len(todo), 0.0, []
     while todo:
         low, high, depth = todo.pop()
-        jacobian, least = look_at(sensor, shares, slope, low, high)
+        jacobian, least = examine_piece(sensor, shares, slope, low, high)
         found.work += 1
         late = found.work >= work or time.perf_counter() > deadline
-        if not (least > 0 or depth == DEPTH or late):
-            levers = shares_of(found.box) if jacobian is None else jacobian.levers()
+        if not (least > 0 or depth == MOST_CUTS or late):
+            levers = share_levers(found.box) if jacobian is None else jacobian.levers()
             todo += [(a, b, depth + 1) for a, b in cut_in_two(low, high, levers)]
             continue
-        piece = Piece(tuple(low.tolist()), tuple(high.tolist()), least)
+        piece = ProvedPiece(tuple(low.tolist()), tuple(high.tolist()), least)
         if jacobian is not None and least > 0:
             jacobians.append(jacobian)
             found.pieces.append(piece)
@@ -228,13 +228,13 @@ def prove_pieces(
             found.doubtful.append(piece)
         done += 0.5**depth / whole
         tell(done)
-        if len(found.doubtful) == ENOUGH:
+        if len(found.doubtful) == MOST_DOUBTFUL:
             found.reason = "singular states may be in the pieces listed, and in others"
             break
     return jacobians
 
 
-def look_at(
+def examine_piece(
     sensor: Geometry, shares: SharingBounds, slope: float, low: Floats, high: Floats
 ) -> tuple[Centred | None, float]:
     """The Jacobian over a piece and a lower bound of Eq. (11)'s |det|; 0 where none is found."""
@@ -248,35 +248,37 @@ def look_at(
 def edges_over_rotations(sensor: Geometry, box: StateBox) -> list[FacetEdges]:
     """The edges over the box's rotations, in a few parts."""
     zero = arb(0)
-    rotations = [cut(box, 3 + j, n) for j, n in enumerate(TURNS)]
+    rotations = [divide_side(box, 3 + j, n) for j, n in enumerate(TURNS)]
     return [
-        facet_edges(sensor, scene_of(sensor, [zero, zero, zero, *turns]), rotation_axes(*turns[1:]))
+        facet_edges(
+            sensor, dark_scene_over(sensor, [zero, zero, zero, *turns]), rotation_axes(*turns[1:])
+        )
         for turns in product(*rotations)
     ]
 
 
-def share_over(sensor: Geometry, parts: list[FacetEdges], box: StateBox) -> float:
+def least_share_in_box(sensor: Geometry, parts: list[FacetEdges], box: StateBox) -> float:
     """The least share that a facet has anywhere in the box, its offsets included; rounded down."""
-    x, y, z = (between(box.low[i], box.high[i]) for i in (6, 7, 2))
-    return min(least_share_over(edges, in_sigmas(sensor, (x, y, z))) for edges in parts)
+    x, y, z = (interval(box.low[i], box.high[i]) for i in (6, 7, 2))
+    return min(least_share_over(edges, project_to_sigmas(sensor, (x, y, z))) for edges in parts)
 
 
-def cut(box: StateBox, axis: int, count: int) -> list[Ball]:
+def divide_side(box: StateBox, axis: int, count: int) -> list[Interval]:
     """One side of the box in equal parts."""
     if not box.high[axis] > box.low[axis]:
         return [arb(float(box.low[axis]))]
     places = np.linspace(box.low[axis], box.high[axis], count + 1).tolist()
-    return [between(a, b) for a, b in pairwise(places)]
+    return [interval(a, b) for a, b in pairwise(places)]
 
 
-def slope_of_powers(sensor: Geometry, shares: SharingBounds) -> Ball:
+def slope_of_powers(sensor: Geometry, shares: SharingBounds) -> Interval:
     """|d(power_a, power_b) / d(bx, by)|: what Eq. (11) has beside the 6 x 6 determinant."""
     white = sensor.whitening
     area = white[0][0] * white[1][1] - white[0][1] * white[1][0]
-    return positive(positive(sensor.power**2, shares.slope), area)
+    return nonnegative_product(nonnegative_product(sensor.power**2, shares.slope), area)
 
 
-def as_numbers(shares: SharingBounds) -> dict[str, Any]:
+def bounds_as_numbers(shares: SharingBounds) -> dict[str, Any]:
     """The bounds about the light, for a certificate's file."""
     return {
         "from_point": [[ends(x) for x in row] for row in shares.from_point],

@@ -86,12 +86,12 @@ def real(x: Number) -> Number:
     return x.real if is_dual(x) else x
 
 
-def larger(a: Number, b: Number) -> Number:
+def maximum(a: Number, b: Number) -> Number:
     """The larger of two numbers, with the derivative that it carries."""
     first, second = real(a), real(b)
     code = first if hasattr(first, "writer") else second
     if hasattr(code, "writer"):
-        return code.library.larger(a, b)
+        return code.library.maximum(a, b)
     return a if first > second else b
 
 
@@ -105,11 +105,11 @@ def integral(integrand: Callable[[Number], Number], like: Number) -> Number:
     return library(like).quad(integrand, [0, 1])
 
 
-def defined(value: Number, a: Number, b: Number, c: Number) -> Number:
+def nan_unless_positive(value: Number, a: Number, b: Number, c: Number) -> Number:
     """`value` where a, b and c are above zero, else NaN; a symbol as it is."""
     first = real(a)
     if hasattr(first, "writer"):
-        return first.library.defined(value, first, real(b), real(c))
+        return first.library.nan_unless_positive(value, first, real(b), real(c))
     if type(value).__module__.startswith("casadi"):
         return value
     return value if real(a) > 0 and real(b) > 0 and real(c) > 0 else value * math.nan

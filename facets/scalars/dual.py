@@ -19,17 +19,17 @@ def is_zero(slope: Any) -> bool:
     return isinstance(slope, float) and slope == 0.0
 
 
-def times(slope: Any, factor: Any) -> Any:
+def scale_slope(slope: Any, factor: Any) -> Any:
     """A slope times a number."""
     return 0.0 if is_zero(slope) else slope * factor
 
 
-def plus(a: Any, b: Any) -> Any:
+def add_slopes(a: Any, b: Any) -> Any:
     """The sum of two slopes."""
     return b if is_zero(a) else a if is_zero(b) else a + b
 
 
-def minus(a: Any, b: Any) -> Any:
+def subtract_slopes(a: Any, b: Any) -> Any:
     return a if is_zero(b) else -b if is_zero(a) else a - b
 
 
@@ -47,7 +47,7 @@ class Dual:
 
     def __add__(self, other: Any) -> Dual:
         if isinstance(other, Dual):
-            return Dual(self.real + other.real, plus(self.imag, other.imag))
+            return Dual(self.real + other.real, add_slopes(self.imag, other.imag))
         return Dual(self.real + other, self.imag)
 
     __radd__ = __add__
@@ -57,17 +57,19 @@ class Dual:
 
     def __sub__(self, other: Any) -> Dual:
         if isinstance(other, Dual):
-            return Dual(self.real - other.real, minus(self.imag, other.imag))
+            return Dual(self.real - other.real, subtract_slopes(self.imag, other.imag))
         return Dual(self.real - other, self.imag)
 
     def __rsub__(self, other: Any) -> Dual:
-        return Dual(other - self.real, minus(0.0, self.imag))
+        return Dual(other - self.real, subtract_slopes(0.0, self.imag))
 
     def __mul__(self, other: Any) -> Dual:
         if isinstance(other, Dual):
-            slope = plus(times(other.imag, self.real), times(self.imag, other.real))
+            slope = add_slopes(
+                scale_slope(other.imag, self.real), scale_slope(self.imag, other.real)
+            )
             return Dual(self.real * other.real, slope)
-        return Dual(self.real * other, times(self.imag, other))
+        return Dual(self.real * other, scale_slope(self.imag, other))
 
     __rmul__ = __mul__
 
@@ -75,13 +77,16 @@ class Dual:
         inverse = 1 / dispatch.real(other)
         value = self.real * inverse
         if isinstance(other, Dual):
-            return Dual(value, times(minus(self.imag, times(other.imag, value)), inverse))
-        return Dual(value, times(self.imag, inverse))
+            return Dual(
+                value,
+                scale_slope(subtract_slopes(self.imag, scale_slope(other.imag, value)), inverse),
+            )
+        return Dual(value, scale_slope(self.imag, inverse))
 
     def __rtruediv__(self, other: Any) -> Dual:
         inverse = 1 / self.real
         value = other * inverse
-        return Dual(value, times(times(self.imag, -value), inverse))
+        return Dual(value, scale_slope(scale_slope(self.imag, -value), inverse))
 
 
 pi = math.pi
@@ -89,28 +94,30 @@ pi = math.pi
 
 def sqrt(x: Dual) -> Dual:
     root = dispatch.sqrt(x.real)
-    return Dual(root, times(x.imag, 1 / (2 * root)))
+    return Dual(root, scale_slope(x.imag, 1 / (2 * root)))
 
 
 def log(x: Dual) -> Dual:
-    return Dual(dispatch.log(x.real), times(x.imag, 1 / x.real))
+    return Dual(dispatch.log(x.real), scale_slope(x.imag, 1 / x.real))
 
 
 def sin(x: Dual) -> Dual:
-    return Dual(dispatch.sin(x.real), times(x.imag, dispatch.cos(x.real)))
+    return Dual(dispatch.sin(x.real), scale_slope(x.imag, dispatch.cos(x.real)))
 
 
 def cos(x: Dual) -> Dual:
-    return Dual(dispatch.cos(x.real), times(x.imag, -dispatch.sin(x.real)))
+    return Dual(dispatch.cos(x.real), scale_slope(x.imag, -dispatch.sin(x.real)))
 
 
 def atan2(y: Any, x: Any) -> Dual:
-    (up, of_up), (right, of_right) = parts(y), parts(x)
+    (up, of_up), (right, of_right) = value_and_slope(y), value_and_slope(x)
     inverse = 1 / (right * right + up * up)
-    slope = times(minus(times(of_up, right), times(of_right, up)), inverse)
+    slope = scale_slope(
+        subtract_slopes(scale_slope(of_up, right), scale_slope(of_right, up)), inverse
+    )
     return Dual(dispatch.atan2(up, right), slope)
 
 
-def parts(x: Any) -> tuple[Any, Any]:
+def value_and_slope(x: Any) -> tuple[Any, Any]:
     """A number's value and slope, which is 0 where it carries none."""
     return (x.real, x.imag) if isinstance(x, Dual) else (x, 0.0)

@@ -12,82 +12,82 @@ from typing import Any
 
 from flint import arb
 
-Ball = Any
+Interval = Any
 
 
-def between(low: float | Ball, high: float | Ball) -> Ball:
+def interval(low: float | Interval, high: float | Interval) -> Interval:
     """The interval from low to high."""
     return arb(low).union(arb(high))
 
 
-def around(value: float, off: float) -> Ball:
+def interval_around(value: float, off: float) -> Interval:
     """All values that are at most `off` from `value`."""
     if off == 0:
         return arb(value)
-    return between((arb(value) - arb(off)).lower(), (arb(value) + arb(off)).upper())
+    return interval((arb(value) - arb(off)).lower(), (arb(value) + arb(off)).upper())
 
 
-def hull(parts: Iterable[Ball]) -> Ball:
+def hull(parts: Iterable[Interval]) -> Interval:
     """The smallest interval that holds all of them."""
-    whole: Ball = None
+    whole: Interval = None
     for part in parts:
         whole = part if whole is None else whole.union(part)
     return whole
 
 
-def ends(x: Ball) -> tuple[float, float]:
+def ends(x: Interval) -> tuple[float, float]:
     """The ends of an interval as floats, rounded outwards by a little."""
     low, high = float(x.lower()), float(x.upper())
     slack = 1e-15 * (abs(low) + abs(high)) + 1e-300
     return low - slack, high + slack
 
 
-def magnitude(x: Ball) -> float:
+def magnitude(x: Interval) -> float:
     """The largest absolute value in an interval, rounded up; infinite where there is none."""
     low, high = ends(x)
     return max(abs(low), abs(high)) if isfinite(low) and isfinite(high) else inf
 
 
-def square(x: Ball) -> Ball:
+def square(x: Interval) -> Interval:
     """x^2, which is nowhere below zero."""
     low, high = x.lower() ** 2, x.upper() ** 2
     return low.union(high).union(arb(0)) if x.contains(arb(0)) else low.union(high)
 
 
-def positive(x: Ball, y: Ball) -> Ball:
+def nonnegative_product(x: Interval, y: Interval) -> Interval:
     """The product of two quantities that are not below zero, whatever their intervals say."""
     low = [max(side.lower(), arb(0)) for side in (x, y)]
     return (low[0] * low[1]).lower().union((x.upper() * y.upper()).upper())
 
 
-def monotone(function: Any, x: Ball) -> Ball:
+def map_monotone(function: Any, x: Interval) -> Interval:
     """A monotone function of an interval: what lies between its values at the ends."""
     return function(x.lower()).union(function(x.upper()))
 
 
-def exp(x: Ball) -> Ball:
+def exp(x: Interval) -> Interval:
     return x.exp()
 
 
-def sqrt(x: Ball) -> Ball:
+def sqrt(x: Interval) -> Interval:
     return x.sqrt()
 
 
-def sin(x: Ball) -> Ball:
+def sin(x: Interval) -> Interval:
     return x.sin()
 
 
-def cos(x: Ball) -> Ball:
+def cos(x: Interval) -> Interval:
     return x.cos()
 
 
-def erf(x: Ball) -> Ball:
+def erf(x: Interval) -> Interval:
     return x.erf()
 
 
-def erfc(x: Ball) -> Ball:
+def erfc(x: Interval) -> Interval:
     return x.erfc()
 
 
-def atan2(y: Ball, x: Ball) -> Ball:
+def atan2(y: Interval, x: Interval) -> Interval:
     return arb.atan2(y, x)

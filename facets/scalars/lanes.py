@@ -1,11 +1,11 @@
 """Numbers of several poses at once that write machine code: each instruction works on all of them.
 
-A `LaneWriter` runs the optics' text as `machine.Writer` does, once, but its numbers are LLVM's
-vectors with a lane for each pose. There are no branches: both ways are computed, and each lane
-takes its own. Where a formula is only right for most poses, as a polynomial on its interval, the
-lanes for which it is not are noted (`leave`), to be computed anew by other code. What a lane gives
-depends on no other lane, and on no processor: nothing but additions, multiplications, divisions and
-roots, each rounded as IEEE 754 has it.
+A `LaneWriter` runs the optics' text once, as `machine.MachineWriter` does, but its numbers are
+LLVM's vectors with a lane for each pose. There are no branches: both ways are computed, and each
+lane takes its own. Where a formula is right for most poses only, as a polynomial on its interval,
+the lanes for which it is not are noted (`leave`), to be computed anew by other code. What a lane
+gives depends on no other lane, and on no processor: nothing but additions, multiplications,
+divisions and roots, each rounded as IEEE 754 has it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any
 from llvmlite import ir
 
 from . import polynomials
-from .machine import DOUBLE, INTRINSICS, LONG, Repetition, Writer, counted, do_while
+from .machine import DOUBLE, INTRINSICS, LONG, MachineWriter, Repetition, do_while, write_loop
 from .nesting import Numbers
 from .tracing import Condition, Value
 
@@ -35,20 +35,20 @@ BITS_OF_ROOT_OF_HALF = int.from_bytes(struct.pack("<d", math.sqrt(0.5)), "little
 LN2_HIGH, LN2_LOW = 0.6931471803691238, 1.9082149292705877e-10
 
 
-class Left:
+class Unfilled:
     """In place of numbers that other code has to find."""
 
 
-LEFT = Left()
+UNFILLED = Unfilled()
 
 
-def shuffled(builder: Any, a: Any, b: Any, places: Iterable[int]) -> Any:
+def shuffle(builder: Any, a: Any, b: Any, places: Iterable[int]) -> Any:
     """The numbers of two vectors, one behind the other, at some places."""
     wanted = list(places)
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(SHORT, len(wanted)), wanted))
 
 
-def transposed(builder: Any, rows: list[Any]) -> list[Any]:
+def transpose(builder: Any, rows: list[Any]) -> list[Any]:
     """The columns of as many vectors as each has numbers, a power of two.
 
     Of each pair of rows whose numbers differ in one bit the blocks beside the diagonal are
@@ -61,21 +61,21 @@ def transposed(builder: Any, rows: list[Any]) -> list[Any]:
         for i in range(size):
             if not i & width:
                 pair = rows[i], rows[i + width]
-                rows[i], rows[i + width] = (shuffled(builder, *pair, each) for each in (low, high))
+                rows[i], rows[i + width] = (shuffle(builder, *pair, each) for each in (low, high))
         width *= 2
     return rows
 
 
-def joined(builder: Any, vectors: list[Any]) -> Any:
+def join(builder: Any, vectors: list[Any]) -> Any:
     """One vector of as many of equal lengths, a power of two."""
     while len(vectors) > 1:
         size = 2 * vectors[0].type.count
         pairs = zip(vectors[::2], vectors[1::2], strict=True)
-        vectors = [shuffled(builder, a, b, range(size)) for a, b in pairs]
+        vectors = [shuffle(builder, a, b, range(size)) for a, b in pairs]
     return vectors[0]
 
 
-class LaneWriter(Writer):
+class LaneWriter(MachineWriter):
     """lanes: how many poses.  `left`: in which of them the numbers mean nothing.
 
     Nothing is done for a lane that has no finite numbers: it has to be left.
@@ -112,7 +112,7 @@ class LaneWriter(Writer):
     def _splat(self, one: Any, kind: Any) -> Any:
         empty = ir.Constant(kind, ir.Undefined)
         first = self.builder.insert_element(empty, one, ir.Constant(SHORT, 0))
-        return shuffled(self.builder, first, empty, [0] * self.lanes)
+        return shuffle(self.builder, first, empty, [0] * self.lanes)
 
     def load(self, pointer: Any, index: int) -> Value:
         """A number that all lanes have in common."""
@@ -137,11 +137,11 @@ class LaneWriter(Writer):
                 for lane in range(self.lanes)
             ]
             squares = [
-                transposed(self.builder, rows[lane : lane + size])
+                transpose(self.builder, rows[lane : lane + size])
                 for lane in range(0, self.lanes, size)
             ]
             for parts in zip(*squares, strict=True):
-                found.append(Value(self, joined(self.builder, list(parts))))
+                found.append(Value(self, join(self.builder, list(parts))))
         return found
 
     def _squares(self, count: int) -> Iterator[tuple[int, int]]:
@@ -180,8 +180,8 @@ class LaneWriter(Writer):
             some = vectors[first : first + size]
             for lane in range(0, self.lanes, size):
                 places = range(lane, lane + size)
-                square = [shuffled(self.builder, each, each, places) for each in some]
-                for n, row in enumerate(transposed(self.builder, square), lane):
+                square = [shuffle(self.builder, each, each, places) for each in some]
+                for n, row in enumerate(transpose(self.builder, square), lane):
                     self.builder.store(row, self._in_row(pointer, stride, n, first, size), align=8)
 
     def bits(self, condition: Condition) -> Any:
@@ -197,9 +197,9 @@ class LaneWriter(Writer):
 
     @contextmanager
     def looped(self, count: Any) -> Iterator[Any]:
-        """A loop, as `machine.counted` writes it: what is computed before it is known within it,
+        """A loop, as `machine.write_loop` writes it: what is computed before it is known within it,
         and what is computed within it is not known after it."""
-        with self._round() as begin, counted(self.builder, count) as number, begin():
+        with self._round() as begin, write_loop(self.builder, count) as number, begin():
             yield number
 
     @contextmanager
@@ -211,7 +211,7 @@ class LaneWriter(Writer):
     @contextmanager
     def _round(self) -> Iterator[Callable[[], Any]]:
         """Around a loop; gives what goes around its inside. Rounds hand on `left`."""
-        left = Flag(self, self.left)
+        left = LaneFlag(self, self.left)
 
         @contextmanager
         def begin() -> Iterator[None]:
@@ -238,8 +238,8 @@ class LaneWriter(Writer):
             self._here.pop()
 
     def _merge_lanes(self, condition: Condition, then: Numbers, other: Numbers) -> Numbers:
-        if then is LEFT or other is LEFT:
-            return other if then is LEFT else then
+        if then is UNFILLED or other is UNFILLED:
+            return other if then is UNFILLED else then
         if isinstance(then, tuple):
             pairs = zip(then, other, strict=True)
             return tuple(self._merge_lanes(condition, a, b) for a, b in pairs)
@@ -248,7 +248,7 @@ class LaneWriter(Writer):
     def rarely(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
         """Left to other code."""
         self.leave(self.same(True))
-        return LEFT
+        return UNFILLED
 
     def write_function(self, name: str, *arguments: Value | float) -> Value:
         """Anew each time, since what it leaves depends on where it stands; its parts only once."""
@@ -298,7 +298,7 @@ class LaneWriter(Writer):
         return self.select(y < 0, -angle, angle)  # type: ignore[no-any-return]
 
 
-class Memory:
+class LaneMemory:
     """Numbers of all lanes in the code's own memory, as a loop hands them to its next round."""
 
     def __init__(self, code: LaneWriter, size: int) -> None:
@@ -318,7 +318,7 @@ class Memory:
         return self.code.builder.gep(self._place, [where])
 
 
-class Flag:
+class LaneFlag:
     """What is so in some lanes, in the code's own memory."""
 
     def __init__(self, code: LaneWriter, first: Condition) -> None:

@@ -30,7 +30,7 @@ INTRINSICS = ("sqrt", "fabs")
 CONNECTIVES = {"and": "and_", "or": "or_", "not": "not_"}
 
 
-class Writer(Tracer):
+class MachineWriter(Tracer):
     """builder: an `llvmlite` builder, which knows where the instructions go.  kind: the type that
     LLVM has for a number."""
 
@@ -84,12 +84,12 @@ class Writer(Tracer):
 
     @contextmanager
     def looped(self, count: Any) -> Iterator[Any]:
-        """A loop, as `counted` writes it. What is computed within it is not known after it.
+        """A loop, as `write_loop` writes it. What is computed within it is not known after it.
 
         Nor is what was computed before known within: registers that are full of it cost more than
         LLVM does, which computes before the loop what it finds worth it.
         """
-        with self.scope(), counted(self.builder, count) as number:
+        with self.scope(), write_loop(self.builder, count) as number:
             self._known = {}
             yield number
 
@@ -114,17 +114,17 @@ class Writer(Tracer):
         return Value(self, phi)
 
 
-#: What the blocks are named that `counted` begins with.
+#: What the blocks are named that `write_loop` begins with.
 LOOP = "loop"
 
 
 def count_loops(function: Any) -> int:
-    """How many loops `counted` has written in a function; one within another counts, too."""
+    """How many loops `write_loop` has written in a function; one within another counts, too."""
     return sum(block.name.partition(".")[0] == LOOP for block in function.blocks)
 
 
 @contextmanager
-def counted(builder: Any, count: Any) -> Iterator[Any]:
+def write_loop(builder: Any, count: Any) -> Iterator[Any]:
     """A loop: what is written within it is done for each 64-bit number below `count`, which it
     gives."""
     with builder.goto_entry_block():

@@ -18,9 +18,9 @@ def leaves(part: Numbers) -> Iterator[Any]:
         yield part
 
 
-def nested(like: Numbers, numbers: Iterator[Any]) -> Numbers:
+def nest(like: Numbers, numbers: Iterator[Any]) -> Numbers:
     """Tuples like those given, with other numbers in them."""
     if not isinstance(like, tuple):
         return next(numbers)
-    inner = [nested(each, numbers) for each in like]
+    inner = [nest(each, numbers) for each in like]
     return type(like)(*inner) if hasattr(like, "_fields") else tuple(inner)

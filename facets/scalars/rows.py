@@ -12,14 +12,14 @@ from typing import Any
 
 from llvmlite import ir
 
-from .machine import DOUBLE, INTRINSICS, LONG, Writer
-from .nesting import Numbers, leaves, nested
+from .machine import DOUBLE, INTRINSICS, LONG, MachineWriter
+from .nesting import Numbers, leaves, nest
 from .tracing import Value, key_of
 
 POINTER = ir.PointerType(DOUBLE)
 
 
-class RowWriter(Writer):
+class RowWriter(MachineWriter):
     """functions: pointer to the addresses of what the text calls and is no straight code, in the
     order of `names`: functions of two pointers, to the numbers given and to those found."""
 
@@ -50,7 +50,7 @@ class RowWriter(Writer):
         kind = ir.FunctionType(ir.VoidType(), [POINTER] * 2)
         code = self.builder.inttoptr(self.builder.load(place), kind.as_pointer())
         self.builder.call(code, [memory, results])
-        return nested(like, iter([self.load(results, n) for n in range(len(wanted))]))
+        return nest(like, iter([self.load(results, n) for n in range(len(wanted))]))
 
     rarely = called
 

@@ -4,7 +4,7 @@ A formula of the optics, run once with such numbers, becomes straight code. `Tra
 the writers share: it leaves out what needs no instruction, and writes no instruction twice. A
 writer derives from it and knows how one instruction is written:
 
-- `machine.Writer` LLVM's code for one pose, with branches;
+- `machine.MachineWriter` LLVM's code for one pose, with branches;
 - `lanes.LaneWriter` LLVM's code for several poses at once, without branches;
 - `firmware.c_numbers.CWriter` C.
 
@@ -30,7 +30,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from .dispatch import real
-from .dual import Dual, parts
+from .dual import Dual, value_and_slope
 from .nesting import Numbers
 
 pi = math.pi
@@ -309,22 +309,22 @@ def atan2(y: Value | float, x: Value | float) -> Any:
     return one.writer.function("atan2", y, x)  # type: ignore[union-attr]
 
 
-def larger(a: Any, b: Any) -> Any:
+def maximum(a: Any, b: Any) -> Any:
     """The larger of two numbers, of which one at least is code, with what it carries along; b where
     one is NaN."""
     first, second = real(a), real(b)
     code = first.writer if isinstance(first, Value) else second.writer
-    return chosen(code, code.compare(">", first, second), a, b)
+    return select_number(code, code.compare(">", first, second), a, b)
 
 
-def chosen(code: Tracer, condition: Condition, a: Any, b: Any) -> Any:
+def select_number(code: Tracer, condition: Condition, a: Any, b: Any) -> Any:
     """a where something is so, else b, with what these carry along."""
     if isinstance(a, Dual) or isinstance(b, Dual):
-        (one, first), (other, second) = parts(a), parts(b)
+        (one, first), (other, second) = value_and_slope(a), value_and_slope(b)
         return Dual(code.select(condition, one, other), code.select(condition, first, second))
     return code.select(condition, a, b)
 
 
-def defined(value: Any, a: Value, b: Value, c: Value) -> Any:
+def nan_unless_positive(value: Any, a: Value, b: Value, c: Value) -> Any:
     """`value`, with what it carries along, where a, b and c are above zero, else NaN."""
-    return chosen(a.writer, (a > 0) & (b > 0) & (c > 0), value, value * math.nan)
+    return select_number(a.writer, (a > 0) & (b > 0) & (c > 0), value, value * math.nan)

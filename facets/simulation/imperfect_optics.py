@@ -27,9 +27,9 @@ import numpy as np
 
 from ..core.sensor import Imperfections, Sensor
 from ..core.units import Floats
-from ..detectors.skew import later
+from ..detectors.skew import delay_states
 from ..model.arrays import geometry_of, half_sizes, readings
-from ..optics.forward import Geometry, Scene, beam_axes, placed
+from ..optics.forward import Geometry, Scene, beam_axes, dark_scene
 
 #: Nodes over a wedge's angle and radius, across a strip, and where the light ends, in sigmas.
 ANGLES, RADII, ACROSS, FAR = 20, 40, 6, 9.0
@@ -103,7 +103,7 @@ def seen_late(sensor: Sensor, time: Floats, motion: Floats, states: Floats) -> F
     readings = seen(sensor, states)
     for k, delay in enumerate(sensor.light.delays):
         if delay:
-            late = seen(sensor, states + later(time, motion, delay) - motion)
+            late = seen(sensor, states + delay_states(time, motion, delay) - motion)
             readings[:, 3 * k : 3 * k + 3] = late[:, 3 * k : 3 * k + 3]
     return readings
 
@@ -116,7 +116,7 @@ def traced(sensor: Sensor, states: Floats) -> Floats:
 
 def trace(fixed: Geometry, flaws: Flaws, state: Floats, halves: Floats) -> Floats:
     """One reading (9,). halves: (3, 2) of the detectors' areas, mm."""
-    at = placed(fixed, tuple(state.tolist()))
+    at = dark_scene(fixed, tuple(state.tolist()))
     out = np.empty(9)
     for k in range(3):
         edges = [FacetEdge.of(fixed, at, flaws, k, which) for which in (0, 1)]

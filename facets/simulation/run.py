@@ -15,7 +15,7 @@ from ..core.names import POSE, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ..core.sensor import Sensor
 from ..core.settings import Config, Solve
 from ..core.units import Floats
-from ..detectors.correction import uncorrected
+from ..detectors.correction import invert_correction
 from ..detectors.noise import add_noise
 from ..estimation.solution import Solution, Status
 from ..estimation.table import compile_for_poses, labels, pose_columns, solve_readings
@@ -81,7 +81,7 @@ def read_detectors(
         share = sensor.electronics.power_noise * rng.standard_normal((len(exact), 1))
         exact[:, 2::3] *= 1 + share
     seen = add_noise(sensor, exact, rng) if noise else mask_missed(sensor, exact, exact)
-    return uncorrected(sensor, seen), reached
+    return invert_correction(sensor, seen), reached
 
 
 def add_pointing_jitter(sensor: Sensor, truth: Floats, rng: np.random.Generator) -> Floats:

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from facets.experiments import rigs
-from facets.experiments.bench_rays import Bench, spots
+from facets.experiments.bench_rays import RayBench, spots
 
 import facets
 
 NOMINAL = facets.Sensor()
-IDEAL = Bench(
+IDEAL = RayBench(
     np.eye(2) * (NOMINAL.beam.diameter_x / 4) ** 2, np.zeros((2, 2)), 0.0, None, 0.0, np.zeros(3),
     np.zeros((3, 2)), 0.03, np.zeros((3, 3)),
 )  # fmt: skip

@@ -30,7 +30,7 @@ from facets.characterization.resolution import Estimator, uncertainties
 from facets.core.errors import ConfigError, InputError
 from facets.core.motions import Table
 from facets.detectors.calibrated import KNOWN
-from facets.detectors.correction import coefficients, corrected, slopes, uncorrected
+from facets.detectors.correction import coefficients, correct, correction_slopes, invert_correction
 from facets.files.provenance import run_record
 from facets.live.recording.replay import recorded_config
 from facets.live.recording.writer import Recording
@@ -56,11 +56,11 @@ def test_corrections_go_both_ways():
     bent = tuple(0.01 * n for n in range(1, 10))
     psds = [replace(p, correction=replace(p.correction, y=bent)) for p in rig.sensor.psds]
     sensor = replace(rig.sensor, psds=(psds[0], psds[1], psds[2]))
-    back = uncorrected(sensor, corrected(sensor, data.raw))
+    back = invert_correction(sensor, correct(sensor, data.raw))
     np.testing.assert_allclose(back, data.raw, atol=1e-12)
-    assert not np.allclose(corrected(sensor, data.raw), data.raw, atol=1e-3)
-    whole = data.raw + slopes(sensor, data.raw) @ coefficients(sensor)
-    np.testing.assert_allclose(corrected(sensor, data.raw), whole)
+    assert not np.allclose(correct(sensor, data.raw), data.raw, atol=1e-3)
+    whole = data.raw + correction_slopes(sensor, data.raw) @ coefficients(sensor)
+    np.testing.assert_allclose(correct(sensor, data.raw), whole)
 
 
 def test_a_scale_and_a_gain_mean_what_they_say():
@@ -68,7 +68,7 @@ def test_a_scale_and_a_gain_mean_what_they_say():
         power=0.02, dark=1e-3, y=(0.065, *[0.0] * 8)))  # fmt: skip
     sensor = replace(NOMINAL, psds=(psd, *NOMINAL.psds[1:]))
     raw = facets.readings(NOMINAL, np.array([[0.02, 0.01, 0.1, 1e-3, 2e-3, 5e-3, 0, 0]]))
-    fixed = corrected(sensor, raw)
+    fixed = correct(sensor, raw)
     np.testing.assert_allclose(fixed[0, :2] / raw[0, :2], [1.01, 1.0], rtol=1e-12)
     assert fixed[0, 2] == pytest.approx(1.02 * raw[0, 2] + 1e-3, rel=1e-12)
     np.testing.assert_array_equal(fixed[:, 3:], raw[:, 3:])
@@ -87,11 +87,11 @@ def test_a_measured_table_corrects_as_what_it_was_measured_of(tmp_path):
     config = facets.load(tmp_path / "my.yaml")
     raw = facets.readings(NOMINAL, np.array([[0.02, 0.01, 0.4, 1e-3, 2e-3, 5e-3, 0, 0]]))
     psi, zeta = raw[0, 3:5]
-    fixed = corrected(config.sensor, raw)
+    fixed = correct(config.sensor, raw)
     np.testing.assert_allclose(fixed[0, 3] - psi, 0.01 * psi - 0.003 * zeta, atol=1e-12)
     np.testing.assert_allclose(fixed[0, 4] - zeta, 0.002 * zeta, atol=1e-12)
     np.testing.assert_array_equal(fixed[:, [0, 1, 2, 5, 6, 7, 8]], raw[:, [0, 1, 2, 5, 6, 7, 8]])
-    np.testing.assert_allclose(uncorrected(config.sensor, fixed), raw, atol=1e-12)
+    np.testing.assert_allclose(invert_correction(config.sensor, fixed), raw, atol=1e-12)
     (tmp_path / "a.csv").write_text("\n".join(lines[:-1]))
     with pytest.raises(ConfigError, match="not a grid: 20 rows, 7 values of psi_mm, 3 of zeta_mm"):
         facets.load(tmp_path / "my.yaml")
@@ -173,7 +173,7 @@ def test_derivatives_are_those_of_differences(sensor):
     def seen(values, opening):
         other = study.assigned(sensor, values)
         state = states_of(data, opening, values)
-        return predicted(other, data, opening, values, state) - corrected(other, raw)
+        return predicted(other, data, opening, values, state) - correct(other, raw)
 
     for n, name in enumerate(ALL):
         if name.startswith("seat_") or (sensor is NOMINAL and name in study.EFFECTS):
@@ -259,7 +259,7 @@ def test_stated_uncertainties_of_poses_have_the_calibration_in_them():
             (found.sensor, ratios),
             (replace(found.sensor, calibration=None), bare),
         ):
-            solution = facets.solve(sensor, corrected(sensor, fresh.raw), beam="known")
+            solution = facets.solve(sensor, correct(sensor, fresh.raw), beam="known")
             kept.append((solution.state - state)[:, :6] / solution.uncertainty[:, :6])
     honest, short = (np.sqrt(np.nanmean(np.concatenate(kept) ** 2)) for kept in (ratios, bare))
     assert 0.75 < honest < 1.3

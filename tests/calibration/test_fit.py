@@ -15,7 +15,7 @@ from facets.calibration.fit import fit
 from facets.calibration.laser import steadied
 from facets.calibration.table import choice
 from facets.calibration.unknowns import PLACE
-from facets.detectors.correction import uncorrected
+from facets.detectors.correction import invert_correction
 from facets.detectors.noise import add_noise
 
 CONFIG = facets.load("paper")
@@ -33,7 +33,7 @@ def samples(count, light=NOMINAL.light, power=1.0, seed=5):
     sensor = replace(rig.sensor, light=light)
     exact = facets.readings(sensor, states_of(data, np.zeros((count, 9)), rig.values))
     exact[:, 2::3] *= np.broadcast_to(power, count)[:, None]
-    raw = uncorrected(sensor, add_noise(sensor, exact, rng))
+    raw = invert_correction(sensor, add_noise(sensor, exact, rng))
     return rig, over_the_run(data._replace(raw=raw))
 
 

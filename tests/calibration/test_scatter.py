@@ -18,7 +18,7 @@ from facets.calibration.scatter import explained, shape_of_powers
 from facets.calibration.table import choice
 from facets.calibration.unknowns import PLACE
 from facets.calibration.verdict import verdict
-from facets.detectors.correction import uncorrected
+from facets.detectors.correction import invert_correction
 from facets.detectors.noise import add_noise
 
 CONFIG = facets.load("paper")
@@ -38,7 +38,7 @@ def samples(mirror=0.0, beam=0.0, noise=1.0, profile=0.0, seed=3):
     data = Data(np.zeros((COUNT, 9)), there, rigs.REFERENCE, beam * rng.standard_normal((COUNT, 2)))
     exact = facets.readings(rig.sensor, states_of(data, np.zeros((COUNT, 9)), rig.values))
     exact[:, 2] *= 1 + profile * (pose[:, 0] / 0.25) ** 4
-    raw = uncorrected(rig.sensor, exact + noise * (add_noise(rig.sensor, exact, rng) - exact))
+    raw = invert_correction(rig.sensor, exact + noise * (add_noise(rig.sensor, exact, rng) - exact))
     said = pose + rigs.REFERENCE * rng.standard_normal(pose.shape)
     return over_the_run(data._replace(raw=raw, pose=said, beam=np.zeros((COUNT, 2))))
 

@@ -14,7 +14,7 @@ from facets.calibration.candidates import search
 from facets.calibration.fit import fit
 from facets.calibration.table import choice, velocities
 from facets.calibration.verdict import verdict
-from facets.detectors.correction import uncorrected
+from facets.detectors.correction import invert_correction
 from facets.detectors.noise import add_noise
 
 CONFIG = facets.load("paper")
@@ -38,7 +38,7 @@ def read_in_turn(count=120, timed=True):
     for k, delay in enumerate(DELAYS):
         later = states_of(empty._replace(pose=pose(time + delay)), np.zeros((count, 9)), rig.values)
         exact[:, 3 * k : 3 * k + 3] = facets.readings(rig.sensor, later)[:, 3 * k : 3 * k + 3]
-    raw = uncorrected(rig.sensor, add_noise(rig.sensor, exact, rng))
+    raw = invert_correction(rig.sensor, add_noise(rig.sensor, exact, rng))
     speed = velocities(time, empty.pose) if timed else None
     return empty._replace(raw=raw, velocity=speed)
 

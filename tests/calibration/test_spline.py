@@ -14,7 +14,7 @@ from facets.calibration.bundle_adjustment import Data, states_of
 from facets.calibration.spline import KNOTS, LEFT, SPLINE, bases, spline_slopes, with_spline
 from facets.calibration.table import choice
 from facets.calibration.verdict import verdict
-from facets.detectors.correction import corrected, uncorrected
+from facets.detectors.correction import correct, invert_correction
 from facets.detectors.noise import add_noise
 
 CONFIG = facets.load("paper")
@@ -40,7 +40,7 @@ def test_what_is_written_into_a_sensor_is_the_spline():
     rng = np.random.default_rng(1)
     coefficients = 1e-3 * rng.normal(size=len(SPLINE))
     raw = rng.uniform(-6, 6, (200, 9))
-    added = corrected(with_spline(NOMINAL, coefficients), raw) - raw
+    added = correct(with_spline(NOMINAL, coefficients), raw) - raw
     np.testing.assert_allclose(added, spline_slopes(NOMINAL, raw) @ coefficients, atol=1e-4)
     assert np.abs(added).max() > 3e-3
 
@@ -57,7 +57,7 @@ def measured(rig, count, box, rng):
     raw = add_noise(rig.sensor, facets.readings(rig.sensor, state), rng)
     for k in range(3):
         raw[:, 3 * k : 3 * k + 2] += wavy(raw[:, 3 * k : 3 * k + 2])
-    return data._replace(raw=uncorrected(rig.sensor, raw)), state
+    return data._replace(raw=invert_correction(rig.sensor, raw)), state
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +67,7 @@ def rig():
 
 def error(sensor, rig):
     fresh, state = measured(rig, 300, 0.7 * BOX, np.random.default_rng(8))
-    found = facets.solve(sensor, corrected(sensor, fresh.raw), beam="known")
+    found = facets.solve(sensor, correct(sensor, fresh.raw), beam="known")
     own = found.uncertainty[:, :6]
     return rigs.rms((found.state - state)[:, :6])[2:], rigs.rms(own)[2:]
 
@@ -86,7 +86,7 @@ def test_waves_beyond_third_order_are_found_and_written(rig, tmp_path):
     write_results(CONFIG, with_it, [tmp_path / name for name in names])
     loaded = facets.load(tmp_path / "mine.yaml").sensor
     np.testing.assert_allclose(
-        corrected(loaded, data.raw), corrected(with_it.found.sensor, data.raw), atol=1e-9
+        correct(loaded, data.raw), correct(with_it.found.sensor, data.raw), atol=1e-9
     )
 
 

@@ -12,7 +12,7 @@ import facets
 from facets.calibration import verdict as judging
 from facets.calibration.bundle_adjustment import Data, states_of
 from facets.calibration.table import choice
-from facets.detectors.correction import corrected, uncorrected
+from facets.detectors.correction import correct, invert_correction
 from facets.detectors.noise import add_noise
 
 CONFIG = facets.load("paper")
@@ -31,7 +31,7 @@ def over_the_edge(count=200):
     real = replace(rig.sensor, apertures=facets.Apertures(detectors=True))
     exact = facets.readings(real, state)
     lost = np.abs(exact / facets.readings(rig.sensor, state) - 1)[:, 2::3].max(axis=1) > 1e-3
-    raw = uncorrected(rig.sensor, add_noise(rig.sensor, exact, rng))
+    raw = invert_correction(rig.sensor, add_noise(rig.sensor, exact, rng))
     return rig, data._replace(raw=raw), lost
 
 
@@ -39,7 +39,7 @@ def worst_ratio(sensor, rig):
     rng = np.random.default_rng(7)
     fresh, state = rigs.moved(rig, 300, rng)
     found, best = (
-        rigs.rms((facets.solve(one, corrected(one, fresh.raw), beam="known").state - state)[:, :6])
+        rigs.rms((facets.solve(one, correct(one, fresh.raw), beam="known").state - state)[:, :6])
         for one in (sensor, rig.sensor)
     )
     return (found / best).max()

@@ -9,7 +9,7 @@ import pytest
 from commands import command
 
 import facets
-from facets.detectors.counts import counts_of
+from facets.detectors.counts import readings_to_counts
 from facets.live.sources.frames import Samples, pack
 
 RATE, COUNT = 1000, 1 << 14
@@ -25,7 +25,7 @@ def stream(rng):
     time = np.arange(COUNT) / RATE
     readings[:, 4] += MAINS * np.sin(2 * np.pi * 50 * time)
     readings[:, 0] += 1e-3 * time
-    counts = counts_of(config.sensor, config.electronics, readings)
+    counts = readings_to_counts(config.sensor, config.electronics, readings)
     number = np.arange(COUNT, dtype=np.uint32)
     kind = np.ones(COUNT, np.uint8)
     whole = Samples(kind, 0 * kind, number, (1_000_000 // RATE) * number, counts)
@@ -80,7 +80,7 @@ def test_a_recording_of_a_moving_mirror_is_refused_and_leaves_nothing(tmp_path):
     count = 4_000
     state = np.zeros((count, 8))
     state[:, 5] = 1e-3 * np.sin(np.arange(count) / 300)
-    counts = counts_of(
+    counts = readings_to_counts(
         config.sensor, config.electronics, facets.readings(config.sensor, state),
         np.random.default_rng(1),
     )  # fmt: skip

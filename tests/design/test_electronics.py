@@ -17,7 +17,7 @@ from facets.design.front import pareto_front
 from facets.design.search import optimize
 from facets.design.variables import Outcome, outcome, sensor_of
 from facets.design.volume import states_of
-from facets.detectors.noise import currents_of
+from facets.detectors.noise import electrode_currents
 from facets.model.arrays import parameters
 
 CONFIG = facets.load("layout")
@@ -45,7 +45,7 @@ def test_the_symbols_have_the_noise_of_the_float_model(kind):
         np.testing.assert_allclose(np.sqrt(found[Outcome.VARIANCES]), sigma, rtol=1e-8)
         light = facets.readings(sensor, state).reshape(1, 3, 3)
         full = 0.95 * ELECTRONICS.adc_range / ELECTRONICS.transimpedance
-        left = 1 - currents_of(sensor, sensor.electronics, light).ravel() / full
+        left = 1 - electrode_currents(sensor, sensor.electronics, light).ravel() / full
         np.testing.assert_allclose(found[Outcome.HEADROOM], left, rtol=1e-10)
 
 
@@ -57,7 +57,7 @@ def worst(sensor):
 def largest_current(sensor):
     volume = np.array(states_of(CONFIG.layout, 1.0), dtype=float)
     light = facets.readings(sensor, volume).reshape(-1, 3, 3)
-    return float(currents_of(sensor, sensor.electronics, light).max())
+    return float(electrode_currents(sensor, sensor.electronics, light).max())
 
 
 def test_a_gain_is_as_large_as_the_amplifiers_take():

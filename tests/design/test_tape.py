@@ -11,7 +11,7 @@ import facets
 from facets.design.footprint import edge_clearances
 from facets.design.tape import tape_of
 from facets.model.arrays import parameters
-from facets.optics.forward import geometry
+from facets.optics.forward import build_geometry
 
 pytestmark = pytest.mark.installed
 
@@ -64,7 +64,7 @@ def test_an_operation_that_the_tape_lacks_is_told():
 def test_the_light_on_a_facet_reaches_as_far_as_the_ranges_have_it(name):
     sensor = SENSORS[name]
     state = ca.SX.sym("state", 8)
-    fixed = geometry(tuple(map(ca.SX, parameters(sensor))))
+    fixed = build_geometry(tuple(map(ca.SX, parameters(sensor))))
     sizes = [(psd.size_y, psd.size_z) for psd in sensor.psds]
     parts = edge_clearances(fixed, tuple(state[i] for i in range(8)), sizes)
     least = ca.vertcat(*[ca.mmin(ca.vertcat(*part)) for part in parts.values()])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import facets
-from facets.detectors.correction import NAMES, coefficients, corrected, slopes
+from facets.detectors.correction import NAMES, coefficients, correct, correction_slopes
 
 RAW = np.array([[1.5, -2.0, 0.1, -4.0, 3.0, 0.08, 0.2, 0.1, 0.12]])
 
@@ -32,7 +32,7 @@ def rig() -> facets.Sensor:
 
 def test_a_correction_is_a_polynomial_of_the_place_in_half_sizes():
     one = rig()
-    found = corrected(one, RAW)[0]
+    found = correct(one, RAW)[0]
     for k, psd in enumerate(one.psds):
         y, z = RAW[0, 3 * k] / (psd.size_y / 2), RAW[0, 3 * k + 1] / (psd.size_z / 2)
         terms = np.array([y, z, y * y, y * z, z * z, y**3, y * y * z, y * z * z, z**3])
@@ -52,4 +52,6 @@ def test_coefficients_stand_in_the_order_of_their_names():
     assert [named[name] for name in NAMES[20:22]] == [
         one.psds[1].correction.power, one.psds[1].correction.dark
     ]  # fmt: skip
-    assert (RAW + slopes(one, RAW) @ coefficients(one)) == pytest.approx(corrected(one, RAW))
+    assert (RAW + correction_slopes(one, RAW) @ coefficients(one)) == pytest.approx(
+        correct(one, RAW)
+    )

@@ -10,10 +10,10 @@ import facets
 from facets.detectors.counts import (
     SATURATED,
     UNEQUAL,
-    counts_of,
-    per_ampere,
-    readings_of,
-    xy_sum_of,
+    counts_per_ampere,
+    counts_to_readings,
+    counts_to_xy_sum,
+    readings_to_counts,
 )
 
 PAPER = SENSORS["paper"]
@@ -27,12 +27,12 @@ def test_readings_come_back_within_a_step(kind, xy_sum):
     exact = facets.readings(PAPER, states(80, seed=2, angle=0.003))
     exact = exact[(np.abs(exact[:, [0, 1, 3, 4, 6, 7]]) < 6).all(axis=1)]
     assert len(exact) > 20
-    counts = counts_of(PAPER, electronics, exact)
+    counts = readings_to_counts(PAPER, electronics, exact)
     if xy_sum:
-        counts = xy_sum_of(electronics, counts)
-    found, flags = readings_of(PAPER, electronics, counts, xy_sum, NO_DARK)
+        counts = counts_to_xy_sum(electronics, counts)
+    found, flags = counts_to_readings(PAPER, electronics, counts, xy_sum, NO_DARK)
     assert not flags.any()
-    step = 1e3 / per_ampere(electronics) / electronics.responsivity  # mW a count
+    step = 1e3 / counts_per_ampere(electronics) / electronics.responsivity  # mW a count
     assert np.abs(found[:, 2::3] - exact[:, 2::3]).max() < 4 * step
     places = [0, 1, 3, 4, 6, 7]
     worst = 10 * 13 * step / exact[:, 2::3].min()
@@ -41,7 +41,7 @@ def test_readings_come_back_within_a_step(kind, xy_sum):
 
 def test_light_that_misses_a_detector_makes_no_counts():
     exact = np.array([[7.0, 0, 0.1, 0, -6.6, 0.1, np.nan, 0, 0.1], [1.0, 2, 0.1] * 3])
-    counts = counts_of(PAPER, facets.Electronics(), exact)
+    counts = readings_to_counts(PAPER, facets.Electronics(), exact)
     assert not counts[0].any()
     assert (counts[1] > 0).all()
 
@@ -49,17 +49,17 @@ def test_light_that_misses_a_detector_makes_no_counts():
 def test_dark_counts_are_taken_off():
     electronics = facets.Electronics(adc_bits=20)
     exact = facets.readings(PAPER, states(10, seed=3))
-    counts = counts_of(PAPER, electronics, exact)
-    plain, _ = readings_of(PAPER, electronics, counts, False, NO_DARK)
-    shifted, _ = readings_of(PAPER, electronics, counts + 500, False, np.full(12, 500.0))
+    counts = readings_to_counts(PAPER, electronics, exact)
+    plain, _ = counts_to_readings(PAPER, electronics, counts, False, NO_DARK)
+    shifted, _ = counts_to_readings(PAPER, electronics, counts + 500, False, np.full(12, 500.0))
     np.testing.assert_allclose(shifted, plain)
 
 
 def test_a_full_converter_is_no_reading():
     electronics = facets.Electronics()
-    counts = counts_of(PAPER, electronics, facets.readings(PAPER, np.zeros((2, 8))))
+    counts = readings_to_counts(PAPER, electronics, facets.readings(PAPER, np.zeros((2, 8))))
     counts[0, 5] = 2**electronics.adc_bits - 1
-    found, flags = readings_of(PAPER, electronics, counts, False, NO_DARK)
+    found, flags = counts_to_readings(PAPER, electronics, counts, False, NO_DARK)
     assert flags[0] & SATURATED
     assert np.isnan(found[0, 3:6]).all()
     assert np.isfinite(found[0, [0, 1, 2, 6, 7, 8]]).all()
@@ -68,7 +68,7 @@ def test_a_full_converter_is_no_reading():
 
 def test_sums_that_differ_are_flagged():
     electronics = facets.Electronics()
-    counts = counts_of(PAPER, electronics, facets.readings(PAPER, np.zeros((2, 8))))
+    counts = readings_to_counts(PAPER, electronics, facets.readings(PAPER, np.zeros((2, 8))))
     counts[1, 0] = counts[1, 0] * 11 // 10
-    _, flags = readings_of(PAPER, electronics, counts, False, NO_DARK)
+    _, flags = counts_to_readings(PAPER, electronics, counts, False, NO_DARK)
     assert flags.tolist() == [0, UNEQUAL]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from facets.detectors.electrodes import fractions, side
+from facets.detectors.electrodes import fractions, side_potential
 
 
 def series(towards: float, along: float, aspect: float) -> float:
@@ -19,7 +19,7 @@ def series(towards: float, along: float, aspect: float) -> float:
 @pytest.mark.parametrize("aspect", [0.3, 1.0, 2.7, 10.0])
 @pytest.mark.parametrize("place", [(0, 0), (0.5, 0.3), (-0.9, 0.9), (0.97, -0.97), (0.2, -0.8)])
 def test_the_closed_form_is_the_series(place, aspect):
-    found = float(side(np.array(place[0]), np.array(place[1]), aspect))
+    found = float(side_potential(np.array(place[0]), np.array(place[1]), aspect))
     assert found == pytest.approx(series(*place, aspect), rel=1e-11)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 import facets
 from facets.core.sensor import BenchLight
-from facets.detectors.skew import align, later, slopes
+from facets.detectors.skew import align, delay_states, slopes
 from facets.simulation.run import simulate
 
 LATE = replace(facets.Sensor(), light=BenchLight(delays=(0.0, 5e-6, 1e-5)))
@@ -32,7 +32,7 @@ def test_readings_are_brought_to_one_instant():
     exact = facets.readings(LATE, states)
     late = exact.copy()
     for k, delay in enumerate(LATE.light.delays):
-        moved = facets.readings(LATE, later(time, states, delay))
+        moved = facets.readings(LATE, delay_states(time, states, delay))
         late[:, 3 * k : 3 * k + 3] = moved[:, 3 * k : 3 * k + 3]
     assert np.abs(late - exact).max() > 1e-5
     acceleration = 20**2 * np.abs(exact - exact[0]).max()

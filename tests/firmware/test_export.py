@@ -16,13 +16,13 @@ import facets
 from facets import Status
 from facets.core.errors import InputError
 from facets.core.sensor import BenchLight, Correction, Grid
-from facets.detectors.correction import corrected
-from facets.detectors.counts import counts_of, readings_of, xy_sum_of
+from facets.detectors.correction import correct
+from facets.detectors.counts import counts_to_readings, counts_to_xy_sum, readings_to_counts
 from facets.firmware import export as export_module
 from facets.firmware.export import export
 from facets.firmware.library import FirmwareLibrary
 from facets.firmware.source import Provenance
-from facets.firmware.vectors import states_within
+from facets.firmware.vectors import sample_states
 
 from ..helpers.pages import ROOT
 
@@ -110,7 +110,7 @@ def sensor_of(name: str) -> facets.Sensor:
 def test_poses_are_those_of_facets(folders: dict[str, Path], name: str) -> None:
     """Double precision to rounding; single within a tenth of the noise, in covariance to 3 %."""
     sensor, rng = sensor_of(name), np.random.default_rng(2)
-    exact = facets.readings(sensor, states_within(sensor, 400, rng))
+    exact = facets.readings(sensor, sample_states(sensor, 400, rng))
     readings = np.concatenate([exact, facets.add_noise(sensor, exact, rng)])
     known = facets.solve(sensor, readings)
     sigma = known.uncertainty
@@ -158,7 +158,7 @@ def test_what_is_known_before_weighs_as_in_facets(
 ) -> None:
     """Priors of the beam's place and power, and an unknown power."""
     sensor, rng = sensor_of("bench"), np.random.default_rng(11)
-    exact = facets.readings(sensor, states_within(sensor, 50, rng))
+    exact = facets.readings(sensor, sample_states(sensor, 50, rng))
     readings = facets.add_noise(sensor, exact, rng)
     means = (0.01, -0.02, 1.001 * sensor.beam.power)
     known = facets.solve(
@@ -185,7 +185,7 @@ def test_a_pose_that_nothing_checks_is_given_on_request_only(
 ) -> None:
     """Of two detectors with the beam known, and of three for nine unknowns."""
     sensor, rng = facets.Sensor(), np.random.default_rng(5)
-    states = states_within(sensor, 40, rng)
+    states = sample_states(sensor, 40, rng)
     states[:, 6:] = 0
     two = facets.add_noise(sensor, facets.readings(sensor, states), rng)
     whole = two.copy()
@@ -248,14 +248,14 @@ def test_counts_become_the_same_readings(folders: dict[str, Path], kind: str) ->
     sensor, rng = with_corrections(), np.random.default_rng(3)
     electronics = sensor.electronics
     assert electronics is not None
-    exact = facets.readings(sensor, states_within(sensor, 200, rng))
-    counts = counts_of(sensor, electronics, exact, rng)
+    exact = facets.readings(sensor, sample_states(sensor, 200, rng))
+    counts = readings_to_counts(sensor, electronics, exact, rng)
     counts[::10, 3] = 2**electronics.adc_bits
     if kind == "xy-sum":
-        counts = xy_sum_of(electronics, counts)
+        counts = counts_to_xy_sum(electronics, counts)
     dark = rng.uniform(0, 3, 12)
-    raw, _ = readings_of(sensor, electronics, counts, kind == "xy-sum", dark)
-    known = corrected(sensor, raw)
+    raw, _ = counts_to_readings(sensor, electronics, counts, kind == "xy-sum", dark)
+    known = correct(sensor, raw)
     found = library(folders["corrected"], DOUBLE).readings_of_counts(counts, dark, kind == "xy-sum")
     whole = np.isfinite(known).all(axis=1)
     assert whole.sum() > 50

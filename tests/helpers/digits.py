@@ -27,13 +27,13 @@ def many_digits() -> Iterator[None]:
     What a side of a facet sweeps over is integrated once for each place of the side: most of what
     is varied leaves the sides where they are, and the integral is most of the work.
     """
-    integrated = wedge.swept
-    wedge.swept = cache(integrated)
+    integrated = wedge.swept_mass
+    wedge.swept_mass = cache(integrated)
     try:
         with mp.workdps(DIGITS):
             yield
     finally:
-        wedge.swept = integrated
+        wedge.swept_mass = integrated
 
 
 def precise(values: Any) -> list[Any]:

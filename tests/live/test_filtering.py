@@ -11,7 +11,7 @@ import pytest
 from commands import command
 
 import facets
-from facets.detectors.counts import counts_of
+from facets.detectors.counts import readings_to_counts
 from facets.live.run import filtering as module
 from facets.live.run.filtering import Filter, PoseFilter
 from facets.live.run.pipeline import Pipeline
@@ -153,7 +153,7 @@ def board(count, moved=1e-3):
     state = np.zeros((count, 8))
     state[:, 5] = moved * np.sin(np.arange(count) / 300)
     rng = np.random.default_rng(6)
-    counts = counts_of(
+    counts = readings_to_counts(
         config.sensor, config.electronics, facets.readings(config.sensor, state), rng
     )
     number = np.arange(count, dtype=np.uint32)

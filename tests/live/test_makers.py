@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import facets
-from facets.detectors.counts import counts_of, xy_sum_of
+from facets.detectors.counts import counts_to_xy_sum, readings_to_counts
 from facets.live.run.pipeline import Pipeline
 from facets.live.sources import check_missing, check_source
 from facets.live.sources.frames import ELECTRODES, XY_SUM, FixedFrames
@@ -39,7 +39,7 @@ def light(count):
     state = np.zeros((count, 8))
     state[:, 5] = 1e-3 * np.sin(np.arange(count) / 20)
     exact = facets.readings(CONFIG.sensor, state)
-    return state, counts_of(CONFIG.sensor, electronics(), exact)
+    return state, readings_to_counts(CONFIG.sensor, electronics(), exact)
 
 
 def test_a_card_is_a_port(installed):
@@ -125,7 +125,7 @@ def test_a_package_that_is_not_installed_is_named(name, package, monkeypatch):
 
 def test_three_heads_give_the_pose_of_their_light(installed):
     state, counts = light(40)
-    volts = xy_sum_of(electronics(), counts)[-1].reshape(3, 4)[:, :3] * (10 / 2**16)
+    volts = counts_to_xy_sum(electronics(), counts)[-1].reshape(3, 4)[:, :3] * (10 / 2**16)
     makers.KinesisQuadDetector.volts = dict(
         zip(("69000001", "69000002", "69000003"), volts, strict=True)
     )

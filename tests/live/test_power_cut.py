@@ -12,7 +12,7 @@ from power_cut import Log, image
 
 import facets
 from facets.core.errors import InputError
-from facets.detectors.counts import counts_of
+from facets.detectors.counts import readings_to_counts
 from facets.files.provenance import run_record
 from facets.live.recording.index import Damage
 from facets.live.recording.pose_table import join_columns, pose_columns, recorded_poses
@@ -80,7 +80,7 @@ def make_blocks(form):
     count = BLOCKS * EACH
     state = np.zeros((count, 8))
     state[:, 5] = 1e-3 * np.sin(np.arange(count) / 40)
-    counts = counts_of(
+    counts = readings_to_counts(
         CONFIG.sensor, CONFIG.electronics, facets.readings(CONFIG.sensor, state), rng
     )
     number = np.arange(count, dtype=np.uint32)

@@ -9,7 +9,7 @@ import pytest
 from commands import command
 
 import facets
-from facets.detectors.counts import counts_of
+from facets.detectors.counts import readings_to_counts
 from facets.live.run import smoothing as module
 from facets.live.run.smoothing import (
     MODELS,
@@ -186,7 +186,7 @@ def wobble(count):
     state[:, 5] = 1e-3 * np.sin(np.arange(count) / 300)
     rng = np.random.default_rng(6)
     exact = facets.readings(config.sensor, state)
-    counts = counts_of(config.sensor, config.electronics, exact, rng)
+    counts = readings_to_counts(config.sensor, config.electronics, exact, rng)
     number = np.arange(count, dtype=np.uint32)
     kind = np.ones(count, np.uint8)
     return pack(Samples(kind, 0 * kind, number, 100 * number, counts)), 1e3 * state[:, 5]

@@ -7,7 +7,7 @@ from sensors import SENSORS, states
 
 import facets
 from facets.model.arrays import parameters
-from facets.optics.forward import geometry, readings
+from facets.optics.forward import build_geometry, readings
 
 NOMINAL = np.zeros(8)
 ON_AN_EDGE = np.array([-0.1, 0, 0.3, 0, 0, 0, 0, 0])
@@ -21,7 +21,7 @@ FEW = 6
 
 
 def forward(sensor_parameters: list, state: list) -> np.ndarray:
-    rows = readings(geometry(tuple(sensor_parameters)), tuple(state))
+    rows = readings(build_geometry(tuple(sensor_parameters)), tuple(state))
     return np.array(rows, dtype=object).ravel()
 
 

@@ -11,14 +11,14 @@ from sensors import SENSORS, states
 import facets
 from facets.model import failures, jit, packing, rare
 from facets.model.arrays import geometry_of, packed
-from facets.optics.gradient import linearised
-from facets.scalars.machine import DOUBLE, Writer
+from facets.optics.gradient import linearise
+from facets.scalars.machine import DOUBLE, MachineWriter
 from facets.scalars.tracing import Value
 
 
 def in_floats(sensor, state):
     """Readings and Jacobian of the text run with Python's floats."""
-    detectors = linearised(geometry_of(sensor), tuple(state.tolist()))
+    detectors = linearise(geometry_of(sensor), tuple(state.tolist()))
     values = np.array([values for values, _ in detectors]).ravel()
     return values, np.array([rows for _, rows in detectors]).reshape(9, 8)
 
@@ -126,6 +126,6 @@ def test_what_goes_wrong_in_a_rare_function_is_raised_after_the_kernel(monkeypat
 
 def test_a_formula_can_not_ask_what_only_its_code_will_know():
     function = ir.Function(ir.Module(), ir.FunctionType(DOUBLE, [DOUBLE]), "f")
-    writer = Writer(ir.IRBuilder(function.append_basic_block()))
+    writer = MachineWriter(ir.IRBuilder(function.append_basic_block()))
     with pytest.raises(TypeError, match="choose"):
         bool(Value(writer, function.args[0]) > 0)

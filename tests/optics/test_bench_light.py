@@ -29,8 +29,8 @@ from facets.model.arrays import (
 )
 from facets.model.beam_shape import axes_of, by_shape, shape_of
 from facets.optics.bench_light import readings
-from facets.optics.effects import Effects
-from facets.optics.forward import OPEN, geometry
+from facets.optics.effects import LightEffects
+from facets.optics.forward import OPEN, build_geometry
 
 PAPER = facets.Sensor()
 FOLDER = Path(__file__).parent / "references"
@@ -267,8 +267,8 @@ def test_light_that_is_all_but_off_is_the_plain_model():
 
 
 def forward(sensor, given, values, state):
-    effect = Effects(tuple(values), options(sensor))
-    rows = readings(geometry(tuple(given), OPEN, effect), tuple(state))
+    effect = LightEffects(tuple(values), options(sensor))
+    rows = readings(build_geometry(tuple(given), OPEN, effect), tuple(state))
     return np.array(rows, dtype=object).ravel()
 
 

@@ -13,15 +13,15 @@ import pytest
 
 from facets.optics.half_normal import half_normal
 from facets.optics.tail_quadrature import (
-    AWAY,
+    AWAY_SIGMAS,
     NARROW,
     brighter_side,
-    faint,
+    faint_wedge,
     integrate,
-    over_wedge,
-    tail,
+    tail_integrals,
+    wedge_sums,
 )
-from facets.optics.wedge import moments_along_float, side, turned, wedge, wedge_closed
+from facets.optics.wedge import moments_along_float, side, turn_derivative, wedge, wedge_closed
 
 ROWS = json.loads((Path(__file__).parent / "references" / "wedge.json").read_text())
 UP, RIGHT = (0.0, 1.0), (1.0, 0.0)
@@ -91,7 +91,7 @@ def test_closed_form_and_quadrature_meet():
         first, opening = rng.uniform(0, 2 * np.pi), rng.uniform(0.5, 3)
         u1 = (math.cos(first), math.sin(first))
         u2 = (math.cos(first + opening), math.sin(first + opening))
-        mass, centroid, shift, _ = faint(q, u1, u2)
+        mass, centroid, shift, _ = faint_wedge(q, u1, u2)
         closed = wedge_closed(q, u1, u2, side(q, u1), side(q, u2))
         if 0.1 < mass < 0.4:
             assert closed[0] == pytest.approx(mass, rel=2e-14)
@@ -118,9 +118,9 @@ def test_slices_and_the_adaptive_angle_meet():
         u1 = (math.cos(first), math.sin(first))
         u2 = (math.cos(first + opening), math.sin(first + opening))
         brighter = brighter_side(q, u1, u2)
-        if faint(q, u1, u2)[0] > 0.3 or (brighter.near and brighter.sense * brighter.h > 0):
+        if faint_wedge(q, u1, u2)[0] > 0.3 or (brighter.near and brighter.sense * brighter.h > 0):
             continue
-        quick = np.array(over_wedge(q, brighter, u1, u2, opening))
+        quick = np.array(wedge_sums(q, brighter, u1, u2, opening))
         slow = np.array(integrate(brighter, opening))
         np.testing.assert_allclose(quick, slow, rtol=0, atol=1e-14 * np.abs(slow).max())
         assert quick[0] == pytest.approx(slow[0], rel=1e-14)
@@ -137,16 +137,16 @@ def test_the_table_of_a_half_line_holds_all_digits(a):
             assert abs(ours / exact - 1) < 2e-15
 
 
-@pytest.mark.parametrize("a", [AWAY, 2, 3, 5, 12, 35, 1000])
+@pytest.mark.parametrize("a", [AWAY_SIGMAS, 2, 3, 5, 12, 35, 1000])
 def test_radial_integrals_of_a_side_that_points_away(a):
-    ratios = tail(float(a))
+    ratios = tail_integrals(float(a))
     for n, ours in enumerate(ratios, start=1):
         exact = mpmath.quad(
             lambda s, n=n: s**n * mpmath.exp(-s * s / 2 - a * s), [0, 1 / a, 4 / a, 16 / a, 64 / a]
         )
         assert ours == pytest.approx(float(exact), rel=1e-14)
-    first, second = moments_along_float(float(a), 1.0, float("nan") if a > AWAY else 0.0)
-    if a > AWAY:
+    first, second = moments_along_float(float(a), 1.0, float("nan") if a > AWAY_SIGMAS else 0.0)
+    if a > AWAY_SIGMAS:
         assert (first, second) == pytest.approx(ratios[:2], rel=2e-15)
 
 
@@ -162,8 +162,8 @@ def test_derivatives_converge_as_the_square_of_the_step(q):
     u1, u2 = (math.cos(angle1), math.sin(angle1)), (math.cos(angle2), math.sin(angle2))
     side1, side2 = side(q, u1), side(q, u2)
     mass, (cx, cy), (pxx, pxy, pyy), from_point = wedge(q, u1, u2, side1, side2)
-    mass1, (x1, y1) = turned(u1, side1, mass, from_point)
-    mass2, (x2, y2) = turned(u2, side2, mass, from_point)
+    mass1, (x1, y1) = turn_derivative(u1, side1, mass, from_point)
+    mass2, (x2, y2) = turn_derivative(u2, side2, mass, from_point)
     closed = np.array(
         [[-mass * cx, -mass * cy, -mass1, mass2], [pxx, pxy, -x1, x2], [pxy, pyy, -y1, y2]]
     ).T

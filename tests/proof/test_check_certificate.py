@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 from facets.experiments import certificate_range, check_certificate
-from facets.experiments.certificate_optics import Rig
+from facets.experiments.certificate_optics import IntervalSensor
 from facets.experiments.certificate_range import check_range, check_rules
 from facets.experiments.certificate_schema import SCHEMA, Refused, conform
-from facets.experiments.check_certificate import check, main, told
+from facets.experiments.check_certificate import check, describe, main
 from sensors import SENSORS
 
 import facets
@@ -263,7 +263,7 @@ def test_what_is_no_certificate_is_refused(tmp_path, text):
 def test_the_checker_agrees_and_says_what_it_did_not_find_again(larger, certificate, capsys):
     assert larger.margin > Fraction(1, 2)
     assert larger.determinant > 0
-    assert "seconds" in told(larger)
+    assert "seconds" in describe(larger)
     assert main([str(certificate)]) == 0
     assert "holds" in capsys.readouterr().out
     assert main([]) == 2
@@ -272,10 +272,10 @@ def test_the_checker_agrees_and_says_what_it_did_not_find_again(larger, certific
 def test_bounds_are_told_rounded_down(larger):
     found = copy.copy(larger)
     found.margin, found.determinant = Fraction(9999, 10000), Fraction(45759999, 10)
-    assert "0.999;" in told(found)
-    assert "4.57e6" in told(found)
+    assert "0.999;" in describe(found)
+    assert "4.57e6" in describe(found)
     found.determinant = Fraction(0)
-    assert "at least 0" in told(found)
+    assert "at least 0" in describe(found)
 
 
 def test_the_schema_is_one_and_the_certificate_fits_it(content):
@@ -342,7 +342,7 @@ def whole_range(tmp_path_factory):
 
 
 def check_only_range(content):
-    return check_range(Rig(content["parameters"], content["tolerances"]), content)
+    return check_range(IntervalSensor(content["parameters"], content["tolerances"]), content)
 
 
 @pytest.mark.slow
@@ -351,7 +351,7 @@ def test_that_the_box_holds_the_range_is_found_again(whole_range, tmp_path):
     path.write_text(json.dumps(whole_range))
     found = check(path)
     near = "16.5, 16.5, 8.9 mm and 21.1, 22.5, 36.1 mrad"
-    assert f"every pose of the range, of those within {near}" in told(found)
+    assert f"every pose of the range, of those within {near}" in describe(found)
     assert not any("range" in line for line in found.not_verified)
 
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from facets.experiments.false_proofs import (
-    Case,
-    Model,
-    broken_bound,
-    broken_check,
-    broken_uniqueness,
-    inside,
+    ProofCase,
+    RayModel,
+    breaks_bound,
+    breaks_check,
+    breaks_uniqueness,
+    is_in_case,
     random_cases,
     states_of,
     study,
@@ -28,7 +28,7 @@ from facets.proof.uniqueness import Certificate, certify
 @pytest.mark.parametrize("name", list(SENSORS)[:4])
 def test_the_search_has_a_model_of_its_own_that_agrees(name):
     sensor, state = SENSORS[name], states(50, seed=5)
-    model = Model(parameters(sensor))
+    model = RayModel(parameters(sensor))
     np.testing.assert_allclose(model(state), facets.readings(sensor, state), atol=1e-10)
     np.testing.assert_allclose(model.slopes(state), facets.jacobian(sensor, state), atol=1e-4)
 
@@ -37,9 +37,9 @@ def test_the_search_has_a_model_of_its_own_that_agrees(name):
 def test_the_search_breaks_what_is_not_so():
     sensor, rng = facets.load("singular").sensor, np.random.default_rng(1)
     box = range_box(sensor, facets.load("singular").range)
-    case, model = Case(sensor, box, 0.108), Model(parameters(sensor))
-    assert broken_uniqueness(case, model, rng)
-    assert broken_bound(case, model, Certificate(box, at_least=1e6), rng)
+    case, model = ProofCase(sensor, box, 0.108), RayModel(parameters(sensor))
+    assert breaks_uniqueness(case, model, rng)
+    assert breaks_bound(case, model, Certificate(box, at_least=1e6), rng)
 
 
 @pytest.mark.slow
@@ -55,13 +55,13 @@ def test_the_checker_s_bound_holds_for_a_beam_that_leans():
     sensor = SENSORS["paper"]
     beam = replace(sensor.beam, tilt_x=0.6, diameter_x=1.3, diameter_y=0.85)
     box = parse_box("tx_mm=3:3.001,ty_mm=-2:-2,tz_mm=1:1.01")
-    case = Case(replace(sensor, beam=beam), box, 0.3)
-    model, rng = Model(parameters(case.sensor)), np.random.default_rng(1)
-    assert inside(case, model, states_of(case, model, 4000, rng)).sum() > 10
+    case = ProofCase(replace(sensor, beam=beam), box, 0.3)
+    model, rng = RayModel(parameters(case.sensor)), np.random.default_rng(1)
+    assert is_in_case(case, model, states_of(case, model, 4000, rng)).sum() > 10
     found = certify(case.sensor, case.box, case.share)
     assert found.unique
-    assert not broken_bound(case, model, found, rng)
-    assert not broken_check(case, model, found, rng)
+    assert not breaks_bound(case, model, found, rng)
+    assert not breaks_check(case, model, found, rng)
 
 
 def test_sensors_come_from_a_seed():

@@ -21,7 +21,7 @@ from facets.proof.reach import find_core
 from facets.proof.slopes import Sloped
 from facets.proof.spot_jacobian import centred_jacobian, interval_geometry, spot_jacobian
 from facets.proof.uniqueness import certify, edges_over_rotations
-from facets.scalars.intervals import between, ends
+from facets.scalars.intervals import ends, interval
 
 HALF = np.array([5, 5, 5, 0.012, 0.012, 0.02])
 SHARE = 0.15
@@ -186,8 +186,8 @@ def test_the_affine_part_may_be_anything():
     off = affine._replace(slopes=-affine.slopes)
     sizes = []
     for part in (affine, off):
-        rest = middles.rest_of(part, over)
-        whole = middles.added(part.over([between(-x, x) for x in HALF / 2]), rest)
+        rest = middles.affine_remainder(part, over)
+        whole = middles.add_matrices(part.over([interval(-x, x) for x in HALF / 2]), rest)
         sizes.append(sum(float(x.rad()) for row in rest for x in row))
         for row, exact in zip(whole, over.middle, strict=True):
             assert all(x.contains(y) for x, y in zip(row, exact, strict=True))

@@ -20,7 +20,7 @@ from facets.proof import light_sharing, pieces
 from facets.proof.interval_matrix import determinant, distance_from_zero, regularity
 from facets.proof.tolerances import Tolerances
 from facets.proof.uniqueness import Certificate, certify
-from facets.scalars.intervals import around, between, ends, magnitude, positive
+from facets.scalars.intervals import ends, interval, interval_around, magnitude, nonnegative_product
 
 pytestmark = pytest.mark.installed
 
@@ -28,23 +28,23 @@ pytestmark = pytest.mark.installed
 @pytest.mark.parametrize("least_sine", [light_sharing.least_sine, certificate_optics.least_sine])
 def test_the_sine_of_an_opening_about_a_right_angle_is_not_taken_as_1(least_sine):
     right = math.pi / 2
-    assert least_sine(between(right - 0.3, right + 0.4)) <= math.sin(right + 0.4) + 1e-12
-    assert least_sine(between(right + 0.1, right + 0.2)) <= math.sin(right + 0.2) + 1e-12
-    assert least_sine(between(right - 0.3, right - 0.1)) == 1
+    assert least_sine(interval(right - 0.3, right + 0.4)) <= math.sin(right + 0.4) + 1e-12
+    assert least_sine(interval(right + 0.1, right + 0.2)) <= math.sin(right + 0.2) + 1e-12
+    assert least_sine(interval(right - 0.3, right - 0.1)) == 1
 
 
 def test_a_product_whose_factors_may_be_below_zero_is_not_above_it():
     """-1 times -2 is 2, which bounds nothing from below."""
-    low, high = ends(positive(between(-1, 2), between(-2, 3)))
+    low, high = ends(nonnegative_product(interval(-1, 2), interval(-2, 3)))
     assert low <= 0
     assert high >= 6
-    assert checker.not_below_zero(between(-1, 2)) == 0
+    assert checker.nonnegative(interval(-1, 2)) == 0
 
 
 @pytest.mark.parametrize("value", [4575461.9, 4579999.9, 0.99999, 1.0, 0.3, 9.995e-7])
 def test_a_bound_is_told_rounded_down(value):
     assert float(certificates.rounded_down(value)) <= value
-    assert float(checker.rounded_down(Fraction(value))) <= value
+    assert float(checker.round_down(Fraction(value))) <= value
 
 
 @pytest.mark.parametrize("value", [15.5486, -15.3249, 0.3, 1 / 3, -2e-9, 24.3, 9.9996, 0.0])
@@ -61,7 +61,7 @@ def test_a_box_of_a_proof_is_told_rounded_inwards():
     low, high = np.full(6, -0.0218349), np.full(6, 0.0155486)
     for line in certificates.box_lines(low, high)[3:]:
         assert line.split()[1:] == ["-21.83", "to", "15.54"]
-    piece = pieces.Piece((-0.0218311,) * 6, (0.0155481,) * 6, 0.0)
+    piece = pieces.ProvedPiece((-0.0218311,) * 6, (0.0155481,) * 6, 0.0)
     assert "roll_mrad -21.84 to 15.55" in certificates.piece_text(piece)
 
 
@@ -89,14 +89,14 @@ def test_the_light_is_told_as_a_share_and_for_the_brightest_laser():
 
 
 def test_the_checker_takes_a_ball_s_end_as_it_is():
-    assert certificate_pieces.exactly((arb(1) / 3).lower()) < Fraction(1, 3)
-    assert certificate_pieces.exactly((arb(1) / 3).upper()) > Fraction(1, 3)
+    assert certificate_pieces.as_fraction((arb(1) / 3).lower()) < Fraction(1, 3)
+    assert certificate_pieces.as_fraction((arb(1) / 3).upper()) > Fraction(1, 3)
 
 
 def test_parts_of_a_side_reach_its_ends_to_the_last_digit():
     for high in (0.0243, 0.0486, 0.1 + 0.2, 1.1):
         box = parse_box(f"yaw_mrad=-7:{1e3 * high}")
-        places = [(low[5], top[5]) for low, top in pieces.pieces_of(box)]
+        places = [(low[5], top[5]) for low, top in pieces.initial_pieces(box)]
         assert min(places)[0] == box.low[5]
         assert max(places)[1] == box.high[5]
         assert sorted(places)[0][1] == sorted(places)[1][0]
@@ -133,7 +133,7 @@ def test_no_number_is_no_bound():
 
 
 def test_a_tolerance_holds_both_ends():
-    low, high = (around(0.3, 0.1).lower(), around(0.3, 0.1).upper())
+    low, high = (interval_around(0.3, 0.1).lower(), interval_around(0.3, 0.1).upper())
     assert low <= arb(0.3) - arb(0.1)
     assert high >= arb(0.3) + arb(0.1)
 

@@ -25,10 +25,15 @@ from facets.proof.interval_matrix import determinant, distance_from_zero, regula
 from facets.proof.light_sharing import bounds_at_fixed_shares, hull_of_bounds
 from facets.proof.range_cover import cover_range
 from facets.proof.reach import find_reach
-from facets.proof.spot_jacobian import interval_geometry, intervals, spot_jacobian
-from facets.proof.tolerances import tolerances_of
-from facets.proof.uniqueness import certify, edges_over_rotations, share_over, slope_of_powers
-from facets.scalars.intervals import between, ends, monotone, positive, square
+from facets.proof.spot_jacobian import interval_geometry, intervals_between, spot_jacobian
+from facets.proof.tolerances import calibration_tolerances
+from facets.proof.uniqueness import (
+    certify,
+    edges_over_rotations,
+    least_share_in_box,
+    slope_of_powers,
+)
+from facets.scalars.intervals import ends, interval, map_monotone, nonnegative_product, square
 
 SMALL = parse_box("tx_mm=2,ty_mm=2,tz_mm=2,roll_mrad=4,pitch_mrad=4,yaw_mrad=6")
 SHARE = 0.2
@@ -63,7 +68,7 @@ def with_powers_held(matrix):
 def test_random_states_lie_in_the_intervals(name):
     sensor = SENSORS[name]
     ball, shares = bounds_of_light(sensor, SMALL, SHARE)
-    inside = intervals(SMALL.low[:6], SMALL.high[:6])
+    inside = intervals_between(SMALL.low[:6], SMALL.high[:6])
     bounds = np.array([[ends(x) for x in row] for row in spot_jacobian(ball, shares, inside)])
     states = states_in(SMALL, sensor, SHARE, 3000)
     assert len(states) > 100
@@ -157,7 +162,7 @@ def test_a_singular_sensor_has_no_reach():
 
 def test_tolerances_come_from_what_is_known_before():
     config = facets.load("paper")
-    found = tolerances_of(config, 2.0)
+    found = calibration_tolerances(config, 2.0)
     assert found.source == "calibrate.before"
     assert found.values[12] == pytest.approx(0.4)
     assert found.values[6] == pytest.approx(3e-3)
@@ -166,7 +171,7 @@ def test_tolerances_come_from_what_is_known_before():
     sensor = replace(
         config.sensor, calibration=facets.core.sensor.Calibration(("beam.tilt_x",), ((4e-8,),))
     )
-    found = tolerances_of(replace(config, sensor=sensor), 3.0)
+    found = calibration_tolerances(replace(config, sensor=sensor), 3.0)
     assert found.source == "the sensor's calibration"
     assert found.values[4] == pytest.approx(6e-4)
     assert len(found.exact) == 29
@@ -175,11 +180,11 @@ def test_tolerances_come_from_what_is_known_before():
 @pytest.mark.slow
 def test_jacobians_of_sensors_within_tolerances_lie_in_the_intervals():
     sensor, rng = SENSORS["paper"], np.random.default_rng(4)
-    off = np.array(tolerances_of(facets.load("paper"), 1.0).values)
+    off = np.array(calibration_tolerances(facets.load("paper"), 1.0).values)
     ball = interval_geometry(sensor, off)
     parts = edges_over_rotations(ball, SMALL)
     shares = hull_of_bounds([bounds_at_fixed_shares(edges, SHARE) for edges in parts])
-    inside = intervals(SMALL.low[:6], SMALL.high[:6])
+    inside = intervals_between(SMALL.low[:6], SMALL.high[:6])
     bounds = np.array([[ends(x) for x in row] for row in spot_jacobian(ball, shares, inside)])
     for _ in range(20):
         other = sensor_with(sensor, np.array(parameters(sensor)) + rng.choice([-1, 1], 30) * off)
@@ -215,7 +220,7 @@ def test_matrices_of_intervals():
     assert 0.9 < margin <= 1
     np.testing.assert_allclose(inverse, np.eye(6))
     assert distance_from_zero(determinant(eye)) == pytest.approx(1)
-    eye[0][0] = between(-1, 1)
+    eye[0][0] = interval(-1, 1)
     assert regularity(eye)[0] <= 0
     assert distance_from_zero(determinant(eye)) == 0
     eye[0][0] = arb("nan")
@@ -227,7 +232,7 @@ def test_a_box_of_offsets_is_covered_by_its_least_share():
     sensor = SENSORS["paper"]
     box = parse_box("tx_mm=1,yaw_mrad=3,offset_x_mm=0.1,offset_y_mm=0.1")
     ball = interval_geometry(sensor)
-    share = share_over(ball, edges_over_rotations(ball, box), box)
+    share = least_share_in_box(ball, edges_over_rotations(ball, box), box)
     states = box.states(np.random.default_rng(2).random((2000, 8)))
     seen = facets.readings(sensor, states)[:, 2::3].min() / sensor.beam.power
     assert 0.3 * seen < share <= seen
@@ -285,13 +290,13 @@ def test_a_box_where_a_facet_turns_over_is_no_proof():
 
 
 def test_intervals_hold_what_they_should():
-    x = between(-1.0, 2.0)
+    x = interval(-1.0, 2.0)
     assert ends(square(x))[0] >= -1e-8
     assert square(x).contains(arb(4))
     assert square(x).contains(arb(0))
-    assert ends(positive(between(1, 2), between(3, 4)))[1] == pytest.approx(8)
-    assert ends(positive(between(-1, 2), between(-3, 4)))[0] <= 0
-    assert monotone(lambda y: -y, between(1, 2)).contains(arb(-2))
+    assert ends(nonnegative_product(interval(1, 2), interval(3, 4)))[1] == pytest.approx(8)
+    assert ends(nonnegative_product(interval(-1, 2), interval(-3, 4)))[0] <= 0
+    assert map_monotone(lambda y: -y, interval(1, 2)).contains(arb(-2))
 
 
 def test_a_box_has_two_ends():

@@ -10,7 +10,7 @@ from llvmlite import binding, ir
 from facets.estimation import straight
 from facets.optics.central import side_central
 from facets.optics.wedge import side
-from facets.scalars.lanes import LEFT, Flag, LaneWriter, Memory
+from facets.scalars.lanes import UNFILLED, LaneFlag, LaneMemory, LaneWriter
 from facets.scalars.machine import DOUBLE, LONG
 
 pytestmark = pytest.mark.installed
@@ -74,7 +74,7 @@ def test_a_loop_goes_on_while_a_lane_does(lanes):
     """Halvings of a number until it is below one; lanes that began there are left."""
 
     def formula(code, x):
-        numbers, going = Memory(code, 2), Flag(code, x > 0)
+        numbers, going = LaneMemory(code, 2), LaneFlag(code, x > 0)
         numbers[0], numbers[1] = x, 0.0
         with code.do_while() as repetition:
             code.leave(numbers[0] < 0)
@@ -144,7 +144,7 @@ def test_what_is_rare_leaves_where_its_way_is_taken_alone():
     found, left = run(formula, [1.0, 3.0, -4.0, math.nan])
     assert left == [1]
     assert found[[0, 2], 0].tolist() == [2.0, 4.0]
-    assert LEFT is not None
+    assert UNFILLED is not None
 
 
 def test_normal_equations_without_digits_leave():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from facets.optics import wedge
-from facets.optics.central import REACH, side_central
+from facets.optics.central import CENTRAL_SQUARED, side_central
 from facets.scalars import polynomials
 
 ULP = 2.0**-53
@@ -37,7 +37,10 @@ def test_a_side_near_the_centre_by_its_definition():
     """Absolute errors, of integrals of order one: 7e-16 of the second moment, 3e-16 of the rest."""
     rng = np.random.default_rng(2)
     for _ in range(150):
-        radius, way, turn = math.sqrt(REACH * rng.random()), *rng.uniform(0, 2 * math.pi, 2)
+        radius, way, turn = (
+            math.sqrt(CENTRAL_SQUARED * rng.random()),
+            *rng.uniform(0, 2 * math.pi, 2),
+        )
         q, u = (radius * math.cos(way), radius * math.sin(way)), (math.cos(turn), math.sin(turn))
         a, h = q[0] * u[0] + q[1] * u[1], q[0] * u[1] - q[1] * u[0]
         with mpmath.workdps(30):

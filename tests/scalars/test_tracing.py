@@ -10,8 +10,8 @@ from llvmlite import binding, ir
 from facets.firmware.c_numbers import CWriter
 from facets.scalars.dual import Dual
 from facets.scalars.lanes import LaneWriter
-from facets.scalars.machine import DOUBLE, Writer
-from facets.scalars.tracing import larger
+from facets.scalars.machine import DOUBLE, MachineWriter
+from facets.scalars.tracing import maximum
 
 pytestmark = pytest.mark.installed
 
@@ -32,7 +32,7 @@ def code_of(formula, count: int):
     module = ir.Module()
     kind = ir.FunctionType(ir.VoidType(), [DOUBLE.as_pointer()] * 2)
     function = ir.Function(module, kind, "formula")
-    writer = Writer(ir.IRBuilder(function.append_basic_block()))
+    writer = MachineWriter(ir.IRBuilder(function.append_basic_block()))
     numbers = [writer.load(function.args[0], n) for n in range(2)]
     for n, result in enumerate(formula(writer, *numbers)):
         writer.store(result, function.args[1], n)
@@ -93,7 +93,7 @@ def test_what_one_branch_computes_is_computed_anew_in_the_other_and_after():
 def test_what_is_computed_before_a_branch_is_not_computed_again():
     module = ir.Module()
     function = ir.Function(module, ir.FunctionType(DOUBLE, [DOUBLE.as_pointer()]), "formula")
-    writer = Writer(ir.IRBuilder(function.append_basic_block()))
+    writer = MachineWriter(ir.IRBuilder(function.append_basic_block()))
     x, y = (writer.load(function.args[0], n) for n in range(2))
     before = x * y
     found = writer.choose((x > 0) & (x > 0), lambda: y * x + 1, lambda: y * x - 1)
@@ -139,7 +139,7 @@ def test_zeros_are_left_out_where_a_writer_says_so(make):
     assert -less is x
     slope = (Dual(x, 0.0) * x + Dual(x, 0.0) / x).imag
     assert slope == 0.0
-    assert larger(Dual(x, 0.0), Dual(x * x, 0.0)).imag == 0.0
+    assert maximum(Dual(x, 0.0), Dual(x * x, 0.0)).imag == 0.0
 
 
 def test_lanes_divide_once_by_a_divisor_and_by_plain_numbers_not_at_all():

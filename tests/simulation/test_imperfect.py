@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.experiments.neglected import closed, diffracted
+from facets.experiments.neglected import closed_form_shifts, diffraction_shifts
 from sensors import SENSORS, states
 
 import facets
 from facets.core.errors import InputError
 from facets.core.sensor import Apertures, BenchLight, Imperfections
 from facets.model.arrays import geometry_of
-from facets.optics.forward import placed
+from facets.optics.forward import dark_scene
 from facets.simulation.imperfect_optics import (
     FacetEdge,
     flaws_of,
@@ -91,7 +91,7 @@ def test_diffraction_is_that_of_a_propagated_field(offset):
     closed form's to 0.01 um.
     """
     places = np.array([0.0, 2.0, 4.0])
-    fields, shifts = diffracted(offset, places), closed(offset, places)
+    fields, shifts = diffraction_shifts(offset, places), closed_form_shifts(offset, places)
     for shift, field in zip(shifts[1:] - shifts[0], fields[1:] - fields[0], strict=True):
         assert shift < 0  # towards the middle
         assert shift == pytest.approx(field, rel=0.02)
@@ -116,7 +116,7 @@ def test_apertures_do_not_go_with_it():
 
 
 def test_the_nodes_hold_all_the_light():
-    at, flaws = placed(geometry_of(PAPER), tuple(AWAY.tolist())), flaws_of(PAPER)
+    at, flaws = dark_scene(geometry_of(PAPER), tuple(AWAY.tolist())), flaws_of(PAPER)
     fixed = geometry_of(PAPER)
     total = 0.0
     for k in range(3):

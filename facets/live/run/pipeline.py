@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from ...core.knowledge import Prior
 from ...core.units import Floats
-from ...detectors.correction import corrected
-from ...detectors.counts import SATURATED, UNEQUAL, readings_of
+from ...detectors.correction import correct
+from ...detectors.counts import SATURATED, UNEQUAL, counts_to_readings
 from ...detectors.noise import least_light
 from ...detectors.skew import align
 from ...estimation.estimates import prepare
@@ -232,11 +232,13 @@ class Pipeline:
         sensor, electronics = self.config.sensor, self.config.electronics
         xy_sum = samples.kind == XY_SUM
         if xy_sum.all() or not xy_sum.any():
-            return readings_of(sensor, electronics, samples.counts, bool(xy_sum[0]), self.dark)
+            return counts_to_readings(
+                sensor, electronics, samples.counts, bool(xy_sum[0]), self.dark
+            )
         out, flags = np.empty((len(samples), 9)), np.empty(len(samples), np.uint8)
         for kind in (True, False):
             part = xy_sum == kind
-            out[part], flags[part] = readings_of(
+            out[part], flags[part] = counts_to_readings(
                 sensor, electronics, samples.counts[part], kind, self.dark
             )
         return out, flags
@@ -248,7 +250,7 @@ class Pipeline:
         within their edges and below saturation, gets its status without a step.
         """
         options = self.config.solve
-        exact = corrected(self.config.sensor, batch.readings)
+        exact = correct(self.config.sensor, batch.readings)
         exact = align(self.config.sensor, 1e-6 * batch.time, exact)
         beam = self.beam(batch.host, batch.encoder)
         solution = solve_series(

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.units import Floats
-from ...detectors.correction import uncorrected
-from ...detectors.counts import counts_of, xy_sum_of
+from ...detectors.correction import invert_correction
+from ...detectors.counts import counts_to_xy_sum, readings_to_counts
 from ...model.arrays import mask_missed
 from ...simulation.imperfect_optics import seen_late
 from ...tracking.interlock import HEARTBEAT, KIND, MAY_MOVE, SIGN, heartbeat_frame
@@ -178,10 +178,10 @@ class Board:
         """What the board makes of the light: counts, with its own numbers and times."""
         sensor, electronics = self.config.sensor, self.config.electronics
         exact = seen_late(sensor, seq / self.rate, states, states)
-        exact = uncorrected(sensor, mask_missed(sensor, exact, exact))
+        exact = invert_correction(sensor, mask_missed(sensor, exact, exact))
         if self.schedule.is_on("block", now):
             exact[:, 2::3] = 0.0
-        counts = counts_of(sensor, electronics, exact, self.rng)
+        counts = readings_to_counts(sensor, electronics, exact, self.rng)
         counts = counts + np.int32(self.config.acquire.dark)
         top = 2**electronics.adc_bits - 1
         if self.schedule.is_on("saturate", now):
@@ -191,7 +191,7 @@ class Board:
             flags |= np.uint8(PERMIT)
         kind = ELECTRODES
         if self.config.acquire.content == "xy-sum":
-            counts, kind = xy_sum_of(electronics, counts), XY_SUM
+            counts, kind = counts_to_xy_sum(electronics, counts), XY_SUM
         kinds = np.full(len(seq), kind, np.uint8)
         number = seq.astype(np.int64) - self.born
         return Samples(kinds, flags, (number % 2**32).astype(np.uint32), self.clock(host), counts)

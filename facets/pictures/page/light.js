@@ -1,6 +1,6 @@
 // Where the light goes at a state: what the scene and the faces draw.
 //
-// The rays are those of the optics (rays_hit, rays_reflect, rays_flight, rays_land and forward_placed
+// The rays are those of the optics (rays_hit, rays_reflect, rays_flight, rays_land and forward_dark_scene
 // of the generated model), so that what is drawn lies where the readings say. Lengths in mm; places
 // across the beam in its sigmas, about the beam's centre.
 
@@ -75,8 +75,8 @@ const Light = (() => {
   //     toBeam(psi, zeta)          the place in the beam whose light falls there
   //     meets                      whether the facet faces the beam and its light the detector
   function drawing(geometry, state, rows = 9, columns = 25) {
-    const flat = forward_placed(geometry, state);
-    const at = geometry.light.options.on ? curved_light_curved(geometry, flat) : flat;
+    const flat = forward_dark_scene(geometry, state);
+    const at = geometry.light.options.on ? curved_light_apparent_scene(geometry, flat) : flat;
     const radius = Math.min(2, geometry.openings.radius);
     const facets = [0, 1, 2].map((k) => {
       const central = ray(geometry, at, k, [0, 0]);

@@ -19,7 +19,14 @@ READINGS: dict[tuple[bool, bool], Callable[..., Any]] = {
     (True, True): cut_light.readings,
 }
 #: What `light.js` draws with.
-DRAWN = (forward.placed, curved_light.curved, rays.hit, rays.reflect, rays.flight, rays.land)
+DRAWN = (
+    forward.dark_scene,
+    curved_light.apparent_scene,
+    rays.hit,
+    rays.reflect,
+    rays.flight,
+    rays.land,
+)
 
 MODEL = """\
 const Model = (() => {{
@@ -60,6 +67,6 @@ def model(sensor: Sensor) -> str:
         light=text_of("light.js"),
         readings=name_of(readings),
         workspace=", workspace" if cut else "",
-        most=limits.MOST,
+        most=limits.MOST_SIDES,
         columns=limits.COLUMNS,
     )

@@ -8,7 +8,7 @@ from typing import Any
 from ...core.hues import DARK, LIGHT
 from ...core.sensor import Sensor
 from ...model.arrays import geometry_of
-from ...optics.forward import edges
+from ...optics.forward import mirror_edges
 from ..scene import rim_of
 
 #: The hues of A, B and C, by the page's theme.
@@ -27,7 +27,7 @@ def rig(sensor: Sensor) -> dict[str, Any]:
         "hues": {theme: list(hues.values()) for theme, hues in HUES.items()},
         "mirror": {
             "normals": [list(normal) for normal in geometry.normals],
-            "edges": [math.atan2(edge[1], edge[0]) for edge in edges(geometry.normals)],
+            "edges": [math.atan2(edge[1], edge[0]) for edge in mirror_edges(geometry.normals)],
             "rim": rim_of(sensor),
         },
         "detectors": [
