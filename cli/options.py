@@ -314,8 +314,8 @@ Publish = Annotated[
     typer.Option(
         "--publish",
         metavar="ADDRESS",
-        help="Send every sample to other programs at udp://HOST:PORT (JSON), "
-        "udp+binary://HOST:PORT, tcp://HOST:PORT, shm:NAME or lsl:NAME; can be repeated.",
+        help="Send every sample to other programs at zmq://HOST:PORT (ZeroMQ), "
+        "udp://HOST:PORT (JSON) or lsl:NAME; can be repeated.",
     ),
 ]
 Web = Annotated[

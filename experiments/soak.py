@@ -1,7 +1,7 @@
 """A virtual bench full of faults: is every accepted sample right, and every loss counted?
 
 `python -m facets.experiments.soak`: ten minutes at 10 kHz. `--readers` is how many other programs
-get every sample meanwhile, by `tcp://`.
+get every sample meanwhile, by `zmq://`.
 
 `python -m facets.experiments.soak --runs 20 --busy 2` repeats the live example of the documentation
 instead, `emulate bench --motion circle` and `acquire bench --track` for 20 s each, beside two
@@ -35,6 +35,7 @@ import numpy as np
 import facets
 from facets.core.names import STATE_COLUMNS, STATE_UNITS
 from facets.files.provenance import run_record
+from facets.live import Subscription
 from facets.live.recording.pose_table import recorded_poses
 from facets.live.recording.writer import Recording
 from facets.live.run.live import Live
@@ -42,7 +43,6 @@ from facets.live.run.loop import Ending, acquire
 from facets.live.run.pipeline import Pipeline
 from facets.live.run.reader import Reader
 from facets.live.streams.publication import Publications
-from facets.live.streams.subscription import Subscription
 from facets.live.virtual import SENT, Bench, Faults, truth_of
 
 FAULTS = "flip=1e-4,lose=1e-4,double=1e-4,drop=1e-4,stall=0.1,block=0.1,saturate=0.1"
@@ -91,11 +91,11 @@ def read(address: str, told: Any) -> None:
     told.put((count, float(np.quantile(np.concatenate(late), 0.99)) if count else np.nan))
 
 
-def start_readers(publications: Publications) -> Any:
-    """One at each address; what they have told, once they are there."""
+def start_readers(publications: Publications, count: int) -> Any:
+    """Start `count` programs that subscribe; returns the queue of what they tell."""
     context = multiprocessing.get_context("spawn")
     told = context.Queue()
-    for address in publications.places():
+    for address in publications.places() * count:
         context.Process(target=read, args=(address, told), daemon=True).start()
         told.get(timeout=PATIENCE)
     return told
@@ -120,8 +120,8 @@ def soak(
     other.start()
     while not (folder / "board").exists():
         time.sleep(0.01)
-    publications = Publications(["tcp://127.0.0.1:0"] * readers, config)
-    told = start_readers(publications)
+    publications = Publications(["zmq://127.0.0.1:0"] if readers else [], config)
+    told = start_readers(publications, readers)
     story = run_record(config, None, 0, {})
     recording = Recording(folder / "recording", story, config.resolved, config.acquire.sync)
     live.begin = time.monotonic()

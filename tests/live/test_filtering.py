@@ -18,9 +18,9 @@ from facets.live.run.pipeline import Pipeline
 from facets.live.run.smoothing import MODELS, process_noise, smooth, transition
 from facets.live.sources.frames import Samples, pack
 from facets.live.streams.filtered_rows import FILTERED, WIDE, RowFilter
+from facets.live.streams.json_rows import json_of
 from facets.live.streams.publication import Publications
 from facets.live.streams.sample_rows import SAMPLE, rows_of
-from facets.live.streams.senders import json_of
 from facets.live.streams.subscription import Subscription
 
 AXES = 2
@@ -190,11 +190,11 @@ def test_a_publication_has_filtered_poses_beside_the_raw_ones():
     parts = solved(config, board(3_000, moved=1e-4)[0])
     rows = []
     with (
-        Publications(["tcp://127.0.0.1:0"], config, True, filter_by="acceleration") as all_,
+        Publications(["zmq://127.0.0.1:0"], config, True, filter_by="acceleration") as all_,
         Subscription(all_.places()[0]) as samples,
     ):
         for part in parts:
-            all_.send(part)
+            all_.add_poses(part)
         for some in samples:
             rows.append(some)
             if sum(map(len, rows)) == 3_000:

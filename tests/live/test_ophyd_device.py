@@ -221,7 +221,7 @@ def test_a_source_that_is_not_there_ends_the_plan(engine, tmp_path):
 def test_a_flight_takes_the_samples_of_a_publication(engine, documents):
     by_arrival = replace(CONFIG, acquire=replace(CONFIG.acquire, timing="arrival"))
     pipeline, data = Pipeline(by_arrival), stream(500)
-    with Publications(["tcp://127.0.0.1:0"], CONFIG, patient=True) as publications:
+    with Publications(["zmq://127.0.0.1:0"], CONFIG, patient=True) as publications:
         sensor = PoseSensor(CONFIG, publications.places()[0], name="sensor")
 
         def during():

@@ -101,7 +101,7 @@ def test_published_and_replayed_times_follow_the_pulses(tmp_path):
     offset = 1_800_000_000.0 - at + 0.01  # the host's clock is 10 ms late
     came = []
     with (
-        Publications(["tcp://127.0.0.1:0"], pps, True, offset) as publications,
+        Publications(["zmq://127.0.0.1:0"], pps, True, offset) as publications,
         Subscription(publications.places()[0]) as samples,
     ):
         for part in parts:

@@ -15,8 +15,8 @@ import numpy as np
 
 from ...core.extras import require_extra
 from ...core.names import READING_COLUMNS, STATE_COLUMNS
+from .json_rows import json_of
 from .sample_rows import rows_of, unit_of
-from .senders import json_of
 
 if TYPE_CHECKING:
     from ..run.pipeline import Poses

@@ -3,7 +3,7 @@
 Needs the extra `bluesky` (ophyd-async). `trigger` and `read` give one sample with its
 uncertainties; `kickoff`, `complete` and `collect` give all samples of an interval as event pages.
 What a RunEngine gets is not the record: where nothing may be lost, run `facets acquire --publish
-tcp://127.0.0.1:PORT`, and give this device that address.
+zmq://127.0.0.1:PORT`, and give this device that address.
 """
 
 from __future__ import annotations
@@ -73,8 +73,8 @@ class PoseSensor(
     """
 
     def __init__(self, config: Config, address: str | None = None, name: str = "") -> None:
-        """address: a board's port, `file:PATH` or `tcp://127.0.0.1:PORT` of `facets acquire
-        --publish`, or `shm:NAME`; the configuration's own port if left out."""
+        """address: a board's port, `file:PATH` or `zmq://HOST:PORT` of `facets acquire
+        --publish`; the configuration's own port if left out."""
         self._config = config
         self._address = address or config.acquire.port or ""
         if not self._address:

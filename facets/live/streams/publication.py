@@ -17,7 +17,6 @@ from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Self
-from urllib.parse import urlsplit
 
 import numpy as np
 
@@ -27,8 +26,9 @@ from ...core.version import __version__
 from ..run.pipeline import LABELS, Poses
 from ..run.pulses import PulseClock, pulse_columns
 from ..run.sink import Sink
+from .addresses import check_address
+from .lots import LENGTH
 from .sample_rows import SAMPLE, description, rows_of
-from .senders import LENGTH, check_address
 
 if TYPE_CHECKING:
     from ...core.settings import Config
@@ -71,7 +71,7 @@ class Publication:
         which lose nothing by it.  config: pickled, where its `filter` needs one.
         """
         self.address, self.patient = address, patient
-        self.given = self.unplaced = self.sent = self.refused = 0
+        self.given = self.unplaced = self.sent = self.refused = self.lost = 0
         self.receivers: int | None = None
         self.trouble = self.note = self.filter = ""
         self.queue: deque[bytes] = deque()
@@ -177,13 +177,15 @@ class Publication:
 
     def hear(self, words: dict[str, Any]) -> None:
         self.sent, self.refused = words["sent"], words["dropped"]
+        self.lost = words.get("lost", 0)
         self.receivers = words["receivers"]
         self.note, self.filter = words.get("note", ""), words.get("filter", "")
 
     @property
     def dropped(self) -> int:
         """Samples that are known not to be published; those that wait are not among them."""
-        return self.given - self.sent if self.ended else self.unplaced + self.refused
+        unsent = self.given - self.sent if self.ended else self.unplaced + self.refused
+        return unsent + self.lost
 
     def close(self) -> None:
         """Gives away what waits, for a while, and ends the process. Never raises."""
@@ -255,9 +257,9 @@ class Publications(Sink):
             raise
 
     def places(self) -> list[str]:
-        """The addresses, where the system has chosen a port with that."""
+        """The addresses, with the port where the system has chosen one."""
         return [
-            f"tcp://{urlsplit(one.address).hostname}:{one.port}" if one.port else one.address
+            f"{one.address.rpartition(':')[0]}:{one.port}" if one.port else one.address
             for one in self.all
         ]
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ...core.errors import FacetsError
 from ..run.poses import poses
+from .addresses import refuse_older
 from .sample_rows import SAMPLE, rows_of
-from .shared_ring import SharedSubscription
 from .subscription import Subscription
 
 if TYPE_CHECKING:
@@ -32,11 +32,8 @@ PATIENCE = 10.0
 
 def is_published(address: str) -> bool:
     """Whether an address is that of another process's publication, and not of a board."""
-    return address.startswith(("tcp://", "shm:"))
-
-
-def subscribed(address: str) -> Subscription | SharedSubscription:
-    return SharedSubscription(address) if address.startswith("shm:") else Subscription(address)
+    refuse_older(address)
+    return address.startswith("zmq://")
 
 
 class Part:
@@ -76,8 +73,8 @@ class RowStream:
     """
 
     def __init__(self, config: Config, address: str) -> None:
-        """address: a board's port, `file:PATH`; `tcp://127.0.0.1:PORT` or `shm:NAME` of a
-        publication. Raises `FacetsError` where a publication can not be opened; a port's error
+        """address: a board's port, `file:PATH`; `zmq://HOST:PORT` of a publication.
+        Raises `FacetsError` where a publication can not be opened; a port's error
         comes by `check`.
         """
         self.config, self.address = config, address
@@ -90,7 +87,7 @@ class RowStream:
         self.error: Exception | None = None
         self.ending = threading.Event()
         self.news = threading.Condition()
-        self.remote = subscribed(address) if is_published(address) else None
+        self.remote = Subscription(address) if is_published(address) else None
         self.thread = threading.Thread(target=self.run, name="samples", daemon=True)
         self.thread.start()
 

@@ -30,7 +30,6 @@ NUMBERS = (
 SAMPLE = np.dtype([*HEAD, *((name, "<f8") for name in NUMBERS)])
 #: The same bytes, all numbers beyond the head together.
 BLOCK = np.dtype([*HEAD, ("numbers", "<f8", len(NUMBERS))])
-MAGIC = b"FACETS1\n"
 
 
 def unit_of(name: str) -> str:

@@ -8,36 +8,32 @@ of its own, so that neither making text nor a slow receiver takes time from the 
 from __future__ import annotations
 
 import json
+import pickle
 import socket
-import struct
 import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, BinaryIO, Protocol
-from urllib.parse import parse_qsl, urlsplit
+from typing import Any, BinaryIO, Protocol
+from urllib.parse import urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import FacetsError, InputError
 from ...core.extras import require_extra
-from ...core.names import READING_COLUMNS, STATE_COLUMNS
+from .addresses import check_address, options_of
+from .filtered_rows import WIDE, RowFilter
+from .json_rows import json_of
+from .lots import lots
 from .sample_rows import HEAD as HEAD_COLUMNS
-from .sample_rows import MAGIC, NUMBERS, SAMPLE, unit_of
+from .sample_rows import NUMBERS, SAMPLE, unit_of
+from .zeromq import ZmqSender
 
-if TYPE_CHECKING:
-    from .filtered_rows import RowFilter
-
-LENGTH = struct.Struct("<I")
-#: Before rows with filtered poses beside the raw ones.
-WIDE_MAGIC = b"FACETS2\n"
-#: What is said is said so often, s.
-REPORT = 0.25
-#: Bytes of one datagram: what every network takes whole, and what stays within one machine.
-ANYWHERE, WITHIN = 1_400, 8_192
-#: A receiver that takes nothing for so long is given up, s.
-STUCK = 5.0
+#: The parent is told what became of the samples this often, s.
+REPORT_INTERVAL_S = 0.25
+#: Bytes of one datagram: what every network takes whole, and what one machine does.
+NETWORK_BYTES, LOCAL_BYTES = 1_400, 8_192
 
 Rows = NDArray[np.void]
 
@@ -47,83 +43,37 @@ class Sender(Protocol):
 
     @property
     def receivers(self) -> int | None:
-        """How many take them now, None where that can not be known."""
+        """Number of receivers now; None where that cannot be known."""
+        ...
+
+    @property
+    def lost(self) -> int:
+        """Number of rows that receivers have told that they missed."""
         ...
 
     def send(self, rows: Rows) -> int:
-        """Returns how many of the rows were given away."""
+        """Send rows; return how many were given away."""
         ...
 
     def close(self) -> None: ...
 
 
-GROUPS = {
-    "reading": READING_COLUMNS,
-    "pose": STATE_COLUMNS,
-    "u": tuple(f"u_{name}" for name in STATE_COLUMNS),
-}
-FILTER_GROUPS = {
-    "filtered": STATE_COLUMNS[:6],
-    "u_filtered": tuple(f"u_{name}" for name in STATE_COLUMNS[:6]),
-}
-
-
-def json_template(groups: dict[str, tuple[str, ...]]) -> str:
-    """The text of a sample with a place for each of its numbers."""
-    parts = []
-    for group, names in groups.items():
-        parts.append(f'"{group}":{{' + ",".join(f'"{name}":%.9g' for name in names) + "}")
-    return ",".join(parts)
-
-
-HEAD = '"timestamp":%.9f,"seq":%d,"status":%d,"flags":%d'
-TEMPLATE = "{" + ",".join([HEAD, json_template(GROUPS), '"residual":%.9g']) + "}"
-WIDE_TEMPLATE = TEMPLATE[:-1] + "," + json_template(FILTER_GROUPS) + "}"
-
-
-def json_of(rows: Rows) -> list[str]:
-    """A text for each sample, without the numbers that are not known: JSON has no word for them."""
-    heads = rows[["utc_s", "seq", "status", "flags"]].tolist()
-    names = numbers_of(rows.dtype)
-    template = TEMPLATE if len(names) == len(NUMBERS) else WIDE_TEMPLATE
-    numbers = np.column_stack([rows[name] for name in names])
-    whole = np.isfinite(numbers).all(axis=1)
-    return [
-        template % (*head, *row) if fine else sparse_json(template, head, row)
-        for head, row, fine in zip(heads, numbers.tolist(), whole.tolist(), strict=True)
-    ]
-
-
-def numbers_of(dtype: np.dtype[np.void]) -> tuple[str, ...]:
-    """The columns of rows after those of the head."""
-    return (dtype.names or ())[len(HEAD_COLUMNS) :]
-
-
-def sparse_json(template: str, head: tuple[float, ...], row: list[float]) -> str:
-    known = json.loads(template % (*head, *(1.0 if np.isfinite(value) else 0.0 for value in row)))
-    found = json.loads(template % (*head, *(v if np.isfinite(v) else 0.0 for v in row)))
-    for name, value in known.items():
-        if isinstance(value, dict):
-            found[name] = {key: found[name][key] for key, there in value.items() if there}
-        elif name == "residual" and not value:
-            del found[name]
-    return json.dumps(found, separators=(",", ":"))
-
-
 class Udp:
-    """Datagrams to one address: JSON, or MAGIC and rows of bytes.
+    """Datagrams of JSON to one address.
 
-    JSON is an array of samples, each with its `timestamp`, as the UDP server of PlotJuggler takes
-    it; with `?single` an object each, as its older versions do.
+    A datagram is an array of samples, each with its `timestamp`, as the UDP server of PlotJuggler
+    takes it; with `?single` an object each, as its older versions do.
     """
 
-    def __init__(self, host: str, port: int, options: dict[str, str], binary: bool) -> None:
+    lost = 0
+
+    def __init__(self, host: str, port: int, options: dict[str, str]) -> None:
         kind = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
         self.line = socket.socket(kind[0], socket.SOCK_DGRAM)
         self.line.connect(kind[4])
         near = str(kind[4][0]).startswith("127.") or kind[4][0] == "::1"
-        self.most = int(options.get("bytes", WITHIN if near else ANYWHERE))
-        self.binary, self.single = binary, "single" in options
+        self.most = int(options.get("bytes", LOCAL_BYTES if near else NETWORK_BYTES))
+        self.single = "single" in options
 
     @property
     def receivers(self) -> None:
@@ -142,11 +92,6 @@ class Udp:
 
     def datagrams(self, rows: Rows) -> list[tuple[bytes, int]]:
         """Their bytes, and how many samples are in each."""
-        if self.binary:
-            each = max(1, (self.most - len(MAGIC)) // rows.dtype.itemsize)
-            parts = [rows[start : start + each] for start in range(0, len(rows), each)]
-            magic = MAGIC if rows.dtype == SAMPLE else WIDE_MAGIC
-            return [(magic + part.tobytes(), len(part)) for part in parts]
         texts = json_of(rows)
         each = 1 if self.single else max(1, self.most // (max(map(len, texts)) + 1))
         if self.single:
@@ -158,67 +103,10 @@ class Udp:
         self.line.close()
 
 
-class Tcp:
-    """Listens, and gives one reader at a time all rows from when it came, at full rate.
-
-    A reader first gets MAGIC, the length of a description (uint32) and that, in JSON. A slow one is
-    waited for: what comes meanwhile waits, and is dropped where the queue is full.
-    """
-
-    def __init__(self, host: str, port: int, about: dict[str, Any], wait: float) -> None:
-        self.listening = socket.create_server((host, port))
-        told = json.dumps(about).encode()
-        self.hello = MAGIC + LENGTH.pack(len(told)) + told
-        self.reader: socket.socket | None = None
-        self.wait = wait
-        self.came, self.gone = threading.Event(), threading.Event()
-        threading.Thread(target=self.accept, daemon=True).start()
-
-    @property
-    def receivers(self) -> int:
-        return int(self.reader is not None)
-
-    def accept(self) -> None:
-        """The thread that lets a reader in, and the next one when that has gone."""
-        while True:
-            try:
-                reader, _ = self.listening.accept()
-            except OSError:  # closed
-                return
-            try:
-                reader.settimeout(STUCK)
-                reader.sendall(self.hello)
-            except OSError:  # it went as soon as it came
-                reader.close()
-                continue
-            self.gone.clear()
-            self.reader = reader
-            self.came.set()
-            self.gone.wait()
-
-    def send(self, rows: Rows) -> int:
-        self.came.wait(self.wait)
-        self.wait = 0.0
-        reader = self.reader
-        if reader is None:
-            return 0
-        try:
-            reader.sendall(rows.tobytes())
-        except OSError:
-            reader.close()
-            self.reader = None
-            self.gone.set()
-            return 0
-        return len(rows)
-
-    def close(self) -> None:
-        for line in (self.reader, self.listening):
-            if line is not None:
-                line.close()
-
-
 class Lsl:
     """An outlet of the Lab Streaming Layer, with names and units of its channels."""
+
+    lost = 0
 
     def __init__(self, name: str, about: dict[str, Any], wait: float) -> None:
         pylsl = require_extra("pylsl", f"lsl:{name}")
@@ -272,6 +160,10 @@ class Filtered:
         return self.sender.receivers
 
     @property
+    def lost(self) -> int:
+        return self.sender.lost
+
+    @property
     def note(self) -> str:
         """Why there are no filtered poses, or nothing."""
         return self.rows.doubt
@@ -283,36 +175,6 @@ class Filtered:
         self.sender.close()
 
 
-SCHEMES = "udp://HOST:PORT, udp+binary://HOST:PORT, tcp://HOST:PORT, shm:NAME or lsl:NAME"
-
-
-def check_address(address: str) -> None:
-    """Raises `InputError` for what is no address of a publication."""
-    parts = urlsplit(address)
-    if parts.scheme == "shm":
-        from .shared_ring import check_name
-
-        check_name(parts.path)
-        return
-    try:
-        sound = parts.scheme == "lsl" or (
-            parts.scheme in ("udp", "udp+binary", "tcp")
-            and bool(parts.hostname)
-            and parts.port is not None
-            and (parts.scheme == "tcp" or parts.port > 0)
-        )
-        sound = sound and options_of(address).keys() <= {"single", "bytes"}
-        int(options_of(address).get("bytes", 1))
-    except ValueError:
-        sound = False
-    if not sound:
-        raise InputError(f"--publish {address}: is no address; give {SCHEMES}")
-
-
-def options_of(address: str) -> dict[str, str]:
-    return dict(parse_qsl(urlsplit(address).query, keep_blank_values=True))
-
-
 def open_sender(address: str, about: dict[str, Any], wait: float) -> Sender:
     """The sender of an address. wait: s, for a first receiver, where there can be none yet."""
     check_address(address)
@@ -320,27 +182,13 @@ def open_sender(address: str, about: dict[str, Any], wait: float) -> Sender:
     try:
         if parts.scheme == "lsl":
             return Lsl(parts.path, about, wait)
-        if parts.scheme == "shm":
-            from .shared_ring import SharedSender
-
-            return SharedSender(parts.path, about, wait)
+        if parts.scheme == "zmq":
+            return ZmqSender(address, about, wait)
         assert parts.hostname is not None
         assert parts.port is not None
-        if parts.scheme == "tcp":
-            return Tcp(parts.hostname, parts.port, about, wait)
-        binary = parts.scheme == "udp+binary"
-        return Udp(parts.hostname, parts.port, options_of(address), binary)
+        return Udp(parts.hostname, parts.port, options_of(address))
     except OSError as error:
         raise InputError(f"--publish {address}: {error.strerror or error}") from None
-
-
-def lots(stream: BinaryIO) -> Any:
-    """What comes on a stream, lot by lot, each after its length."""
-    while len(head := stream.read(LENGTH.size)) == LENGTH.size:
-        data = stream.read(LENGTH.unpack(head)[0])
-        if len(data) < LENGTH.unpack(head)[0]:
-            return
-        yield data
 
 
 def serve(sender: Sender, stream: BinaryIO, tell: Callable[[dict[str, Any]], None]) -> None:
@@ -350,12 +198,13 @@ def serve(sender: Sender, stream: BinaryIO, tell: Callable[[dict[str, Any]], Non
 
     def report() -> None:
         words: dict[str, Any] = {"sent": sent, "dropped": dropped, "receivers": sender.receivers}
+        words["lost"] = sender.lost
         if isinstance(sender, Filtered):
             words |= {"note": sender.note, "filter": sender.rows.sentence}
         tell(words)
 
     def report_often() -> None:
-        while not ended.wait(REPORT):
+        while not ended.wait(REPORT_INTERVAL_S):
             report()
 
     reporter = threading.Thread(target=report_often)
@@ -378,10 +227,6 @@ def filter_of(about: dict[str, Any], pickled: bytes) -> RowFilter:
     pickled: the configuration, by the process that has started this one. What receivers are told
     of the rows is changed in `about`.
     """
-    import pickle
-
-    from .filtered_rows import WIDE, RowFilter
-
     config = pickle.loads(pickled)
     told = about["filter"]
     rows = RowFilter(config, told["model"], told["carried"])
@@ -409,9 +254,9 @@ def main() -> None:
     except FacetsError as error:
         tell({"error": str(error)})
         return
-    place = sender.listening.getsockname()[1] if isinstance(sender, Tcp) else None
+    port = sender.port if isinstance(sender, ZmqSender) else None
     sender = Filtered(sender, rows) if rows else sender
-    tell({"ready": True, "port": place})
+    tell({"ready": True, "port": port})
     serve(sender, stream, tell)
 
 

@@ -24,8 +24,8 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.extras import require_extra
+from ..streams.lots import lots
 from ..streams.sample_rows import SAMPLE
-from ..streams.senders import lots
 from .guard import Guard, place
 from .hub import Hub, Page
 

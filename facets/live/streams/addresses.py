@@ -1,0 +1,71 @@
+"""Addresses that samples are published at, as `--publish` takes them."""
+
+from __future__ import annotations
+
+import socket
+from urllib.parse import parse_qsl, urlsplit
+
+from ...core.errors import InputError
+
+SCHEMES = "zmq://HOST:PORT, udp://HOST:PORT (JSON) or lsl:NAME"
+#: Schemes of older versions, which `zmq` has replaced.
+OLDER_SCHEMES = ("tcp", "shm", "udp+binary")
+
+
+def check_address(address: str) -> None:
+    """Raise `InputError` for what is no address of a publication."""
+    refuse_older(address)
+    parts = urlsplit(address)
+    try:
+        sound = parts.scheme == "lsl" or (
+            parts.scheme in ("udp", "zmq")
+            and bool(parts.hostname)
+            and parts.port is not None
+            and (parts.scheme == "zmq" or parts.port > 0)
+        )
+        sound = sound and options_of(address).keys() <= {"single", "bytes"}
+        int(options_of(address).get("bytes", 1))
+    except ValueError:
+        sound = False
+    if not sound:
+        raise InputError(f"--publish {address}: is no address; give {SCHEMES}")
+
+
+def refuse_older(address: str) -> None:
+    """Raise `InputError` for an address of an older version, and name the new one."""
+    parts = urlsplit(address)
+    if parts.scheme in OLDER_SCHEMES:
+        place = parts.netloc or "127.0.0.1:5556"
+        raise InputError(
+            f"{address}: samples are no longer published by {parts.scheme}; give zmq://{place}, "
+            "which any number of programs can subscribe to"
+        )
+
+
+def options_of(address: str) -> dict[str, str]:
+    """What stands behind the question mark of an address."""
+    return dict(parse_qsl(urlsplit(address).query, keep_blank_values=True))
+
+
+def zmq_endpoint(address: str) -> str:
+    """The address `zmq://HOST:PORT` as ZeroMQ has it, with the host's number.
+
+    Raises `InputError` for another address, and for a host that is not known.
+
+    >>> zmq_endpoint("zmq://127.0.0.1:5556")
+    'tcp://127.0.0.1:5556'
+    """
+    refuse_older(address)
+    parts = urlsplit(address)
+    try:
+        if parts.scheme != "zmq" or not parts.hostname or parts.port is None:
+            raise ValueError
+    except ValueError:
+        raise InputError(f"{address}: is no address; give zmq://HOST:PORT") from None
+    if parts.hostname == "*":
+        return f"tcp://*:{parts.port}"
+    try:
+        host = str(socket.getaddrinfo(parts.hostname, parts.port)[0][4][0])
+    except OSError as error:
+        raise InputError(f"{address}: {error.strerror or error}") from None
+    return f"tcp://[{host}]:{parts.port}" if ":" in host else f"tcp://{host}:{parts.port}"

@@ -1,0 +1,67 @@
+"""Samples as texts in JSON, as PlotJuggler and MCAP files take them."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.names import READING_COLUMNS, STATE_COLUMNS
+from .sample_rows import HEAD as HEAD_COLUMNS
+from .sample_rows import NUMBERS
+
+Rows = NDArray[np.void]
+
+GROUPS = {
+    "reading": READING_COLUMNS,
+    "pose": STATE_COLUMNS,
+    "u": tuple(f"u_{name}" for name in STATE_COLUMNS),
+}
+FILTER_GROUPS = {
+    "filtered": STATE_COLUMNS[:6],
+    "u_filtered": tuple(f"u_{name}" for name in STATE_COLUMNS[:6]),
+}
+
+
+def json_template(groups: dict[str, tuple[str, ...]]) -> str:
+    """The text of a sample with a place for each of its numbers."""
+    parts = []
+    for group, names in groups.items():
+        parts.append(f'"{group}":{{' + ",".join(f'"{name}":%.9g' for name in names) + "}")
+    return ",".join(parts)
+
+
+HEAD = '"timestamp":%.9f,"seq":%d,"status":%d,"flags":%d'
+TEMPLATE = "{" + ",".join([HEAD, json_template(GROUPS), '"residual":%.9g']) + "}"
+WIDE_TEMPLATE = TEMPLATE[:-1] + "," + json_template(FILTER_GROUPS) + "}"
+
+
+def json_of(rows: Rows) -> list[str]:
+    """A text for each sample, without the numbers that are not known: JSON has no word for them."""
+    heads = rows[["utc_s", "seq", "status", "flags"]].tolist()
+    names = numbers_of(rows.dtype)
+    template = TEMPLATE if len(names) == len(NUMBERS) else WIDE_TEMPLATE
+    numbers = np.column_stack([rows[name] for name in names])
+    whole = np.isfinite(numbers).all(axis=1)
+    return [
+        template % (*head, *row) if fine else sparse_json(template, head, row)
+        for head, row, fine in zip(heads, numbers.tolist(), whole.tolist(), strict=True)
+    ]
+
+
+def numbers_of(dtype: np.dtype[np.void]) -> tuple[str, ...]:
+    """The columns of rows after those of the head."""
+    return (dtype.names or ())[len(HEAD_COLUMNS) :]
+
+
+def sparse_json(template: str, head: tuple[float, ...], row: list[float]) -> str:
+    """The text of a sample without those of its numbers that are not finite."""
+    known = json.loads(template % (*head, *(1.0 if np.isfinite(value) else 0.0 for value in row)))
+    found = json.loads(template % (*head, *(v if np.isfinite(v) else 0.0 for v in row)))
+    for name, value in known.items():
+        if isinstance(value, dict):
+            found[name] = {key: found[name][key] for key, there in value.items() if there}
+        elif name == "residual" and not value:
+            del found[name]
+    return json.dumps(found, separators=(",", ":"))
