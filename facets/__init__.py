@@ -24,6 +24,8 @@ _HOMES = {
     "FacetsError": "core.errors",
     "InputError": "core.errors",
     "OutputError": "core.errors",
+    "Knowledge": "core.knowledge",
+    "Prior": "core.knowledge",
     "POSE": "core.names",
     "READING": "core.names",
     "STATE": "core.names",
@@ -51,7 +53,6 @@ _HOMES = {
     "add_noise": "detectors.noise",
     "standard_deviations": "detectors.noise",
     "Solver": "estimation.prepared",
-    "Prior": "core.knowledge",
     "Solution": "estimation.solution",
     "Status": "estimation.solution",
     "solve": "estimation.solver",
@@ -85,6 +86,7 @@ if TYPE_CHECKING:
     from .core.errors import FacetsError as FacetsError
     from .core.errors import InputError as InputError
     from .core.errors import OutputError as OutputError
+    from .core.knowledge import Knowledge as Knowledge
     from .core.knowledge import Prior as Prior
     from .core.names import POSE as POSE
     from .core.names import READING as READING

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import facets
-from facets.characterization.resolution import Estimator, uncertainties
+from facets.characterization.resolution import uncertainties
 from facets.core.hues import MARKS, chosen_hues
+from facets.core.knowledge import Knowledge, Prior
 from facets.core.names import POSE
 from facets.pictures import style
 from facets.pictures.style import unit_of
@@ -30,7 +31,8 @@ def compute(quick: bool) -> Table:
     factors = np.array([unit_of(name)[3] for name in POSE])
     rows = []
     for known in KNOWN:
-        sigma = uncertainties(sensor, np.zeros((1, 8)), Estimator("", known))[0] * factors
+        how = Knowledge(beam=Prior((0.0, 0.0), known))
+        sigma = uncertainties(sensor, np.zeros((1, 8)), how)[0] * factors
         rows.append((1e3 * known, *sigma))
     return columns_of("beam_um tx_um ty_um tz_um roll_urad pitch_urad yaw_urad", rows)
 

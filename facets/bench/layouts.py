@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..characterization.resolution import Estimator, uncertainties
+from ..characterization.resolution import uncertainties
 from ..config import load
+from ..core.knowledge import Knowledge
 from ..core.names import FINE_UNITS
 from ..core.units import Floats
 from ..design.exploration import MEASURES, NO_RIVALS, Space, designs, front, looked_at, part_of
@@ -99,7 +100,7 @@ def by_scipy(sensor: Any, layout: Any, names: list[str]) -> tuple[float, float]:
 
     def fine(unknown: Floats) -> Floats:
         units = np.array(FINE_UNITS[:6]) * np.array(layout.unit)
-        sigma = uncertainties(at(unknown[:-1]), states, Estimator("", np.inf)) / units
+        sigma = uncertainties(at(unknown[:-1]), states, Knowledge()) / units
         below: Floats = np.nan_to_num(unknown[-1] - sigma.max(axis=0), nan=-1e3)
         return below
 

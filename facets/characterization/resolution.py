@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.arguments import as_floats, checked
 from ..core.errors import InputError
+from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge, Prior
 from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Floats
@@ -30,15 +31,32 @@ from .ranges import axis_ranges, states_of
 
 
 class Estimator(NamedTuple):
-    """What a solution uses. beam: 1 sigma of what is known of bx, by, mm; 0 known, inf free.
+    """What a solution uses and knows, with a name for tables.
 
-    eight: leaves out the last power, as the paper's inversion. power: known, else solved for.
+    beam: what is known of the position: "free", "known" or a `Prior` as in `Knowledge`, or its
+    standard uncertainty along x and y, mm; 0: known exactly; infinite: free.
+    eight: leaves out the last power, as the paper's inversion.
+    power: "known", "unknown" or a `Prior` as in `Knowledge`; or whether it is known.
     """
 
     name: str
-    beam: float
+    beam: BeamKnowledge | float
     eight: bool = False
-    power: bool = True
+    power: PowerKnowledge | bool = True
+
+    @property
+    def knowledge(self) -> Knowledge:
+        """What is known of the beam.  Raises `InputError` where that is impossible."""
+        beam: Any = self.beam
+        if not isinstance(beam, str | Prior):
+            if not as_floats(beam, "the estimator's beam") >= 0:
+                raise InputError(
+                    f"the estimator's beam is {beam}; allowed: 0 mm or more, or infinite"
+                )
+            beam = Prior((0.0, 0.0), beam)
+        words: dict[Any, PowerKnowledge] = {True: "known", False: "unknown"}
+        power = words[self.power] if isinstance(self.power, bool) else self.power
+        return Knowledge(beam, power)
 
 
 def estimators(beam_sigma: float) -> list[Estimator]:
@@ -51,53 +69,60 @@ def estimators(beam_sigma: float) -> list[Estimator]:
     ]
 
 
-def sources(sensor: Sensor) -> tuple[str, ...]:
+def sources(sensor: Sensor, how: Estimator | Knowledge | None = None) -> tuple[str, ...]:
     """What an uncertainty comes from: the columns of a budget."""
-    return (*noise_sources(sensor), "beam position", *["calibration"] * bool(sensor.calibration))
+    known = () if how is None or not isinstance(how.power, Prior) else ("beam power",)
+    calibration = ("calibration",) if sensor.calibration else ()
+    return (*noise_sources(sensor), "beam position", *known, *calibration)
 
 
 @checked
-def budgets(sensor: Sensor, states: ArrayLike, how: Estimator) -> Floats:
+def budgets(sensor: Sensor, states: ArrayLike, how: Estimator | Knowledge) -> Floats:
     """What the variance of each axis of the pose is made of.
 
-    states: (..., 8), mm and rad.  how: what a solution uses and knows (`facets.Estimator`).
+    states: (..., 8), mm and rad.  how: what is known of the beam (`facets.Knowledge`), or also
+    which readings are used (`facets.Estimator`).
 
     Returns variances (..., 6, s) by source (`sources` names the s columns), mm^2 and rad^2; NaN
     where a detector has no reading or the readings do not determine the pose.
 
     >>> import numpy as np, facets
-    >>> known = facets.Estimator("beam known", beam=0.0)
+    >>> known = facets.Knowledge(beam="known")
     >>> parts = facets.budgets(facets.Sensor(), np.zeros((1, 8)), known)[0]
     >>> [f"{share:.0%}" for share in parts[0] / parts[0].sum()]  # of x: places, powers, beam
     ['0%', '100%', '0%']
     """
-    if not as_floats(how.beam, "the estimator's beam") >= 0:
-        raise InputError(f"the estimator's beam is {how.beam}; allowed: 0 mm or more, or infinite")
+    knowledge, eight = (how, False) if isinstance(how, Knowledge) else (how.knowledge, how.eight)
     rows, shape = as_rows(states, 8, "states")
-    return budgets_of_rows(sensor, rows, how).reshape(*shape, 6, len(sources(sensor)))
+    found = budgets_of_rows(sensor, rows, knowledge, eight)
+    return found.reshape(*shape, *found.shape[1:])
 
 
-def budgets_of_rows(sensor: Sensor, states: Floats, how: Estimator) -> Floats:
-    """`budgets` of states (n, 8)."""
+def budgets_of_rows(sensor: Sensor, states: Floats, knowledge: Knowledge, eight: bool) -> Floats:
+    """`budgets` of states (n, 8).  eight: leaves out the last power."""
     reading = readings(sensor, states)
     parts = variances(sensor, reading)
     sigma = np.sqrt(parts.sum(axis=-1))
     matrix = jacobian(sensor, states)
     known = np.isfinite(matrix).all(axis=(1, 2))
     rows = matrix[known] / sigma[known][:, :, None]
-    if not how.power:
-        rows = with_power(sensor, rows, reading[known] / sigma[known])
-    if how.eight:
+    beam, power = prior_sigmas(sensor, knowledge)
+    if power > 0:
+        rows = add_power_column(sensor, rows, reading[known] / sigma[known])
+    if eight:
         rows = rows[:, :8]
-    rows = with_beam(rows, how.beam)
+    rows = apply_priors(rows, [beam, beam, power][: rows.shape[2] - 6])
     units = np.array([1e-3] * 3 + [1e-6] * 3 + [1e-3] * (rows.shape[2] - 6))
     gain = np.linalg.pinv(rows * units, rcond=1e-15) * units[None, :, None]
-    out = np.full((len(states), 6, len(sources(sensor))), np.nan)
-    square, read = gain[:, :6] ** 2, 9 - how.eight
+    out = np.full((len(states), 6, len(sources(sensor, knowledge))), np.nan)
+    square, read = gain[:, :6] ** 2, 9 - eight
     share = parts[known][:, :read] / sigma[known][:, :read, None] ** 2
     count = parts.shape[-1]
     out[known, :, :count] = square[:, :, :read] @ share
-    out[known, :, count] = square[:, :, read:].sum(axis=2)
+    beams = 2 if 0 < beam < np.inf else 0
+    out[known, :, count] = square[:, :, read : read + beams].sum(axis=2)
+    if isinstance(knowledge.power, Prior):
+        out[known, :, count + 1] = square[:, :, read + beams :].sum(axis=2)
     if sensor.calibration is not None:
         off = by_parameters(sensor, sensor.calibration, states[known], reading[known])
         moved = gain[:, :6, :read] @ (off[:, :read] / sigma[known][:, :read, None])
@@ -106,7 +131,7 @@ def budgets_of_rows(sensor: Sensor, states: Floats, how: Estimator) -> Floats:
     return out
 
 
-def with_power(sensor: Sensor, rows: Floats, weighted: Floats) -> Floats:
+def add_power_column(sensor: Sensor, rows: Floats, weighted: Floats) -> Floats:
     """Another unknown, the beam's power: a column (n, 9, 1) with the powers' derivatives by it."""
     column = weighted / sensor.beam.power
     column[:, [0, 1, 3, 4, 6, 7]] = 0.0
@@ -114,29 +139,44 @@ def with_power(sensor: Sensor, rows: Floats, weighted: Floats) -> Floats:
     return wider
 
 
-def with_beam(rows: Floats, sigma: float) -> Floats:
-    """Two more rows for what is known of bx and by, unless they are free; known: very well."""
-    if np.isinf(sigma):
-        return rows
-    if sigma == 0:
-        return rows[:, :, [*range(6), *range(8, rows.shape[2])]]
-    more = np.zeros((len(rows), 2, rows.shape[2]))
-    more[:, 0, 6] = more[:, 1, 7] = 1 / sigma
-    wider: Floats = np.concatenate([rows, more], axis=1)
-    return wider
+def prior_sigmas(sensor: Sensor, knowledge: Knowledge) -> tuple[float, float]:
+    """The standard uncertainties of the priors on the position, mm, and on the power, mW."""
+    priors = (knowledge.beam_prior, knowledge.power_prior(sensor.beam.power))
+    beam, power = (as_floats(prior.sigma, "sigma") for prior in priors)
+    if beam.size > 1 and (beam != beam.flat[0]).any():
+        raise InputError(
+            f"the beam's prior has the sigmas {beam.tolist()}; allowed: the same along x and y"
+        )
+    return float(beam.flat[0]), float(power)
+
+
+def apply_priors(rows: Floats, sigmas: Sequence[float]) -> Floats:
+    """Weighted Jacobians without the unknowns that are known exactly, and with a row more for each
+    that has a prior.
+
+    rows: (n, r, 6 + m).  sigmas: m of the unknowns beside the pose, 0 known, infinite free.
+    """
+    priors = [6 + n for n, sigma in enumerate(sigmas) if 0 < sigma < np.inf]
+    if priors:
+        more = np.zeros((len(rows), len(priors), rows.shape[2]))
+        more[:, range(len(priors)), priors] = [1 / sigmas[c - 6] for c in priors]
+        rows = np.concatenate([rows, more], axis=1)
+    if 0 in sigmas:
+        rows = rows[:, :, [*range(6), *(6 + n for n, sigma in enumerate(sigmas) if sigma > 0)]]
+    return rows
 
 
 @checked
-def uncertainties(sensor: Sensor, states: ArrayLike, how: Estimator) -> Floats:
+def uncertainties(sensor: Sensor, states: ArrayLike, how: Estimator | Knowledge) -> Floats:
     """Standard uncertainties of the pose: what a solution can know at best.
 
-    states: (..., 8), mm and rad.  how: what it uses and knows (`facets.Estimator`).
+    states: (..., 8), mm and rad.  how: as for `facets.budgets`.
 
     Returns (..., 6), mm and rad: one standard deviation, by the Cramer-Rao bound; NaN where the
     readings do not determine the pose.
 
     >>> import numpy as np, facets
-    >>> free = facets.Estimator("beam free", beam=np.inf)
+    >>> free = facets.Knowledge(beam="free")
     >>> u = facets.uncertainties(facets.Sensor(), np.zeros((1, 8)), free)[0]
     >>> f"z {1e3 * u[2]:.1f} um, yaw {1e6 * u[5]:.0f} urad"
     'z 1.5 um, yaw 6 urad'
@@ -193,5 +233,5 @@ def resolve(sensor: Sensor, rules: Rules, hows: Sequence[Estimator]) -> list[Res
         budget = budgets(sensor, rest, how)[0]
         nominal = np.sqrt(budget.sum(axis=1))
         largest = sigma[worst, np.arange(6)]
-        found.append(Resolution(how, sources(sensor), nominal, largest, states[worst], budget))
+        found.append(Resolution(how, sources(sensor, how), nominal, largest, states[worst], budget))
     return found

@@ -1,8 +1,9 @@
-"""What is known of the beam before a reading is solved."""
+"""What is known of the beam's position and of its power before a reading is solved."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,10 +15,14 @@ from .errors import InputError
 @checked
 @dataclass(frozen=True)
 class Prior:
-    """What is known before the reading: a Gaussian of the given mean and standard deviation.
+    """A Gaussian that a quantity has before the reading: its mean and standard uncertainty.
 
-    For the beam, mean (..., 2) and sigma (a number or one each) of bx, by in mm; for the power,
-    mean and sigma in mW. sigma 0: known exactly; infinite: not known at all.
+    For the beam's position: mean (..., 2) and sigma (a number or one each) of bx, by in mm; for its
+    power: mean and sigma in mW. sigma 0: known exactly; infinite: not known at all.
+
+    >>> import facets
+    >>> facets.Prior(mean=(0.0, 0.1), sigma=0.005)  # the beam at y = 0.1 mm, within 5 um
+    Prior(mean=(0.0, 0.1), sigma=0.005)
     """
 
     mean: ArrayLike
@@ -28,3 +33,38 @@ class Prior:
             raise InputError(f"a prior's sigma is {self.sigma!r}; allowed: 0 or more")
         if not np.isfinite(as_floats(self.mean, "a prior's mean")).all():
             raise InputError(f"a prior's mean is {self.mean!r}; allowed: finite numbers")
+
+
+#: The forms in which functions take what is known of the beam's position and of its power.
+BeamKnowledge = Literal["free", "known"] | Prior
+PowerKnowledge = Literal["known", "unknown"] | Prior
+
+
+@checked
+@dataclass(frozen=True)
+class Knowledge:
+    """What is known of the beam before a reading is solved, in the words of `facets.solve`.
+
+    beam: its position is "free" (solved for), "known" to be (0, 0), or has a `Prior` in mm.
+    power: "known" as the sensor's, "unknown" (solved for), or a `Prior` in mW.
+
+    >>> import facets
+    >>> facets.Knowledge(beam="known").beam_prior
+    Prior(mean=(0.0, 0.0), sigma=0.0)
+    """
+
+    beam: BeamKnowledge = "free"
+    power: PowerKnowledge = "known"
+
+    @property
+    def beam_prior(self) -> Prior:
+        """The beam's position as a prior, mm; its sigma is 0 or infinite where a word is given."""
+        if isinstance(self.beam, Prior):
+            return self.beam
+        return Prior((0.0, 0.0), 0.0 if self.beam == "known" else np.inf)
+
+    def power_prior(self, power: float) -> Prior:
+        """The beam's power as a prior, mW.  power: the sensor's."""
+        if isinstance(self.power, Prior):
+            return self.power
+        return Prior(power, 0.0 if self.power == "known" else np.inf)

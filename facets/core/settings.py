@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import hypot
 from pathlib import Path
 from typing import Any, Literal
 
 from .axis_keys import MAX_LENGTH_MM
 from .calibrate import Calibrate
 from .keys import Key, block_of, block_of_keys, item_of, key
+from .knowledge import BeamKnowledge, Knowledge, PowerKnowledge, Prior
 from .layout import Layout
 from .motions import Motion
 from .rules import Rules
 from .sensor import Electronics, Sensor
+from .units import Floats
 
 MAX_BAUD = 100_000_000
 PLACE_MM: dict[str, Any] = {"ge": -MAX_LENGTH_MM, "le": MAX_LENGTH_MM}
@@ -195,19 +198,30 @@ class Solve:
     """How readings are solved for the pose."""
 
     beam: Literal["free", "known", "prior"] = key(
-        "beam", "free", "beam position: solved for, known, or known within `beam_sigma_um`"
+        "beam",
+        "free",
+        "position of the beam: free (solved for), known (at the origin, or where the readings' "
+        "table says), or prior (known within `beam_sigma_um`)",
     )
     beam_sigma: float = key(
-        "beam_sigma_um", 5.0, "1 sigma of the beam position, for `beam: prior`", gt=0, le=10_000
+        "beam_sigma_um",
+        5.0,
+        "standard uncertainty of the beam's position, for `beam: prior`",
+        gt=0,
+        le=10_000,
     )
     power: Literal["known", "prior", "unknown"] = key(
         "power",
         "prior",
-        "laser power: as in `sensor.beam`, known within `power_sigma_percent`, or "
-        "solved for; method: paper takes it as known",
+        "power of the beam: known (as in `sensor.beam`), prior (known within "
+        "`power_sigma_percent`), or unknown (solved for); method: paper takes it as known",
     )
     power_sigma: float = key(
-        "power_sigma_percent", 1.0, "1 sigma of the laser power, for `power: prior`", gt=0, le=100
+        "power_sigma_percent",
+        1.0,
+        "standard uncertainty of the beam's power, for `power: prior`",
+        gt=0,
+        le=100,
     )
     method: Literal["least-squares", "paper"] = key(
         "method", "least-squares", "all nine readings, or Newton on eight as in the paper"
@@ -221,6 +235,33 @@ class Solve:
         False,
         "give poses that no number is left to check, as those of two detectors",
     )
+
+    def knowledge(self, sensor: Sensor, position: Floats | None = None) -> Knowledge:
+        """What these settings say of the beam, as `facets.solve` takes it.
+
+        A beam or a power that is known is known as well as the laser keeps it
+        (`Electronics.pointing`, `power_noise`).
+        position: (n, 2) or (1, 2) of the beam, mm; by default the origin.
+        """
+        return Knowledge(beam=self._beam(sensor, position), power=self._power(sensor))
+
+    def _beam(self, sensor: Sensor, position: Floats | None) -> BeamKnowledge:
+        if self.beam == "free":
+            return "free"
+        sigma = self.beam_sigma if self.beam == "prior" else 0.0
+        sigma = hypot(sigma, sensor.electronics.pointing if sensor.electronics else 0.0)
+        if position is None:
+            return Prior((0.0, 0.0), sigma)
+        return Prior(position[0] if len(position) == 1 else position, sigma)
+
+    def _power(self, sensor: Sensor) -> PowerKnowledge:
+        if self.method == "paper":
+            return "known"
+        if self.power == "unknown":
+            return "unknown"
+        sigma = self.power_sigma if self.power == "prior" else 0.0
+        sigma = hypot(sigma, sensor.electronics.power_noise if sensor.electronics else 0.0)
+        return Prior(sensor.beam.power, sigma * sensor.beam.power) if sigma > 0 else "known"
 
 
 SIMULATE = Key(

@@ -32,10 +32,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..characterization.ranges import axis_ranges, clearances
-from ..characterization.resolution import Estimator, uncertainties
+from ..characterization.resolution import uncertainties
 from ..characterization.singularity import measures
 from ..core.errors import InputError, OutputError
 from ..core.extras import require_extra
+from ..core.knowledge import Knowledge
 from ..core.names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS, STATE_UNITS
 from ..core.rules import Rules
 from ..core.sensor import Sensor
@@ -196,7 +197,7 @@ def at_rest(space: Space, x: Floats) -> tuple[int, Floats, Sensor | None]:
         return 8, values, None
     if space.required and not meets(sensor, space.layout, space.volume):
         return 4, values, None
-    values[7:13] = FINE * uncertainties(sensor, rest, Estimator("", np.inf))[0]
+    values[7:13] = FINE * uncertainties(sensor, rest, Knowledge())[0]
     values[13] = measures(sensor, rest)[0, 2]
     signs = np.sign(measures(sensor, space.volume, spectra=False)[:, 0])
     values[14] = float(abs(signs.sum()) == len(signs))

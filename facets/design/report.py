@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..core.knowledge import Knowledge
 from ..core.names import FINE_UNITS
 from ..core.sensor import Sensor
 from ..core.units import Floats
@@ -65,10 +66,10 @@ def gains(
 
 def worst_over(sensor: Sensor, layout: Layout) -> Floats:
     """The largest standard uncertainties (6,) over the volume, um and urad, by the float model."""
-    from ..characterization.resolution import Estimator, uncertainties
+    from ..characterization.resolution import uncertainties
 
     def fineness(states: Floats) -> Floats:
-        sigma = uncertainties(sensor, states, Estimator("", np.inf))
+        sigma = uncertainties(sensor, states, Knowledge())
         fine: Floats = -sigma / np.array(FINE_UNITS[:6])
         return fine
 

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..characterization.resolution import Estimator, uncertainties
+from ..characterization.resolution import uncertainties
+from ..core.knowledge import Knowledge
 from ..core.names import DETECTORS, FINE_UNITS, POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
@@ -25,7 +26,7 @@ from .volume import shares_of_volume, span_of, states_of, wide_axes, worst_place
 if TYPE_CHECKING:
     from ..core.layout import Layout
 
-FREE = Estimator("", np.inf)
+FREE = Knowledge()
 #: The margin of what can not be told, since a spot or its light is not there.
 LOST = -1.0
 UNITS = np.array(FINE_UNITS[:6])

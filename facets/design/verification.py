@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..characterization.ranges import axis_ranges
-from ..characterization.resolution import Estimator, uncertainties
+from ..characterization.resolution import uncertainties
 from ..characterization.singularity import measures
 from ..core.errors import InputError
+from ..core.knowledge import Knowledge
 from ..core.names import FINE_COLUMNS, FINE_UNITS, RANGE_COLUMNS, STATE_UNITS
 from ..core.rules import Rules
 from ..core.sensor import Sensor
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 #: Noisy readings at the worst state of each axis, and random states of the volume.
 DRAWS, RANDOM = 5000, 4000
-FREE = Estimator("", np.inf)
+FREE = Knowledge()
 #: An uncertainty, or how far past an edge, of what can not be told.
 LOST = 1e9
 

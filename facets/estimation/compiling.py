@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Literal
 
-from ..core.knowledge import Prior
+from ..core.knowledge import Knowledge
 from ..core.sensor import Sensor
 from ..model import blocks as of_model
 from ..model.arrays import named
@@ -26,20 +26,19 @@ Makers = list[Callable[[], Any]]
 def compile_for(
     sensor: Sensor,
     *tasks: Task,
-    beam: str | Prior = "free",
-    power: str | Prior = "known",
+    knowledge: Knowledge | None = None,
     kinds: Sequence[str] = (),
 ) -> None:
     """Compiles or loads what a sensor's tasks take; what blocks do not know is left out.
 
     tasks: results of `facets.model`, "slopes" being derivatives by parameters; "poses" those of
-    `facets.solve`, with what is known of beam and power.  kinds: of `model.kinds.LIT`, whose slopes
-    by the numbers of the light are asked for, too.
+    `facets.solve`.  knowledge: of the beam, for "poses"; by default its position is free.
+    kinds: of `model.kinds.LIT`, whose slopes by the numbers of the light are asked for, too.
     """
     makers: Makers = []
     for task in tasks:
         if task == "poses":
-            makers += estimators(sensor, beam, power)
+            makers += estimators(sensor, knowledge or Knowledge())
         elif task == "slopes":
             makers += slopes(block_kind(sensor), kinds)
         elif name := named(sensor, task):
@@ -55,10 +54,10 @@ def slopes(own: str | None, kinds: Sequence[str]) -> Makers:
     return [partial(of_model.slopes_kernel, name) for name in names]
 
 
-def estimators(sensor: Sensor, beam: str | Prior, power: str | Prior) -> Makers:
+def estimators(sensor: Sensor, knowledge: Knowledge) -> Makers:
     """What makes the blocks that estimate poses, and those by which doubts are told."""
     kind = block_kind(sensor)
-    free = tuple(make_plan(sensor, beam, power, "least-squares", ()).free.tolist())
+    free = tuple(make_plan(sensor, knowledge).free.tolist())
     makers: Makers = []
     if kind is not None and free in QUESTIONS:
         makers.append(partial(blocks.kernel, Form(free, kind)))

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.knowledge import Prior
+from ..core.knowledge import Knowledge
 from ..core.sensor import Sensor
 from ..model import evaluators, rare
 from ..model.arrays import packed
@@ -90,15 +90,15 @@ def one_by_one(
     row_kernel()(task.address)
 
 
-def prepare(sensor: Sensor, beam: str | Prior, power: str | Prior) -> None:
+def prepare(sensor: Sensor, knowledge: Knowledge) -> None:
     """Compiles or loads now what a reading may need that leaves its block, or stalls there, for a
-    loop that cannot wait. beam, power: as for `solve`."""
+    loop that cannot wait."""
     row_kernel()
     rare.prepare()
     for model in (evaluators.nearly_linearised(sensor), evaluators.linearised(sensor)):
         evaluators.model(model)
     if sensor.light.on and not sensor.apertures.cut:
-        free = make_plan(sensor, beam, power, "least-squares", ()).free
+        free = make_plan(sensor, knowledge).free
         blocks.kernel(Form(tuple(free.tolist()), lit_kind(sensor), exact=True))
 
 

@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.knowledge import Prior
+from ..core.arguments import as_floats
+from ..core.knowledge import Knowledge, Prior
 from ..core.units import Floats
 from .chance import LEVEL
 from .solution import Solution
@@ -25,7 +26,6 @@ from .solver import solve
 
 if TYPE_CHECKING:
     from ..core.sensor import Sensor
-    from ..core.settings import Solve
 
 #: Flagged readings over those that chance flags, from which on the model is doubted; and the median
 #: residual, over the noise's, from which on it is not the model of this sensor.
@@ -57,23 +57,25 @@ class Misfit:
     examples: list[tuple[Floats, Floats]] = field(default_factory=list)
     stride: int = 1
     sensor: Sensor | None = None
-    options: Solve | None = None
+    knowledge: Knowledge = field(default_factory=Knowledge)
+    method: str = "least-squares"
 
     def add(
         self,
         solution: Solution,
         sensor: Sensor,
-        options: Solve,
+        knowledge: Knowledge,
+        method: str,
         readings: Floats,
-        places: Floats,
     ) -> None:
         """Some solved readings (n, 9), as the model has them.
 
-        places: (2,) or (n, 2), where the beam was taken to be, mm.
+        knowledge, method: with which they were solved.
         """
         flags = solution.misfit
         if flags.any():
-            self.sensor, self.options = sensor, options
+            self.sensor, self.knowledge, self.method = sensor, knowledge, method
+            places = as_floats(knowledge.beam_prior.mean, "mean")
             self.keep_examples(flags, readings, np.broadcast_to(places, (len(flags), 2)))
         there = solution.converged & (solution.checks > 0)
         self.judged += int(there.sum())
@@ -134,12 +136,12 @@ class Misfit:
 
     def cause(self, size: float) -> str:
         """What explains the examples, whose residuals are `size` times the noise; or nothing."""
-        sensor, options = self.sensor, self.options
-        if sensor is None or options is None or options.method == "paper" or not self.examples:
+        sensor, knowledge = self.sensor, self.knowledge
+        if sensor is None or self.method == "paper" or not self.examples:
             return ""
         readings, places = (np.array(part) for part in zip(*self.examples, strict=True))
         enough = min(EXPLAINED, SMALLER * size)
-        if options.power != "unknown":
+        if knowledge.power != "unknown":
             power = power_that_explains(sensor, readings, places, enough)
             if power is not None:
                 return (
@@ -147,10 +149,9 @@ class Misfit:
                     f"{sensor.beam.power:.3g} mW, which is the likeliest cause: correct "
                     "sensor.beam.power_mw, or solve with power: unknown."
                 )
-        if options.beam == "free":
+        if knowledge.beam == "free":
             return ""
-        unknown = options.power == "unknown"
-        found = place_that_explains(sensor, readings, places, unknown, enough)
+        found = place_that_explains(sensor, readings, places, knowledge.power == "unknown", enough)
         return self.words_of_place(found, places.mean(axis=0)) if found is not None else ""
 
     def words_of_place(self, found: tuple[Floats, bool], assumed: Floats) -> str:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.arguments import as_floats
 from ..core.errors import InputError
-from ..core.knowledge import Prior
+from ..core.knowledge import Knowledge, Prior
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import least_light, other_light, power_floor, standard_deviations
@@ -30,25 +30,7 @@ class Plan(NamedTuple):
     limits: problem.Limits
 
 
-def prior_of_beam(beam: object) -> Prior:
-    if isinstance(beam, Prior):
-        return beam
-    sigma = {"free": np.inf, "known": 0.0}.get(beam) if isinstance(beam, str) else None
-    if sigma is None:
-        raise InputError(f'beam is {beam!r}; allowed: "free", "known" or a facets.Prior')
-    return Prior((0.0, 0.0), sigma)
-
-
-def prior_of_power(power: object, sensor: Sensor) -> Prior:
-    if isinstance(power, Prior):
-        return power
-    sigma = {"known": 0.0, "unknown": np.inf}.get(power) if isinstance(power, str) else None
-    if sigma is None:
-        raise InputError(f'power is {power!r}; allowed: "known", "unknown" or a facets.Prior')
-    return Prior(sensor.beam.power, sigma)
-
-
-def means_of(place: Prior, light: Prior, shape: tuple[int, ...]) -> Floats:
+def prior_means(place: Prior, light: Prior, shape: tuple[int, ...]) -> Floats:
     """What is known of bx, by and the power: (1, 3), or (n, 3) where it differs by reading."""
     where, amount = as_floats(place.mean, "mean"), as_floats(light.mean, "mean")
     shape = shape if where.shape[:-1] or amount.shape else ()
@@ -89,12 +71,13 @@ def lost_at_edges(sensor: Sensor) -> float:
 
 
 def make_plan(
-    sensor: Sensor, beam: str | Prior, power: str | Prior, method: str, shape: tuple[int, ...]
+    sensor: Sensor, knowledge: Knowledge, method: str = "least-squares", shape: tuple[int, ...] = ()
 ) -> Plan:
+    """shape: of the readings, for priors with a mean for each of them."""
     paper = method == "paper"
-    if paper and not (beam == "free" and power == "known"):
+    if paper and knowledge != Knowledge():
         raise InputError('method="paper" has the beam "free" and the power "known"')
-    place, light = prior_of_beam(beam), prior_of_power(power, sensor)
+    place, light = knowledge.beam_prior, knowledge.power_prior(sensor.beam.power)
     sigmas = np.empty(3)
     try:
         sigmas[:2], sigmas[2] = as_floats(place.sigma, "sigma"), as_floats(light.sigma, "sigma")
@@ -105,7 +88,7 @@ def make_plan(
     free = np.concatenate([np.arange(6), 6 + np.flatnonzero(sigmas > 0)])
     with np.errstate(divide="ignore"):
         weights = np.where(sigmas > 0, 1 / sigmas, 0.0)
-    return Plan(means_of(place, light, shape), weights, free, limits_of(sensor, paper))
+    return Plan(prior_means(place, light, shape), weights, free, limits_of(sensor, paper))
 
 
 def chance_of(sensor: Sensor, todo: Plan) -> Chance:
@@ -114,31 +97,27 @@ def chance_of(sensor: Sensor, todo: Plan) -> Chance:
     return Chance(none, widening_of(sensor))
 
 
-#: So many plans are kept a sensor.
-PLANS = 16
+#: The most plans that are kept with a sensor.
+MOST_PLANS = 16
 
 
-def find_plan(
-    sensor: Sensor, beam: str | Prior, power: str | Prior, method: str, shape: tuple[int, ...]
-) -> Plan:
+def find_plan(sensor: Sensor, knowledge: Knowledge, method: str, shape: tuple[int, ...]) -> Plan:
     """`make_plan`, reused where the same is asked of a sensor again, as a live loop does."""
-    if not (is_for_any(beam, 2) and is_for_any(power, 1)):
-        return make_plan(sensor, beam, power, method, shape)
-    asked = beam, power, method
-    kept: dict[tuple[str | Prior, str | Prior, str], Plan]
-    kept = sensor.__dict__.setdefault("_plans", {})
-    known = kept.get(asked)
-    if known is None:
-        if len(kept) >= PLANS:
-            kept.clear()
-        known = kept[asked] = make_plan(sensor, *asked, ())
-    return known
+    if not (is_plain(knowledge.beam, 2) and is_plain(knowledge.power, 1)):
+        return make_plan(sensor, knowledge, method, shape)
+    plans: dict[tuple[Knowledge, str], Plan] = sensor.__dict__.setdefault("_plans", {})
+    plan = plans.get((knowledge, method))
+    if plan is None:
+        if len(plans) >= MOST_PLANS:
+            plans.clear()
+        plan = plans[knowledge, method] = make_plan(sensor, knowledge, method)
+    return plan
 
 
-def is_for_any(known: object, count: int) -> bool:
+def is_plain(known: object, count: int) -> bool:
     """Whether what is known is a word, or a prior of plain numbers, `count` means in a tuple."""
     if not isinstance(known, Prior):
-        return isinstance(known, str)
+        return True
     means = known.mean if isinstance(known.mean, tuple) and count > 1 else (known.mean,)
     plain = all(isinstance(number, float) for number in (*means, known.sigma))
     return plain and len(means) == count

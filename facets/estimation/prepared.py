@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..core.arguments import as_floats, checked
 from ..core.errors import InputError
-from ..core.knowledge import Prior
+from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import standard_deviations
@@ -51,8 +51,8 @@ class Solver:
         self,
         sensor: Sensor,
         *,
-        beam: Literal["free", "known"] | Prior = "free",
-        power: Literal["known", "unknown"] | Prior = "known",
+        beam: BeamKnowledge = "free",
+        power: PowerKnowledge = "known",
         start: Literal["zero", "previous"] = "zero",
         method: Literal["least-squares", "paper"] = "least-squares",
         max_steps: int = 50,
@@ -62,7 +62,7 @@ class Solver:
         if max_steps < 1:
             raise InputError(f"max_steps is {max_steps}; allowed: 1 or more")
         self._asked = (sensor, beam, power, start, method, max_steps, covariance, accept_unchecked)
-        self._plan = make_plan(sensor, beam, power, method, ())
+        self._plan = make_plan(sensor, Knowledge(beam=beam, power=power), method)
         self._previous = _Previous() if start == "previous" else None
         self._pool = Pool(self._prepare)
         self._pool.put_back(self._prepare())  # refuses now what it would refuse later

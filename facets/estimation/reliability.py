@@ -8,13 +8,11 @@ component of the pose by more of its standard uncertainties.
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.arguments import checked
-from ..core.knowledge import Prior
+from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge
 from ..core.names import FINE_UNITS
 from ..core.sensor import Sensor
 from ..core.units import Floats
@@ -31,8 +29,8 @@ def unseen_errors(
     sensor: Sensor,
     state: ArrayLike,
     *,
-    beam: Literal["free", "known"] | Prior = "free",
-    power: Literal["known", "unknown"] | Prior = "known",
+    beam: BeamKnowledge = "free",
+    power: PowerKnowledge = "known",
 ) -> Floats:
     """By how much one spoilt number can put a pose off before the residual shows it.
 
@@ -51,7 +49,7 @@ def unseen_errors(
     [inf, inf, 6.0]
     """
     states, shape = as_rows(state, 8, "state")
-    asked = make_plan(sensor, beam, power, "least-squares", shape)
+    asked = make_plan(sensor, Knowledge(beam=beam, power=power), shape=shape)
     exact = readings(sensor, states)
     slopes = np.zeros((len(states), 9, 9))
     slopes[:, :, :8] = derivatives(sensor, states) * FINE_UNITS

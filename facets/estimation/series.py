@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.knowledge import Prior
+from ..core.knowledge import BeamKnowledge, Knowledge, Prior
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from .solution import Solution, Status
@@ -18,20 +18,23 @@ from .solver import solve
 LOST = (Status.MAX_STEPS, Status.SINGULAR, Status.STALLED)
 
 
-def solve_series(sensor: Sensor, readings: Floats, *, beam: Any = "free", **asked: Any) -> Solution:
-    """The poses of readings (n, 9) that follow each other; for the rest see `facets.solve`.
+def solve_series(
+    sensor: Sensor, readings: Floats, knowledge: Knowledge, **options: Any
+) -> Solution:
+    """The poses of readings (n, 9) that follow each other.  options: of `facets.solve`.
 
     A reading that is not solved from rest is tried again from the nearest that was. Each pose
     depends on the readings of its series and on no other.
     """
-    found = solve(sensor, readings, beam=beam, **asked)
+    beam, options = knowledge.beam, {"power": knowledge.power, **options}
+    found = solve(sensor, readings, beam=beam, **options)
     if found.converged.all():
         return found
     lost, good = np.flatnonzero(np.isin(found.status, LOST)), np.flatnonzero(found.converged)
     if len(lost) and len(good):
         starts = found.state[nearest(lost, good)]
-        prior = beam_of(beam, lost)
-        put(found, lost, solve(sensor, readings[lost], beam=prior, start=starts, **asked))
+        part = beam_at(beam, lost)
+        put(found, lost, solve(sensor, readings[lost], beam=part, start=starts, **options))
     return found
 
 
@@ -43,7 +46,7 @@ def nearest(places: NDArray[np.intp], among: NDArray[np.intp]) -> NDArray[np.int
     return among[np.where(closer, before, after)]
 
 
-def beam_of(beam: Any, which: NDArray[np.intp]) -> Any:
+def beam_at(beam: BeamKnowledge, which: NDArray[np.intp]) -> BeamKnowledge:
     """What is known of the beam at some of the readings."""
     if not isinstance(beam, Prior) or np.ndim(beam.mean) < 2:
         return beam

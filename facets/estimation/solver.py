@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.arguments import checked
 from ..core.errors import InputError
-from ..core.knowledge import Prior
+from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import as_rows, as_vectors
@@ -27,8 +27,8 @@ def solve(
     sensor: Sensor,
     readings: ArrayLike,
     *,
-    beam: Literal["free", "known"] | Prior = "free",
-    power: Literal["known", "unknown"] | Prior = "known",
+    beam: BeamKnowledge = "free",
+    power: PowerKnowledge = "known",
     start: Literal["zero", "previous"] | ArrayLike = "zero",
     method: Literal["least-squares", "paper"] = "least-squares",
     max_steps: int = 50,
@@ -75,7 +75,7 @@ def solve(
         solver = kept_solver(sensor, beam, power, method, max_steps, covariance, accept_unchecked)
         return solver.solve_from(given, solver.starting(start, given))
     values, shape = as_rows(given, 9, "readings")
-    todo = find_plan(sensor, beam, power, method, shape)
+    todo = find_plan(sensor, Knowledge(beam=beam, power=power), method, shape)
     asked = problem.Problem(
         means=todo.means,
         weight=todo.weights,
@@ -94,7 +94,7 @@ def solve(
 def local_solution(sensor: Sensor, reading: Floats, start: Floats) -> tuple[Floats, float]:
     """The state (8,) to which a reading (9,) leads from a start (8,), the beam free, and the
     residual there; NaN where it leads to none. Another state may give the same reading."""
-    todo, values = find_plan(sensor, "free", "known", "least-squares", ()), reading[None].copy()
+    todo, values = find_plan(sensor, Knowledge(), "least-squares", ()), reading[None].copy()
     asked = problem.Problem(
         todo.means, todo.weights, todo.free, starting(start, todo, values, ()),
         previous=False, max_steps=50, damped=True, accept_unchecked=False,

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.knowledge import Prior
 from ..core.names import DETECTORS, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ..core.units import Booleans, Floats
 from ..detectors.correction import correct
@@ -69,17 +67,18 @@ class Count:
         `solve_readings`."""
         self.statuses.update(status.tolist())
         exact = exact_readings(sensor, readings, time) if found.misfit.any() else readings
-        self.misfit.add(found, sensor, options, exact, np.zeros(2) if place is None else place)
+        knowledge = options.knowledge(sensor, None if place is None else np.nan_to_num(place))
+        self.misfit.add(found, sensor, knowledge, options.method, exact)
         self.unchecked += int((found.converged & (found.checks == 0)).sum())
         if not sensor.apertures.detectors:
             near = (near_edges(sensor, readings) & found.used).any(axis=1)
             self.edges += int((found.converged & near).sum())
         some = np.flatnonzero(found.converged & (found.checks > 0))[:LOOKED_AT]
         if len(some):
+            knowledge = options.knowledge(sensor)
             errors = unseen_errors(
-                sensor, found.state[some], beam=beam_known(sensor, options),
-                power=power_known(sensor, options),
-            ).reshape(-1, 3, 3)  # fmt: skip
+                sensor, found.state[some], beam=knowledge.beam, power=knowledge.power
+            ).reshape(-1, 3, 3)
             largest = np.array([errors[..., :2].max(), errors[..., 2].max()])
             self.unseen = np.fmax(self.unseen, largest)
 
@@ -101,8 +100,6 @@ def solve_readings(
 ) -> Solution:
     """Solves readings (n, 9), as the detectors gave them, as a config's `solve` block says.
 
-    A beam or a power that is known is known as well as the laser keeps it (`Electronics.pointing`,
-    `power_noise`).
     place: (n, 2) where the beam is, mm, if that is known; else the origin is taken. Where it is not
     finite, there is no pose.
     time: (n,) of the readings, s, for detectors that are read one after the other.
@@ -112,11 +109,12 @@ def solve_readings(
         if lost.any():
             readings, place = readings.copy(), place.copy()
             readings[lost], place[lost] = np.nan, 0.0
+    knowledge = options.knowledge(sensor, place)
     return solve(
         sensor,
         exact_readings(sensor, readings, time),
-        beam=beam_known(sensor, options, place),
-        power=power_known(sensor, options),
+        beam=knowledge.beam,
+        power=knowledge.power,
         method=options.method,
         start=options.start,
         max_steps=options.max_steps,
@@ -126,35 +124,13 @@ def solve_readings(
 
 def compile_for_poses(sensor: Sensor, options: Solve, *tasks: Task) -> None:
     """Compiles what `solve_readings` and other tasks take, see `compile_for`."""
-    beam, power = beam_known(sensor, options), power_known(sensor, options)
-    compile_for(sensor, "poses", *tasks, beam=beam, power=power)
+    compile_for(sensor, "poses", *tasks, knowledge=options.knowledge(sensor))
 
 
 def exact_readings(sensor: Sensor, readings: Floats, time: Floats | None) -> Floats:
     """Readings (n, 9), as the detectors gave them, as the model has them, of one instant each."""
     exact = correct(sensor, readings)
     return exact if time is None else align(sensor, time, exact)
-
-
-def beam_known(sensor: Sensor, options: Solve, place: Floats | None = None) -> Any:
-    """place: (n, 2) or (1, 2); None for the origin."""
-    if options.beam == "free":
-        return "free"
-    sigma = options.beam_sigma if options.beam == "prior" else 0.0
-    sigma = hypot(sigma, sensor.electronics.pointing if sensor.electronics else 0.0)
-    if place is None:
-        return Prior((0.0, 0.0), sigma)
-    return Prior(place[0] if len(place) == 1 else place, sigma)
-
-
-def power_known(sensor: Sensor, options: Solve) -> Any:
-    noise = sensor.electronics.power_noise if sensor.electronics else 0.0
-    if options.method == "paper":
-        return "known"
-    sigma = options.power_sigma if options.power == "prior" else 0.0
-    if options.power != "unknown" and hypot(sigma, noise) > 0:
-        return Prior(sensor.beam.power, hypot(sigma, noise) * sensor.beam.power)
-    return options.power
 
 
 def readings_in(chunk: tables.Chunk) -> Floats:

@@ -26,8 +26,9 @@ from facets.calibration.bundle_adjustment import (
 from facets.calibration.fit import fit
 from facets.calibration.identifiability import information, mean_left, proposed, told_by, weak
 from facets.calibration.unknowns import ALL, PLACE, Choice, block, values_of
-from facets.characterization.resolution import Estimator, uncertainties
+from facets.characterization.resolution import uncertainties
 from facets.core.errors import ConfigError, InputError
+from facets.core.knowledge import Knowledge
 from facets.core.motions import Table
 from facets.detectors.calibrated import KNOWN
 from facets.detectors.correction import coefficients, correct, correction_slopes, invert_correction
@@ -270,8 +271,8 @@ def test_the_budget_of_a_resolution_has_the_same_part():
     _, data, _ = some_rig(count=20)
     found = fit(NOMINAL, data, rigs.choice())
     state = np.zeros((1, 8))
-    with_it = uncertainties(found.sensor, state, Estimator("", 0.0))[0]
-    without = uncertainties(replace(found.sensor, calibration=None), state, Estimator("", 0.0))[0]
+    with_it = uncertainties(found.sensor, state, Knowledge("known"))[0]
+    without = uncertainties(replace(found.sensor, calibration=None), state, Knowledge("known"))[0]
     reading = facets.readings(found.sensor, state)
     solved = facets.solve(found.sensor, reading, beam="known").uncertainty[0, :6]
     np.testing.assert_allclose(with_it, solved, rtol=1e-6)

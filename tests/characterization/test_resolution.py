@@ -8,11 +8,13 @@ from scipy import stats
 from sensors import SENSORS
 
 import facets
+from facets import Knowledge
 from facets.characterization.resolution import (
     Estimator,
     budgets,
     estimators,
     resolve,
+    sources,
     uncertainties,
 )
 from facets.core.rules import Rules
@@ -27,11 +29,11 @@ PLACES[4, [0, 1, 6, 7]] = -0.1, 0.08, 0.02, -0.03
 
 WAYS = {
     "paper": (Estimator("paper", np.inf, eight=True), {"method": "paper"}),
-    "free": (Estimator("free", np.inf), {}),
+    "free": (Knowledge(), {}),
     "within 5 um": (Estimator("prior", 0.005), {"beam": 0.005}),
-    "known": (Estimator("known", 0.0), {"beam": "known"}),
+    "known": (Knowledge(beam="known"), {"beam": "known"}),
     "free; power unknown": (
-        Estimator("power", np.inf, power=False),
+        Knowledge(power="unknown"),
         {"power": "unknown", "accept_unchecked": True},
     ),
 }
@@ -54,6 +56,40 @@ def test_propagation_gives_the_solvers_own_covariance(how, way, name):
     solution = facets.solve(sensor, facets.readings(sensor, PLACES), **options(way, PLACES))
     ours = uncertainties(sensor, PLACES, how)
     assert solution.uncertainty[:, :6] == pytest.approx(ours, rel=1e-9)
+
+
+@pytest.mark.parametrize("beam", ["free", "known", facets.Prior((0.0, 0.0), 0.005)])
+@pytest.mark.parametrize("power", ["known", "unknown", facets.Prior(SENSOR.beam.power, 0.01)])
+def test_the_same_words_give_the_solvers_covariance(beam, power):
+    states = PLACES[:4]
+    way = {"beam": beam, "power": power, "accept_unchecked": True}
+    solution = facets.solve(SENSOR, facets.readings(SENSOR, states), **way)
+    how = Knowledge(beam=beam, power=power)
+    ours = uncertainties(SENSOR, states, how)
+    assert solution.uncertainty[:, :6] == pytest.approx(ours, rel=1e-9)
+    budget = budgets(SENSOR, states, how)
+    assert budget.shape[-1] == len(sources(SENSOR, how))
+    assert np.sqrt(budget.sum(axis=2)) == pytest.approx(ours)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ((np.inf,), Knowledge()),
+        ((0.0,), Knowledge(beam="known")),
+        ((0.005,), Knowledge(beam=facets.Prior((0.0, 0.0), 0.005))),
+        ((np.inf, False, False), Knowledge(power="unknown")),
+    ],
+)
+def test_an_estimator_takes_sizes_in_place_of_words(old, new):
+    ours = uncertainties(SENSOR, PLACES, Estimator("", *old))
+    np.testing.assert_array_equal(ours, uncertainties(SENSOR, PLACES, new))
+
+
+def test_a_beam_known_better_along_one_axis_is_refused():
+    how = Knowledge(beam=facets.Prior((0.0, 0.0), (0.001, 0.002)))
+    with pytest.raises(facets.InputError, match="the same along x and y"):
+        uncertainties(SENSOR, PLACES, how)
 
 
 @pytest.mark.parametrize("count", [20_000, pytest.param(100_000, marks=pytest.mark.study)])
@@ -86,7 +122,7 @@ def test_a_budget_adds_up_and_each_source_falls_with_its_own_noise():
     whole = budgets(SENSOR, PLACES, how)
     assert np.sqrt(whole.sum(axis=2)) == pytest.approx(uncertainties(SENSOR, PLACES, how))
     assert (whole >= 0).all()
-    assert (budgets(SENSOR, PLACES, Estimator("free", np.inf))[:, :, 2] == 0).all()
+    assert (budgets(SENSOR, PLACES, Knowledge())[:, :, 2] == 0).all()
 
 
 def test_the_more_is_known_the_finer():
@@ -107,4 +143,4 @@ def test_table_2_in_z_and_the_angles_from_one_position_noise():
 def test_noise_that_outgrows_the_reading_is_not_a_number():
     state = np.zeros((1, 8))
     state[0, 0] = 30.0
-    assert np.isnan(uncertainties(SENSOR, state, Estimator("free", np.inf))).all()
+    assert np.isnan(uncertainties(SENSOR, state, Knowledge())).all()

@@ -120,7 +120,7 @@ RNG = np.random.default_rng(1)
         (lambda: facets.axis_ranges(SENSOR, CONFIG.range, [REST[:6]]), "start has shape"),
         (lambda: facets.trace(SENSOR, CONFIG.range, ("tz", "up")), "two different names of tx"),
         (lambda: facets.trace(SENSOR, CONFIG.range, "tz"), "axes is .* a sequence of 2, each text"),
-        (lambda: facets.uncertainties(SENSOR, REST, ("", 0.0)), "allowed: an Estimator"),
+        (lambda: facets.uncertainties(SENSOR, REST, ("", 0.0)), "an Estimator or a Know"),
         (lambda: facets.uncertainties(SENSOR, REST, FREE._replace(beam=np.nan)), "beam is nan"),
         (lambda: facets.load(None), "name_or_path is None; allowed: text or a Path"),
         (lambda: facets.readings(SENSOR, REST, threads="2"), "threads is the str '2'"),

@@ -9,8 +9,9 @@ import pytest
 from commands import command
 
 import facets
-from facets.characterization.resolution import Estimator, uncertainties
+from facets.characterization.resolution import uncertainties
 from facets.core.errors import InputError
+from facets.core.knowledge import Knowledge
 from facets.core.layout import AmplifierPart, PsdPart
 from facets.design.exploration import Space, looked_at
 from facets.design.front import pareto_front
@@ -22,7 +23,7 @@ from facets.model.arrays import parameters
 
 CONFIG = facets.load("layout")
 SCALE = np.array([1e3, 1e3, 1e3, 1e6, 1e6, 1e6])
-FREE = Estimator("", np.inf)
+FREE = Knowledge()
 ELECTRONICS = facets.Electronics(bandwidth=5e3, adc_bits=14)
 
 

@@ -9,8 +9,9 @@ import pytest
 from commands import command
 
 import facets
-from facets.characterization.resolution import Estimator, uncertainties
+from facets.characterization.resolution import uncertainties
 from facets.core.errors import InputError
+from facets.core.knowledge import Knowledge
 from facets.design.exploration import MEASURES, NO_RIVALS, Space, part_of
 from facets.design.front import against, aimed, columns, pareto_front
 from facets.design.trade import trade_of
@@ -26,7 +27,7 @@ def space_of(objectives, names, **more):
 
 
 def roll_at(sensor):
-    return 1e6 * uncertainties(sensor, np.zeros((1, 8)), Estimator("", np.inf))[0, 3]
+    return 1e6 * uncertainties(sensor, np.zeros((1, 8)), Knowledge())[0, 3]
 
 
 @pytest.mark.slow

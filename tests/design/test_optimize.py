@@ -12,9 +12,10 @@ from scipy.optimize import minimize
 from sensors import SENSORS, states
 
 import facets
-from facets.characterization.resolution import Estimator, uncertainties
+from facets.characterization.resolution import uncertainties
 from facets.characterization.singularity import measures
 from facets.core.errors import ConfigError, InputError
+from facets.core.knowledge import Knowledge
 from facets.core.layout import LaserPart, PsdPart
 from facets.core.sensor import BenchLight
 from facets.design.exploration import meets
@@ -38,7 +39,7 @@ def test_the_symbols_are_the_model(name):
     sizes = [min(psd.size_y, psd.size_z) for psd in sensor.psds]
     for state in states(10, seed=4, offset=0.15, angle=0.01):
         found = np.array(function(parameters(sensor), sizes, state, 0.0)).ravel()
-        sigma = uncertainties(sensor, state[None], Estimator("", np.inf))[0] * SCALE
+        sigma = uncertainties(sensor, state[None], Knowledge())[0] * SCALE
         np.testing.assert_allclose(np.sqrt(found[Outcome.VARIANCES]), sigma, rtol=1e-8)
         reading = facets.readings(sensor, state)
         spectral, frobenius = measures(sensor, state[None])[0, 2], np.sqrt(found[Outcome.CONDITION])
@@ -54,7 +55,7 @@ def worst(x, names, layout=CONFIG.layout):
     """The objective and the constraints by the float model alone."""
     sensor = sensor_of(CONFIG.sensor, names, np.asarray(x, dtype=float))
     all_states = np.array(states_of(layout, 1.0), dtype=float)
-    sigma = uncertainties(sensor, all_states, Estimator("", np.inf)) * SCALE
+    sigma = uncertainties(sensor, all_states, Knowledge()) * SCALE
     reading = facets.readings(sensor, all_states)
     room = float(facets.margins(sensor, all_states)[:, :, :4].min())
     power = float(reading[:, 2::3].min() / layout.least_power - 1)
@@ -333,7 +334,7 @@ def worst_by_scipy(sensor, layout, seed=1):
 
     def at(shares):
         states = np.clip(np.atleast_2d(shares), -1, 1) * wide
-        sigma = uncertainties(sensor, states, Estimator("", np.inf)) * SCALE
+        sigma = uncertainties(sensor, states, Knowledge()) * SCALE
         room = facets.margins(sensor, states)[:, :, :4].reshape(len(states), -1)
         return np.concatenate([sigma / np.array(layout.unit), -room], axis=1)
 
@@ -363,7 +364,7 @@ def test_a_limit_that_is_broken_between_the_corners_alone_is_broken():
     volume = (0.05, 0.05, 1.5, 0.006, 0.006, 0.012, 0.05, 0.1)
     layout = replace(CONFIG.layout, volume=volume, least_power=0.01)
     places = np.array(states_of(layout, 1.0))
-    roll = uncertainties(CONFIG.sensor, places, Estimator("", np.inf))[:, 3].max() * SCALE[3]
+    roll = uncertainties(CONFIG.sensor, places, Knowledge())[:, 3].max() * SCALE[3]
     anywhere = worst_over(CONFIG.sensor, layout)[3]
     assert anywhere > roll * (1 + 1e-5)
     for limit, met in ((roll * (1 + 1e-6), False), (anywhere * (1 + 1e-6), True)):

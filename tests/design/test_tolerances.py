@@ -102,7 +102,7 @@ def keeps_all(sensor, layout):
         return False
     if not facets.readings(sensor, states)[:, 2::3].min() > layout.least_power:
         return False
-    free = facets.Estimator("beam free", beam=np.inf)
+    free = facets.Knowledge()
     fine = facets.uncertainties(sensor, states, free) * np.array([1e3] * 3 + [1e6] * 3)
     return bool((fine <= layout.limit).all())
 

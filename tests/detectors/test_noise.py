@@ -8,8 +8,9 @@ from scipy import stats
 
 import facets
 from facets import Electronics
-from facets.characterization.resolution import Estimator, budgets, sources, uncertainties
+from facets.characterization.resolution import budgets, sources, uncertainties
 from facets.core.errors import InputError
+from facets.core.knowledge import Knowledge
 from facets.detectors import electrodes
 from facets.detectors.noise import (
     ELECTRIC,
@@ -183,7 +184,7 @@ def test_the_solver_weighs_by_the_same_model():
     solution = facets.solve(one, noisy, start=states, threads=0)
     assert solution.converged.all()
     error = (solution.state - states)[:, :6]
-    bound = uncertainties(one, state[None], Estimator("free", np.inf))[0]
+    bound = uncertainties(one, state[None], Knowledge())[0]
     assert error.std(axis=0) == pytest.approx(bound, rel=0.03)
     assert (np.abs(error.mean(axis=0)) < 0.05 * bound).all()
     matrix = np.linalg.inv(solution.covariance[0, :6, :6])
@@ -193,11 +194,11 @@ def test_the_solver_weighs_by_the_same_model():
 
 def test_a_budget_names_its_sources():
     one = sensor("pincushion")
-    budget = budgets(one, np.zeros((1, 8)), Estimator("free", np.inf))[0]
+    budget = budgets(one, np.zeros((1, 8)), Knowledge())[0]
     assert sources(one) == (*ELECTRIC, "beam position")
     assert budget.shape == (6, 6)
     quiet = replace(one, electronics=replace(one.electronics, adc_bits=24))
-    finer = budgets(quiet, np.zeros((1, 8)), Estimator("free", np.inf))[0]
+    finer = budgets(quiet, np.zeros((1, 8)), Knowledge())[0]
     assert (finer[:, 4] < 1e-5 * budget[:, 4]).all()
     assert finer[:, :4] == pytest.approx(budget[:, :4], rel=1e-6)
 

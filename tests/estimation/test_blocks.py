@@ -36,7 +36,7 @@ def one_by_one(sensor, readings, beam="free", power="known", start="zero", max_s
                accept_unchecked=False):  # fmt: skip
     """The estimates of the code for one reading, without blocks."""
     shape = readings.shape[:1]
-    todo = plan.make_plan(sensor, beam, power, "least-squares", shape)
+    todo = plan.make_plan(sensor, facets.Knowledge(beam, power), shape=shape)
     found = problem.empty_results(len(readings), True)
     sigmas = np.empty((0, 9))
     if sensor.electronics is not None:
@@ -114,7 +114,7 @@ def test_blocks_weigh_by_electronics_as_one_at_a_time_does():
 
 def test_most_readings_stay_in_their_blocks():
     readings = facets.readings(SENSOR, seen(SENSOR, 200, 3, 0.15))
-    todo = plan.make_plan(SENSOR, "free", "known", "least-squares", (200,))
+    todo = plan.make_plan(SENSOR, facets.Knowledge())
     asked = problem.Problem(
         todo.means, todo.weights, todo.free, plan.starting("zero", todo, readings, (200,)),
         False, 50, True, False,

@@ -47,7 +47,7 @@ def test_chance_flags_as_many_as_it_should():
 def flags(sensor, raw, options=OPTIONS):
     found = Misfit()
     solution = solve_readings(sensor, options, raw, None)
-    found.add(solution, sensor, options, raw, np.zeros(2))
+    found.add(solution, sensor, options.knowledge(sensor), options.method, raw)
     return solution.misfit, found
 
 
@@ -126,7 +126,7 @@ def test_examples_are_of_the_whole_run():
     raw = read_bench((4.0, -1.5))
     solution = solve_readings(BENCH, KNOWN, raw, None)
     for n in range(50):
-        found.add(solution, BENCH, KNOWN, raw + 1000 * n, np.zeros(2))
+        found.add(solution, BENCH, KNOWN.knowledge(BENCH), KNOWN.method, raw + 1000 * n)
     numbers = {round(reading[0] / 1000) for reading, _ in found.examples}
     assert len(found.examples) <= EXAMPLES
     assert min(numbers) < 2

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import facets
-from facets.estimation.series import beam_of, nearest, solve_series
+from facets import Knowledge
+from facets.estimation.series import beam_at, nearest, solve_series
 
 SENSOR = facets.Sensor()
 
@@ -20,7 +21,7 @@ def circle(radius: float, count: int) -> np.ndarray:
 
 def test_the_poses_are_those_of_each_reading_by_itself():
     readings = facets.readings(SENSOR, circle(0.2, 50))
-    found = solve_series(SENSOR, readings)
+    found = solve_series(SENSOR, readings, Knowledge())
     alone = facets.solve(SENSOR, readings)
     assert found.ok.all()
     np.testing.assert_array_equal(found.state, alone.state)
@@ -33,7 +34,7 @@ def test_a_reading_that_needs_more_steps_from_rest_starts_from_its_neighbour():
     readings = facets.readings(SENSOR, states)
     few = {"max_steps": 4}
     alone = facets.solve(SENSOR, readings, **few)
-    found = solve_series(SENSOR, readings, **few)
+    found = solve_series(SENSOR, readings, Knowledge(), **few)
     assert alone.ok.sum() < 40
     assert found.ok.sum() > alone.ok.sum()
     good = found.ok
@@ -45,7 +46,7 @@ def test_a_reading_that_needs_more_steps_from_rest_starts_from_its_neighbour():
 def test_a_spoilt_reading_gets_its_status_and_spoils_no_other(wrong):
     readings = facets.readings(SENSOR, circle(0.1, 20))
     readings[7] = wrong
-    found = solve_series(SENSOR, readings)
+    found = solve_series(SENSOR, readings, Knowledge())
     assert not found.ok[7]
     assert np.isnan(found.state[7]).all()
     assert np.delete(found.ok, 7).all()
@@ -56,10 +57,10 @@ def test_what_is_known_of_the_beam_goes_with_its_reading():
     states[:, 0] = states[:, 6] = np.linspace(0, 3, 30)  # the mirror follows the beam
     readings = facets.readings(SENSOR, states)
     known = facets.Prior(states[:, 6:], 0.0)
-    found = solve_series(SENSOR, readings, beam=known)
+    found = solve_series(SENSOR, readings, Knowledge(beam=known))
     np.testing.assert_allclose(found.state, states, atol=1e-9)
-    np.testing.assert_array_equal(beam_of(known, np.array([3, 5])).mean, states[[3, 5], 6:])
-    assert beam_of("free", np.array([3])) == "free"
+    np.testing.assert_array_equal(beam_at(known, np.array([3, 5])).mean, states[[3, 5], 6:])
+    assert beam_at("free", np.array([3])) == "free"
 
 
 def test_the_nearest_number():

@@ -12,12 +12,12 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
 from math import hypot, isnan
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.knowledge import Prior
+from ...core.knowledge import Knowledge, Prior
 from ...core.units import Floats
 from ...detectors.correction import correct
 from ...detectors.counts import SATURATED, UNEQUAL, counts_to_readings
@@ -27,7 +27,6 @@ from ...estimation.estimates import prepare
 from ...estimation.misfit import Misfit
 from ...estimation.series import solve_series
 from ...estimation.solution import Solution, Status
-from ...estimation.table import beam_known, power_known
 from ...tracking.encoder import REACH, Encoder
 from ..sources.clock import Sequence
 from ..sources.frames import MARK, OVERRUN, PERMIT, XY_SUM, Samples, parser
@@ -151,7 +150,7 @@ class Pipeline:
         self.tally = Tally()
         self.board = BoardPoses()
         self.doubts = Doubts(least_light(config.sensor))
-        self.at_rest = beam_at_rest(config)
+        self.at_rest = knowledge_at_rest(config)
         self.dark = np.full(12, config.acquire.dark)
         self.last = (float("nan"), 0)  # arrival, s, and board's time, us, of the last sample
         self.latest = -float("inf")  # host's time of the last sample, s
@@ -221,8 +220,7 @@ class Pipeline:
             np.zeros(2, np.int64), np.zeros(2, np.int64), np.zeros(2), np.full((2, 9), 0.1),
             np.zeros(2, np.uint8), 0.0, None,
         )  # fmt: skip
-        beam, sensor = self.beam(nobody.host, nobody.encoder), self.config.sensor
-        prepare(sensor, beam, power_known(sensor, self.config.solve))
+        prepare(self.config.sensor, self.knowledge(nobody.host, nobody.encoder))
         self.solve(nobody)
         self.tally = Tally()
         self.doubts = Doubts(self.doubts.floor)
@@ -252,20 +250,17 @@ class Pipeline:
         options = self.config.solve
         exact = correct(self.config.sensor, batch.readings)
         exact = align(self.config.sensor, 1e-6 * batch.time, exact)
-        beam = self.beam(batch.host, batch.encoder)
+        knowledge = self.knowledge(batch.host, batch.encoder)
         solution = solve_series(
             self.config.sensor,
             exact,
-            beam=beam,
-            power=power_known(self.config.sensor, options),
+            knowledge,
             method=options.method,
             max_steps=min(options.max_steps, STEPS),
             accept_unchecked=options.accept_unchecked,
         )
         self.tally.misfit.carried |= batch.encoder is not None
-        places = np.zeros(2) if isinstance(beam, str) else np.asarray(beam.mean)
-        known = replace(options, beam="free" if beam == "free" else "prior")
-        self.tally.misfit.add(solution, self.config.sensor, known, exact, places)
+        self.tally.misfit.add(solution, self.config.sensor, knowledge, options.method, exact)
         self.doubts.add(batch.readings, batch.flags, solution.misfit)
         self.board.compare(batch.seq, solution)
         return self.finish(batch, with_causes(solution, batch.flags))
@@ -292,17 +287,17 @@ class Pipeline:
                 self.tally.statuses[LABELS[status]] += count
         return Poses(batch.seq, batch.time, batch.host, batch.readings, solution, batch.flags)
 
-    def beam(self, host: Floats, encoder: Encoder | None) -> Any:
-        """What is known of the beam's place at the samples' times, if anything."""
-        if encoder is None or self.at_rest == "free":
+    def knowledge(self, host: Floats, encoder: Encoder | None) -> Knowledge:
+        """What is known of the beam at the samples' times."""
+        if encoder is None or self.at_rest.beam == "free":
             return self.at_rest
         age = float(host[-1]) - encoder.time
         if not age <= REACH:
-            return "free"
+            return replace(self.at_rest, beam="free")
         # a stage may have changed its speed since it was asked: half the way is in doubt
         moving = float(np.hypot(*encoder.speed)) * (TIMING + max(0.0, age) / 2)
         sigma = hypot(self.config.stage.accuracy, moving, jitter_of(self.config))
-        return Prior(encoder.at(host), sigma)
+        return replace(self.at_rest, beam=Prior(encoder.at(host), sigma))
 
     def count(self, flags: NDArray[np.uint8]) -> None:
         self.tally.samples += len(flags)
@@ -316,9 +311,11 @@ def jitter_of(config: Config) -> float:
     return config.sensor.electronics.pointing if config.sensor.electronics else 0.0
 
 
-def beam_at_rest(config: Config) -> Any:
-    """What is known of the beam's place where no stage carries it; "free" also where one does."""
-    return "free" if config.solve.method == "paper" else beam_known(config.sensor, config.solve)
+def knowledge_at_rest(config: Config) -> Knowledge:
+    """What is known of the beam where no stage carries it, or where its position is solved for."""
+    if config.solve.method == "paper":
+        return Knowledge()
+    return config.solve.knowledge(config.sensor)
 
 
 def with_causes(solution: Solution, flags: NDArray[np.uint8]) -> Solution:
