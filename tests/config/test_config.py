@@ -25,7 +25,7 @@ from facets.config.alignment_check import landings
 from facets.config.geometry import written
 from facets.config.json_schema import names
 from facets.core.errors import ConfigError
-from facets.core.sensor import Sensor
+from facets.core.sensor import Correction, Sensor
 
 pytestmark = pytest.mark.installed
 
@@ -234,6 +234,23 @@ def test_a_sensor_is_written_back_as_it_was_read(write):
     assert changed["beam"]["tilt_mrad"][1] == pytest.approx(3)
     changed["beam"]["tilt_mrad"] = keys["beam"]["tilt_mrad"]
     assert changed == keys
+
+
+def test_a_detectors_correction_is_written_back_in_its_units(write):
+    config = load("paper")
+    correction = Correction(0.02, 1e-3, y=(3e-3,) * 9, z=(5e-3,) * 9)
+    first, *others = config.sensor.psds
+    corrected = replace(config.sensor, psds=(replace(first, correction=correction), *others))
+    found = written(config.resolved["sensor"], corrected)["psd"]["a"]["correction"]
+    assert found["power_percent"] == pytest.approx(2)
+    assert found["dark_uw"] == pytest.approx(1)
+    assert found["y_um"] == pytest.approx([3] * 9)
+    assert found["z_um"] == pytest.approx([5] * 9)
+
+
+def test_a_range_asks_for_whole_spots_where_the_file_says_so(write):
+    assert load(write("range: {spot: whole}\n")).range.whole_spot
+    assert not load(write("range: {spot: centroid}\n")).range.whole_spot
 
 
 def test_a_circle_of_extends_is_an_error(write):
@@ -492,6 +509,12 @@ CONFLICTS = [  # (keys below, the user's keys, the key that is named, words)
         "sensor: {beam: {diameter_mm: 0.1}}",
         "sensor.beam.diameter_mm",
         ["not small beside the beam", "strips_um (base.yaml:2)"],
+    ),
+    (
+        "sensor: {light: {rolloff_width_um: 250}}",
+        "sensor: {beam: {diameter_mm: 0.4}}",
+        "sensor.beam.diameter_mm",
+        ["not small beside the beam", "rolloff_width_um (base.yaml:2)"],
     ),
     (
         "solve: {beam: known}",
