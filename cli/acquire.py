@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.live import Live as TerminalView
 
 import facets
 from facets import live
@@ -213,6 +212,8 @@ def display(
     Gives a function that is to be called often, and prints a line now and then.
     """
     if not (json or plain) and sys.stdout.isatty():
+        from rich.live import Live as TerminalView
+
         screen = TerminalView(
             get_renderable=lambda: live.Screen(state), refresh_per_second=rate or 8
         )

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+import facets
+from facets import bench as benchmarks
+from facets import files, model, pictures
 
 from .console import show_table
 from .options import Force, Look, Quick, Style, folder_option, seed_option
@@ -46,17 +51,15 @@ def bench(
     table for each study, the facts of the machine (machine.json) and three pictures into the
     folder. --quick takes under a minute.
     """
-    from facets.bench import peers
-    from facets.files import tables
 
     names = [*(f"{name}.csv" for name in STUDIES), "machine.json", *DRAWINGS]
-    tables.refuse_to_overwrite([folder / name for name in names], force)
+    files.tables.refuse_to_overwrite([folder / name for name in names], force)
     about = facts(seed)
-    if gone := peers.missing(*peers.PACKAGES):
+    if gone := benchmarks.peers.missing(*benchmarks.peers.PACKAGES):
         typer.echo(f'left out, not installed: {", ".join(gone)}  (extra "bench-peers")\n')
-    with tables.ResultSet():
+    with files.tables.ResultSet():
         results = {name: run_study(name, quick, seed, folder, about) for name in STUDIES}
-        with tables.Whole(folder / "machine.json") as temporary:
+        with files.tables.Whole(folder / "machine.json") as temporary:
             temporary.write_text(json.dumps({"about": about, **results}, indent=1), "utf-8")
         draw(results, folder)
     typer.echo(f"{folder}/: {', '.join(names)}")
@@ -66,29 +69,26 @@ def run_study(
     name: str, quick: bool, seed: int, output: Path, about: dict[str, str]
 ) -> list[dict[str, Any]]:
     """The rows of a study, written as a table and shown."""
-    from importlib import import_module
-
-    from facets.files import tables
 
     module, title = STUDIES[name]
     study = getattr(import_module(f"facets.bench.{module}"), name)
     rows: list[dict[str, Any]] = study(quick, seed)
     columns = {key: [row[key] for row in rows] for key in rows[0]}
-    tables.write_table(output / f"{name}.csv", columns, about)
+    files.tables.write_table(output / f"{name}.csv", columns, about)
     show(title, worst_of_tilts(rows) if name == "stability" else rows)
     return rows
 
 
 def draw(results: dict[str, list[dict[str, Any]]], output: Path) -> None:
-    from facets.bench import pictures
-    from facets.pictures import style
 
-    work = pictures.work_precision(results["forward"], results["inverse"])
-    errors, steps = pictures.heat_map(results["stability"]), results["steps"]
+    work = benchmarks.pictures.work_precision(results["forward"], results["inverse"])
+    errors, steps = benchmarks.pictures.heat_map(results["stability"]), results["steps"]
     for name, picture in zip(
-        DRAWINGS, (work, errors, pictures.histograms(results["digits"], steps)), strict=True
+        DRAWINGS,
+        (work, errors, benchmarks.pictures.histograms(results["digits"], steps)),
+        strict=True,
     ):
-        style.save(picture, output / name)
+        pictures.style.save(picture, output / name)
 
 
 def worst_of_tilts(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -106,16 +106,12 @@ def facts(seed: int) -> dict[str, str]:
     import platform
     from importlib.metadata import version
 
-    from facets import __version__
-    from facets.files.provenance import command_line
-    from facets.model.threads import cores
-
     return {
-        "facets": __version__,
-        "command": command_line(),
+        "facets": facets.__version__,
+        "command": files.provenance.command_line(),
         "seed": str(seed),
         "processor": processor(),
-        "cores": str(cores()),
+        "cores": str(model.threads.cores()),
         "system": platform.platform(),
         "python": platform.python_version(),
         **{name: version(name) for name in ("numpy", "scipy", "numba", "casadi", "mpmath")},

@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
+from shutil import copyfile
+from tempfile import TemporaryDirectory
+from textwrap import fill
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+import facets
+from facets import calibration, characterization, files, pictures
+from facets import config as configuration
+from facets.core.errors import FacetsError, InputError
+from facets.core.names import DETECTORS, STATE_COLUMNS, STATE_UNITS
 
 from . import completion
 from .console import FINDING, load_config
@@ -93,9 +104,6 @@ def calibrate(
     `facets solve` includes in the uncertainties. If the result is not to be trusted, it prints the
     reasons, writes nothing and ends with exit status 1.
     """
-    from dataclasses import replace
-
-    from facets.core.errors import InputError
 
     settings = load_config(config)
     path = output or Path(f"{settings.name}-{'poses.csv' if propose else 'calibrated.yaml'}")
@@ -113,9 +121,6 @@ def calibrate(
 
 def with_effects(settings: Config, asked: list[str]) -> Config:
     """The configuration with decisions about effects from the command line."""
-    from dataclasses import replace
-
-    from facets.core.errors import InputError
 
     effects, named = dict(settings.calibrate.effects), set()
     for text in asked:
@@ -141,41 +146,40 @@ def fit_rig(
     force: bool,
     accept_misfit: bool,
 ) -> None:
-    from facets.calibration.identifiability import information, weak
-    from facets.calibration.table import and_seats, choice
-    from facets.calibration.verdict import verdict
-    from facets.core.errors import InputError
-    from facets.files import tables
 
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{path}: a configuration's name ends in .yaml")
-    files = result_files(path, plot)
-    tables.refuse_to_overwrite(files, force)
+    paths = result_files(path, plot)
+    files.tables.refuse_to_overwrite(paths, force)
     samples, asked = read_samples(settings, data, reference)
-    wanted = and_seats(choice(settings.sensor, asked), samples, asked)
+    wanted = calibration.table.and_seats(
+        calibration.table.choice(settings.sensor, asked), samples, asked
+    )
     typer.echo(f"{len(samples.raw)} samples, {len(wanted.names)} unknowns of the rig")
-    show_weak(weak(information(settings.sensor, samples, wanted), wanted, settings.sensor))
-    found = verdict(settings.sensor, samples, wanted, asked)
+    show_weak(
+        calibration.identifiability.weak(
+            calibration.identifiability.information(settings.sensor, samples, wanted),
+            wanted,
+            settings.sensor,
+        )
+    )
+    found = calibration.verdict.verdict(settings.sensor, samples, wanted, asked)
     show_verdict(settings, found)
     if found.sensor is None or not (found.trusted or accept_misfit):
         typer.echo("The calibration is not to be trusted; nothing is written.", err=True)
         if found.sensor is not None:
             typer.echo("--accept-misfit writes it all the same.", err=True)
         raise typer.Exit(FINDING)
-    write_results(settings, found, files)
+    write_results(settings, found, paths)
 
 
 def read_samples(settings: Config, data: Path, reference: Path | None) -> tuple[Data, Calibrate]:
     """The samples, and what is asked of them: a joined reference has an offset that is fitted."""
-    from dataclasses import replace
-
-    from facets.calibration.reference_join import read_joined
-    from facets.calibration.table import read
 
     asked = settings.calibrate
     if reference is None:
-        return read(data, asked), asked
-    joined = read_joined(data, reference, settings.sensor, asked)
+        return calibration.table.read(data, asked), asked
+    joined = calibration.reference_join.read_joined(data, reference, settings.sensor, asked)
     typer.echo(
         f"{reference.name} joined at an offset of {1e3 * joined.offset:.4g} ms "
         f"(likeness of the motions {joined.likeness:.3f})"
@@ -193,23 +197,14 @@ def result_files(path: Path, plot: PlotKind) -> list[Path]:
     return [path, table, covariance, path.with_suffix(f".{plot.value}")]
 
 
-def write_results(settings: Config, found: Verdict, files: list[Path]) -> None:
+def write_results(settings: Config, found: Verdict, paths: list[Path]) -> None:
     """Written beside first and loaded from there, so that no file is left that can not be."""
-    from shutil import copyfile
-    from tempfile import TemporaryDirectory
 
-    from facets import load
-    from facets.calibration.table import found_table
-    from facets.core.errors import FacetsError
-    from facets.files import provenance, tables
-    from facets.pictures import style
-    from facets.pictures.calibration import residual_picture
-
-    path, table, covariance, picture = files
+    path, table, covariance, picture = paths
     assert found.found is not None
     assert found.errors is not None
     assert found.search is not None
-    about = provenance.about(settings)
+    about = files.provenance.about(settings)
     with TemporaryDirectory() as folder:
         trial = Path(folder) / path.name
         matrix = trial.with_name(covariance.name)
@@ -217,7 +212,7 @@ def write_results(settings: Config, found: Verdict, files: list[Path]) -> None:
         bent = write_grids(settings, trial, found.found, about)
         trial.write_text(as_yaml(settings, found.found, matrix, bent, about), "utf-8")
         try:
-            load(trial)
+            facets.load(trial)
         except FacetsError as error:
             typer.echo(
                 f"What was found makes no configuration that can be loaded ({error}); nothing is "
@@ -226,13 +221,18 @@ def write_results(settings: Config, found: Verdict, files: list[Path]) -> None:
             )
             raise typer.Exit(FINDING) from None
         beside = [(source, path.with_name(source.name)) for source in bent.values()]
-        with tables.ResultSet():
+        with files.tables.ResultSet():
             for source, target in ((matrix, covariance), *beside, (trial, path)):
-                with tables.Whole(target) as temporary:
+                with files.tables.Whole(target) as temporary:
                     copyfile(source, temporary)
-            tables.write_table(table, found_table(found.search.sensor, found.found), about)
-            style.save(residual_picture(found.fitted, found.found, found.errors), picture)
-    typer.echo(", ".join(str(file) if file == path else file.name for file in files))
+            files.tables.write_table(
+                table, calibration.table.found_table(found.search.sensor, found.found), about
+            )
+            pictures.style.save(
+                pictures.calibration.residual_picture(found.fitted, found.found, found.errors),
+                picture,
+            )
+    typer.echo(", ".join(str(file) if file == path else file.name for file in paths))
 
 
 def show_weak(directions: list[Direction]) -> None:
@@ -252,9 +252,7 @@ def show_verdict(settings: Config, found: Verdict) -> None:
     if found.search is not None:
         show_candidates(found.search)
     if found.errors is not None and found.found is not None and found.search is not None:
-        from facets.calibration.table import found_table
-
-        show_found(found_table(found.search.sensor, found.found), found.found)
+        show_found(calibration.table.found_table(found.search.sensor, found.found), found.found)
         show_errors(found.errors)
     for one in found.findings:
         typer.echo(wrapped(("! " if one.bad else "- ") + one.words))
@@ -266,7 +264,6 @@ def show_verdict(settings: Config, found: Verdict) -> None:
 
 
 def wrapped(words: str) -> str:
-    from textwrap import fill
 
     return fill(words, 100, subsequent_indent="  ")
 
@@ -323,38 +320,33 @@ def show_errors(table: dict[str, Any]) -> None:
 
 
 def write_covariance(path: Path, found: Fit, about: dict[str, str]) -> None:
-    from facets.config.covariance import columns
-    from facets.files.tables import write_table
 
     assert found.sensor.calibration is not None
-    write_table(path, columns(found.sensor.calibration), about)
+    files.tables.write_table(
+        path, configuration.covariance.columns(found.sensor.calibration), about
+    )
 
 
 def write_grids(
     settings: Config, beside: Path, found: Fit, about: dict[str, str]
 ) -> dict[str, Path]:
     """Tables of detectors that were found to be bent beyond third order, by letter."""
-    from facets.config.grid import columns
-    from facets.core.names import DETECTORS
-    from facets.files.tables import write_table
 
     written = {}
     for letter, old, new in zip(DETECTORS, settings.sensor.psds, found.sensor.psds, strict=True):
         if new.correction.grid is not None and new.correction.grid != old.correction.grid:
             written[letter] = beside.with_name(f"{beside.stem}-detector-{letter}.csv")
-            write_table(written[letter], columns(new.correction.grid), about)
+            files.tables.write_table(
+                written[letter], configuration.grid.columns(new.correction.grid), about
+            )
     return written
 
 
 def as_yaml(
     settings: Config, found: Fit, covariance: Path, bent: dict[str, Path], about: dict[str, str]
 ) -> str:
-    from hashlib import sha256
 
-    from facets.config.geometry import written
-    from facets.files.provenance import configuration
-
-    keys = written(settings.resolved["sensor"], found.sensor)
+    keys = configuration.geometry.written(settings.resolved["sensor"], found.sensor)
     keys["calibration"] = {
         "file": covariance.name,
         "sha256": sha256(covariance.read_bytes()).hexdigest(),
@@ -364,12 +356,11 @@ def as_yaml(
             "table": table.name,
             "table_sha256": sha256(table.read_bytes()).hexdigest(),
         }
-    return configuration(with_power(settings), keys, about)
+    return files.provenance.configuration(with_power(settings), keys, about)
 
 
 def with_power(settings: Config) -> Config:
     """A calibration tells the laser's power on its day; a pose solved later holds it to a prior."""
-    from dataclasses import replace
 
     solve = settings.resolved["solve"]
     if solve["power"] != "known" or solve["method"] == "paper":
@@ -383,15 +374,8 @@ def propose_poses(settings: Config, path: Path, count: int, force: bool) -> None
     """Out of random poses, those that together tell most, in an order that is short to travel."""
     import numpy as np
 
-    from facets.calibration.identifiability import mean_left, proposed, told_by
-    from facets.calibration.table import choice
-    from facets.calibration.tour import short_order, travel
-    from facets.core.errors import InputError
-    from facets.core.names import STATE_COLUMNS, STATE_UNITS
-    from facets.files import provenance, tables
-
-    tables.refuse_to_overwrite([path], force)
-    tables.ending(path)
+    files.tables.refuse_to_overwrite([path], force)
+    files.tables.ending(path)
     sensor, asked = settings.sensor, settings.calibrate
     poses = possible_poses(settings)
     if not len(poses):
@@ -399,20 +383,24 @@ def propose_poses(settings: Config, path: Path, count: int, force: bool) -> None
             f"{settings.name}: no pose of a motion to calibrate with has light on all detectors "
             f"and its spots {EDGE} mm from their edges"
         )
-    wanted = choice(sensor, asked)
+    wanted = calibration.table.choice(sensor, asked)
     sigma = np.array(asked.reference)
-    chosen, left = proposed(sensor, wanted, sigma, poses, count)
-    rows = told_by(sensor, wanted, sigma, poses[:count]).reshape(-1, len(wanted.names))
-    any_ones = mean_left(np.eye(rows.shape[1]) + rows.T @ rows)
+    chosen, left = calibration.identifiability.proposed(sensor, wanted, sigma, poses, count)
+    rows = calibration.identifiability.told_by(sensor, wanted, sigma, poses[:count]).reshape(
+        -1, len(wanted.names)
+    )
+    any_ones = calibration.identifiability.mean_left(np.eye(rows.shape[1]) + rows.T @ rows)
     shares = poses[chosen] / np.maximum(np.abs(poses).max(axis=0), 1e-12)
     rest = np.zeros((1, 6))
-    order = short_order(shares, rest[0])
+    order = calibration.tour.short_order(shares, rest[0])
     columns: dict[str, Any] = {
         name: poses[chosen[order], n] / STATE_UNITS[n] for n, name in enumerate(STATE_COLUMNS[:6])
     }
     columns["rank"], columns["mean_left"] = order + 1, left[order]
-    tables.write_table(path, columns, provenance.about(settings))
-    long, short = (travel(np.vstack([rest, rows])) for rows in (shares, shares[order]))
+    files.tables.write_table(path, columns, files.provenance.about(settings))
+    long, short = (
+        calibration.tour.travel(np.vstack([rest, rows])) for rows in (shares, shares[order])
+    )
     typer.echo(
         f"{path}: {count} poses; uncertainties are {left[-1]:.3g} of those before, in the "
         f"geometric mean; by as many at random {any_ones:.3g}. In this order the way is "
@@ -431,20 +419,22 @@ def possible_poses(settings: Config) -> Floats:
     Further in x and y, where only powers that bend part gains, lost strips and the beam's size
     from the apex's place.
     """
-    from dataclasses import replace
 
     import numpy as np
 
-    from facets.characterization.ranges import axis_ranges, clearances
-
     sensor, beam = settings.sensor, settings.sensor.beam
-    reach = np.array([a.symmetric / 2 for a in axis_ranges(sensor, settings.range, np.zeros(6))])
+    reach = np.array(
+        [
+            a.symmetric / 2
+            for a in characterization.ranges.axis_ranges(sensor, settings.range, np.zeros(6))
+        ]
+    )
     reach[:2] = np.maximum(reach[:2], REACH * min(beam.diameter_x, beam.diameter_y))
     shares = np.random.default_rng(1).uniform(-1, 1, (4000, 6))
     measured = np.isfinite(settings.calibrate.reference)
     poses = np.where(measured, shares, 0.0) * reach
     rules = replace(settings.range, whole_spot=False, snr=min(settings.range.snr, LEAST))
-    margin = clearances(sensor, poses, rules)
+    margin = characterization.ranges.clearances(sensor, poses, rules)
     margin[:, 0] -= max(
         EDGE / (size / 2) for psd in sensor.psds for size in (psd.size_y, psd.size_z)
     )

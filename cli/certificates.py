@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from facets import characterization, core, proof
+from facets.core.names import STATE_COLUMNS, STATE_UNITS
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -58,13 +61,12 @@ def claim_for(
     weakest: Floats | None,
 ) -> Claim:
     """factor: of the standard uncertainties that are allowed for; None for the sensor as it is."""
-    from facets.characterization.state_box import least_share as share_by_rules
-    from facets.proof.tolerances import calibration_tolerances
-
-    known = None if factor is None else calibration_tolerances(settings, factor)
+    known = None if factor is None else proof.tolerances.calibration_tolerances(settings, factor)
     whole = least_share is not None
     if whole and known is not None:
-        least_share = share_by_rules(settings.sensor, settings.range, known.values[0])
+        least_share = characterization.state_box.least_share(
+            settings.sensor, settings.range, known.values[0]
+        )
     return Claim(settings, box, least_share, whole, known, weakest)
 
 
@@ -72,11 +74,12 @@ def prove(
     claim: Claim, work: int, limit: float, reach: bool, file: Path, about: dict[str, str]
 ) -> dict[str, Any]:
     """Proves, says what, and writes the certificate; what the record says of it."""
-    from facets.proof.certificate import write_certificate
 
     settings = claim.settings
     found, cover = certify_range(claim, work, limit)
-    write_certificate(file, settings.sensor, found, about, settings.resolved, cover)
+    proof.certificate.write_certificate(
+        file, settings.sensor, found, about, settings.resolved, cover
+    )
     pair = None if found.unique or not found.share else look_for_pair(claim, found)
     for line in [*describe_set(claim, found, cover), *verdict(found, pair)]:
         typer.echo(line)
@@ -96,15 +99,17 @@ def prove(
 
 def certify_range(claim: Claim, work: int, limit: float) -> tuple[Certificate, RangeCover | None]:
     """The whole range, where it can be; else the box that was given."""
-    from facets.characterization.state_box import box_of_poses
-    from facets.proof.range_cover import cover_range
 
     sensor, share = claim.settings.sensor, claim.least_share
     cover = None
     if claim.whole_range and share is not None:
-        cover = cover_range(sensor, claim.settings.range, share, claim.off)
+        cover = proof.range_cover.cover_range(sensor, claim.settings.range, share, claim.off)
     if cover is not None:
-        found = certify_box(replace(claim, box=box_of_poses(cover.low, cover.high)), work, limit)
+        found = certify_box(
+            replace(claim, box=characterization.state_box.box_of_poses(cover.low, cover.high)),
+            work,
+            limit,
+        )
         if found.unique:
             return found, cover
     return certify_box(claim, work, limit), None
@@ -114,8 +119,6 @@ def certify_box(claim: Claim, work: int, limit: float) -> Certificate:
     from rich.console import Console
     from rich.progress import Progress
 
-    from facets.proof.uniqueness import certify
-
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("proving", total=1.0)
@@ -124,32 +127,35 @@ def certify_box(claim: Claim, work: int, limit: float) -> Certificate:
             progress.update(task, completed=done)
 
         sensor, share = claim.settings.sensor, claim.least_share
-        return certify(sensor, claim.box, share, limit, tell, claim.off, work)
+        return proof.uniqueness.certify(sensor, claim.box, share, limit, tell, claim.off, work)
 
 
 def look_for_pair(claim: Claim, found: Certificate) -> PairSearch | None:
     """Two states of the set with equal readings, from the weakest state that is known."""
-    from facets.characterization.ambiguity import find_pair_in_box
 
     if claim.weakest is None:
         return None
-    return find_pair_in_box(claim.settings.sensor, found.box, found.share, claim.weakest)
+    return characterization.ambiguity.find_pair_in_box(
+        claim.settings.sensor, found.box, found.share, claim.weakest
+    )
 
 
 def write_beside(claim: Claim, proved: Certificate, file: Path, about: dict[str, str]) -> Path:
     """The certificate of another box of the same sensor, beside the first."""
-    from facets.proof.certificate import write_certificate
 
     beside = reach_file(file)
-    write_certificate(beside, claim.settings.sensor, proved, about, claim.settings.resolved)
+    proof.certificate.write_certificate(
+        beside, claim.settings.sensor, proved, about, claim.settings.resolved
+    )
     return beside
 
 
 def prove_reach(claim: Claim, found: Certificate, file: Path, about: dict[str, str]) -> float:
     """How much larger a box of poses is proved too; its certificate beside the other."""
-    from facets.proof.reach import FARTHEST, find_reach
 
-    factor, larger = find_reach(claim.settings.sensor, found.box, found.share, claim.off)
+    factor, larger = proof.reach.find_reach(
+        claim.settings.sensor, found.box, found.share, claim.off
+    )
     if larger is None:
         typer.echo("no larger box of poses is proved, down to one 5 per cent larger")
         return factor
@@ -157,7 +163,11 @@ def prove_reach(claim: Claim, found: Certificate, file: Path, about: dict[str, s
     typer.echo(
         f"proved too: a box of poses {rounded_down(factor)} times as large about zero, with the"
         f" same least light"
-        + (", the largest that is tried" if factor >= FARTHEST else "; a larger one may be too")
+        + (
+            ", the largest that is tried"
+            if factor >= proof.reach.FARTHEST
+            else "; a larger one may be too"
+        )
         + f" ({beside.name})"
     )
     return factor
@@ -165,9 +175,10 @@ def prove_reach(claim: Claim, found: Certificate, file: Path, about: dict[str, s
 
 def prove_core(claim: Claim, found: Certificate, file: Path, about: dict[str, str]) -> float:
     """How much smaller a box of poses is proved; its certificate beside the other."""
-    from facets.proof.reach import find_core
 
-    factor, smaller = find_core(claim.settings.sensor, found.box, found.share, claim.off)
+    factor, smaller = proof.reach.find_core(
+        claim.settings.sensor, found.box, found.share, claim.off
+    )
     if smaller is None:
         typer.echo("no smaller box of poses is proved either, down to a twelfth")
         return factor
@@ -220,10 +231,15 @@ def light_text(share: float, largest_power: float) -> str:
 
 def box_lines(low: Floats, high: Floats) -> list[str]:
     """The box of poses, its ends rounded inwards."""
-    from facets.characterization.state_box import COLUMNS, UNITS
 
     lines = []
-    for name, unit, a, b in zip(COLUMNS, UNITS, low[:6], high[:6], strict=False):
+    for name, unit, a, b in zip(
+        characterization.state_box.COLUMNS,
+        characterization.state_box.UNITS,
+        low[:6],
+        high[:6],
+        strict=False,
+    ):
         per_unit = round(1 / unit)
         ends = f"{rounded_up(a, 4, per_unit):>10} to {rounded_down(b, 4, per_unit)}"
         lines.append(f"  {name:<12} {ends}")
@@ -232,7 +248,6 @@ def box_lines(low: Floats, high: Floats) -> list[str]:
 
 def describe_set(claim: Claim, found: Certificate, cover: RangeCover | None) -> list[str]:
     """Which states the certificate is about, and what it takes for granted."""
-    from facets.core.sensor import Imperfections
 
     light = light_text(found.share, claim.largest_power)
     lines = [f"taken: every state with {light}", "  and its pose in"]
@@ -244,7 +259,7 @@ def describe_set(claim: Claim, found: Certificate, cover: RangeCover | None) -> 
         "  sub-beam meets its detector's plane is part of what is proved. The laser's power may\n"
         "  be known or not, and the beam may stand anywhere."
     )
-    if claim.settings.sensor.imperfections != Imperfections():
+    if claim.settings.sensor.imperfections != core.sensor.Imperfections():
         lines.append(
             "  sensor.imperfections is no part of it: the solver does not know them either"
         )
@@ -306,16 +321,15 @@ def verdict(found: Certificate, pair: PairSearch | None) -> list[str]:
 
 
 def describe_pair(pair: PairSearch | None) -> list[str]:
-    from facets.characterization.ambiguity import STEP, STEPS
-    from facets.core.names import STATE_COLUMNS, STATE_UNITS
 
     if pair is None:
         return ["undecided: two states with the same readings were not looked for"]
     if pair.pair is None:
+        length = characterization.ambiguity.STEPS * characterization.ambiguity.STEP / 1000
         return [
             "undecided: no two states with the same readings were found, which proves nothing;\n"
             "  the way of which the readings tell least was followed from the weakest state for"
-            f" {STEPS * STEP / 1000:.0f} mm or mrad"
+            f" {length:.0f} mm or mrad"
         ]
     if pair.outside > 0:
         by = f"{pair.outside:.3g} of its half width, or of a power's logarithm"
@@ -328,10 +342,15 @@ def describe_pair(pair: PairSearch | None) -> list[str]:
 
 def piece_text(piece: ProvedPiece) -> str:
     """Where nothing is proved, its ends rounded outwards."""
-    from facets.characterization.state_box import COLUMNS, UNITS
 
     sides = []
-    for name, unit, low, high in zip(COLUMNS, UNITS, piece.low, piece.high, strict=False):
+    for name, unit, low, high in zip(
+        characterization.state_box.COLUMNS,
+        characterization.state_box.UNITS,
+        piece.low,
+        piece.high,
+        strict=False,
+    ):
         per_unit = round(1 / unit)
         sides.append(f"{name} {rounded_down(low, 4, per_unit)} to {rounded_up(high, 4, per_unit)}")
     return ", ".join(sides)

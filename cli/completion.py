@@ -8,12 +8,16 @@ from pathlib import Path
 
 import typer
 
+from facets import config as configuration
+from facets import core, design
+from facets.core.errors import FacetsError
+from facets.core.names import STATE_COLUMNS
+
 
 def configurations(incomplete: str) -> Iterator[str]:
     """The shipped configurations, and YAML files and folders of which the path begins so."""
-    from facets.config.files import shipped
 
-    yield from (name for name in shipped() if name.startswith(incomplete))
+    yield from (name for name in configuration.files.shipped() if name.startswith(incomplete))
     folder, slash, start = incomplete.rpartition("/")
     for path in sorted(Path(f"{folder}{slash}").glob(f"{glob.escape(start)}*")):
         if path.is_dir() or path.suffix in (".yaml", ".yml"):
@@ -22,12 +26,10 @@ def configurations(incomplete: str) -> Iterator[str]:
 
 def motions(ctx: typer.Context, incomplete: str) -> list[str]:
     """The motions of the configuration that was typed before."""
-    from facets.config import load
-    from facets.core.errors import FacetsError
 
     name = ctx.params.get("config") or next(iter(ctx.args), "")  # before an option without a value
     try:
-        known = load(name).motions
+        known = configuration.load(name).motions
     except FacetsError:
         return []
     return [name for name in known if name.startswith(incomplete)]
@@ -53,21 +55,18 @@ def words(names: Callable[[], Sequence[str]]) -> Callable[[str], list[str]]:
 
 
 def state_names() -> Sequence[str]:
-    from facets.core.names import STATE_COLUMNS
 
     return STATE_COLUMNS
 
 
 def effects() -> Sequence[str]:
-    from facets.core.calibrate import EFFECTS
 
-    return [key.name for key in EFFECTS.keys]
+    return [key.name for key in core.calibrate.EFFECTS.keys]
 
 
 def measures() -> Sequence[str]:
-    from facets.design.exploration import MEASURES
 
-    return MEASURES[:-1]
+    return design.exploration.MEASURES[:-1]
 
 
 def experiments() -> Sequence[str]:

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from facets import config as configuration
 from facets.core.errors import ConfigError
 
 from .completion import configurations
+from .console import BAD_INPUT, load_config, message
 from .options import ConfigName
 
 if TYPE_CHECKING:
@@ -35,14 +37,11 @@ def check(
     ],
 ) -> None:
     """Check configurations: print a summary of each valid one, and all problems of the others."""
-    from facets.config import load
-
-    from .console import BAD_INPUT, message
 
     failed = False
     for file in files:
         try:
-            typer.echo(f"ok  {file}: {summary(load(file))}")
+            typer.echo(f"ok  {file}: {summary(configuration.load(file))}")
         except ConfigError as error:
             failed = True
             typer.echo(message(error), err=True)
@@ -53,11 +52,8 @@ def check(
 @app.command()
 def show(config: ConfigName) -> None:
     """Print a configuration as YAML with all defaults filled in; the output can be loaded."""
-    from facets.config import to_yaml
 
-    from .console import load_config
-
-    sys.stdout.write(to_yaml(load_config(config)))
+    sys.stdout.write(configuration.to_yaml(load_config(config)))
 
 
 @app.command()
@@ -65,18 +61,15 @@ def schema() -> None:
     """Print the JSON Schema of configurations, for editors that check and complete YAML."""
     import json
 
-    from facets.config import schema
-
-    typer.echo(json.dumps(schema(), indent=2))
+    typer.echo(json.dumps(configuration.schema(), indent=2))
 
 
 @app.command(name="list")
 def list_() -> None:
     """List the configurations that come with facets."""
-    from facets.config import load, shipped
 
-    for name in shipped():
-        typer.echo(f"{name}: {summary(load(name))}")
+    for name in configuration.shipped():
+        typer.echo(f"{name}: {summary(configuration.load(name))}")
 
 
 def summary(config: Config) -> str:

@@ -17,7 +17,10 @@ from typing import IO, TYPE_CHECKING, Any
 
 import typer
 
+import facets
+from facets import config as configuration
 from facets.core.errors import FacetsError
+from facets.files.whole import take_away
 
 if TYPE_CHECKING:
     from facets.config import Config
@@ -38,26 +41,27 @@ def message(error: FacetsError) -> str:
 
 def load_config(name: str) -> Config:
     """A configuration; says which one it is where a shipped name could also mean a file here."""
-    from facets import load
-    from facets.config import shipped
 
     here = next((f for f in (Path(f"{name}.yaml"), Path(f"{name}.yml")) if f.is_file()), None)
-    if name in shipped() and here is not None and not here.samefile(shipped()[name]):
+    if (
+        name in configuration.shipped()
+        and here is not None
+        and not here.samefile(configuration.shipped()[name])
+    ):
         typer.echo(
             f"{name}: the shipped configuration is used, not ./{here}; for that one say {here}",
             err=True,
         )
-    return load(name)
+    return facets.load(name)
 
 
-def name_files(folder: Path, files: Sequence[Path]) -> None:
+def name_files(folder: Path, paths: Sequence[Path]) -> None:
     """The last line of a command: what it wrote, and where."""
-    typer.echo(f"{folder}/: {', '.join(file.name for file in files if file.exists())}")
+    typer.echo(f"{folder}/: {', '.join(file.name for file in paths if file.exists())}")
 
 
 def leave_out_picture(path: Path, why: str) -> None:
     """Says that there is nothing to draw; an older picture of something else does not stay."""
-    from facets.files.whole import take_away
 
     take_away(path)
     typer.echo(f"no picture: {why}")

@@ -8,6 +8,10 @@ from typing import Annotated
 
 import typer
 
+from facets import files, firmware
+from facets.core.errors import InputError
+from facets.files.whole import ResultSet, Whole, refuse_to_overwrite
+
 from .console import load_config
 from .options import ConfigName, Force, folder_option, output_folder
 
@@ -24,23 +28,20 @@ def export_c(
     folder compiles the code and compares its poses with those of facets. Exit status 2 if the
     sensor has effects that the C code cannot compute.
     """
-    from facets.core.errors import InputError
-    from facets.files.provenance import command_line
-    from facets.files.whole import ResultSet, Whole, refuse_to_overwrite
-    from facets.firmware.export import export
-    from facets.firmware.source import Provenance
 
     settings = load_config(config)
     place = output_folder(folder, settings.name, "c")
     if place.exists() and not place.is_dir():
         raise InputError(f"{place} is a file; name another one with --folder")
-    about = Provenance(settings.name, settings.sha256, command_line())
-    files = export(settings.sensor, about)
-    refuse_to_overwrite([place / path for path in files], force)
+    about = firmware.source.Provenance(
+        settings.name, settings.sha256, files.provenance.command_line()
+    )
+    paths = firmware.export.export(settings.sensor, about)
+    refuse_to_overwrite([place / path for path in paths], force)
     with ResultSet():
-        for path, text in files.items():
+        for path, text in paths.items():
             with Whole(place / path) as temporary:
                 temporary.write_text(text, "utf-8")
-    shown = ", ".join(str(path) for path in files if path.parent == Path())
+    shown = ", ".join(str(path) for path in paths if path.parent == Path())
     typer.echo(f"{place}/: {shown}, and what is in teensy41/ and callers/")
     typer.echo(f"next: make -C {shlex.quote(str(place))} test")

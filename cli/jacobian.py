@@ -7,11 +7,16 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from .certificates import reach_file
+from facets import characterization, files, pictures
+from facets.core.errors import InputError
+from facets.core.names import STATE_COLUMNS, STATE_UNITS
+from facets.files.whole import free_space
+
+from .certificates import claim_for, prove, reach_file
 from .console import FINDING, leave_out_picture, load_config, name_files
 from .options import (
     Certify,
@@ -103,7 +108,7 @@ class Asked:
     domain: StateBox
     least_share: float | None
     states: int
-    sampling: str
+    sampling: Literal["sobol", "uniform"]
     seed: int
     left_out: str
     threads: int
@@ -125,11 +130,11 @@ class Asked:
         return self.folder / "certificate.json"
 
     def files(self, certify: bool, reach: bool) -> list[Path]:
-        files = [self.picture, self.density, self.record]
+        paths = [self.picture, self.density, self.record]
         if self.table is not None:
-            files.append(self.table)
-        files += [self.certificate] * certify
-        return [*files, reach_file(self.certificate)] if certify and reach else files
+            paths.append(self.table)
+        paths += [self.certificate] * certify
+        return [*paths, reach_file(self.certificate)] if certify and reach else paths
 
 
 def jacobian(
@@ -159,17 +164,16 @@ def jacobian(
     and that no two states have the same readings, and writes a certificate; exit status 1 if this
     is not proved. Without --box the box holds the whole range, if that can be proved.
     """
-    from facets.files import tables
 
     settings = load_config(config)
     place = output_folder(folder, settings.name, "jacobian")
-    sampling = "uniform" if uniform else "sobol"
+    sampling: Literal["sobol", "uniform"] = "uniform" if uniform else "sobol"
     asked = Asked(
         settings, *where(settings, box), states, sampling, seed, left_out, threads, place,
         place / f"jacobian.{plot.value}",
         place / f"states.{state_table.value}" if state_table else None, time.perf_counter(),
     )  # fmt: skip
-    with tables.ResultSet():
+    with files.tables.ResultSet():
         found, worst, pair = survey_box(asked, asked.files(certify > 0, reach), force, search_worst)
         results = write(asked, found, pair)
         if certify:
@@ -181,13 +185,11 @@ def jacobian(
 
 
 def survey_box(
-    asked: Asked, files: list[Path], force: bool, search: bool
+    asked: Asked, paths: list[Path], force: bool, search: bool
 ) -> tuple[Survey, Worst | None, AmbiguousPair | None]:
     """Draws, measures and reports; then the worst by a search, and two states of like readings."""
-    from facets.characterization.ambiguity import find_ambiguous_pair
-    from facets.files import tables
 
-    tables.refuse_to_overwrite(files, force)
+    files.tables.refuse_to_overwrite(paths, force)
     refuse_too_many(asked)
     found = measure(asked)
     report(asked, found)
@@ -195,7 +197,11 @@ def survey_box(
         return found, None, None
     worst = search_worst(asked, found)
     alike = found.one_sign_where_lit
-    pair = None if alike else find_ambiguous_pair(asked.settings.sensor, worst.state)
+    pair = (
+        None
+        if alike
+        else characterization.ambiguity.find_ambiguous_pair(asked.settings.sensor, worst.state)
+    )
     show_pair(pair)
     return found, worst, pair
 
@@ -206,17 +212,17 @@ LONG = 10.0
 
 def refuse_too_many(asked: Asked) -> None:
     """Says how long many states take; raises `InputError` where they can not be done."""
-    from facets.characterization.singularity import CHUNK, MOST_STATES, cost
-    from facets.core.errors import InputError
-    from facets.files.whole import free_space
 
-    if asked.states <= CHUNK:
+    if asked.states <= characterization.singularity.CHUNK:
         return
-    seconds, memory, size = cost(asked.settings.sensor, asked.domain, asked.states, asked.left_out)
+    seconds, memory, size = characterization.singularity.cost(
+        asked.settings.sensor, asked.domain, asked.states, asked.left_out
+    )
     about = f"about {duration(seconds)} on one core and {memory / 1e6:.0f} MB of memory"
     about += f", and {size / 1e9:.3g} GB as a table" * (asked.table is not None)
-    if asked.states > MOST_STATES:
-        asks = f"--states is {asked.states:,}; allowed: up to {MOST_STATES:,}"
+    if asked.states > characterization.singularity.MOST_STATES:
+        most = characterization.singularity.MOST_STATES
+        asks = f"--states is {asked.states:,}; allowed: up to {most:,}"
         raise InputError(f"{asks}; these would take {about}")
     if asked.table and size > free_space(asked.table):
         raise InputError(f"{asked.table}: the disk has no place for it: {about}")
@@ -237,76 +243,81 @@ def measure(asked: Asked) -> Survey:
     from rich.console import Console
     from rich.progress import track
 
-    from facets.characterization.singularity import CHUNK, samples, survey
-
-    drawn = samples(asked.domain, asked.states, asked.sampling, asked.seed)  # type: ignore[arg-type]
+    drawn = characterization.singularity.samples(
+        asked.domain, asked.states, asked.sampling, asked.seed
+    )
     chunks = track(
         drawn,
         "measuring",
-        total=-(-asked.states // CHUNK),
+        total=-(-asked.states // characterization.singularity.CHUNK),
         console=Console(stderr=True),
         transient=True,
-        disable=asked.states <= 10 * CHUNK,
+        disable=asked.states <= 10 * characterization.singularity.CHUNK,
     )
     sensor = asked.settings.sensor
     with ExitStack() as stack:
         keep = keeper(asked, stack)
-        return survey(sensor, iter(chunks), asked.left_out, True, asked.threads, keep)
+        return characterization.singularity.survey(
+            sensor, iter(chunks), asked.left_out, True, asked.threads, keep
+        )
 
 
 def keeper(asked: Asked, stack: ExitStack) -> Callable[[Floats, Floats], None] | None:
     """What writes each chunk of states into the table, where one is asked for."""
-    from facets.characterization.tables import state_columns
-    from facets.files import provenance, tables
 
     if asked.table is None:
         return None
-    temporary = stack.enter_context(tables.Whole(asked.table))
-    writer = tables.Writer(temporary, provenance.about(asked.settings, asked.seed))
+    temporary = stack.enter_context(files.tables.Whole(asked.table))
+    writer = files.tables.Writer(temporary, files.provenance.about(asked.settings, asked.seed))
     stack.callback(writer.close)
-    return lambda states, values: writer.write(state_columns(states, values))
+    return lambda states, values: writer.write(
+        characterization.tables.state_columns(states, values)
+    )
 
 
 def write(asked: Asked, found: Survey, pair: AmbiguousPair | None) -> dict[str, Any]:
     """Table and picture; what the record says of them."""
-    from facets.characterization.tables import density_columns
-    from facets.files import provenance, tables
-    from facets.pictures import style
-    from facets.pictures.singularity import survey_picture
 
-    about = provenance.about(asked.settings, asked.seed)
-    tables.write_table(asked.density, density_columns(found), about)
+    about = files.provenance.about(asked.settings, asked.seed)
+    files.tables.write_table(asked.density, characterization.tables.density_columns(found), about)
     if found.states - found.dark > 1:
-        style.save(survey_picture(found, asked.left_out, pair), asked.picture)
+        pictures.style.save(
+            pictures.singularity.survey_picture(found, asked.left_out, pair), asked.picture
+        )
     else:
         leave_out_picture(asked.picture, "it takes two states with light or more")
     return {"states": found.states, "one_sign": found.one_sign}
 
 
-def write_record(asked: Asked, results: dict[str, Any], files: list[Path]) -> None:
-    from facets.files import provenance
+def write_record(asked: Asked, results: dict[str, Any], paths: list[Path]) -> None:
 
     seconds = time.perf_counter() - asked.start
-    provenance.write_record(asked.record, asked.settings, asked.seed, seconds, results, files)
+    files.provenance.write_record(asked.record, asked.settings, asked.seed, seconds, results, paths)
 
 
 def where(settings: Config, box: str | None) -> tuple[StateBox, float | None]:
     """The box, and the least share of light for a proof: by the config's rules, or by the box."""
-    from facets.characterization.state_box import least_share, parse_box, range_box
 
     if box is not None:
-        return parse_box(box), None
+        return characterization.state_box.parse_box(box), None
     sensor, rules = settings.sensor, settings.range
-    return range_box(sensor, rules), least_share(sensor, rules)
+    return characterization.state_box.range_box(
+        sensor, rules
+    ), characterization.state_box.least_share(sensor, rules)
 
 
 def report(asked: Asked, found: Survey) -> None:
-    from facets.characterization.state_box import COLUMNS, UNITS
 
     settings, domain, left_out = asked.settings, asked.domain, asked.left_out
     seconds = time.perf_counter() - asked.start
     typer.echo(f"{settings.name}: {found.states} states, {seconds:.2f} s, of the box")
-    for name, unit, low, high in zip(COLUMNS, UNITS, domain.low, domain.high, strict=True):
+    for name, unit, low, high in zip(
+        characterization.state_box.COLUMNS,
+        characterization.state_box.UNITS,
+        domain.low,
+        domain.high,
+        strict=True,
+    ):
         typer.echo(f"  {name:<12} {low / unit:10.4g} to {high / unit:.4g}")
     below, zero, above = found.signs
     typer.echo(
@@ -327,24 +338,27 @@ def report(asked: Asked, found: Survey) -> None:
 
 
 def tell(title: str, settings: Config, worst: Worst) -> None:
-    from facets.characterization.singularity import in_words, weakest_direction
-    from facets.core.names import STATE_COLUMNS, STATE_UNITS
 
     place = ", ".join(
         f"{name} {value / unit:.4g}"
         for name, value, unit in zip(STATE_COLUMNS, worst.state, STATE_UNITS, strict=True)
     )
-    direction = in_words(weakest_direction(settings.sensor, worst.state))
+    direction = characterization.singularity.in_words(
+        characterization.singularity.weakest_direction(settings.sensor, worst.state)
+    )
     typer.echo(f"{title}: {worst.values[1]:.4g}, for {direction}\n  at {place}")
 
 
 def search_worst(asked: Asked, found: Survey) -> Worst:
     """The worst that a search finds, and how near the draw came to it."""
-    from facets.characterization.singularity import search
 
     settings, domain = asked.settings, asked.domain
-    lowest = search(settings.sensor, domain, 0, asked.left_out, asked.seed)
-    weakest = search(settings.sensor, domain, 1, asked.left_out, asked.seed)
+    lowest = characterization.singularity.search(
+        settings.sensor, domain, 0, asked.left_out, asked.seed
+    )
+    weakest = characterization.singularity.search(
+        settings.sensor, domain, 1, asked.left_out, asked.seed
+    )
     tell("weakest by search", settings, weakest)
     if found.one_sign:
         typer.echo(
@@ -363,7 +377,6 @@ def search_worst(asked: Asked, found: Survey) -> Worst:
 
 
 def show_pair(pair: AmbiguousPair | None) -> None:
-    from facets.core.names import STATE_COLUMNS, STATE_UNITS
 
     if pair is None:
         return
@@ -383,11 +396,8 @@ def certify_and_report(
     worst: Worst | None,
 ) -> dict[str, Any]:
     """Proves and writes the certificate; what the record says of it."""
-    from facets.files import provenance
-
-    from .certificates import claim_for, prove
 
     weakest = None if worst is None else worst.state
     claim = claim_for(asked.settings, asked.domain, asked.least_share, tolerances, weakest)
-    about = provenance.about(asked.settings, asked.seed)
+    about = files.provenance.about(asked.settings, asked.seed)
     return prove(claim, work, limit, reach, asked.certificate, about)

@@ -7,8 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import facets
+from facets import characterization, files, live, pictures
+from facets.core.errors import InputError
+
 from .console import FINDING, with_progress
 from .options import ConfigOption, Force, Look, RecordingName, Style, folder_option, write_option
+from .replay import tell as tell_replay
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -36,48 +41,43 @@ def noise(
     If the mirror moved or drifted, or if detectors were saturated or dark, the recording does not
     show the noise: the command says why, writes nothing and ends with exit status 1.
     """
-    from facets import load
-    from facets.characterization.noise_report import noise_block, report_of, table_of
-    from facets.characterization.rest import reading_faults
-    from facets.core.errors import InputError
-    from facets.files import provenance, tables, whole
-    from facets.live.recording.reader import meta_of
-    from facets.live.recording.replay import recorded_config
 
-    from .replay import tell as tell_replay
-
-    meta_of(recording, own=config is None)
+    live.recording.reader.meta_of(recording, own=config is None)
     if write and write.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{write}: a configuration's name ends in .yaml or .yml")
-    settings = load(config) if config else recorded_config(recording)
-    files = [folder / "noise.html", folder / "noise.csv"] if folder else []
-    tables.refuse_to_overwrite([*files, *([write] if write else [])], force)
+    settings = facets.load(config) if config else live.recording.replay.recorded_config(recording)
+    paths = [folder / "noise.html", folder / "noise.csv"] if folder else []
+    files.tables.refuse_to_overwrite([*paths, *([write] if write else [])], force)
     columns = solved(recording, settings, tell_replay)
-    faults = reading_faults(columns, settings) if columns else []
+    faults = characterization.rest.reading_faults(columns, settings) if columns else []
     if faults:
-        refuse(recording, faults, files, write)
+        refuse(recording, faults, paths, write)
     reports: list[NoiseReport] = []
     with_progress(
-        lambda done: reports.append(report_of(columns, settings, str(recording), done)),
+        lambda done: reports.append(
+            characterization.noise_report.report_of(columns, settings, str(recording), done)
+        ),
         "analysing the noise",
     )
     report = reports[0]
     tell(report)
     if report.faults and write:
-        refuse(recording, report.faults, files, write)
-    about = provenance.about(settings)
-    with tables.ResultSet():
+        refuse(recording, report.faults, paths, write)
+    about = files.provenance.about(settings)
+    with files.tables.ResultSet():
         if folder:
-            from facets.pictures.noise import page
-
-            text = page(report, f"Noise of {recording.name}", about)
-            with whole.Whole(files[0]) as temporary:
+            text = pictures.noise.page(report, f"Noise of {recording.name}", about)
+            with files.whole.Whole(paths[0]) as temporary:
                 temporary.write_text(text, "utf-8")
-            tables.write_table(files[1], table_of(report), about)
+            files.tables.write_table(
+                paths[1], characterization.noise_report.table_of(report), about
+            )
         if write:
-            block = noise_block(report, settings.resolved)
-            with whole.Whole(write) as temporary:
-                temporary.write_text(provenance.configuration(settings, block, about), "utf-8")
+            block = characterization.noise_report.noise_block(report, settings.resolved)
+            with files.whole.Whole(write) as temporary:
+                temporary.write_text(
+                    files.provenance.configuration(settings, block, about), "utf-8"
+                )
     if folder:
         typer.echo(f"{folder}/")
     if report.faults:
@@ -88,32 +88,31 @@ def noise(
 
 def solved(recording: Path, settings: Config, tell_replay: Callable[..., None]) -> Columns:
     """The poses of a recording as columns, with a bar; says what of it is damaged."""
-    from facets.live.recording.index import Damage
-    from facets.live.recording.pose_table import join_columns, pose_columns
-    from facets.live.recording.replay import replay
-    from facets.live.run.pipeline import Pipeline
 
-    pipeline, damage, parts = Pipeline(settings), Damage(), []
+    pipeline, damage, parts = (
+        live.run.pipeline.Pipeline(settings),
+        live.recording.index.Damage(),
+        [],
+    )
 
     def run(done: Callable[[int, int], None]) -> None:
-        for poses in replay(recording, pipeline, damage=damage, tell=done):
-            parts.append(pose_columns(poses))
+        for poses in live.recording.replay.replay(recording, pipeline, damage=damage, tell=done):
+            parts.append(live.recording.pose_table.pose_columns(poses))
 
     with_progress(run, "solving the recording")
     if damage.words or pipeline.parser.corrupt or pipeline.sequence.lost:
         tell_replay(pipeline, recording, damage)
-    return join_columns(parts) if parts else {}
+    return live.recording.pose_table.join_columns(parts) if parts else {}
 
 
-def refuse(recording: Path, faults: list[str], files: list[Path], write: Path | None) -> None:
+def refuse(recording: Path, faults: list[str], paths: list[Path], write: Path | None) -> None:
     """Says why a recording is none of noise, and that nothing was written; exit status 1."""
-    from facets.characterization.rest import NOT_NOISE, REMEDY
 
-    typer.echo(f"{recording}: {NOT_NOISE}:")
+    typer.echo(f"{recording}: {characterization.rest.NOT_NOISE}:")
     for fault in faults:
         typer.echo(f"  {fault}")
-    places = [*([f"{files[0].parent}/"] if files else []), *([str(write)] if write else [])]
-    typer.echo(REMEDY)
+    places = [*([f"{paths[0].parent}/"] if paths else []), *([str(write)] if write else [])]
+    typer.echo(characterization.rest.REMEDY)
     if places:
         typer.echo(f"Not written: {', '.join(places)}.")
     raise typer.Exit(FINDING)

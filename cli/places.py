@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import isfinite
 from typing import TYPE_CHECKING
+
+from facets.core.errors import InputError
+from facets.core.names import POSE, STATE_COLUMNS, STATE_UNITS
+from facets.core.plain_numbers import assignments, plain_number
 
 if TYPE_CHECKING:
     from facets.core.units import Floats
@@ -13,8 +18,6 @@ def pose_of(text: str | None) -> Floats:
     """'tz_mm=1,yaw_mrad=2' as a pose (6,), mm and rad."""
     import numpy as np
 
-    from facets.core.names import STATE_COLUMNS
-
     return np.array(numbers_at(text, STATE_COLUMNS[:6]))
 
 
@@ -22,18 +25,11 @@ def state_of(text: str | None) -> Floats:
     """'tz_mm=1,bx_mm=2' as a state (8,), mm and rad."""
     import numpy as np
 
-    from facets.core.names import STATE_COLUMNS
-
     return np.array(numbers_at(text, STATE_COLUMNS))
 
 
 def numbers_at(text: str | None, names: Sequence[str]) -> list[float]:
     """NAME=NUMBER,... in the order of the names, mm and rad; zero where a name is left out."""
-    from math import isfinite
-
-    from facets.core.errors import InputError
-    from facets.core.names import STATE_UNITS
-    from facets.core.plain_numbers import assignments, plain_number
 
     found = [0.0] * len(names)
     form = "NAME=NUMBER"
@@ -53,8 +49,6 @@ def numbers_at(text: str | None, names: Sequence[str]) -> list[float]:
 
 def pair_of(text: str) -> tuple[str, str]:
     """'tx,ty' as the names of two axes."""
-    from facets.core.errors import InputError
-    from facets.core.names import POSE
 
     names = [name.strip() for name in text.split(",")]
     if len(names) != 2 or len(set(names)) != 2 or not set(names) <= set(POSE):

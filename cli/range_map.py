@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from facets import characterization, core, files, pictures
+
 from .console import INTERRUPTED, load_config, name_files, show_table
 from .options import (
     At,
@@ -90,7 +92,6 @@ def range_map(
     a picture and a record of the run into the folder. Ctrl-C stops the tracing; the outlines traced
     until then are written, with exit status 130.
     """
-    from facets.files import tables
 
     start = time.perf_counter()
     settings = load_config(config)
@@ -98,16 +99,16 @@ def range_map(
     pairs = [pair_of(text) for text in axes] if axes else list(combinations(POSE_NAMES, 2))
     pose = pose_of(at)
     place = output_folder(folder, settings.name, "range")
-    files = [place / n for n in (f"outlines.{table.value}", f"range.{plot.value}", "run.yaml")]
-    tables.refuse_to_overwrite(files, force)
+    paths = [place / n for n in (f"outlines.{table.value}", f"range.{plot.value}", "run.yaml")]
+    files.tables.refuse_to_overwrite(paths, force)
     report_axes(settings, rules, pose)
     boundaries = trace_all(settings, rules, pairs, pose)
     for boundary in boundaries:
         report(settings, rules, boundary, grid)
-    with tables.ResultSet():
-        write(settings, rules, boundaries, inside, files, start)
+    with files.tables.ResultSet():
+        write(settings, rules, boundaries, inside, paths, start)
     report_calls(boundaries, time.perf_counter() - start)
-    name_files(place, files)
+    name_files(place, paths)
     if len(boundaries) < len(pairs):
         raise typer.Exit(INTERRUPTED)
 
@@ -120,23 +121,27 @@ def write(
     rules: Rules,
     boundaries: list[Boundary],
     inside: Inside | None,
-    files: list[Path],
+    paths: list[Path],
     start: float,
 ) -> None:
     """Outlines, picture and record, in that order."""
-    from facets.characterization.ranges import inside_map
-    from facets.characterization.tables import outline_columns
-    from facets.files import provenance, tables
-    from facets.pictures import ranges, style
 
-    outlines, picture, record = files
-    tables.write_table(outlines, outline_columns(boundaries), provenance.about(settings))
-    maps = [inside_map(settings.sensor, rules, b, inside) for b in boundaries] if inside else []
-    style.save(ranges.ranges_picture(boundaries, maps), picture)
+    outlines, picture, record = paths
+    files.tables.write_table(
+        outlines,
+        characterization.tables.outline_columns(boundaries),
+        files.provenance.about(settings),
+    )
+    maps = (
+        [characterization.ranges.inside_map(settings.sensor, rules, b, inside) for b in boundaries]
+        if inside
+        else []
+    )
+    pictures.style.save(pictures.ranges.ranges_picture(boundaries, maps), picture)
     traced = {" ".join(boundary.axes): len(boundary.points) for boundary in boundaries}
     results = {"tracking": rules.tracking, "points": traced}
     seconds = time.perf_counter() - start
-    provenance.write_record(record, settings, None, seconds, results, files)
+    files.provenance.write_record(record, settings, None, seconds, results, paths)
 
 
 def report_calls(boundaries: list[Boundary], seconds: float) -> None:
@@ -152,13 +157,11 @@ def trace_all(settings: Config, rules: Rules, pairs: Any, pose: Floats) -> list[
     from rich.console import Console
     from rich.progress import track
 
-    from facets.characterization.ranges import trace
-
     found = []
     shown = Console(stderr=True)
     try:
         for pair in track(pairs, "tracing", console=shown, transient=True, disable=len(pairs) < 2):
-            found.append(trace(settings.sensor, rules, pair, pose))
+            found.append(characterization.ranges.trace(settings.sensor, rules, pair, pose))
     except KeyboardInterrupt:
         if not found:
             raise
@@ -170,43 +173,45 @@ def report_axes(settings: Config, rules: Rules, pose: Floats) -> None:
     """The range of each axis, and the largest box in proportion to them."""
     import numpy as np
 
-    from facets.characterization.ranges import axis_ranges, box
-    from facets.characterization.tables import cause_of
-    from facets.core.units import unit_of
-
-    found = axis_ranges(settings.sensor, rules, pose)
+    found = characterization.ranges.axis_ranges(settings.sensor, rules, pose)
     sizes = np.array([max(axis.symmetric / 2, 1e-12) for axis in found])
-    sides, why = box(settings.sensor, rules, pose, sizes)
+    sides, why = characterization.ranges.box(settings.sensor, rules, pose, sizes)
     rows = []
     for axis, side in zip(found, sides, strict=True):
-        unit = unit_of(axis.name)
-        causes = sorted({cause_of(axis.low_cause), cause_of(axis.high_cause)})
+        unit = core.units.unit_of(axis.name)
+        causes = sorted(
+            {
+                characterization.tables.cause_of(axis.low_cause),
+                characterization.tables.cause_of(axis.high_cause),
+            }
+        )
         numbers = (axis.low, axis.high, axis.total, axis.symmetric / 2)
         cells = [f"{unit.factor * number:.4g}" for number in numbers]
         rows.append([axis.name, *cells, unit.unit, ", ".join(causes), f"{unit.factor * side:.4g}"])
     mode = "beam follows in x and y" if rules.tracking else "beam fixed"
     headings = ("axis", "from", "to", "total", "+-", "", "ends where", "box +-")
     show_table(f"{settings.name}: range of each axis, {mode}", headings, rows, left=(0, 5, 6))
-    typer.echo(f"  the box, all six axes at once, ends where: {cause_of(why)}\n")
+    typer.echo(
+        f"  the box, all six axes at once, ends where: {characterization.tables.cause_of(why)}\n"
+    )
 
 
 def report(settings: Config, rules: Rules, boundary: Boundary, grid: int) -> None:
     """One line about an outline: its size, its causes, and how it stood its checks."""
     import numpy as np
 
-    from facets.characterization import ranges
-    from facets.core.units import unit_of
-
     sizes = [
-        f"{name} {unit_of(name).factor * size:.4g} {unit_of(name).unit}"
+        f"{name} {core.units.unit_of(name).factor * size:.4g} {core.units.unit_of(name).unit}"
         for name, size in zip(boundary.axes, boundary.extent, strict=True)
     ]
-    tried, right = ranges.solved(settings.sensor, rules, boundary)
+    tried, right = characterization.ranges.solved(settings.sensor, rules, boundary)
     text = f"{sizes[0]} by {sizes[1]}: {len(boundary.points)} points; "
     text += f"{right} of {tried} poses inside solved from zero"
     if grid:
-        x, y, cause = ranges.grid(settings.sensor, rules, boundary, grid)
+        x, y, cause = characterization.ranges.grid(settings.sensor, rules, boundary, grid)
         points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        differ = int((ranges.inside(boundary, points) != (cause.ravel() < 0)).sum())
+        differ = int(
+            (characterization.ranges.inside(boundary, points) != (cause.ravel() < 0)).sum()
+        )
         text += f"; {differ} of {grid * grid} grid points differ"
     typer.echo(text)

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
+
+from facets import files, live, pictures, simulation
+from facets.core.errors import InputError
+from facets.core.names import STATE_COLUMNS, STATE_UNITS
 
 from .console import load_config
 from .options import At, ConfigName, Force, Look, Style, Track, motion_option, output_option
@@ -116,8 +121,6 @@ def render(
     The rays and spots are computed by the model. --at gives the pose of the mirror, and with bx_mm
     and by_mm the position of the beam. --track applies to --view range. Works without a display.
     """
-    from facets.core.errors import InputError
-    from facets.files import tables
 
     settings = load_config(config)
     moves = motion is not None or recording is not None
@@ -130,7 +133,7 @@ def render(
         raise InputError(f"--view {view.value} shows the rig at rest; a film needs another view")
     path = output or Path("results") / f"{settings.name}-{name_of(spots, plan, film, view)}"
     check_ending(path, flat, film)
-    tables.refuse_to_overwrite([] if show else [path], force)
+    files.tables.refuse_to_overwrite([] if show else [path], force)
     state = state_of(at)
     usual = (720, 480) if film else (1200, 900)
     shape = Shape(view.value, (width or usual[0], height or usual[1]), style.value)
@@ -140,9 +143,7 @@ def render(
         states = film_states(settings, motion, recording, frames)
         shoot(settings, states, shape, path, frame_rate, exaggerate)
     elif show:
-        from facets.pictures import render as pictures
-
-        pictures.show(settings.sensor, state)
+        pictures.render.show(settings.sensor, state)
     else:
         more = extras(settings, view, motion, recording, track)
         draw(settings, state, shape, path, more)
@@ -159,11 +160,14 @@ def name_of(spots: bool, plan: bool, film: bool, view: View) -> str:
 
 
 def check_ending(path: Path, flat: bool, film: bool) -> None:
-    from facets.core.errors import InputError
-    from facets.pictures.render import MOVIES, PICTURES, SCENES
-    from facets.pictures.style import ENDINGS
 
-    allowed = ENDINGS if flat else MOVIES if film else (*PICTURES, *SCENES)
+    allowed = (
+        pictures.style.ENDINGS
+        if flat
+        else pictures.render.MOVIES
+        if film
+        else (*pictures.render.PICTURES, *pictures.render.SCENES)
+    )
     if path.suffix.lower() not in allowed:
         kind = "2D" if flat else "a film" if film else "3D"
         raise InputError(f"{path}: its name must end in {', '.join(allowed)} for {kind}")
@@ -173,7 +177,6 @@ def extras(
     settings: Config, view: View, motion: str | None, recording: Path | None, track: bool
 ) -> dict[str, Any]:
     """What a view needs beside sensor and state."""
-    from dataclasses import replace
 
     if view is View.range:
         return {"rules": replace(settings.range, tracking=True) if track else settings.range}
@@ -184,57 +187,46 @@ def extras(
 
 def draw(settings: Config, state: Any, shape: Shape, path: Path, more: dict[str, Any]) -> None:
     """A picture, a page or a scene, by the file's ending."""
-    from facets.pictures.materials import theme_of
-    from facets.pictures.render import Picture, save_scene
 
     if path.suffix.lower() == ".html":
-        from facets.pictures.page.rig_page import write_rig_page
-
-        write_rig_page(settings.sensor, settings.name, state, path, shape.view)
+        pictures.page.rig_page.write_rig_page(
+            settings.sensor, settings.name, state, path, shape.view
+        )
     elif path.suffix.lower() == ".gltf":
-        save_scene(settings.sensor, state, path)
+        pictures.render.save_scene(settings.sensor, state, path)
     else:
-        theme = theme_of(shape.style)
-        with Picture(
+        theme = pictures.materials.theme_of(shape.style)
+        with pictures.render.Picture(
             settings.sensor, state, shape.view, shape.size, theme, settings.name, **more
         ) as picture:
             picture.save(path)
 
 
 def draw_flat(settings: Config, state: Any, spots: bool, path: Path) -> None:
-    from facets.pictures import style
-    from facets.pictures.spots import plan_picture, spots_picture
 
-    make = spots_picture if spots else plan_picture
-    style.save(make(settings.sensor, state), path)
+    make = pictures.spots.spots_picture if spots else pictures.spots.plan_picture
+    pictures.style.save(make(settings.sensor, state), path)
 
 
 def film_states(settings: Config, motion: str | None, recording: Path | None, frames: int) -> Any:
     """States (n, 8) of a motion or a recording, as many as there are frames."""
     import numpy as np
 
-    from facets.core.errors import InputError
-
     if recording is not None:
-        from facets.core.names import STATE_COLUMNS, STATE_UNITS
-        from facets.files.provenance import require_origin
-        from facets.live.recording.pose_table import recorded_poses
-        from facets.live.recording.reader import meta_of
-        from facets.live.recording.replay import recorded_config
-
-        if recorded_config(recording).sensor != settings.sensor:
+        if live.recording.replay.recorded_config(recording).sensor != settings.sensor:
             remedy = "render it with the configuration that it was recorded with"
-            require_origin(recording, meta_of(recording), settings, remedy)
-        poses = recorded_poses(recording)
+            files.provenance.require_origin(
+                recording, live.recording.reader.meta_of(recording), settings, remedy
+            )
+        poses = live.recording.pose_table.recorded_poses(recording)
         if not poses or not (poses["status"] == 0).any():
             raise InputError(f"{recording}: holds no poses; see `facets recover`")
         good = poses["status"] == 0
         states = np.column_stack([poses[name][good] for name in STATE_COLUMNS]) * STATE_UNITS
     else:
-        from facets.simulation.motion import named
-        from facets.simulation.motion import states as states_of
-
-        _, states = states_of(named(settings, motion or ""), np.random.default_rng(settings.seed))
+        _, states = simulation.motion.states(
+            simulation.motion.named(settings, motion or ""), np.random.default_rng(settings.seed)
+        )
     return states[np.linspace(0, len(states) - 1, frames).round().astype(int)]
 
 
@@ -245,24 +237,21 @@ def shoot(
     from rich.console import Console
     from rich.progress import Progress
 
-    from facets.pictures import film
-    from facets.pictures.magnification import motion_factor, times, turning_factor
-    from facets.pictures.materials import theme_of
-    from facets.pictures.render import Picture
-
-    factor = exaggerate or motion_factor(settings.sensor, states)
-    turning = turning_factor(factor * states) if exaggerate is None else 1.0
+    factor = exaggerate or pictures.magnification.motion_factor(settings.sensor, states)
+    turning = pictures.magnification.turning_factor(factor * states) if exaggerate is None else 1.0
     console = Console(stderr=True)
-    theme = theme_of(shape.style)
+    theme = pictures.materials.theme_of(shape.style)
     with (
-        Picture(
+        pictures.render.Picture(
             settings.sensor, states[0], shape.view, shape.size, theme, settings.name
         ) as picture,
         Progress(console=console, transient=True, disable=not console.is_terminal) as progress,
     ):
         task = progress.add_task("rendering", total=len(states))
-        film.write(picture, states, path, rate, factor, lambda: progress.advance(task), turning)
-    if note := times(factor, turning):
+        pictures.film.write(
+            picture, states, path, rate, factor, lambda: progress.advance(task), turning
+        )
+    if note := pictures.magnification.times(factor, turning):
         typer.echo(
             f"{note[0].upper()}{note[1:]}, so that it can be seen; the film says so.", err=True
         )

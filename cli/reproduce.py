@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from facets import files
+
 from . import completion
 from .console import FINDING
 from .options import Force, Look, Quick, Style, folder_option
@@ -39,15 +41,13 @@ def reproduce(
     from facets.experiments.reproduce import chosen
     from facets.experiments.reproduce import reproduce as run
 
-    from facets.files import tables
-
     wanted = chosen(names or [])
     report = folder / "report.html"
-    tables.refuse_to_overwrite([report], force)
-    tables.refuse_to_overwrite([folder / f"{name}.csv" for name in wanted], force=True)
+    files.tables.refuse_to_overwrite([report], force)
+    files.tables.refuse_to_overwrite([folder / f"{name}.csv" for name in wanted], force=True)
     typer.echo(f"{'':11}  {'':4}  {'paper':>9}  {'ours':>9}  {'ratio':>7}")
     results = []
-    with tables.ResultSet():
+    with files.tables.ResultSet():
         for result in run(wanted, quick, folder):
             show(result)
             results.append(result)

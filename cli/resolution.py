@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from facets import characterization, core, files, pictures
+from facets.core.names import POSE
+
 from .console import load_config, name_files, show_table
 from .options import (
     ConfigName,
@@ -41,40 +44,41 @@ def resolution(
     beam's position free, known within `solve.beam_sigma_um`, and known exactly. Writes a table, a
     picture of the noise budget at rest and a record of the run into the folder.
     """
-    from facets.characterization.resolution import estimators, resolve
-    from facets.characterization.tables import resolution_columns
-    from facets.files import provenance, tables
-    from facets.pictures import resolution as drawing
-    from facets.pictures import style
 
     start = time.perf_counter()
     settings = load_config(config)
     rules = replace(settings.range, tracking=track)
     place = output_folder(folder, settings.name, "resolution")
-    files = [place / "resolution.csv", place / f"budget.{plot.value}", place / "run.yaml"]
-    tables.refuse_to_overwrite(files, force)
-    found = resolve(settings.sensor, rules, estimators(settings.solve.beam_sigma))
+    paths = [place / "resolution.csv", place / f"budget.{plot.value}", place / "run.yaml"]
+    files.tables.refuse_to_overwrite(paths, force)
+    found = characterization.resolution.resolve(
+        settings.sensor, rules, characterization.resolution.estimators(settings.solve.beam_sigma)
+    )
     show(found)
-    table, picture, record = files
-    with tables.ResultSet():
-        tables.write_table(table, resolution_columns(found), provenance.about(settings))
-        style.save(drawing.budget_picture(found), picture)
+    table, picture, record = paths
+    with files.tables.ResultSet():
+        files.tables.write_table(
+            table,
+            characterization.tables.resolution_columns(found),
+            files.provenance.about(settings),
+        )
+        pictures.style.save(pictures.resolution.budget_picture(found), picture)
         results = {"tracking": track, "estimators": [row.how.name for row in found]}
         seconds = time.perf_counter() - start
-        provenance.write_record(record, settings, None, seconds, results, files)
-    name_files(place, files)
+        files.provenance.write_record(record, settings, None, seconds, results, paths)
+    name_files(place, paths)
 
 
 def show(found: list[Resolution]) -> None:
-    from facets.core.names import POSE
-    from facets.core.units import unit_of
 
-    headings = ["", *(f"{name} {unit_of(name).fine_unit}" for name in POSE)]
+    headings = ["", *(f"{name} {core.units.unit_of(name).fine_unit}" for name in POSE)]
     for title, field in (("at rest", "nominal"), ("at worst in the range of each axis", "worst")):
         rows = []
         for row in found:
             values = zip(POSE, getattr(row, field), strict=True)
-            cells = [f"{unit_of(name).fine_factor * value:.3g}" for name, value in values]
+            cells = [
+                f"{core.units.unit_of(name).fine_factor * value:.3g}" for name, value in values
+            ]
             rows.append([row.how.name, *cells])
         show_table(f"standard uncertainty, 1 sigma, {title}", headings, rows)
     finer = found[0].worst / found[-1].worst

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from facets import core, files, pictures, simulation
+
 from .console import FINDING, load_config, name_files, show_table
 from .options import (
     ConfigName,
@@ -81,20 +83,18 @@ def simulate(
     into the folder. With --track the stage of the configuration moves the beam. Exit status 1 if no
     sample of a motion could be solved.
     """
-    from facets.files import tables
-    from facets.simulation import run as study
 
     start = time.perf_counter()
     settings = load_config(config)
-    files = files_of(output_folder(folder, settings.name), table, plot)
-    tables.refuse_to_overwrite(files.all, force)
-    segments = study.simulate(settings, motion or [], noise, seed, track)
+    paths = files_of(output_folder(folder, settings.name), table, plot)
+    files.tables.refuse_to_overwrite(paths.all, force)
+    segments = simulation.run.simulate(settings, motion or [], noise, seed, track)
     drawn = settings.seed if seed is None else seed
-    with tables.ResultSet():
-        write(settings, segments, files, drawn, with_reference, start)
+    with files.tables.ResultSet():
+        write(settings, segments, paths, drawn, with_reference, start)
     for segment in segments:
         print_segment(segment)
-    name_files(files.folder, files.all)
+    name_files(paths.folder, paths.all)
     if not all(segment.solution.converged.any() for segment in segments):
         raise typer.Exit(FINDING)
 
@@ -107,37 +107,32 @@ def files_of(folder: Path, table: TableKind, plot: PlotKind) -> Files:
 def write(
     settings: Config,
     segments: list[Segment],
-    files: Files,
+    paths: Files,
     seed: int,
     reference: bool,
     start: float,
 ) -> None:
     """The results as files; the record last, since it tells how long it took."""
-    from facets.files import provenance, tables
-    from facets.pictures import motion, style
-    from facets.simulation import run as study
 
-    about = provenance.about(settings, seed)
-    columns = study.reading_table(segments)
+    about = files.provenance.about(settings, seed)
+    columns = simulation.run.reading_table(segments)
     if reference:
-        columns |= study.reference_table(segments, settings.calibrate.reference, seed)
-    tables.write_table(files.readings, columns, about)
-    tables.write_table(files.poses, study.pose_table(segments), about)
-    style.save(motion.motion_picture(segments), files.picture)
-    results = {segment.name: study.statuses(segment) for segment in segments}
+        columns |= simulation.run.reference_table(segments, settings.calibrate.reference, seed)
+    files.tables.write_table(paths.readings, columns, about)
+    files.tables.write_table(paths.poses, simulation.run.pose_table(segments), about)
+    pictures.style.save(pictures.motion.motion_picture(segments), paths.picture)
+    results = {segment.name: simulation.run.statuses(segment) for segment in segments}
     seconds = time.perf_counter() - start
-    provenance.write_record(files.record, settings, seed, seconds, results, files.all)
+    files.provenance.write_record(paths.record, settings, seed, seconds, results, paths.all)
 
 
 def print_segment(segment: Segment) -> None:
     """Errors of one motion by axis, then what became of its samples."""
-    from facets.core.units import unit_of
-    from facets.simulation.run import axes
 
     headings = ("axis", "moved from", "to", "", "max error", "RMS error", "u (1 sigma)", "")
     rows = []
-    for axis in axes(segment):
-        unit, factor, fine_unit, fine = unit_of(axis.name)
+    for axis in simulation.run.axes(segment):
+        unit, factor, fine_unit, fine = core.units.unit_of(axis.name)
         moved = (f"{factor * axis.low:.4g}", f"{factor * axis.high:.4g}", unit)
         sizes = (axis.largest, axis.rms, axis.uncertainty)
         errors = [f"{fine * size:.3g}" if size == size else "-" for size in sizes]
@@ -148,18 +143,22 @@ def print_segment(segment: Segment) -> None:
 
 def outcome(segment: Segment) -> str:
     """Samples by status, spots that missed their detector, and the largest cross-axis error."""
-    from facets.core.units import ANGLE, LENGTH, unit_of
-    from facets.simulation.run import axes, statuses
 
-    counts = ", ".join(f"{count} {label}" for label, count in statuses(segment).items())
+    counts = ", ".join(
+        f"{count} {label}" for label, count in simulation.run.statuses(segment).items()
+    )
     text = f"  {len(segment.time)} samples: {counts}"
     beside = (~segment.reached).sum(axis=0)
     for letter, count in zip("ABC", beside, strict=True):
         if count:
             text += f"\n  {count} samples without PSD {letter}: the spot fell beside it"
-    still = [axis for axis in axes(segment) if not axis.moved and axis.largest == axis.largest]
-    for kind in (LENGTH, ANGLE):
-        group = [axis for axis in still if unit_of(axis.name) == kind]
+    still = [
+        axis
+        for axis in simulation.run.axes(segment)
+        if not axis.moved and axis.largest == axis.largest
+    ]
+    for kind in (core.units.LENGTH, core.units.ANGLE):
+        group = [axis for axis in still if core.units.unit_of(axis.name) == kind]
         if group and len(still) < 6:
             worst = max(group, key=lambda axis: axis.largest)
             error = f"{worst.largest * kind.fine_factor:.3g} {kind.fine_unit}"

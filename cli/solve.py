@@ -5,11 +5,16 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from facets import estimation, files
+from facets.core.errors import InputError
 
 from .console import FINDING, load_config
 from .options import ConfigName, Force, describe_default, output_option
@@ -103,11 +108,6 @@ def solve(
     columns bx_mm and by_mm, they are the beam's measured position for --beam known and prior. Exit
     status 1 if no row could be solved, or if most of them do not fit.
     """
-    from dataclasses import replace
-
-    from facets.core.errors import InputError
-    from facets.estimation.table import solve_table
-    from facets.files import provenance, tables
 
     settings = load_config(config)
     given = {"beam": beam, "power": power, "method": method, "start": start}
@@ -115,14 +115,14 @@ def solve(
     options = replace(settings.solve, **chosen)  # type: ignore[arg-type]
     if accept_unchecked:
         options = replace(options, accept_unchecked=True)
-    tables.ending(output)
+    files.tables.ending(output)
     if output.exists() and readings.exists() and output.samefile(readings):
         raise InputError(f"{output}: is the table of readings itself")
-    tables.require_table(readings)
-    tables.refuse_to_overwrite([output], force)
+    files.tables.require_table(readings)
+    files.tables.refuse_to_overwrite([output], force)
     with progress_bar(readings) as advance:
-        count = solve_table(
-            settings, options, readings, output, provenance.about(settings), advance
+        count = estimation.table.solve_table(
+            settings, options, readings, output, files.provenance.about(settings), advance
         )
     report(count, output)
     if not count.solved or misfit(count):
@@ -151,7 +151,6 @@ def misfit(count: Count) -> bool:
 
 
 def report(count: Count, output: Path) -> None:
-    from textwrap import fill
 
     typer.echo(f"{count.solved} of {count.rows} rows solved: {output}")
     for status, number in count.statuses.items():
@@ -169,9 +168,8 @@ def report(count: Count, output: Path) -> None:
 
 def unchecked_sentence(count: Count) -> str:
     """What to say of rows that have, or could have, a pose which nothing checks."""
-    from facets.estimation.solution import Status
 
-    refused = count.statuses[Status.UNCHECKED.label]
+    refused = count.statuses[estimation.solution.Status.UNCHECKED.label]
     if refused:
         return (
             f"Rows with as many numbers as unknowns: {refused}. Nothing would tell a spoilt number "

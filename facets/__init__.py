@@ -12,9 +12,9 @@ Lengths mm, angles rad, powers mW, time s. Arrays put components last.
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from .core.faces import load_on_use
 from .core.version import __version__ as __version__
 
 # A name is imported when it is first asked for, so that a command pays only for what it uses.
@@ -123,14 +123,8 @@ if TYPE_CHECKING:
     from .optics.parameters import PARAMETERS as PARAMETERS
     from .simulation.run import Segment as Segment
     from .simulation.run import simulate as simulate
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'facets' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
-    globals()[name] = value
-    return value
+else:
+    __getattr__ = load_on_use(__name__, _HOMES)
 
 
 def __dir__() -> list[str]:

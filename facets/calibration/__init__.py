@@ -1,0 +1,12 @@
+from typing import TYPE_CHECKING
+
+from ..core.faces import load_on_use
+
+if TYPE_CHECKING:
+    from . import identifiability as identifiability
+    from . import reference_join as reference_join
+    from . import table as table
+    from . import tour as tour
+    from . import verdict as verdict
+else:
+    __getattr__ = load_on_use(__name__)

@@ -1,0 +1,15 @@
+from typing import TYPE_CHECKING
+
+from ..core.faces import load_on_use
+
+if TYPE_CHECKING:
+    from . import ambiguity as ambiguity
+    from . import noise_report as noise_report
+    from . import ranges as ranges
+    from . import resolution as resolution
+    from . import rest as rest
+    from . import singularity as singularity
+    from . import state_box as state_box
+    from . import tables as tables
+else:
+    __getattr__ = load_on_use(__name__)

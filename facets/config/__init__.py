@@ -1,26 +1,45 @@
 """YAML configurations: keys with units, defaults, ranges, and errors with file and line."""
 
-from ..core.axis_keys import State
-from ..core.motions import Motion, Random, Sine, Steps, Sweep, Table
-from ..core.settings import Config, Solve
-from .files import shipped
-from .json_schema import schema
-from .loading import fingerprint, load
-from .show import to_yaml
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "Config",
-    "Motion",
-    "Random",
-    "Sine",
-    "Solve",
-    "State",
-    "Steps",
-    "Sweep",
-    "Table",
-    "fingerprint",
-    "load",
-    "schema",
-    "shipped",
-    "to_yaml",
-]
+from ..core.faces import load_on_use
+
+_HOMES = {
+    "Config": ".core.settings",
+    "Motion": ".core.motions",
+    "Random": ".core.motions",
+    "Sine": ".core.motions",
+    "Solve": ".core.settings",
+    "State": ".core.axis_keys",
+    "Steps": ".core.motions",
+    "Sweep": ".core.motions",
+    "Table": ".core.motions",
+    "fingerprint": "loading",
+    "load": "loading",
+    "schema": "json_schema",
+    "shipped": "files",
+    "to_yaml": "show",
+}
+__all__ = sorted(_HOMES)
+
+if TYPE_CHECKING:
+    from ..core.axis_keys import State as State
+    from ..core.motions import Motion as Motion
+    from ..core.motions import Random as Random
+    from ..core.motions import Sine as Sine
+    from ..core.motions import Steps as Steps
+    from ..core.motions import Sweep as Sweep
+    from ..core.motions import Table as Table
+    from ..core.settings import Config as Config
+    from ..core.settings import Solve as Solve
+    from . import covariance as covariance
+    from . import files as files
+    from . import geometry as geometry
+    from . import grid as grid
+    from .files import shipped as shipped
+    from .json_schema import schema as schema
+    from .loading import fingerprint as fingerprint
+    from .loading import load as load
+    from .show import to_yaml as to_yaml
+else:
+    __getattr__ = load_on_use(__name__, _HOMES)

@@ -1,0 +1,10 @@
+from typing import TYPE_CHECKING
+
+from .faces import load_on_use
+
+if TYPE_CHECKING:
+    from . import calibrate as calibrate
+    from . import sensor as sensor
+    from . import units as units
+else:
+    __getattr__ = load_on_use(__name__)

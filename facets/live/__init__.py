@@ -12,8 +12,9 @@ that does not exist (`virtual`).
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from ..core.faces import load_on_use
 
 # A name is imported when it is first asked for, so that a program pays only for what it uses.
 _HOMES = {
@@ -31,6 +32,8 @@ _HOMES = {
 __all__ = sorted(_HOMES)
 
 if TYPE_CHECKING:
+    from . import recording as recording
+    from . import run as run
     from .assembly import Run as Run
     from .run.live import Live as Live
     from .run.poses import poses as poses
@@ -41,11 +44,5 @@ if TYPE_CHECKING:
     from .run.view import summary as summary
     from .streams.ophyd_device import PoseSensor as PoseSensor
     from .streams.subscription import Subscription as Subscription
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
-    globals()[name] = value
-    return value
+else:
+    __getattr__ = load_on_use(__name__, _HOMES)

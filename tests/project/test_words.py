@@ -104,7 +104,7 @@ def banned_words() -> dict[str, str]:
     """The words that no name and no help text has, with what to say instead, from the glossary."""
     text = (ROOT / "docs/glossary.md").read_text("utf-8")
     _, _, section = text.partition("## Words that no name has")
-    rows = re.findall(r"^\| `([a-z ]+)` \| (.+?) \|", section, flags=re.MULTILINE)
+    rows = re.findall(r"^\| \*([a-z ]+)\* \| (.+?) \|", section, flags=re.MULTILINE)
     return dict(rows)
 
 

@@ -1,0 +1,29 @@
+"""Faces of packages: their names and files are imported at their first use, not before."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+
+def load_on_use(package: str, homes: Mapping[str, str] | None = None) -> Callable[[str], Any]:
+    """Return the `__getattr__` of a package, which imports what is asked for.
+
+    homes: the file in which each public name is defined, as in a relative import less its first
+    dot. All other names are files of the package.
+    """
+    known = homes or {}
+
+    def load(name: str) -> Any:
+        if name in known:
+            value = getattr(import_module(f".{known[name]}", package), name)
+            setattr(sys.modules[package], name, value)
+            return value
+        if name.startswith("_") or find_spec(f"{package}.{name}") is None:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        return import_module(f"{package}.{name}")
+
+    return load
