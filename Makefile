@@ -6,7 +6,7 @@ BIN := .venv/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 
-.PHONY: run test test-full lint tree types layers unit quick studies portable installed lowest locked dist \
+.PHONY: run test test-full lint tree types layers unit quick studies mutants portable installed lowest locked dist \
   publishable image bench reproduce docs gallery three clean
 
 run: .venv/installed
@@ -55,6 +55,14 @@ test-full: lint types layers
 # What takes minutes, and of which the suite has a shorter case.
 studies: .venv/developed
 	$(BIN)/pytest -n auto -m study
+
+# Whether tests notice: one operator, number or condition of a package changed at a time, on a copy.
+PACKAGES ?= detectors estimation calibration characterization tracking config files
+SAMPLE ?= 30
+SEED ?= 1
+mutants: .venv/developed
+	$(BIN)/pip install --quiet --group mutants
+	$(BIN)/python tests/helpers/mutants.py $(PACKAGES) --sample $(SAMPLE) --seed $(SEED)
 
 # What asserts on numbers, with machine code and linear algebra for the plainest processor: other
 # instructions, another order of sums, other rounding.

@@ -88,7 +88,7 @@ def try_changes(package: str, sample: int, seed: int, timeout_s: float) -> tuple
     return len(survivors), len(tried)
 
 
-def call(program: str, *arguments: Path) -> None:
+def call(program: str, *arguments: str | Path) -> None:
     subprocess.run(
         [Path(sys.executable).parent / program, *arguments],
         cwd=COPY,
