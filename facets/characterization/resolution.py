@@ -53,10 +53,10 @@ class Estimator(NamedTuple):
                 raise InputError(
                     f"the estimator's beam is {beam}; allowed: 0 mm or more, or infinite"
                 )
-            beam = Prior((0.0, 0.0), beam)
+            beam = {0.0: "known", np.inf: "free"}.get(beam) or Prior((0.0, 0.0), beam)
         words: dict[Any, PowerKnowledge] = {True: "known", False: "unknown"}
         power = words[self.power] if isinstance(self.power, bool) else self.power
-        return Knowledge(beam, power)
+        return Knowledge(beam=beam, power=power)
 
 
 def estimators(beam_sigma: float) -> list[Estimator]:
@@ -106,7 +106,7 @@ def budgets_of_rows(sensor: Sensor, states: Floats, knowledge: Knowledge, eight:
     matrix = jacobian(sensor, states)
     known = np.isfinite(matrix).all(axis=(1, 2))
     rows = matrix[known] / sigma[known][:, :, None]
-    beam, power = prior_sigmas(sensor, knowledge)
+    beam, power = prior_sigmas(knowledge)
     if power > 0:
         rows = add_power_column(sensor, rows, reading[known] / sigma[known])
     if eight:
@@ -139,15 +139,14 @@ def add_power_column(sensor: Sensor, rows: Floats, weighted: Floats) -> Floats:
     return wider
 
 
-def prior_sigmas(sensor: Sensor, knowledge: Knowledge) -> tuple[float, float]:
-    """The standard uncertainties of the priors on the position, mm, and on the power, mW."""
-    priors = (knowledge.beam_prior, knowledge.power_prior(sensor.beam.power))
-    beam, power = (as_floats(prior.sigma, "sigma") for prior in priors)
+def prior_sigmas(knowledge: Knowledge) -> tuple[float, float]:
+    """The standard uncertainties of what is known of the position, mm, and of the power, mW."""
+    beam, power = as_floats(knowledge.beam_sigma, "sigma"), knowledge.power_sigma
     if beam.size > 1 and (beam != beam.flat[0]).any():
         raise InputError(
             f"the beam's prior has the sigmas {beam.tolist()}; allowed: the same along x and y"
         )
-    return float(beam.flat[0]), float(power)
+    return float(beam.flat[0]), float(as_floats(power, "sigma"))
 
 
 def apply_priors(rows: Floats, sigmas: Sequence[float]) -> Floats:

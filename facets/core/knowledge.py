@@ -38,6 +38,8 @@ class Prior:
 #: The forms in which functions take what is known of the beam's position and of its power.
 BeamKnowledge = Literal["free", "known"] | Prior
 PowerKnowledge = Literal["known", "unknown"] | Prior
+#: What the words mean as a standard uncertainty.
+SIGMAS = {"known": 0.0, "free": np.inf, "unknown": np.inf}
 
 
 @checked
@@ -57,14 +59,20 @@ class Knowledge:
     power: PowerKnowledge = "known"
 
     @property
+    def beam_sigma(self) -> ArrayLike:
+        """The standard uncertainty of the position, mm; 0 if known exactly, infinite if free."""
+        return self.beam.sigma if isinstance(self.beam, Prior) else SIGMAS[self.beam]
+
+    @property
+    def power_sigma(self) -> ArrayLike:
+        """The standard uncertainty of the power, mW; 0 if known exactly, infinite if unknown."""
+        return self.power.sigma if isinstance(self.power, Prior) else SIGMAS[self.power]
+
+    @property
     def beam_prior(self) -> Prior:
         """The beam's position as a prior, mm; its sigma is 0 or infinite where a word is given."""
-        if isinstance(self.beam, Prior):
-            return self.beam
-        return Prior((0.0, 0.0), 0.0 if self.beam == "known" else np.inf)
+        return self.beam if isinstance(self.beam, Prior) else Prior((0.0, 0.0), self.beam_sigma)
 
     def power_prior(self, power: float) -> Prior:
         """The beam's power as a prior, mW.  power: the sensor's."""
-        if isinstance(self.power, Prior):
-            return self.power
-        return Prior(power, 0.0 if self.power == "known" else np.inf)
+        return self.power if isinstance(self.power, Prior) else Prior(power, self.power_sigma)

@@ -50,6 +50,9 @@ from .problem import (
     Workspace,
 )
 
+#: What to do with a step, beside the statuses with which an estimate ends: see `check_gain`.
+TRY, REDAMP = -1, -2
+
 
 def evaluate_model(model: Model, x: Array, found: Array, outlines: Array) -> None:
     """Fills found (10, 10) at x (9,), a state and the power, as a model of `evaluators` does.
@@ -222,6 +225,63 @@ def rounding_floor(limits: Limits, weights: Array) -> float:
     return total
 
 
+def check_gain(gain: float, small: float, damping: float, is_blind: bool, is_damped: bool) -> int:
+    """What to do with a step: TRY it, change the damping first (REDAMP), or end.
+
+    It is the last one (CONVERGED) where it changes less than rounding can, unless the damping alone
+    has made it so short. is_blind: without damping the readings determine no step here.
+    """
+    if gain < 0:
+        return REDAMP if is_damped and damping == 0 else SINGULAR
+    if not gain < small:
+        return TRY
+    if damping == 0:
+        return CONVERGED
+    return SINGULAR if is_blind else REDAMP
+
+
+def add_step(x: Array, free: Array, layers: Array, end: Array) -> None:
+    """Fills end (9,) with where the step of the layer FACTOR leads from x (9,)."""
+    copy_state(x, end)
+    for j in range(len(free)):
+        end[free[j]] += layers[FACTOR, LAST, j]
+
+
+def copy_state(source: Array, target: Array) -> None:
+    for c in range(UNKNOWNS):
+        target[c] = source[c]
+
+
+def is_accepted(
+    trial_cost: float, cost: float, small: float, was_dark: bool, is_dark: bool, is_damped: bool
+) -> bool:
+    """Whether to go on from a step.
+
+    One that changes no more than rounding can is no worse; one from the light into the dark is.
+    """
+    slack = small + 2 * sqrt(cost * small)
+    if trial_cost < cost + slack and (was_dark or not is_dark):
+        return True
+    return not is_damped and trial_cost < 1e300
+
+
+def change_damping(damping: float, is_better: bool) -> float:
+    """Less damping after a step that has helped, more after one that has not."""
+    if is_better:
+        return damping / 10 if damping > 1e-6 else 0.0
+    return 10 * damping if damping > 0 else 1e-3
+
+
+def is_slow(cost: float, earlier: float, is_damped: bool) -> bool:
+    """Whether the sum of squares has hardly fallen since PATIENCE steps ago."""
+    return is_damped and cost > SLOWEST * earlier
+
+
+def is_stuck(dark: bool, steps: int, is_damped: bool) -> bool:
+    """Whether an estimate that began in the dark has not found the light in time."""
+    return dark and is_damped and steps >= STEPS_IN_THE_DARK
+
+
 def estimate(
     model: Model,
     x: Array,
@@ -233,63 +293,50 @@ def estimate(
 ) -> tuple[int, int, float]:
     """Improves x (9,) in place until the weighted sum of squares is least.
 
-    Returns (status, steps, sum of squares left). Where converged, the layer FACTOR gives the
+    Returns (status, steps, sum of squares at the end). Where converged, the layer FACTOR gives the
     covariance of the free unknowns. On failure x is not to be used.
     """
-    layers, free, columns = memory.layers, problem.free, len(problem.free)
-    trial = layers[VECTORS, TRIAL]
-    here, there = HERE, THERE
+    layers, damped, columns = memory.layers, problem.damped, len(problem.free)
+    trial, here, there = layers[VECTORS, TRIAL], HERE, THERE
     small = rounding_floor(limits, layers[VECTORS, WEIGHTS])
     cost = evaluate(model, x, values, problem, mean, memory, here)
     if not cost < 1e300:
         return OUT_OF_RANGE, 0, cost
     dark = is_dark(layers, limits)
-    damping, earlier, blind = 0.0, cost, False  # blind: undamped, the readings tell no step here
+    damping, earlier, blind = 0.0, cost, False
     for steps in range(1, problem.max_steps + 1):
-        if steps % PATIENCE == 0 and problem.damped:
-            if cost > SLOWEST * earlier:
+        if steps % PATIENCE == 0:
+            if is_slow(cost, earlier, damped):
                 return STALLED, steps, cost
             earlier = cost
         if factorise(layers, here, FACTOR, columns, damping):
             gain = solve_factored(layers, here, FACTOR, columns)
         else:
             gain = reflect(model, x, values, problem, mean, memory, here, damping)
-        if gain < 0:
-            if not problem.damped or damping > 0:
-                return SINGULAR, steps, cost
-            damping, blind = 1e-3, True
+        action = check_gain(gain, small, damping, blind, damped)
+        if action == SINGULAR:
+            return SINGULAR, steps, cost
+        if action == REDAMP:
+            blind = blind or gain < 0
+            damping = 1e-3 if gain < 0 else 0.0
             continue
-        if gain < small and damping > 0:  # held back by the damping, not arrived
-            if blind:  # what the damping lets through is done; the rest is not told
-                return SINGULAR, steps, cost
-            damping = 0.0
-            continue
-        for c in range(UNKNOWNS):
-            trial[c] = x[c]
-        for j in range(columns):
-            trial[free[j]] += layers[FACTOR, LAST, j]
-        if gain < small:
-            for c in range(UNKNOWNS):
-                x[c] = trial[c]
+        add_step(x, problem.free, layers, trial)
+        if action == CONVERGED:
+            copy_state(trial, x)
             return CONVERGED, steps, max(cost - gain, 0.0)
         trial_cost = evaluate(model, trial, values, problem, mean, memory, there)
-        # a step that changes no more than rounding can is no worse
-        slack = small + 2 * sqrt(cost * small)
         into_the_dark = is_dark(layers, limits)
-        better = trial_cost < cost + slack and (dark or not into_the_dark)
-        if better or (not problem.damped and trial_cost < 1e300):
-            for c in range(UNKNOWNS):
-                x[c] = trial[c]
+        better = is_accepted(trial_cost, cost, small, dark, into_the_dark, damped)
+        if better:
+            copy_state(trial, x)
             here, there = there, here
             cost, dark, blind = trial_cost, into_the_dark, False
-            damping = damping / 10 if damping > 1e-6 else 0.0
-        elif not problem.damped:
+        elif not damped:
             return OUT_OF_RANGE, steps, cost
         elif damping > HEAVIEST:
             return STALLED, steps, cost
-        else:
-            damping = 10 * damping if damping > 0 else 1e-3
-        if dark and problem.damped and steps >= STEPS_IN_THE_DARK:
+        damping = change_damping(damping, better)
+        if is_stuck(dark, steps, damped):
             return STALLED, steps, cost
     return MAX_STEPS, problem.max_steps, cost
 

@@ -154,6 +154,25 @@ def starting(start: str | ArrayLike, todo: Plan, values: Floats, shape: tuple[in
     return starts
 
 
+def make_problem(
+    plan: Plan, starts: Floats, start: object, method: str, max_steps: int, accept_unchecked: bool
+) -> problem.Problem:
+    """A plan as compiled code takes it.
+
+    starts: from `start_states`.  start, method, max_steps, accept_unchecked: as for `facets.solve`.
+    """
+    return problem.Problem(
+        means=plan.means,
+        weight=plan.weights,
+        free=plan.free,
+        starts=starts,
+        previous=isinstance(start, str) and start == "previous",
+        max_steps=max_steps,
+        damped=method != "paper",
+        accept_unchecked=accept_unchecked or method == "paper",
+    )
+
+
 def sigmas_of(sensor: Sensor, values: Floats) -> Floats:
     """The readings' standard deviations as `problem.Readings` has them."""
     return np.empty((0, 9)) if sensor.electronics is None else standard_deviations(sensor, values)

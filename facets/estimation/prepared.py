@@ -22,7 +22,7 @@ from . import as_text, problem
 from .blocks import One
 from .doubts import is_doubtful, take_back
 from .estimates import add_calibration, block_code, estimate, row_kernel
-from .plan import Plan, chance_of, make_plan, starting
+from .plan import Plan, chance_of, make_plan, make_problem, starting
 from .solution import FirstRow, Solution, SolutionOfOne, results_of
 
 
@@ -138,15 +138,8 @@ class PreparedEstimate:
         self._starts, self._sigmas = self._zero.copy(), np.empty((0, 9))
         if sensor.electronics is not None:
             self._sigmas = np.empty((1, 9))
-        self._problem = problem.Problem(
-            means=self._plan.means,
-            weight=self._plan.weights,
-            free=self._plan.free,
-            starts=self._starts,
-            previous=False,
-            max_steps=max_steps,
-            damped=method != "paper",
-            accept_unchecked=accept_unchecked or method == "paper",
+        self._problem = make_problem(
+            self._plan, self._starts, "zero", method, max_steps, accept_unchecked
         )
         chance = self._chance = chance_of(sensor, self._plan)
         self._tasks: dict[str, problem.Task] = {}

@@ -17,7 +17,7 @@ from ..model.threads import part_of, share
 from . import problem
 from .doubts import is_doubtful, take_back
 from .estimates import add_calibration, block_code, estimate
-from .plan import Plan, chance_of, find_plan, sigmas_of, starting
+from .plan import Plan, chance_of, find_plan, make_problem, sigmas_of, starting
 from .prepared import kept_solver
 from .solution import Solution, solution
 
@@ -76,16 +76,8 @@ def solve(
         return solver.solve_from(given, solver.starting(start, given))
     values, shape = as_rows(given, 9, "readings")
     todo = find_plan(sensor, Knowledge(beam=beam, power=power), method, shape)
-    asked = problem.Problem(
-        means=todo.means,
-        weight=todo.weights,
-        free=todo.free,
-        starts=starting(start, todo, values, shape),
-        previous=isinstance(start, str) and start == "previous",
-        max_steps=max_steps,
-        damped=method != "paper",
-        accept_unchecked=accept_unchecked or method == "paper",
-    )
+    starts = starting(start, todo, values, shape)
+    asked = make_problem(todo, starts, start, method, max_steps, accept_unchecked)
     rows = problem.Readings(values, sigmas_of(sensor, values))
     found = solve_rows(sensor, rows, todo, asked, covariance, threads)
     return solution(found, shape, chance_of(sensor, todo))
@@ -95,10 +87,8 @@ def local_solution(sensor: Sensor, reading: Floats, start: Floats) -> tuple[Floa
     """The state (8,) to which a reading (9,) leads from a start (8,), the beam free, and the
     residual there; NaN where it leads to none. Another state may give the same reading."""
     todo, values = find_plan(sensor, Knowledge(), "least-squares", ()), reading[None].copy()
-    asked = problem.Problem(
-        todo.means, todo.weights, todo.free, starting(start, todo, values, ()),
-        previous=False, max_steps=50, damped=True, accept_unchecked=False,
-    )  # fmt: skip
+    starts = starting(start, todo, values, ())
+    asked = make_problem(todo, starts, start, "least-squares", 50, False)
     found = problem.empty_results(1, False)
     estimate(sensor, problem.Readings(values, sigmas_of(sensor, values)), todo.limits, asked, found)
     return found.states[0, :8], float(found.residuals[0])

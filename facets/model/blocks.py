@@ -108,14 +108,13 @@ def slopes(name: str, vectors: Floats, varied: Floats, states: Floats, found: Fl
     return lanes_of(left, len(states))
 
 
-class Padding:
-    """Memory for a single state, and for the last block of a batch, which the last row fills up.
+class BlockMemory:
+    """Memory for one block: of a single state, or of the last states of a batch, padded.
 
     One of `SINGLES` or `RESTS` serves one call at a time.
     """
 
     def __init__(self, width: int | None = None) -> None:
-        self.width = width
         size = width or lanes()
         self.rows, self.left = np.empty((size, 8)), np.empty(1, np.int64)
         found = np.empty(72 * size)
@@ -126,46 +125,38 @@ class Padding:
         }
         self.addresses = [address_of(array) for array in (self.rows, found, self.left)]
         self.bits = self.left.data
-        self.vectors: Any = None
-        self.where = 0
+        self._vectors: Any = None
+        self._address = 0
 
     def results(self, name: str) -> Any:
         return self.found[task_of(name).removeprefix("near_")]
 
-    def run(self, name: str, vectors: Floats, states: Floats, found: Floats) -> int:
-        """Fills `found` for less than a block of states; returns a bit for each that is left."""
-        short = len(states)
-        self.rows[:short] = states
-        self.rows[short:] = states[-1]
-        self._call(name, vectors)
-        found[:] = self.results(name)[:short]
-        return self.bits[0] & ((1 << short) - 1)
-
-    def one(self, name: str, vectors: Floats, state: Floats) -> Floats | None:
-        """What is found at one state (8,); None where it is left."""
-        self.rows[:] = state
-        self._call(name, vectors)
-        return None if self.bits[0] else self.results(name)[0].copy()
-
-    def _call(self, name: str, vectors: Floats) -> None:
-        if vectors is not self.vectors:
-            self.vectors, self.where = vectors, address_of(vectors)
-        kernel(name, self.width)(self.where, *self.addresses, 1)
+    def address_of_vectors(self, vectors: Floats) -> int:
+        """`address_of`, kept for the vectors of the last call."""
+        if vectors is not self._vectors:
+            self._vectors, self._address = vectors, address_of(vectors)
+        return self._address
 
 
-def pad(name: str, vectors: Floats, states: Floats, found: Floats) -> int:
-    """`Padding.run` of memory that no other call uses."""
-    padding = RESTS.take()
-    bits = padding.run(name, vectors, states, found)
-    RESTS.put_back(padding)
+def run_rest(name: str, vectors: Floats, states: Floats, found: Floats) -> int:
+    """Fills `found` for less than a block of states; returns a bit for each that is left."""
+    memory, short = RESTS.take(), len(states)
+    memory.rows[:short] = states
+    memory.rows[short:] = states[-1]
+    kernel(name)(memory.address_of_vectors(vectors), *memory.addresses, 1)
+    found[:] = memory.results(name)[:short]
+    bits = memory.bits[0] & ((1 << short) - 1)
+    RESTS.put_back(memory)
     return bits
 
 
 def run_one(name: str, vectors: Floats, state: Floats) -> Floats | None:
-    """`Padding.one` of memory that no other call uses."""
-    padding = SINGLES.take()
-    found = padding.one(name, vectors, state)
-    SINGLES.put_back(padding)
+    """Results at one state (8,); None where it is left."""
+    memory = SINGLES.take()
+    memory.rows[:] = state
+    kernel(name, SINGLE)(memory.address_of_vectors(vectors), *memory.addresses, 1)
+    found: Floats | None = None if memory.bits[0] else memory.results(name)[0].copy()
+    SINGLES.put_back(memory)
     return found
 
 
@@ -176,7 +167,7 @@ def run(name: str, vectors: Floats, states: Floats, found: Floats) -> Any:
     if whole:
         kernel(name)(*map(address_of, (vectors, states, found, left)), whole)
     if short:
-        left[-1] = pad(name, vectors, states[-short:], found[-short:])
+        left[-1] = run_rest(name, vectors, states[-short:], found[-short:])
     return lanes_of(left, len(states))
 
 
@@ -194,5 +185,5 @@ def address_of(array: Any) -> int:
     return array.__array_interface__["data"][0]  # type: ignore[no-any-return]
 
 
-SINGLES = Pool(partial(Padding, SINGLE))
-RESTS = Pool(Padding)
+SINGLES = Pool(partial(BlockMemory, SINGLE))
+RESTS = Pool(BlockMemory)
