@@ -24,7 +24,7 @@ from .options import ConfigName, Force, Look, Plot, PlotKind, Style, output_opti
 
 if TYPE_CHECKING:
     from facets.calibration.bundle_adjustment import Data
-    from facets.calibration.candidates import Search
+    from facets.calibration.effect_search import Search
     from facets.calibration.fit import Fit
     from facets.calibration.identifiability import Direction
     from facets.calibration.verdict import Verdict

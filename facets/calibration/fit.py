@@ -109,6 +109,12 @@ class Fit:
         to be."""
         return self.chi_square / max(self.freedom, 1.0)
 
+    @property
+    def excess(self) -> float:
+        """By how much `reduced` is above what chance allows (4 standard deviations); 0 if not."""
+        chance = 4 * float(np.sqrt(2 / max(self.freedom, 1.0)))
+        return max(0.0, self.reduced - 1 - chance)
+
 
 def opened(data: Data, sensor: Sensor) -> Floats:
     """Where the poses are beside the reference, to begin with: what the nominal sensor solves."""

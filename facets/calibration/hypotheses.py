@@ -295,41 +295,64 @@ class Explanation(NamedTuple):
 def explanation(sensor: Sensor, data: Data, chosen: Choice) -> Explanation | None:
     """The fault that explains a bad fit best, or the two; None where none does.
 
-    All are tried on a few samples and for a few steps; the best of them on more.
+    Single faults are tried first; two at once only where no single one leaves residuals as small as
+    real light and scatter do.
     """
-    small, large = (few(sensor, data, count) for count in SAMPLES)
+    trials = Trials(sensor, chosen, few(sensor, data, SAMPLES[0]), few(sensor, data, SAMPLES[1]))
+    before = trials.last(())
+    single = trials.rank([(one,) for one in hypotheses()])
+    explains = single.explains(before)
+    small = before <= GOOD**2 or (explains and single.levels[0] <= GOOD**2)
+    if not small:
+        double = trials.rank(pairs_of(single.partners))
+        if double.explains(min(before, single.levels[0])):
+            return double.explanation(before)
+    return single.explanation(before) if explains else None
+
+
+def pairs_of(partners: list[tuple[Hypothesis, ...]]) -> list[tuple[Hypothesis, ...]]:
+    """Each of the partners with every other hypothesis, each pair once."""
+    words = {one.words for (one,) in partners}
     every = list(hypotheses())
+    return [
+        (one, other)
+        for (one,) in partners
+        for other in every
+        if other.words != one.words and (other.words not in words or one.words < other.words)
+    ]
 
-    def tried(faults: tuple[Hypothesis, ...], first: bool) -> float:
-        part = small if first else large
-        for one in faults:
-            part = one.change(part)
-        return short_fit(sensor, part, chosen, STEPS[0 if first else 1])
 
-    def finals(several: list[tuple[Hypothesis, ...]]) -> Ranking:
-        first = sorted((tried(faults, True), n) for n, faults in enumerate(several))
-        last = sorted((tried(several[n], False), n) for _, n in first[:FINAL])
+class Trials(NamedTuple):
+    """Short fits with faults undone.  small, large: the samples of a first trial and of a last."""
+
+    sensor: Sensor
+    chosen: Choice
+    small: Data
+    large: Data
+
+    def first(self, faults: tuple[Hypothesis, ...]) -> float:
+        """Chi-square for each reading after a few steps with a few samples."""
+        return short_fit(self.sensor, undo(self.small, faults), self.chosen, STEPS[0])
+
+    def last(self, faults: tuple[Hypothesis, ...]) -> float:
+        """The same with more samples and steps."""
+        return short_fit(self.sensor, undo(self.large, faults), self.chosen, STEPS[1])
+
+    def rank(self, several: list[tuple[Hypothesis, ...]]) -> Ranking:
+        """All have a first trial, the best of them a last one."""
+        first = sorted((self.first(faults), n) for n, faults in enumerate(several))
+        last = sorted((self.last(several[n]), n) for _, n in first[:FINAL])
         return Ranking(
             [level for level, _ in last],
             [several[n] for _, n in last],
             [several[n] for _, n in first[:PARTNERS]],
         )
 
-    before = tried((), False)
-    single = finals([(one,) for one in every])
-    if single.explains(before) and single.levels[0] <= GOOD**2:
-        return single.explanation(before)
-    if before <= GOOD**2:  # as real light and scatter leave it; two faults leave far more
-        return single.explanation(before) if single.explains(before) else None
-    double = finals([
-        (one, other)
-        for (one,) in single.partners
-        for other in every
-        if other is not one and ((other,) not in single.partners or one.words < other.words)
-    ])  # fmt: skip
-    if double.explains(min(before, single.levels[0])):
-        return double.explanation(before)
-    return single.explanation(before) if single.explains(before) else None
+
+def undo(data: Data, faults: tuple[Hypothesis, ...]) -> Data:
+    for one in faults:
+        data = one.change(data)
+    return data
 
 
 class Ranking(NamedTuple):

@@ -17,7 +17,6 @@ from ..core.units import Floats
 from ..detectors.calibrated import MISFIT
 from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, deviations, light_of
-from .candidates import beyond_chance
 from .fit import Fit
 from .outliers import MOST_SHARE, POWER_HOLDS, holds
 from .scatter import (
@@ -176,7 +175,7 @@ def findings(
 
 def chi_square(found: Fit, data: Data) -> Finding | None:
     """Against what noise alone would give."""
-    if beyond_chance(found) == 0:
+    if found.excess == 0:
         return None
     sizes = by_reading(found, data)
     worst = int(np.argmax(sizes))

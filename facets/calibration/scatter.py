@@ -205,47 +205,62 @@ def known_before(data: Data, chosen: Choice) -> Floats:
     return variances
 
 
-def scatter(task: Task, found: Fit, beam: bool, again: Scatter | None = None) -> Scatter:
-    """What scatters, by the model linearised at a fit.  beam: whether that may be it.
+class SizeProblem(NamedTuple):
+    """What may scatter at a fit.  like: its likelihood.  known: (9,) variances of a sample's own
+    unknowns before.  causes: the names by cause that these samples can have.  start: (10,) sizes
+    that the fit had.  always: names whose sizes are estimated whatever the cause."""
 
-    One cause is taken where it is hardly less likely than all together, else two, else all.
-    again: whose causes are kept, for their sizes.
-    """
-    like = Likelihood(task, found)
-    known = known_before(task.data, task.choice)
-    measured = np.isfinite(task.data.sigma)
-    own = {"reference": tuple(name for n, name in enumerate(POSE) if measured[n])}
-    causes = {key: own.get(key, names) for key, names in CAUSES.items()
-              if key != "beam" or beam}  # fmt: skip
-    causes = {key: names for key, names in causes.items() if names}
-    jitters = 0 < task.choice.power < np.inf
-    always = ("power",) if jitters else ()
-    plain = np.zeros(len(NAMES))
-    plain[NAMES.index("power")] = (task.choice.power / OWN_UNITS[6]) ** 2 if jitters else 0.0
+    like: Likelihood
+    known: Floats
+    causes: dict[str, tuple[str, ...]]
+    start: Floats
+    always: tuple[str, ...]
 
-    def sizes(keys: tuple[str, ...]) -> Sizes:
-        names = [name for key in keys for name in causes[key]]
-        start = plain.copy()
+    def sizes(self, causes: tuple[str, ...]) -> Sizes:
+        """The likeliest sizes where some of the causes scatter and the others do not."""
+        names = [name for key in causes for name in self.causes[key]]
+        start = self.start.copy()
         for name in names:
             n = NAMES.index(name)
-            square = (like.columns[:, :, n == OF_COLUMN] ** 2).sum()
-            start[n] = SHARE * len(like.left) / max(square, 1e-300)
-        return like.likeliest(known, (*always, *names), start)
+            square = (self.like.columns[:, :, n == OF_COLUMN] ** 2).sum()
+            start[n] = SHARE * len(self.like.left) / max(square, 1e-300)
+        return self.like.likeliest(self.known, (*self.always, *names), start)
 
-    if again is not None:
-        variances = sizes(again.causes).variances
-        return again._replace(sizes=np.sqrt(variances) * UNITS)
-    every = tuple(causes)
-    whole = sizes(every)
+
+def size_problem(task: Task, found: Fit, beam: bool) -> SizeProblem:
+    """beam: whether the beam may scatter."""
+    measured = tuple(name for name, s in zip(POSE, task.data.sigma, strict=True) if np.isfinite(s))
+    causes = CAUSES | {"reference": measured, "beam": CAUSES["beam"] if beam else ()}
+    start, jitters = np.zeros(len(NAMES)), 0 < task.choice.power < np.inf
+    if jitters:
+        start[NAMES.index("power")] = (task.choice.power / OWN_UNITS[6]) ** 2
+    return SizeProblem(
+        Likelihood(task, found),
+        known_before(task.data, task.choice),
+        {key: names for key, names in causes.items() if names},
+        start,
+        ("power",) if jitters else (),
+    )
+
+
+def estimate_scatter(problem: SizeProblem) -> Scatter:
+    """One cause where it is hardly less likely than all together, else two, else all."""
+    every = tuple(problem.causes)
+    whole = problem.sizes(every)
     for count in range(1, len(every)):
-        tried = {keys: sizes(keys) for keys in combinations(every, count)}
+        tried = {keys: problem.sizes(keys) for keys in combinations(every, count)}
         best = min(tried, key=lambda keys: tried[keys].unlikely)
         if tried[best].unlikely < whole.unlikely + BESIDE:
+            singles = {keys[0]: one for keys, one in tried.items() if count == 1 and keys != best}
             likely = tried[best].unlikely + APART
-            others = tuple(keys[0] for keys, one in tried.items()
-                           if count == 1 and keys != best and one.unlikely < likely)  # fmt: skip
+            others = tuple(key for key, one in singles.items() if one.unlikely < likely)
             return Scatter(best, others, np.sqrt(tried[best].variances) * UNITS)
     return Scatter(every, (), np.sqrt(whole.variances) * UNITS)
+
+
+def update_sizes(problem: SizeProblem, one: Scatter) -> Scatter:
+    """The same causes with the likeliest sizes at another fit."""
+    return one._replace(sizes=np.sqrt(problem.sizes(one.causes).variances) * UNITS)
 
 
 def with_scatter(data: Data, chosen: Choice, one: Scatter) -> tuple[Data, Choice]:
@@ -280,12 +295,12 @@ def explained(
         return data, found, NOTHING
     if found.reduced > WORST or far_off(sensor, found):
         return data, found, NOTHING
-    bare, one = data._replace(noise=deviations(sensor, data)), None
-    for _ in range(TIMES):
-        one = scatter(Task(sensor, bare, found.choice, robust), found, beam, one)
+    bare, one = data._replace(noise=deviations(sensor, data)), NOTHING
+    for n in range(TIMES):
+        problem = size_problem(Task(sensor, bare, found.choice, robust), found, beam)
+        one = update_sizes(problem, one) if n else estimate_scatter(problem)
         data, chosen = with_scatter(bare, found.choice, one)
         found = fit(sensor, data, chosen, robust, found)
-    assert one is not None
     walk = walking(found) if "beam" in one.causes else 1.0
     if walk > LONG:
         sizes = one.sizes.copy()

@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from ..core.sensor import Sensor
 from ..estimation.compiling import compile_for
 from .bundle_adjustment import Data, approached, over_the_run
-from .candidates import Search, beyond_chance, promised, search, tried_kinds
+from .candidates import tried_kinds
+from .effect_search import Search, search
 from .fit import Fit, fit
 from .hypotheses import explanation
 from .laser import steadied
+from .linear_prediction import reachable_chi_square
 from .misfit import Finding, excluded, findings, model_error, pulls, widened
 from .outliers import numbers, without_outliers
 from .samples import averaged, distinct, faults, inside, with_converter
@@ -168,7 +170,7 @@ def plain_fit(sensor: Sensor, screened: Screened, chosen: Choice, settings: Cali
         hopeless
         and found.ended
         and found.reduced < LIGHT
-        and promised(sensor, data, settings, found) < PROMISING
+        and reachable_chi_square(sensor, data, settings, found) < PROMISING
     )
     return Plain(screened, data, found, gone, hopeless, promising)
 
@@ -229,7 +231,7 @@ def unsettled(found: Fit) -> Finding:
 
 def suspicious(sensor: Sensor, plain: Fit) -> bool:
     """Whether a fit is so bad that faults of the data are looked for."""
-    return not plain.ended or beyond_chance(plain) > 0 or bool(pulls(sensor, plain))
+    return not plain.ended or plain.excess > 0 or bool(pulls(sensor, plain))
 
 
 def tried(errors: dict[str, NDArray[Any]]) -> list[Finding]:

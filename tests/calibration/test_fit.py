@@ -10,7 +10,7 @@ from facets.experiments import rigs
 
 import facets
 from facets.calibration.bundle_adjustment import Data, over_the_run, states_of
-from facets.calibration.candidates import search
+from facets.calibration.effect_search import search
 from facets.calibration.fit import fit
 from facets.calibration.laser import steadied
 from facets.calibration.table import choice

@@ -10,7 +10,7 @@ from facets.experiments import rigs
 
 import facets
 from facets.calibration.bundle_adjustment import Data, states_of
-from facets.calibration.candidates import search
+from facets.calibration.effect_search import search
 from facets.calibration.fit import fit
 from facets.calibration.table import choice, velocities
 from facets.calibration.verdict import verdict

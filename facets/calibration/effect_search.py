@@ -1,0 +1,274 @@
+"""The search for the effects that the data call for, as stages from one state to the next.
+
+The stages, see `search`: effects that a key asks for are added; of the others the best are added,
+again and again, first with the noise raised to the size of what the plain fit misses, then with the
+true noise; what scatters from sample to sample is explained; outliers that were hidden before are
+removed; and the last fit settles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.sensor import Sensor
+from .bundle_adjustment import Data, deviations
+from .candidates import Candidate, add_candidate, candidates, effects_without_columns
+from .fit import NORMAL_MEDIAN, Fit, fit
+from .laser import steadied
+from .linear_prediction import (
+    CHANCE,
+    Decision,
+    best_coating,
+    chance_of,
+    fold_equations,
+    left_out_error,
+    predict,
+    rank_candidates,
+    values_for,
+)
+from .outliers import without_outliers
+from .scatter import NOTHING, Scatter, explained
+from .unknowns import PLACE
+
+if TYPE_CHECKING:
+    from ..core.calibrate import Calibrate
+
+#: The plain fit's residuals over the noise, to which larger ones are brought at first: a linear
+#: model's own error would look like an effect.
+RAISED_TO = 3.0
+#: How often at most the laser's steadiness is estimated anew, and the candidates tried again.
+ROUNDS = 4
+#: An intermediate fit ends after this many steps, or where another lowers chi-square by less.
+INTERMEDIATE_STEPS, INTERMEDIATE_FALL = 12, 0.3
+#: Width over which edges are rolled off, mm, where a fit begins: at zero it has no derivative.
+ROLLOFF_WIDTH, ROLLOFF_WIDTH_START_MM = "rolloff.width", 0.03
+#: Candidates are added together down to this share of what the best brings: the linear model is
+#: not accurate enough for the others until what is large has been added.
+TOGETHER_SHARE = 0.1
+REQUESTED = "asked for"
+
+
+@dataclass(frozen=True)
+class SearchState:
+    """What the search has found so far.
+
+    sensor: from which the last fit began.  data: with the noise of the present stage.
+    every: all candidates.  found: the last fit.  rows: a decision by key.  refused: keys that are
+    not tried again at this stage.  outliers: rows that were removed.  scatter: what scatters.
+    """
+
+    sensor: Sensor
+    data: Data
+    settings: Calibrate
+    every: list[Candidate]
+    found: Fit
+    rows: dict[str, Decision]
+    refused: frozenset[str]
+    outliers: list[int]
+    scatter: Scatter
+
+    @property
+    def taken(self) -> set[str]:
+        return {key for key, row in self.rows.items() if row.taken}
+
+    def fit_again(self) -> Fit:
+        """The last fit, continued until it settles, with the present sensor and data."""
+        robust = self.settings.outliers
+        return fit(self.sensor, self.data, self.found.choice, robust, self.found)
+
+
+@dataclass(frozen=True)
+class Search:
+    """sensor: from which the last fit began.  plain: the fit without candidates.  found: with what
+    was taken.  error: the plain fit's cross-validated one.  rows: what became of each candidate.
+    data: what was fitted in the end.  outliers: rows that were removed.  scatter: what scatters.
+    """
+
+    sensor: Sensor
+    plain: Fit
+    found: Fit
+    error: float
+    rows: list[Decision]
+    data: Data
+    outliers: list[int]
+    scatter: Scatter
+
+
+def search(
+    sensor: Sensor, data: Data, settings: Calibrate, plain: Fit, outliers: list[int] | None = None
+) -> Search:
+    """From the plain fit to the one with all that the data or the keys call for.
+
+    outliers: rows that were removed before.
+    """
+    noisy = raise_noise(sensor, data, plain)
+    state = first_state(sensor, noisy, settings, plain, outliers or [])
+    state = add_requested(state)
+    state = add_all(state)
+    if noisy is not data:
+        state = add_all(use_true_noise(state, data))
+    state = explain_scatter(state)
+    state = remove_outliers(state)
+    settled = state.fit_again()
+    plain_equations = fold_equations(sensor, data, plain, plain.choice)
+    left_out = predict(plain_equations, plain.choice.names).left_out
+    return Search(state.sensor, plain, settled, left_out_error(left_out, plain),
+                  ordered_decisions(state), state.data, state.outliers, state.scatter)  # fmt: skip
+
+
+def ordered_decisions(state: SearchState) -> list[Decision]:
+    """In the order of the candidates; those last that the table has no columns for."""
+    order = [one.key for one in state.every]
+    rows = sorted(state.rows.values(), key=lambda row: order.index(row.key))
+    return rows + [
+        Decision(effect.key, effect.words, 0, np.nan, np.nan, False, effect.missing)
+        for effect in effects_without_columns(state.every, state.settings)
+    ]
+
+
+# ---- the stages
+
+
+def raise_noise(sensor: Sensor, data: Data, plain: Fit) -> Data:
+    """The samples with a noise that brings the plain fit's residuals to a few times the noise.
+
+    Detectors may be so fine that real light leaves residuals of a hundred times their noise.
+    """
+    size = NORMAL_MEDIAN * float(np.median(np.abs(plain.left[np.isfinite(data.raw)])))
+    if size < 2 * RAISED_TO:
+        return data
+    return data._replace(noise=deviations(sensor, data) * (size / RAISED_TO))
+
+
+def first_state(
+    sensor: Sensor, data: Data, settings: Calibrate, plain: Fit, outliers: list[int]
+) -> SearchState:
+    """Nothing is decided but what the plain fit has among its unknowns already."""
+    every = candidates(sensor, data, settings)
+    why = "without it no fit settles"
+    rows = {
+        one.key: Decision(one.key, one.effect.words, len(one.sigma), np.nan, np.nan, True, why)
+        for one in every
+        if one.sigma and set(one.sigma) <= set(plain.choice.names)
+    }
+    return SearchState(sensor, data, settings, every, plain, rows, frozenset(), outliers, NOTHING)
+
+
+def add_requested(state: SearchState) -> SearchState:
+    """Adds the effects that are on in `calibrate.effects`."""
+    for one in state.every:
+        if state.settings.effects.get(one.key) == "on" and one.key not in state.rows:
+            row, *_ = rank_candidates(state.sensor, state.data, state.found, [one])
+            state = add_candidates(state, [one], [row._replace(why=REQUESTED)])
+    return state
+
+
+def add_all(state: SearchState) -> SearchState:
+    """Adds all candidates that the data call for.
+
+    How steady the laser was is estimated again after each round, since less of what moves is then
+    taken for it; where that changes, the data may call for other candidates.
+    """
+    for _ in range(ROUNDS):
+        adds = True
+        while adds:
+            state, adds = add_best(state)
+        before = state.found
+        steady = steadied(state.sensor, state.data, before, state.settings.outliers)
+        if steady is before:
+            break
+        state = replace(state, found=steady, refused=frozenset())
+    return state
+
+
+def add_best(state: SearchState) -> tuple[SearchState, bool]:
+    """Adds the best of the candidates that are left, and says whether any was good.
+
+    Expensive ones are tried one by one, after the others.
+    """
+    done = state.taken | state.refused
+    rest = [one for one in state.every if not one.effect.beam and one.key not in done]
+    groups = [[one for one in rest if not one.effect.tried_last]]
+    groups += [[one] for one in rest if one.effect.tried_last]
+    for group in groups:
+        tried = rank_candidates(state.sensor, state.data, state.found, group)
+        rows = state.rows | {row.key: row._replace(taken=False) for row in tried}
+        state = replace(state, rows=rows)
+        good = [row for row in tried if row.taken]
+        if good:
+            largest = max(row.fall for row in good)
+            together = [row for row in good if row.fall > TOGETHER_SHARE * largest]
+            keys = {row.key for row in together}
+            chosen = [one for one in group if one.key in keys]
+            return add_candidates(state, chosen, together), True
+    return state, False
+
+
+def add_candidates(
+    state: SearchState, several: list[Candidate], rows: list[Decision]
+) -> SearchState:
+    """Fits again with candidates; keeps the fit that was, where the new one gains nothing.
+
+    An intermediate fit that has not settled may do so once others are added: that is asked at the
+    end.
+    """
+    sensor, wider = state.sensor, state.found.choice
+    for one in several:
+        wider = add_candidate(wider, one)
+    if any(one.effect.coated for one in several):
+        sensor, _ = best_coating(sensor, state.data, state.found, wider)
+    every = values_for(sensor, state.found)
+    if ROLLOFF_WIDTH in wider.names and not every[PLACE[ROLLOFF_WIDTH]]:
+        every[PLACE[ROLLOFF_WIDTH]] = ROLLOFF_WIDTH_START_MM
+    start = replace(state.found, every=every)
+    better = fit(sensor, state.data, wider, state.settings.outliers, start,
+                 INTERMEDIATE_STEPS, INTERMEDIATE_FALL)  # fmt: skip
+    fall = state.found.loss - better.loss
+    gains = chance_of(fall, max(sum(row.unknowns for row in rows), 1)) <= CHANCE
+    decided, refused = dict(state.rows), set(state.refused)
+    for row in rows:
+        if gains or row.why == REQUESTED:
+            alone = len(rows) == 1
+            decided[row.key] = row._replace(fall=fall if alone else row.fall, taken=True)
+        else:
+            refused.add(row.key)
+            decided[row.key] = row._replace(fall=fall, taken=False, why="gains nothing in a fit")
+    state = replace(state, rows=decided, refused=frozenset(refused))
+    if gains or any(row.why == REQUESTED for row in rows):
+        return replace(state, sensor=sensor, found=better)
+    return state
+
+
+def use_true_noise(state: SearchState, data: Data) -> SearchState:
+    """Goes on with the noise as it is, once what is large has been added."""
+    state = replace(state, data=data, refused=frozenset())
+    return replace(state, found=state.fit_again())
+
+
+def explain_scatter(state: SearchState) -> SearchState:
+    """Finds the likeliest cause of what scatters from sample to sample, and fits with that."""
+    moving = [one for one in state.every if one.effect.beam]
+    data, found, scatter = explained(
+        state.sensor, state.data, state.found, state.settings.outliers, bool(moving)
+    )
+    rows = dict(state.rows)
+    for one in (one for one in moving if one.key not in state.taken):
+        taken, why = "beam" in scatter.causes, "nothing is left to explain"
+        if scatter.causes:
+            why = "the data call for it" if taken else "something else is likelier"
+        count = 2 * len(state.data.raw) * taken
+        fall = state.found.loss - found.loss if taken else 0.0
+        rows[one.key] = Decision(one.key, one.effect.words, count, fall, np.nan, taken, why)
+    return replace(state, data=data, found=found, scatter=scatter, rows=rows)
+
+
+def remove_outliers(state: SearchState) -> SearchState:
+    """Removes samples whose jumps were smaller than what the model missed before."""
+    gone = state.outliers
+    data, found, more = without_outliers(
+        state.sensor, state.data, state.found, state.settings.outliers, len(gone)
+    )
+    return replace(state, data=data, found=found, outliers=sorted([*gone, *more]))
