@@ -22,7 +22,15 @@ from .fit import Fit, fit
 from .hypotheses import explanation
 from .laser import steadied
 from .linear_prediction import reachable_chi_square
-from .misfit import Finding, excluded, findings, model_error, pulls, widened
+from .misfit import (
+    Finding,
+    centre_sigma,
+    excluded,
+    findings,
+    model_error,
+    pulls,
+    with_unseen_errors,
+)
 from .outliers import numbers, without_outliers
 from .samples import averaged, distinct, faults, inside, with_converter
 from .scatter import shape_of_powers
@@ -216,7 +224,8 @@ def validate(sensor: Sensor, plain: Plain, done: Search, settings: Calibrate) ->
     said = excluded(done.outliers, len(plain.screened.fitted.raw), plain.screened.kind)
     said += [*findings(done.sensor, found, data, done.scatter, shape), *plain.screened.findings]
     missed = model_error(found, data, done.sensor, done.scatter)
-    made = widened(found.sensor, found, missed)
+    centre = centre_sigma(done.sensor, found, settings)
+    made = with_unseen_errors(found.sensor, found, missed, centre)
     known = replace(found, sensor=made)
     held = held._replace(sigma=data.sigma) if len(held.raw) else data
     errors = validation(sensor, known, held)

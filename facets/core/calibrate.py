@@ -36,6 +36,13 @@ BEFORE = block_of_keys(
         _before(
             "beam_diameter_percent", 5.0, 100, "of the beam's two diameters, and of its roundness"
         ),
+        _before(
+            "beam_profile_percent",
+            0.1,
+            100,
+            "of the share of the laser's power that is not in a Gaussian cross-section (a ghost, "
+            "other modes, light lost at a chipped tip), where the data call for an effect of light",
+        ),
         _before("power_percent", 2.0, 100, "of each PSD's gain"),
         _before("dark_uw", None, 1e6, "of what each PSD reads without light"),
         _before(

@@ -10,4 +10,6 @@ from .correction import NAMES
 
 #: What the model is found to miss in each reading, mm and mW, other in every place.
 MISFIT = tuple(f"misfit_{k}.{kind}" for k in DETECTORS for kind in ("psi", "zeta", "power"))
-KNOWN = (*PARAMETERS, *SHAPE, *NAMES, *EFFECTS, *MISFIT)
+#: Where the middle of the light is beside the beam's position, mm, the same in every sample.
+LIGHT_CENTRE = ("light.centre_x", "light.centre_y")
+KNOWN = (*PARAMETERS, *SHAPE, *NAMES, *EFFECTS, *MISFIT, *LIGHT_CENTRE)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..core.names import FINE_UNITS
 from ..core.units import Floats
-from ..detectors.calibrated import MISFIT
+from ..detectors.calibrated import LIGHT_CENTRE, MISFIT
 from ..detectors.correction import NAMES, correction_slopes
 from ..detectors.noise import standard_deviations
 from ..model.arrays import EFFECTS, effect_jacobian, jacobian, parameter_jacobian, readings
@@ -77,6 +77,8 @@ def by_parameters(sensor: Sensor, known: Calibration, states: Floats, seen: Floa
     }
     if any(name in SHAPE for name in known.names):
         blocks[SHAPE] = by_shape(sensor, states, whole)
+    if any(name in LIGHT_CENTRE for name in known.names):
+        blocks[LIGHT_CENTRE] = jacobian(sensor, states)[:, :, 6:]
     if any(name in EFFECTS for name in known.names):
         blocks[EFFECTS] = effect_jacobian(sensor, states)
     names = [name for block in blocks for name in block]

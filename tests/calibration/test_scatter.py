@@ -13,6 +13,7 @@ from facets.calibration import scatter
 from facets.calibration.bundle_adjustment import Data, over_the_run, states_of
 from facets.calibration.fit import Task, fit
 from facets.calibration.laser import steadied
+from facets.calibration.misfit import centre_sigma, with_unseen_errors
 from facets.calibration.outliers import without_outliers
 from facets.calibration.scatter import explained, shape_of_powers
 from facets.calibration.table import choice
@@ -23,7 +24,8 @@ from facets.detectors.noise import add_noise
 
 CONFIG = facets.load("paper")
 NOMINAL = CONFIG.sensor
-PLAIN = replace(CONFIG.calibrate, effects=dict.fromkeys(CONFIG.calibrate.effects, "off"))
+SETTINGS = CONFIG.calibrate
+PLAIN = replace(SETTINGS, effects=dict.fromkeys(SETTINGS.effects, "off"))
 COUNT = 120
 
 
@@ -106,6 +108,33 @@ def test_a_power_that_follows_the_place_is_no_scatter():
         data, found, _ = explained(NOMINAL, data, plain_fit(data), 3.0, beam=True)
         shape = shape_of_powers(NOMINAL, data, found, 3.0)
         assert (shape.chance < 1e-6) == there
+
+
+# ---- light that is not Gaussian, which no residual shows
+
+
+def test_a_beam_that_may_not_be_gaussian_makes_x_and_y_less_certain():
+    """All poses together, by as much as the light's middle may be off; nothing else."""
+    data = samples().part(slice(0, 20))
+    found = plain_fit(samples())
+    centre = 2e-4
+    wider = with_unseen_errors(found.sensor, found, {}, centre)
+    before, after = (
+        facets.solve(sensor, data.raw, beam="known", power="unknown").uncertainty ** 2
+        for sensor in (found.sensor, wider)
+    )
+    assert np.sqrt((after - before)[:, :2]) == pytest.approx(centre, rel=1e-2)
+    assert np.sqrt(after[:, 2:6] / before[:, 2:6]).max() < 1.01
+
+
+def test_how_far_the_lights_middle_may_be_off():
+    found = plain_fit(samples())
+    assert centre_sigma(NOMINAL, found, SETTINGS) == 0  # ideal light
+    light = replace(found, choice=found.choice.and_also({"light.wavelength": 1e-3}))
+    size = 0.6 * 1e-3 * NOMINAL.beam.diameter_x / 4
+    assert centre_sigma(NOMINAL, light, SETTINGS) == pytest.approx(size)
+    clean = replace(SETTINGS, before={**SETTINGS.before, "beam_profile_percent": 0.01})
+    assert centre_sigma(NOMINAL, light, clean) == pytest.approx(size / 10)
 
 
 # ---- samples that no noise makes

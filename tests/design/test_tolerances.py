@@ -33,7 +33,7 @@ optimize:
 #: Of accuracy: about what half of the heads keep as built, and calibrated.
 AS_BUILT = "  accuracy: {tz_um: 14, roll_urad: 60, pitch_urad: 60, yaw_urad: 60}\n"
 #: What `calibrate.before` says of the calibration's rig and not of the head.
-OF_THE_RIG = {"mount_deg", "lever_mm", "apex_mm"}
+OF_THE_RIG = {"mount_deg", "lever_mm", "apex_mm", "beam_profile_percent"}
 CALIBRATED = "  accuracy: {tz_um: 0.6, roll_urad: 2, pitch_urad: 2, yaw_urad: 2}\n"
 
 
