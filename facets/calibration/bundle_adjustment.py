@@ -203,7 +203,7 @@ def light_of(data: Data, opening: Floats, values: Floats) -> Floats:
     return own if data.slow is None else own + data.slow @ values[block(POWER_DRIFT)]
 
 
-def over_the_run(data: Data) -> Data:
+def add_power_polynomials(data: Data) -> Data:
     """With Legendre polynomials of time, or of the rows' order, for the laser's power."""
     there = data.clock is not None and data.clock[:, 0].any()
     time = data.clock[:, 0] if there else np.linspace(-1, 1, len(data.raw))  # type: ignore[index]
@@ -215,7 +215,7 @@ def over_the_run(data: Data) -> Data:
 STEP = 4.0
 
 
-def approached(data: Data) -> Data:
+def add_approach(data: Data) -> Data:
     """With the direction of each axis's last step, the rows in the order of the motion."""
     step = np.diff(data.pose, axis=0, prepend=data.pose[:1])
     sign = np.where(np.abs(step) > STEP * data.sigma, np.sign(step), 0.0)
@@ -253,7 +253,7 @@ def by_thirds(
     if data.thirds is None or not data.thirds.any():
         return what(sensor, state)
     parts = {
-        third: what(put_on(sensor, third), state[data.thirds == third])
+        third: what(turn_mirror(sensor, third), state[data.thirds == third])
         for third in np.unique(data.thirds).tolist()
     }
     out = np.empty((len(state), *next(iter(parts.values())).shape[1:]))
@@ -262,7 +262,7 @@ def by_thirds(
     return out
 
 
-def put_on(sensor: Sensor, thirds: int) -> Sensor:
+def turn_mirror(sensor: Sensor, thirds: int) -> Sensor:
     """The sensor whose mirror was put on by thirds of a turn: A faces detector B after one."""
     if not thirds % 3:
         return sensor
@@ -272,11 +272,11 @@ def put_on(sensor: Sensor, thirds: int) -> Sensor:
         for k in range(3)
     ]  # fmt: skip
     turned_on = replace(sensor, facets=(facets[0], facets[1], facets[2]))
-    order = [EFFECTS.index(on_the_mirror(name, thirds)) for name in EFFECTS]
+    order = [EFFECTS.index(mirror_name(name, thirds)) for name in EFFECTS]
     return with_effects(turned_on, effects(sensor)[order])
 
 
-def on_the_mirror(name: str, thirds: int) -> str:
+def mirror_name(name: str, thirds: int) -> str:
     """Whose parameter it is that acts where `name` acts while the mirror is not turned."""
     head, dot, tail = name.partition(".")
     kind, _, letters = head.partition("_")
@@ -286,14 +286,14 @@ def on_the_mirror(name: str, thirds: int) -> str:
     return f"{kind}_{moved}{dot}{tail}"
 
 
-def in_the_mirror(columns: Floats, names: tuple[str, ...], data: Data) -> Floats:
+def assign_to_mirror(columns: Floats, names: tuple[str, ...], data: Data) -> Floats:
     """Derivatives by names (n, 9, p) where the mirror was turned: whose facet or edge it is."""
     if data.thirds is None or not data.thirds.any():
         return columns
     out = columns.copy()
     for third in np.unique(data.thirds[data.thirds % 3 > 0]).tolist():
         rows = data.thirds == third
-        into = [names.index(on_the_mirror(name, third)) for name in names]
+        into = [names.index(mirror_name(name, third)) for name in names]
         part = np.empty_like(columns[rows])
         part[:, :, into] = columns[rows]
         out[rows] = part
@@ -334,14 +334,14 @@ def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: 
     every = np.zeros((len(state), 9, len(ALL) if bent else block(SPLINE).start))
     if bent:
         every[:, :, block(SPLINE)] = -spline_slopes(sensor, data.raw)
-    every[:, :, : len(GEOMETRY) + len(SHAPE)] = in_the_mirror(
+    every[:, :, : len(GEOMETRY) + len(SHAPE)] = assign_to_mirror(
         by_thirds(sensor, data, state, by_sensor), (*GEOMETRY, *SHAPE), data
     )
     every[:, 2::3, : len(GEOMETRY) + len(SHAPE)] *= light
     every[:, :, block(NAMES)] = -correction_slopes(sensor, data.raw)
     if any(name in EFFECTS for name in choice.names):
-        columns = by_thirds(sensor, data, state, wanted_effects(data, choice))
-        every[:, :, block(EFFECTS)] = in_the_mirror(columns, EFFECTS, data)
+        columns = by_thirds(sensor, data, state, effect_columns(data, choice))
+        every[:, :, block(EFFECTS)] = assign_to_mirror(columns, EFFECTS, data)
         every[:, 2::3, block(EFFECTS)] *= light
     add_mounting(every, data, by_state, turning)
     add_run(every, data, own, by_state)
@@ -353,7 +353,7 @@ def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: 
     return Linear(left, common, own)
 
 
-def wanted_effects(data: Data, choice: Choice) -> Callable[[Sensor, Floats], Floats]:
+def effect_columns(data: Data, choice: Choice) -> Callable[[Sensor, Floats], Floats]:
     """The derivatives by the effects of a choice; by all where the mirror was turned.
 
     NaN where a fit that has gone astray makes a sensor that has none, as a beam without width.
@@ -490,7 +490,9 @@ def own_information(sigma: Floats) -> Floats:
     return bounded
 
 
-def eliminated(found: Linear, weights: Floats, opening: Floats, sigma: Floats) -> Normal:
+def eliminate_own_unknowns(
+    found: Linear, weights: Floats, opening: Floats, sigma: Floats
+) -> Normal:
     """Takes what belongs to each sample out of the normal equations.
 
     opening: (n, 9) where the samples' own unknowns are now.  sigma: (9,) what is known of them, or

@@ -6,7 +6,7 @@ mean is known is told by the scatter of the means of its parts, so that noise wh
 neighbouring rows counts as it should. That is taken over all stands together, since one has few
 parts, and by the median of all, which a few stands that were spoilt do not move; the noise of a
 place goes with one over the power that falls on the detector. What a converter's steps leave in a
-mean does not scatter: `samples.with_converter` adds it.
+mean does not scatter: `samples.add_converter_steps` adds it.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from ..core.sensor import Sensor
 from .bundle_adjustment import Data, deviations
 from .candidates import Candidate, add_candidate, candidates, effects_without_columns
 from .fit import NORMAL_MEDIAN, Fit, fit
-from .laser import steadied
+from .laser import fit_steady_laser
 from .linear_prediction import (
     CHANCE,
     Decision,
@@ -29,8 +29,8 @@ from .linear_prediction import (
     rank_candidates,
     values_for,
 )
-from .outliers import without_outliers
-from .scatter import NOTHING, Scatter, explained
+from .outliers import exclude_outliers
+from .scatter import NOTHING, Scatter, fit_with_scatter
 from .unknowns import PLACE
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def search(
     if noisy is not data:
         state = add_all(use_true_noise(state, data))
     state = explain_scatter(state)
-    state = remove_outliers(state)
+    state = exclude_late_outliers(state)
     settled = state.fit_again()
     plain_equations = fold_equations(sensor, data, plain, plain.choice)
     left_out = predict(plain_equations, plain.choice.names).left_out
@@ -177,7 +177,7 @@ def add_all(state: SearchState) -> SearchState:
         while adds:
             state, adds = add_best(state)
         before = state.found
-        steady = steadied(state.sensor, state.data, before, state.settings.outliers)
+        steady = fit_steady_laser(state.sensor, state.data, before, state.settings.outliers)
         if steady is before:
             break
         state = replace(state, found=steady, refused=frozenset())
@@ -251,7 +251,7 @@ def use_true_noise(state: SearchState, data: Data) -> SearchState:
 def explain_scatter(state: SearchState) -> SearchState:
     """Finds the likeliest cause of what scatters from sample to sample, and fits with that."""
     moving = [one for one in state.every if one.effect.beam]
-    data, found, scatter = explained(
+    data, found, scatter = fit_with_scatter(
         state.sensor, state.data, state.found, state.settings.outliers, bool(moving)
     )
     rows = dict(state.rows)
@@ -265,10 +265,10 @@ def explain_scatter(state: SearchState) -> SearchState:
     return replace(state, data=data, found=found, scatter=scatter, rows=rows)
 
 
-def remove_outliers(state: SearchState) -> SearchState:
+def exclude_late_outliers(state: SearchState) -> SearchState:
     """Removes samples whose jumps were smaller than what the model missed before."""
     gone = state.outliers
-    data, found, more = without_outliers(
+    data, found, more = exclude_outliers(
         state.sensor, state.data, state.found, state.settings.outliers, len(gone)
     )
     return replace(state, data=data, found=found, outliers=sorted([*gone, *more]))

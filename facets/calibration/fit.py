@@ -35,7 +35,7 @@ from .bundle_adjustment import (
     Linear,
     Normal,
     deviations,
-    eliminated,
+    eliminate_own_unknowns,
     linear,
     own_sigma,
     residuals,
@@ -116,7 +116,7 @@ class Fit:
         return max(0.0, self.reduced - 1 - chance)
 
 
-def opened(data: Data, sensor: Sensor) -> Floats:
+def solve_open_axes(data: Data, sensor: Sensor) -> Floats:
     """Where the poses are beside the reference, to begin with: what the nominal sensor solves."""
     opening = np.zeros((len(data.pose), OWN))
     free = np.isinf(data.sigma)
@@ -178,18 +178,18 @@ class Task:
         before = (at.values - self.start)[self.choice.places]
         return float(loss.sum() + (beside**2).sum() + before @ self.prior @ before)
 
-    def linearised(self, at: Guess, limit: float) -> tuple[Linear, Floats, Normal]:
+    def linearise(self, at: Guess, limit: float) -> tuple[Linear, Floats, Normal]:
         """The model there, the roots of the readings' weights, and the normal equations."""
         found = linear(at.sensor, self.data, at.opening, at.values, self.choice)
-        weights = huber(found.residual, limit)
-        return found, weights, eliminated(found, weights, at.opening, self.own)
+        weights = huber_roots(found.residual, limit)
+        return found, weights, eliminate_own_unknowns(found, weights, at.opening, self.own)
 
-    def whole(self, at: Guess, normal: Normal) -> tuple[Floats, Floats]:
+    def add_prior(self, at: Guess, normal: Normal) -> tuple[Floats, Floats]:
         """The normal equations with what was known before."""
         side = normal.side - self.prior @ (at.values - self.start)[self.choice.places]
         return normal.matrix + self.prior, side
 
-    def moved(self, at: Guess, normal: Normal, step: Floats) -> Guess | None:
+    def take_step(self, at: Guess, normal: Normal, step: Floats) -> Guess | None:
         """The guess a step further; None where that makes no sensor."""
         values = at.values.copy()
         values[self.choice.places] += step
@@ -210,8 +210,8 @@ class Task:
         scale = np.diag(1 / self.choice.sigma**2)
         for steps in range(1, most + 1):
             limit = self.limit(at)
-            _, _, normal = self.linearised(at, limit)
-            matrix, side = self.whole(at, normal)
+            _, _, normal = self.linearise(at, limit)
+            matrix, side = self.add_prior(at, normal)
             worth = float(side @ np.linalg.solve(matrix, side))
             if worth < enough and normal.fall < enough * len(self.data.raw):
                 return at, steps - 1, ""
@@ -219,7 +219,7 @@ class Task:
             while damping < STUCK:
                 heavy = matrix + damping * scale
                 step: Floats = np.linalg.solve(heavy, side).astype(float)
-                tried = self.moved(at, normal, step)
+                tried = self.take_step(at, normal, step)
                 if tried is not None and (now := self.cost(tried, limit)) < level:
                     better = tried
                     break
@@ -257,13 +257,13 @@ class Task:
 
     def conclusion(self, at: Guess, steps: int, cause: str) -> Fit:
         limit = self.limit(at)
-        found, weights, normal = self.linearised(at, limit)
-        matrix, _ = self.whole(at, normal)
+        found, weights, normal = self.linearise(at, limit)
+        matrix, _ = self.add_prior(at, normal)
         covariance: Floats = np.linalg.inv(matrix).astype(float)
         redundancy = redundancies(found, weights, normal, covariance)
         chi_square, freedom = self.misfit(at, limit, redundancy)
         try:
-            sensor = written_to_sensor(self, at, normal, covariance)
+            sensor = calibrated_sensor(self, at, normal, covariance)
         except InputError as error:  # the mirror's turn, put into its facets, may leave no pyramid
             sensor, cause = self.nominal, f"what it found makes no sensor ({error})"
         return Fit(
@@ -313,7 +313,7 @@ def fit(
     """
     task = Task(sensor, data, choice, robust)
     if start is None:
-        at = task.guess(task.start, opened(data, sensor))
+        at = task.guess(task.start, solve_open_axes(data, sensor))
     else:
         at = task.guess(start.every, start.open)
     return task.conclusion(*task.settle(at, most, enough))
@@ -336,7 +336,7 @@ def prior_information(choice: Choice) -> Floats:
     return matrix
 
 
-def huber(residual: Floats, limit: float) -> Floats:
+def huber_roots(residual: Floats, limit: float) -> Floats:
     """Roots of weights: 1 up to the limit, then what makes the loss grow straight."""
     if not np.isfinite(limit):
         return np.ones_like(residual)
@@ -375,7 +375,7 @@ def redundancies(found: Linear, weights: Floats, normal: Normal, covariance: Flo
 # ---- from the fit to the sensor that is written
 
 
-def written_to_sensor(task: Task, at: Guess, normal: Normal, covariance: Floats) -> Sensor:
+def calibrated_sensor(task: Task, at: Guess, normal: Normal, covariance: Floats) -> Sensor:
     """The calibrated sensor with the covariance of what was found of it.
 
     The power is the mean over the samples where each had its own; the mirror's turn on the

@@ -19,7 +19,7 @@ from ..core.names import POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from .bundle_adjustment import Data, angles_of, turned
-from .fit import NORMAL_MEDIAN, Guess, Task, opened
+from .fit import NORMAL_MEDIAN, Guess, Task, solve_open_axes
 from .misfit import KINDS, Finding
 from .unknowns import Choice
 
@@ -53,7 +53,7 @@ def hypotheses() -> Iterator[Hypothesis]:
     yield from units()
 
 
-def readings_as(change: Callable[[Floats], None]) -> Change:
+def change_readings(change: Callable[[Floats], None]) -> Change:
     def changed(data: Data) -> Data:
         raw = data.raw.copy()
         change(raw)
@@ -62,7 +62,7 @@ def readings_as(change: Callable[[Floats], None]) -> Change:
     return changed
 
 
-def pose_as(change: Callable[[Floats], Floats]) -> Change:
+def change_pose(change: Callable[[Floats], Floats]) -> Change:
     def changed(data: Data) -> Data:
         return data._replace(pose=change(data.pose.copy()), velocity=None)
 
@@ -80,7 +80,7 @@ def signs() -> Iterator[Hypothesis]:
                 raw[:, columns] *= -1
 
             yield Hypothesis(
-                f"the sign of {kind} of {of} is swapped", "swap it back", readings_as(flip)
+                f"the sign of {kind} of {of} is swapped", "swap it back", change_readings(flip)
             )
     for n, name in enumerate(POSE):
 
@@ -89,7 +89,7 @@ def signs() -> Iterator[Hypothesis]:
             return pose
 
         yield Hypothesis(
-            f"the sign of the reference's {name} is swapped", "swap it back", pose_as(turn)
+            f"the sign of the reference's {name} is swapped", "swap it back", change_pose(turn)
         )
 
 
@@ -109,7 +109,7 @@ def exchanges() -> Iterator[Hypothesis]:
         yield Hypothesis(
             f"detectors {of} are exchanged",
             f"name the columns of the readings in the order {letters}",
-            readings_as(permute),
+            change_readings(permute),
         )
     for a, b in combinations(range(9), 2):
         if (a % 3 == 2) != (b % 3 == 2):  # a place and a power are never taken for each other
@@ -118,7 +118,7 @@ def exchanges() -> Iterator[Hypothesis]:
         def cross(raw: Floats, a: int = a, b: int = b) -> None:
             raw[:, [a, b]] = raw[:, [b, a]]
 
-        yield Hypothesis(f"{pair(a, b)} are exchanged", "exchange them", readings_as(cross))
+        yield Hypothesis(f"{pair(a, b)} are exchanged", "exchange them", change_readings(cross))
 
 
 def pair(a: int, b: int) -> str:
@@ -158,14 +158,14 @@ def orders() -> Iterator[Hypothesis]:
                 f"the reference's angles are taken in another order (about the fixed axes {axes}; "
                 "here x, then y, then z)",
                 "convert them",
-                pose_as(again),
+                change_pose(again),
             )
 
     def inverse(pose: Floats) -> Floats:
         pose[:, 3:] = angles_of(np.swapaxes(turned(pose[:, 3:]).matrix, 1, 2))
         return pose
 
-    yield Hypothesis("the reference gives the inverse rotation", "invert it", pose_as(inverse))
+    yield Hypothesis("the reference gives the inverse rotation", "invert it", change_pose(inverse))
 
 
 def axes() -> Iterator[Hypothesis]:
@@ -178,7 +178,7 @@ def axes() -> Iterator[Hypothesis]:
 
         yield Hypothesis(
             f"the reference's {POSE[a]} and {POSE[b]} are exchanged", "exchange them",
-            pose_as(cross),
+            change_pose(cross),
         )  # fmt: skip
     for quarters in (1, 2, 3):
         c, s = round(np.cos(quarters * np.pi / 2)), round(np.sin(quarters * np.pi / 2))
@@ -192,7 +192,7 @@ def axes() -> Iterator[Hypothesis]:
         yield Hypothesis(
             f"the reference's x and y axes are turned by {90 * quarters} degrees about z",
             "turn them back",
-            pose_as(swing),
+            change_pose(swing),
         )
 
 
@@ -210,7 +210,9 @@ def units() -> Iterator[Hypothesis]:
             pose[:, 3:] *= factor
             return pose
 
-        yield Hypothesis(f"the reference's angles are in {words}", "convert them", pose_as(angle))
+        yield Hypothesis(
+            f"the reference's angles are in {words}", "convert them", change_pose(angle)
+        )
     for words, factor in (
         ("um where mm is asked for", 1e-3),
         ("m where mm is asked for", 1e3),
@@ -223,22 +225,28 @@ def units() -> Iterator[Hypothesis]:
         def place(raw: Floats, factor: float = factor) -> None:
             raw[:, [0, 1, 3, 4, 6, 7]] *= factor
 
-        yield Hypothesis(f"the reference's lengths are in {words}", "convert them", pose_as(length))
-        yield Hypothesis(f"the spots' places are in {words}", "convert them", readings_as(place))
+        yield Hypothesis(
+            f"the reference's lengths are in {words}", "convert them", change_pose(length)
+        )
+        yield Hypothesis(
+            f"the spots' places are in {words}", "convert them", change_readings(place)
+        )
     for words, factor in (("uW", 1e-3), ("W", 1e3)):
 
         def power(raw: Floats, factor: float = factor) -> None:
             raw[:, 2::3] *= factor
 
         yield Hypothesis(
-            f"the powers are in {words} where mW is asked for", "convert them", readings_as(power)
+            f"the powers are in {words} where mW is asked for",
+            "convert them",
+            change_readings(power),
         )
 
 
 # ---- trying them
 
 
-def few(sensor: Sensor, data: Data, count: int) -> Data:
+def subsample(sensor: Sensor, data: Data, count: int) -> Data:
     """Some samples, all over the motion, with the noise of the mirror at rest: a fault in the
     powers would change it, and what is compared with it."""
     from ..detectors.noise import standard_deviations
@@ -254,13 +262,13 @@ def short_fit(sensor: Sensor, data: Data, chosen: Choice, steps: int) -> float:
     """Chi-square for each reading after some steps."""
     try:
         task = Task(sensor, data, chosen, 3.0)
-        at, _, _ = task.settle(task.guess(task.start, opened(data, sensor)), steps)
+        at, _, _ = task.settle(task.guess(task.start, solve_open_axes(data, sensor)), steps)
     except (InputError, np.linalg.LinAlgError):
         return np.inf
-    return level(task, at)
+    return mean_square(task, at)
 
 
-def level(task: Task, at: Guess) -> float:
+def mean_square(task: Task, at: Guess) -> float:
     """Mean squares of the residuals and of how far unknowns are from where they were thought to be.
 
     Robust, so that spikes hide no cure. Each mean is over its own number: a sign that hides in a
@@ -292,13 +300,15 @@ class Explanation(NamedTuple):
         ))  # fmt: skip
 
 
-def explanation(sensor: Sensor, data: Data, chosen: Choice) -> Explanation | None:
+def find_fault(sensor: Sensor, data: Data, chosen: Choice) -> Explanation | None:
     """The fault that explains a bad fit best, or the two; None where none does.
 
     Single faults are tried first; two at once only where no single one leaves residuals as small as
     real light and scatter do.
     """
-    trials = Trials(sensor, chosen, few(sensor, data, SAMPLES[0]), few(sensor, data, SAMPLES[1]))
+    trials = Trials(
+        sensor, chosen, subsample(sensor, data, SAMPLES[0]), subsample(sensor, data, SAMPLES[1])
+    )
     before = trials.last(())
     single = trials.rank([(one,) for one in hypotheses()])
     explains = single.explains(before)

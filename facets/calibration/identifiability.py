@@ -15,8 +15,8 @@ from ..core.names import DETECTORS
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import readings
-from .bundle_adjustment import OWN, OWN_UNITS, Data, eliminated, linear, own_sigma
-from .fit import opened
+from .bundle_adjustment import OWN, OWN_UNITS, Data, eliminate_own_unknowns, linear, own_sigma
+from .fit import solve_open_axes
 from .small_matrices import one_thread
 from .unknowns import ALL, PLACE, Choice, values_of
 
@@ -35,10 +35,10 @@ class Direction(NamedTuple):
 @one_thread
 def information(sensor: Sensor, data: Data, choice: Choice) -> Floats:
     """Of the data alone (p, p), in units of what is known before, at the nominal sensor."""
-    opening = opened(data, sensor)
+    opening = solve_open_axes(data, sensor)
     found = linear(sensor, data, opening, values_of(sensor), choice)
     own = own_sigma(data, choice)
-    matrix = eliminated(found, np.ones_like(data.raw), opening, own).matrix
+    matrix = eliminate_own_unknowns(found, np.ones_like(data.raw), opening, own).matrix
     scaled: Floats = choice.sigma[:, None] * matrix * choice.sigma
     return scaled
 

@@ -15,8 +15,8 @@ import numpy as np
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from .bundle_adjustment import OWN_UNITS, Data
-from .fit import NORMAL_MEDIAN, Fit, Task, fit, huber
-from .scatter import NAMES, Likelihood, known_before
+from .fit import NORMAL_MEDIAN, Fit, Task, fit, huber_roots
+from .scatter import NAMES, Likelihood, prior_variances
 from .small_matrices import one_thread
 from .unknowns import PLACE, POWER_DRIFT, block
 
@@ -32,15 +32,15 @@ DRIFT = 0.3
 
 
 @one_thread
-def steadied(sensor: Sensor, data: Data, found: Fit, robust: float | None) -> Fit:
+def fit_steady_laser(sensor: Sensor, data: Data, found: Fit, robust: float | None) -> Fit:
     """The fit again, with a laser that drifts slowly and jitters as little as the data say.
 
     Where the jitter is not what the fit took it for. The fit as it was, where the laser jumps.
     """
     if data.slow is None or not found.choice.power:
         return found
-    start = found if np.isfinite(found.choice.power) else drifting(data, found)
-    jitter = likely_jitter(sensor, data, start, robust)
+    start = found if np.isfinite(found.choice.power) else add_slow_drift(data, found)
+    jitter = estimate_jitter(sensor, data, start, robust)
     before = found.choice.power
     if jitter is None or max(jitter, before) < SAME * min(jitter, before):
         return found
@@ -48,7 +48,7 @@ def steadied(sensor: Sensor, data: Data, found: Fit, robust: float | None) -> Fi
     return again if again.ended else found
 
 
-def drifting(data: Data, found: Fit) -> Fit:
+def add_slow_drift(data: Data, found: Fit) -> Fit:
     """A fit with a power for each sample, told as one with a slow drift; not fitted yet."""
     assert data.slow is not None
     rows = np.column_stack([np.ones(len(data.slow)), data.slow])
@@ -57,7 +57,7 @@ def drifting(data: Data, found: Fit) -> Fit:
         ways, *_ = np.linalg.lstsq(rows * weight[:, None], power * weight, rcond=None)
         left = power - rows @ ways
         jitter = max(float(JITTERS[0]), NORMAL_MEDIAN * float(np.median(np.abs(left))))
-        weight = huber(left / jitter, 3.0)
+        weight = huber_roots(left / jitter, 3.0)
     level = found.every[PLACE["beam.power"]]
     known = {"beam.power": DRIFT * level} | dict.fromkeys(POWER_DRIFT, DRIFT)
     every, opening = found.every.copy(), found.open.copy()
@@ -68,17 +68,17 @@ def drifting(data: Data, found: Fit) -> Fit:
     return replace(found, choice=wide, every=every, open=opening)
 
 
-def likely_jitter(sensor: Sensor, data: Data, start: Fit, robust: float | None) -> float | None:
+def estimate_jitter(sensor: Sensor, data: Data, start: Fit, robust: float | None) -> float | None:
     """The largest jitter that is about as likely as the likeliest; None beyond all of `JITTERS`."""
     task = Task(sensor, data, start.choice, robust)
-    unlikely = unlikelihoods(task, start)
+    unlikely = jitter_likelihoods(task, start)
     good = np.flatnonzero(unlikely < unlikely.min() + LIKELY)
     return None if good[-1] == len(JITTERS) - 1 else float(JITTERS[good[-1]])
 
 
-def unlikelihoods(task: Task, start: Fit) -> Floats:
+def jitter_likelihoods(task: Task, start: Fit) -> Floats:
     """-2 log L of each of `JITTERS`, but for a constant, by the model linearised at a fit."""
-    like, known = Likelihood(task, start), known_before(task.data, task.choice)
+    like, known = Likelihood(task, start), prior_variances(task.data, task.choice)
     known[7:] = (task.choice.beam / OWN_UNITS[7]) ** 2
     out = np.empty(len(JITTERS))
     for n, jitter in enumerate(JITTERS.tolist()):

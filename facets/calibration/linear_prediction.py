@@ -16,7 +16,15 @@ import numpy as np
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import EFFECTS
-from .bundle_adjustment import Data, Linear, Normal, deviations, eliminated, linear, own_sigma
+from .bundle_adjustment import (
+    Data,
+    Linear,
+    Normal,
+    deviations,
+    eliminate_own_unknowns,
+    linear,
+    own_sigma,
+)
 from .candidates import POLARISATIONS, Candidate, add_candidate, add_coating, candidates
 from .fit import Fit, prior_information
 from .outliers import LEAST_WEIGHT
@@ -76,7 +84,7 @@ def fold_equations(sensor: Sensor, data: Data, found: Fit, chosen: Choice) -> Fo
     for n in range(FOLDS):
         rows = slice(n, None, FOLDS)
         part = Linear(model.residual[rows], model.common[rows], model.own[rows])
-        parts.append(eliminated(part, weights[rows], found.open[rows], own))
+        parts.append(eliminate_own_unknowns(part, weights[rows], found.open[rows], own))
     prior = prior_information(chosen)
     before = (values - values_of(sensor))[chosen.places]
     return FoldEquations(

@@ -19,15 +19,15 @@ from ..detectors.calibrated import LIGHT_CENTRE, MISFIT
 from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, deviations, light_of
 from .fit import Fit
-from .outliers import MOST_SHARE, POWER_HOLDS, holds
+from .outliers import MOST_SHARE, POWER_HOLDS, model_accuracy
 from .scatter import (
     FAR,
     PLACES,
     POWERS,
     Scatter,
     Shape,
-    doubtful,
-    far_off,
+    far_unknowns,
+    is_doubtful,
 )
 from .spline import spline_error
 from .unknowns import BACKLASH
@@ -59,28 +59,28 @@ class Pattern(NamedTuple):
     size: float
 
 
-def standardised(found: Fit) -> Floats:
+def standardised_residuals(found: Fit) -> Floats:
     """Residuals (n, 9) over their own standard deviations; NaN where no other reading checks."""
     scale = np.sqrt(np.where(found.redundancy > 0.01, found.redundancy, np.nan))
     out: Floats = found.left / scale
     return out
 
 
-def by_reading(found: Fit, data: Data) -> Floats:
+def residual_sizes(found: Fit, data: Data) -> Floats:
     """The standard deviation of each of the nine readings' residuals over the noise (9,)."""
-    over = np.where(found.weights < 1, np.nan, standardised(found))
+    over = np.where(found.weights < 1, np.nan, standardised_residuals(found))
     over[~np.isfinite(data.raw)] = np.nan
     count = np.maximum(np.isfinite(over).sum(axis=0), 1)
     size: Floats = np.sqrt(np.nansum(over**2, axis=0) / count)
     return size
 
 
-def outliers(found: Fit) -> int:
+def count_outliers(found: Fit) -> int:
     """Samples with a reading that weighs less."""
     return int((found.weights < 1).any(axis=1).sum())
 
 
-def by_chance(found: Fit) -> float:
+def expected_outliers(found: Fit) -> float:
     """How many of these noise alone makes."""
     from scipy.special import ndtr
 
@@ -97,14 +97,14 @@ def patterns(found: Fit, data: Data) -> list[Pattern]:
     """What the residuals follow beyond chance, the clearest first; one for each reading."""
     from scipy.special import chdtri
 
-    over = np.where(found.weights < 1, np.nan, standardised(found))
+    over = np.where(found.weights < 1, np.nan, standardised_residuals(found))
     over[~np.isfinite(data.raw)] = np.nan
     limit = float(chdtri(BINS, PATTERN))
     best: dict[tuple[str, str], Pattern] = {}
     for n in range(9):
         letter, kind = DETECTORS[n // 3].upper(), KINDS[n % 3]
-        for along, values in grounds(data, n // 3).items():
-            strength, size = binned(over[:, n], values)
+        for along, values in pattern_variables(data, n // 3).items():
+            strength, size = bin_residuals(over[:, n], values)
             if strength > limit and strength > best.get((letter, kind), NONE).strength:
                 best[letter, kind] = Pattern(strength, letter, kind, along, size)
     return sorted(best.values(), reverse=True)
@@ -113,7 +113,7 @@ def patterns(found: Fit, data: Data) -> list[Pattern]:
 NONE = Pattern(0.0, "", "", "", 0.0)
 
 
-def grounds(data: Data, k: int) -> dict[str, Floats]:
+def pattern_variables(data: Data, k: int) -> dict[str, Floats]:
     """What the residuals of detector k may follow."""
     found: dict[str, Floats] = {
         "the spot's place along psi": data.raw[:, 3 * k],
@@ -133,7 +133,7 @@ def grounds(data: Data, k: int) -> dict[str, Floats]:
     return found
 
 
-def binned(over: Floats, along: Floats) -> tuple[float, float]:
+def bin_residuals(over: Floats, along: Floats) -> tuple[float, float]:
     """Chi-square of the means in bins of equal counts, and the largest mean, in noise's units."""
     there = np.isfinite(over) & np.isfinite(along)
     if there.sum() < 4 * BINS or np.ptp(along[there]) == 0:
@@ -171,17 +171,22 @@ def findings(
     sensor: Sensor, found: Fit, data: Data, scatter: Scatter, shape: Shape
 ) -> list[Finding]:
     """All that is to be said of a fit that has settled, what forbids its use first."""
-    every = [chi_square(found, data), spikes(found), *pulls(sensor, found)]
-    every += [sentence(one) for one in patterns(found, data)[:3]]
-    every += [scattering(scatter), shaped(shape), lagging(found), moving_power(found, data)]
+    every = [chi_square_finding(found, data), spike_finding(found), *pull_findings(sensor, found)]
+    every += [pattern_finding(one) for one in patterns(found, data)[:3]]
+    every += [
+        scatter_finding(scatter),
+        shape_finding(shape),
+        backlash_finding(found),
+        power_finding(found, data),
+    ]
     return sorted((one for one in every if one), key=lambda one: not one.bad)
 
 
-def chi_square(found: Fit, data: Data) -> Finding | None:
+def chi_square_finding(found: Fit, data: Data) -> Finding | None:
     """Against what noise alone would give."""
     if found.excess == 0:
         return None
-    sizes = by_reading(found, data)
+    sizes = residual_sizes(found, data)
     worst = int(np.argmax(sizes))
     where = f"{KINDS[worst % 3]} of detector {DETECTORS[worst // 3].upper()}"
     root = float(np.sqrt(found.reduced))
@@ -197,8 +202,8 @@ def chi_square(found: Fit, data: Data) -> Finding | None:
     ))  # fmt: skip
 
 
-def spikes(found: Fit) -> Finding | None:
-    count, total, chance = outliers(found), len(found.left), by_chance(found)
+def spike_finding(found: Fit) -> Finding | None:
+    count, total, chance = count_outliers(found), len(found.left), expected_outliers(found)
     beyond, far = count - chance, int((found.weights < 0.5).any(axis=1).sum())
     if beyond < 5 * np.sqrt(chance + 1) and not far:  # far: twice the limit, where chance has none
         return None
@@ -214,9 +219,9 @@ def spikes(found: Fit) -> Finding | None:
     ))  # fmt: skip
 
 
-def pulls(sensor: Sensor, found: Fit, far: float = FAR) -> list[Finding]:
+def pull_findings(sensor: Sensor, found: Fit, far: float = FAR) -> list[Finding]:
     """Unknowns that end far from where they could be: by `far` times their uncertainty."""
-    off = far_off(sensor, found, far)
+    off = far_unknowns(sensor, found, far)
     if not off:
         return []
     told = ", ".join(f"{name} ({size:.0f} times)" for name, size in off[:3])
@@ -226,7 +231,7 @@ def pulls(sensor: Sensor, found: Fit, far: float = FAR) -> list[Finding]:
     ))]  # fmt: skip
 
 
-def sentence(one: Pattern) -> Finding:
+def pattern_finding(one: Pattern) -> Finding:
     return Finding(False, (
         f"The residuals of {one.kind} of detector {one.detector} follow {one.along}, by up to "
         f"{one.size:.2g} times the noise: {cause_of(one)}."
@@ -237,7 +242,7 @@ def sentence(one: Pattern) -> Finding:
 POWER_CHANGE, POWER_JITTER = 2e-3, 1e-3
 
 
-def moving_power(found: Fit, data: Data) -> Finding | None:
+def power_finding(found: Fit, data: Data) -> Finding | None:
     """The laser's power, where it changed: by its slow drift or from sample to sample."""
     light = light_of(data, found.open, found.every)[(found.weights == 1).all(axis=1)]
     change = float(np.std(light)) if light.size else 0.0
@@ -257,7 +262,7 @@ def moving_power(found: Fit, data: Data) -> Finding | None:
     return Finding(False, words + "Solve with solve.power: unknown, or a prior.")
 
 
-def lagging(found: Fit) -> Finding | None:
+def backlash_finding(found: Fit) -> Finding | None:
     """Backlash of the reference, where it was taken in."""
     names = found.choice.names
     there = [n for n, name in enumerate(names) if name in BACKLASH
@@ -286,11 +291,15 @@ SHORT = {
 }
 
 
-def scattering(scatter: Scatter) -> Finding | None:
+def scatter_finding(scatter: Scatter) -> Finding | None:
     """What scatters from sample to sample, and what else it could be."""
     if not scatter.causes:
         return None
-    causes = {"reference": of_reference, "beam": of_beam, "detectors": of_detectors}
+    causes = {
+        "reference": describe_reference,
+        "beam": describe_beam,
+        "detectors": describe_detectors,
+    }
     words = "; and ".join(causes[key](scatter) for key in scatter.causes)
     others = " or ".join(SHORT[key] for key in scatter.others)
     rest = f" It could be {others} as well: these samples cannot tell." if others else ""
@@ -301,7 +310,7 @@ def scattering(scatter: Scatter) -> Finding | None:
     ))  # fmt: skip
 
 
-def of_reference(scatter: Scatter) -> str:
+def describe_reference(scatter: Scatter) -> str:
     """Axes whose further error is a fifth of the largest of its kind, or more."""
     told = []
     for axes, factor, unit in ((slice(0, 3), 1e3, "um"), (slice(3, 6), 1e6, "urad")):
@@ -317,7 +326,7 @@ def of_reference(scatter: Scatter) -> str:
     )
 
 
-def of_beam(scatter: Scatter) -> str:
+def describe_beam(scatter: Scatter) -> str:
     return (
         f"the beam moved by {1e3 * scatter.of('beam'):.2g} um (r.m.s.) from sample to sample; if "
         "it moves as much when poses are measured, say so with solve.beam: prior and this as "
@@ -325,7 +334,7 @@ def of_beam(scatter: Scatter) -> str:
     )
 
 
-def of_detectors(scatter: Scatter) -> str:
+def describe_detectors(scatter: Scatter) -> str:
     places, powers = (float(np.hypot(1.0, scatter.of(name))) for name in (PLACES, POWERS))
     return (
         f"the detectors' noise is {places:.3g} times the stated one in places and {powers:.3g} "
@@ -338,7 +347,7 @@ def of_detectors(scatter: Scatter) -> str:
 SHAPE, SHAPE_HOLDS = 1e-6, 2.0
 
 
-def shaped(shape: Shape) -> Finding | None:
+def shape_finding(shape: Shape) -> Finding | None:
     """Powers that follow the mirror's x and y in a way that the model does not know."""
     if shape.chance > SHAPE or shape.size < SHAPE_HOLDS * POWER_HOLDS:
         return None
@@ -352,7 +361,7 @@ def shaped(shape: Shape) -> Finding | None:
     ))  # fmt: skip
 
 
-def excluded(rows: list[int], total: int, kind: str) -> list[Finding]:
+def outlier_findings(rows: list[int], total: int, kind: str) -> list[Finding]:
     """Samples that were taken out.  kind: what their numbers count."""
     if not rows:
         return []
@@ -382,12 +391,12 @@ def model_error(found: Fit, data: Data, sensor: Sensor, scatter: Scatter) -> dic
     sigma = np.nanmedian(deviations(sensor, data), axis=0)
     more = np.array([scatter.of(PLACES), scatter.of(PLACES), scatter.of(POWERS)] * 3)
     missed = sigma * more / np.hypot(1.0, more)  # what the detectors scatter beside their noise
-    if doubtful(found):
-        sizes = by_reading(found, data)
+    if is_doubtful(found):
+        sizes = residual_sizes(found, data)
         share = float(found.redundancy[np.isfinite(data.raw)].mean())
         missed = np.hypot(missed, sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(share, 0.1)))
     if any(name in EFFECTS for name in found.choice.names):
-        missed = np.hypot(missed, holds(data))
+        missed = np.hypot(missed, model_accuracy(data))
     missed = np.hypot(missed, spline_error(sensor, data.raw, found.choice.names, found.covariance))
     return {name: float(size) for name, size in zip(MISFIT, missed, strict=True) if size > 0}
 
@@ -422,7 +431,7 @@ def with_unseen_errors(
         missed = missed | dict.fromkeys(LIGHT_CENTRE, centre)
     if not missed:
         return sensor
-    factor, size = found.reduced if doubtful(found) else 1.0, len(known.names)
+    factor, size = found.reduced if is_doubtful(found) else 1.0, len(known.names)
     matrix = np.zeros((size + len(missed),) * 2)
     matrix[:size, :size] = factor * np.array(known.covariance)
     matrix[range(size, len(matrix)), range(size, len(matrix))] = np.square(list(missed.values()))

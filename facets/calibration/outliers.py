@@ -29,7 +29,9 @@ MOST_SHARE = 0.1
 TIMES = 2
 
 
-def wild(sensor: Sensor, found: Fit, data: Data, robust: float | None) -> NDArray[np.bool_]:
+def find_outliers(
+    sensor: Sensor, found: Fit, data: Data, robust: float | None
+) -> NDArray[np.bool_]:
     """Samples (n,) with a reading that is too far off, beside most residuals of its column.
 
     By column, since a model that misses something of the powers says nothing of the places. What
@@ -40,13 +42,13 @@ def wild(sensor: Sensor, found: Fit, data: Data, robust: float | None) -> NDArra
     size = np.where(np.isfinite(data.raw), np.abs(found.left), np.nan)
     scale = np.maximum(1.0, NORMAL_MEDIAN * median(size))
     if any(name in EFFECTS for name in found.choice.names):
-        scale = np.maximum(scale, median(holds(data) / deviations(sensor, data)))
+        scale = np.maximum(scale, median(model_accuracy(data) / deviations(sensor, data)))
     with np.errstate(invalid="ignore"):
         off = size > robust * scale / LEAST_WEIGHT
     return np.asarray(off.any(axis=1))
 
 
-def holds(data: Data) -> Floats:
+def model_accuracy(data: Data) -> Floats:
     """(9,) how well the model of real light holds the readings: mm and mW."""
     found = np.full(9, PLACE_HOLDS)
     found[2::3] = POWER_HOLDS * median(data.raw)[2::3]
@@ -61,12 +63,12 @@ def median(values: Floats) -> Floats:
     return found
 
 
-def numbers(data: Data) -> NDArray[np.int64]:
+def row_numbers(data: Data) -> NDArray[np.int64]:
     """(n,) the table's rows, from 1."""
     return np.arange(1, len(data.raw) + 1) if data.number is None else data.number
 
 
-def without_outliers(
+def exclude_outliers(
     sensor: Sensor, data: Data, found: Fit, robust: float | None, spent: int = 0
 ) -> tuple[Data, Fit, list[int]]:
     """The samples without outliers, the fit to these, and the rows that were taken out.
@@ -75,10 +77,10 @@ def without_outliers(
     """
     gone = list[int]()
     for _ in range(TIMES):
-        off = wild(sensor, found, data, robust)
+        off = find_outliers(sensor, found, data, robust)
         if not off.any() or off.sum() + len(gone) + spent > MOST_SHARE * (len(off) + len(gone)):
             break
-        gone += numbers(data)[off].tolist()
+        gone += row_numbers(data)[off].tolist()
         data, start = data.part(~off), replace(found, open=found.open[~off])
         found = fit(sensor, data, found.choice, robust, start)
     return data, found, sorted(gone)

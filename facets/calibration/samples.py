@@ -190,7 +190,7 @@ def averaged(sensor: Sensor, data: Data) -> Data:
     return merged._replace(raw=raw, noise=sigma, rows=whole.astype(float)).part(order)
 
 
-def with_converter(sensor: Sensor, data: Data) -> Data:
+def add_converter_steps(sensor: Sensor, data: Data) -> Data:
     """Means with the part of the converter's steps in their noise: it is the same in all readings
     at one state, so that no mean takes it away, and nothing that scatters shows it."""
     if data.rows is None or data.noise is None or sensor.electronics is None:

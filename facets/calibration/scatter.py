@@ -61,7 +61,7 @@ class Likelihood:
 
     def __init__(self, task: Task, found: Fit) -> None:
         at = task.guess(found.every, found.open)
-        part, roots, _ = task.linearised(at, task.limit(at))
+        part, roots, _ = task.linearise(at, task.limit(at))
         weights = roots**2
         good = np.isfinite(task.data.raw) & (weights >= LEAST_WEIGHT)
         own = part.own * good[:, :, None]
@@ -180,12 +180,12 @@ UNITS = np.array([*OWN_UNITS[:8], 1.0, 1.0])
 NOTHING = Scatter((), (), np.zeros(len(NAMES)))
 
 
-def doubtful(found: Fit) -> bool:
+def is_doubtful(found: Fit) -> bool:
     """Whether chi-square is above what chance allows."""
     return bool(found.reduced - 1 > DOUBT * np.sqrt(2 / max(found.freedom, 1.0)))
 
 
-def far_off(sensor: Sensor, found: Fit, far: float = FAR) -> list[tuple[str, float]]:
+def far_unknowns(sensor: Sensor, found: Fit, far: float = FAR) -> list[tuple[str, float]]:
     """Unknowns of the rig that end further than that from where they were thought to be, and how
     many times their standard uncertainty; the furthest first."""
     over = np.abs(found.values - values_of(sensor)[found.choice.places]) / found.choice.sigma
@@ -194,7 +194,7 @@ def far_off(sensor: Sensor, found: Fit, far: float = FAR) -> list[tuple[str, flo
     return sorted(off, key=lambda one: -one[1])
 
 
-def known_before(data: Data, chosen: Choice) -> Floats:
+def prior_variances(data: Data, chosen: Choice) -> Floats:
     """(9,) variances of a sample's own unknowns in `OWN_UNITS`: of the reference what was told, of
     beam and power nothing that could be estimated."""
     own = own_sigma(data, chosen)
@@ -236,7 +236,7 @@ def size_problem(task: Task, found: Fit, beam: bool) -> SizeProblem:
         start[NAMES.index("power")] = (task.choice.power / OWN_UNITS[6]) ** 2
     return SizeProblem(
         Likelihood(task, found),
-        known_before(task.data, task.choice),
+        prior_variances(task.data, task.choice),
         {key: names for key, names in causes.items() if names},
         start,
         ("power",) if jitters else (),
@@ -263,7 +263,7 @@ def update_sizes(problem: SizeProblem, one: Scatter) -> Scatter:
     return one._replace(sizes=np.sqrt(problem.sizes(one.causes).variances) * UNITS)
 
 
-def with_scatter(data: Data, chosen: Choice, one: Scatter) -> tuple[Data, Choice]:
+def add_scatter(data: Data, chosen: Choice, one: Scatter) -> tuple[Data, Choice]:
     """Samples and choice with what scatters, as known before a fit."""
     assert data.noise is not None
     wider = np.ones(9) * np.hypot(1.0, one.of(PLACES))
@@ -284,29 +284,29 @@ TIMES = 2
 
 
 @one_thread
-def explained(
+def fit_with_scatter(
     sensor: Sensor, data: Data, found: Fit, robust: float | None, beam: bool
 ) -> tuple[Data, Fit, Scatter]:
     """The samples with what they scatter by, the fit to these, and whose it is.
 
     As they were, where chi-square is within chance, or no scatter is to blame.
     """
-    if not doubtful(found) and not found.choice.beam:
+    if not is_doubtful(found) and not found.choice.beam:
         return data, found, NOTHING
-    if found.reduced > WORST or far_off(sensor, found):
+    if found.reduced > WORST or far_unknowns(sensor, found):
         return data, found, NOTHING
     bare, one = data._replace(noise=deviations(sensor, data)), NOTHING
     for n in range(TIMES):
         problem = size_problem(Task(sensor, bare, found.choice, robust), found, beam)
         one = update_sizes(problem, one) if n else estimate_scatter(problem)
-        data, chosen = with_scatter(bare, found.choice, one)
+        data, chosen = add_scatter(bare, found.choice, one)
         found = fit(sensor, data, chosen, robust, found)
-    walk = walking(found) if "beam" in one.causes else 1.0
+    walk = mean_inflation(found) if "beam" in one.causes else 1.0
     if walk > LONG:
         sizes = one.sizes.copy()
         place = NAMES.index("beam")
         sizes[place] *= WALK
-        data, chosen = with_scatter(bare, found.choice, one._replace(sizes=sizes))
+        data, chosen = add_scatter(bare, found.choice, one._replace(sizes=sizes))
         found = fit(sensor, data, chosen, robust, found)
     return data, found, one
 
@@ -317,7 +317,7 @@ def explained(
 LONG, WALK = 2.0, 2.0
 
 
-def walking(found: Fit) -> float:
+def mean_inflation(found: Fit) -> float:
     """By how much more the mean of the beam's places scatters than if each were its own."""
     place = found.open[:, 7:] - found.open[:, 7:].mean(axis=0)
     share = float((place[1:] * place[:-1]).sum() / max((place**2).sum(), 1e-300))

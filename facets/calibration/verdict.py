@@ -15,24 +15,24 @@ from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
 from ..estimation.compiling import compile_for
-from .bundle_adjustment import Data, approached, over_the_run
+from .bundle_adjustment import Data, add_approach, add_power_polynomials
 from .candidates import tried_kinds
 from .effect_search import Search, search
 from .fit import Fit, fit
-from .hypotheses import explanation
-from .laser import steadied
+from .hypotheses import find_fault
+from .laser import fit_steady_laser
 from .linear_prediction import reachable_chi_square
 from .misfit import (
     Finding,
     centre_sigma,
-    excluded,
     findings,
     model_error,
-    pulls,
+    outlier_findings,
+    pull_findings,
     with_unseen_errors,
 )
-from .outliers import numbers, without_outliers
-from .samples import averaged, distinct, faults, inside, with_converter
+from .outliers import exclude_outliers, row_numbers
+from .samples import add_converter_steps, averaged, distinct, faults, inside
 from .scatter import shape_of_powers
 from .small_matrices import one_thread
 from .table import split
@@ -121,18 +121,18 @@ def screen(sensor: Sensor, data: Data, settings: Calibrate) -> Screened:
     """Looks at the columns, leaves out what lies over an edge, and holds samples back."""
     kind = "rows" if data.noise is None else "stands"
     early = faults(sensor, data)
-    whole, lost = inside(sensor, distinct(approached(numbered(data))))
+    whole, lost = inside(sensor, distinct(add_approach(add_row_numbers(data))))
     early += lost
     if len(whole.raw) < LEAST:
         early.insert(0, Finding(True, f"{len(whole.raw)} samples are left: too few."))
         return Screened(whole, whole.part(slice(0)), early, kind)
-    averages = with_converter(sensor, averaged(sensor, over_the_run(whole)))
+    averages = add_converter_steps(sensor, averaged(sensor, add_power_polynomials(whole)))
     fitted, held = split(averages, settings.held_back)
     return Screened(fitted, held, early, kind)
 
 
-def numbered(data: Data) -> Data:
-    return data._replace(number=numbers(data))
+def add_row_numbers(data: Data) -> Data:
+    return data._replace(number=row_numbers(data))
 
 
 # ---- fit: without effects of light and without outliers
@@ -165,13 +165,13 @@ def plain_fit(sensor: Sensor, screened: Screened, chosen: Choice, settings: Cali
 
     def fitted(choice: Choice) -> tuple[Data, Fit, list[int]]:
         found = fit(sensor, screened.fitted, choice, robust)
-        return without_outliers(sensor, screened.fitted, found, robust)
+        return exclude_outliers(sensor, screened.fitted, found, robust)
 
     data, found, gone = fitted(chosen)
-    hopeless = suspicious(sensor, found)
+    hopeless = is_suspicious(sensor, found)
     if screened.fitted.velocity is not None and hopeless:
         late = fitted(chosen.and_also({DELAY: LATE}))
-        hopeless = suspicious(sensor, late[1])
+        hopeless = is_suspicious(sensor, late[1])
         if not (hopeless or found.ended):
             data, found, gone = late
     promising = (
@@ -190,28 +190,28 @@ def explain(sensor: Sensor, plain: Plain, chosen: Choice, settings: Calibrate) -
     """A fault of the data that explains a bad fit, or that nothing can be built on it."""
     if not plain.hopeless:
         return []
-    if not plain.promising and (told := explanation(sensor, plain.data, chosen)):
+    if not plain.promising and (told := find_fault(sensor, plain.data, chosen)):
         return [told.finding]
-    astray = [] if plain.found.ended else pulls(sensor, plain.found, ASTRAY)
-    return [unsettled(plain.found), *astray] if astray else []
+    astray = [] if plain.found.ended else pull_findings(sensor, plain.found, ASTRAY)
+    return [unsettled_finding(plain.found), *astray] if astray else []
 
 
 # ---- extend: with the effects that the data call for
 
 
 def extend(sensor: Sensor, plain: Plain, settings: Calibrate) -> Search:
-    steady = steadied(sensor, plain.data, plain.found, settings.outliers)
+    steady = fit_steady_laser(sensor, plain.data, plain.found, settings.outliers)
     return search(sensor, plain.data, settings, steady, plain.outliers)
 
 
 def doubt(sensor: Sensor, plain: Plain, done: Search, chosen: Choice) -> list[Finding]:
     """A fault of the data that effects of light only promised to explain, or a fit without end."""
-    if plain.promising and suspicious(done.sensor, done.found) and (
-        told := explanation(sensor, plain.data, chosen)
+    if plain.promising and is_suspicious(done.sensor, done.found) and (
+        told := find_fault(sensor, plain.data, chosen)
     ):  # fmt: skip
         return [told.finding]
     if not done.found.ended:
-        return [unsettled(done.found), *pulls(sensor, done.found)]
+        return [unsettled_finding(done.found), *pull_findings(sensor, done.found)]
     return []
 
 
@@ -221,7 +221,7 @@ def doubt(sensor: Sensor, plain: Plain, done: Search, chosen: Choice) -> list[Fi
 def validate(sensor: Sensor, plain: Plain, done: Search, settings: Calibrate) -> Verdict:
     found, data, held = done.found, done.data, plain.screened.held
     shape = shape_of_powers(done.sensor, data, found, settings.outliers)
-    said = excluded(done.outliers, len(plain.screened.fitted.raw), plain.screened.kind)
+    said = outlier_findings(done.outliers, len(plain.screened.fitted.raw), plain.screened.kind)
     said += [*findings(done.sensor, found, data, done.scatter, shape), *plain.screened.findings]
     missed = model_error(found, data, done.sensor, done.scatter)
     centre = centre_sigma(done.sensor, found, settings)
@@ -229,21 +229,21 @@ def validate(sensor: Sensor, plain: Plain, done: Search, settings: Calibrate) ->
     known = replace(found, sensor=made)
     held = held._replace(sigma=data.sigma) if len(held.raw) else data
     errors = validation(sensor, known, held)
-    said += tried(errors)
+    said += validation_findings(errors)
     said.sort(key=lambda one: not one.bad)
     return Verdict(data, held, known, done, made, errors, said)
 
 
-def unsettled(found: Fit) -> Finding:
+def unsettled_finding(found: Fit) -> Finding:
     return Finding(True, f"The fit did not settle in {found.steps} steps: {found.cause}.")
 
 
-def suspicious(sensor: Sensor, plain: Fit) -> bool:
+def is_suspicious(sensor: Sensor, plain: Fit) -> bool:
     """Whether a fit is so bad that faults of the data are looked for."""
-    return not plain.ended or plain.excess > 0 or bool(pulls(sensor, plain))
+    return not plain.ended or plain.excess > 0 or bool(pull_findings(sensor, plain))
 
 
-def tried(errors: dict[str, NDArray[Any]]) -> list[Finding]:
+def validation_findings(errors: dict[str, NDArray[Any]]) -> list[Finding]:
     """Of errors on samples held back."""
     with np.errstate(invalid="ignore"):
         over = errors["robust"] / errors["stated"]

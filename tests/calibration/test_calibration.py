@@ -18,7 +18,7 @@ from facets.calibration.bundle_adjustment import (
     OWN,
     OWN_UNITS,
     Data,
-    eliminated,
+    eliminate_own_unknowns,
     linear,
     predicted,
     states_of,
@@ -202,7 +202,7 @@ def test_elimination_gives_what_the_whole_system_gives():
     values = values_of(NOMINAL)
     opening = np.zeros((7, OWN))
     found = linear(NOMINAL, data, opening, values, choice)
-    normal = eliminated(found, np.ones((7, 9)), opening, data.sigma)
+    normal = eliminate_own_unknowns(found, np.ones((7, 9)), opening, data.sigma)
     size = len(choice.names)
     prior = 1 / choice.sigma**2
     step = np.linalg.solve(normal.matrix + np.diag(prior), normal.side)

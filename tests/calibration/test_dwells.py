@@ -11,7 +11,7 @@ import pytest
 import facets
 from facets.calibration.bundle_adjustment import Data
 from facets.calibration.dwells import dwell_means, stands
-from facets.calibration.samples import with_converter
+from facets.calibration.samples import add_converter_steps
 from facets.calibration.table import gathered
 from facets.core.errors import InputError
 from facets.core.names import READING_COLUMNS, STATE_UNITS
@@ -104,7 +104,7 @@ def test_a_converter_s_steps_stay_in_a_mean(bandwidth):
     white = standard_deviations(sensor, exact) / np.sqrt(rows)
     data = Data(means, states[:, :6], np.ones(6), np.zeros((150, 2)), noise=white,
                 rows=np.full(150, float(rows)))  # fmt: skip
-    over = (means - exact) / with_converter(sensor, data).noise
+    over = (means - exact) / add_converter_steps(sensor, data).noise
     assert np.sqrt((over**2).mean()) == pytest.approx(1, abs=0.15)
     assert np.sqrt((((means - exact) / white) ** 2).mean()) > 3
 

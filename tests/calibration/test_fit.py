@@ -9,10 +9,10 @@ import pytest
 from facets.experiments import rigs
 
 import facets
-from facets.calibration.bundle_adjustment import Data, over_the_run, states_of
+from facets.calibration.bundle_adjustment import Data, add_power_polynomials, states_of
 from facets.calibration.effect_search import search
 from facets.calibration.fit import fit
-from facets.calibration.laser import steadied
+from facets.calibration.laser import fit_steady_laser
 from facets.calibration.table import choice
 from facets.calibration.unknowns import PLACE
 from facets.detectors.correction import invert_correction
@@ -34,7 +34,7 @@ def samples(count, light=NOMINAL.light, power=1.0, seed=5):
     exact = facets.readings(sensor, states_of(data, np.zeros((count, 9)), rig.values))
     exact[:, 2::3] *= np.broadcast_to(power, count)[:, None]
     raw = invert_correction(sensor, add_noise(sensor, exact, rng))
-    return rig, over_the_run(data._replace(raw=raw))
+    return rig, add_power_polynomials(data._replace(raw=raw))
 
 
 def test_short_fits_end_where_a_long_one_does():
@@ -91,7 +91,7 @@ def test_a_laser_s_steadiness_is_taken_from_the_readings(jitter):
     power = 1 + 0.01 * np.sin(np.linspace(0, 3, count)) + jitter * rng.normal(size=count)
     _, data = samples(count, power=power)
     free = fit(NOMINAL, data, choice(NOMINAL, SETTINGS))
-    found = steadied(NOMINAL, data, free, SETTINGS.outliers)
+    found = fit_steady_laser(NOMINAL, data, free, SETTINGS.outliers)
     assert found.choice.power == pytest.approx(max(jitter, 2e-4), rel=0.8)
     if not jitter:
         place = found.choice.names.index("apex.x")

@@ -10,12 +10,12 @@ from facets.experiments import disturbed_rigs, rigs
 
 import facets
 from facets.calibration import scatter
-from facets.calibration.bundle_adjustment import Data, over_the_run, states_of
+from facets.calibration.bundle_adjustment import Data, add_power_polynomials, states_of
 from facets.calibration.fit import Task, fit
-from facets.calibration.laser import steadied
+from facets.calibration.laser import fit_steady_laser
 from facets.calibration.misfit import centre_sigma, with_unseen_errors
-from facets.calibration.outliers import without_outliers
-from facets.calibration.scatter import explained, shape_of_powers
+from facets.calibration.outliers import exclude_outliers
+from facets.calibration.scatter import fit_with_scatter, shape_of_powers
 from facets.calibration.table import choice
 from facets.calibration.unknowns import PLACE
 from facets.calibration.verdict import verdict
@@ -42,12 +42,12 @@ def samples(mirror=0.0, beam=0.0, noise=1.0, profile=0.0, seed=3):
     exact[:, 2] *= 1 + profile * (pose[:, 0] / 0.25) ** 4
     raw = invert_correction(rig.sensor, exact + noise * (add_noise(rig.sensor, exact, rng) - exact))
     said = pose + rigs.REFERENCE * rng.standard_normal(pose.shape)
-    return over_the_run(data._replace(raw=raw, pose=said, beam=np.zeros((COUNT, 2))))
+    return add_power_polynomials(data._replace(raw=raw, pose=said, beam=np.zeros((COUNT, 2))))
 
 
 def plain_fit(data):
     free = fit(NOMINAL, data, choice(NOMINAL, PLAIN))
-    return steadied(NOMINAL, data, free, 3.0)
+    return fit_steady_laser(NOMINAL, data, free, 3.0)
 
 
 def test_the_likelihood_is_that_of_all_readings_together():
@@ -56,7 +56,7 @@ def test_the_likelihood_is_that_of_all_readings_together():
     found = fit(NOMINAL, data, rigs.choice())
     task = Task(NOMINAL, data, found.choice, None)
     like = scatter.Likelihood(task, found)
-    known = scatter.known_before(task.data, found.choice)
+    known = scatter.prior_variances(task.data, found.choice)
     rng = np.random.default_rng(1)
 
     def dense(sizes):
@@ -86,7 +86,7 @@ def test_the_likelihood_is_that_of_all_readings_together():
 @pytest.mark.slow
 def test_what_scatters_is_found_with_its_size(wrong, cause, name, size):
     data = samples(**wrong)
-    _, found, one = explained(NOMINAL, data, plain_fit(data), 3.0, beam=True)
+    _, found, one = fit_with_scatter(NOMINAL, data, plain_fit(data), 3.0, beam=True)
     assert one.causes == (cause,)
     assert one.of(name) == pytest.approx(size, rel=0.3)
     assert abs(found.reduced - 1) < 0.2
@@ -95,7 +95,7 @@ def test_what_scatters_is_found_with_its_size(wrong, cause, name, size):
 def test_nothing_is_explained_where_nothing_scatters():
     data = samples()
     plain = plain_fit(data)
-    same, found, one = explained(NOMINAL, data, plain, 3.0, beam=True)
+    same, found, one = fit_with_scatter(NOMINAL, data, plain, 3.0, beam=True)
     assert one == scatter.NOTHING or not one.causes
     assert same is data
     assert found is plain
@@ -105,7 +105,7 @@ def test_nothing_is_explained_where_nothing_scatters():
 def test_a_power_that_follows_the_place_is_no_scatter():
     for wrong, there in (({"mirror": 3e-4}, False), ({"profile": 0.01}, True)):
         data = samples(**wrong)
-        data, found, _ = explained(NOMINAL, data, plain_fit(data), 3.0, beam=True)
+        data, found, _ = fit_with_scatter(NOMINAL, data, plain_fit(data), 3.0, beam=True)
         shape = shape_of_powers(NOMINAL, data, found, 3.0)
         assert (shape.chance < 1e-6) == there
 
@@ -148,7 +148,7 @@ def test_samples_that_jump_are_taken_out_and_decide_nothing(kind):
     raw = disturbed_rigs.jumps(0.03, 300, kind)(data.raw, sigma, np.random.default_rng(2))
     hit = np.flatnonzero((raw != data.raw).any(axis=1))
     jumped = data._replace(raw=raw)
-    kept, found, gone = without_outliers(
+    kept, found, gone = exclude_outliers(
         NOMINAL, jumped, fit(NOMINAL, jumped, choice(NOMINAL, PLAIN)), 3.0
     )
     assert gone == (hit + 1).tolist()
@@ -157,7 +157,10 @@ def test_samples_that_jump_are_taken_out_and_decide_nothing(kind):
     expected = fit(NOMINAL, clean, choice(NOMINAL, PLAIN))
     off = (found.values - expected.values) / expected.uncertainty
     assert np.abs(off).max() < 0.1
-    steady, other = steadied(NOMINAL, kept, found, 3.0), steadied(NOMINAL, clean, expected, 3.0)
+    steady, other = (
+        fit_steady_laser(NOMINAL, kept, found, 3.0),
+        fit_steady_laser(NOMINAL, clean, expected, 3.0),
+    )
     assert steady.choice.power == other.choice.power
 
 
@@ -167,7 +170,7 @@ def test_many_outliers_are_none():
     raw[::5, 0] += 1.0
     jumped = data._replace(raw=raw)
     found = fit(NOMINAL, jumped, choice(NOMINAL, PLAIN))
-    assert without_outliers(NOMINAL, jumped, found, 3.0)[2] == []
+    assert exclude_outliers(NOMINAL, jumped, found, 3.0)[2] == []
 
 
 # ---- what follows the motion
