@@ -1,7 +1,7 @@
 """The best layout by casadi alone: its own derivatives, of all constraints at once.
 
-What `facets optimize` did before it had its own derivatives, kept to be measured against, and as an
-optimum that shares neither derivatives nor the choice of constraints with it.
+What `facets optimize` did at first, kept to be measured against, and as an optimum that shares
+neither derivatives nor the choice of constraints with it.
 """
 
 from __future__ import annotations
@@ -11,10 +11,36 @@ from typing import Any
 import numpy as np
 
 from ..core.layout import Layout
+from ..core.names import FINE_UNITS
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from ..design.variables import Outcome, heads_of, outcome, present_values, with_values
+from ..design.variables import Outcome, clearances_of, heads_of, present_values, with_values
 from ..design.volume import states_of
+from ..optics.forward import build_geometry
+from ..optics.gradient import linearise
+
+
+def outcome(sensor: Sensor) -> Any:
+    """The casadi function (parameters (30), sizes (3), state (8)) -> `variables.Outcome` (22), for
+    simple noise.  sizes: of the detectors, square, mm."""
+    import casadi as ca
+
+    p, sizes, s = (ca.SX.sym(name, count) for name, count in (("p", 30), ("d", 3), ("s", 8)))
+    fixed, state = build_geometry(tuple(p[i] for i in range(30))), tuple(s[i] for i in range(8))
+    detectors = linearise(fixed, state)
+    rows = []
+    for values, derivatives in detectors:
+        place = sensor.noise.position * sensor.noise.at_power / values[2]
+        for slopes, sigma in zip(derivatives, (place, place, sensor.noise.power), strict=True):
+            scaled = [d * unit / sigma for d, unit in zip(slopes, FINE_UNITS, strict=True)]
+            rows.append(ca.horzcat(*scaled))
+    matrix = ca.vertcat(*rows)
+    information = ca.mtimes(matrix.T, matrix)
+    inverse = ca.solve(information, ca.SX.eye(8))
+    variances, powers = [inverse[i, i] for i in range(6)], [values[2] for values, _ in detectors]
+    condition = ca.trace(information) * ca.trace(inverse)
+    found = [*variances, *powers, *clearances_of(fixed, state, [sizes[k] for k in range(3)])]
+    return ca.Function("outcome", [p, sizes, s], [ca.vertcat(*found, condition)])
 
 
 class CasadiLayout:
@@ -32,7 +58,7 @@ class CasadiLayout:
         states = np.array(states_of(layout, 1.0), dtype=float).T
         found = outcome(sensor).map(states.shape[1])(
             ca.repmat(ca.vertcat(*parameters), 1, states.shape[1]),
-            ca.repmat(ca.vertcat(*sizes), 1, states.shape[1]), states, 0.0,
+            ca.repmat(ca.vertcat(*sizes), 1, states.shape[1]), states,
         )  # fmt: skip
         half = float(np.mean([psd.size_z for psd in sensor.psds])) / 2
         kept = [ca.vec(found[Outcome.POWERS, :] / layout.least_power - 1)]

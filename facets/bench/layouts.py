@@ -45,10 +45,10 @@ def layouts(quick: bool, seed: int) -> list[Row]:
     against = clocked(lambda x: looked_at(space, x, rivals), drawn)
     scalar = clocked(lambda x: ranges_by_brentq(sensor_of(space.sensor, space.names, x)), drawn[:4])
     return [
-        row("a start of the best layout by IPOPT on the tape", fast_start, fast_start, best),
+        row("a start of the best layout by IPOPT", fast_start, fast_start, best),
         row("the same by casadi's own derivatives", slow_start, fast_start, whole),
         row("the same by SciPy SLSQP with differences", slow, fast_start, value),
-        row("its problem built on a tape", built, built, np.nan),
+        row("its problem built", built, built, np.nan),
         row("the same by casadi with its derivatives", slow_built, built, np.nan),
         row("ranges and resolution of a design", fast, fast, np.nan),
         row("the same where rivals are known", against, fast, np.nan),

@@ -21,7 +21,7 @@ from .catalogue import Choice, choice_of, with_parts
 
 if TYPE_CHECKING:
     from ..core.layout import Layout
-    from .search import StartResult
+    from .problem import StartResult
 
 #: By how much a bound must be worse than what is known, over that, before a branch is left.
 WORSE = 1e-6

@@ -45,7 +45,6 @@ from ..detectors.noise import electrode_currents
 from ..files.tables import Whole, read_head, write_table
 from ..model.arrays import margins, readings
 from ..model.threads import cores
-from .electronics import FULL
 from .requirement import Requirement, margins_of, worst_places_of
 from .survey import (
     CHUNK,
@@ -56,7 +55,7 @@ from .survey import (
     measure,
     rest_reasons,
 )
-from .variables import sensor_of
+from .variables import FULL, sensor_of
 from .volume import states_of
 
 if TYPE_CHECKING:

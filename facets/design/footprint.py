@@ -1,4 +1,4 @@
-"""How near a spot comes to its detector's edges, in casadi's symbols: all of its light inside the
+"""How near a spot comes to its detector's edges, on arrays: all of its light inside the
 1/e^2 circle, exactly, as `characterization.ranges` has it.
 
 The light on a facet is a piece of pie: a landing coordinate, linear over it, is largest at the
@@ -10,6 +10,8 @@ of them changes its slope where one takes over from another.
 from __future__ import annotations
 
 from typing import Any
+
+import numpy as np
 
 from ..optics.forward import Geometry, Scene, dark_scene
 from ..optics.rays import gradient_of_shift, reflect, slant
@@ -23,18 +25,16 @@ RADIUS = 2
 def reaches(slope: Plane, q: Plane, u1: Plane, u2: Plane) -> list[Any]:
     """Of slope . x over the wedge at q between the sides u1 and u2, inside the circle: at the tip,
     where each side leaves the circle, and along the arc. The tip is inside."""
-    import casadi as ca
-
     ends = []
     for u in (u1, u2):
         a, h = q[0] * u[0] + q[1] * u[1], q[0] * u[1] - q[1] * u[0]
-        s = ca.sqrt(RADIUS * RADIUS - h * h) - a
+        s = np.sqrt(RADIUS * RADIUS - h * h) - a
         ends.append(slope[0] * (q[0] + s * u[0]) + slope[1] * (q[1] + s * u[1]))
-    size = ca.sqrt(slope[0] * slope[0] + slope[1] * slope[1])
+    size = np.sqrt(slope[0] * slope[0] + slope[1] * slope[1])
     x, y = RADIUS * slope[0] / size - q[0], RADIUS * slope[1] / size - q[1]
     past_first, past_second = u1[0] * y - u1[1] * x < 0, x * u2[1] - y * u2[0] < 0
     # where the arc's place has left the facet by an edge, it is that edge's end
-    arc = ca.if_else(past_first, ends[0], ca.if_else(past_second, ends[1], RADIUS * size))
+    arc = np.where(past_first, ends[0], np.where(past_second, ends[1], RADIUS * size))
     return [slope[0] * q[0] + slope[1] * q[1], *ends, arc]
 
 

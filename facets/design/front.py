@@ -226,7 +226,8 @@ def measured(walk: Walk, ends: list[End]) -> Front:
     }
     best: list[int] = []
     if designs:
-        best = np.flatnonzero(distinct(trade, np.array(measures)) & front(table, names)).tolist()
+        some = np.flatnonzero(distinct(trade, np.array(measures)))
+        best = some[front({name: table[name][some] for name in names}, names)].tolist()
         best.sort(key=lambda n: float(trade.measured(measures[n])[first]))
     return Front(
         walk,

@@ -1,4 +1,7 @@
-"""IPOPT, as casadi brings it, for problems whose derivatives are numbers computed here.
+"""IPOPT, as casadi brings it, for problems whose values and slopes are computed here.
+
+Its Hessian is the one that it gathers from the slopes of its steps (limited memory): the best
+layout lies where constraints meet, so that their slopes say nearly all.
 
 Importing this imports casadi.
 """
@@ -32,11 +35,11 @@ class Nonlinear(Protocol):
     @property
     def constraints(self) -> int: ...
 
-    def objective(self, x: Floats) -> tuple[float, Floats, Floats]:
-        """Value, gradient (n,) and Hessian (n, n)."""
+    def objective(self, x: Floats) -> tuple[float, Floats]:
+        """Value and slopes (n,)."""
 
-    def kept(self, x: Floats) -> tuple[Floats, Floats, Floats]:
-        """Values (m,), gradients (m, n) and Hessians (m, n, n)."""
+    def kept(self, x: Floats) -> tuple[Floats, Floats]:
+        """Values (m,) and slopes (m, n)."""
 
 
 @dataclass(frozen=True)
@@ -95,13 +98,11 @@ class Pieces:
     def __init__(self, problem: Nonlinear) -> None:
         self.problem = problem
         self.where: bytes = b""
-        self.upper = np.triu_indices(problem.unknowns)
         n, m = problem.unknowns, problem.constraints
-        one, all_, triangle = ca.Sparsity.dense(1, 1), ca.Sparsity.dense, ca.Sparsity.upper(n)
+        one, all_ = ca.Sparsity.dense(1, 1), ca.Sparsity.dense
         self.both = Given("both", [n], [one, all_(m, 1)], self.values)
         self.slope = Given("slope", [n, 0], [one, all_(1, n)], self.gradient)
         self.slopes = Given("slopes", [n, 0], [all_(m, 1), all_(m, n)], self.jacobian)
-        self.bend = Given("bend", [n, 0, 1, m], [triangle], self.hessian)
 
     def at(self, x: Floats) -> None:
         if (where := x.tobytes()) != self.where:
@@ -120,13 +121,6 @@ class Pieces:
     def jacobian(self, x: Floats, _: Floats) -> list[Any]:
         self.at(x)
         return [self.kept[0], self.kept[1].T.ravel()]
-
-    def hessian(self, x: Floats, _: Floats, of_cost: Floats, of_kept: Floats) -> list[Any]:
-        self.at(x)
-        total = of_cost[0] * self.cost[2] + np.tensordot(of_kept, self.kept[2], 1)
-        row, column = self.upper
-        order = np.lexsort((row, column))  # casadi has them by columns
-        return [total[row[order], column[order]]]
 
 
 def minimise(
@@ -147,8 +141,8 @@ def minimise(
     options: dict[str, Any] = {
         "ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.tol": TOLERANCE,
         "ipopt.max_iter": steps, "ipopt.bound_relax_factor": 0.0, "error_on_fail": False,
-        "ipopt.hessian_approximation": "exact", "no_nlp_grad": True,
-        "grad_f": pieces.slope, "jac_g": pieces.slopes, "hess_lag": pieces.bend,
+        "ipopt.hessian_approximation": "limited-memory", "no_nlp_grad": True,
+        "grad_f": pieces.slope, "jac_g": pieces.slopes,
     }  # fmt: skip
     if near:
         options |= {"ipopt.mu_init": NEAR, "ipopt.bound_push": 1e-8, "ipopt.bound_frac": 1e-8}

@@ -4,9 +4,8 @@ The largest of what is asked for over the volume is pushed down by a slack varia
 a layout must keep are constraints with names, so that the search can say in words what holds the
 best layout back, or what can not be met.
 
-The model's text is written down once with casadi's symbols and run from then on as a tape, which
-gives values with their first and second derivatives (`tape`). A constraint is one output of the
-tape at one state; the search holds only those that matter (`search`).
+All of it is the float model on arrays, of many layouts at once (`formula`). A constraint is one
+output at one state; the search holds only those that matter (`search`).
 """
 
 from __future__ import annotations
@@ -24,8 +23,17 @@ from ..core.names import POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..optics.forward import build_geometry
-from .tape import Tape, tape_of
-from .variables import GAIN, Outcome, gain_of, heads_of, outcome_of, rim_clearances, with_values
+from .formula import Formula
+from .variables import (
+    GAIN,
+    Outcome,
+    columns_of_states,
+    gain_of,
+    heads_of,
+    outcome_of,
+    rim_clearances,
+    with_values,
+)
 from .volume import span_of, states_of, worst_places
 
 if TYPE_CHECKING:
@@ -41,10 +49,11 @@ BROKEN = 1e-8
 
 
 class Wanted(NamedTuple):
-    """One output of the tape that must not fall below zero, or below that less a slack.
+    """One output of the formula that must not fall below zero, or below that less a slack.
 
-    group: what it is about.  value: in casadi's symbols.  slack: the aim whose unknown is added,
-    "" for none.  states: at which of the problem's states, by their numbers; None for all.
+    group: what it is about.  value: an array as wide as (layouts, states) or less.  slack: the aim
+    whose unknown is added, "" for none.  states: at which of the problem's states, by their
+    numbers; None for all.
     """
 
     group: str
@@ -55,7 +64,7 @@ class Wanted(NamedTuple):
 
 @dataclass(frozen=True)
 class Rows:
-    """Constraints, one a row: which output of the tape at which state, in which group, and which
+    """Constraints, one a row: which output of the formula at which state, in which group, and which
     unknown is added to it, -1 for none; what it must keep above zero, None for nothing."""
 
     state: Integers
@@ -94,7 +103,7 @@ class Problem:
     names: of the variables.  low, high: their bounds, in the units of their names.
     extras: the aims that have an unknown of their own, a slack or the scale of the volume. The
     unknowns are the variables as shares of their bounds, then these.
-    tape: of some of the unknowns, those whose places are `on_tape`, at a state.  states (m, ...).
+    formula: of some of the unknowns, those at `places`, and a state.  states (m, ...).
     groups: names of the constraints.  rows: all of them.  averaged: outputs whose mean over the
     states is an aim.  aims: how much each counts; `weighted` where they are added up.
     constant: what the parts' price adds to the objective.
@@ -109,8 +118,8 @@ class Problem:
     low: Floats
     high: Floats
     extras: list[str]
-    tape: Tape
-    on_tape: Integers
+    formula: Formula
+    places: Integers
     states: Floats
     groups: list[str]
     rows: Rows
@@ -159,7 +168,9 @@ class Problem:
 
     def values(self, unknowns: Floats) -> Floats:
         """What all constraints are; those that are kept are not below zero."""
-        found = self.tape(unknowns[self.on_tape], self.states)[self.rows.state, self.rows.output, 0]
+        found = self.formula(unknowns[self.places], self.states)[
+            self.rows.state, self.rows.output, 0
+        ]
         values: Floats = found + np.where(self.rows.slack >= 0, unknowns[self.rows.slack], 0.0)
         return values if self.rows.spare is None else values - self.rows.spare
 
@@ -177,7 +188,7 @@ class Problem:
         within = np.isclose(shares @ span, self.states).all(axis=1)
 
         def values(some: Floats) -> Floats:
-            found = self.tape(unknowns[self.on_tape], some @ span)[:, self.inside, 0]
+            found = self.formula(unknowns[self.places], some @ span)[:, self.inside, 0]
             margins: Floats = found + eased
             return margins
 
@@ -216,58 +227,70 @@ class Problem:
             found[n] = self.rows.spare[mine[away.argmin()]]
         return found
 
-    def at(self, unknowns: Floats, rows: Rows) -> tuple[Floats, Floats, Floats]:
-        """Values (r,) of some rows, gradients (r, count) and Hessians (r, count, count)."""
+    def at(self, unknowns: Floats, rows: Rows) -> tuple[Floats, Floats]:
+        """Values (r,) of some rows, and their slopes (r, count)."""
         which, place = np.unique(rows.state, return_inverse=True)
-        found = self.tape(unknowns[self.on_tape], self.states[which], 2)[place, rows.output]
-        values, gradients, hessians = self.expanded(found)
+        found = self.formula(unknowns[self.places], self.states[which], True)[place, rows.output]
+        values, slopes = self.expand(found)
         bound = rows.slack >= 0
         values += np.where(bound, unknowns[rows.slack], 0.0)
         if rows.spare is not None:
             values -= rows.spare
-        gradients[np.flatnonzero(bound), rows.slack[bound]] = 1.0
-        return values, gradients, hessians
+        slopes[np.flatnonzero(bound), rows.slack[bound]] = 1.0
+        return values, slopes
 
-    def expanded(self, found: Floats) -> tuple[Floats, Floats, Floats]:
-        """Coefficients (r, ...) of the tape, as values, gradients and Hessians by all unknowns."""
-        known = self.on_tape
-        n = len(known)
-        gradients = np.zeros((len(found), self.count))
-        gradients[:, known] = found[:, 1 : n + 1]
-        hessians = np.zeros((len(found), self.count, self.count))
-        one, other = (known[i] for i in np.triu_indices(n))
-        hessians[:, one, other] = hessians[:, other, one] = found[:, n + 1 :]
-        return found[:, 0].copy(), gradients, hessians
+    def expand(self, found: Floats) -> tuple[Floats, Floats]:
+        """Outputs of the formula with their slopes (r, 1 + n), as values and slopes by all of the
+        unknowns."""
+        slopes = np.zeros((len(found), self.count))
+        slopes[:, self.places] = found[:, 1:]
+        return found[:, 0].copy(), slopes
 
-    def objective(self, unknowns: Floats) -> tuple[float, Floats, Floats]:
-        """What is made small, its gradient and its Hessian."""
-        value, gradient = self.constant, np.zeros(self.count)
-        hessian = np.zeros((self.count, self.count))
+    def objective(self, unknowns: Floats) -> tuple[float, Floats]:
+        """What is made small, and its slopes."""
+        value, slopes = self.constant, np.zeros(self.count)
         for aim, weight in self.aims.items():
-            cost, slope, bend = self.cost(aim, unknowns)
+            cost, slope = self.cost(aim, unknowns)
             if self.weighted and aim in ("resolution", "mean-resolution"):
                 # what is added up is uncertainty, not variance
-                root = np.sqrt(max(cost, 1e-300))
-                bend = bend / (2 * root) - np.outer(slope, slope) / (4 * root**3)
-                cost, slope = root, slope / (2 * root)
+                cost = np.sqrt(max(cost, 1e-300))
+                slope = slope / (2 * cost)
             value += weight * cost
-            gradient += weight * slope
-            hessian += weight * bend
-        return value, gradient, hessian
+            slopes += weight * slope
+        return value, slopes
 
-    def cost(self, aim: str, unknowns: Floats) -> tuple[float, Floats, Floats]:
-        """What one aim makes small, its gradient and its Hessian."""
+    def cost(self, aim: str, unknowns: Floats) -> tuple[float, Floats]:
+        """What one aim makes small, and its slopes."""
         if aim == "mean-resolution":
             states = self.states[: self.stated]
-            found = self.tape(unknowns[self.on_tape], states, 2)[:, self.averaged]
-            mean = found.mean(axis=(0, 1))[None]
-            value, gradient, hessian = self.expanded(mean)
-            return float(value[0]), gradient[0], hessian[0]
+            found = self.formula(unknowns[self.places], states, True)[:, self.averaged]
+            value, slopes = self.expand(found.mean(axis=(0, 1))[None])
+            return float(value[0]), slopes[0]
         place = len(self.names) + self.extras.index(aim)
         sign = -1.0 if aim.startswith("range") else 1.0
-        gradient = np.zeros(self.count)
-        gradient[place] = sign
-        return sign * float(unknowns[place]), gradient, np.zeros((self.count, self.count))
+        slope = np.zeros(self.count)
+        slope[place] = sign
+        return sign * float(unknowns[place]), slope
+
+
+@dataclass
+class StartResult:
+    """Where a start ended.
+
+    x: the variables, in the units of their names.  objective: see `report.in_words`.
+    active_constraints: the multiplier of each group that holds the result back, over the largest.
+    shortfalls: by what share of its limit a group can not be met, where the requirement is
+    infeasible.
+    """
+
+    start: Floats
+    x: Floats
+    objective: float
+    found: bool
+    status: str
+    seconds: float
+    active_constraints: dict[str, float] = field(default_factory=dict)
+    shortfalls: dict[str, float] = field(default_factory=dict)
 
 
 #: A catalogue of no more choices is tried whole.
@@ -305,6 +328,15 @@ def require_supported(sensor: Sensor, layout: Layout, command: str = "optimize")
     require_noise(sensor, layout, command)
 
 
+def require_unit(layout: Layout) -> None:
+    """Raises `InputError` where uncertainties are to be small and no axis has a unit."""
+    if (
+        layout.aims.keys() & {"resolution", "mean-resolution"}
+        and not np.isfinite(layout.unit).any()
+    ):
+        raise InputError("optimize.unit names no axis: there is nothing to be made fine")
+
+
 def require_noise(sensor: Sensor, layout: Layout, command: str) -> None:
     """Raises `InputError` where the noise of electronics does not go with what is asked."""
     if sensor.electronics is None:
@@ -317,7 +349,7 @@ def require_noise(sensor: Sensor, layout: Layout, command: str) -> None:
     if sensor.electronics.kind == "tetra-lateral":
         raise InputError(
             f"facets {command} knows the noise of duo-lateral and pincushion detectors; that of a "
-            "tetra-lateral is a series that its search can not hold: search with "
+            "tetra-lateral is a series, too slow for a search: search with "
             "`noise.model: simple`, then see by facets resolution what the electronics change"
         )
     if GAIN in layout.variables and command != "optimize":
@@ -345,36 +377,50 @@ def problem_of(sensor: Sensor, layout: Layout, constant: float = 0.0) -> Problem
 
     constant: what the parts' price adds to the objective.
     """
-    ca = require_extra("casadi", "the search for a layout")
+    require_extra("casadi", "the search for a layout")
     require_supported(sensor, layout)
+    require_unit(layout)
     names = list(layout.variables)
     low, high = np.array([layout.variables[name] for name in names]).T
     extras = [aim for aim in GUESS if aim in layout.aims]
-    unknown = ca.SX.sym("x", len(names) + ("range" in extras))
-    at_one = ca.SX.sym("s", 8)
-    scale = unknown[len(names)] if "range" in extras else 1.0
-    x = [low[i] + (high[i] - low[i]) * unknown[i] for i in range(len(names))]
-    parameters, sizes = with_values(sensor, names, x)
-    state = tuple(at_one[i] * scale for i in range(8))
-    given = tuple(map(ca.SX, parameters))
-    found = outcome_of(sensor, given, sizes, state, 0.0, gain_of(sensor, names, x))
-    heads, rims = heads_of(parameters), []
-    if np.isfinite(sensor.apertures.rim):
-        rims = rim_clearances(build_geometry(given), state, sensor.apertures.rim)
-    wanted = [*requirements(layout, found, heads, sizes, rims), *aimed_at(layout, found, heads)]
-    means = variances_over_units(layout, found) if "mean-resolution" in layout.aims else {}
-    outputs = ca.vertcat(*[each.value for each in wanted], *means.values())
+
+    def outputs(unknowns: Floats, states: Floats) -> tuple[list[Wanted], list[Any]]:
+        x = list((low + (high - low) * unknowns[:, : len(names)]).T[:, :, None])
+        scale = unknowns[:, len(names), None, None] if "range" in extras else 1.0
+        parameters, sizes = with_values(sensor, names, x)
+        state = columns_of_states(states * scale)
+        found = outcome_of(sensor, parameters, sizes, state, gain_of(sensor, names, x))
+        heads, rims = heads_of(parameters), []
+        if np.isfinite(sensor.apertures.rim):
+            rims = rim_clearances(build_geometry(tuple(parameters)), state, sensor.apertures.rim)
+        wanted = requirements(layout, found, heads, sizes, rims) + aimed_at(layout, found, heads)
+        means = variances_over_units(layout, found) if "mean-resolution" in layout.aims else {}
+        return wanted, list(means.values())
+
+    def compute(unknowns: Floats, states: Floats) -> list[Any]:
+        wanted, means = outputs(unknowns, states)
+        return [*(each.value for each in wanted), *means]
+
+    places = known_to_formula(names, extras)
+    wanted, means = outputs(np.full((1, len(places)), 0.5), np.zeros((1, 8)))
     states = np.array(states_of(layout, 1.0), dtype=float)
     groups = list(dict.fromkeys(each.group for each in wanted))
+    origin = np.pad(origin_of(low, high), (0, len(places) - len(names)), constant_values=np.nan)
+    sizes = with_values(sensor, names, low.tolist())[1] if "size_mm" not in names else []
     return Problem(
-        sensor, names, low, high, extras,
-        tape_of(unknown, at_one, outputs), known_to_tape(names, extras), states, groups,
+        sensor, names, low, high, extras, Formula(compute, origin), places, states, groups,
         rows_of(wanted, groups, extras, len(names), len(states)),
         np.arange(len(wanted), len(wanted) + len(means)),
         {aim: weight for aim, weight in layout.aims.items() if aim != "price"},
         layout.aim == "weighted", constant, half_of(sizes),
         span_of(layout), asked_at(wanted, len(states) - 1), len(states),
     )  # fmt: skip
+
+
+def origin_of(low: Floats, high: Floats) -> Floats:
+    """The shares of their bounds at which variables are zero, where they are positive; else NaN."""
+    origin: Floats = np.where(low > 0, -low / (high - low), np.nan)
+    return origin
 
 
 def asked_at(wanted: list[Wanted], state: int) -> Integers:
@@ -385,7 +431,7 @@ def asked_at(wanted: list[Wanted], state: int) -> Integers:
     ], dtype=np.int64)  # fmt: skip
 
 
-def known_to_tape(names: list[str], extras: list[str]) -> Integers:
+def known_to_formula(names: list[str], extras: list[str]) -> Integers:
     """The places of the variables, and of the scale of the volume."""
     scale = [len(names) + n for n, aim in enumerate(extras) if aim == "range"]
     return np.array([*range(len(names)), *scale])
@@ -449,8 +495,6 @@ def half_of(sizes: list[Any]) -> float:
 
 def aimed_at(layout: Layout, found: list[Any], heads: list[Any]) -> list[Wanted]:
     """What must stay below the slack of each aim."""
-    import casadi as ca
-
     below = []
     if "resolution" in layout.aims:
         for i, part in variances_over_units(layout, found).items():
@@ -460,7 +504,7 @@ def aimed_at(layout: Layout, found: list[Any], heads: list[Any]) -> list[Wanted]
         what = "size of the head as low as it can be"
         below += [Wanted(what, -head / 100, "size", states=(0,)) for head in heads]
     if "condition" in layout.aims:
-        decades = ca.log(found[Outcome.CONDITION.start]) / np.log(10) / 2
+        decades = np.log10(found[Outcome.CONDITION.start]) / 2
         below.append(Wanted("conditioning as good as it can be", -decades, "condition"))
     return below
 
@@ -468,6 +512,4 @@ def aimed_at(layout: Layout, found: list[Any], heads: list[Any]) -> list[Wanted]
 def variances_over_units(layout: Layout, found: list[Any]) -> dict[int, Any]:
     """By axis of the pose, its variance over the square of the unit asked for."""
     axes = [i for i in range(6) if np.isfinite(layout.unit[i])]
-    if not axes and layout.aims.keys() & {"resolution", "mean-resolution"}:
-        raise InputError("optimize.unit names no axis: there is nothing to be made fine")
     return {i: found[i] / layout.unit[i] ** 2 for i in axes}

@@ -17,8 +17,8 @@ from ..core.errors import InputError
 from ..core.rules import Rules
 from ..core.units import Floats
 from .assembly import Assembly, assembly_of
-from .problem import Problem, require_supported
-from .search import StartResult, shortfalls_of, solve_from
+from .problem import Problem, StartResult, require_supported
+from .search import shortfalls_of, solve_from
 from .tolerancing import SAFE, Draws, Expansion, drawn, expanded, kept_of
 from .variables import sensor_of
 

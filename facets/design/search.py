@@ -21,7 +21,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from .branching import best_parts, priced
 from .catalogue import Choice, choices, with_parts
-from .problem import TRIED, Problem, Rows, problem_of
+from .problem import TRIED, Problem, Rows, StartResult, problem_of
 from .variables import present_values
 
 if TYPE_CHECKING:
@@ -36,26 +36,6 @@ SLACK = 1e-6
 UNNOTICED = 1e-9
 #: Constraints of a group that IPOPT is given at first, and each time; and how many times at most.
 NEAREST, ROUNDS = 3, 40
-
-
-@dataclass
-class StartResult:
-    """Where a start ended.
-
-    x: the variables, in the units of their names.  objective: see `report.in_words`.
-    active_constraints: the multiplier of each group that holds the result back, over the largest.
-    shortfalls: by what share of its limit a group can not be met, where the requirement is
-    infeasible.
-    """
-
-    start: Floats
-    x: Floats
-    objective: float
-    found: bool
-    status: str
-    seconds: float
-    active_constraints: dict[str, float] = field(default_factory=dict)
-    shortfalls: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -182,22 +162,19 @@ class Held:
     def constraints(self) -> int:
         return len(self.rows)
 
-    def objective(self, x: Floats) -> tuple[float, Floats, Floats]:
+    def objective(self, x: Floats) -> tuple[float, Floats]:
         if not self.elastic:
             return self.problem.objective(x)
         n = self.problem.count
-        gradient = np.concatenate([np.zeros(n), np.ones(len(x) - n)])
-        return float(x[n:].sum()), gradient, np.zeros((len(x), len(x)))
+        return float(x[n:].sum()), np.concatenate([np.zeros(n), np.ones(len(x) - n)])
 
-    def kept(self, x: Floats) -> tuple[Floats, Floats, Floats]:
+    def kept(self, x: Floats) -> tuple[Floats, Floats]:
         n = self.problem.count
-        values, gradients, hessians = self.problem.at(x[:n], self.rows)
+        values, slopes = self.problem.at(x[:n], self.rows)
         if not self.elastic:
-            return values, gradients, hessians
+            return values, slopes
         own = np.arange(len(x) - n) == self.rows.group[:, None]
-        more = len(x) - n
-        wider = np.pad(hessians, ((0, 0), (0, more), (0, more)))
-        return values + x[n:][self.rows.group], np.hstack([gradients, own]), wider
+        return values + x[n:][self.rows.group], np.hstack([slopes, own])
 
     def values(self, x: Floats) -> Floats:
         """Of all constraints of the problem."""

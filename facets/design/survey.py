@@ -33,7 +33,7 @@ from ..core.units import Booleans, Floats, Integers
 from ..detectors.noise import standard_deviations
 from ..model.arrays import edge_distances, edge_limits
 from ..model.kinds import kind_of
-from ..model.many import columns_of, evaluate, vectors_of
+from ..model.many import evaluate, vectors_of
 from .variables import FACETS, PSDS, with_values
 
 #: Why a design was not measured further; "" for those that were.
@@ -106,7 +106,7 @@ def designs_of(
     """Designs from values (n, variables) of the named variables; the diameters of their heads (n,),
     mm; and which of them are sensors (n,), the only ones among the designs."""
     count = len(rows)
-    p, sizes = with_values(sensor, names, columns_of(rows))
+    p, sizes = with_values(sensor, names, list(rows.T))
     values = np.stack([np.broadcast_to(np.asarray(v, dtype=float), count) for v in p], axis=1)
     halves = np.tile(np.array([[psd.size_y, psd.size_z] for psd in sensor.psds]) / 2, (count, 1, 1))
     if "size_mm" in names:

@@ -20,8 +20,17 @@ from ..detectors.noise import power_floor
 from ..optics.forward import build_geometry
 from .exploration import FAR, MEASURES, NO_RIVALS, Space, looked_at
 from .footprint import edge_clearances, within_circle
-from .problem import EDGES, Problem, Wanted, asked_at, headrooms, require_supported, rows_of
-from .tape import tape_of
+from .formula import Formula
+from .problem import (
+    EDGES,
+    Problem,
+    Wanted,
+    asked_at,
+    headrooms,
+    origin_of,
+    require_supported,
+    rows_of,
+)
 from .variables import (
     Outcome,
     heads_of,
@@ -97,23 +106,30 @@ def require_smooth(space: Space) -> None:
 
 def trade_of(space: Space) -> Trade:
     """The problem of a space's objectives; raises `InputError`."""
-    ca = require_extra("casadi", "the search for a front")
-
+    require_extra("casadi", "the search for a front")
     require_smooth(space)
     names, count = space.names, len(space.names)
     low, high = np.array([space.layout.variables[name] for name in names]).T
     ranges = [name for name in RANGE_COLUMNS if name in space.objectives]
     objectives = [*ranges, *(name for name in space.objectives if name not in ranges)]
     scales = dict(zip(objectives, scales_of(space, objectives), strict=True))
-    unknown, given = ca.SX.sym("x", count + len(ranges)), ca.SX.sym("s", 16)
-    x = [low[i] + (high[i] - low[i]) * unknown[i] for i in range(count)]
-    halves = {name: scales[name] * unknown[count + n] / 2 for n, name in enumerate(ranges)}
     states = states_of(space, ranges)
-    wanted = wanted_of(space, x, at_state(space, given, halves), scales, states)
+
+    def outputs(unknowns: Floats, some: Floats) -> list[Wanted]:
+        x = list((low + (high - low) * unknowns[:, :count]).T[:, :, None])
+        halves = {
+            name: scales[name] * unknowns[:, count + n, None] / 2 for n, name in enumerate(ranges)
+        }
+        return wanted_of(space, x, at_state(some, halves), scales, states)
+
+    def compute(unknowns: Floats, some: Floats) -> list[Any]:
+        return [each.value for each in outputs(unknowns, some)]
+
+    wanted = outputs(np.full((1, count + len(ranges)), 0.5), np.zeros((1, 16)))
     groups = list(dict.fromkeys(each.group for each in wanted))
+    origin = np.pad(origin_of(low, high), (0, len(ranges)), constant_values=np.nan)
     problem = Problem(
-        space.sensor, names, low, high, objectives,
-        tape_of(unknown, given, ca.vertcat(*[each.value for each in wanted])),
+        space.sensor, names, low, high, objectives, Formula(compute, origin),
         np.arange(count + len(ranges)), states, groups,
         rows_of(wanted, groups, objectives, count, len(states)),
         np.empty(0, dtype=np.int64), {}, False,
@@ -154,29 +170,27 @@ def states_of(space: Space, ranges: list[str]) -> Floats:
     return np.array(rows)
 
 
-def at_state(space: Space, given: Any, halves: dict[str, Any]) -> tuple[Any, ...]:
-    """A state in symbols: of the volume, or at a share of the ranges' halves (mm, mrad)."""
+def at_state(states: Floats, halves: dict[str, Floats]) -> tuple[Any, ...]:
+    """States (m, 16), of the volume or at a share of the ranges' halves (k, 1), mm and mrad, as
+    `outcome_of` takes them."""
     ends: list[Any] = [0.0] * 8
     for name, half in halves.items():
         axis = RANGE_COLUMNS.index(name)
         ends[axis] = half / FAR[axis]
         if axis < 2:
             ends[6 + axis] = ends[axis]
-    return tuple(given[i] + given[8 + i] * ends[i] for i in range(8))
+    return tuple((states[:, i] + states[:, 8 + i] * ends[i]) for i in range(8))
 
 
 def wanted_of(
     space: Space, x: list[Any], state: Any, scales: dict[str, float], states: Floats
 ) -> list[Wanted]:
     """All that a design must keep, and what must stay below the objectives."""
-    import casadi as ca
-
     parameters, square = with_values(space.sensor, space.names, x)
     own = [(psd.size_y, psd.size_z) for psd in space.sensor.psds]
     sizes = [(d, d) for d in square] if "size_mm" in space.names else own
-    given = tuple(map(ca.SX, parameters))
-    fixed = build_geometry(given)
-    found = outcome_of(space.sensor, given, square, state, 0.0)
+    fixed = build_geometry(tuple(parameters))
+    found = outcome_of(space.sensor, parameters, square, state)
     heads = heads_of(parameters)
     outside = [n for n, row in enumerate(states) if row[:8].any()]
     reached = [n for n in range(len(states)) if n not in outside]
@@ -193,7 +207,7 @@ def wanted_of(
         wanted += [Wanted("size of the head", 1 - h / limit, states=(0,)) for h in heads]
     for name, scale in scales.items():
         if name in FINE_COLUMNS:
-            sigma = ca.sqrt(found[FINE_COLUMNS.index(name)])
+            sigma = np.sqrt(found[FINE_COLUMNS.index(name)])
             what = f"{name} as low as it can be"
             wanted.append(Wanted(what, -sigma / scale, name, (0,)))
         elif name == "head_mm":

@@ -1,12 +1,8 @@
-"""A layout: what may be varied of it, and what a state of it gives, in symbols for casadi.
-
-The text is that of `optics`, with its closed Jacobian; casadi only adds the derivatives by what is
-varied.
-"""
+"""A layout: what may be varied of it, and what layouts give at states, by the float model."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,13 +11,14 @@ import numpy as np
 from ..core.names import DETECTORS, FINE_UNITS
 from ..core.sensor import Electronics, Sensor
 from ..core.units import Floats
+from ..detectors.noise import electrode_currents, standard_deviations
 from ..model.arrays import parameters, sensor_with
+from ..model.many import evaluate, pack_all
 from ..optics.forward import build_geometry, dark_scene
-from ..optics.gradient import linearise
 from ..optics.limits import gradient_per_sigma, outward_direction
 from ..optics.rays import gradient_of_shift, reflect, slant
-from ..optics.vectors import dot, subtract
-from .electronics import deviations
+from ..optics.vectors import dot, rotate, rotation, subtract
+from ..scalars.dispatch import cos, sin, sqrt
 
 #: Half of the 1/e^2 diameter, in sigmas.
 RIM = 2
@@ -31,7 +28,7 @@ FACETS, PSDS = (6, 8, 10), (12, 18, 24)
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one state of one layout gives, by its place in the function's only output.
+    """What states of layouts give, by the places in the list that `outcome_of` returns.
 
     variances: 6, um^2 and urad^2.  powers: 3, mW.  clearances: 12, from the light inside the 1/e^2
     circle to each detector's edges at -y, +y, -z, +z, mm, by the whole ellipse, which is no less.
@@ -44,97 +41,126 @@ class Outcome:
     POWERS = slice(6, 9)
     CLEARANCES = slice(9, 21)
     CONDITION = slice(21, 22)
-    SIZE = 22
     HEADROOM = slice(22, 34)
 
 
-def outcome(sensor: Sensor) -> Any:
-    """The casadi function (parameters (30), sizes (3), state (8), prior (1)) -> outcome (22).
+#: Of an amplifier's full scale, what the light of a design may take; the rest is for the laser's
+#: noise, for parts that differ, and for the noise of the reading itself.
+FULL = 0.95
 
-    sizes: of the detectors, square, mm.  prior: 1 / um^2, what is known of bx and by; 0 nothing.
-    """
-    import casadi as ca
 
-    p, sizes, s, prior = (ca.SX.sym(n, k) for n, k in (("p", 30), ("d", 3), ("s", 8), ("w", 1)))
-    given, state = tuple(p[i] for i in range(30)), tuple(s[i] for i in range(8))
-    found = ca.vertcat(*outcome_of(sensor, given, sizes, state, prior))
-    return ca.Function("outcome", [p, sizes, s, prior], [found])
+def columns_of_states(states: Floats) -> tuple[Any, ...]:
+    """The eight numbers of states (m, 8) or (k, m, 8), as `outcome_of` takes them."""
+    return tuple(np.ascontiguousarray(states[..., i]) for i in range(8))
 
 
 def outcome_of(
-    sensor: Sensor, given: Any, sizes: Any, state: Any, prior: Any, gain: Any = None
-) -> list[Any]:
-    """The numbers of `Outcome` in casadi's symbols, for 30 parameters `given`.
+    sensor: Sensor, given: Sequence[Any], sizes: Sequence[Any], state: Sequence[Any],
+    gain: Any = None,
+) -> list[Any]:  # fmt: skip
+    """The numbers of `Outcome`, each as wide as (k, m) or less, of k layouts at m states.
 
-    gain: of the amplifiers, ohm, where it is not the sensor's.
+    given: 30 parameters, floats or columns (k, 1).  sizes: of the detectors, square, mm, likewise.
+    state: eight numbers, each (m,) or (k, m), of `columns_of_states`.  gain: of the amplifiers,
+    ohm, where it is not the sensor's.
     """
-    import casadi as ca
-
-    fixed = build_geometry(given)
-    detectors = linearise(fixed, state)
-    rows = []
-    headroom: list[Any] = []
-    for k, (values, derivatives) in enumerate(detectors):
-        place = sensor.noise.position * sensor.noise.at_power / values[2]
-        sigmas = [place, place, sensor.noise.power]
-        if sensor.electronics is not None:
-            own = sensor.electronics.transimpedance if gain is None else gain
-            halves = halves_of(sensor, k, sizes[k])
-            sigmas, spare = deviations(sensor.electronics, values, halves, own)
-            headroom += spare
-        for i, sigma in enumerate(sigmas):
-            scaled = [d * unit / sigma for d, unit in zip(derivatives[i], FINE_UNITS, strict=True)]
-            rows.append(ca.horzcat(*scaled))
-    matrix = ca.vertcat(*rows)
-    information = ca.mtimes(matrix.T, matrix)
-    for i in (6, 7):
-        information[i, i] += prior
-    inverse = ca.solve(information, ca.SX.eye(8))
-    condition = ca.trace(information) * ca.trace(inverse)
-    variances = [inverse[i, i] for i in range(6)]
-    powers = [values[2] for values, _ in detectors]
-    return [*variances, *powers, *clearances_of(fixed, state, sizes), condition, *headroom]
+    rows = [len(each) for each in state if each.ndim == 2]
+    count = max(1, *(getattr(each, "size", 1) for each in (*given, *sizes, gain)), *rows)
+    states = np.empty((count, np.shape(state[0])[-1], 8))
+    for i, values in enumerate(state):
+        states[..., i] = values
+    shape, owner = states.shape[:2], np.repeat(np.arange(count), states.shape[1])
+    fixed = build_geometry(tuple(given))
+    vectors, states = pack_all(fixed, count), states.reshape(-1, 8)
+    reading = evaluate("readings", vectors, owner, states)
+    matrices = evaluate("derivatives", vectors, owner, states)
+    sigma, headroom = noise_of(sensor, reading.reshape(*shape, 9), sizes, gain)
+    scaled = matrices * np.array(FINE_UNITS) / sigma.reshape(-1, 9)[:, :, None]
+    variances, condition = spectrum_of(scaled)
+    found = [each.reshape(shape) for each in (*variances.T, *reading[:, 2::3].T)]
+    return [*found, *clearances_of(fixed, state, sizes), condition.reshape(shape), *headroom]
 
 
-def halves_of(sensor: Sensor, k: int, size: Any) -> tuple[Any, Any]:
-    """Half of detector k, mm: as it is, or of a square of a size that varies."""
-    psd = sensor.psds[k]
-    if isinstance(size, float) and size == min(psd.size_y, psd.size_z):
-        return psd.size_y / 2, psd.size_z / 2
-    return size / 2, size / 2
+def spectrum_of(matrices: Floats) -> tuple[Floats, Floats]:
+    """Of Jacobians (n, 9, 8): the variances of the pose (n, 6), and `Outcome.CONDITION` (n,)."""
+    try:
+        inverse = np.linalg.inv(np.linalg.qr(matrices, mode="r"))
+    except np.linalg.LinAlgError:  # one of them is singular
+        inverse = np.linalg.pinv(np.nan_to_num(matrices))
+    squares = (inverse**2).sum(axis=2)
+    return squares[:, :6], (matrices**2).sum(axis=(1, 2)) * squares.sum(axis=1)
+
+
+def noise_of(
+    sensor: Sensor, reading: Floats, sizes: Sequence[Any], gain: Any
+) -> tuple[Floats, list[Any]]:
+    """Standard deviations of readings (k, m, 9), and what is left of the full scale of each of the
+    twelve amplifiers as a share, (k, m) each, if there are any."""
+    if sensor.electronics is None:
+        return standard_deviations(sensor, reading), []
+    parts = []
+    for n, built in enumerate(electronics_of(sensor, sizes, gain, len(reading))):
+        electronics = built.electronics
+        assert electronics is not None
+        full = FULL * electronics.adc_range / electronics.transimpedance
+        light = reading[n].reshape(-1, 3, 3)
+        left = 1 - electrode_currents(built, electronics, light).reshape(-1, 12) / full
+        parts.append((standard_deviations(built, reading[n]), left))
+    sigma, headroom = (np.stack(part) for part in zip(*parts, strict=True))
+    return sigma, list(np.moveaxis(headroom, -1, 0))
+
+
+def electronics_of(
+    sensor: Sensor, sizes: Sequence[Any], gain: Any, count: int
+) -> Iterator[Sensor]:  # fmt: skip
+    """The sensor with each layout's amplifiers and sizes of detectors."""
+    is_fixed = all(isinstance(size, float) for size in sizes)
+    for n in range(count):
+        built = sensor
+        if gain is not None and not isinstance(gain, float):
+            electronics = replace(
+                sensor.electronics or Electronics(), transimpedance=gain[n].item()
+            )
+            built = replace(built, electronics=electronics)
+        if not is_fixed:
+            sides = [float(np.broadcast_to(size, (count, 1))[n, 0]) for size in sizes]
+            a, b, c = (
+                replace(psd, size_y=side, size_z=side)
+                for psd, side in zip(sensor.psds, sides, strict=True)
+            )
+            built = replace(built, psds=(a, b, c))
+        yield built
 
 
 def rim_clearances(fixed: Any, state: Any, rim: float) -> list[Any]:
     """From the light inside the 1/e^2 ellipse to the mirror's rim on each facet, over the rim."""
-    import casadi as ca
-
     at = dark_scene(fixed, state)
     found = []
     for k in range(3):
         along = slant(outward_direction(fixed, at, k), fixed.direction, at.normals[k])
         slope = gradient_per_sigma(fixed, along)
         out = dot(subtract(at.place, at.apex), along)
-        reach = RIM * ca.sqrt(slope[0] ** 2 + slope[1] ** 2)
+        reach = RIM * sqrt(slope[0] * slope[0] + slope[1] * slope[1])
         found.append(1 - (out + reach) / rim)
     return found
 
 
 def clearances_of(fixed: Any, state: Any, sizes: Any) -> list[Any]:
     """From the image of the beam's 1/e^2 ellipse to the detectors' edges; 12."""
-    import casadi as ca
-
-    at = dark_scene(fixed, state)
+    apex, (bx, by) = tuple(state[:3]), state[6:]
+    offset = (bx - apex[0], by - apex[1], -apex[2])
+    turn = rotation(*state[3:6])
     clearances = []
     for k in range(3):
-        normal, (x, y, z) = at.normals[k], fixed.axes[k]
+        normal, (x, y, z) = rotate(turn, fixed.normals[k]), fixed.axes[k]
         leaving = reflect(fixed.direction, normal)
-        centre = tuple(p - c for p, c in zip(at.apex, fixed.centres[k], strict=True))
-        offset = tuple(b - t for b, t in zip(at.place, at.apex, strict=True))
+        centre = subtract(apex, fixed.centres[k])
         for axis in (y, z):
             along = slant(axis, leaving, x)
             shift = gradient_of_shift(along, fixed.direction, normal)
             middle = dot(along, centre) + dot(shift, offset)
-            reach = RIM * ca.sqrt(sum(dot(shift, spread) ** 2 for spread in fixed.spread))
+            a, b = (dot(shift, spread) for spread in fixed.spread)
+            reach = RIM * sqrt(a * a + b * b)
             clearances += [sizes[k] / 2 + middle - reach, sizes[k] / 2 - middle - reach]
     return clearances
 
@@ -238,8 +264,6 @@ def gain_of(sensor: Sensor, names: Sequence[str], x: Any) -> Any:
 
 
 def tangent(angle: Any) -> Any:
-    from ..scalars.dispatch import cos, sin
-
     return sin(angle) / cos(angle)
 
 

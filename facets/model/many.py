@@ -7,16 +7,15 @@ once; what a sensor gives at a state is the same bits as from `arrays`.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ..core.units import Booleans, Floats, Integers
-from ..optics.forward import build_geometry
+from ..optics.forward import Geometry, build_geometry
 from ..scalars.nesting import leaves
 from . import evaluators, rare
 from .arrays import fill_derivatives
 from .blocks import address_of, kernel, lanes
+from .packing import EXAMPLE
 
 #: The shape of what a kernel finds at a state, and the model for states that leave their block.
 SHAPES = {"readings": (9,), "derivatives": (9, 8), "footprints": (3, 5)}
@@ -27,29 +26,26 @@ MODELS = {
 }
 
 
-class Column(np.ndarray):
-    """One number of many sensors, for the text of the optics (`scalars.dispatch`)."""
-
-    def sin(self) -> Any:
-        return np.sin(self)
-
-    def cos(self) -> Any:
-        return np.cos(self)
-
-
-def columns_of(rows: Floats) -> list[Column]:
-    """The columns of an array (n, m)."""
-    return [np.ascontiguousarray(column).view(Column) for column in rows.T]
-
-
 def vectors_of(parameters: Floats) -> Floats:
     """`packing.pack` of each row of 30 parameters: (n, m)."""
-    count = len(parameters)
-    numbers = leaves(build_geometry(tuple(columns_of(parameters))))
-    parts = [np.broadcast_to(np.asarray(number + 0.0), count) for number in numbers]
-    address = np.broadcast_to(rare.ADDRESS, (count, len(rare.ADDRESS)))
-    vectors: Floats = np.ascontiguousarray(np.column_stack([np.stack(parts, axis=1), address]))
-    return vectors
+    columns = tuple(np.ascontiguousarray(parameters.T)[:, :, None])
+    return pack_all(build_geometry(columns), len(parameters))
+
+
+#: What follows the parts of a geometry that depend on the 30 parameters, in packed vectors.
+VARIED = 7
+REST = np.array([*(number + 0.0 for number in leaves(EXAMPLE[VARIED:])), rare.ADDRESS.item()])
+
+
+def pack_all(vectors: Geometry, count: int) -> Floats:
+    """`packing.pack` of so many sensors (n, m), whose vectors are floats or columns (n, 1)."""
+    numbers = list(leaves(vectors[:VARIED]))
+    packed = np.empty((count, len(numbers) + len(REST)))
+    for i, number in enumerate(numbers):
+        packed[:, i : i + 1] = number
+    packed[:, : len(numbers)] += 0.0
+    packed[:, len(numbers) :] = REST
+    return packed
 
 
 def evaluate(name: str, vectors: Floats, owner: Integers, states: Floats) -> Floats:

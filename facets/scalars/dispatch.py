@@ -2,8 +2,8 @@
 
 The formulas in `facets.optics` are written once, over scalars, with `+ - * /` and these functions.
 They then run as plain floats, as numbers that write code (`tracing`), inside loops that Numba
-compiles (`model.jit` gives each function here a compiled twin), and in high precision
-(mpmath); what is only geometry runs as rigorous intervals (`intervals`) and with casadi's symbols
+compiles (`model.jit` gives each function here a compiled twin), and in high precision (mpmath);
+what is only geometry runs on arrays, as rigorous intervals (`intervals`) and with casadi's symbols
 (`casadi_symbols`) too. A formula holds no decimal literal, because a rounded constant would spoil a
 40-digit run.
 
@@ -16,6 +16,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from typing import Any
+
+import numpy
 
 Number = Any
 
@@ -42,6 +44,8 @@ def library(x: Number) -> Any:
         from . import casadi_symbols
 
         return casadi_symbols
+    if type(x).__module__ == "numpy":
+        return numpy
     if hasattr(x, "library"):  # `dual.Dual` and `tracing.Value` name their own
         return x.library
     from . import intervals

@@ -16,10 +16,16 @@ from facets.core.layout import AmplifierPart, PsdPart
 from facets.design.exploration import Space, looked_at
 from facets.design.front import pareto_front
 from facets.design.search import optimize
-from facets.design.variables import Outcome, outcome, sensor_of
+from facets.design.variables import (
+    Outcome,
+    columns_of_states,
+    gain_of,
+    outcome_of,
+    sensor_of,
+    with_values,
+)
 from facets.design.volume import states_of
 from facets.detectors.noise import electrode_currents
-from facets.model.arrays import parameters
 
 CONFIG = facets.load("layout")
 SCALE = np.array([1e3, 1e3, 1e3, 1e6, 1e6, 1e6])
@@ -37,17 +43,24 @@ def states(count):
 
 
 @pytest.mark.parametrize("kind", ["duo-lateral", "pincushion"])
-def test_the_symbols_have_the_noise_of_the_float_model(kind):
+def test_layouts_have_their_own_noise_and_full_scale(kind):
     sensor = with_electronics(kind=kind, ambient=0.02)
-    function = outcome(sensor)
-    for state in states(6):
-        found = np.array(function(parameters(sensor), [13.0] * 3, state, 0.0)).ravel()
-        sigma = uncertainties(sensor, state[None], FREE)[0] * SCALE
-        np.testing.assert_allclose(np.sqrt(found[Outcome.VARIANCES]), sigma, rtol=1e-8)
-        light = facets.readings(sensor, state).reshape(1, 3, 3)
-        full = 0.95 * ELECTRONICS.adc_range / ELECTRONICS.transimpedance
-        left = 1 - electrode_currents(sensor, sensor.electronics, light).ravel() / full
-        np.testing.assert_allclose(found[Outcome.HEADROOM], left, rtol=1e-10)
+    names, rows = ["transimpedance_kohm", "size_mm"], np.array([[100.0, 13.0], [50.0, 9.0]])
+    places = states(6)
+    x = list(rows.T[:, :, None])
+    given, sizes = with_values(sensor, names, x)
+    columns = columns_of_states(places)
+    found = outcome_of(sensor, given, sizes, columns, gain_of(sensor, names, x))
+    for n, row in enumerate(rows):
+        made = sensor_of(sensor, names, row)
+        sigma = uncertainties(made, places, FREE) * SCALE
+        variances = np.array([each[n] for each in found[Outcome.VARIANCES]])
+        np.testing.assert_allclose(np.sqrt(variances).T, sigma, rtol=1e-8)
+        light = facets.readings(made, places).reshape(-1, 3, 3)
+        full = 0.95 * made.electronics.adc_range / made.electronics.transimpedance
+        left = 1 - electrode_currents(made, made.electronics, light).reshape(-1, 12) / full
+        headroom = np.array([each[n] for each in found[Outcome.HEADROOM]])
+        np.testing.assert_allclose(headroom.T, left, rtol=1e-10)
 
 
 def worst(sensor):

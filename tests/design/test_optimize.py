@@ -23,32 +23,64 @@ from facets.design.problem import problem_of
 from facets.design.report import worst_over
 from facets.design.rounding import round_design, step_of
 from facets.design.search import optimize, solve_from, starts_of
-from facets.design.variables import Outcome, outcome, present_values, sensor_of, with_values
+from facets.design.variables import (
+    Outcome,
+    columns_of_states,
+    outcome_of,
+    present_values,
+    sensor_of,
+    with_values,
+)
 from facets.design.verification import compare
 from facets.design.volume import shares_of_volume, states_of, worst_places
-from facets.model.arrays import parameters
 
 CONFIG = facets.load("layout")
 SCALE = np.array([1e3, 1e3, 1e3, 1e6, 1e6, 1e6])
 
 
+def outcome(sensor, names, x, places):
+    """The numbers of `Outcome` (34 or 22, m) of one layout at states (m, 8)."""
+    p, sizes = with_values(sensor, names, list(x))
+    found = outcome_of(sensor, p, sizes, columns_of_states(np.atleast_2d(places)))
+    return np.array([np.broadcast_to(each, found[0].shape)[0] for each in found])
+
+
 @pytest.mark.parametrize("name", ["paper", "skewed0", "skewed1"])
-def test_the_symbols_are_the_model(name):
+def test_an_outcome_is_that_of_other_commands(name):
     sensor = SENSORS[name]
-    function = outcome(sensor)
-    sizes = [min(psd.size_y, psd.size_z) for psd in sensor.psds]
-    for state in states(10, seed=4, offset=0.15, angle=0.01):
-        found = np.array(function(parameters(sensor), sizes, state, 0.0)).ravel()
-        sigma = uncertainties(sensor, state[None], Knowledge())[0] * SCALE
-        np.testing.assert_allclose(np.sqrt(found[Outcome.VARIANCES]), sigma, rtol=1e-8)
-        reading = facets.readings(sensor, state)
-        spectral, frobenius = measures(sensor, state[None])[0, 2], np.sqrt(found[Outcome.CONDITION])
-        assert spectral <= frobenius[0] <= 8 * spectral
-        np.testing.assert_allclose(found[Outcome.POWERS], reading[2::3], rtol=1e-10)
-        square = [replace(p, size_y=d, size_z=d) for p, d in zip(sensor.psds, sizes, strict=True)]
-        room = facets.margins(replace(sensor, psds=tuple(square)), state)[:, :4].ravel()
-        assert (found[Outcome.CLEARANCES] <= room + 1e-9).all()  # the whole ellipse is no smaller
-        assert (found[Outcome.CLEARANCES] > room - 1.0).all()
+    square = [min(psd.size_y, psd.size_z) for psd in sensor.psds]
+    parts = [replace(p, size_y=d, size_z=d) for p, d in zip(sensor.psds, square, strict=True)]
+    sensor = replace(sensor, psds=tuple(parts))
+    places = states(10, seed=4, offset=0.15, angle=0.01)
+    found = outcome(sensor, [], [], places)
+    sigma = uncertainties(sensor, places, Knowledge()) * SCALE
+    np.testing.assert_allclose(np.sqrt(found[Outcome.VARIANCES]).T, sigma, rtol=1e-8)
+    spectral, frobenius = measures(sensor, places)[:, 2], np.sqrt(found[Outcome.CONDITION][0])
+    assert (spectral <= frobenius).all()
+    assert (frobenius <= 8 * spectral).all()
+    np.testing.assert_array_equal(found[Outcome.POWERS].T, facets.readings(sensor, places)[:, 2::3])
+    room = facets.margins(sensor, places)[:, :, :4].reshape(-1, 12).T
+    assert (found[Outcome.CLEARANCES] <= room + 1e-9).all()  # the whole ellipse is no smaller
+    assert (found[Outcome.CLEARANCES] > room - 1.0).all()
+
+
+@pytest.mark.parametrize("aim", ["resolution", "mean-resolution", "condition", "range"])
+def test_slopes_are_those_of_values(aim):
+    """Beside differences with other steps, at layouts within and at the ends of the bounds."""
+    layout = replace(CONFIG.layout, aim=aim, weights={})
+    problem = problem_of(CONFIG.sensor, layout)
+    rng = np.random.default_rng(1)
+    for shares in (rng.random(5), np.zeros(5), np.ones(5)):
+        unknowns = problem.first_guess(problem.low + (problem.high - problem.low) * shares)
+        way = rng.normal(size=problem.count)
+        values, slopes = problem.at(unknowns, problem.rows)
+        np.testing.assert_array_equal(values, problem.values(unknowns))
+        ahead, behind = (problem.values(unknowns + s * 3e-5 * way) for s in (1, -1))
+        expected = (ahead - behind) / 6e-5
+        size = np.abs(expected).max()
+        np.testing.assert_allclose(slopes @ way, expected, rtol=1e-5, atol=1e-6 * size)
+        (high, _), (low, _) = (problem.objective(unknowns + s * 3e-5 * way) for s in (1, -1))
+        assert problem.objective(unknowns)[1] @ way == pytest.approx((high - low) / 6e-5, rel=1e-5)
 
 
 def worst(x, names, layout=CONFIG.layout):
@@ -85,16 +117,12 @@ def test_no_neighbour_is_better(optimum):
     """To 0.1 %, of those that keep what the optimum keeps: the whole ellipse on the detectors."""
     best, names = optimum.best.x, optimum.names
     value, _ = worst(best, names)
-    function = outcome(CONFIG.sensor)
     rng = np.random.default_rng(1)
     tried = 0
     for _ in range(150):
         x = best * (1 + rng.uniform(-0.02, 0.02, len(best)))
-        p, sizes = with_values(CONFIG.sensor, names, list(x))
         places = np.array(states_of(CONFIG.layout, 1.0), dtype=float)
-        room = np.array(function.map(len(places))(p, sizes, places.T, 0.0))[
-            Outcome.CLEARANCES
-        ].min()
+        room = outcome(CONFIG.sensor, names, x, places)[Outcome.CLEARANCES].min()
         if room < 0 or x[0] > 250:
             continue
         tried += 1
@@ -108,13 +136,10 @@ def test_an_independent_optimiser_finds_no_better():
     names = ["radius_mm", "diameter_mm"]
     layout = replace(CONFIG.layout, variables={n: CONFIG.layout.variables[n] for n in names})
     best = optimize(CONFIG.sensor, layout).best
-    function = outcome(CONFIG.sensor)
     places = np.array(states_of(layout, 1.0), dtype=float)
-    many = function.map(len(places))
 
     def objective(x):
-        p, sizes = with_values(CONFIG.sensor, names, list(x))
-        found = np.array(many(p, sizes, places.T, 0.0))
+        found = outcome(CONFIG.sensor, names, x, places)
         short = min(
             found[Outcome.CLEARANCES].min(), found[Outcome.POWERS].min() / layout.least_power - 1
         )
@@ -143,13 +168,10 @@ def test_a_long_global_search_finds_no_better(optimum):
     from scipy.optimize import differential_evolution
 
     layout, names = CONFIG.layout, optimum.names
-    function = outcome(CONFIG.sensor)
     places = np.array(states_of(layout, 1.0), dtype=float)
-    many = function.map(len(places))
 
     def cost(x):
-        p, sizes = with_values(CONFIG.sensor, names, list(x))
-        found = np.array(many(p, sizes, places.T, 0.0))
+        found = outcome(CONFIG.sensor, names, x, places)
         short = min(
             found[Outcome.CLEARANCES].min(), found[Outcome.POWERS].min() / layout.least_power - 1
         )
