@@ -28,7 +28,7 @@ from typing import Annotated, Any
 import typer
 
 from facets import __version__
-from facets.core.errors import FacetsError
+from facets.core.errors import FacetsError, InputError
 
 from . import signals
 from .console import BAD_INPUT, INTERRUPTED, Guarded, message
@@ -47,7 +47,6 @@ COMMANDS = {
     "explore": "explore",
     "acquire": "acquire",
     "replay": "replay",
-    "recover": "replay",
     "noise": "noise",
     "emulate": "emulate",
     "render": "render",
@@ -58,6 +57,8 @@ COMMANDS = {
 }
 #: Commands that go on for as long as they are let; others are done before there is much to tidy.
 LIVE = ("acquire", "emulate")
+#: Commands of older versions, and what does the same.
+RENAMED_COMMANDS = {"recover": "replay RECORDING --recover"}
 #: What Python collects garbage after: as often it would go through all that is being imported.
 ALLOCATIONS = 10_000
 #: The exit status, once it is known.
@@ -107,6 +108,8 @@ def words_typed() -> list[str]:
 def asked_app() -> typer.Typer:
     """The program with the command that the arguments name, or with all where they name none."""
     first = next(iter(words_typed()[1:]), "")
+    if first in RENAMED_COMMANDS:
+        raise InputError(f"there is no command {first}; give `facets {RENAMED_COMMANDS[first]}`")
     alone = first in COMMANDS and not whole_app.cache_info().currsize
     return app_of([first]) if alone else whole_app()
 

@@ -68,7 +68,8 @@ class Command(TyperCommand):
         typed, _, _ = self.make_parser(ctx).parse_args(args=list(args))
         rest: list[str] = super().parse_args(ctx, args)
         params: list[Any] = self.get_params(ctx)
-        options = {name for param in params for name in (*param.opts, *param.secondary_opts)}
+        names = [name for param in params for name in (*param.opts, *param.secondary_opts)]
+        options = {name for name in names if name.startswith("-")}  # not those of arguments
         for param in params:
             value = typed.get(param.name)
             texts = value if isinstance(value, list | tuple) else [value]

@@ -220,7 +220,7 @@ def film_states(settings: Config, motion: str | None, recording: Path | None, fr
             )
         poses = live.recording.pose_table.recorded_poses(recording)
         if not poses or not (poses["status"] == 0).any():
-            raise InputError(f"{recording}: holds no poses; see `facets recover`")
+            raise InputError(f"{recording}: holds no poses; see `facets replay --recover`")
         good = poses["status"] == 0
         states = np.column_stack([poses[name][good] for name in STATE_COLUMNS]) * STATE_UNITS
     else:

@@ -21,8 +21,9 @@ import numpy as np
 import facets
 from facets.detectors.counts import readings_to_counts
 from facets.files.provenance import run_record
+from facets.live.recording.comparison import compare
 from facets.live.recording.pose_table import join_columns, pose_columns, recorded_poses
-from facets.live.recording.replay import compare, recorded_config, replay
+from facets.live.recording.replay import recorded_config, replay
 from facets.live.recording.writer import Recording
 from facets.live.run.live import Live
 from facets.live.run.loop import Ending, acquire

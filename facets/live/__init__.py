@@ -19,10 +19,14 @@ from ..core.faces import load_on_use
 # A name is imported when it is first asked for, so that a program pays only for what it uses.
 _HOMES = {
     "Live": "run.live",
+    "Playback": "playback",
+    "ReplayPage": "web.replay_page",
     "Run": "assembly",
     "Screen": "run.view",
     "json_line": "run.view",
     "plain_line": "run.view",
+    "refuse_output": "playback",
+    "require_packages": "streams.publication",
     "summary": "run.view",
     "poses": "run.poses",
     "smooth": "run.smoothing",
@@ -35,6 +39,8 @@ if TYPE_CHECKING:
     from . import recording as recording
     from . import run as run
     from .assembly import Run as Run
+    from .playback import Playback as Playback
+    from .playback import refuse_output as refuse_output
     from .run.live import Live as Live
     from .run.poses import poses as poses
     from .run.smoothing import smooth as smooth
@@ -43,6 +49,8 @@ if TYPE_CHECKING:
     from .run.view import plain_line as plain_line
     from .run.view import summary as summary
     from .streams.ophyd_device import PoseSensor as PoseSensor
+    from .streams.publication import require_packages as require_packages
     from .streams.subscription import Subscription as Subscription
+    from .web.replay_page import ReplayPage as ReplayPage
 else:
     __getattr__ = load_on_use(__name__, _HOMES)

@@ -302,8 +302,8 @@ replay none
 replay FILE
 replay DIR
 recover none
-recover FILE
-recover DIR
+replay FILE --recover
+replay DIR --recover
 reproduce nothing
 reproduce table1 -d FILE
 reproduce table1 -d LONG
@@ -386,7 +386,7 @@ def spoilt_stream(rng: Rng, folder: Path) -> Case:
     else:
         place, length = int(rng.integers(len(raw) + 1)), int(rng.integers(200))
         file.write_bytes(bytes(raw[:place] + raw[place + length :]))
-    words = [str(rng.choice(["replay", "recover"])), "recording", "-o", "out.csv"]
+    words = ["replay", "recording", "-o", "out.csv", *([[], ["--recover"]][rng.integers(2)])]
     return Case(words, False, f"stream, {file.name}, way {kind}")
 
 

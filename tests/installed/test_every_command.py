@@ -57,7 +57,7 @@ CHAINS = {
         acquire 'my checked bench.yaml' --port 'virtual bench/board'
           --stage-port 'virtual bench/stage' --track --samples 200 -d 'tracked' --plain
         replay 'a run' --compare -o 'a run again.mcap'
-        recover 'a run'
+        replay 'a run' --recover
         noise 'a run' -d 'the noise' --write 'with noise.yaml'
         """,
     "range": """

@@ -122,7 +122,7 @@ def test_a_recording_that_was_killed_is_replayed_and_says_that_its_count_is_unkn
         ("bytes.bin", "swap", "rec/index.bin: none of its 12 rows agrees with rec/bytes.bin"),
         ("bytes.bin", "lose", "rec/bytes.bin: is missing"),
         ("index.bin", "swap", "rec/index.bin: none of its 10 rows agrees with rec/bytes.bin"),
-        ("index.bin", "lose", "rec/index.bin: is missing; `facets recover rec`"),
+        ("index.bin", "lose", "rec/index.bin: is missing; `facets replay rec --recover`"),
         ("index.bin", "folder", "rec/index.bin: can not be read"),
     ],
 )
@@ -145,7 +145,7 @@ def test_a_file_that_is_wrong_is_named_in_one_sentence(place, name, what, words)
         assert len(result.stderr.splitlines()) == 1
     assert not (place / "n.yaml").exists()
     if name == "index.bin":
-        result = command("recover", "rec", "-o", "poses.csv", cwd=place)
+        result = command("replay", "rec", "--recover", "-o", "poses.csv", cwd=place)
         assert result.returncode == 0, result.stderr
         assert f"rec: {BLOCKS * EACH} samples" in result.stdout
 
@@ -153,7 +153,10 @@ def test_a_file_that_is_wrong_is_named_in_one_sentence(place, name, what, words)
 @pytest.mark.parametrize("name", ["index.bin", "poses.arrows", "events.jsonl", "bytes.bin"])
 def test_nonsense_in_a_file_is_no_traceback(place, name):
     (place / "rec" / name).write_bytes(bytes(range(256)) * 17)
-    for words in (("replay", "rec", "--compare"), ("recover", "rec", "-o", "poses.csv")):
+    for words in (
+        ("replay", "rec", "--compare"),
+        ("replay", "rec", "--recover", "-o", "poses.csv"),
+    ):
         result = command(*words, cwd=place)
         assert result.returncode in (0, 1, 2)
         assert "Traceback" not in result.stderr

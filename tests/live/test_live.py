@@ -119,7 +119,7 @@ def test_a_killed_recording_loses_no_more_than_its_last_block(tmp_path, number):
 def test_what_is_recovered_leaves_the_recording_as_it_was(tmp_path):
     kill(tmp_path / "r", stream(20_000), 0.45)
     before = {file.name: file.read_bytes() for file in (tmp_path / "r").iterdir()}
-    result = command("recover", "r", "-o", "poses.parquet", cwd=tmp_path)
+    result = command("replay", "r", "--recover", "-o", "poses.parquet", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert {file.name: file.read_bytes() for file in (tmp_path / "r").iterdir()} == before
     assert (tmp_path / "poses.parquet").exists()
@@ -203,7 +203,7 @@ def test_an_unplugged_cable_ends_with_a_message_and_an_intact_recording(tmp_path
     assert "Traceback" not in run.stderr
     result = command("replay", "rec", "--compare", cwd=tmp_path)
     assert result.returncode == 0, result.stdout
-    assert command("recover", "rec", cwd=tmp_path).returncode == 0
+    assert command("replay", "rec", "--recover", cwd=tmp_path).returncode == 0
     assert (tmp_path / "rec" / "recovered.parquet").exists()
 
 
@@ -318,7 +318,8 @@ def test_messages_say_what_to_do(tmp_path):
         (("acquire", "bench", *here, "-d", "file"), "is a file"),
         (("acquire", "bench", *here, "-d", "file/deeper"), "can not be written"),
         (("replay", "nothing"), "no such folder"),
-        (("recover", "nothing"), "no such folder"),
+        (("replay", "nothing", "--recover"), "no such folder"),
+        (("recover", "rec"), "no command recover; give `facets replay RECORDING --recover`"),
         (("emulate", "bench", "--motion", "cirkel"), "no motion cirkel; it has: "),
         (("emulate", "bench", "--motion", "circle", "--seconds", "0"), "end before it begins"),
         (("emulate", "bench", "--motion", "circle", "--folder", "file"), "no folder to write in"),

@@ -10,8 +10,8 @@ from facets.experiments.kills import stream
 
 import facets
 from facets.estimation.solution import Status
+from facets.live.recording.comparison import compare
 from facets.live.recording.pose_table import join_columns, pose_columns
-from facets.live.recording.replay import compare
 from facets.live.run import loop as module
 from facets.live.run.live import Live
 from facets.live.run.loop import Ending, Loop

@@ -87,7 +87,8 @@ def foreign_index(folder: Path, seal: Seal, size: int, rows: int) -> InputError:
         return InputError(f"{path}: is empty, but held {seal.bytes} bytes when it was closed")
     return InputError(
         f"{folder / 'index.bin'}: none of its {rows} rows agrees with {path}: one of the two is "
-        f"damaged or of another recording. `facets recover {folder}` solves the bytes without it"
+        f"damaged or of another recording. `facets replay {folder} --recover` solves the bytes "
+        "without it"
     )
 
 
@@ -131,7 +132,7 @@ def read_index(folder: Path, salvage: bool) -> bytes:
             raise InputError(
                 f"{folder}: is no recording: it has no index.bin and no bytes"
             ) from None
-        remedy = f"`facets recover {folder}` solves the bytes without it"
+        remedy = f"`facets replay {folder} --recover` solves the bytes without it"
         raise missing_file(path, error, remedy) from None
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +12,7 @@ import numpy as np
 
 from ...core.errors import ConfigError, InputError
 from ...core.version import __version__
-from ...estimation.solution import Status
-from ..run.pipeline import FULL, LABELS, SKIPPED, TWO_DETECTORS, Pipeline, Poses
+from ..run.pipeline import LABELS, Pipeline, Poses
 from .index import Damage, name_of_copy
 from .pose_table import Columns, pose_columns
 from .reader import blocks, meta_of, size_of
@@ -118,80 +116,3 @@ def label(poses: Poses) -> Columns:
     columns = pose_columns(poses)
     words = np.array([LABELS[status] for status in columns["status"].tolist()], dtype=str)
     return columns | {"status": words}
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """Recorded poses beside those of a replay, sample by sample.
-
-    recorded: poses on record.  skipped: samples among them that the run did not solve.  absent:
-    those that the replay does not have.  unrecorded: samples of the replay without a pose on
-    record, the first and the last of which are `ends`.  different: those that are not the same to
-    the last bit, in `columns`.  worst: difference of a pose, in standard uncertainties; infinite
-    where only one of the two has a pose.  since: the first sample that is different or absent.
-    """
-
-    recorded: int
-    skipped: int
-    absent: int
-    unrecorded: int
-    ends: tuple[int, int]
-    different: int
-    columns: tuple[str, ...]
-    worst: float
-    since: int | None
-
-    @property
-    def same(self) -> bool:
-        """Whether all that is there of both is the same."""
-        return not self.different
-
-
-def compare(old: Columns, new: Columns) -> Comparison:
-    """old: what a recording holds, new: what its replay gives; both by `pose_columns`.
-
-    A sample that an older version called "non finite" or "two detectors only" and this one
-    "saturated" or "unchecked" is the same.
-    """
-    none: Columns = {"seq": np.zeros(0, np.int64), "status": np.zeros(0, np.int8)}
-    old, new = old or none, new or none
-    there = np.isin(old["seq"], new["seq"])
-    unrecorded = new["seq"][~np.isin(new["seq"], old["seq"])]
-    ends = (int(unrecorded[0]), int(unrecorded[-1])) if len(unrecorded) else (0, 0)
-    skipped = old["status"] == SKIPPED
-    solved = there & ~skipped
-    rows = np.searchsorted(new["seq"], old["seq"][solved])
-    apart, columns = np.zeros(len(rows), bool), []
-    for name in old if len(rows) else ():
-        one, other = old[name][solved], new[name][rows]
-        if name == "status":
-            other = np.where((one == Status.NON_FINITE) & (other == FULL), one, other)
-            other = np.where((one == TWO_DETECTORS) & (other == Status.UNCHECKED), one, other)
-        differs = (one != other) & ~(is_nan(one) & is_nan(other))
-        if differs.any():
-            columns.append(name)
-        apart |= differs
-    absent = ~there & ~skipped
-    doubtful = np.append(old["seq"][absent], old["seq"][solved][apart])
-    return Comparison(
-        len(old["seq"]), int(skipped.sum()), int(absent.sum()), len(unrecorded), ends,
-        int(apart.sum()), tuple(columns),
-        distance(old, new, np.flatnonzero(solved)[apart], rows[apart]),
-        int(doubtful.min()) if len(doubtful) else None,
-    )  # fmt: skip
-
-
-def is_nan(values: Any) -> Any:
-    return np.isnan(values) if values.dtype.kind == "f" else np.zeros(len(values), bool)
-
-
-def distance(old: Columns, new: Columns, rows: Any, others: Any) -> float:
-    """The largest difference of a pose, in standard uncertainties."""
-    worst = 0.0
-    for name in (name for name in old if name.startswith("u_")):
-        one, other = old[name[2:]][rows], new[name[2:]][others]
-        only_one = np.isnan(one) != np.isnan(other)
-        sigma = np.where(old[name][rows] > 0, old[name][rows], 1.0)
-        off = np.where(only_one, np.inf, np.nan_to_num(np.abs(one - other) / sigma))
-        worst = max(worst, float(off.max(initial=0.0)))
-    return worst

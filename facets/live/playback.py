@@ -1,0 +1,229 @@
+"""A recording solved again: its poses, the files that they go to, and how they compare."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.extras import require_extra
+from ..files import provenance, tables
+from .recording.comparison import compare, comparison_sentences
+from .recording.index import Damage
+from .recording.pose_table import join_columns, pose_columns, recorded_poses
+from .recording.reader import meta_of, seal_of, utc_offset
+from .recording.replay import label, recorded_config, replay
+from .run.pipeline import Pipeline, Poses, join_poses
+from .run.pulses import PulseClock, pulse_columns
+from .run.smoothing import require_model, smoothed_columns
+from .streams.filtered_rows import WIDE, RowFilter
+from .streams.mcap_file import McapFile
+from .streams.publication import Publications
+from .streams.sample_rows import SAMPLE, rows_of
+
+if TYPE_CHECKING:
+    from ..core.settings import Config
+
+
+class Playback:
+    """A recording that is solved again from its bytes.
+
+    Parameters
+    ----------
+    folder : Path
+        The recording.
+    config : Config, optional
+        Solve with this configuration; the recording's own by default.
+
+    Raises
+    ------
+    InputError
+        For what is no recording, and one whose configuration is damaged or was changed.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from facets.live import Playback
+    >>> playback = Playback(Path("recordings/today"))  # doctest: +SKIP
+    >>> found = list(playback.poses())  # doctest: +SKIP
+    >>> print(*playback.sentences(), sep="\\n")  # doctest: +SKIP
+    recordings/today: 24534 samples, 0 lost, 0 frames refused, 0 bytes passed over
+    """
+
+    def __init__(self, folder: Path, config: Config | None = None) -> None:
+        meta_of(folder, own=config is None)
+        self.folder = folder
+        self.config = config or recorded_config(folder)
+        self.pipeline, self.damage = Pipeline(self.config), Damage()
+
+    def poses(self, real_time: bool = False, recover: bool = False) -> Iterator[Poses]:
+        """Yield the poses, block by block as the bytes came.
+
+        real_time: as slowly as they came.  recover: also read bytes without an index, or with one
+        that is not theirs, for which `InputError` is raised otherwise.
+        """
+        return replay(self.folder, self.pipeline, real_time, self.damage, salvage=recover)
+
+    def published(
+        self,
+        poses: Iterable[Poses],
+        addresses: Sequence[str],
+        filter_by: str | None,
+        tell: Callable[[str], None],
+        say: Callable[[str], None],
+    ) -> Iterator[Poses]:
+        """Yield the same poses, and publish them on their way.
+
+        tell: receives the addresses.  say: receives, at the end, how many samples were published.
+        """
+        offset = utc_offset(self.folder)
+        with Publications(addresses, self.config, True, offset, filter_by) as publications:
+            tell(f"publishing at {', '.join(publications.places())}")
+            for part in poses:
+                publications.add_poses(part)
+                yield part
+        for text in publications.sentences():
+            say(text)
+
+    def sentences(self) -> Iterator[str]:
+        """Yield what was solved, and what of the recording is not as it was written."""
+        sequence, tally, parser = self.pipeline.sequence, self.pipeline.tally, self.pipeline.parser
+        yield (
+            f"{self.folder}: {tally.samples} samples, {sequence.lost} lost, "
+            f"{parser.corrupt} frames refused, {parser.skipped} bytes passed over"
+        )
+        if sequence.restarts:
+            yield f"  the board restarted {sequence.restarts} times; what it lost is not known"
+        if self.damage.words:
+            yield f"  damaged: {self.damage.words}"
+        for words, count in tally.statuses.items():
+            if count and words != "converged":
+                yield f"  {count} {words}"
+        board = self.pipeline.board
+        for text in (tally.misfit.sentence, board.sentence(), board.trouble()):
+            if text:
+                yield f"  {text}"
+
+    def write(
+        self, path: Path, poses: Iterable[Poses], smooth: str | None, filter_by: str | None
+    ) -> Iterator[str]:
+        """Write poses to a table or an MCAP file; yield what is to be said of them.
+
+        smooth, filter_by: the model of a motion by which poses are smoothed, or filtered as in a
+        live run, in columns beside the raw ones. Raises `InputError` where there are no samples.
+        """
+        about = provenance.about(self.config)
+        if filter_by:
+            yield self.write_filtered(path, list(poses), filter_by, about)
+        elif smooth:
+            yield self.write_smoothed(path, list(poses), smooth, about)
+        elif is_mcap(path):
+            offset = utc_offset(self.folder) or 0.0
+            with tables.Whole(path) as temporary, McapFile(temporary, about, offset) as file:
+                for part in poses:
+                    file.write(part)
+        else:
+            yield from self.write_table(path, poses, about)
+
+    def write_filtered(
+        self, path: Path, poses: list[Poses], model: str, about: dict[str, str]
+    ) -> str:
+        """Write the table of poses, with those that a live run would have had beside them."""
+        refuse_nothing(path, poses)
+        rows = RowFilter(self.config, model, self.pipeline.tally.misfit.carried)
+        wide = np.concatenate([rows.widen(rows_of(part, 0.0)) for part in poses])
+        columns = {name: wide[name] for name in (WIDE.names or ())[len(SAMPLE.names or ()) :]}
+        about = about | {"filtered": f"constant {model}"}
+        tables.write_table(path, {**label(join_poses(poses)), **columns}, about)
+        return f"  filtered by constant {model}; {rows.sentence}"
+
+    def write_smoothed(
+        self, path: Path, poses: list[Poses], model: str, about: dict[str, str]
+    ) -> str:
+        """Write the table of poses, with those that all samples together make likeliest."""
+        refuse_nothing(path, poses)
+        joined, carried = join_poses(poses), self.pipeline.tally.misfit.carried
+        seconds = 1e-6 * joined.time.astype(float)
+        try:
+            columns, result = smoothed_columns(
+                self.config, seconds, joined.solution, carried, model
+            )
+        except ValueError as error:
+            raise InputError(f"{path}: not written: {error}") from None
+        about = about | {"smoothed": f"constant {model}"}
+        tables.write_table(path, {**label(joined), **columns}, about)
+        return f"  smoothed by constant {model}; {result.sentence}"
+
+    def write_table(
+        self, path: Path, poses: Iterable[Poses], about: dict[str, str]
+    ) -> Iterator[str]:
+        """Write the table of poses, with the times by a pulse per second where there is one."""
+        pulses = PulseClock() if self.config.acquire.mark == "pps" else None
+        offset = (utc_offset(self.folder) or 0.0) if pulses else 0.0
+        with tables.Whole(path) as temporary:
+            writer = tables.Writer(temporary, about)
+            try:
+                for part in poses:
+                    columns = label(part)
+                    if pulses is not None:
+                        columns |= pulse_columns(part, offset, pulses)
+                    writer.write(columns)
+                refuse_nothing(path, writer.file)
+            finally:
+                writer.close()
+        if pulses is not None:
+            yield f"  {pulses.sentence}"
+
+    def compare(self, poses: list[Poses], config_name: str | None) -> tuple[list[str], bool]:
+        """Compare poses with the recorded ones, bit by bit.
+
+        config_name: of the configuration that they are solved with, unless the recording's own.
+        Returns what is to be said, and whether everything is the same and whole.
+        """
+        new = join_columns([pose_columns(part) for part in poses]) if poses else {}
+        result = compare(recorded_poses(self.folder), new)
+        version = meta_of(self.folder, own=False).get("facets")
+        return comparison_sentences(
+            result, seal_of(self.folder), self.damage, self.folder, version, config_name
+        )
+
+
+def refuse_nothing(path: Path, written: object) -> None:
+    """Raise `InputError` where there is nothing to write."""
+    if not written:
+        raise InputError(f"{path}: not written, the recording holds no whole sample")
+
+
+def is_mcap(path: Path | None) -> bool:
+    """Whether a file is to be an MCAP file."""
+    return path is not None and path.suffix.lower() == ".mcap"
+
+
+def refuse_output(
+    path: Path | None,
+    force: bool,
+    smooth: str | None,
+    filter_by: str | None,
+    publish: Sequence[str],
+) -> None:
+    """Raise `InputError` for an output that cannot be written, or options that contradict."""
+    if smooth:
+        require_model("--smooth", smooth)
+    if filter_by:
+        require_model("--filter", filter_by)
+    if smooth and filter_by:
+        raise InputError("--filter and --smooth are two ways to say more of a pose; give one")
+    is_table = path is not None and not is_mcap(path)
+    if smooth and not is_table:
+        raise InputError("--smooth needs -o, a table for the smoothed poses")
+    if filter_by and not publish and not is_table:
+        raise InputError("--filter needs -o, a table for the filtered poses, or --publish")
+    if path is not None:
+        if is_mcap(path):
+            require_extra("mcap.writer", str(path))
+        else:
+            tables.ending(path)
+        tables.refuse_to_overwrite([path], force)

@@ -1,0 +1,176 @@
+"""Recorded poses compared with those of a replay, bit by bit, and the comparison in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.names import STATE_COLUMNS
+from ...core.version import __version__
+from ...estimation.solution import Status
+from ..run.pipeline import FULL, SKIPPED, TWO_DETECTORS
+from .index import Damage
+from .pose_table import Columns
+from .reader import Seal
+
+
+@dataclass(frozen=True)
+class PoseComparison:
+    """Recorded poses beside those of a replay, sample by sample.
+
+    recorded: poses on record.  skipped: samples among them that the run did not solve.  absent:
+    those that the replay does not have.  unrecorded: samples of the replay without a pose on
+    record, the first and the last of which are `ends`.  different: those that are not the same to
+    the last bit, in `columns`.  worst: difference of a pose, in standard uncertainties; infinite
+    where only one of the two has a pose.  since: the first sample that is different or absent.
+    """
+
+    recorded: int
+    skipped: int
+    absent: int
+    unrecorded: int
+    ends: tuple[int, int]
+    different: int
+    columns: tuple[str, ...]
+    worst: float
+    since: int | None
+
+    @property
+    def is_same(self) -> bool:
+        """Whether all that is there of both is the same."""
+        return not self.different
+
+
+def compare(old: Columns, new: Columns) -> PoseComparison:
+    """Compare what a recording holds with what its replay gives; both by `pose_columns`.
+
+    A sample that an older version called "non finite" or "two detectors only" and this one
+    "saturated" or "unchecked" is the same.
+    """
+    none: Columns = {"seq": np.zeros(0, np.int64), "status": np.zeros(0, np.int8)}
+    old, new = old or none, new or none
+    there = np.isin(old["seq"], new["seq"])
+    unrecorded = new["seq"][~np.isin(new["seq"], old["seq"])]
+    ends = (int(unrecorded[0]), int(unrecorded[-1])) if len(unrecorded) else (0, 0)
+    skipped = old["status"] == SKIPPED
+    solved = there & ~skipped
+    rows = np.searchsorted(new["seq"], old["seq"][solved])
+    apart, columns = np.zeros(len(rows), bool), []
+    for name in old if len(rows) else ():
+        one, other = old[name][solved], new[name][rows]
+        if name == "status":
+            other = np.where((one == Status.NON_FINITE) & (other == FULL), one, other)
+            other = np.where((one == TWO_DETECTORS) & (other == Status.UNCHECKED), one, other)
+        differs = (one != other) & ~(is_nan(one) & is_nan(other))
+        if differs.any():
+            columns.append(name)
+        apart |= differs
+    absent = ~there & ~skipped
+    doubtful = np.append(old["seq"][absent], old["seq"][solved][apart])
+    return PoseComparison(
+        len(old["seq"]), int(skipped.sum()), int(absent.sum()), len(unrecorded), ends,
+        int(apart.sum()), tuple(columns),
+        largest_difference(old, new, np.flatnonzero(solved)[apart], rows[apart]),
+        int(doubtful.min()) if len(doubtful) else None,
+    )  # fmt: skip
+
+
+def is_nan(values: Any) -> Any:
+    return np.isnan(values) if values.dtype.kind == "f" else np.zeros(len(values), bool)
+
+
+def largest_difference(old: Columns, new: Columns, rows: Any, others: Any) -> float:
+    """The largest difference of a pose, in standard uncertainties."""
+    worst = 0.0
+    for name in (name for name in old if name.startswith("u_")):
+        one, other = old[name[2:]][rows], new[name[2:]][others]
+        only_one = np.isnan(one) != np.isnan(other)
+        sigma = np.where(old[name][rows] > 0, old[name][rows], 1.0)
+        off = np.where(only_one, np.inf, np.nan_to_num(np.abs(one - other) / sigma))
+        worst = max(worst, float(off.max(initial=0.0)))
+    return worst
+
+
+def comparison_sentences(
+    result: PoseComparison,
+    seal: Seal | None,
+    damage: Damage,
+    folder: Path,
+    version: str | None,
+    config_name: str | None,
+) -> tuple[list[str], bool]:
+    """What a comparison found, in sentences, and whether everything is the same and whole.
+
+    seal, damage: of the recording in `folder`.  version: of facets, that recorded it.
+    config_name: of the configuration that solved it again, unless the recording's own.
+    """
+    lost = max(0, seal.poses - result.recorded) if seal else 0
+    count = result.recorded - result.skipped - result.absent
+    of_all = f" of {seal.poses}" if seal and lost else ""
+    verdict = "identical" if result.is_same else f"NOT the same in {result.different} samples"
+    found = [f"{count}{of_all} recorded poses: {verdict if count else 'nothing can be compared'}"]
+    if result.skipped:
+        found.append(f"  {result.skipped} samples were skipped in the run, and are solved now")
+    if lost:
+        found.append(f"  {folder / 'poses.arrows'}: {lost} poses are missing or damaged")
+    has_reason = bool(seal and seal.refused_bytes and not damage.words)
+    if result.absent:
+        reason = absence_reason(has_reason, damage)
+        found.append(f"  {result.absent} were recorded {reason}")
+    is_whole = not lost and (not result.absent or has_reason)
+    if result.unrecorded:
+        found.append(unrecorded_sentence(result, seal, lost))
+        is_whole &= bool(seal and seal.refused_poses)
+    if result.different:
+        found += difference_sentences(result, damage, version, config_name)
+    return found, is_whole and result.is_same
+
+
+def absence_reason(was_refused: bool, damage: Damage) -> str:
+    """Why recorded poses have no sample any more."""
+    if was_refused:
+        return "without their bytes, which the disk refused"
+    if damage.words:
+        return "and their bytes cannot be read any more"
+    return "but the bytes hold no such samples; the cause is unknown"
+
+
+def unrecorded_sentence(result: PoseComparison, seal: Seal | None, lost: int) -> str:
+    """Which samples have no recorded pose, and why if that is known."""
+    first, last = result.ends
+    text = f"  {result.unrecorded} samples, from {first} to {last}, have no recorded pose"
+    if seal is None:
+        return (
+            f"{text}; how many poses were recorded is unknown, because the end of events.jsonl, "
+            "which says that, is missing: the run was killed, the power failed, an older version "
+            "recorded it, or it was cut off"
+        )
+    reason = "the disk refused them" if seal.refused_poses else "the cause is unknown"
+    return text if lost else f"{text}; {reason}"
+
+
+def difference_sentences(
+    result: PoseComparison, damage: Damage, version: str | None, config_name: str | None
+) -> Iterator[str]:
+    """In what recorded and new poses differ, and the cause if it is known."""
+    names = ", ".join(result.columns[:8]) + (", ..." if len(result.columns) > 8 else "")
+    yield f"  they differ in {names}"
+    if any(name in result.columns for name in STATE_COLUMNS):
+        yield (
+            f"  the largest difference of a pose is {result.worst:.2g} of the standard uncertainty"
+        )
+    if config_name is not None:
+        yield f"  they are solved by {config_name}, not by the recording's own configuration"
+    elif version != __version__:
+        yield f"  facets {version} recorded them, facets {__version__} solved them again"
+    elif damage.since is not None and result.since is not None and damage.since <= result.since:
+        yield (
+            f"  the recording is damaged (see above) from sample {damage.since} on, before the "
+            "first difference: what an arrival time or a lost byte changes, changes later samples"
+        )
+    else:
+        yield f"  the cause is unknown; the first difference is in sample {result.since}"
