@@ -103,47 +103,58 @@ class Envelope:
             raise
 
     def look(self, anew: bool = False) -> Encoder:
-        """Asks the stage where it is, and stops it where that, the permit or the heartbeat demands.
+        """Ask the stage where it is, and stop it where that, the permit or the heartbeat demands.
 
-        anew: whatever it said before no longer holds. Raises where it can not be there.
+        anew: whatever it said before no longer holds. Raises `StageError` where it cannot be there.
         """
         self.beat = before = self.clock()
         place = self._driver.place()
-        after = self.clock()
-        now, old = (before + after) / 2, None if anew else self.encoder
-        self.beat = after
-        s, limits = self.settings, self.limits
-        if np.shape(place) != (2,) or not np.isfinite(place).all():
-            raise StageError(f"the stage's driver gives a place that is none: {place}")
-        low, high = np.array(limits.low) - SLACK, np.array(limits.high) + SLACK
-        if (place < low).any() or (place > high).any():
-            raise StageError(
-                f"the stage stands at {(place - s.zero).round(3).tolist()} mm, outside its soft "
-                "limits (stage.low_mm, stage.high_mm); bring it back by its maker's program"
-            )
-        speed = np.zeros(2)
-        if old is not None:
-            passed = now - old.time
-            most = 1.5 * s.max_speed * (after - old.time) + SLACK + s.step
-            if np.abs(place - old.place).max() > most:
-                raise StageError(
-                    f"the stage jumped from {old.place.round(3).tolist()} to "
-                    f"{place.round(3).tolist()} mm: was it restarted, or moved by another program?"
-                )
-            speed = (place - old.place) / passed if passed > 1e-4 else old.speed
-            speed = np.clip(speed, -s.max_speed, s.max_speed)
+        self.beat = after = self.clock()
+        self._refuse_place(place)
+        earlier = None if anew else self.encoder
+        now = (before + after) / 2
+        speed = np.zeros(2) if earlier is None else self._speed(earlier, now, after, place)
         self.encoder = Encoder(now, place, speed)
         if self.stalled:
             self.latch(STALLED, is_for_auto=True)
-        if old is not None and not self.latched:
+        if earlier is not None and not self.latched:
             self._require(self.arrival.complaint(before, place))
-        if self.permit.given(after) is False:
+        self._require_permits(after)
+        return self.encoder
+
+    def _refuse_place(self, place: Floats) -> None:
+        """Raise `StageError` for a place that is none, or lies outside the soft limits."""
+        if np.shape(place) != (2,) or not np.isfinite(place).all():
+            raise StageError(f"the stage's driver gives a place that is none: {place}")
+        low, high = np.array(self.limits.low) - SLACK, np.array(self.limits.high) + SLACK
+        if (place < low).any() or (place > high).any():
+            raise StageError(
+                f"the stage stands at {(place - self.settings.zero).round(3).tolist()} mm, outside "
+                "its soft limits (stage.low_mm, stage.high_mm); bring it back by its maker's "
+                "program"
+            )
+
+    def _speed(self, earlier: Encoder, now: float, after: float, place: Floats) -> Floats:
+        """The stage's speed since an earlier look (2,), mm/s; raises `StageError` for a jump."""
+        s = self.settings
+        most = 1.5 * s.max_speed * (after - earlier.time) + SLACK + s.step
+        if np.abs(place - earlier.place).max() > most:
+            raise StageError(
+                f"the stage jumped from {earlier.place.round(3).tolist()} to "
+                f"{place.round(3).tolist()} mm: was it restarted, or moved by another program?"
+            )
+        passed = now - earlier.time
+        speed = (place - earlier.place) / passed if passed > 1e-4 else earlier.speed
+        return np.clip(speed, -s.max_speed, s.max_speed)
+
+    def _require_permits(self, now: float) -> None:
+        """Stop the stage without the external permit, or where no heartbeat can be sent."""
+        if self.permit.given(now) is False:
             self._require("the external permit is not given")
         if self.heartbeat:
-            self.heartbeat.beat(after, not self.latched)
+            self.heartbeat.beat(now, not self.latched)
             if self.moving and not self.heartbeat.is_sent:
                 self._require(f"the heartbeat can not be sent ({self.settings.heartbeat})")
-        return self.encoder
 
     def _require(self, complaint: str) -> None:
         if complaint and not self.latched:

@@ -19,10 +19,10 @@ from .frames import Samples
 
 WRAP = 2**32
 #: Time goes on by no more than this between samples of which none is missing, us.
-CLOSE = 1_000_000
+CLOSE_US = 1_000_000
 #: By how much the board's clock and the arrival of its bytes may disagree, s: a busy host reads
 #: late, and a board sends late what it has kept.
-CREDIBLE = 5.0
+CREDIBLE_S = 5.0
 #: By what factor the samples that are missing and the time that has passed may disagree.
 FACTOR = 4.0
 
@@ -95,7 +95,7 @@ class Sequence:
         step = (int(samples.seq[0]) - self.raw_seq) % WRAP
         passed = (int(samples.time[0]) - self.raw_time) % WRAP
         ends = run_ends(samples)
-        if step == 1 and passed < CLOSE and len(ends) == 1:
+        if step == 1 and passed < CLOSE_US and len(ends) == 1:
             seq = self.seq + 1 + np.arange(len(samples))
             time = self.time + passed + since_first(samples.time)
             if len(samples) > 1:
@@ -190,7 +190,7 @@ class Sequence:
 
     def agrees(self, passed: float, steps: int) -> bool:
         """Whether so much time, us, is about so many samples."""
-        late = passed > FACTOR * steps * self.period + CLOSE / 100
+        late = passed > FACTOR * steps * self.period + CLOSE_US / 100
         return self.has_room(passed, steps) and not late
 
     def has_room(self, passed: float, steps: int) -> bool:
@@ -198,36 +198,48 @@ class Sequence:
         return 0 < steps * self.period <= FACTOR * passed
 
     def time_passed(self, step: int, passed: int, gap: float, first: bool) -> int | None:
-        """What the board's clock went on by, us, its wraps counted; None for a restart.
+        """How far the board's clock went on, us, with its wraps counted; None for a restart.
 
         step, passed: of the raw counters, modulo 2^32.  gap: of the host's clock, us.  first: of
-        the samples that came together, of which only the first can be told to be late.
+        the samples that came together, of which only the first can be known to be late.
         """
-        if step == 1 and passed < CLOSE:
+        if step == 1 and passed < CLOSE_US:
             return passed
-        goal = gap if isfinite(gap) else step * self.period
+        has_host = isfinite(gap)
+        goal = gap if has_host else step * self.period
         whole = passed + WRAP * max(0, round((goal - passed) / WRAP))
-        slack = 1e6 * CREDIBLE + 1e-3 * abs(goal)
-        if isfinite(gap) and first and whole < gap - slack:
+        were_kept = self.explains_samples(step, whole)
+        if has_host and not self.agrees_with_host(whole, gap, first, were_kept):
             return None
-        # a board that stood still for a while and lost samples has not begun anew
-        stood = whole < CLOSE and self.has_room(whole, step)
-        kept = step > 1 and self.period > 0 and (stood or self.agrees(whole, step))
-        if isfinite(gap) and whole > gap + slack and not kept:
-            return None  # ahead of the host is only what follows samples that were kept for long
         if step == 1:
-            return whole if isfinite(gap) else None
-        if self.period > 0 and not kept:
-            return None
-        if step > self.AHEAD and not (self.period > 0 and isfinite(gap) and first):
-            return None
-        return whole
+            return whole if has_host else None
+        is_plausible = were_kept or self.period == 0
+        is_near = step <= self.AHEAD or (self.period > 0 and has_host and first)
+        return whole if is_plausible and is_near else None
+
+    def explains_samples(self, step: int, whole: float) -> bool:
+        """Whether a time, us, is one in which the missing samples can have been taken."""
+        if step == 1 or self.period == 0:
+            return False
+        # a board that stood still for a while and lost samples has not begun anew
+        stood = whole < CLOSE_US and self.has_room(whole, step)
+        return stood or self.agrees(whole, step)
+
+    def agrees_with_host(self, whole: float, gap: float, first: bool, were_kept: bool) -> bool:
+        """Whether the board's clock went on, by `whole` us, about as the host's, by `gap` us.
+
+        Only what follows samples that were kept for long may be ahead of the host.
+        """
+        slack = 1e6 * CREDIBLE_S + 1e-3 * abs(gap)
+        is_behind = first and whole < gap - slack
+        is_ahead = whole > gap + slack and not were_kept
+        return not (is_behind or is_ahead)
 
 
 def run_ends(samples: Samples) -> list[int]:
     """Where runs end whose samples simply follow each other, in both counters."""
     steps, passed = np.diff(samples.seq), np.diff(samples.time)  # unsigned, and wrap
-    breaks = np.flatnonzero((steps != 1) | (passed >= CLOSE)) + 1
+    breaks = np.flatnonzero((steps != 1) | (passed >= CLOSE_US)) + 1
     return [*breaks.tolist(), len(samples)]
 
 
