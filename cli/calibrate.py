@@ -346,7 +346,7 @@ def as_yaml(
     settings: Config, found: Fit, covariance: Path, bent: dict[str, Path], about: dict[str, str]
 ) -> str:
 
-    keys = configuration.geometry.written(settings.resolved["sensor"], found.sensor)
+    keys = configuration.sensor_keys.write_sensor(settings.resolved["sensor"], found.sensor)
     keys["calibration"] = {
         "file": covariance.name,
         "sha256": sha256(covariance.read_bytes()).hexdigest(),

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from ..core.settings import Solve as Solve
     from . import covariance as covariance
     from . import files as files
-    from . import geometry as geometry
     from . import grid as grid
+    from . import sensor_keys as sensor_keys
     from .files import shipped as shipped
     from .json_schema import schema as schema
     from .loading import fingerprint as fingerprint

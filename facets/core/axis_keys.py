@@ -115,7 +115,7 @@ PHASES = state_block(
     "Where in its period each axis begins; 90 makes a cosine.",
     [f"phase of {axis}, degrees" for axis in STATE],
     (_signed(360), _signed(360)),
-    unit="deg",
+    unit="deg_of_phase",
 )
 PER_AXIS = pose_block(
     "PerAxis",

@@ -115,7 +115,8 @@ def key(name: str, default: Any, meaning: str, **options: Any) -> Any:
     options: attributes of `Key`, and bounds.
     """
     known = {one: options.pop(one) for one in Key.__dataclass_fields__ if one in options}
-    return declare(Source((Key(name, default, meaning, unit_in(name), bounds=options, **known),)))
+    known.setdefault("unit", unit_in(name))
+    return declare(Source((Key(name, default, meaning, bounds=options, **known),)))
 
 
 def item_of(key: Key, index: int | str) -> Any:

@@ -11,11 +11,20 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
 from math import pi
-from typing import Any
+from typing import Any, Literal
 
 from .arguments import checked
+from .axis_keys import HALF_TURN_MRAD, MAX_LENGTH_MM
 from .errors import InputError
+from .keys import Key, Source, Values, declare, item_of, key
 from .names import DETECTORS
+
+Pair = tuple[float, float]
+Three = tuple[float, float, float]
+Six = tuple[float, float, float, float, float, float]
+
+ANGLE_DEG: dict[str, Any] = {"ge": -360, "le": 360}
+TURN_MRAD: dict[str, Any] = {"ge": -HALF_TURN_MRAD, "le": HALF_TURN_MRAD}
 
 
 def _require(condition: bool, what: str, value: object, allowed: str) -> None:
@@ -30,22 +39,43 @@ def _require_finite(thing: object) -> None:
             _require(math.isfinite(value), field.name, value, "a finite number")
 
 
+DIAMETER_MM = Key(
+    "diameter_mm",
+    (0.85, 0.85),
+    "1/e^2 diameter; two for an elliptical beam, along its own axes",
+    "mm",
+    Pair,
+    {"gt": 0, "le": 1000},
+    from_single=True,
+)
+BEAM_TILT_MRAD = Key(
+    "tilt_mrad",
+    (0.0, 0.0),
+    "of the beam from straight down, about x_w, then about y_w",
+    "mrad",
+    Pair,
+    {"ge": -1000, "le": 1000},
+)
+
+
 @checked
 @dataclass(frozen=True)
 class Beam:
-    """A collimated Gaussian beam. Its centre (bx, by) in the x_w y_w plane is part of the state.
+    """The laser beam: collimated, Gaussian, coming down onto the mirror's apex.
+
+    Its centre (bx, by) in the x_w y_w plane is part of the state.
 
     power: mW.  diameter_x, diameter_y: 1/e^2 diameters along the beam's own axes, mm.
     rotation: of those axes about the beam, rad.
     tilt_x, tilt_y: of the beam about x_w, then y_w, from straight down (0, 0, -1), rad.
     """
 
-    power: float = 0.3
-    diameter_x: float = 0.85
-    diameter_y: float = 0.85
-    rotation: float = 0.0
-    tilt_x: float = 0.0
-    tilt_y: float = 0.0
+    power: float = key("power_mw", 0.3, "laser power", gt=0, le=1000)
+    diameter_x: float = item_of(DIAMETER_MM, 0)
+    diameter_y: float = item_of(DIAMETER_MM, 1)
+    rotation: float = key("rotation_deg", 0.0, "turn of the ellipse about the beam", **ANGLE_DEG)
+    tilt_x: float = item_of(BEAM_TILT_MRAD, 0)
+    tilt_y: float = item_of(BEAM_TILT_MRAD, 1)
 
     def __post_init__(self) -> None:
         _require_finite(self)
@@ -63,8 +93,15 @@ class Facet:
     azimuth: of its normal about the mirror's axis, rad.
     """
 
-    inclination: float = pi / 4
-    azimuth: float = 0.0
+    inclination: float = key(
+        "inclination_deg", 45.0, "of the facet's normal from the mirror's axis", gt=0, lt=90
+    )
+    azimuth: float = key(
+        "azimuth_deg",
+        0.0,
+        "of the facet's normal about the mirror's axis; if left out 0, 120, 240",
+        **ANGLE_DEG,
+    )
 
     def __post_init__(self) -> None:
         _require_finite(self)
@@ -104,16 +141,20 @@ class Grid:
 @checked
 @dataclass(frozen=True)
 class Correction:
-    """What a calibration adds to what a detector reads.
+    """What is added to what a detector reads: y, z, y2, yz, z2, y3, y2z, yz2, z3 in half sizes.
 
     power: share added to the power.  dark: added to it besides, mW.  y, z: coefficients (mm) of
     `MONOMIALS` added to psi and zeta.  grid: added to both besides, as measured.
     """
 
-    power: float = 0.0
-    dark: float = 0.0
-    y: tuple[float, ...] = (0.0,) * len(MONOMIALS)
-    z: tuple[float, ...] = (0.0,) * len(MONOMIALS)
+    power: float = key("power_percent", 0.0, "added to the power", gt=-100, le=1000)
+    dark: float = key("dark_uw", 0.0, "added to the power besides", ge=-1e6, le=1e6)
+    y: tuple[float, ...] = key(
+        "y_um", [0.0] * 9, "added to psi, times each of the nine", length=9, ge=-1e4, le=1e4
+    )
+    z: tuple[float, ...] = key(
+        "z_um", [0.0] * 9, "added to zeta, times each of the nine", length=9, ge=-1e4, le=1e4
+    )
     grid: Grid | None = None
 
     def __post_init__(self) -> None:
@@ -122,6 +163,17 @@ class Correction:
         for name in ("y", "z"):
             count = len(getattr(self, name))
             _require(count == len(MONOMIALS), f"correction {name}", count, "9 coefficients")
+
+
+SIZE_MM = Key(
+    "size_mm",
+    (13.0, 13.0),
+    "of the sensitive area; two for width (psi) and height (zeta)",
+    "mm",
+    Pair,
+    {"gt": 0, "le": 1000},
+    from_single=True,
+)
 
 
 @checked
@@ -135,14 +187,27 @@ class Psd:
     size_y, size_z: its sensitive area, mm.  correction: of what it reads.
     """
 
-    radius: float = 250.0
-    azimuth: float = 0.0
-    height: float = 0.0
-    roll: float = 0.0
-    pitch: float = 0.0
-    yaw: float = 0.0
-    size_y: float = 13.0
-    size_z: float = 13.0
+    radius: float = key(
+        "radius_mm", 250.0, "of the centre from the z_w axis, R_PSD", gt=0, le=MAX_LENGTH_MM
+    )
+    azimuth: float = key(
+        "azimuth_deg",
+        0.0,
+        "of the centre about the z_w axis; if left out 0, 120, 240",
+        **ANGLE_DEG,
+    )
+    height: float = key(
+        "height_mm",
+        0.0,
+        "of the centre above the x_w y_w plane",
+        ge=-MAX_LENGTH_MM,
+        le=MAX_LENGTH_MM,
+    )
+    roll: float = key("roll_mrad", 0.0, "turn about the detector's normal", **TURN_MRAD)
+    pitch: float = key("pitch_mrad", 0.0, "turn about its horizontal axis y, psi", **TURN_MRAD)
+    yaw: float = key("yaw_mrad", 0.0, "turn about its upright axis z, zeta", **TURN_MRAD)
+    size_y: float = item_of(SIZE_MM, 0)
+    size_z: float = item_of(SIZE_MM, 1)
     correction: Correction = Correction()
 
     def __post_init__(self) -> None:
@@ -154,15 +219,23 @@ class Psd:
 @checked
 @dataclass(frozen=True)
 class Noise:
-    """Gaussian noise of the readings, independent from reading to reading; 1 sigma.
+    """Noise of the readings, 1 sigma.
+
+    It is Gaussian, and independent from reading to reading.
 
     position: of a centroid, mm, at the stated `at_power`, mW; it grows as 1/power.
     power: of a power reading, mW.
     """
 
-    position: float = 0.0026
-    at_power: float = 0.1
-    power: float = 4e-5
+    position: float = key("position_um", 2.6, "of a centroid, at `at_power_mw`", gt=0, le=1000)
+    at_power: float = key(
+        "at_power_mw",
+        0.1,
+        "power on the detector at which `position_um` holds",
+        gt=0,
+        le=1000,
+    )
+    power: float = key("power_uw", 0.04, "of a power reading", gt=0, le=1000)
 
     def __post_init__(self) -> None:
         _require_finite(self)
@@ -173,7 +246,9 @@ class Noise:
 @checked
 @dataclass(frozen=True)
 class Electronics:
-    """The detectors' electronics, from which their noise follows (`facets.detectors.noise`).
+    """The detectors' electronics; their noise counts where `noise.model` is electronics.
+
+    The noise follows from them in `facets.detectors.noise`.
 
     kind: of the PSDs: "duo-lateral", "pincushion" or "tetra-lateral".
     responsivity: A/W.  dark_current: of a PSD, A.  resistance: between electrodes, ohm.
@@ -185,25 +260,41 @@ class Electronics:
     place in x and y, mm.
     """
 
-    kind: str = "duo-lateral"
-    responsivity: float = 0.4
-    dark_current: float = 1e-8
-    resistance: float = 1e4
-    transimpedance: float = 1e5
-    voltage_noise: float = 1e-8
-    current_noise: float = 1e-12
-    bandwidth: float = 1e4
-    temperature: float = 296.0
-    adc_bits: int = 16
-    adc_range: float = 10.0
-    ambient: float = 0.0
-    power_noise: float = 0.0
-    pointing: float = 0.0
+    kind: Literal["duo-lateral", "pincushion", "tetra-lateral"] = key(
+        "kind", "duo-lateral", "how the PSDs divide their current among the electrodes"
+    )
+    responsivity: float = key("responsivity_a_w", 0.4, "current per light", gt=0, le=10)
+    dark_current: float = key("dark_current_na", 10.0, "of a PSD", ge=0, le=1e6)
+    resistance: float = key("resistance_kohm", 10.0, "between electrodes", gt=0, le=1e6)
+    transimpedance: float = key(
+        "transimpedance_kohm",
+        100.0,
+        "of an electrode's amplifier: volts per ampere",
+        gt=0,
+        le=1e9,
+    )
+    voltage_noise: float = key("voltage_noise_nv_rthz", 10.0, "of the amplifier", ge=0, le=1e6)
+    current_noise: float = key("current_noise_pa_rthz", 1.0, "of the amplifier", ge=0, le=1e6)
+    bandwidth: float = key("bandwidth_hz", 10_000.0, "of a reading", gt=0, le=1e9)
+    temperature: float = key("temperature_k", 296.0, "of detectors and amplifiers", ge=0, le=1000)
+    adc_bits: int = key("adc_bits", 16, "of the converter", ge=1, le=32)
+    adc_range: float = key("adc_range_v", 10.0, "of the converter, full scale", gt=0, le=1000)
+    ambient: float = key(
+        "ambient_uw", 0.0, "other light on a PSD; its mean is taken off", ge=0, le=1e6
+    )
+    power_noise: float = key(
+        "power_noise_ppm", 0.0, "of the laser's power, from reading to reading", ge=0, le=1e6
+    )
+    pointing: float = key(
+        "pointing_um",
+        0.0,
+        "of the beam's place in x and y, from reading to reading",
+        ge=0,
+        le=1e4,
+    )
 
     def __post_init__(self) -> None:
         _require_finite(self)
-        kinds = ("duo-lateral", "pincushion", "tetra-lateral")
-        _require(self.kind in kinds, "PSD kind", self.kind, ", ".join(kinds))
         for name in ("responsivity", "resistance", "transimpedance", "bandwidth", "adc_range"):
             _require(getattr(self, name) > 0, name, getattr(self, name), "above 0")
         for name in (
@@ -217,7 +308,7 @@ class Electronics:
 @checked
 @dataclass(frozen=True)
 class Apertures:
-    """What cuts the light, beside the facets' edges; by default nothing does.
+    """What cuts the light, beside the facets' edges; off unless given.
 
     beam: diameter of an aperture in the beam over the beam's 1/e^2 diameter; of the beam's own
     shape and centred on it, so 1 cuts where the irradiance has fallen to 1/e^2.
@@ -228,11 +319,34 @@ class Apertures:
     gap: width of the strip that is lost along each edge, half of it on either facet, mm.
     """
 
-    beam: float = math.inf
-    detectors: bool = False
-    tip: float = 0.0
-    rim: float = math.inf
-    gap: float = 0.0
+    beam: float = key(
+        "beam_ratio",
+        None,
+        "diameter of an aperture in the beam over its 1/e^2 diameter; 1 as the paper",
+        gt=0,
+        le=100,
+        null=math.inf,
+    )
+    detectors: bool = key(
+        "detectors",
+        False,
+        "whether light past a PSD's sensitive area is lost; a spot that is cut is then "
+        "out of range for the solver",
+    )
+    tip: float = key(
+        "tip_um", 0.0, "where the facets begin, from the axis: a flat tip", ge=0, le=10_000
+    )
+    rim: float = key(
+        "rim_mm",
+        None,
+        "where the facets end below, from the mirror's axis",
+        gt=0,
+        le=1000,
+        null=math.inf,
+    )
+    gap: float = key(
+        "gap_um", 0.0, "width of the strip that is lost along each edge", ge=0, le=10_000
+    )
 
     def __post_init__(self) -> None:
         _require(self.beam > 0, "aperture of the beam", self.beam, "above 0")
@@ -267,10 +381,62 @@ REMEDIES = {
 }
 
 
+CURVATURE_PER_M = Key(
+    "curvature_per_m",
+    (0.0, 0.0, 0.0),
+    "of the wavefront, one over its radius: xx, xy, yy along x_w and y_w; "
+    "positive where it spreads",
+    "per_m",
+    Three,
+    {"ge": -1e3, "le": 1e3},
+)
+WAVELENGTH_NM: dict[str, Any] = {
+    "meaning": "of the light, for diffraction at edges; null for none",
+    "gt": 0,
+    "le": 20_000,
+    "null": 0.0,
+}
+POLARIZATION_DEG: dict[str, Any] = {
+    "meaning": "of the light, from the beam's x axis; null is none",
+    "unit": "deg_of_phase",
+    **ANGLE_DEG,
+}
+INDEX: dict[str, Any] = {
+    "meaning": "complex refractive index n, k of the coating; null reflects all",
+    "ge": 0,
+    "le": 100,
+}
+DEPTHS_NM: dict[str, Any] = {"hint": Six, "ge": -1e5, "le": 1e5}
+
+
+def background_field(power_meaning: str, place_meaning: str) -> Any:
+    """Other light on the detectors: keys for its power and place, one field for both."""
+    keys = (
+        Key("background_uw", (0.0,) * 3, power_meaning, "uw", Three, {"ge": -1e6, "le": 1e6}),
+        Key(
+            "background_mm",
+            ((0.0, 0.0),) * 3,
+            place_meaning,
+            "mm",
+            tuple[Pair, Pair, Pair],
+            {"ge": -1e3, "le": 1e3},
+        ),
+    )
+
+    def read(values: Values) -> tuple[Three, ...]:
+        powers, places = (one.read(values[one.name]) for one in keys)
+        return tuple((power, *place) for power, place in zip(powers, places, strict=True))
+
+    def write(rows: tuple[Three, ...]) -> list[Any]:
+        return [keys[0].write([row[0] for row in rows]), keys[1].write([row[1:] for row in rows])]
+
+    return declare(Source(keys, read, write=write))
+
+
 @checked
 @dataclass(frozen=True)
 class BenchLight:
-    """What the light of a real bench does, in the model of every reading; by default nothing.
+    """What the light of a bench does, in the model of every reading; off unless given.
 
     curvature_xx, curvature_xy, curvature_yy: of the wavefront where the beam passes (bx, by, 0),
     one over its radius, positive where it spreads, 1/mm; along the world's x and y as the beam's
@@ -287,18 +453,50 @@ class BenchLight:
     recordings, not to single readings (`facets.detectors.skew`).
     """
 
-    curvature_xx: float = 0.0
-    curvature_xy: float = 0.0
-    curvature_yy: float = 0.0
-    wavelength: float = 0.0
-    rolloff: tuple[float, ...] = (0.0,) * 6
-    rolloff_width: float = 0.0
-    strips: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    tip: float = 0.0
-    background: tuple[tuple[float, float, float], ...] = ((0.0, 0.0, 0.0),) * 3
-    index: tuple[float, float] | None = None
-    polarization: float | None = None
-    delays: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    curvature_xx: float = item_of(CURVATURE_PER_M, 0)
+    curvature_xy: float = item_of(CURVATURE_PER_M, 1)
+    curvature_yy: float = item_of(CURVATURE_PER_M, 2)
+    wavelength: float = key("wavelength_nm", None, **WAVELENGTH_NM)
+    rolloff: tuple[float, ...] = key(
+        "rolloff_nm",
+        (0.0,) * 6,
+        "depth by which a facet falls off at an edge: of a at ca and ab, of b at ab "
+        "and bc, of c at bc and ca",
+        **DEPTHS_NM,
+    )
+    rolloff_width: float = key(
+        "rolloff_width_um",
+        0.0,
+        "width of the strip over which a facet falls off, from where a lost strip ends",
+        ge=0,
+        le=1000,
+    )
+    strips: Three = key(
+        "strips_um",
+        (0.0, 0.0, 0.0),
+        "width of the strips lost along the edges ca, ab, bc",
+        ge=-1e3,
+        le=1e3,
+    )
+    tip: float = key(
+        "tip_um2",
+        0.0,
+        "area lost at a worn tip, beside what strips take",
+        ge=-1e6,
+        le=1e6,
+    )
+    background: tuple[Three, ...] = background_field(
+        "other light on detectors A, B and C", "psi and zeta of its centroid on each detector"
+    )
+    index: Pair | None = key("index", None, **INDEX)
+    polarization: float | None = key("polarization_deg", None, **POLARIZATION_DEG)
+    delays: Three = key(
+        "delays_us",
+        (0.0, 0.0, 0.0),
+        "by how much detectors A, B and C are read after the stated time",
+        ge=-1e6,
+        le=1e6,
+    )
 
     def __post_init__(self) -> None:
         _require_finite(self)
@@ -332,7 +530,7 @@ class BenchLight:
 @checked
 @dataclass(frozen=True)
 class Imperfections:
-    """What real optics do besides; for simulations, while poses are solved as if they did not.
+    """What real optics do besides: simulated, and solved as if it were not there.
 
     index: complex refractive index (n, k) of the facets' coating, None for one that reflects all.
     polarization: angle of the light's field from the beam's x axis, rad; None for unpolarised.
@@ -342,17 +540,32 @@ class Imperfections:
     rolloff, rolloff_width, strips, tip, background: as in `BenchLight`, on top of what that says.
     """
 
-    index: tuple[float, float] | None = None
-    polarization: float | None = None
-    wavefront_radius: float = math.inf
-    wavelength: float = 0.0
-    sag: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    sag_over: float = 5.0
-    rolloff: tuple[float, ...] = (0.0,) * 6
-    rolloff_width: float = 0.0
-    strips: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    tip: float = 0.0
-    background: tuple[tuple[float, float, float], ...] = ((0.0, 0.0, 0.0),) * 3
+    index: Pair | None = key("index", None, **INDEX)
+    polarization: float | None = key("polarization_deg", None, **POLARIZATION_DEG)
+    wavefront_radius: float = key(
+        "wavefront_radius_mm",
+        None,
+        "of the beam at the mirror, positive where it spreads",
+        ge=-1e9,
+        le=1e9,
+        null=math.inf,
+    )
+    wavelength: float = key("wavelength_nm", None, **WAVELENGTH_NM)
+    sag: Three = key(
+        "sag_nm",
+        (0.0, 0.0, 0.0),
+        "by which facets A, B, C bulge, over `sag_over_mm`",
+        ge=-10_000,
+        le=10_000,
+    )
+    sag_over: float = key("sag_over_mm", 5.0, "diameter of a facet", gt=0, le=1000)
+    rolloff: tuple[float, ...] = key(
+        "rolloff_nm", (0.0,) * 6, "as in `light`, on top of what that says", **DEPTHS_NM
+    )
+    rolloff_width: float = key("rolloff_width_um", 0.0, "likewise", ge=0, le=1000)
+    strips: Three = key("strips_um", (0.0, 0.0, 0.0), "likewise", ge=0, le=1e3)
+    tip: float = key("tip_um2", 0.0, "likewise", ge=0, le=1e6)
+    background: tuple[Three, ...] = background_field("likewise", "likewise")
 
     def __post_init__(self) -> None:
         _require(self.wavefront_radius != 0, "wavefront_radius", 0, "any but 0 mm")

@@ -8,7 +8,7 @@ the keys of a configuration.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import degrees, radians
+from math import degrees, pi, radians
 from typing import NamedTuple
 
 import numpy as np
@@ -100,7 +100,8 @@ KEY_UNITS = {
     "nm": _multiply("nm", 1e-6, 1e6),
     "um2": _multiply("um^2", 1e-6, 1e6),
     "per_m": _divide("1/m", 1e3),
-    "deg": KeyUnit("deg", radians, degrees),
+    "deg": _divide("deg", 180 / pi),
+    "deg_of_phase": KeyUnit("deg", radians, degrees),  # of motions and of polarised light
     "mrad": _divide("mrad", MRAD),
     "urad": _multiply("urad", 1e-6, URAD),
     "mw": KeyUnit("mW"),

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..config.files import shipped
-from ..config.geometry import written
+from ..config.sensor_keys import write_sensor
 from ..core.names import DETECTORS
 from ..core.sensor import Sensor
 
@@ -22,7 +22,7 @@ DECIMALS = 3
 
 def changed_keys(settings: Config, sensor: Sensor) -> dict[str, Any]:
     """The keys below `sensor` that differ from the configuration's, nested, per detector."""
-    keys = written(settings.resolved["sensor"], sensor)
+    keys = write_sensor(settings.resolved["sensor"], sensor)
     keys["noise"]["position_um"] = 1000 * sensor.noise.position
     keys["noise"]["power_uw"] = 1000 * sensor.noise.power
     if sensor.electronics is not None:

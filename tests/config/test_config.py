@@ -22,8 +22,8 @@ from facets.config import (
     to_yaml,
 )
 from facets.config.alignment_check import landings
-from facets.config.geometry import written
 from facets.config.json_schema import names
+from facets.config.sensor_keys import write_sensor
 from facets.core.errors import ConfigError
 from facets.core.sensor import Correction, Sensor
 
@@ -228,9 +228,9 @@ def test_a_part_without_a_value_is_taken_away(write):
 def test_a_sensor_is_written_back_as_it_was_read(write):
     config = load("skewed")
     keys = config.resolved["sensor"]
-    assert written(keys, config.sensor) == keys
+    assert write_sensor(keys, config.sensor) == keys
     other = replace(config.sensor, beam=replace(config.sensor.beam, tilt_y=0.003))
-    changed = written(keys, other)
+    changed = write_sensor(keys, other)
     assert changed["beam"]["tilt_mrad"][1] == pytest.approx(3)
     changed["beam"]["tilt_mrad"] = keys["beam"]["tilt_mrad"]
     assert changed == keys

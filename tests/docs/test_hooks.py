@@ -6,6 +6,7 @@ import re
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
+import griffe
 import pytest
 from pages import DOCS, PAGES, ROOT, hook, name_of
 
@@ -128,6 +129,14 @@ def test_a_public_name_is_explained_once():
     face = re.findall(r"^::: (\S+)$", REFERENCE.face(), flags=re.MULTILINE)
     assert {name.split(".")[-1] for name in face} == set(facets.__all__)
     assert set(beyond).isdisjoint(face)
+
+
+def test_a_field_that_a_key_gives_shows_its_default_in_the_units_of_the_code():
+    extensions = griffe.load_extensions(hook("docstrings").Docstrings)
+    module = griffe.load("facets.core.sensor", extensions=extensions, search_paths=[str(ROOT)])
+    defaults = {one.name: str(one.default) for one in module["Noise"].parameters}
+    assert defaults == {"self": "None", "position": "0.0026", "at_power": "0.1", "power": "4e-05"}
+    assert {str(one.default) for one in module["Apertures"].parameters} >= {"inf", "False"}
 
 
 def test_a_docstring_shows_arguments_as_a_list_and_examples_as_code():

@@ -1,0 +1,192 @@
+"""The block `sensor` of a configuration: the keys of its parts, the way to a `Sensor`, and back."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+from ..core.keys import Key, KeyBlock, Source, Values, block_of, block_of_keys
+from ..core.names import DETECTORS
+from ..core.sensor import (
+    Apertures,
+    Beam,
+    BenchLight,
+    Calibration,
+    Correction,
+    Electronics,
+    Facet,
+    Grid,
+    Imperfections,
+    Noise,
+    Psd,
+    Sensor,
+)
+from . import covariance, grid
+
+TABLE = Key(
+    "table",
+    None,
+    "CSV file, path from this file: psi_mm, zeta_mm, add_psi_um, add_zeta_um",
+    hint=str,
+)
+
+
+def _sum_of_file(name: str) -> Key:
+    return Key(name, None, "of that file", hint=str, bounds={"pattern": "^[0-9a-f]{64}$"})
+
+
+def _read_grid(values: Values) -> Grid | None:
+    return None if values["table"] is None else grid.read(Path(values["table"]))
+
+
+def _three_of(
+    name: str, meaning: str, single: KeyBlock, single_meaning: str, what: str
+) -> KeyBlock:
+    """Blocks for a, b and c beside the keys that they have in common: all but the azimuth."""
+    sources = {field: one for field, one in single.sources.items() if field != "azimuth"}
+    common = replace(single, sources=sources).keys
+    part = KeyBlock(
+        f"One{single.name}",
+        single_meaning,
+        {**sources, "azimuth": single.sources["azimuth"]},
+        single.make,
+        partial=True,
+    )
+    keys = [Key(letter, {}, f"{what} {letter} alone", block=part) for letter in DETECTORS]
+    parts = block_of_keys(name, meaning, keys, lambda a, b, c: (a, b, c))
+    return replace(parts, common=tuple(common))
+
+
+CORRECTION = block_of(Correction)
+CORRECTION = replace(
+    CORRECTION,
+    sources={
+        **CORRECTION.sources,
+        "grid": Source((TABLE, _sum_of_file("table_sha256")), _read_grid),
+    },
+)
+MIRROR = _three_of(
+    "Mirror",
+    "The three facets, counter-clockwise seen from above; common keys, then single ones.",
+    block_of(Facet),
+    "One facet; a key left out takes the value common to the three.",
+    "facet",
+)
+PSD = block_of(Psd)
+PSD = replace(
+    PSD,
+    sources={
+        **PSD.sources,
+        "correction": Source(
+            (Key("correction", {}, "of what it reads; a calibration's", block=CORRECTION),)
+        ),
+    },
+)
+PSDS = _three_of(
+    "Psds",
+    "The three position-sensitive detectors; common keys, then single ones.",
+    PSD,
+    "One detector; a key left out takes the value common to the three.",
+    "PSD",
+)
+NOISE = block_of(Noise)
+NOISE_MODEL = Key(
+    "model",
+    "simple",
+    "noise by the numbers here, or from the block `electronics`",
+    hint=Literal["simple", "electronics"],
+)
+NOISE = KeyBlock(
+    "Noise",
+    NOISE.meaning,
+    {"model": Source((NOISE_MODEL,)), **NOISE.sources},
+    lambda model, **numbers: (model, Noise(**numbers)),
+)
+APERTURES = block_of(Apertures)
+APERTURES = replace(
+    APERTURES,
+    sources={name: APERTURES.sources[name] for name in ("beam", "detectors", "rim", "tip", "gap")},
+)
+
+
+def _read_calibration(file: str | None, sha256: str | None) -> Calibration | None:
+    del sha256  # held to by the search for the file
+    return None if file is None else covariance.read(Path(file))
+
+
+CALIBRATION = block_of_keys(
+    "Calibration",
+    "The covariance of parameters that were calibrated.",
+    [
+        Key("file", None, "CSV file of the covariance, path from this file", hint=str),
+        _sum_of_file("sha256"),
+    ],
+    _read_calibration,
+)
+
+
+def _make_sensor(noise: tuple[str, Noise], electronics: Electronics, **parts: Any) -> Sensor:
+    model, numbers = noise
+    used = electronics if model == "electronics" else None
+    return Sensor(noise=numbers, electronics=used, **parts)
+
+
+SENSOR = KeyBlock(
+    "Sensor",
+    "Beam, mirror, detectors and their noise.",
+    {
+        field: Source((Key(name, {}, meaning, block=block),))
+        for field, name, meaning, block in (
+            ("beam", "beam", "the laser beam", block_of(Beam)),
+            ("facets", "mirror", "the three-facet mirror", MIRROR),
+            ("psds", "psd", "the position-sensitive detectors", PSDS),
+            ("noise", "noise", "noise of the readings, 1 sigma", NOISE),
+            (
+                "electronics",
+                "electronics",
+                "for `noise.model: electronics`: what the noise comes from",
+                block_of(Electronics),
+            ),
+            ("apertures", "apertures", "what cuts the light; off unless given", APERTURES),
+            (
+                "imperfections",
+                "imperfections",
+                "of the optics, in simulations alone; off unless given",
+                block_of(Imperfections),
+            ),
+            (
+                "light",
+                "light",
+                "of the bench, known to the model; off unless given",
+                block_of(BenchLight),
+            ),
+            (
+                "calibration",
+                "calibration",
+                "how well the parameters are known; from `facets calibrate`",
+                CALIBRATION,
+            ),
+        )
+    },
+    _make_sensor,
+)
+
+
+def write_sensor(keys: dict[str, Any], sensor: Sensor) -> dict[str, Any]:
+    """The resolved `sensor` block with the sensor's geometry and light.
+
+    Values that give the same as in the sensor stay as they are written. Noise, electronics,
+    apertures and calibration stay those of the block.
+    """
+    new = deepcopy(keys)
+    new["beam"] = block_of(Beam).write(keys["beam"], sensor.beam)
+    new["light"] = block_of(BenchLight).write(keys["light"], sensor.light)
+    for block, key, parts in (
+        (block_of(Facet), "mirror", sensor.facets),
+        (PSD, "psd", sensor.psds),
+    ):
+        for letter, part in zip(DETECTORS, parts, strict=True):
+            new[key][letter] = block.write(keys[key][letter], part)
+    return new

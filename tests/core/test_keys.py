@@ -1,0 +1,95 @@
+"""Keys as they are declared: the way into the code's units and back, and the check of a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import inf
+from typing import Literal
+
+import pytest
+from pydantic import ValidationError
+
+from facets.config.models import model_of
+from facets.core.keys import Key, block_of, item_of, key
+from facets.core.units import KEY_UNITS, unit_in
+
+SIZE = Key("size_mm", (1.0, 2.0), "width and height", "mm", tuple[float, float], {"gt": 0})
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """A lamp.
+
+    What is not said of its keys stands here.
+    """
+
+    power: float = key("power_uw", 500.0, "of its light", gt=0, le=1e6)
+    width: float = item_of(SIZE, 0)
+    height: float = item_of(SIZE, 1)
+    delays: tuple[float, ...] = key("delays_us", (0.0, 0.0), "", hint=tuple[float, float])
+    limit: float = key("limit_mm", None, "null for none", null=inf)
+    is_bright: bool = key("look", "dim", "", words={"dim": False, "bright": True})
+    colour: Literal["red", "blue"] = key("colour", "red", "")
+
+
+def test_the_defaults_of_fields_are_those_of_their_keys_in_the_units_of_the_code():
+    assert Lamp() == Lamp(0.5, 1.0, 2.0, (0.0, 0.0), inf, False, "red")
+    assert block_of(Lamp).read({}) == Lamp()
+    assert block_of(Lamp).meaning == "A lamp."
+
+
+def test_a_checked_file_gives_the_object():
+    values = {
+        "power_uw": 2,
+        "size_mm": [3, 4],
+        "delays_us": [5, 6],
+        "limit_mm": 7,
+        "look": "bright",
+    }
+    checked = model_of(block_of(Lamp)).model_validate(values).model_dump(mode="json")
+    lamp = block_of(Lamp).read(checked)
+    assert lamp == Lamp(0.002, 3.0, 4.0, (1e-6 * 5, 1e-6 * 6), 7.0, True, "red")
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"power_uw": 0},
+        {"power_uw": 1e7},
+        {"power_uw": "1"},
+        {"power_uw": True},
+        {"power_uw": None},
+        {"size_mm": [1]},
+        {"size_mm": [1, 0]},
+        {"limit_mm": inf},
+        {"look": True},
+        {"colour": "green"},
+        {"power": 1},
+    ],
+)
+def test_what_the_declaration_does_not_allow_is_refused(wrong):
+    with pytest.raises(ValidationError):
+        model_of(block_of(Lamp)).model_validate(wrong)
+
+
+def test_only_the_keys_of_changed_fields_are_written():
+    values = {
+        "power_uw": 0.1 + 0.2,
+        "size_mm": [3.0, 4.0],
+        "delays_us": [0.0, 0.0],
+        "limit_mm": 7.0,
+    }
+    lamp = block_of(Lamp).read(values)
+    changed = replace(lamp, height=5.0, limit=inf, delays=(0.0, 2e-6))
+    written = {"size_mm": [3.0, 5.0], "limit_mm": None, "delays_us": [0.0, 2.0]}
+    assert block_of(Lamp).write(values, changed) == values | written
+
+
+def test_every_unit_is_converted_there_and_back():
+    for name, unit in KEY_UNITS.items():
+        assert unit.to_key(unit.to_code(3.0)) == pytest.approx(3.0, rel=1e-15), name
+
+
+def test_a_name_ends_with_its_unit():
+    names = ("max_speed_mm_s", "acceleration_mm_s2", "tip_um2", "max_steps", "mm", "wait_seconds")
+    assert [unit_in(name) for name in names] == ["mm_s", "mm_s2", "um2", "", "", ""]
