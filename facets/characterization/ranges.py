@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.arguments import checked
+from ..core.arguments import check_arguments
 from ..core.errors import InputError
 from ..core.names import ANGLES, FINE_UNITS, POSE
 from ..core.rules import Rules
@@ -271,7 +271,7 @@ def remedy(sensor: Sensor, rules: Rules, start: Floats, cause: int) -> str:
     return f"choose another place, or an easier {key}"
 
 
-@checked
+@check_arguments
 def axis_ranges(
     sensor: Sensor, rules: Rules, start: ArrayLike, tolerance: float = 1e-9
 ) -> list[AxisRange]:
@@ -347,7 +347,7 @@ def tolerances(axes: Sequence[str]) -> Floats:
     return np.array([ANGLE_TOLERANCE if name in ANGLES else TOLERANCE for name in axes])
 
 
-@checked
+@check_arguments
 def trace(
     sensor: Sensor, rules: Rules, axes: tuple[str, str], start: ArrayLike | None = None
 ) -> Boundary:

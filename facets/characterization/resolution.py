@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core.arguments import as_floats, checked
+from ..core.arguments import as_floats, check_arguments
 from ..core.errors import InputError
 from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge, Prior
 from ..core.rules import Rules
@@ -76,7 +76,7 @@ def sources(sensor: Sensor, how: Estimator | Knowledge | None = None) -> tuple[s
     return (*noise_sources(sensor), "beam position", *known, *calibration)
 
 
-@checked
+@check_arguments
 def budgets(sensor: Sensor, states: ArrayLike, how: Estimator | Knowledge) -> Floats:
     """What the variance of each axis of the pose is made of.
 
@@ -165,7 +165,7 @@ def apply_priors(rows: Floats, sigmas: Sequence[float]) -> Floats:
     return rows
 
 
-@checked
+@check_arguments
 def uncertainties(sensor: Sensor, states: ArrayLike, how: Estimator | Knowledge) -> Floats:
     """Standard uncertainties of the pose: what a solution can know at best.
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ..core.arguments import checked
+from ..core.arguments import check_arguments
 from ..core.errors import ConfigError, InputError
 from ..core.keys import block_of
 from ..core.names import DETECTORS
@@ -24,7 +24,7 @@ from .problems import messages, quoted
 from .yaml_positions import Marked, dotted, shown
 
 
-@checked
+@check_arguments
 def load(name_or_path: str | Path) -> Config:
     """A configuration, checked, with every default filled in.
 

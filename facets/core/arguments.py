@@ -1,8 +1,8 @@
-"""What the public functions are given, checked in one place: numbers, and all else by annotations.
+"""The check of the public functions' arguments: arrays of numbers, and all else by annotations.
 
-Python passes on whatever it is given, and NumPy makes numbers of text, of complex numbers, and of
-what a mask or a table says is missing. So each public function is `checked`, and each array of
-numbers comes in by `as_floats`.
+Python passes on any argument, and NumPy makes numbers of text, of complex numbers, and of values
+that a mask or a table marks as missing. So each public function is decorated with
+`check_arguments`, and each array of numbers comes in by `as_floats`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from .units import Floats
 F = TypeVar("F", bound=Callable[..., Any])
 
 FLOAT = np.dtype(np.float64)
-#: Types of numbers that NumPy takes as they are.
+#: Types of numbers that NumPy converts correctly.
 PLAIN = {float, int, np.float64}
 SEQUENCES = (tuple, Sequence)
 SHORT = Repr()
@@ -38,27 +38,27 @@ class Numbers:
 
 
 class NotNumbersError(Exception):
-    """Says of some values why they are no array of numbers: "has text in it ('1')"."""
+    """The reason why values are no array of numbers: "has text in it ('1')"."""
 
 
 def as_floats(values: ArrayLike, what: str) -> Floats:
-    """Values as an array of floats; an array of floats as it is.
+    """Convert values to an array of floats; an array of floats is returned unchanged.
 
-    What a NumPy mask hides, None inside a list or a table, and what pandas calls missing are NaN.
+    Values under a NumPy mask, None inside a list or a table, and pandas' missing values are NaN.
     Raises `InputError` for text, complex numbers, truth values, and rows of different lengths.
     """
     if type(values) is np.ndarray and values.dtype is FLOAT:
         return values
     try:
-        if not is_one(Numbers, values):
-            raise NotNumbersError(f"is {described(values)}")
+        if not may_be_numbers(values):
+            raise NotNumbersError(f"is {describe_value(values)}")
         return floats_of(values)
     except NotNumbersError as fault:
         raise InputError(f"{what} {fault}; needed: numbers, all rows of one length") from None
 
 
 def floats_of(values: Any) -> Floats:
-    """`as_floats`; raises `NotNumbersError`."""
+    """Convert values as `as_floats` does, but raise `NotNumbersError`."""
     if isinstance(values, list | tuple):
         return floats_of_list(values)
     if isinstance(values, np.ma.MaskedArray) and values.dtype.kind in "fiu":
@@ -74,10 +74,10 @@ def floats_of(values: Any) -> Floats:
         if array.dtype.kind == "O":
             return floats_of_list(array.ravel().tolist()).reshape(array.shape)
     except (TypeError, ValueError, OverflowError, RuntimeError):
-        raise NotNumbersError(f"has {described(values)} in it") from None
+        raise NotNumbersError(f"has {describe_value(values)} in it") from None
     kinds = {"c": "complex numbers", "b": "truth values", "U": "text", "S": "bytes"}
     kind = kinds.get(array.dtype.kind, f"values of the type {array.dtype}")
-    raise NotNumbersError(f"has {kind} in it{f': {short(values)}' if array.ndim == 0 else ''}")
+    raise NotNumbersError(f"has {kind} in it{f': {shorten(values)}' if array.ndim == 0 else ''}")
 
 
 def floats_of_list(values: Sequence[Any]) -> Floats:
@@ -96,7 +96,7 @@ def floats_of_list(values: Sequence[Any]) -> Floats:
 
 
 def is_plain(values: Sequence[Any]) -> bool:
-    """Whether NumPy makes of a list what stands in it: numbers, arrays of floats, lists of them."""
+    """Whether NumPy converts a list correctly: of numbers, of arrays of floats, of such lists."""
     types = set(map(type, values))
     if types <= PLAIN:
         return True
@@ -105,50 +105,68 @@ def is_plain(values: Sequence[Any]) -> bool:
     return types <= {list, tuple} and all(map(is_plain, values))
 
 
-def checked(function: F) -> F:
+def check_arguments(function: F) -> F:
     """Make a public function raise `InputError` for an argument that its annotation does not allow.
 
-    The message says which argument, what it is, what is allowed, and where that is to be had. How
-    large a number may be is for the function to say. A class has its arguments checked when an
-    object is made. What was allowed before is looked up, since a live loop calls thousands of times
-    a second.
+    The message says which argument, what it is, what is allowed, and where to get it. The function
+    itself checks how large a number may be. A class has its arguments checked when an object is
+    made.
     """
     if isinstance(function, type):
-        function.__init__ = checked(function.__init__)  # type: ignore[misc]
+        function.__init__ = check_arguments(function.__init__)  # type: ignore[misc]
         return function
-    names = list(inspect.signature(function).parameters)
-    allowed: dict[str, set[Any]] = {name: set() for name in names}
-    allowed_together: set[tuple[type, ...]] = set()
+    check = ArgumentCheck(function)
+    allowed_together = check.allowed_together
 
-    def check(name: str, value: Any) -> bool:
-        """Whether all values of its type are allowed, as this one is."""
-        hint = hints_of(function).get(name, Any)
+    @wraps(function)
+    def call(*values: Any, **named: Any) -> Any:
+        if tuple(map(type, values)) not in allowed_together:
+            check.check_positional(values)
+        if named:
+            check.check_named(named)
+        return function(*values, **named)
+
+    return call  # type: ignore[return-value]
+
+
+class ArgumentCheck:
+    """The check of a function's arguments, which remembers the types that it has allowed.
+
+    A live loop calls a public function thousands of times a second, always with the same types.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.function = function
+        self.names = list(inspect.signature(function).parameters)
+        #: By argument: types of which every value is allowed, and single words.
+        self.allowed: dict[str, set[Any]] = {name: set() for name in self.names}
+        #: Types of all positional arguments together, of which every value is allowed.
+        self.allowed_together: set[tuple[type, ...]] = set()
+
+    def check_positional(self, values: tuple[Any, ...]) -> None:
+        pairs = zip(self.names, values, strict=False)
+        answers = [self.is_type_allowed(name, value) for name, value in pairs]
+        if all(answers):
+            self.allowed_together.add(tuple(map(type, values)))
+
+    def check_named(self, named: dict[str, Any]) -> None:
+        for name, value in named.items():
+            known = self.allowed.get(name)
+            key = value if type(value) is str else type(value)
+            if known is not None and key not in known:
+                self.is_type_allowed(name, value)
+
+    def is_type_allowed(self, name: str, value: Any) -> bool:
+        """Whether all values of this one's type are allowed. Raises `InputError` if this is not."""
+        hint = hints_of(self.function).get(name, Any)
         if not is_allowed(hint, value):
             raise InputError(refusal(name, hint, value))
         if isinstance(value, str) and has_words(hint):
-            allowed[name].add(value)
+            self.allowed[name].add(value)
         if isinstance(value, str) or any(get_origin(one) in SEQUENCES for one in options(hint)):
             return False
-        allowed[name].add(type(value))
+        self.allowed[name].add(type(value))
         return True
-
-    @wraps(function)
-    def call(*given: Any, **named: Any) -> Any:
-        types = tuple(map(type, given))
-        if types not in allowed_together:
-            answers = [check(name, value) for name, value in zip(names, given, strict=False)]
-            if all(answers):
-                allowed_together.add(types)
-        if not named:
-            return function(*given)
-        for name, value in named.items():
-            known = allowed.get(name)
-            key = value if type(value) is str else type(value)
-            if known is not None and key not in known:
-                check(name, value)
-        return function(*given, **named)
-
-    return call  # type: ignore[return-value]
 
 
 @cache
@@ -158,43 +176,61 @@ def hints_of(function: Callable[..., Any]) -> dict[str, Any]:
 
 
 def options(hint: Any) -> Iterable[Any]:
+    """The types that an annotation allows: those of a union, or the only one."""
     return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
 
 
 def is_allowed(hint: Any, value: Any) -> bool:
-    return any(is_one(option, value) for option in options(hint))
+    return any(has_type(value, option) for option in options(hint))
 
 
-def is_one(option: Any, value: Any) -> bool:
+def has_type(value: Any, option: Any) -> bool:
+    """Whether a value is of a type without unions; truth values and NumPy's are no numbers."""
     origin = get_origin(option)
-    if option is Any:
-        return True
     if origin is Literal:
         return isinstance(value, str) and value in get_args(option)
     if origin in SEQUENCES:
-        kinds = [kind for kind in get_args(option) if kind is not ...]
-        if not isinstance(value, list | tuple | np.ndarray):
-            return False
-        if origin is tuple and len(kinds) == len(get_args(option)) != len(value):
-            return False
-        return all(any(is_allowed(kind, item) for kind in kinds) for item in value)
-    if origin is not None:
-        return isinstance(value, origin)
-    if option is int or option is float:
-        number = Integral if option is int else Real
-        return isinstance(value, number) and not isinstance(value, bool)
-    if option is bool:
-        return isinstance(value, bool | np.bool_)
-    if option is Numbers:
-        return not (value is None or isinstance(value, str | bytes | type) or is_dataclass(value))
-    return isinstance(value, option)
+        return is_sequence(value, option)
+    if option in TESTS:
+        return TESTS[option](value)
+    return isinstance(value, origin or option)
+
+
+def is_sequence(value: Any, option: Any) -> bool:
+    """Whether a value is a list, tuple or array of the items that `option` allows."""
+    if not isinstance(value, list | tuple | np.ndarray) or getattr(value, "shape", None) == ():
+        return False
+    kinds = [kind for kind in get_args(option) if kind is not ...]
+    is_fixed = get_origin(option) is tuple and ... not in get_args(option)
+    if is_fixed and len(kinds) != len(value):
+        return False
+    return all(any(is_allowed(kind, item) for kind in kinds) for item in value)
+
+
+def is_number(value: Any, kind: type) -> bool:
+    return isinstance(value, kind) and not isinstance(value, bool)
+
+
+def may_be_numbers(value: Any) -> bool:
+    """Whether NumPy might make numbers of a value; `as_floats` finds out."""
+    return not (value is None or isinstance(value, str | bytes | type) or is_dataclass(value))
+
+
+#: Whether a value is of a type that Python's own classes do not tell.
+TESTS: dict[Any, Callable[[Any], bool]] = {
+    Any: lambda value: True,
+    int: lambda value: is_number(value, Integral),
+    float: lambda value: is_number(value, Real),
+    bool: lambda value: isinstance(value, bool | np.bool_),
+    Numbers: may_be_numbers,
+}
 
 
 def has_words(hint: Any) -> bool:
     return any(get_origin(option) is Literal for option in options(hint))
 
 
-#: How an annotation is said.
+#: Types in the words of a message.
 WORDS = {
     int: "a whole number",
     float: "a number",
@@ -206,52 +242,52 @@ WORDS = {
 }
 
 
-def said(option: Any) -> str:
-    """An annotation in words."""
+def type_in_words(option: Any) -> str:
+    """A type in the words of a message: "a sequence of 3, each a Psd"."""
     if get_origin(option) is Literal:
         return ", ".join(f'"{word}"' for word in get_args(option))
     if get_origin(option) in SEQUENCES:
         kinds = dict.fromkeys(kind for kind in get_args(option) if kind is not ...)
         fixed = get_origin(option) is tuple and ... not in get_args(option)
         count = f" of {len(get_args(option))}" if fixed else ""
-        return f"a sequence{count}, each {' or '.join(map(said, kinds))}"
+        return f"a sequence{count}, each {' or '.join(map(type_in_words, kinds))}"
     if get_origin(option) is not None:
         return "a function"
     name = option.__name__
     return WORDS.get(option, f"{'an' if name[0] in 'AEIO' else 'a'} {name}")
 
 
-def described(value: Any) -> str:
-    """A value in an error: "a Config", "the class Sensor", "the str '2'"."""
+def describe_value(value: Any) -> str:
+    """A value in a message: "a Config", "the class Sensor", "the str '2'"."""
     if value is None:
         return "None"
     if isinstance(value, type):
         return f"the class {value.__name__}"
     if is_dataclass(value):
         return f"a {type(value).__name__}"
-    return f"the {type(value).__name__} {short(value)}"
+    return f"the {type(value).__name__} {shorten(value)}"
 
 
-def short(value: Any) -> str:
+def shorten(value: Any) -> str:
     """A value on one short line."""
     return " ".join(SHORT.repr(value).split())
 
 
 def refusal(name: str, hint: Any, value: Any) -> str:
-    """What is wrong with an argument, what is allowed, and what to do where that can be told."""
+    """The message: what an argument is, what is allowed, and what to pass where that is known."""
     if isinstance(value, str) and has_words(hint):
         text = f"{name} is {value!r}; allowed: "
     else:
-        text = f"{name} is {described(value)}; allowed: "
-    text += " or ".join(map(said, options(hint)))
+        text = f"{name} is {describe_value(value)}; allowed: "
+    text += " or ".join(map(type_in_words, options(hint)))
     for option in options(hint):
-        if is_dataclass(option) and (advice := remedy(option, value)):
+        if is_dataclass(option) and (advice := suggestion(option, value)):
             text += f"; pass {advice}"
     return text
 
 
-def remedy(kind: Any, value: Any) -> str:
-    """Where something of a kind is to be had from what was given instead of it; or ""."""
+def suggestion(kind: Any, value: Any) -> str:
+    """Where an object of a kind is found in the value that was passed instead; or ""."""
     if value is kind:
         return f"an object, as {kind.__name__}() makes it"
     if is_dataclass(value) and not isinstance(value, type):

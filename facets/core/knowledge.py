@@ -8,11 +8,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arguments import as_floats, checked
+from .arguments import as_floats, check_arguments
 from .errors import InputError
 
 
-@checked
+@check_arguments
 @dataclass(frozen=True)
 class Prior:
     """A Gaussian that a quantity has before the reading: its mean and standard uncertainty.
@@ -42,7 +42,7 @@ PowerKnowledge = Literal["known", "unknown"] | Prior
 SIGMAS = {"known": 0.0, "free": np.inf, "unknown": np.inf}
 
 
-@checked
+@check_arguments
 @dataclass(frozen=True)
 class Knowledge:
     """What is known of the beam before a reading is solved, in the words of `facets.solve`.

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .arguments import checked
+from .arguments import check_arguments
 from .axis_keys import PER_AXIS, in_code_units
 from .errors import InputError
 from .keys import key
 
 
-@checked
+@check_arguments
 @dataclass(frozen=True)
 class Rules:
     """What counts as inside the measurement range.

@@ -13,7 +13,7 @@ from itertools import pairwise
 from math import pi
 from typing import Any, Literal
 
-from .arguments import checked
+from .arguments import check_arguments
 from .axis_keys import HALF_TURN_MRAD, MAX_LENGTH_MM
 from .errors import InputError
 from .keys import Key, Source, Values, declare, item_of, key
@@ -58,7 +58,7 @@ BEAM_TILT_MRAD = Key(
 )
 
 
-@checked
+@check_arguments
 @dataclass(frozen=True)
 class Beam:
     """The laser beam: collimated, Gaussian, coming down onto the mirror's apex.
@@ -84,7 +84,7 @@ class Beam:
             _require(getattr(self, name) > 0, f"beam {name}", getattr(self, name), "above 0 mm")
 
 
-@checked
+@check_arguments
 @dataclass(frozen=True)
 class Facet:
     """One reflecting side of the mirror, through the apex, in the mirror frame.
@@ -114,7 +114,7 @@ class Facet:
 MONOMIALS = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
 
 
-@checked
+@check_arguments
 @dataclass(frozen=True)
 class Grid:
     """What is added to a detector's places, as measured on a grid, straight in between; mm.
@@ -138,7 +138,7 @@ class Grid:
             _require(whole, f"size of {name}", len(rows), f"{len(self.y)} x {len(self.z)}")
 
 
-@checked
+@check_arguments
 @dataclass(frozen=True)
 class Correction:
     """What is added to what a detector reads: y, z, y2, yz, z2, y3, y2z, yz2, z3 in half sizes.
@@ -176,7 +176,7 @@ SIZE_MM = Key(
 )
 
 
-@checked
+@check_arguments
 @dataclass(frozen=True)
 class Psd:
     """A position-sensitive detector.
@@ -216,7 +216,7 @@ class Psd:
             _require(getattr(self, name) > 0, f"PSD {name}", getattr(self, name), "above 0 mm")
 
 
-@checked
+@check_arguments
 @dataclass(frozen=True)
 class Noise:
     """Noise of the readings, 1 sigma.
@@ -243,7 +243,7 @@ class Noise:
             _require(getattr(self, name) > 0, f"noise {name}", getattr(self, name), "above 0")
 
 
-@checked
+@check_arguments
 @dataclass(frozen=True)
 class Electronics:
     """The detectors' electronics; their noise counts where `noise.model` is electronics.
@@ -305,7 +305,7 @@ class Electronics:
         _require(1 <= self.adc_bits <= 32, "adc_bits", self.adc_bits, "1 to 32")
 
 
-@checked
+@check_arguments
 @dataclass(frozen=True)
 class Apertures:
     """What cuts the light, beside the facets' edges; off unless given.
@@ -433,7 +433,7 @@ def background_field(power_meaning: str, place_meaning: str) -> Any:
     return declare(Source(keys, read, write=write))
 
 
-@checked
+@check_arguments
 @dataclass(frozen=True)
 class BenchLight:
     """What the light of a bench does, in the model of every reading; off unless given.
@@ -527,7 +527,7 @@ class BenchLight:
         return replace(self, delays=(0.0, 0.0, 0.0), polarization=None) != BenchLight()
 
 
-@checked
+@check_arguments
 @dataclass(frozen=True)
 class Imperfections:
     """What real optics do besides: simulated, and solved as if it were not there.
@@ -573,7 +573,7 @@ class Imperfections:
         _require(self.sag_over > 0, "sag_over", self.sag_over, "above 0 mm")
 
 
-@checked
+@check_arguments
 @dataclass(frozen=True)
 class Calibration:
     """How well the sensor's parameters are known, after a calibration.
@@ -595,7 +595,7 @@ def _at_thirds(kind: type[Any]) -> tuple[Any, ...]:
     return tuple(kind(azimuth=2 * pi * k / 3) for k in range(3))
 
 
-@checked
+@check_arguments
 @dataclass(frozen=True)
 class Sensor:
     """The whole sensor. `facets` and `psds` run A, B, C.

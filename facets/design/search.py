@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.arguments import checked
+from ..core.arguments import check_arguments
 from ..core.layout import Layout
 from ..core.sensor import Sensor
 from ..core.units import Floats
@@ -61,7 +61,7 @@ class Optimum:
         return self.results[0]
 
 
-@checked
+@check_arguments
 def optimize(
     sensor: Sensor, layout: Layout, tell: Callable[[int, int], None] = lambda done, whole: None
 ) -> Optimum:

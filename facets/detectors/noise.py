@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core.arguments import checked
+from ..core.arguments import check_arguments
 from ..core.sensor import Electronics, Sensor
 from ..core.units import Floats
 from ..model.arrays import as_vectors, half_sizes, mask_missed
@@ -35,7 +35,7 @@ def sources(sensor: Sensor) -> tuple[str, ...]:
     return SIMPLE if sensor.electronics is None else ELECTRIC
 
 
-@checked
+@check_arguments
 def standard_deviations(sensor: Sensor, reading: ArrayLike) -> Floats:
     """Of each number of readings (..., 9), 1 sigma: mm and mW. NaN where the reading is.
 
@@ -252,7 +252,7 @@ def end_sums(kind: str, parts: Floats) -> Floats:
     return np.stack([a + c, b + d, a + b, c + d], axis=-2).reshape(shape)
 
 
-@checked
+@check_arguments
 def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> Floats:
     """Readings with noise, as the sensor's detectors would give them.
 

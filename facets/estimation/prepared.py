@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core.arguments import as_floats, checked
+from ..core.arguments import as_floats, check_arguments
 from ..core.errors import InputError
 from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge
 from ..core.sensor import Sensor
@@ -26,7 +26,7 @@ from .plan import Plan, chance_of, make_plan, make_problem, starting
 from .solution import FirstRow, Solution, SolutionOfOne, results_of
 
 
-@checked
+@check_arguments
 class Solver:
     """Solves single readings of one sensor, as a live loop does.
 

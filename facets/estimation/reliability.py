@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core.arguments import checked
+from ..core.arguments import check_arguments
 from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge
 from ..core.names import FINE_UNITS
 from ..core.sensor import Sensor
@@ -24,7 +24,7 @@ from .plan import chance_of, make_plan
 NOTHING = 1e-12
 
 
-@checked
+@check_arguments
 def unseen_errors(
     sensor: Sensor,
     state: ArrayLike,

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.arguments import checked
+from ..core.arguments import check_arguments
 from ..core.errors import InputError
 from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge
 from ..core.sensor import Sensor
@@ -22,7 +22,7 @@ from .prepared import kept_solver
 from .solution import Solution, solution
 
 
-@checked
+@check_arguments
 def solve(
     sensor: Sensor,
     readings: ArrayLike,

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.arguments import as_floats, checked
+from ..core.arguments import as_floats, check_arguments
 from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.units import Floats
@@ -219,7 +219,7 @@ def as_rows(values: ArrayLike, width: int, what: str) -> tuple[Floats, tuple[int
     return np.ascontiguousarray(array).reshape(-1, width), array.shape[:-1]
 
 
-@checked
+@check_arguments
 def readings(
     sensor: Sensor,
     state: ArrayLike,
@@ -317,7 +317,7 @@ def by_blocks(
     return run
 
 
-@checked
+@check_arguments
 def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     """The derivatives of the readings with respect to the state, closed.
 
@@ -359,7 +359,7 @@ def fill_derivatives(model: str, vectors: Floats, states: Floats, found: Floats)
     found[:] = np.where(np.isnan(whole[:, 0, :9, None]), np.nan, whole[:, 1:, :8])
 
 
-@checked
+@check_arguments
 def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
     """The derivatives of the readings with respect to the sensor's parameters, closed.
 
@@ -432,7 +432,7 @@ def mask_missed(sensor: Sensor, place: ArrayLike, reading: ArrayLike) -> Floats:
     return masked
 
 
-@checked
+@check_arguments
 def reaches(sensor: Sensor, state: ArrayLike) -> NDArray[np.bool_]:
     """Which spots' centroids lie on their detector's sensitive area: (..., 8) -> (..., 3).
 
@@ -445,7 +445,7 @@ def reaches(sensor: Sensor, state: ArrayLike) -> NDArray[np.bool_]:
     return on_detectors(sensor, readings(sensor, state))
 
 
-@checked
+@check_arguments
 def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     """How far the spots reach, of the light inside the beam's 1/e^2 circle or smaller aperture.
 
@@ -468,7 +468,7 @@ def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     return out.reshape(*shape, 3, 5)
 
 
-@checked
+@check_arguments
 def margins(sensor: Sensor, state: ArrayLike, whole: bool = True, threads: int = 1) -> Floats:
     """How far each spot is from each of its limits, positive inside; mm.
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.arguments import checked
+from ..core.arguments import check_arguments
 from ..core.errors import InputError
 from ..core.names import POSE, READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
 from ..core.sensor import Sensor
@@ -116,7 +116,7 @@ def simulate_motion(
     return Segment(name, time, truth, seen, place, reached, solution)
 
 
-@checked
+@check_arguments
 def simulate(
     config: Config,
     motions: Sequence[str] = (),

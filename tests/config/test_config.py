@@ -241,7 +241,7 @@ def test_a_detectors_correction_is_written_back_in_its_units(write):
     correction = Correction(0.02, 1e-3, y=(3e-3,) * 9, z=(5e-3,) * 9)
     first, *others = config.sensor.psds
     corrected = replace(config.sensor, psds=(replace(first, correction=correction), *others))
-    found = written(config.resolved["sensor"], corrected)["psd"]["a"]["correction"]
+    found = write_sensor(config.resolved["sensor"], corrected)["psd"]["a"]["correction"]
     assert found["power_percent"] == pytest.approx(2)
     assert found["dark_uw"] == pytest.approx(1)
     assert found["y_um"] == pytest.approx([3] * 9)

@@ -143,6 +143,8 @@ RNG = np.random.default_rng(1)
         (lambda: facets.Electronics(adc_bits=16.5), "adc_bits is .* allowed: a whole number"),
         (lambda: facets.Sensor(psds=facets.Psd()), "psds is a Psd; .*sequence of 3, each a Psd"),
         (lambda: facets.Sensor(psds=(facets.Psd(),)), "a sequence of 3, each a Psd"),
+        (lambda: facets.Sensor(psds=np.array(1.0)), "a sequence of 3, each a Psd"),
+        (lambda: facets.Electronics(kind="quad"), "kind is 'quad'; allowed: \"duo-lateral\""),
         (lambda: facets.Rules(coarsest=(1.0,)), "coarsest has 1 numbers; allowed: 6"),
     ],
 )  # fmt: skip
