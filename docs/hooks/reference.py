@@ -17,7 +17,7 @@ from typing import Any
 from facets.cli.manual import context_of
 
 from facets.config import load, shipped
-from facets.config.json_schema import allowed, document, entry
+from facets.config.json_schema import allowed_values, document, entry
 from facets.config.show import scalar
 
 HELP = re.compile(r"<!-- help: ([a-z -]+) -->")
@@ -195,7 +195,7 @@ def row(path: tuple[str, ...], kind: str = "") -> str:
     default = f"`{scalar(found['default'])}`" if "default" in found else ""
     if found.get("default", 0) is None:
         default = "none"
-    return f"| `{key}` | {meaning} | {escaped(allowed(path, plain))} | {default} |"
+    return f"| `{key}` | {meaning} | {escaped(allowed_values(path, plain))} | {default} |"
 
 
 def block_link(path: tuple[str, ...], found: dict[str, Any], kind: str) -> str:

@@ -20,9 +20,9 @@ from ..model.arrays import geometry_of, on_detectors
 from ..model.arrays import readings as model_readings
 from ..optics.forward import path, readings, scene
 from . import build
-from .blame import culprits, message, without
-from .problems import is_number, quoted
-from .yaml_positions import Marked, Path_, dotted
+from .blame import culprits, message, remove_keys
+from .problems import is_number, quote_value
+from .yaml_positions import Marked, Path_, dotted_path
 
 ZERO = (0.0,) * 8
 Resolve = Callable[[Marked], dict[str, Any]]
@@ -42,19 +42,19 @@ def problems(keys: dict[str, Any], tree: Marked, resolve: Resolve) -> list[str]:
     sensor = build.sensor(keys)
     lost = [k for k, landing in enumerate(landings(sensor)) if not landing.on]
     if not lost:
-        return _without_light(keys, sensor, tree, resolve)
+        return _dark_detectors(keys, sensor, tree, resolve)
     found: dict[tuple[Path_, ...], list[int]] = {}
     for k in lost:
         paths = culprits(tree, ("sensor",), partial(_miss_of, resolve, k))
         found.setdefault(tuple(paths), []).append(k)
-    return [_missed(keys, tree, paths, ks, resolve) for paths, ks in found.items()]
+    return [_miss_message(keys, tree, paths, ks, resolve) for paths, ks in found.items()]
 
 
 def _miss_of(resolve: Resolve, k: int, tree: Marked) -> float:
     return _miss(resolve(tree), k)
 
 
-def _without_light(
+def _dark_detectors(
     keys: dict[str, Any], sensor: Sensor, tree: Marked, resolve: Resolve
 ) -> list[str]:
     """What cuts the light may leave a detector none."""
@@ -63,8 +63,8 @@ def _without_light(
         return []
     paths = culprits(tree, ("sensor",), lambda other: _darkness(resolve(other)))
     names = ", ".join(DETECTORS[k] for k in dark)
-    got = f"got {quoted(tree.find(paths[0])[0].plain())}"
-    got += _without_key(tree, paths, resolve, dark[0])
+    got = f"got {quote_value(tree.find(paths[0])[0].plain())}"
+    got += _advise_default(tree, paths, resolve, dark[0])
     return [message(tree, paths, f"leaves no light on PSD {names} at the nominal pose ({got})")]
 
 
@@ -93,7 +93,7 @@ def disorder(mirror: dict[str, Any], tree: Marked) -> list[str]:
     paths = [("sensor", "mirror", DETECTORS[k], "azimuth_deg") for k in moved]
     reason = (
         "facets a, b, c must follow one another counter-clockwise seen from above, each by less "
-        f"than 180 deg (got {_short(azimuths)}; allowed: for instance 0, 120, 240)"
+        f"than 180 deg (got {_format_value(azimuths)}; allowed: for instance 0, 120, 240)"
     )
     return [message(tree, paths, reason)]
 
@@ -108,15 +108,15 @@ def landings(sensor: Sensor) -> list[Landing]:
     return [Landing(spots[k][0], spots[k][1], bool(on[k])) for k in range(3)]
 
 
-def _at(keys: Any, path: Path_) -> Any:
+def _value_at(keys: Any, path: Path_) -> Any:
     for key in path:
         keys = keys[key]
     return keys
 
 
-def _with(keys: dict[str, Any], path: Path_, value: Any) -> dict[str, Any]:
+def _replace_value(keys: dict[str, Any], path: Path_, value: Any) -> dict[str, Any]:
     keys = copy.deepcopy(keys)
-    _at(keys, path[:-1])[path[-1]] = value
+    _value_at(keys, path[:-1])[path[-1]] = value
     return keys
 
 
@@ -128,7 +128,7 @@ def _miss(keys: dict[str, Any], k: int) -> float:
     return math.inf if math.isnan(miss) else miss
 
 
-def _missed(
+def _miss_message(
     keys: dict[str, Any],
     tree: Marked,
     paths: tuple[Path_, ...],
@@ -139,38 +139,38 @@ def _missed(
     names = ", ".join(DETECTORS[k] for k in lost)
     if len(lost) == 1:
         what = f"facet {names} sends its sub-beam past PSD {names} at the nominal pose: it "
-        what += _where(sensor, lost[0])
+        what += _place_in_words(sensor, lost[0])
     else:
         what = f"facets {names} send their sub-beams past their PSDs at the nominal pose: "
-        what += "; ".join(f"{DETECTORS[k]} {_where(sensor, k)}" for k in lost)
-    got = f"got {quoted(tree.find(paths[0])[0].plain())}"
-    got += _without_key(tree, paths, resolve, lost[0]) + _lift(keys, paths[0], lost)
+        what += "; ".join(f"{DETECTORS[k]} {_place_in_words(sensor, k)}" for k in lost)
+    got = f"got {quote_value(tree.find(paths[0])[0].plain())}"
+    got += _advise_default(tree, paths, resolve, lost[0]) + _advise_height(keys, paths[0], lost)
     return message(tree, paths, f"{what} ({got})")
 
 
-def _without_key(tree: Marked, paths: Sequence[Path_], resolve: Resolve, k: int) -> str:
+def _advise_default(tree: Marked, paths: Sequence[Path_], resolve: Resolve, k: int) -> str:
     """What would stand there if the key were left out, which would cure it."""
     if len(paths) > 1:
         return "; more than one key does it"
     (_, *path) = paths[0]
-    value: Any = resolve(without(tree, paths))
+    value: Any = resolve(remove_keys(tree, paths))
     if path and path[0] in ("mirror", "psd") and path[1] not in DETECTORS:
         path.insert(1, DETECTORS[k])
     for key in path:
         value = value[key]
-    return f"; {_short(value)} would bring it back"
+    return f"; {_format_value(value)} would bring it back"
 
 
-def _where(sensor: Sensor, k: int) -> str:
+def _place_in_words(sensor: Sensor, k: int) -> str:
     spot, psd = landings(sensor)[k], sensor.psds[k]
     if math.isnan(spot.psi):
-        return _why_never(sensor, k)
+        return _reason_of_no_landing(sensor, k)
     beyond = max(abs(spot.psi) - psd.size_y / 2, abs(spot.zeta) - psd.size_z / 2)
     psi, zeta = round(spot.psi, 1) + 0.0, round(spot.zeta, 1) + 0.0  # + 0.0: no -0.0
     return f"lands at psi {psi:g}, zeta {zeta:g} mm, {beyond:.1f} mm beyond the edge"
 
 
-def _why_never(sensor: Sensor, k: int) -> str:
+def _reason_of_no_landing(sensor: Sensor, k: int) -> str:
     geometry = geometry_of(sensor)
     try:
         ray = path(geometry, scene(geometry, ZERO), k)
@@ -181,22 +181,22 @@ def _why_never(sensor: Sensor, k: int) -> str:
     return "never meets the plane of its PSD, or only its back"
 
 
-def _lift(keys: dict[str, Any], culprit: Path_, lost: list[int]) -> str:
+def _advise_height(keys: dict[str, Any], culprit: Path_, lost: list[int]) -> str:
     """Where detectors that a facet's inclination leaves behind would have to be."""
     k = lost[0]
     height: Path_ = ("psd", DETECTORS[k], "height_mm")
     zeta = landings(build.sensor(keys))[k].zeta
     if "inclination_deg" not in culprit or math.isnan(zeta):
         return ""
-    lifted = round(_at(keys, height) + zeta, 1)
-    if _miss(_with(keys, height, lifted), k) > 1:
+    lifted = round(_value_at(keys, height) + zeta, 1)
+    if _miss(_replace_value(keys, height, lifted), k) > 1:
         return ""
-    key = "psd.height_mm" if len(lost) == 3 else dotted(height)
+    key = "psd.height_mm" if len(lost) == 3 else dotted_path(height)
     return f"; or set sensor.{key} to {lifted:g}"
 
 
-def _short(value: Any) -> str:
+def _format_value(value: Any) -> str:
     """45 for 45.0, [0, 0] for [0.0, 0.0]."""
     if isinstance(value, list | tuple):
-        return f"[{', '.join(_short(item) for item in value)}]"
-    return f"{value:g}" if is_number(value) else quoted(value)
+        return f"[{', '.join(_format_value(item) for item in value)}]"
+    return f"{value:g}" if is_number(value) else quote_value(value)

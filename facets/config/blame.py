@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from .yaml_positions import Marked, Path_, dotted
+from .yaml_positions import Marked, Path_, dotted_path
 
 Misses = Callable[[Marked], float]
 
@@ -21,8 +21,8 @@ def message(tree: Marked, paths: Sequence[Path_], reason: str) -> str:
     known = [(mark, path) for mark, at, path in found if at == path]
     known.sort(key=lambda one: one[0].file != tree.file)
     (mark, path), *others = known or [(found[0][0], paths[0])]
-    beside = ", ".join(f"{dotted(path)} ({other.place})" for other, path in others)
-    told = reason if reason.startswith(dotted(path)) else f"{dotted(path)}: {reason}"
+    beside = ", ".join(f"{dotted_path(path)} ({other.place})" for other, path in others)
+    told = reason if reason.startswith(dotted_path(path)) else f"{dotted_path(path)}: {reason}"
     return f"{mark.place}: {told}{beside and f'; together with {beside}'}"
 
 
@@ -35,18 +35,18 @@ def leaves(mark: Marked, path: Path_ = ()) -> Iterator[tuple[Path_, Marked]]:
         yield path, mark
 
 
-def without(tree: Marked, paths: Sequence[Path_]) -> Marked:
+def remove_keys(tree: Marked, paths: Sequence[Path_]) -> Marked:
     """The tree as it would be if the files that say them left some keys out."""
     for path in paths:
-        tree = _without(tree, path)
+        tree = _remove_key(tree, path)
     return tree
 
 
-def _without(mark: Marked, path: Path_) -> Marked:
+def _remove_key(mark: Marked, path: Path_) -> Marked:
     key, *rest = path
     inside = dict(mark.value)
     if rest:
-        inside[key] = _without(inside[key], tuple(rest))
+        inside[key] = _remove_key(inside[key], tuple(rest))
     elif (below := inside[key].below) is not None:
         inside[key] = below
     else:
@@ -63,19 +63,19 @@ def culprits(tree: Marked, block: Path_, misses: Misses) -> list[Path_]:
     every = [(path, mark) for path, mark in leaves(tree.find(block)[0], block) if path]
     own = [path for path, mark in every if mark.file == tree.file]
     for some in (own, [path for path, _ in every]):
-        alone = [(misses(without(tree, [path])), n) for n, path in enumerate(some)]
+        alone = [(misses(remove_keys(tree, [path])), n) for n, path in enumerate(some)]
         if alone and min(alone)[0] <= 1:
             return [some[min(alone)[1]]]
-        if some and misses(without(tree, some)) <= 1:
-            return fewest(tree, some, misses)
+        if some and misses(remove_keys(tree, some)) <= 1:
+            return smallest_set(tree, some, misses)
     return own[:1] or [block]
 
 
-def fewest(tree: Marked, paths: list[Path_], misses: Misses) -> list[Path_]:
+def smallest_set(tree: Marked, paths: list[Path_], misses: Misses) -> list[Path_]:
     """Those of some keys without which the others would not do, one after the other."""
     chosen = list(paths)
     for path in paths:
         fewer = [one for one in chosen if one != path]
-        if misses(without(tree, fewer)) <= 1:
+        if misses(remove_keys(tree, fewer)) <= 1:
             chosen = fewer
     return chosen

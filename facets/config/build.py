@@ -15,16 +15,16 @@ from .sensor_keys import SENSOR
 def resolve(document: Any) -> dict[str, Any]:
     """Every key with its value, per detector, as plain types; loads again to the same."""
     plain: dict[str, Any] = document.model_dump(mode="json", by_alias=True, exclude={"extends"})
-    plain["sensor"]["mirror"] = _singles(document.sensor.mirror)
-    plain["sensor"]["psd"] = _singles(document.sensor.psd)
+    plain["sensor"]["mirror"] = _single_blocks(document.sensor.mirror)
+    plain["sensor"]["psd"] = _single_blocks(document.sensor.psd)
     return plain
 
 
-def _singles(common: Any) -> dict[str, Any]:
+def _single_blocks(common: Any) -> dict[str, Any]:
     """a, b and c in full: their own keys, else the common ones, else the nominal azimuth."""
     shared = common.model_dump(mode="json", exclude=set(DETECTORS))
     return {
-        name: _laid(
+        name: _overlay(
             {**deepcopy(shared), "azimuth_deg": 120.0 * k},
             getattr(common, name).model_dump(mode="json", exclude_unset=True),
         )
@@ -32,10 +32,10 @@ def _singles(common: Any) -> dict[str, Any]:
     }
 
 
-def _laid(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+def _overlay(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
     """`above` over `below`, key by key, block by block."""
     blocks = {
-        key: _laid(below[key], value) if isinstance(value, dict) else value
+        key: _overlay(below[key], value) if isinstance(value, dict) else value
         for key, value in above.items()
     }
     return {**below, **blocks}

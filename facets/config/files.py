@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..core.errors import ConfigError
-from .yaml_positions import Marked, read, shown
+from .yaml_positions import Marked, path_text, read
 
 SUFFIXES = (".yaml", ".yml", ".json")
 #: Blocks whose keys are names that the user gives.
@@ -41,11 +41,11 @@ def find(name_or_path: str | Path, base: Path | None = None) -> Path:
     except OSError as error:
         raise ConfigError(f"{name_or_path}: {error.strerror}") from None
     if folder:
-        raise ConfigError(f"{shown(file)} is a folder, not a configuration file")
-    raise ConfigError(_missing(str(name_or_path), file, names))
+        raise ConfigError(f"{path_text(file)} is a folder, not a configuration file")
+    raise ConfigError(_missing_file(str(name_or_path), file, names))
 
 
-def _missing(asked: str, file: Path, names: dict[str, Path]) -> str:
+def _missing_file(asked: str, file: Path, names: dict[str, Path]) -> str:
     beside = [f.name for f in file.parent.glob("*") if f.suffix in SUFFIXES]
     bare = Path(asked).name == asked
     known = [*names, *beside] if bare else beside
@@ -61,10 +61,10 @@ MOST_FILES = 50
 
 def gather(file: Path) -> Marked:
     """A file merged over all that it extends; each value keeps the file and line it came from."""
-    return _gather(file, (), {})
+    return _gather_known(file, (), {})
 
 
-def _gather(file: Path, children: tuple[Path, ...], known: dict[Path, Marked]) -> Marked:
+def _gather_known(file: Path, children: tuple[Path, ...], known: dict[Path, Marked]) -> Marked:
     """known: what has been gathered already; a file that is extended twice is read once."""
     if file in known:
         return known[file]
@@ -76,21 +76,21 @@ def _gather(file: Path, children: tuple[Path, ...], known: dict[Path, Marked]) -
     chain = (*children, file)
     laid: Marked | None = None
     for link in links:
-        parent = _parent(link)
+        parent = _find_parent(link)
         if parent in chain:
-            circle = " -> ".join(shown(f) for f in (*chain[chain.index(parent) :], parent))
+            circle = " -> ".join(path_text(f) for f in (*chain[chain.index(parent) :], parent))
             raise ConfigError(f"{link.place}: extends: goes round in a circle: {circle}")
         if len(known) + len(chain) > MOST_FILES:
             raise ConfigError(
                 f"{link.place}: extends: more than {MOST_FILES} files in all; lay some together"
             )
-        below = _gather(parent, chain, known)
+        below = _gather_known(parent, chain, known)
         laid = below if laid is None else merge(laid, below)
     known[file] = tree if laid is None else merge(laid, tree)
     return known[file]
 
 
-def _parent(link: Marked) -> Path:
+def _find_parent(link: Marked) -> Path:
     if not isinstance(link.value, str):
         got = f"(got {link.plain()!r})"
         raise ConfigError(
@@ -112,7 +112,7 @@ def merge(parent: Marked, child: Marked, path: tuple[str, ...] = ()) -> Marked:
         return replace(child, below=parent)
     if child.value is None:
         return parent
-    if not isinstance(child.value, dict) or _other_motion(parent, child, path):
+    if not isinstance(child.value, dict) or _changes_kind(parent, child, path):
         return replace(child, below=parent)
     merged = dict(parent.value)
     for key, value in child.value.items():
@@ -125,7 +125,7 @@ def merge(parent: Marked, child: Marked, path: tuple[str, ...] = ()) -> Marked:
     return Marked(merged, child.file, child.line)
 
 
-def _other_motion(parent: Marked, child: Marked, path: tuple[str, ...]) -> bool:
+def _changes_kind(parent: Marked, child: Marked, path: tuple[str, ...]) -> bool:
     if len(path) != 2 or path[0] != "motions" or "kind" not in child.value:
         return False
     before = parent.value.get("kind")

@@ -55,15 +55,15 @@ def entry(path: Path_, plain: Any = None) -> dict[str, Any] | None:
     node: dict[str, Any] | None = document()
     for key in path:
         plain = plain.get(key) if isinstance(plain, dict) else None
-        node = _inside(node or {}, key, plain)
+        node = _entry_below(node or {}, key, plain)
         if node is None:
             return None
     return node
 
 
-def _inside(node: dict[str, Any], key: str | int, plain: Any) -> dict[str, Any] | None:
+def _entry_below(node: dict[str, Any], key: str | int, plain: Any) -> dict[str, Any] | None:
     if isinstance(key, int):
-        return _item(node, key)
+        return _entry_of_item(node, key)
     inner = node.get("properties", {}).get(key)
     if inner is None and isinstance(node.get("additionalProperties"), dict):
         inner = node["additionalProperties"]
@@ -72,26 +72,26 @@ def _inside(node: dict[str, Any], key: str | int, plain: Any) -> dict[str, Any] 
     if inner is None:
         return None
     if "discriminator" not in inner:
-        return _followed(inner)
+        return _follow_reference(inner)
     kinds = inner["discriminator"]["mapping"]
     kind = plain.get("kind") if isinstance(plain, dict) else None
     if isinstance(kind, str) and kind in kinds:
-        return _followed({"$ref": kinds[kind]})
+        return _follow_reference({"$ref": kinds[kind]})
     return {"type": "object", "properties": {"kind": {"enum": list(kinds)}}}  # the rest depends
 
 
-def _item(node: dict[str, Any], place: int) -> dict[str, Any] | None:
+def _entry_of_item(node: dict[str, Any], place: int) -> dict[str, Any] | None:
     """What a list may hold at a place."""
     for option in (node, *node.get("anyOf", [])):
         if place < len(option.get("prefixItems", [])):
             found: dict[str, Any] = option["prefixItems"][place]
             return found
         if "items" in option:
-            return _followed(option["items"])
+            return _follow_reference(option["items"])
     return node
 
 
-def _followed(node: dict[str, Any]) -> dict[str, Any]:
+def _follow_reference(node: dict[str, Any]) -> dict[str, Any]:
     if "$ref" not in node:
         return node
     target = document()["$defs"].get(node["$ref"].removeprefix("#/$defs/"), {})
@@ -107,36 +107,40 @@ def unit(path: Path_) -> str:
     return KEY_UNITS[ending].label if ending else ""
 
 
-def allowed(path: Path_, plain: Any = None) -> str:
+def allowed_values(path: Path_, plain: Any = None) -> str:
     """What a key may hold, in words: 'a number above 0, up to 1000 mm'."""
     found = entry(path, plain)
     if found is None:
         return ""
     if found.get("type") == "object":
         return ", ".join(found.get("properties", {})) or "a name for each block below it"
-    ending = f" {unit(path)}" if _numeric(found) and unit(path) else ""
+    ending = f" {unit(path)}" if _is_numeric(found) and unit(path) else ""
     if {"type": "null"} in found.get("anyOf", []):
-        return f"{_words(found['anyOf'][0])}{ending}, or null for none"
-    return _words(found) + ending
+        return f"{_type_in_words(found['anyOf'][0])}{ending}, or null for none"
+    return _type_in_words(found) + ending
 
 
-def _numeric(node: dict[str, Any]) -> bool:
+def _is_numeric(node: dict[str, Any]) -> bool:
     return node.get("type") in ("number", "integer", "array") or (
-        "anyOf" in node and any(_numeric(option) for option in node["anyOf"])
+        "anyOf" in node and any(_is_numeric(option) for option in node["anyOf"])
     )
 
 
-def _words(node: dict[str, Any]) -> str:
+def _type_in_words(node: dict[str, Any]) -> str:
     if "enum" in node or "const" in node:
         return ", ".join(node.get("enum", [node.get("const")]))
     if "anyOf" in node:
         first = node["anyOf"][0]
-        return f"one or two numbers{_range(first)}" if _numeric(first) else _words(first)
+        return (
+            f"one or two numbers{_range_in_words(first)}"
+            if _is_numeric(first)
+            else _type_in_words(first)
+        )
     kind = node.get("type")
     if kind == "array":
-        return _words_of_list(node)
+        return _list_in_words(node)
     if kind in ("number", "integer"):
-        return f"a {'whole ' if kind == 'integer' else ''}number{_range(node)}"
+        return f"a {'whole ' if kind == 'integer' else ''}number{_range_in_words(node)}"
     words = {"boolean": "true or false", "string": "text"}
     return words.get(str(kind), "")
 
@@ -144,17 +148,17 @@ def _words(node: dict[str, Any]) -> str:
 COUNTS = {2: "two", 3: "three", 6: "six"}
 
 
-def _words_of_list(node: dict[str, Any]) -> str:
+def _list_in_words(node: dict[str, Any]) -> str:
     """'a list of two numbers from 0 to 100', 'a list of three pairs of numbers'."""
     inner = node["items"] if "items" in node else node["prefixItems"][0]
     count = node.get("minItems", "")
     many = COUNTS.get(count, str(count))
     if inner.get("type") == "array":
-        return f"a list of {many} pairs of numbers{_range(inner['prefixItems'][0])}"
-    return f"a list of {many} numbers{_range(inner)}"
+        return f"a list of {many} pairs of numbers{_range_in_words(inner['prefixItems'][0])}"
+    return f"a list of {many} numbers{_range_in_words(inner)}"
 
 
-def _range(node: dict[str, Any]) -> str:
+def _range_in_words(node: dict[str, Any]) -> str:
     bound = {key: f"{node[key]:.15g}" for key in node if "imum" in key.lower()}
     if "minimum" in bound and "maximum" in bound:
         return f" from {bound['minimum']} to {bound['maximum']}"
@@ -165,13 +169,13 @@ def _range(node: dict[str, Any]) -> str:
     return low + ("," if low and high else "") + high
 
 
-def names(path: Path_, plain: Any = None) -> list[str]:
+def key_names(path: Path_, plain: Any = None) -> list[str]:
     """The keys that a block may hold."""
     found = entry(path, plain) or {}
     return list(found.get("properties", {}))
 
 
-def nearest(wrong: str, right: list[str]) -> str:
+def suggest_name(wrong: str, right: list[str]) -> str:
     """'did you mean ...?', or nothing where no name is near."""
     near = difflib.get_close_matches(wrong, right, n=1, cutoff=0.55)
     return f"did you mean {near[0]!r}?" if near else ""
@@ -180,17 +184,17 @@ def nearest(wrong: str, right: list[str]) -> str:
 def suggestion(path: Path_, plain: Any = None) -> str:
     """For an unknown key: the nearest right name here, or where this name belongs."""
     *block, wrong = path
-    here = names(tuple(block), plain)
-    if near := nearest(str(wrong), here):
+    here = key_names(tuple(block), plain)
+    if near := suggest_name(str(wrong), here):
         return near
-    elsewhere = [".".join(map(str, p)) for p in _every(()) if p[-1] == wrong]
+    elsewhere = [".".join(map(str, p)) for p in _all_paths(()) if p[-1] == wrong]
     if not elsewhere:
         return ""
     above = elsewhere[0].rpartition(".")[0]
     return f"it belongs in {above}" if above else "it belongs at the file's top level"
 
 
-def _every(path: Path_) -> Iterator[Path_]:
-    for name in names(path):
+def _all_paths(path: Path_) -> Iterator[Path_]:
+    for name in key_names(path):
         yield (*path, name)
-        yield from _every((*path, name))
+        yield from _all_paths((*path, name))

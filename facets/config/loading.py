@@ -20,8 +20,8 @@ from . import alignment_check, build
 from .blame import culprits, message
 from .files import find, gather
 from .keys import Document
-from .problems import messages, quoted
-from .yaml_positions import Marked, dotted, shown
+from .problems import messages, quote_value
+from .yaml_positions import Marked, dotted_path, path_text
 
 
 @check_arguments
@@ -39,7 +39,7 @@ def load(name_or_path: str | Path) -> Config:
     """
     file = find(name_or_path)
     tree = gather(file)
-    resolved = _resolved(tree)
+    resolved = _resolve(tree)
     settings = {name: one.value(resolved) for name, one in block_of(Config).sources.items()}
     if settings["acquire"].detectors == 2:  # as older files say it
         settings["solve"] = replace(settings["solve"], accept_unchecked=True)
@@ -61,12 +61,12 @@ def fingerprint(resolved: dict[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _resolved(tree: Marked) -> dict[str, Any]:
+def _resolve(tree: Marked) -> dict[str, Any]:
     try:
         resolved = build.resolve(Document.model_validate(tree.plain()))
     except ValidationError as error:
         raise ConfigError("\n".join(messages(error, tree))) from None
-    if lost := _find_measured(tree, resolved["sensor"]):
+    if lost := _locate_measured_files(tree, resolved["sensor"]):
         raise ConfigError("\n".join(lost))  # without it there is no sensor to look at
     problems = [
         *(
@@ -75,10 +75,10 @@ def _resolved(tree: Marked) -> dict[str, Any]:
             or _wide_edges(tree, resolved["sensor"])
             or _gained_strips(tree, resolved["sensor"])
             or alignment_check.disorder(resolved["sensor"]["mirror"], tree)
-            or _impossible(tree, resolved["sensor"])
+            or _refusals(tree, resolved["sensor"])
             or alignment_check.problems(resolved["sensor"], tree, _sensor_keys)
         ),
-        *_find_tables(tree, resolved["motions"]),
+        *_locate_tables(tree, resolved["motions"]),
         *_method_conflicts(tree, resolved["solve"]),
         *_empty_bounds(tree, resolved["optimize"]["variables"]),
         *_layout_conflicts(tree, resolved["optimize"]),
@@ -91,11 +91,11 @@ def _resolved(tree: Marked) -> dict[str, Any]:
 def _sensor_keys(tree: Marked) -> dict[str, Any]:
     """The `sensor` block of a tree that differs from a sound one in what it leaves out."""
     found: dict[str, Any] = build.resolve(Document.model_validate(tree.plain()))["sensor"]
-    _find_measured(tree, found)
+    _locate_measured_files(tree, found)
     return found
 
 
-def _impossible(tree: Marked, sensor: dict[str, Any]) -> list[str]:
+def _refusals(tree: Marked, sensor: dict[str, Any]) -> list[str]:
     """What the sensor itself refuses."""
 
     def refusal(keys: dict[str, Any]) -> str:
@@ -111,7 +111,7 @@ def _impossible(tree: Marked, sensor: dict[str, Any]) -> list[str]:
     return [message(tree, paths, reason)]
 
 
-def _find_tables(tree: Marked, motions: dict[str, Any]) -> list[str]:
+def _locate_tables(tree: Marked, motions: dict[str, Any]) -> list[str]:
     """Makes the paths of motion tables absolute, from the file that names them."""
     problems = []
     for name, keys in motions.items():
@@ -122,7 +122,7 @@ def _find_tables(tree: Marked, motions: dict[str, Any]) -> list[str]:
         if not file.is_file():
             problems.append(
                 f"{mark.place}: motions.{name}.file: no such file (got {keys['file']!r}; "
-                f"looked for {shown(file)})"
+                f"looked for {path_text(file)})"
             )
         keys["file"] = str(file.resolve())
     return problems
@@ -141,7 +141,7 @@ MEASURED: dict[str, tuple[list[tuple[str, ...]], str]] = {
 }
 
 
-def measured(resolved: dict[str, Any]) -> list[tuple[dict[str, Any], str, str]]:
+def measured_files(resolved: dict[str, Any]) -> list[tuple[dict[str, Any], str, str]]:
     """Blocks of a resolved configuration that name a file on the sensor, the key, and its sum."""
     found = []
     for block, (places, total) in MEASURED.items():
@@ -158,7 +158,7 @@ def _block(keys: dict[str, Any], dotted: str) -> dict[str, Any]:
     return keys
 
 
-def _find_measured(tree: Marked, sensor: dict[str, Any]) -> list[str]:
+def _locate_measured_files(tree: Marked, sensor: dict[str, Any]) -> list[str]:
     """Makes the paths of files about the sensor absolute, and holds the files to their sums."""
     problems = []
     for block, (places, total) in MEASURED.items():
@@ -167,14 +167,16 @@ def _find_measured(tree: Marked, sensor: dict[str, Any]) -> list[str]:
             continue
         found = [tree.find(("sensor", *place)) for place in places]
         mark, path = next((mark, path) for mark, path in found if path[-1] == name)
-        where = f"{mark.place}: {dotted(path)}: "
+        where = f"{mark.place}: {dotted_path(path)}: "
         file = mark.file.parent / Path(keys[name]).expanduser()
         if not file.is_file():
-            problems.append(f"{where}no such file (got {keys[name]!r}; looked for {shown(file)})")
+            problems.append(
+                f"{where}no such file (got {keys[name]!r}; looked for {path_text(file)})"
+            )
             continue
         summed = hashlib.sha256(file.read_bytes()).hexdigest()
         if keys[total] not in (None, summed):
-            problems.append(f"{where}{shown(file)} has changed: its sha256 is {summed}")
+            problems.append(f"{where}{path_text(file)} has changed: its sha256 is {summed}")
         keys[name], keys[total] = str(file.resolve()), summed
     return list(dict.fromkeys(problems))  # three detectors may share a key
 
@@ -253,8 +255,8 @@ def _gained_strips(tree: Marked, sensor: dict[str, Any]) -> list[str]:
                 message(
                     tree,
                     [("sensor", "light", name)],
-                    f"what is lost cannot be below zero (got {quoted(value)}; allowed: from 0; "
-                    "below 0 only as an estimate, with its uncertainty in sensor.calibration)",
+                    f"what is lost cannot be below zero (got {quote_value(value)}; allowed: from "
+                    "0; below 0 only as an estimate, with its uncertainty in sensor.calibration)",
                 )
             )
     return problems
@@ -264,7 +266,7 @@ def _empty_bounds(tree: Marked, variables: dict[str, Any]) -> list[str]:
     """Between the least and the most there is something."""
     return [
         f"{tree.find(('optimize', 'variables', name))[0].place}: optimize.variables.{name}: "
-        f"the least must be below the most (got {quoted(list(pair))})"
+        f"the least must be below the most (got {quote_value(list(pair))})"
         for name, pair in variables.items()
         if pair is not None and not pair[0] < pair[1]
     ]

@@ -10,38 +10,40 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from .json_schema import allowed, entry, names, nearest, suggestion
-from .yaml_positions import Marked, Path_, dotted
+from .json_schema import allowed_values, entry, key_names, suggest_name, suggestion
+from .yaml_positions import Marked, Path_, dotted_path
 
 
 def messages(error: ValidationError, tree: Marked) -> list[str]:
     """One line for each problem, in the order of the file."""
     plain = tree.plain()
-    found = [_told(details, tree, plain) for details in error.errors()]
+    found = [_message_at(details, tree, plain) for details in error.errors()]
     lines = {text: (str(mark.file), mark.line) for text, mark in found}
     return sorted(lines, key=lambda text: lines[text])
 
 
-def _told(details: ErrorDetails, tree: Marked, plain: Any) -> tuple[str, Marked]:
-    path = _path(details, plain)
+def _message_at(details: ErrorDetails, tree: Marked, plain: Any) -> tuple[str, Marked]:
+    path = _path_in_file(details, plain)
     kind = details["type"]
     mark, found = tree.find(path)
     if kind == "extra_forbidden":
-        reason = _unknown(path, plain)
+        reason = _unknown_key(path, plain)
     elif kind == "string_pattern_mismatch":
-        reason = f"a motion's name is letters, digits, '.', '_' and '-' (got {quoted(path[-1])})"
+        reason = (
+            f"a motion's name is letters, digits, '.', '_' and '-' (got {quote_value(path[-1])})"
+        )
     elif kind == "value_error":
         reason = details["msg"].removeprefix("Value error, ")
     elif found != path and not isinstance(mark.value, dict):  # one number given for two
-        path, reason = found, _value(found, mark, plain)
+        path, reason = found, _wrong_value(found, mark, plain)
     elif found != path:
-        reason = _left_out(path, plain)
+        reason = _missing_key(path, plain)
     else:
-        reason = _value(path, mark, plain)
-    return f"{mark.place}: {dotted(path)}: {reason}", mark
+        reason = _wrong_value(path, mark, plain)
+    return f"{mark.place}: {dotted_path(path)}: {reason}", mark
 
 
-def _path(details: ErrorDetails, plain: Any) -> Path_:
+def _path_in_file(details: ErrorDetails, plain: Any) -> Path_:
     """The path in the file: without the kind that pydantic adds inside a motion."""
     path = details["loc"]
     if path[0] == "motions" and len(path) > 2:
@@ -53,21 +55,21 @@ def _path(details: ErrorDetails, plain: Any) -> Path_:
     return path
 
 
-def _unknown(path: Path_, plain: Any) -> str:
+def _unknown_key(path: Path_, plain: Any) -> str:
     hint = suggestion(path, plain)
-    known = ", ".join(names(path[:-1], plain))
+    known = ", ".join(key_names(path[:-1], plain))
     return f"unknown key{hint and '; ' + hint} (allowed: {known})"
 
 
-def _left_out(path: Path_, plain: Any) -> str:
-    return f"is missing (allowed: {allowed(path, plain)})"
+def _missing_key(path: Path_, plain: Any) -> str:
+    return f"is missing (allowed: {allowed_values(path, plain)})"
 
 
-def _value(path: Path_, mark: Marked, plain: Any) -> str:
+def _wrong_value(path: Path_, mark: Marked, plain: Any) -> str:
     value = mark.plain()
-    may = allowed(path, plain)
+    may = allowed_values(path, plain)
     reason = _reason(value, entry(path, plain) or {}, may)
-    return f"{reason} (got {quoted(value)}; allowed: {may})"
+    return f"{reason} (got {quote_value(value)}; allowed: {may})"
 
 
 def _reason(value: Any, node: dict[str, Any], may: str) -> str:
@@ -76,7 +78,7 @@ def _reason(value: Any, node: dict[str, Any], may: str) -> str:
     if node.get("type") == "object":
         return "must be a block of keys"
     if "enum" in node:
-        near = nearest(str(value), node["enum"])
+        near = suggest_name(str(value), node["enum"])
         return f"is not one of the words allowed{near and '; ' + near}"
     if "number" in may:
         return _reason_of_number(value, may)
@@ -89,7 +91,7 @@ def _reason_of_number(value: Any, may: str) -> str:
     if isinstance(value, list) and "two" not in may and "list" not in may:
         return "must be one number, not a list"
     if isinstance(value, list) or (is_number(value) and "list" in may):
-        return f"must be {_how_many(may)}"
+        return f"must be {_count_in_words(may)}"
     if not is_number(value):
         return "must be a number"
     if not math.isfinite(value):
@@ -99,7 +101,7 @@ def _reason_of_number(value: Any, may: str) -> str:
     return "is out of range"
 
 
-def _how_many(may: str) -> str:
+def _count_in_words(may: str) -> str:
     """Out of 'a list of 9 numbers from ...'."""
     found = re.search(r"(?:list of|one or) (\w+ (?:pairs of )?numbers)", may)
     return found[1] if found else "two numbers"
@@ -120,14 +122,14 @@ def _advice(text: str) -> str:
     return ""
 
 
-def quoted(value: Any) -> str:
+def quote_value(value: Any) -> str:
     """A value as it would stand in YAML, cut short where long."""
     if isinstance(value, float) and not math.isfinite(value):
         return ".nan" if math.isnan(value) else ".inf" if value > 0 else "-.inf"
     if value is None:
         return "nothing"
     if isinstance(value, list):
-        text = f"[{', '.join(quoted(item) for item in value)}]"
+        text = f"[{', '.join(quote_value(item) for item in value)}]"
     else:
         text = json.dumps(value, ensure_ascii=False, default=str)
     return text if len(text) <= 60 else text[:57] + "..."

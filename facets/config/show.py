@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from ..core.settings import Config
-from .json_schema import allowed, entry
+from .json_schema import allowed_values, entry
 from .yaml_positions import Path_
 
 PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
@@ -19,30 +19,30 @@ COLUMN = 34
 def to_yaml(config: Config) -> str:
     """YAML that loads to the same configuration: nothing inherited, no default left out."""
     head = f"# {config.name}, as resolved; sha256 {config.sha256}"
-    return "\n".join([head, *_block(config.resolved, (), config.resolved)]) + "\n"
+    return "\n".join([head, *_block_lines(config.resolved, (), config.resolved)]) + "\n"
 
 
-def _block(keys: dict[str, Any], path: Path_, document: dict[str, Any]) -> Iterator[str]:
+def _block_lines(keys: dict[str, Any], path: Path_, document: dict[str, Any]) -> Iterator[str]:
     for key, value in keys.items():
         here = (*path, key)
         indent = "  " * len(path)
         if not isinstance(value, dict):
-            yield _line(f"{indent}{scalar(key)}: {scalar(value)}", here, document)
+            yield _key_line(f"{indent}{scalar(key)}: {scalar(value)}", here, document)
         elif not value:
             yield f"{indent}{scalar(key)}: {{}}"
         elif _is_place(value):
-            yield from _folded(indent, key, value)
+            yield from _place_lines(indent, key, value)
         else:
             yield f"{indent}{scalar(key)}:"
-            yield from _block(value, here, document)
+            yield from _block_lines(value, here, document)
 
 
-def _line(text: str, path: Path_, document: dict[str, Any]) -> str:
+def _key_line(text: str, path: Path_, document: dict[str, Any]) -> str:
     """With the key's meaning and range, told once and not for each detector and motion again."""
     if {"b", "c"} & set(path) or path[0] == "motions":
         return text
     meaning = (entry(path, document) or {}).get("description", "")
-    may = allowed(path, document).removeprefix("a ").removeprefix("number ")
+    may = allowed_values(path, document).removeprefix("a ").removeprefix("number ")
     return f"{text:<{COLUMN}}  # {meaning} ({may})"
 
 
@@ -50,7 +50,7 @@ def _is_place(value: dict[str, Any]) -> bool:
     return "tx_mm" in value
 
 
-def _folded(indent: str, key: str, value: dict[str, Any]) -> Iterator[str]:
+def _place_lines(indent: str, key: str, value: dict[str, Any]) -> Iterator[str]:
     """The eight axes of a place in two lines instead of eight."""
     items = [f"{axis}: {scalar(number)}" for axis, number in value.items()]
     yield f"{indent}{key}: {{{', '.join(items[:3])},"

@@ -37,7 +37,7 @@ class Marked:
 
     @property
     def place(self) -> str:
-        return f"{shown(self.file)}:{self.line}"
+        return f"{path_text(self.file)}:{self.line}"
 
     def plain(self) -> Any:
         """The value as YAML would have it, without marks."""
@@ -59,7 +59,7 @@ class Marked:
         return found, path
 
 
-def shown(file: Path) -> str:
+def path_text(file: Path) -> str:
     """A path as a person would write it from here."""
     try:
         return str(file.relative_to(Path.cwd()))
@@ -69,20 +69,20 @@ def shown(file: Path) -> str:
 
 def read(file: Path) -> Marked:
     """One YAML file. Raises ConfigError with file and line for what is not YAML, or read twice."""
-    text = _text(file)
+    text = _read_text(file)
     yaml = YAML(typ="safe", pure=True)
     try:
         root = yaml.compose(text)
         if root is None:
             return Marked({}, file, 1)
         reader = _Reader(file, yaml)
-        tree = reader.marked(root, root.start_mark.line + 1, ())
+        tree = reader.mark(root, root.start_mark.line + 1, ())
     except YAMLError as error:
-        raise ConfigError(_syntax(file, error, text)) from None
+        raise ConfigError(_syntax_message(file, error, text)) from None
     except (ValueError, OverflowError) as error:  # of the library, at a value that is none
-        raise ConfigError(f"{shown(file)}: not valid YAML: {error}") from None
+        raise ConfigError(f"{path_text(file)}: not valid YAML: {error}") from None
     except RecursionError:
-        raise ConfigError(f"{shown(file)}: nested too deeply") from None
+        raise ConfigError(f"{path_text(file)}: nested too deeply") from None
     if reader.problems:
         raise ConfigError("\n".join(reader.problems))
     if not isinstance(tree.value, dict):
@@ -90,21 +90,21 @@ def read(file: Path) -> Marked:
     return tree
 
 
-def _text(file: Path) -> str:
+def _read_text(file: Path) -> str:
     try:
         size = file.stat().st_size
         if size > MOST_BYTES:
             raise ConfigError(
-                f"{shown(file)}: is {size:,} bytes, which no configuration is "
+                f"{path_text(file)}: is {size:,} bytes, which no configuration is "
                 f"(allowed: {MOST_BYTES:,})"
             )
         return file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         line = error.object[: error.start].count(b"\n") + 1
-        raise ConfigError(f"{shown(file)}:{line}: not UTF-8 text; save it as UTF-8") from None
+        raise ConfigError(f"{path_text(file)}:{line}: not UTF-8 text; save it as UTF-8") from None
     except OSError as error:
         reason = error.strerror or str(error)
-        raise ConfigError(f"{shown(file)}: cannot be read: {reason}") from None
+        raise ConfigError(f"{path_text(file)}: cannot be read: {reason}") from None
 
 
 #: What ruamel says, and what most often has to be done about it.
@@ -119,14 +119,16 @@ ADVICE = {
 }
 
 
-def _syntax(file: Path, error: YAMLError, text: str) -> str:
+def _syntax_message(file: Path, error: YAMLError, text: str) -> str:
     if isinstance(error, ReaderError):
         line = text[: error.position].count("\n") + 1
-        return f"{shown(file)}:{line}: not valid YAML: it holds the character {error.character!r}"
+        return (
+            f"{path_text(file)}:{line}: not valid YAML: it holds the character {error.character!r}"
+        )
     if not isinstance(error, MarkedYAMLError):
-        return f"{shown(file)}: not valid YAML: {error}"
+        return f"{path_text(file)}: not valid YAML: {error}"
     mark, opened = error.problem_mark or error.context_mark, error.context_mark
-    place = shown(file) if mark is None else f"{shown(file)}:{mark.line + 1}"
+    place = path_text(file) if mark is None else f"{path_text(file)}:{mark.line + 1}"
     what = str(error.problem)
     if error.context:
         begun = f" begun in line {opened.line + 1}" if opened and opened is not mark else ""
@@ -145,8 +147,8 @@ class _Reader:
         self.open: list[Node] = []
         self.count, self.block = 0, ("", 1)
 
-    def marked(self, node: Node, line: int, path: Path_) -> Marked:
-        self._count()
+    def mark(self, node: Node, line: int, path: Path_) -> Marked:
+        self._count_value()
         if isinstance(node, ScalarNode):
             return Marked(self._scalar(node, line, path), self.file, line)
         if any(node is outer for outer in self.open):
@@ -158,20 +160,20 @@ class _Reader:
             value = dict(self._entries(node, path))
         else:
             value = [
-                self.marked(item, item.start_mark.line + 1, (*path, index))
+                self.mark(item, item.start_mark.line + 1, (*path, index))
                 for index, item in enumerate(node.value)
             ]
         self.open.pop()
         return Marked(value, self.file, line)
 
-    def _count(self) -> None:
+    def _count_value(self) -> None:
         """Raises ConfigError where a file holds more values than any configuration does."""
         self.count += 1
         if self.count > MOST_VALUES:
             key, line = self.block
             raise ConfigError(
-                f"{shown(self.file)}:{line}: {key}: more than {MOST_VALUES:,} values, counted with "
-                "what aliases (*name) stand for; do not let aliases hold aliases"
+                f"{path_text(self.file)}:{line}: {key}: more than {MOST_VALUES:,} values, "
+                "counted with what aliases (*name) stand for; do not let aliases hold aliases"
             )
 
     def _scalar(self, node: ScalarNode, line: int, path: Path_) -> Any:
@@ -201,14 +203,14 @@ class _Reader:
                 self._problem(line, (*path, key), twice)
             else:
                 lines[key] = line
-                yield key, self.marked(value_node, line, (*path, key))
+                yield key, self.mark(value_node, line, (*path, key))
 
     def _problem(self, line: int, path: Path_, reason: str) -> None:
-        where = f"{dotted(path)}: " if path else ""
-        self.problems.append(f"{shown(self.file)}:{line}: {where}{reason}")
+        where = f"{dotted_path(path)}: " if path else ""
+        self.problems.append(f"{path_text(self.file)}:{line}: {where}{reason}")
 
 
-def dotted(path: Path_) -> str:
+def dotted_path(path: Path_) -> str:
     """sensor.beam.tilt_mrad[1]"""
     text = ""
     for key in path:

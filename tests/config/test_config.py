@@ -22,7 +22,7 @@ from facets.config import (
     to_yaml,
 )
 from facets.config.alignment_check import landings
-from facets.config.json_schema import names
+from facets.config.json_schema import key_names
 from facets.config.sensor_keys import write_sensor
 from facets.core.errors import ConfigError
 from facets.core.sensor import Correction, Sensor
@@ -579,7 +579,7 @@ def test_an_estimate_of_a_strip_may_be_below_zero(write):
 
 def keys_of(path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
     """All keys of a configuration that are no blocks."""
-    inner = names(path)
+    inner = key_names(path)
     return [found for name in inner for found in keys_of((*path, name))] if inner else [path]
 
 

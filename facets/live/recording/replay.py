@@ -31,7 +31,7 @@ def recorded_config(folder: Path) -> Config:
 
     from ruamel.yaml import YAML
 
-    from ...config.loading import fingerprint, load, measured
+    from ...config.loading import fingerprint, load, measured_files
 
     meta, path = meta_of(folder), folder / "meta.yaml"
     if meta.get("config_sha256") not in (None, fingerprint(meta["resolved"])):
@@ -43,7 +43,7 @@ def recorded_config(folder: Path) -> Config:
         resolved = meta["resolved"]
         if "timing" not in resolved.get("acquire", {}):  # of a version that had no other
             resolved.setdefault("acquire", {})["timing"] = "arrival"
-        for keys, name, digest in measured(resolved):
+        for keys, name, digest in measured_files(resolved):
             keys[name] = str((folder / name_of_copy(digest)).resolve())
     except (KeyError, TypeError, AttributeError):
         raise InputError(

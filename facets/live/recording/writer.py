@@ -22,7 +22,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from ...config.loading import measured
+from ...config.loading import measured_files
 from ...core.errors import FacetsError, InputError
 from ..run.pipeline import Poses, join_poses
 from ..run.sink import Sink
@@ -97,7 +97,7 @@ class Recording(Sink):
         self.above = [one for one in self.folder.parents if not one.exists()]
         self.disk.make_folder(self.folder)
         self.save("meta.yaml", meta.encode())
-        for keys, name, digest in measured(resolved):
+        for keys, name, digest in measured_files(resolved):
             self.save(name_of_copy(digest), Path(keys[name]).read_bytes())
         self.files = {name: self.disk.create(self.folder / name) for name in NAMES}
         self.disk.sync_folder(self.folder)
