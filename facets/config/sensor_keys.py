@@ -34,7 +34,9 @@ TABLE = Key(
 
 
 def _sum_of_file(name: str) -> Key:
-    return Key(name, None, "of that file", hint=str, bounds={"pattern": "^[0-9a-f]{64}$"})
+    return Key(
+        name, None, "SHA-256 checksum of that file", hint=str, bounds={"pattern": "^[0-9a-f]{64}$"}
+    )
 
 
 def _read_grid(values: Values) -> Grid | None:
@@ -80,7 +82,14 @@ PSD = replace(
     sources={
         **PSD.sources,
         "correction": Source(
-            (Key("correction", {}, "of what it reads; a calibration's", block=CORRECTION),)
+            (
+                Key(
+                    "correction",
+                    {},
+                    "correction of the detector's readings, written by `facets calibrate`",
+                    block=CORRECTION,
+                ),
+            )
         ),
     },
 )
@@ -146,26 +155,26 @@ SENSOR = KeyBlock(
             (
                 "electronics",
                 "electronics",
-                "for `noise.model: electronics`: what the noise comes from",
+                "electronics from which the noise follows, for `noise.model: electronics`",
                 block_of(Electronics),
             ),
             ("apertures", "apertures", "what cuts the light; off unless given", APERTURES),
             (
                 "imperfections",
                 "imperfections",
-                "of the optics, in simulations alone; off unless given",
+                "imperfections of the optics, in simulations alone; off unless given",
                 block_of(Imperfections),
             ),
             (
                 "light",
                 "light",
-                "of the bench, known to the model; off unless given",
+                "effects of the bench's light, known to the model; off unless given",
                 block_of(BenchLight),
             ),
             (
                 "calibration",
                 "calibration",
-                "how well the parameters are known; from `facets calibrate`",
+                "uncertainty of calibrated parameters, written by `facets calibrate`",
                 CALIBRATION,
             ),
         )

@@ -58,7 +58,7 @@ def pose_block(name: str, meaning: str, length: float | None, angle: float | Non
         Key(
             f"{axis}_urad" if axis in ANGLES else f"{axis}_um",
             angle if axis in ANGLES else length,
-            f"of {axis}",
+            f"standard uncertainty of {axis}",
             hint=float | None,
             bounds={"gt": 0, "le": MAX_FINE},
             null=inf,

@@ -29,33 +29,41 @@ BEFORE = block_of_keys(
     "Before",
     "Standard uncertainties before, from tolerances; what is null stays as it is.",
     [
-        _before("psd_place_mm", 0.2, MAX_LENGTH_MM, "of each PSD's centre, along each direction"),
-        _before("psd_turn_mrad", 3.0, 1000, "of each PSD's three turns"),
-        _before("facet_mrad", 1.5, 1000, "of each facet's inclination and azimuth"),
-        _before("beam_tilt_mrad", 1.5, 1000, "of the beam's two tilts"),
         _before(
-            "beam_diameter_percent", 5.0, 100, "of the beam's two diameters, and of its roundness"
+            "psd_place_mm",
+            0.2,
+            MAX_LENGTH_MM,
+            "position of each PSD's centre, along each direction",
         ),
+        _before("psd_turn_mrad", 3.0, 1000, "each of a PSD's three rotations"),
+        _before("facet_mrad", 1.5, 1000, "each facet's inclination and azimuth"),
+        _before("beam_tilt_mrad", 1.5, 1000, "each of the beam's two tilts"),
+        _before("beam_diameter_percent", 5.0, 100, "the beam's two diameters, and its roundness"),
         _before(
             "beam_profile_percent",
             0.1,
             100,
-            "of the share of the laser's power that is not in a Gaussian cross-section (a ghost, "
+            "the share of the laser's power outside a Gaussian cross-section (a ghost, "
             "other modes, light lost at a chipped tip), where the data call for an effect of light",
         ),
-        _before("power_percent", 2.0, 100, "of each PSD's gain"),
-        _before("dark_uw", None, 1e6, "of what each PSD reads without light"),
+        _before("power_percent", 2.0, 100, "each PSD's gain"),
+        _before("dark_uw", None, 1e6, "power that each PSD reads without light"),
         _before(
             "laser_percent",
             None,
             100,
-            "of the laser's power, where it is constant; or give power_percent",
+            "the laser's power, where it is constant; or give power_percent",
         ),
-        _before("scale_percent", 2.0, 100, "of each PSD's scales along y and z"),
-        _before("bend_um", None, 10_000, "of each PSD's second and third order, at its edge"),
-        _before("lever_mm", 50.0, MAX_LENGTH_MM, "of the apex from the reference's pivot"),
-        _before("apex_mm", 0.1, MAX_LENGTH_MM, "of the apex from the beam, the reference at zero"),
-        _before("mount_deg", 3.0, 30, "of each turn of the mirror on the reference"),
+        _before("scale_percent", 2.0, 100, "each PSD's scales along y and z"),
+        _before("bend_um", None, 10_000, "each PSD's terms of second and third order, at its edge"),
+        _before("lever_mm", 50.0, MAX_LENGTH_MM, "position of the apex from the reference's pivot"),
+        _before(
+            "apex_mm",
+            0.1,
+            MAX_LENGTH_MM,
+            "position of the apex from the beam, with the reference at zero",
+        ),
+        _before("mount_deg", 3.0, 30, "each rotation of the mirror on the reference"),
     ],
     _given,
 )
@@ -66,20 +74,20 @@ EFFECTS = block_of_keys(
         Key(name, "auto", meaning, hint=Literal["auto", "on", "off"])
         for name, meaning in {
             "curvature": "the wavefront's radius, in two axes",
-            "diffraction": "at the facets' edges",
+            "diffraction": "diffraction at the facets' edges",
             "rolloff": "edges of the facets that are rolled off",
             "strips": "strips along the edges that reflect nothing",
             "tip": "a mirror's point that is worn flat",
             "background": "light that reaches a detector otherwise",
             "coating": "reflectance by incidence and polarisation",
             "bend": "detectors that are not linear: 2nd and 3rd order",
-            "spline": "the same beyond, as a smooth spline",
+            "spline": "what remains of that, as a smooth spline",
             "beam_moves": "the beam's place, sample by sample",
             "delay": "a reference that is late, or early",
             "backlash": "a mirror that lags behind, by the direction of each last step",
             "channel_skew": "detectors read one after the other",
             "time_drift": "beam and detectors that drift with time",
-            "temperature_drift": "the same by temperature_c",
+            "temperature_drift": "beam and detectors that drift with temperature_c",
         }.items()
     ],
     dict,
@@ -96,25 +104,31 @@ class Calibrate:
     """
 
     reference: tuple[float, ...] = key(
-        "reference", {}, "how well it knows the motion", block=REFERENCE, convert=in_code_units
+        "reference",
+        {},
+        "standard uncertainty of the reference's poses",
+        block=REFERENCE,
+        convert=in_code_units,
     )
-    before: dict[str, float] = key("before", {}, "how well the sensor is known", block=BEFORE)
+    before: dict[str, float] = key(
+        "before", {}, "standard uncertainty of the sensor before the calibration", block=BEFORE
+    )
     power_per_sample: bool = key(
         "laser",
         "drifts",
-        "its power is an unknown of each sample, or the same in all",
+        "whether the laser's power is an unknown of each sample, or the same in all",
         words={"drifts": True, "constant": False},
     )
     effects: dict[str, str] = key(
-        "effects", {}, "of real light, detectors and drift", block=EFFECTS
+        "effects", {}, "effects of real light, detectors and drift to be fitted", block=EFFECTS
     )
     beam: Literal["given", "still"] = key(
         "beam",
         "given",
-        "its place: bx_mm, by_mm of the table where it has them; still: the origin",
+        "position of the beam: bx_mm, by_mm of the table if it has them; still: the origin",
     )
     held_back: float = key(
-        "held_back_percent", 20.0, "of the samples, on which the result is tried", ge=0, le=90
+        "held_back_percent", 20.0, "share of the samples on which the result is tested", ge=0, le=90
     )
     outliers: float | None = key(
         "outliers", 3.0, "standard deviations beyond which a reading weighs less", gt=0, le=100

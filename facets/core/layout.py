@@ -21,12 +21,12 @@ class PsdPart:
     position: float | None = key(
         "position_um",
         None,
-        "its noise, as sensor.noise.position_um; if left out that",
+        "its noise, as sensor.noise.position_um, which is the default",
         gt=0,
         le=1000,
     )
-    price: float | None = key("price", None, "of one, in any money", ge=0, le=1e9)
-    delivery: float | None = key("delivery_weeks", None, "until it is there", ge=0, le=1000)
+    price: float | None = key("price", None, "price of one, in any currency", ge=0, le=1e9)
+    delivery: float | None = key("delivery_weeks", None, "delivery time", ge=0, le=1000)
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,8 @@ class LaserPart:
 
     power: float = key("power_mw", MISSING, "laser power", gt=0, le=1000)
     diameter: float = key("diameter_mm", MISSING, "1/e^2 diameter of its round beam", gt=0, le=1000)
-    price: float | None = key("price", None, "in the same money", ge=0, le=1e9)
-    delivery: float | None = key("delivery_weeks", None, "until it is there", ge=0, le=1000)
+    price: float | None = key("price", None, "price in the same currency", ge=0, le=1e9)
+    delivery: float | None = key("delivery_weeks", None, "delivery time", ge=0, le=1000)
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ class AmplifierPart:
     power: float = key(
         "power_uw", MISSING, "noise of a power, as sensor.noise.power_uw", gt=0, le=1e6
     )
-    price: float | None = key("price", None, "of all, in the same money", ge=0, le=1e9)
-    delivery: float | None = key("delivery_weeks", None, "until they are there", ge=0, le=1000)
+    price: float | None = key("price", None, "price of all, in the same currency", ge=0, le=1e9)
+    delivery: float | None = key("delivery_weeks", None, "delivery time", ge=0, le=1000)
 
 
 def _variable(name: str, meaning: str, least: float, most: float) -> Key:
@@ -56,7 +56,7 @@ def _variable(name: str, meaning: str, least: float, most: float) -> Key:
 
 def _variables_of_one(kind: str, bounds: dict[str, tuple[float, float]]) -> list[Key]:
     return [
-        _variable(f"{kind}_{letter}_{name}", f"of {kind} {letter} alone", *limits)
+        _variable(f"{kind}_{letter}_{name}", f"{kind} {letter} alone", *limits)
         for letter in DETECTORS
         for name, limits in bounds.items()
     ]
@@ -71,21 +71,23 @@ VARIABLES = block_of_keys(
     "Variables",
     "What may change, from least to most; what is left out stays as it is.",
     [
-        _variable("radius_mm", "of all detectors", 1, 10_000),
+        _variable("radius_mm", "radius of all detectors", 1, 10_000),
         _variable(
             "inclination_deg",
-            "of all facets; the detectors' heights follow the sub-beams",
+            "inclination of all facets; the detectors' heights follow the sub-beams",
             5,
             85,
         ),
         *(
-            _variable(name, "of all detectors", -1000, 1000)
+            _variable(name, "rotation of all detectors", -1000, 1000)
             for name in ("roll_mrad", "pitch_mrad", "yaw_mrad")
         ),
-        _variable("azimuth_b_deg", "of facet and detector B; C's mirrors it", 20, 170),
-        _variable("size_mm", "of all detectors, square", 0.1, 1000),
-        _variable("diameter_mm", "of a round beam, 1/e^2", 0.01, 100),
-        _variable("power_mw", "of the laser", 0.001, 1000),
+        _variable(
+            "azimuth_b_deg", "azimuth of facet and detector B; that of C mirrors it", 20, 170
+        ),
+        _variable("size_mm", "side of all detectors, square", 0.1, 1000),
+        _variable("diameter_mm", "1/e^2 diameter of a round beam", 0.01, 100),
+        _variable("power_mw", "power of the laser", 0.001, 1000),
         _variable(
             "transimpedance_kohm",
             "gain of all amplifiers, for `noise.model: electronics`",
@@ -133,7 +135,7 @@ WEIGHTS = block_of_keys(
             "range": "how many times as large the volume is",
             "size": "diameter of the head, 100 mm",
             "condition": "worst condition number, decades",
-            "price": "of the parts, thousands; none for unknown",
+            "price": "price of the parts, in thousands; none where a price is unknown",
         }.items()
     ],
     lambda **values: {name.replace("_", "-"): weight for name, weight in values.items() if weight},
@@ -141,7 +143,7 @@ WEIGHTS = block_of_keys(
 PRODUCTION = Key(
     "production",
     {},
-    "of heads that are not perfect",
+    "heads as they are built",
     block=block_of_keys(
         "Production",
         "Heads as they are built, with the tolerances that `calibrate.before` states.",
@@ -164,7 +166,7 @@ PRODUCTION = Key(
             Key(
                 "poses",
                 60,
-                "of a calibration's motion, beside `calibrate.reference`",
+                "poses of a calibration's motion, beside `calibrate.reference`",
                 hint=int,
                 bounds={"ge": 10, "le": 10_000},
             ),
@@ -200,7 +202,7 @@ class Layout:
         "large as can be; the smallest head; the best conditioned; or a sum by `weights`",
     )
     weights: dict[str, float] = key(
-        "weights", {}, "of the aims, for `aim: weighted`", block=WEIGHTS
+        "weights", {}, "weights of the aims, for `aim: weighted`", block=WEIGHTS
     )
     unit: tuple[float, ...] = key(
         "unit",
@@ -237,8 +239,14 @@ class Layout:
         "whether the beam's place is an unknown at rest, or follows the apex",
         words={"free": False, "following": True},
     )
-    starts: int = key("starts", 4, "from which it begins, the first as it is", ge=1, le=1000)
-    seed: int = key("seed", 1, "of the other starts", ge=0, le=2**32 - 1)
+    starts: int = key(
+        "starts",
+        4,
+        "number of starts of the search, the first from the configuration itself",
+        ge=1,
+        le=1000,
+    )
+    seed: int = key("seed", 1, "seed of the random numbers of the other starts", ge=0, le=2**32 - 1)
 
     @property
     def has_parts(self) -> bool:

@@ -48,7 +48,7 @@ class Sine:
     centre: State = key("centre", {}, "middle of the swing", block=PLACE)
     amplitude: State = key("amplitude", {}, "half the swing", block=PLACE)
     cycles: State = key("cycles", {}, "periods over the whole motion", block=CYCLES)
-    phase: State = key("phase_deg", {}, "at the beginning", block=PHASES)
+    phase: State = key("phase_deg", {}, "phase of each axis at the beginning", block=PHASES)
     samples: int = key("samples", 1000, **SAMPLES)
     rate: float = key("rate_hz", 1000.0, "readings per second", **RATE)
 

@@ -51,7 +51,7 @@ DIAMETER_MM = Key(
 BEAM_TILT_MRAD = Key(
     "tilt_mrad",
     (0.0, 0.0),
-    "of the beam from straight down, about x_w, then about y_w",
+    "tilt of the beam from straight down, about x_w, then about y_w",
     "mrad",
     Pair,
     {"ge": -1000, "le": 1000},
@@ -73,7 +73,9 @@ class Beam:
     power: float = key("power_mw", 0.3, "laser power", gt=0, le=1000)
     diameter_x: float = item_of(DIAMETER_MM, 0)
     diameter_y: float = item_of(DIAMETER_MM, 1)
-    rotation: float = key("rotation_deg", 0.0, "turn of the ellipse about the beam", **ANGLE_DEG)
+    rotation: float = key(
+        "rotation_deg", 0.0, "rotation of the ellipse about the beam", **ANGLE_DEG
+    )
     tilt_x: float = item_of(BEAM_TILT_MRAD, 0)
     tilt_y: float = item_of(BEAM_TILT_MRAD, 1)
 
@@ -94,12 +96,16 @@ class Facet:
     """
 
     inclination: float = key(
-        "inclination_deg", 45.0, "of the facet's normal from the mirror's axis", gt=0, lt=90
+        "inclination_deg",
+        45.0,
+        "angle between the facet's normal and the mirror's axis",
+        gt=0,
+        lt=90,
     )
     azimuth: float = key(
         "azimuth_deg",
         0.0,
-        "of the facet's normal about the mirror's axis; if left out 0, 120, 240",
+        "angle of the facet's normal about the mirror's axis; 0, 120, 240 by default",
         **ANGLE_DEG,
     )
 
@@ -147,13 +153,15 @@ class Correction:
     `MONOMIALS` added to psi and zeta.  grid: added to both besides, as measured.
     """
 
-    power: float = key("power_percent", 0.0, "added to the power", gt=-100, le=1000)
-    dark: float = key("dark_uw", 0.0, "added to the power besides", ge=-1e6, le=1e6)
+    power: float = key(
+        "power_percent", 0.0, "share of the power that is added to it", gt=-100, le=1000
+    )
+    dark: float = key("dark_uw", 0.0, "constant added to the power", ge=-1e6, le=1e6)
     y: tuple[float, ...] = key(
-        "y_um", [0.0] * 9, "added to psi, times each of the nine", length=9, ge=-1e4, le=1e4
+        "y_um", [0.0] * 9, "coefficients of the nine terms added to psi", length=9, ge=-1e4, le=1e4
     )
     z: tuple[float, ...] = key(
-        "z_um", [0.0] * 9, "added to zeta, times each of the nine", length=9, ge=-1e4, le=1e4
+        "z_um", [0.0] * 9, "coefficients of the nine terms added to zeta", length=9, ge=-1e4, le=1e4
     )
     grid: Grid | None = None
 
@@ -168,7 +176,7 @@ class Correction:
 SIZE_MM = Key(
     "size_mm",
     (13.0, 13.0),
-    "of the sensitive area; two for width (psi) and height (zeta)",
+    "side of the sensitive area; two numbers for width (psi) and height (zeta)",
     "mm",
     Pair,
     {"gt": 0, "le": 1000},
@@ -188,24 +196,32 @@ class Psd:
     """
 
     radius: float = key(
-        "radius_mm", 250.0, "of the centre from the z_w axis, R_PSD", gt=0, le=MAX_LENGTH_MM
+        "radius_mm",
+        250.0,
+        "distance of the detector's centre from the z_w axis, R_PSD",
+        gt=0,
+        le=MAX_LENGTH_MM,
     )
     azimuth: float = key(
         "azimuth_deg",
         0.0,
-        "of the centre about the z_w axis; if left out 0, 120, 240",
+        "angle of the detector's centre about the z_w axis; 0, 120, 240 by default",
         **ANGLE_DEG,
     )
     height: float = key(
         "height_mm",
         0.0,
-        "of the centre above the x_w y_w plane",
+        "height of the detector's centre above the x_w y_w plane",
         ge=-MAX_LENGTH_MM,
         le=MAX_LENGTH_MM,
     )
-    roll: float = key("roll_mrad", 0.0, "turn about the detector's normal", **TURN_MRAD)
-    pitch: float = key("pitch_mrad", 0.0, "turn about its horizontal axis y, psi", **TURN_MRAD)
-    yaw: float = key("yaw_mrad", 0.0, "turn about its upright axis z, zeta", **TURN_MRAD)
+    roll: float = key("roll_mrad", 0.0, "rotation about the detector's normal", **TURN_MRAD)
+    pitch: float = key(
+        "pitch_mrad", 0.0, "rotation about the detector's horizontal axis y, psi", **TURN_MRAD
+    )
+    yaw: float = key(
+        "yaw_mrad", 0.0, "rotation about the detector's upright axis z, zeta", **TURN_MRAD
+    )
     size_y: float = item_of(SIZE_MM, 0)
     size_z: float = item_of(SIZE_MM, 1)
     correction: Correction = Correction()
@@ -227,7 +243,9 @@ class Noise:
     power: of a power reading, mW.
     """
 
-    position: float = key("position_um", 2.6, "of a centroid, at `at_power_mw`", gt=0, le=1000)
+    position: float = key(
+        "position_um", 2.6, "noise of a centroid at the power `at_power_mw`", gt=0, le=1000
+    )
     at_power: float = key(
         "at_power_mw",
         0.1,
@@ -235,7 +253,7 @@ class Noise:
         gt=0,
         le=1000,
     )
-    power: float = key("power_uw", 0.04, "of a power reading", gt=0, le=1000)
+    power: float = key("power_uw", 0.04, "noise of a power reading", gt=0, le=1000)
 
     def __post_init__(self) -> None:
         _require_finite(self)
@@ -263,32 +281,46 @@ class Electronics:
     kind: Literal["duo-lateral", "pincushion", "tetra-lateral"] = key(
         "kind", "duo-lateral", "how the PSDs divide their current among the electrodes"
     )
-    responsivity: float = key("responsivity_a_w", 0.4, "current per light", gt=0, le=10)
-    dark_current: float = key("dark_current_na", 10.0, "of a PSD", ge=0, le=1e6)
-    resistance: float = key("resistance_kohm", 10.0, "between electrodes", gt=0, le=1e6)
+    responsivity: float = key(
+        "responsivity_a_w", 0.4, "photocurrent per power of the light", gt=0, le=10
+    )
+    dark_current: float = key("dark_current_na", 10.0, "dark current of a PSD", ge=0, le=1e6)
+    resistance: float = key(
+        "resistance_kohm", 10.0, "resistance between opposite electrodes", gt=0, le=1e6
+    )
     transimpedance: float = key(
         "transimpedance_kohm",
         100.0,
-        "of an electrode's amplifier: volts per ampere",
+        "transimpedance gain of each electrode's amplifier: volts per ampere",
         gt=0,
         le=1e9,
     )
     voltage_noise: float = key("voltage_noise_nv_rthz", 10.0, "of the amplifier", ge=0, le=1e6)
     current_noise: float = key("current_noise_pa_rthz", 1.0, "of the amplifier", ge=0, le=1e6)
-    bandwidth: float = key("bandwidth_hz", 10_000.0, "of a reading", gt=0, le=1e9)
-    temperature: float = key("temperature_k", 296.0, "of detectors and amplifiers", ge=0, le=1000)
-    adc_bits: int = key("adc_bits", 16, "of the converter", ge=1, le=32)
-    adc_range: float = key("adc_range_v", 10.0, "of the converter, full scale", gt=0, le=1000)
+    bandwidth: float = key("bandwidth_hz", 10_000.0, "bandwidth of a reading", gt=0, le=1e9)
+    temperature: float = key(
+        "temperature_k", 296.0, "temperature of detectors and amplifiers", ge=0, le=1000
+    )
+    adc_bits: int = key(
+        "adc_bits", 16, "resolution of the analogue-to-digital converter", ge=1, le=32
+    )
+    adc_range: float = key(
+        "adc_range_v", 10.0, "full-scale range of the analogue-to-digital converter", gt=0, le=1000
+    )
     ambient: float = key(
-        "ambient_uw", 0.0, "other light on a PSD; its mean is taken off", ge=0, le=1e6
+        "ambient_uw",
+        0.0,
+        "power of other light on a PSD; its mean is subtracted, its noise stays",
+        ge=0,
+        le=1e6,
     )
     power_noise: float = key(
-        "power_noise_ppm", 0.0, "of the laser's power, from reading to reading", ge=0, le=1e6
+        "power_noise_ppm", 0.0, "noise of the laser's power from reading to reading", ge=0, le=1e6
     )
     pointing: float = key(
         "pointing_um",
         0.0,
-        "of the beam's place in x and y, from reading to reading",
+        "noise of the beam's position in x and in y from reading to reading",
         ge=0,
         le=1e4,
     )
@@ -334,18 +366,22 @@ class Apertures:
         "out of range for the solver",
     )
     tip: float = key(
-        "tip_um", 0.0, "where the facets begin, from the axis: a flat tip", ge=0, le=10_000
+        "tip_um",
+        0.0,
+        "distance from the mirror's axis at which the facets begin: a flat tip",
+        ge=0,
+        le=10_000,
     )
     rim: float = key(
         "rim_mm",
         None,
-        "where the facets end below, from the mirror's axis",
+        "distance from the mirror's axis at which the facets end below; null: no rim",
         gt=0,
         le=1000,
         null=math.inf,
     )
     gap: float = key(
-        "gap_um", 0.0, "width of the strip that is lost along each edge", ge=0, le=10_000
+        "gap_um", 0.0, "width of the strip along each edge that reflects nothing", ge=0, le=10_000
     )
 
     def __post_init__(self) -> None:
@@ -391,18 +427,18 @@ CURVATURE_PER_M = Key(
     {"ge": -1e3, "le": 1e3},
 )
 WAVELENGTH_NM: dict[str, Any] = {
-    "meaning": "of the light, for diffraction at edges; null for none",
+    "meaning": "wavelength of the light, for diffraction at edges; null: no diffraction",
     "gt": 0,
     "le": 20_000,
     "null": 0.0,
 }
 POLARIZATION_DEG: dict[str, Any] = {
-    "meaning": "of the light, from the beam's x axis; null is none",
+    "meaning": "angle of the light's polarisation from the beam's x axis; null: unpolarised",
     "unit": "deg_of_phase",
     **ANGLE_DEG,
 }
 INDEX: dict[str, Any] = {
-    "meaning": "complex refractive index n, k of the coating; null reflects all",
+    "meaning": "complex refractive index n, k of the coating; null: it reflects all light",
     "ge": 0,
     "le": 100,
 }
@@ -474,26 +510,27 @@ class BenchLight:
     strips: Three = key(
         "strips_um",
         (0.0, 0.0, 0.0),
-        "width of the strips lost along the edges ca, ab, bc",
+        "width of the strips along the edges ca, ab, bc that reflect nothing",
         ge=-1e3,
         le=1e3,
     )
     tip: float = key(
         "tip_um2",
         0.0,
-        "area lost at a worn tip, beside what strips take",
+        "area of a worn tip that reflects nothing, beside the strips",
         ge=-1e6,
         le=1e6,
     )
     background: tuple[Three, ...] = background_field(
-        "other light on detectors A, B and C", "psi and zeta of its centroid on each detector"
+        "power of other light on detectors A, B and C",
+        "psi and zeta of the other light's centroid on each detector",
     )
     index: Pair | None = key("index", None, **INDEX)
     polarization: float | None = key("polarization_deg", None, **POLARIZATION_DEG)
     delays: Three = key(
         "delays_us",
         (0.0, 0.0, 0.0),
-        "by how much detectors A, B and C are read after the stated time",
+        "delay of detectors A, B and C after the stated time of a sample",
         ge=-1e6,
         le=1e6,
     )
@@ -545,7 +582,7 @@ class Imperfections:
     wavefront_radius: float = key(
         "wavefront_radius_mm",
         None,
-        "of the beam at the mirror, positive where it spreads",
+        "wavefront radius at the mirror, positive for a diverging beam; null: collimated",
         ge=-1e9,
         le=1e9,
         null=math.inf,
@@ -554,18 +591,26 @@ class Imperfections:
     sag: Three = key(
         "sag_nm",
         (0.0, 0.0, 0.0),
-        "by which facets A, B, C bulge, over `sag_over_mm`",
+        "height by which facets A, B, C bulge over the diameter `sag_over_mm`",
         ge=-10_000,
         le=10_000,
     )
-    sag_over: float = key("sag_over_mm", 5.0, "diameter of a facet", gt=0, le=1000)
-    rolloff: tuple[float, ...] = key(
-        "rolloff_nm", (0.0,) * 6, "as in `light`, on top of what that says", **DEPTHS_NM
+    sag_over: float = key(
+        "sag_over_mm", 5.0, "diameter over which `sag_nm` is measured", gt=0, le=1000
     )
-    rolloff_width: float = key("rolloff_width_um", 0.0, "likewise", ge=0, le=1000)
-    strips: Three = key("strips_um", (0.0, 0.0, 0.0), "likewise", ge=0, le=1e3)
-    tip: float = key("tip_um2", 0.0, "likewise", ge=0, le=1e6)
-    background: tuple[Three, ...] = background_field("likewise", "likewise")
+    rolloff: tuple[float, ...] = key(
+        "rolloff_nm", (0.0,) * 6, "roll-off depths as in `light`, added to those", **DEPTHS_NM
+    )
+    rolloff_width: float = key(
+        "rolloff_width_um", 0.0, "roll-off width as in `light`, instead of that", ge=0, le=1000
+    )
+    strips: Three = key(
+        "strips_um", (0.0, 0.0, 0.0), "strip widths as in `light`, added to those", ge=0, le=1e3
+    )
+    tip: float = key("tip_um2", 0.0, "tip area as in `light`, added to that", ge=0, le=1e6)
+    background: tuple[Three, ...] = background_field(
+        "power of other light as in `light`, added to that", "its centroid as in `light`"
+    )
 
     def __post_init__(self) -> None:
         _require(self.wavefront_radius != 0, "wavefront_radius", 0, "any but 0 mm")

@@ -39,14 +39,14 @@ class Acquire:
         None,
         "device or URL: /dev/ttyACM0, COM3, socket://host:port, udp://:port, file:bytes.bin",
     )
-    baud: int = key("baud", 3_000_000, "of a serial line", gt=0, le=MAX_BAUD)
+    baud: int = key("baud", 3_000_000, "baud rate of a serial line", gt=0, le=MAX_BAUD)
     format: Literal["frames", "cobs", "text"] = key(
-        "format", "frames", "of the stream; see Formats in the documentation"
+        "format", "frames", "format of the stream; see Formats in the documentation"
     )
     content: Literal["electrodes", "xy-sum"] = key(
-        "content", "electrodes", "of text lines; frames say it themselves"
+        "content", "electrodes", "numbers in a text line; frames state theirs"
     )
-    dark: float = key("dark_counts", 0.0, "what an electrode reads without light", ge=-1e9, le=1e9)
+    dark: float = key("dark_counts", 0.0, "reading of an electrode without light", ge=-1e9, le=1e9)
     timing: Literal["envelope", "arrival"] = key(
         "timing",
         "envelope",
@@ -56,14 +56,14 @@ class Acquire:
     least_delay: float = key(
         "least_delay_ms",
         0.2,
-        "from a sample to its bytes at the host, at the soonest; for `envelope`",
+        "shortest delay from a sample to its bytes at the host; for `envelope`",
         ge=0,
         le=1000,
     )
     delay: float = key(
         "delay_ms",
         1.5,
-        "from a sample to its bytes at the host, on average; for `arrival`",
+        "mean delay from a sample to its bytes at the host; for `arrival`",
         ge=0,
         le=1000,
     )
@@ -76,7 +76,7 @@ class Acquire:
     wait: float = key(
         "wait_seconds",
         5.0,
-        "for a port that is not there yet, since a board boots",
+        "longest wait for a port that does not exist yet, such as that of a booting board",
         ge=0,
         le=3600,
     )
@@ -109,9 +109,9 @@ class Stage:
     port: str | None = key(
         "port", None, "device or URL; for `other` a name as kinesis:27000001,27000002"
     )
-    baud: int = key("baud", 115_200, "of a serial line", gt=0, le=MAX_BAUD)
+    baud: int = key("baud", 115_200, "baud rate of a serial line", gt=0, le=MAX_BAUD)
     step: float = key("step_um", 0.1, "Zaber: one native unit of position", gt=0, le=1000)
-    zero: Pair = key("zero_mm", (0.0, 0.0), "beam's place at the stage's zero", **PLACE_MM)
+    zero: Pair = key("zero_mm", (0.0, 0.0), "position of the beam at the stage's zero", **PLACE_MM)
     low: Pair = key(
         "low_mm",
         (-7.0, -7.0),
@@ -120,10 +120,16 @@ class Stage:
         **PLACE_MM,
     )
     high: Pair = key("high_mm", (7.0, 7.0), "upper soft limits, as `low_mm`", **PLACE_MM)
-    max_speed: float = key("max_speed_mm_s", 20.0, "of commanded moves", gt=0, le=10_000)
-    max_step: float = key("max_step_mm", 0.5, "of one commanded move", gt=0, le=MAX_LENGTH_MM)
-    rate: float = key("rate_hz", 100.0, "of commands", gt=0, le=10_000)
-    accuracy: float = key("accuracy_um", 2.0, "of its encoder, 1 sigma", gt=0, le=10_000)
+    max_speed: float = key(
+        "max_speed_mm_s", 20.0, "largest speed of commanded moves", gt=0, le=10_000
+    )
+    max_step: float = key(
+        "max_step_mm", 0.5, "largest length of one commanded move", gt=0, le=MAX_LENGTH_MM
+    )
+    rate: float = key("rate_hz", 100.0, "rate of commands", gt=0, le=10_000)
+    accuracy: float = key(
+        "accuracy_um", 2.0, "standard uncertainty of the stage's encoder", gt=0, le=10_000
+    )
     law: Literal["proportional", "pi", "feedforward"] = key(
         "law",
         "feedforward",
@@ -156,11 +162,19 @@ class Stage:
         ge=0,
         le=MAX_LENGTH_MM,
     )
-    lag: float = key("lag_ms", 8.0, "its answer to a step: time constant", ge=0, le=10_000)
-    latency: float = key(
-        "latency_ms", 5.0, "from light on the detectors to the stage's start", ge=0, le=10_000
+    lag: float = key(
+        "lag_ms", 8.0, "time constant of the stage's answer to a step", ge=0, le=10_000
     )
-    acceleration: float = key("acceleration_mm_s2", 2000.0, "largest", gt=0, le=1e7)
+    latency: float = key(
+        "latency_ms",
+        5.0,
+        "time from light on the detectors to the start of the stage's move",
+        ge=0,
+        le=10_000,
+    )
+    acceleration: float = key(
+        "acceleration_mm_s2", 2000.0, "largest acceleration of the stage", gt=0, le=1e7
+    )
     resume: Literal["person", "auto"] = key(
         "resume",
         "person",
@@ -229,11 +243,17 @@ class Solve:
     start: Literal["zero", "previous"] = key(
         "start", "zero", "where each solution starts: from zero or from the sample before"
     )
-    max_steps: int = key("max_steps", 50, "then a sample counts as not solved", ge=1, le=10_000)
+    max_steps: int = key(
+        "max_steps",
+        50,
+        "largest number of steps, after which a sample counts as not solved",
+        ge=1,
+        le=10_000,
+    )
     accept_unchecked: bool = key(
         "accept_unchecked",
         False,
-        "give poses that no number is left to check, as those of two detectors",
+        "whether to give poses that no number is left to check, as those of two detectors",
     )
 
     def knowledge(self, sensor: Sensor, position: Floats | None = None) -> Knowledge:
@@ -276,7 +296,7 @@ SIMULATE = Key(
             Key(
                 "seed",
                 1,
-                "of the random numbers; same seed, same run",
+                "seed of the random numbers; the same seed gives the same run",
                 hint=int,
                 bounds={"ge": 0, "le": 2**32 - 1},
             ),
