@@ -20,7 +20,7 @@ import typer
 import facets
 from facets import config as configuration
 from facets.core.errors import FacetsError
-from facets.files.whole import take_away
+from facets.files.whole import remove_older
 
 if TYPE_CHECKING:
     from facets.config import Config
@@ -63,7 +63,7 @@ def name_files(folder: Path, paths: Sequence[Path]) -> None:
 def leave_out_picture(path: Path, why: str) -> None:
     """Says that there is nothing to draw; an older picture of something else does not stay."""
 
-    take_away(path)
+    remove_older(path)
     typer.echo(f"no picture: {why}")
 
 

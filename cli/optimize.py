@@ -213,7 +213,7 @@ def write_config(
     about = provenance.about(settings, settings.layout.seed)
     with tables.Whole(path) as temporary:
         temporary.write_text(as_yaml(settings, found, made, path.parent, about), "utf-8")
-    file = whole.staged(path)
+    file = whole.readable_path(path)
     try:
         return replace(load(file), name=path.stem, path=path.resolve())
     except ConfigError as error:  # a sub-beam may miss a detector elsewhere than in the volume

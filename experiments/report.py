@@ -16,7 +16,7 @@ from facets.config import to_yaml
 from facets.core.hues import chosen_hues
 from facets.files.provenance import PACKAGES, command_line
 from facets.files.tables import Whole
-from facets.files.whole import staged
+from facets.files.whole import readable_path
 
 from .reproduce import ExperimentResult
 
@@ -36,7 +36,7 @@ def embedded(path: Path | None) -> str:
     """A picture as the text of its own address, so that the page needs no other file."""
     if path is None:
         return ""
-    return "data:image/svg+xml;base64," + b64encode(staged(path).read_bytes()).decode()
+    return "data:image/svg+xml;base64," + b64encode(readable_path(path).read_bytes()).decode()
 
 
 def facts() -> dict[str, str]:

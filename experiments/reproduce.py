@@ -14,7 +14,7 @@ import facets
 from facets.core.errors import InputError
 from facets.files import provenance
 from facets.files.tables import write_table
-from facets.files.whole import staged
+from facets.files.whole import readable_path
 from facets.pictures import style
 
 from .paper.experiment import EXPERIMENTS, Experiment, PaperClaim, Table, experiment
@@ -105,7 +105,7 @@ def reproduce(names: list[str], quick: bool, folder: Path) -> Iterator[Experimen
 def computed(work: Experiment, quick: bool, path: Path) -> Table:
     """The table, by way of its file: what is drawn and claimed is what is written."""
     write_table(path, work.compute(quick), provenance.about(facets.load(work.CONFIG)))
-    return read(staged(path))
+    return read(readable_path(path))
 
 
 def read(path: Path) -> Table:
@@ -184,7 +184,7 @@ def write_expected(quick: bool, folder: Path) -> None:
         if quick and result.repeats:
             continue  # the same as in full
         about = provenance.about(facets.load(result.config))
-        kinds = {"claims": claim_table(result.claims), "table": read(staged(result.table))}
+        kinds = {"claims": claim_table(result.claims), "table": read(readable_path(result.table))}
         for kind in rules[result.name]:
             path = EXPECTED / ("quick" if quick else "") / f"{result.name}-{kind}.csv"
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -552,7 +552,7 @@ class BenchLight:
             _require(sound, "index", self.index, "n above 0, and k, but not those of air")
 
     @cached_property
-    def of_edges(self) -> tuple[str, ...]:
+    def edge_effects(self) -> tuple[str, ...]:
         """The effects that are given and do not go with apertures: they happen at edges, or bend
         the light, where these would have to be followed anew."""
         ideal = BenchLight()
@@ -668,7 +668,7 @@ class Sensor:
         both = self.apertures.cut and self.imperfections != Imperfections()
         _require(not both, "imperfections", "given with apertures", "one of the two")
         if self.apertures.cut:
-            for name in self.light.of_edges:
+            for name in self.light.edge_effects:
                 _require(
                     False,
                     f"light.{name}",

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from .tables import UNITS, open_sheet
-from .whole import Whole, staged
+from .tables import open_sheet, unit_of_column
+from .whole import Whole, readable_path
 
 NAME = "ro-crate-metadata.json"
 PROFILE = "https://w3id.org/ro/crate/1.1"
@@ -43,7 +43,7 @@ def write_crate(folder: Path, files: Sequence[Path], about: dict[str, str], seco
     path = folder / NAME
     if path.exists() and not is_ours(path):
         return
-    there = [file for file in files if staged(file).is_file()]
+    there = [file for file in files if readable_path(file).is_file()]
     with Whole(path) as temporary:
         text = json.dumps(crate(there, about, seconds), indent=1, ensure_ascii=False)
         temporary.write_text(text + "\n", "utf-8")
@@ -101,7 +101,7 @@ def crate(files: Sequence[Path], about: dict[str, str], seconds: float) -> dict[
 
 
 def entity_of(file: Path) -> dict[str, Any]:
-    content = staged(file)
+    content = readable_path(file)
     with content.open("rb") as data:
         total = hashlib.file_digest(data, "sha256").hexdigest()
     return {
@@ -117,9 +117,9 @@ def entity_of(file: Path) -> dict[str, Any]:
 def columns_of(file: Path) -> list[dict[str, Any]]:
     """The columns of a table that have a unit; none for what is no table."""
     found = []
-    for name in names_of(staged(file)):
-        unit = UNITS.get(name.rpartition("_")[2])
-        if unit is None:
+    for name in names_of(readable_path(file)):
+        unit = unit_of_column(name)
+        if not unit:
             continue
         column = {
             "@id": f"#{file.name}/{name}",

@@ -20,7 +20,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.plain_numbers import plain_number
-from ..core.units import Booleans, Floats, Integers
+from ..core.units import KEY_UNITS, Booleans, Floats, Integers, unit_in
 from .whole import ResultSet as ResultSet
 from .whole import Whole as Whole
 from .whole import refuse_to_overwrite as refuse_to_overwrite
@@ -367,7 +367,7 @@ class Writer:
         if self.path.suffix.lower() == ".parquet":
             import pyarrow.parquet as pq
 
-            self.file = pq.ParquetWriter(self.path, with_units(schema, self.about))
+            self.file = pq.ParquetWriter(self.path, add_units(schema, self.about))
             return
         import pyarrow.csv as pc
 
@@ -384,21 +384,18 @@ class Writer:
                 part.close()
 
 
-#: Units that the end of a column's name says, as people write them.
-UNITS = {
-    "mm": "mm", "mrad": "mrad", "mw": "mW", "uw": "uW", "um": "um", "urad": "urad", "s": "s",
-    "us": "us", "hz": "Hz", "deg": "deg", "percent": "%",
-}  # fmt: skip
+def unit_of_column(name: str) -> str:
+    """The unit that ends a column's name, as people write it, or nothing."""
+    ending = unit_in(name)
+    return KEY_UNITS[ending].label if ending else ""
 
 
-def with_units(schema: Any, about: Mapping[str, str]) -> Any:
-    """An Arrow schema whose fields say their units, by the key `unit`, and which says `about`."""
+def add_units(schema: Any, about: Mapping[str, str]) -> Any:
+    """An Arrow schema whose fields state their units, by the key `unit`, with `about` beside."""
     import pyarrow as pa
 
     fields = [
-        field.with_metadata({"unit": UNITS[end]})
-        if (end := field.name.rpartition("_")[2]) in UNITS and "_" in field.name
-        else field
+        field.with_metadata({"unit": unit}) if (unit := unit_of_column(field.name)) else field
         for field in schema
     ]
     return pa.schema(fields, metadata=dict(about))

@@ -117,12 +117,12 @@ class Whole:
         try:
             if kind is None:
                 require_complete(self.temporary)
-                bring_to_disk(self.temporary)
+                sync_to_disk(self.temporary)
                 if _sets and not self.alone:
                     _sets[-1].add(self)
                 else:
                     self.temporary.replace(self.path)
-                    bring_to_disk(self.path.parent)
+                    sync_to_disk(self.path.parent)
                 return
         except BaseException as lost:
             self.discard()
@@ -140,7 +140,7 @@ class Whole:
 
     def discard(self) -> None:
         """Takes away what was written so far, and the folders that were made for it."""
-        with undisturbed():
+        with hold_signals():
             for path in (self.temporary, self.backup):
                 with suppress(OSError):
                     path.unlink(missing_ok=True)
@@ -170,7 +170,7 @@ class ResultSet:
         _sets.remove(self)
         try:
             if kind is None:
-                with undisturbed():
+                with hold_signals():
                     self.publish()
         except OSError as lost:
             raise cannot_write(Path(lost.filename or next(iter(self.files))), lost) from None
@@ -193,14 +193,14 @@ class ResultSet:
         try:
             for file in files:
                 if file.path.exists():
-                    keep_beside(file.path, file.backup)
+                    link_or_copy(file.path, file.backup)
             for file in files:
                 if file.removes:
                     file.path.unlink(missing_ok=True)
                 else:
                     file.temporary.replace(file.path)
             for folder in {file.path.parent for file in files}:
-                bring_to_disk(folder)
+                sync_to_disk(folder)
         except BaseException:
             for file in files:
                 if file.backup.exists():
@@ -214,14 +214,14 @@ class ResultSet:
 _sets: list[ResultSet] = []
 
 
-def staged(path: Path) -> Path:
+def readable_path(path: Path) -> Path:
     """Where the file of that name can be read: within a `ResultSet` it has no name of its own
     yet."""
     found = next((one.files[path] for one in reversed(_sets) if path in one.files), None)
     return path if found is None else found.temporary
 
 
-def take_away(path: Path) -> None:
+def remove_older(path: Path) -> None:
     """Takes an older file away; within a `ResultSet`, with the others of the set."""
     if not _sets:
         path.unlink(missing_ok=True)
@@ -241,7 +241,7 @@ def missing_folders(folder: Path) -> list[Path]:
     return [one for one in (folder, *folder.parents) if not one.exists()]
 
 
-def keep_beside(path: Path, backup: Path) -> None:
+def link_or_copy(path: Path, backup: Path) -> None:
     """A second name for a file; where a disk knows none, a copy."""
     try:
         os.link(path, backup)
@@ -250,7 +250,7 @@ def keep_beside(path: Path, backup: Path) -> None:
 
 
 @contextmanager
-def undisturbed() -> Iterator[None]:
+def hold_signals() -> Iterator[None]:
     """Within it signals wait, so that ^C does not come between moves of files."""
     waiting: list[tuple[int, FrameType | None]] = []
     before: dict[int, Any] = {}
@@ -268,7 +268,7 @@ def undisturbed() -> Iterator[None]:
             before[number](number, frame)
 
 
-def bring_to_disk(path: Path) -> None:
+def sync_to_disk(path: Path) -> None:
     """Waits until a file, or the names in a folder, are on the disk. Raises `OSError`."""
     if path.is_dir() and os.name == "nt":
         return

@@ -16,7 +16,7 @@ from facets.cli import main
 
 from facets.core.errors import OutputError
 from facets.files import whole
-from facets.files.whole import ResultSet, Whole, staged, take_away
+from facets.files.whole import ResultSet, Whole, readable_path, remove_older
 
 FULL = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -35,9 +35,9 @@ def write_three(folder: Path) -> None:
         for name in ("here/old.csv", "new/deep/first.csv", "new/deep/second.csv"):
             with Whole(folder / name) as temporary:
                 temporary.write_text(f"new {name}")
-        take_away(folder / "here" / "gone.csv")
-        assert staged(folder / "here" / "old.csv").read_text() == "new here/old.csv"
-        assert not staged(folder / "here" / "gone.csv").exists()
+        remove_older(folder / "here" / "gone.csv")
+        assert readable_path(folder / "here" / "old.csv").read_text() == "new here/old.csv"
+        assert not readable_path(folder / "here" / "gone.csv").exists()
         assert (folder / "here" / "old.csv").read_text() == "old"
 
 

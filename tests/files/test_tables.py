@@ -313,3 +313,8 @@ def test_a_small_table_of_numbers_has_each_column_once(tmp_path):
     path.write_text("# a: b\na,b,a\n1,2,3\n")
     with pytest.raises(InputError, match="twice: a"):
         tables.read_numbers(path)
+
+
+def test_the_end_of_a_columns_name_is_its_unit():
+    columns = ("time_s", "v_tx_mm_s", "u_yaw_urad", "status", "s")
+    assert [tables.unit_of_column(name) for name in columns] == ["s", "mm/s", "urad", "", ""]
