@@ -295,8 +295,12 @@ class Electronics:
         gt=0,
         le=1e9,
     )
-    voltage_noise: float = key("voltage_noise_nv_rthz", 10.0, "of the amplifier", ge=0, le=1e6)
-    current_noise: float = key("current_noise_pa_rthz", 1.0, "of the amplifier", ge=0, le=1e6)
+    voltage_noise: float = key(
+        "voltage_noise_nv_rthz", 10.0, "voltage noise of each amplifier", ge=0, le=1e6
+    )
+    current_noise: float = key(
+        "current_noise_pa_rthz", 1.0, "current noise of each amplifier", ge=0, le=1e6
+    )
     bandwidth: float = key("bandwidth_hz", 10_000.0, "bandwidth of a reading", gt=0, le=1e9)
     temperature: float = key(
         "temperature_k", 296.0, "temperature of detectors and amplifiers", ge=0, le=1000
@@ -420,7 +424,7 @@ REMEDIES = {
 CURVATURE_PER_M = Key(
     "curvature_per_m",
     (0.0, 0.0, 0.0),
-    "of the wavefront, one over its radius: xx, xy, yy along x_w and y_w; "
+    "curvature of the wavefront, one over its radius: xx, xy, yy along x_w and y_w; "
     "positive where it spreads",
     "per_m",
     Three,

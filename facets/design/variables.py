@@ -168,7 +168,7 @@ def clearances_of(fixed: Any, state: Any, sizes: Any) -> list[Any]:
 UNITS = {"mm": 1.0, "mw": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "kohm": 1e3}
 #: The amplifiers' gain, which is no parameter of the optics.
 GAIN = "transimpedance_kohm"
-#: What may be varied for all facets or detectors alike; see `config.layout_keys`.
+#: What may be varied for all facets or detectors alike; see `core.layout`.
 COMMON = (
     "radius_mm", "inclination_deg", "roll_mrad", "pitch_mrad", "yaw_mrad", "azimuth_b_deg",
     "size_mm", "diameter_mm", "power_mw", GAIN,
