@@ -177,7 +177,7 @@ def explore(
 
     settings = load_config(config)
     exploration.require_measures(goals := objective or list(GOALS))
-    space = exploration.with_large_parts(exploration.Space(
+    space = exploration.enlarge_parts(exploration.Space(
         settings.sensor, settings.range, settings.layout, sampling.value, designs, seed,
         tuple(goals), every, required,
     ))  # fmt: skip
@@ -367,7 +367,9 @@ def follow_front(
     cloud = older_designs(space, folder)
     report_front(found, seconds)
     if cloud is not None:
-        report_against(fronts.against(found, cloud), len(cloud["design"]), space.objectives[0])
+        report_against(
+            fronts.compare_with_designs(found, cloud), len(cloud["design"]), space.objectives[0]
+        )
     style.save(pareto_picture(table, list(space.objectives), cloud, own_measures(space)), files[1])
     return table, files
 
@@ -432,7 +434,7 @@ def write_pick(
     force: bool,
 ) -> None:
     """One design of an earlier run, as a configuration that extends the one it is made from."""
-    from facets.design.changes import as_extension, moved
+    from facets.design.changes import as_extension, changes_of
     from facets.design.variables import sensor_of
     from facets.files import provenance, tables
 
@@ -448,21 +450,21 @@ def write_pick(
     about = provenance.about(settings) | {"design": f"{number} of {file.name}"}
     with tables.Whole(path) as temporary:
         temporary.write_text(as_extension(settings, sensor, path.parent, about), "utf-8")
-    for key, before, after in moved(settings, sensor):
+    for key, before, after in changes_of(settings, sensor):
         typer.echo(f"  {key:<24} {before} -> {after}")
     typer.echo(f"{path}: design {number} of {file}")
 
 
 def makeable(space: Space, x: Floats) -> Floats:
     """The design in numbers that can be made, where it is still one, with what that costs."""
-    from facets.design.exploration import MEASURES, looked_at
-    from facets.design.gallery import rounded
+    from facets.design.exploration import MEASURES, measure_design
+    from facets.design.gallery import round_to_steps
     from facets.design.survey import SKIPPED
 
-    made = rounded(space, x)
-    (_, exact), (why, values) = looked_at(space, x), looked_at(space, made)
+    made = round_to_steps(space, x)
+    (_, exact), (why, values) = measure_design(space, x), measure_design(space, made)
     if why:
-        typer.echo(f"not rounded to what can be made: {SKIPPED[why]}")
+        typer.echo(f"The design was not rounded to manufacturable values: {SKIPPED[why]}")
         return x
     for name in space.objectives:
         place = MEASURES.index(name)
@@ -505,7 +507,7 @@ def older_designs(space: Space, folder: Path) -> dict[str, Any] | None:
 
 def report_front(found: Any, seconds: float) -> None:
     from facets.design.exploration import MEASURES
-    from facets.design.front import aimed
+    from facets.design.front import is_objective
 
     from .console import show_table
 
@@ -518,7 +520,7 @@ def report_front(found: Any, seconds: float) -> None:
     for n in sorted({round(k * (count - 1) / 10) for k in range(11)}):
         measures = [found.measures[n][MEASURES.index(name)] for name in (first, *others)]
         prices = [found.prices[n][found.objectives.index(name)] for name in others]
-        holds = next((group for group in found.active[n] if not aimed(group)), "")
+        holds = next((group for group in found.active[n] if not is_objective(group)), "")
         rows.append([*(f"{value:.4g}" for value in (*found.designs[n], *measures)),
                      *(f"{price:.3g}" for price in prices), holds])  # fmt: skip
     show_table(f"{count} points on the front, {seconds:.1f} s; some of them", headings, rows,

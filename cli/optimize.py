@@ -84,8 +84,8 @@ def optimize(
     if not found.best.found:
         refuse(found)
         raise typer.Exit(FINDING)
-    found = with_yield(settings, found)
-    made = None if exact else in_steps(settings, found)
+    found = layout_for_yield(settings, found)
+    made = None if exact else rounded_layout(settings, found)
     with tables.ResultSet():
         better = write_config(settings, found, made, path)
         if not isinstance(better, str):
@@ -128,22 +128,25 @@ def tell_story(
     return Story(settings, better, found, made, table, reasons, proof, built)
 
 
-def in_steps(settings: Config, found: Optimum) -> Rounded | None:
+def rounded_layout(settings: Config, found: Optimum) -> Rounded | None:
     """The layout in numbers that can be made; None where only the exact one keeps all."""
     from facets.design.rounding import round_design
 
     made = round_design(found.problem, found.best.x)
     if made is None:
-        typer.echo("not rounded to what can be made: nothing near keeps all that is asked for")
+        typer.echo(
+            "The layout was not rounded to manufacturable values, because no rounded layout nearby "
+            "meets all requirements."
+        )
     return made
 
 
-def with_yield(settings: Config, found: Optimum) -> Optimum:
+def layout_for_yield(settings: Config, found: Optimum) -> Optimum:
     """The layout whose heads keep what is asked for with `production.yield_percent`, if that is
     given; exit status 1 where there is none."""
     from dataclasses import replace
 
-    from facets.design.report import in_words
+    from facets.design.report import objective_text
     from facets.design.robust import robust_layout
 
     layout = settings.layout
@@ -158,7 +161,7 @@ def with_yield(settings: Config, found: Optimum) -> Optimum:
                    "other:")  # fmt: skip
         show_shortfalls(robust.result.shortfalls)
         raise typer.Exit(FINDING)
-    was = in_words(layout.aim, found.best.objective)
+    was = objective_text(layout.aim, found.best.objective)
     typer.echo(
         f"for {share} of the heads spots, light and limits are kept with {robust.factor:.3g} of "
         f"the spreads that the tolerances give them (predicted {100 * robust.kept:.1f} %, "
@@ -195,9 +198,9 @@ def show_heads(settings: Config, better: Config, heads: int) -> list[ReportSecti
 
 def price_of(settings: Config, found: Optimum) -> float:
     """What the price of the parts adds to the objective."""
-    from facets.design.branching import priced
+    from facets.design.branching import price_term
 
-    return priced(settings.layout, found.tried[0][0].price) if found.tried else 0.0
+    return price_term(settings.layout, found.tried[0][0].price) if found.tried else 0.0
 
 
 def write_config(
@@ -288,16 +291,16 @@ def show_result(
     made: Rounded | None,
     table: dict[str, Any],
 ) -> None:
-    from facets.design.report import in_words
+    from facets.design.report import objective_text
 
     aim = settings.layout.aim
     if found.before == found.before:
-        typer.echo(f"before: {in_words(aim, found.before)}")
+        typer.echo(f"before: {objective_text(aim, found.before)}")
     else:
         typer.echo("before: not all that is asked for is kept")
-    typer.echo(f"after:  {in_words(aim, found.best.objective)}")
+    typer.echo(f"after:  {objective_text(aim, found.best.objective)}")
     if made is not None:
-        typer.echo(f"        {in_words(aim, made.objective)}, in numbers that can be made")
+        typer.echo(f"        {objective_text(aim, made.objective)}, in numbers that can be made")
     typer.echo("")
     headings, rows = changes(settings, better, made, found.names)
     show_table("what changes", headings, rows, left=(0, 3))
@@ -310,16 +313,18 @@ def changes(
     settings: Config, better: Config, made: Rounded | None, names: list[str]
 ) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of all keys that changed, with what each may be off by."""
-    from facets.design.changes import moved
+    from facets.design.changes import changes_of
 
     allowed = tolerances(made, names)
     rows = []
-    for key, before, after in moved(settings, better.sensor):
-        rows.append([key, shown(before), shown(after), allowed.get(key.rpartition(".")[2], "")])
+    for key, before, after in changes_of(settings, better.sensor):
+        rows.append(
+            [key, value_text(before), value_text(after), allowed.get(key.rpartition(".")[2], "")]
+        )
     return ["sensor.", "before", "after", "made to"], rows
 
 
-def shown(value: Any) -> str:
+def value_text(value: Any) -> str:
     return f"{value:.7g}" if isinstance(value, float) else str(value)
 
 
@@ -402,7 +407,7 @@ def prove(better: Config, work: int) -> str:
 
 def show_reasons(settings: Config, found: Optimum) -> list[list[str]]:
     """What holds the layout back and what more would give, printed, and as rows."""
-    from facets.design.report import gains, in_words
+    from facets.design.report import gains, objective_text
 
     active = [
         [f"{size:.2f}", group] for group, size in list(found.best.active_constraints.items())[:8]
@@ -414,7 +419,7 @@ def show_reasons(settings: Config, found: Optimum) -> list[list[str]]:
     more = gains(found.sensor, settings.layout, found.best.x, price_of(settings, found), spare)
     if more:
         typer.echo("\nwhat more would give:")
-    given = [[what, in_words(settings.layout.aim, value)] for what, value in more.items()]
+    given = [[what, objective_text(settings.layout.aim, value)] for what, value in more.items()]
     for what, words in given:
         typer.echo(f"  {what}: {words}")
     typer.echo("")
@@ -457,7 +462,7 @@ def write_report(story: Story, page: Path, scene: Path) -> None:
     """The page, and the scene for a mechanical designer."""
     import numpy as np
 
-    from facets.design.report import in_words
+    from facets.design.report import objective_text
     from facets.files.provenance import command_line
     from facets.files.tables import Whole
     from facets.pictures.design_report import report
@@ -465,7 +470,7 @@ def write_report(story: Story, page: Path, scene: Path) -> None:
 
     save_scene(story.better.sensor, np.zeros(8), scene)
     best = story.found.best.objective if story.made is None else story.made.objective
-    words = in_words(story.settings.layout.aim, best)
+    words = objective_text(story.settings.layout.aim, best)
     summary = f"{words[0].upper()}{words[1:]}."
     origin = f"{command_line()}; sha256 of the configuration {story.settings.sha256[:12]}"
     with Whole(page) as temporary:

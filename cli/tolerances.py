@@ -23,7 +23,7 @@ from .options import (
 if TYPE_CHECKING:
     from facets.config import Config
     from facets.core.sensor import Sensor
-    from facets.design.production import Heads
+    from facets.design.production import SimulatedHeads
     from facets.design.tolerancing import Sensitivity, Shares
 
 #: Fewer simulated heads say next to nothing about a yield.
@@ -69,7 +69,11 @@ class Yields:
     """Of a design: predicted, simulated, and by tolerance.  count: of the simulated heads."""
 
     def __init__(
-        self, predicted: Shares, heads: Heads, by_tolerance: list[Sensitivity], accurate: bool
+        self,
+        predicted: Shares,
+        heads: SimulatedHeads,
+        by_tolerance: list[Sensitivity],
+        accurate: bool,
     ) -> None:
         self.predicted, self.heads, self.by_tolerance = predicted, heads, by_tolerance
         self.accurate = accurate
@@ -79,15 +83,17 @@ class Yields:
 def yields_of(settings: Config, sensor: Sensor, heads: int, seed: int) -> Yields:
     """What `calibrate.before` and the block `optimize` make of a sensor's heads."""
     from facets.design.assembly import assembly_of
-    from facets.design.production import produced
-    from facets.design.tolerancing import drawn, expanded, sensitivities, shares
+    from facets.design.production import simulate_heads
+    from facets.design.tolerancing import draw_heads, expand_margins, sensitivities, shares
 
     built = assembly_of(sensor, settings.layout, settings.range, settings.calibrate)
-    expansion = expanded(built)
-    draws = drawn(built)
-    made: list[Heads] = []
-    with_progress(lambda tell: made.append(produced(built, heads, seed, tell)), "building heads")
-    accurate = bool(built.asked.accurate)
+    expansion = expand_margins(built)
+    draws = draw_heads(built)
+    made: list[SimulatedHeads] = []
+    with_progress(
+        lambda tell: made.append(simulate_heads(built, heads, seed, tell)), "building heads"
+    )
+    accurate = bool(built.asked.accuracy_axes)
     return Yields(shares(expansion, draws), made[0], sensitivities(expansion, draws), accurate)
 
 
@@ -113,9 +119,9 @@ FEW = 0.5
 
 def margin_advice(settings: Config, found: Yields) -> str:
     """What to do about a design that few heads keep; "" where more do, or nothing is loose."""
-    from facets.design.production import passed
+    from facets.design.production import count_passes
 
-    share = passed(found.heads)["kept"] / found.count
+    share = count_passes(found.heads)["kept"] / found.count
     if share >= FEW or not found.by_tolerance:
         return ""
     strongest = found.by_tolerance[0]
@@ -143,9 +149,9 @@ def kinds_of(settings: Config, found: Yields) -> dict[str, str]:
 
 
 def yield_rows(settings: Config, found: Yields) -> Rows:
-    from facets.design.production import interval, passed
+    from facets.design.production import count_passes, interval
 
-    counts = passed(found.heads)
+    counts = count_passes(found.heads)
     rows = []
     for kind, words in kinds_of(settings, found).items():
         low, high = interval(counts[kind], found.count)
@@ -214,7 +220,7 @@ def sensitivity_columns(settings: Config, found: Yields) -> dict[str, Any]:
     return columns | {"eats_most_of": np.array(["", *(row.worst.replace(",", "") for row in rows)])}
 
 
-def head_columns(heads: Heads) -> dict[str, Any]:
+def head_columns(heads: SimulatedHeads) -> dict[str, Any]:
     """Each simulated head: its least margins, and its largest errors."""
     import numpy as np
 

@@ -14,7 +14,7 @@ from ..core.layout import Layout
 from ..core.names import FINE_UNITS
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from ..design.variables import Outcome, clearances_of, heads_of, present_values, with_values
+from ..design.variables import Outcome, clearances_of, heads_of, layout_parameters, present_values
 from ..design.volume import states_of
 from ..optics.forward import build_geometry
 from ..optics.gradient import linearise
@@ -54,7 +54,7 @@ class CasadiLayout:
         count = len(self.names)
         unknown = ca.MX.sym("x", count + 1)
         x = [self.low[i] + (self.high[i] - self.low[i]) * unknown[i] for i in range(count)]
-        parameters, sizes = with_values(sensor, self.names, x)
+        parameters, sizes = layout_parameters(sensor, self.names, x)
         states = np.array(states_of(layout, 1.0), dtype=float).T
         found = outcome(sensor).map(states.shape[1])(
             ca.repmat(ca.vertcat(*parameters), 1, states.shape[1]),

@@ -13,7 +13,7 @@ from ..config import load
 from ..core.knowledge import Knowledge
 from ..core.names import FINE_UNITS
 from ..core.units import Floats
-from ..design.exploration import MEASURES, NO_RIVALS, Space, designs, front, looked_at, part_of
+from ..design.exploration import MEASURES, NO_RIVALS, Space, designs, front, measure_design, part_of
 from ..design.problem import problem_of
 from ..design.search import solve_from, starts_of
 from ..design.variables import sensor_of
@@ -37,12 +37,12 @@ def layouts(quick: bool, seed: int) -> list[Row]:
     slow, value = by_scipy(config.sensor, layout, names)
     space = Space(config.sensor, config.range, config.layout, "sobol", 16 if quick else 64, seed)
     drawn = designs(space)
-    looked_at(space, drawn[0])
-    fast = clocked(lambda x: looked_at(space, x), drawn)
+    measure_design(space, drawn[0])
+    fast = clocked(lambda x: measure_design(space, x), drawn)
     table = part_of(space, 0, NO_RIVALS)
     best_of = front(table, list(space.objectives))
     rivals = np.stack([table[name][best_of] for name in MEASURES], axis=1)
-    against = clocked(lambda x: looked_at(space, x, rivals), drawn)
+    against = clocked(lambda x: measure_design(space, x, rivals), drawn)
     scalar = clocked(lambda x: ranges_by_brentq(sensor_of(space.sensor, space.names, x)), drawn[:4])
     return [
         row("a start of the best layout by IPOPT", fast_start, fast_start, best),

@@ -105,7 +105,7 @@ def motion(sensor: Sensor, rules: Rules, count: int, reference: Floats) -> Float
     return possible
 
 
-def measured(built: Assembly, head: Sensor, rng: np.random.Generator) -> Data:
+def measure_rig(built: Assembly, head: Sensor, rng: np.random.Generator) -> Data:
     """What a calibration of a head sees: noisy readings beside a reference with its errors."""
     states = np.concatenate([built.poses, np.zeros((len(built.poses), 2))], axis=1)
     raw = invert_correction(head, add_noise(head, readings(head, states), rng))
@@ -114,7 +114,7 @@ def measured(built: Assembly, head: Sensor, rng: np.random.Generator) -> Data:
     return Data(raw, built.poses + errors, built.reference, states[:, 6:])
 
 
-def calibrated(built: Assembly, head: Sensor, rng: np.random.Generator) -> Fit:
+def calibrate_head(built: Assembly, head: Sensor, rng: np.random.Generator) -> Fit:
     """A head's calibration, from the design on."""
-    data = measured(built, head, rng)
+    data = measure_rig(built, head, rng)
     return fit(built.sensor, data, built.choice, None, most=STEPS, enough=ENOUGH)

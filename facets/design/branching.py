@@ -17,7 +17,7 @@ from itertools import count
 from typing import TYPE_CHECKING
 
 from ..core.sensor import Sensor
-from .catalogue import Choice, choice_of, with_parts
+from .catalogue import PartsChoice, choice_of, replace_parts
 
 if TYPE_CHECKING:
     from ..core.layout import Layout
@@ -58,7 +58,7 @@ class Found:
     """tried: single choices that were looked at and where they ended, the best first.
     bounds: branches of several that were.  choices: how many there are in all."""
 
-    tried: list[tuple[Choice, StartResult]] = field(default_factory=list)
+    tried: list[tuple[PartsChoice, StartResult]] = field(default_factory=list)
     bounds: int = 0
     choices: int = 0
 
@@ -73,7 +73,7 @@ def whole(layout: Layout) -> Branch:
     return Branch(tuple(psds or [""]), tuple(lasers or [""]), tuple(amplifiers or [""]))
 
 
-def relaxed(sensor: Sensor, layout: Layout, branch: Branch) -> tuple[Sensor, Layout]:
+def relax_parts(sensor: Sensor, layout: Layout, branch: Branch) -> tuple[Sensor, Layout]:
     """The sensor with parts as good as any of the branch, and what may vary of it."""
     asked, noise, psds = layout, sensor.noise, sensor.psds
     if branch.psds[0]:
@@ -113,7 +113,7 @@ def lowest_price(layout: Layout, branch: Branch) -> float:
     return total
 
 
-def priced(layout: Layout, price: float | None) -> float:
+def price_term(layout: Layout, price: float | None) -> float:
     """What a price adds to the objective."""
     weight = layout.weights.get("price", 0.0) if layout.aim == "weighted" else 0.0
     return weight * (price or 0.0) / THOUSAND
@@ -143,14 +143,14 @@ def best_parts(
             settled += 1
             names = (branch.psds[0], branch.lasers[0], branch.amplifiers[0])
             choice = choice_of(layout, *names)
-            end = search(with_parts(sensor, layout, *names), layout)
-            end.objective += priced(layout, choice.price)
+            end = search(replace_parts(sensor, layout, *names), layout)
+            end.objective += price_term(layout, choice.price)
             found.tried.append((choice, end))
             best = min(best, end.objective) if end.found else best
             continue
         found.bounds += 1
-        end = search(*relaxed(sensor, layout, branch))
-        value = end.objective + priced(layout, lowest_price(layout, branch))
+        end = search(*relax_parts(sensor, layout, branch))
+        value = end.objective + price_term(layout, lowest_price(layout, branch))
         if not end.found or value > best + WORSE * abs(best):
             settled += branch.choices
             continue

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Choice:
+class PartsChoice:
     """Parts from the catalogue, "" where it has none of the kind.  price: of three detectors, the
     laser and the amplifiers, None where one is not known.  delivery: weeks until all are there,
     None where one is not known."""
@@ -36,17 +36,17 @@ def total(prices: Iterable[float | None]) -> float | None:
     return None if not known or None in known else sum(price for price in known if price)
 
 
-def choices(sensor: Sensor, layout: Layout) -> Iterator[tuple[Choice, Sensor]]:
+def choices(sensor: Sensor, layout: Layout) -> Iterator[tuple[PartsChoice, Sensor]]:
     """Every choice of parts and the sensor with it."""
     kinds = (layout.psds or [""], layout.lasers or [""], layout.amplifiers or [""])
     for psd, laser, amplifier in product(*kinds):
         yield (
             choice_of(layout, psd, laser, amplifier),
-            with_parts(sensor, layout, psd, laser, amplifier),
+            replace_parts(sensor, layout, psd, laser, amplifier),
         )
 
 
-def choice_of(layout: Layout, psd: str, laser: str, amplifier: str) -> Choice:
+def choice_of(layout: Layout, psd: str, laser: str, amplifier: str) -> PartsChoice:
     prices: list[float | None] = []
     waits: list[float | None] = []
     if psd:
@@ -59,10 +59,10 @@ def choice_of(layout: Layout, psd: str, laser: str, amplifier: str) -> Choice:
             waits.append(parts[name].delivery)
     known = [wait for wait in waits if wait is not None]
     latest = max(known) if known and len(known) == len(waits) else None
-    return Choice(psd, laser, total(prices), amplifier, latest)
+    return PartsChoice(psd, laser, total(prices), amplifier, latest)
 
 
-def with_parts(sensor: Sensor, layout: Layout, psd: str, laser: str, amplifier: str) -> Sensor:
+def replace_parts(sensor: Sensor, layout: Layout, psd: str, laser: str, amplifier: str) -> Sensor:
     """The sensor with the named parts, "" for what it has."""
     made = sensor
     if psd:

@@ -55,7 +55,7 @@ def tidy(value: Any) -> Any:
     return value
 
 
-def in_common(block: dict[str, Any]) -> dict[str, Any]:
+def merge_common_keys(block: dict[str, Any]) -> dict[str, Any]:
     """Keys that a, b and c all change to the same, said once for all three."""
     singles = [block.get(letter, {}) for letter in DETECTORS]
     shared = {
@@ -70,7 +70,7 @@ def in_common(block: dict[str, Any]) -> dict[str, Any]:
     return shared | {letter: keys for letter, keys in rest.items() if keys}
 
 
-def moved(settings: Config, sensor: Sensor) -> list[tuple[str, Any, Any]]:
+def changes_of(settings: Config, sensor: Sensor) -> list[tuple[str, Any, Any]]:
     """Every key that changed, by its path: (key, before, after); the same of three told once."""
     return list(paths(said_once(changed_keys(settings, sensor)), settings.resolved["sensor"]))
 
@@ -82,10 +82,10 @@ def paths(new: dict[str, Any], old: Any, prefix: str = "") -> Any:
         if isinstance(value, dict):
             yield from paths(value, before, f"{prefix}{key}.")
         else:
-            yield f"{prefix}{key}", shown(before), shown(value)
+            yield f"{prefix}{key}", plain_value(before), plain_value(value)
 
 
-def shown(value: Any) -> Any:
+def plain_value(value: Any) -> Any:
     """A value as a configuration says it."""
     value = tidy(value)
     same = isinstance(value, list) and len(value) == 2 and value[0] == value[1]
@@ -96,7 +96,7 @@ def said_once(keys: dict[str, Any]) -> dict[str, Any]:
     found = deepcopy(keys)
     for block in ("mirror", "psd"):
         if block in found:
-            found[block] = in_common(found[block])
+            found[block] = merge_common_keys(found[block])
     return found
 
 

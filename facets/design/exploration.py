@@ -61,15 +61,19 @@ from .volume import states_of
 if TYPE_CHECKING:
     from ..core.layout import Layout
 
-#: Designs a task: about a second of work; and tasks of the pilot. A task of plain designs has up to
-#: `MANY` times as many, where there are `TASKS` tasks or more.
-PART, PILOT, MANY, TASKS = 200, 5, 50, 100
+#: Designs that a worker measures at a time, unless they are plain.
+DESIGNS_PER_TASK = 200
+#: Tasks whose designs are all measured in full, as rivals of the others.
+PILOT_TASKS = 5
+#: A task of plain designs has up to this many times as many designs, where there remain at least
+#: this many tasks.
+LARGEST_FACTOR, LEAST_TASKS = 50, 100
 #: The file that says which search a folder is of.
 MARK = "search.txt"
 #: What a part says of the share that it was made in.
 SHARE = "share"
 #: How often a worker looks whether its parent is still there, s.
-ORPHANED = 1.0
+PARENT_CHECK_INTERVAL_S = 1.0
 #: Rivals that a design is held against, at most.
 RIVALS = 32
 #: To what share of its length a range is followed.
@@ -113,7 +117,7 @@ class Space:
     objectives: tuple[str, ...] = ("head_mm", "u_roll_urad", "range_roll_mrad")
     every: bool = False
     required: bool = False
-    part: int = PART
+    part: int = DESIGNS_PER_TASK
 
     @property
     def names(self) -> list[str]:
@@ -127,7 +131,7 @@ class Space:
     @property
     def pilot(self) -> int:
         """How many designs are looked at in full, at least."""
-        return self.count if self.every else PILOT * self.part
+        return self.count if self.every else PILOT_TASKS * self.part
 
     @property
     def has_rivals(self) -> bool:
@@ -140,12 +144,12 @@ class Space:
         return not self.required and is_plain(self.sensor, self.rules)
 
 
-def with_large_parts(space: Space) -> Space:
+def enlarge_parts(space: Space) -> Space:
     """The space with as many designs a task as make about a second of work."""
     if not space.plain:
         return space
-    times = min(MANY, max(1, space.count // (TASKS * PART)))
-    return replace(space, part=times * PART)
+    times = min(LARGEST_FACTOR, max(1, space.count // (LEAST_TASKS * DESIGNS_PER_TASK)))
+    return replace(space, part=times * DESIGNS_PER_TASK)
 
 
 def designs(space: Space) -> Floats:
@@ -181,7 +185,7 @@ def draw(sampling: str, bounds: tuple[tuple[float, float], ...], count: int, see
     return found
 
 
-def at_rest(space: Space, x: Floats) -> tuple[int, Floats, Sensor | None]:
+def measure_rest(space: Space, x: Floats) -> tuple[int, Floats, Sensor | None]:
     """All but the ranges: why a design is skipped, its measures, and the sensor if it is not."""
     values = np.full(len(MEASURES), np.nan)
     try:
@@ -227,7 +231,7 @@ def meets(sensor: Sensor, layout: Layout, states: Floats) -> bool:
     return not len(between.states) or bool(margins_of(between, sensor).min() > 0)
 
 
-def looked_at(
+def measure_design(
     space: Space, x: Floats, rivals: Floats = NO_RIVALS, tolerance: float = FINE_ENOUGH
 ) -> tuple[int, Floats]:
     """Why a design is skipped, by its place in SKIPPED, and its measures, NaN where it is.
@@ -235,7 +239,7 @@ def looked_at(
     rivals: measures (n, MEASURES) of designs that it is held against; none to look at it in full.
     tolerance: of its ranges, in units of `ranges.FARTHEST`.
     """
-    why, values, sensor = at_rest(space, x)
+    why, values, sensor = measure_rest(space, x)
     if sensor is None:
         return why, values
     rules = replace(space.rules, condition=np.inf)
@@ -279,13 +283,13 @@ def part_of(space: Space, first: int, rivals: Floats) -> dict[str, Any]:
     """
     some = designs(space)[first : first + space.part]
     if space.plain:
-        return part_table(space, first, some, *at_once(space, some))
+        return part_table(space, first, some, *measure_designs(space, some))
     full = first < space.pilot
     reasons: list[int] = []
     values, seconds = [], []
     for x in some:
         begin = time.perf_counter()
-        why, found = looked_at(space, x, NO_RIVALS if full else rivals)
+        why, found = measure_design(space, x, NO_RIVALS if full else rivals)
         seconds.append(time.perf_counter() - begin)
         reasons.append(why)
         values.append(found)
@@ -305,7 +309,7 @@ def part_table(
     return columns | {"seconds": seconds}
 
 
-def at_once(space: Space, some: Floats) -> tuple[NDArray[Any], Floats, Floats]:
+def measure_designs(space: Space, some: Floats) -> tuple[NDArray[Any], Floats, Floats]:
     """Plain designs (n, variables): why each is skipped, its measures, and its seconds.
 
     What is no sensor is looked at by itself.
@@ -323,14 +327,14 @@ def at_once(space: Space, some: Floats) -> tuple[NDArray[Any], Floats, Floats]:
     values[possible, 0] = heads[possible]
     seconds = np.full(len(some), (time.perf_counter() - begin) / max(1, len(some)))
     for n in np.flatnonzero(~possible).tolist():
-        why[n], values[n] = looked_at(space, some[n])
+        why[n], values[n] = measure_design(space, some[n])
     return why, values, seconds
 
 
 def identity(space: Space, about: dict[str, str]) -> str:
     """What must be the same for a run to go on in a folder."""
     asked = f"{space.sampling} {space.count} {space.seed} {space.every} {space.required}"
-    asked += f" parts of {space.part}" if space.part != PART else ""
+    asked += f" parts of {space.part}" if space.part != DESIGNS_PER_TASK else ""
     return f"{about.get('config_sha256', '')} {asked} {' '.join(space.objectives)}\n"
 
 
@@ -387,7 +391,7 @@ def explore(
     missing = [first for first in firsts if not part_path(folder, first).exists()]
     done = len(firsts) - len(missing)
     tell(done, len(firsts))
-    made = clustered if scheduler else pooled
+    made = run_on_cluster if scheduler else run_in_processes
     for pilot in (True, False):
         wanted = [first for first in missing if (first < space.pilot) == pilot]
         held = space.has_rivals and not pilot and wanted
@@ -437,13 +441,13 @@ def part_path(folder: Path, first: int) -> Path:
     return folder / "parts" / f"{first:010d}.parquet"
 
 
-def pooled(
+def run_in_processes(
     space: Space, firsts: list[int], rivals: Floats, _: str
 ) -> Iterator[tuple[int, dict[str, Any]]]:
     """Parts as they come, from a process on each core."""
     if not firsts:
         return
-    looked_at(space, designs(space)[0], rivals)  # compiled once, before the processes begin
+    measure_design(space, designs(space)[0], rivals)  # compiled once, before the processes begin
     workers = min(cores(), len(firsts))
     if workers == 1:
         yield from ((first, part_of(space, first, rivals)) for first in firsts)
@@ -470,13 +474,13 @@ def serve(parent: int) -> None:
 
     def watch() -> None:
         while os.getppid() == parent:
-            time.sleep(ORPHANED)
+            time.sleep(PARENT_CHECK_INTERVAL_S)
         os._exit(1)
 
     threading.Thread(target=watch, name="watch the parent", daemon=True).start()
 
 
-def clustered(
+def run_on_cluster(
     space: Space, firsts: list[int], rivals: Floats, address: str
 ) -> Iterator[tuple[int, dict[str, Any]]]:
     """Parts as they come, from a cluster; those of a worker that is lost are made again, and a

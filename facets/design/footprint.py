@@ -65,7 +65,7 @@ def edge_clearances(fixed: Geometry, state: Any, sizes: Any) -> dict[tuple[int, 
     return found
 
 
-def within_circle(fixed: Geometry, state: Any) -> Any:
+def tip_clearance(fixed: Geometry, state: Any) -> Any:
     """Positive where the mirror's tip is inside the 1/e^2 circle, which `reaches` takes for so."""
     q = dark_scene(fixed, state).q
     return 1 - (q[0] * q[0] + q[1] * q[1]) / (RADIUS * RADIUS)

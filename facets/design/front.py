@@ -6,7 +6,7 @@ and then a point is looked for from somewhere else as well, so that a front of s
 found, and what is found so is carried on to its neighbours. At a point the multiplier of a bound is
 what that objective costs in the first: so many urad for a millimetre of head.
 
-What is found is measured again by `exploration.looked_at`, as the designs of a cloud are.
+What is found is measured again by `exploration.measure_design`, as the designs of a cloud are.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.units import Floats
-from .exploration import MEASURES, NO_RIVALS, Space, front, looked_at
-from .search import active_constraints, pressing, settled, solve
+from .exploration import MEASURES, NO_RIVALS, Space, front, measure_design
+from .search import active_constraints, active_rows, settle, solve
 from .trade import Trade, trade_of
 
 #: Starts for the least of each objective; and every which point is looked for from elsewhere, too.
@@ -86,14 +86,14 @@ class Walk:
         low, high = trade.bounds(most)
         guess, known = (start.unknowns, start.rows) if isinstance(start, End) else (start, None)
         problem, rows, found = solve(problem, guess, low, high, known=known, steps=STEPS)
-        problem, unknowns = settled(problem, found.x)
+        problem, unknowns = settle(problem, found.x)
         costs = trade.costs(unknowns)
         kept = problem.values(unknowns).min() > -1e-7
         if not found.success or not kept or not (costs <= most + BETTER).all():
             return None
         multipliers = np.abs(found.bounds[len(problem.names) :])
-        return End(unknowns, costs, multipliers, pressing(problem, rows, found),
-                   active_constraints(problem, problem.rows.of(rows), found))  # fmt: skip
+        return End(unknowns, costs, multipliers, active_rows(problem, rows, found),
+                   active_constraints(problem, problem.rows.subset(rows), found))  # fmt: skip
 
     def anywhere(self) -> Floats:
         """Unknowns at a design drawn within the bounds."""
@@ -116,7 +116,7 @@ class Walk:
                 best = self.least(other, most, best) or best
         return best
 
-    def along(self, bounds: Floats, ends: list[End], tell: Tell) -> list[End | None]:
+    def follow(self, bounds: Floats, ends: list[End], tell: Tell) -> list[End | None]:
         """The best of the first objective for each row of bounds."""
         found: list[End | None] = [None] * len(bounds)
         sources: list[Floats | End] = list(ends)
@@ -182,10 +182,10 @@ def pareto_front(
     ends = [walk.end_of(objective) for objective in range(len(trade.objectives))]
     known = [end for end in ends if end is not None]
     if len(known) < len(ends):
-        return measured(walk, [])
+        return measure_ends(walk, [])
     bounds = bounds_between(known, first, count)
-    found = walk.along(bounds, known, tell)
-    return measured(walk, [*(end for end in found if end is not None), *known])
+    found = walk.follow(bounds, known, tell)
+    return measure_ends(walk, [*(end for end in found if end is not None), *known])
 
 
 def bounds_between(ends: list[End], first: int, count: int) -> Floats:
@@ -204,15 +204,15 @@ def bounds_between(ends: list[End], first: int, count: int) -> Floats:
     return bounds
 
 
-def measured(walk: Walk, ends: list[End]) -> Front:
+def measure_ends(walk: Walk, ends: list[End]) -> Front:
     """The ends that are on the front by their measures."""
     trade, first = walk.trade, walk.first
     names = trade.objectives
     designs, measures, prices, ends_kept, left_out = [], [], [], [], 0
     for end in ends:
         x = trade.problem.values_at(end.unknowns)
-        why, values = looked_at(trade.space, x, NO_RIVALS, EXACT)
-        if why or (trade.measured(values) > end.costs + BELIEVED).any():
+        why, values = measure_design(trade.space, x, NO_RIVALS, EXACT)
+        if why or (trade.costs_of_measures(values) > end.costs + BELIEVED).any():
             left_out += 1
             continue
         price = end.multipliers * trade.scales[first] / trade.scales
@@ -228,7 +228,7 @@ def measured(walk: Walk, ends: list[End]) -> Front:
     if designs:
         some = np.flatnonzero(distinct(trade, np.array(measures)))
         best = some[front({name: table[name][some] for name in names}, names)].tolist()
-        best.sort(key=lambda n: float(trade.measured(measures[n])[first]))
+        best.sort(key=lambda n: float(trade.costs_of_measures(measures[n])[first]))
     return Front(
         walk,
         [ends_kept[n] for n in best],
@@ -243,7 +243,7 @@ def measured(walk: Walk, ends: list[End]) -> Front:
 
 def distinct(trade: Trade, measures: Floats) -> NDArray[np.bool_]:
     """Which designs are no better than, and not the same as, one before them."""
-    costs = trade.measured(measures)
+    costs = trade.costs_of_measures(measures)
     keep = np.ones(len(costs), dtype=bool)
     for n in range(len(costs)):
         others = np.delete(np.arange(len(costs)), n)
@@ -255,7 +255,7 @@ def distinct(trade: Trade, measures: Floats) -> NDArray[np.bool_]:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class FrontComparison:
     """A front beside the designs of a cloud.
 
     beaten: points that a design of the cloud beats, by more than what its ranges are measured to.
@@ -271,12 +271,12 @@ class Comparison:
 COMPARED, CLOUDY = 40, 1e-3
 
 
-def against(found: Front, table: dict[str, NDArray[Any]]) -> Comparison:
+def compare_with_designs(found: Front, table: dict[str, NDArray[Any]]) -> FrontComparison:
     """The front beside a table of designs, `exploration.collect`."""
     trade, first = found.walk.trade, found.walk.first
-    costs = trade.measured(np.stack([table[name] for name in MEASURES], axis=1))
+    costs = trade.costs_of_measures(np.stack([table[name] for name in MEASURES], axis=1))
     costs = costs[np.isfinite(costs).all(axis=1)]
-    mine = trade.measured(found.measures)
+    mine = trade.costs_of_measures(found.measures)
     beaten = sum(bool((costs < cost - CLOUDY * np.abs(cost)).all(axis=1).any()) for cost in mine)
     best = costs[
         front({str(n): c for n, c in enumerate(costs.T)}, list(map(str, range(costs.shape[1]))))
@@ -290,7 +290,7 @@ def against(found: Front, table: dict[str, NDArray[Any]]) -> Comparison:
         end = found.walk.least(first, most, near)
         if end is not None:
             gains.append(100 * (cost[first] - end.costs[first]) / abs(cost[first]))
-    return Comparison(beaten, np.array(gains))
+    return FrontComparison(beaten, np.array(gains))
 
 
 def columns(found: Front) -> dict[str, NDArray[Any]]:
@@ -307,12 +307,14 @@ def columns(found: Front) -> dict[str, NDArray[Any]]:
         if n != first:
             table[f"{names[first]}_per_{name}"] = found.prices[:, n]
     active = [
-        "; ".join(f"{group} ({size:.2g})" for group, size in each.items() if not aimed(group))
+        "; ".join(
+            f"{group} ({size:.2g})" for group, size in each.items() if not is_objective(group)
+        )
         for each in found.active
     ]
     return table | {"holds_it_back": np.array(active, dtype=str)}
 
 
-def aimed(group: str) -> bool:
+def is_objective(group: str) -> bool:
     """Whether a group of constraints is only the objective itself."""
     return group.endswith("as low as it can be")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats
-from .exploration import MEASURES, NO_RIVALS, Space, at_once, looked_at
+from .exploration import MEASURES, NO_RIVALS, Space, measure_design, measure_designs
 from .rounding import nearest_steps
 from .survey import SKIPPED
 from .variables import present_values, sensor_of
@@ -26,12 +26,12 @@ Table = dict[str, NDArray[Any]]
 def own_design(space: Space) -> tuple[Floats, Floats, str]:
     """The sensor as it is: its variables, its measures, and why it has not all of them."""
     fixed = replace(space, layout=replace(space.layout, variables={}))
-    why, values = looked_at(fixed, np.empty(0), NO_RIVALS)
+    why, values = measure_design(fixed, np.empty(0), NO_RIVALS)
     now = present_values(space.sensor)
     return np.array([now[name] for name in space.names]), values, SKIPPED[why]
 
 
-def picked(count: int, most: int) -> NDArray[np.int64]:
+def spread_numbers(count: int, most: int) -> NDArray[np.int64]:
     """Numbers of at most so many of some designs, spread evenly."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
 
@@ -46,7 +46,7 @@ def gallery(space: Space, front: Table, others: Table | None) -> tuple[Table, li
     names = [*space.names, *MEASURES]
     x, values, _ = own_design(space)
     parts = [(np.append(x, values)[None], "own", ["as it is"], [""])]
-    shown = picked(len(front[names[0]]), FRONT)
+    shown = spread_numbers(len(front[names[0]]), FRONT)
     rows = np.stack([front[name][shown] for name in names], axis=1)
     remarks = front.get("holds_it_back", np.full(len(front[names[0]]), ""))[shown].tolist()
     titles = [f"front {n}" for n in front.get("point", front.get("design", shown))[shown]]
@@ -54,12 +54,12 @@ def gallery(space: Space, front: Table, others: Table | None) -> tuple[Table, li
     if others is not None:
         whole = np.all([np.isfinite(others[n]) for n in space.objectives], axis=0)
         known = np.flatnonzero(whole & ~np.isin(others["design"], front.get("design", [])))
-        some = known[picked(len(known), OTHERS)] if len(known) else known
+        some = known[spread_numbers(len(known), OTHERS)] if len(known) else known
         rows = np.stack([others[name][some] for name in names], axis=1)
         parts.append((rows, "other", [f"design {n}" for n in others["design"][some]],
                       [""] * len(some)))  # fmt: skip
     every = np.concatenate([part[0] for part in parts])
-    every[1:] = made_of(space, every[1:])
+    every[1:] = round_designs(space, every[1:])
     table: Table = {name: every[:, n].astype(float) for n, name in enumerate(names)}
     table["kind"] = np.array([part[1] for part in parts for _ in part[0]])
     table["title"] = np.array([title for part in parts for title in part[2]])
@@ -68,24 +68,24 @@ def gallery(space: Space, front: Table, others: Table | None) -> tuple[Table, li
     return table, [space.sensor, *sensors]
 
 
-def made_of(space: Space, rows: Floats) -> Floats:
+def round_designs(space: Space, rows: Floats) -> Floats:
     """Variables and measures of designs (n, all) in numbers that can be made, measured again.
 
     A design that would not have all measures then stays as it was found.
     """
     count = len(space.names)
-    x = np.array([rounded(space, row[:count]) for row in rows]).reshape(-1, count)
+    x = np.array([round_to_steps(space, row[:count]) for row in rows]).reshape(-1, count)
     if not len(x):
         return rows
     if space.plain:
-        why, values, _ = at_once(space, x)
+        why, values, _ = measure_designs(space, x)
     else:
-        found = [looked_at(space, each) for each in x]
+        found = [measure_design(space, each) for each in x]
         why, values = np.array([each[0] for each in found]), np.array([each[1] for each in found])
     return np.where((why == 0)[:, None], np.concatenate([x, values], axis=1), rows)
 
 
-def rounded(space: Space, x: Floats) -> Floats:
+def round_to_steps(space: Space, x: Floats) -> Floats:
     """A design in numbers that can be made."""
     low, high = np.array([space.layout.variables[name] for name in space.names]).T
     return nearest_steps(space.names, x, low, high)

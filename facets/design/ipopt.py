@@ -38,12 +38,12 @@ class Nonlinear(Protocol):
     def objective(self, x: Floats) -> tuple[float, Floats]:
         """Value and slopes (n,)."""
 
-    def kept(self, x: Floats) -> tuple[Floats, Floats]:
+    def constraint_values(self, x: Floats) -> tuple[Floats, Floats]:
         """Values (m,) and slopes (m, n)."""
 
 
 @dataclass(frozen=True)
-class Result:
+class SolverResult:
     """Where IPOPT ended.  limits, bounds: the multipliers of the constraints and of the bounds."""
 
     x: Floats
@@ -55,7 +55,7 @@ class Result:
     iterations: int
 
 
-class Given(ca.Callback):
+class ArrayFunction(ca.Callback):
     """A function for casadi from one for arrays.
 
     rows: how many numbers each input has.  shapes: the sparsity of each output.
@@ -84,9 +84,9 @@ class Given(ca.Callback):
     def has_eval_buffer(self) -> bool:
         return True
 
-    def eval_buffer(self, given: Any, wanted: Any) -> int:
-        inputs = [np.frombuffer(each) if each is not None else np.empty(0) for each in given]
-        for place, numbers in zip(wanted, self.compute(*inputs), strict=True):
+    def eval_buffer(self, arguments: Any, results: Any) -> int:
+        inputs = [np.frombuffer(each) if each is not None else np.empty(0) for each in arguments]
+        for place, numbers in zip(results, self.compute(*inputs), strict=True):
             if place is not None:
                 np.frombuffer(place)[:] = numbers
         return 0
@@ -100,27 +100,27 @@ class Pieces:
         self.where: bytes = b""
         n, m = problem.unknowns, problem.constraints
         one, all_ = ca.Sparsity.dense(1, 1), ca.Sparsity.dense
-        self.both = Given("both", [n], [one, all_(m, 1)], self.values)
-        self.slope = Given("slope", [n, 0], [one, all_(1, n)], self.gradient)
-        self.slopes = Given("slopes", [n, 0], [all_(m, 1), all_(m, n)], self.jacobian)
+        self.both = ArrayFunction("both", [n], [one, all_(m, 1)], self.values)
+        self.slope = ArrayFunction("slope", [n, 0], [one, all_(1, n)], self.gradient)
+        self.slopes = ArrayFunction("slopes", [n, 0], [all_(m, 1), all_(m, n)], self.jacobian)
 
-    def at(self, x: Floats) -> None:
+    def compute(self, x: Floats) -> None:
         if (where := x.tobytes()) != self.where:
             self.cost = self.problem.objective(x)
-            self.kept = self.problem.kept(x)
+            self.limits = self.problem.constraint_values(x)
             self.where = where
 
     def values(self, x: Floats) -> list[Any]:
-        self.at(x)
-        return [self.cost[0], self.kept[0]]
+        self.compute(x)
+        return [self.cost[0], self.limits[0]]
 
     def gradient(self, x: Floats, _: Floats) -> list[Any]:
-        self.at(x)
+        self.compute(x)
         return [self.cost[0], self.cost[1]]
 
     def jacobian(self, x: Floats, _: Floats) -> list[Any]:
-        self.at(x)
-        return [self.kept[0], self.kept[1].T.ravel()]
+        self.compute(x)
+        return [self.limits[0], self.limits[1].T.ravel()]
 
 
 def minimise(
@@ -130,7 +130,7 @@ def minimise(
     high: Floats,
     near: bool = False,
     steps: int = STEPS,
-) -> Result:
+) -> SolverResult:
     """The least objective that IPOPT finds from a start, within bounds.
 
     near: whether the start is nearly where it will end.  steps: that it may take.
@@ -149,7 +149,7 @@ def minimise(
     solver = ca.nlpsol("layout", "ipopt", {"x": x, "f": f, "g": g}, options)
     found = run_solver(solver, x0=start, lbx=low, ubx=high, lbg=0.0, ubg=np.inf)
     stats = solver.stats()
-    return Result(
+    return SolverResult(
         x=np.array(found["x"]).ravel(),
         objective=float(found["f"]),
         success=bool(stats["success"]),

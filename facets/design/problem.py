@@ -30,9 +30,9 @@ from .variables import (
     columns_of_states,
     gain_of,
     heads_of,
+    layout_parameters,
     outcome_of,
     rim_clearances,
-    with_values,
 )
 from .volume import span_of, states_of, worst_places
 
@@ -48,7 +48,7 @@ Integers = NDArray[np.int64]
 BROKEN = 1e-8
 
 
-class Wanted(NamedTuple):
+class Constraint(NamedTuple):
     """One output of the formula that must not fall below zero, or below that less a slack.
 
     group: what it is about.  value: an array as wide as (layouts, states) or less.  slack: the aim
@@ -76,13 +76,13 @@ class Rows:
     def __len__(self) -> int:
         return len(self.state)
 
-    def of(self, which: Any) -> Rows:
+    def subset(self, which: Any) -> Rows:
         """Some of them."""
         spare = None if self.spare is None else self.spare[which]
         kept = (self.state[which], self.output[which], self.group[which], self.slack[which])
         return Rows(*kept, spare)
 
-    def joined(self, more: Rows) -> Rows:
+    def join(self, more: Rows) -> Rows:
         """These and others; both have a spare or neither has."""
         spare = None
         if self.spare is not None and more.spare is not None:
@@ -97,7 +97,7 @@ class Rows:
 
 
 @dataclass(frozen=True)
-class Problem:
+class LayoutProblem:
     """What is to be found; from `problem_of`.
 
     names: of the variables.  low, high: their bounds, in the units of their names.
@@ -140,9 +140,9 @@ class Problem:
     def first_guess(self, start: Floats) -> Floats:
         """The unknowns at a start: each slack just above what it has to be, the scale small."""
         shares = (start - self.low) / (self.high - self.low)
-        return self.with_slacks(np.append(shares, [GUESS[aim] for aim in self.extras]))
+        return self.fill_slacks(np.append(shares, [GUESS[aim] for aim in self.extras]))
 
-    def with_slacks(self, unknowns: Floats, spare: float = 1.1) -> Floats:
+    def fill_slacks(self, unknowns: Floats, spare: float = 1.1) -> Floats:
         """The unknowns with slacks that keep what they are for, `spare` times what they have to."""
         found = unknowns.copy()
         values = self.values(unknowns)
@@ -174,7 +174,7 @@ class Problem:
         values: Floats = found + np.where(self.rows.slack >= 0, unknowns[self.rows.slack], 0.0)
         return values if self.rows.spare is None else values - self.rows.spare
 
-    def with_worst_places(self, unknowns: Floats) -> Problem:
+    def add_worst_places(self, unknowns: Floats) -> LayoutProblem:
         """The problem asked at more places of the volume: those between its states at which the
         layout breaks a constraint by more than at these. Itself where there are none."""
         span = self.span
@@ -200,13 +200,13 @@ class Problem:
         broken = left < -BROKEN
         if not broken.any():
             return self
-        rows = self.rows.of(first[which[broken]])
+        rows = self.rows.subset(first[which[broken]])
         states = np.arange(len(self.states), len(self.states) + len(rows))
         more = replace(rows, state=states, spare=None if rows.spare is None else spare[broken])
         return replace(
             self,
             states=np.concatenate([self.states, places[broken] @ span]),
-            rows=self.rows.joined(more),
+            rows=self.rows.join(more),
         )
 
     def most_spare(self) -> Floats:
@@ -227,7 +227,7 @@ class Problem:
             found[n] = self.rows.spare[mine[away.argmin()]]
         return found
 
-    def at(self, unknowns: Floats, rows: Rows) -> tuple[Floats, Floats]:
+    def linearize(self, unknowns: Floats, rows: Rows) -> tuple[Floats, Floats]:
         """Values (r,) of some rows, and their slopes (r, count)."""
         which, place = np.unique(rows.state, return_inverse=True)
         found = self.formula(unknowns[self.places], self.states[which], True)[place, rows.output]
@@ -277,7 +277,7 @@ class Problem:
 class StartResult:
     """Where a start ended.
 
-    x: the variables, in the units of their names.  objective: see `report.in_words`.
+    x: the variables, in the units of their names.  objective: see `report.objective_text`.
     active_constraints: the multiplier of each group that holds the result back, over the largest.
     shortfalls: by what share of its limit a group can not be met, where the requirement is
     infeasible.
@@ -297,7 +297,7 @@ class StartResult:
 TRIED = 24
 
 
-def require_supported(sensor: Sensor, layout: Layout, command: str = "optimize") -> None:
+def refuse_unknown_effects(sensor: Sensor, layout: Layout, command: str = "optimize") -> None:
     """Raises `InputError` where the problem would leave out something that the sensor has."""
     opening = sensor.apertures
     unknown = {
@@ -372,48 +372,50 @@ def require_noise(sensor: Sensor, layout: Layout, command: str) -> None:
         )
 
 
-def problem_of(sensor: Sensor, layout: Layout, constant: float = 0.0) -> Problem:
+def problem_of(sensor: Sensor, layout: Layout, constant: float = 0.0) -> LayoutProblem:
     """The problem that a configuration's block `optimize` states; raises `InputError`.
 
     constant: what the parts' price adds to the objective.
     """
     require_extra("casadi", "the search for a layout")
-    require_supported(sensor, layout)
+    refuse_unknown_effects(sensor, layout)
     require_unit(layout)
     names = list(layout.variables)
     low, high = np.array([layout.variables[name] for name in names]).T
     extras = [aim for aim in GUESS if aim in layout.aims]
 
-    def outputs(unknowns: Floats, states: Floats) -> tuple[list[Wanted], list[Any]]:
+    def outputs(unknowns: Floats, states: Floats) -> tuple[list[Constraint], list[Any]]:
         x = list((low + (high - low) * unknowns[:, : len(names)]).T[:, :, None])
         scale = unknowns[:, len(names), None, None] if "range" in extras else 1.0
-        parameters, sizes = with_values(sensor, names, x)
+        parameters, sizes = layout_parameters(sensor, names, x)
         state = columns_of_states(states * scale)
         found = outcome_of(sensor, parameters, sizes, state, gain_of(sensor, names, x))
         heads, rims = heads_of(parameters), []
         if np.isfinite(sensor.apertures.rim):
             rims = rim_clearances(build_geometry(tuple(parameters)), state, sensor.apertures.rim)
-        wanted = requirements(layout, found, heads, sizes, rims) + aimed_at(layout, found, heads)
+        constraints = requirements(layout, found, heads, sizes, rims) + objective_constraints(
+            layout, found, heads
+        )
         means = variances_over_units(layout, found) if "mean-resolution" in layout.aims else {}
-        return wanted, list(means.values())
+        return constraints, list(means.values())
 
     def compute(unknowns: Floats, states: Floats) -> list[Any]:
-        wanted, means = outputs(unknowns, states)
-        return [*(each.value for each in wanted), *means]
+        constraints, means = outputs(unknowns, states)
+        return [*(each.value for each in constraints), *means]
 
-    places = known_to_formula(names, extras)
-    wanted, means = outputs(np.full((1, len(places)), 0.5), np.zeros((1, 8)))
+    places = formula_places(names, extras)
+    constraints, means = outputs(np.full((1, len(places)), 0.5), np.zeros((1, 8)))
     states = np.array(states_of(layout, 1.0), dtype=float)
-    groups = list(dict.fromkeys(each.group for each in wanted))
+    groups = list(dict.fromkeys(each.group for each in constraints))
     origin = np.pad(origin_of(low, high), (0, len(places) - len(names)), constant_values=np.nan)
-    sizes = with_values(sensor, names, low.tolist())[1] if "size_mm" not in names else []
-    return Problem(
+    sizes = layout_parameters(sensor, names, low.tolist())[1] if "size_mm" not in names else []
+    return LayoutProblem(
         sensor, names, low, high, extras, Formula(compute, origin), places, states, groups,
-        rows_of(wanted, groups, extras, len(names), len(states)),
-        np.arange(len(wanted), len(wanted) + len(means)),
+        rows_of(constraints, groups, extras, len(names), len(states)),
+        np.arange(len(constraints), len(constraints) + len(means)),
         {aim: weight for aim, weight in layout.aims.items() if aim != "price"},
         layout.aim == "weighted", constant, half_of(sizes),
-        span_of(layout), asked_at(wanted, len(states) - 1), len(states),
+        span_of(layout), outputs_at(constraints, len(states) - 1), len(states),
     )  # fmt: skip
 
 
@@ -423,28 +425,28 @@ def origin_of(low: Floats, high: Floats) -> Floats:
     return origin
 
 
-def asked_at(wanted: list[Wanted], state: int) -> Integers:
+def outputs_at(constraints: list[Constraint], state: int) -> Integers:
     """Outputs that are asked at a state."""
     return np.array([
-        output for output, each in enumerate(wanted)
+        output for output, each in enumerate(constraints)
         if each.states is None or state in each.states
     ], dtype=np.int64)  # fmt: skip
 
 
-def known_to_formula(names: list[str], extras: list[str]) -> Integers:
+def formula_places(names: list[str], extras: list[str]) -> Integers:
     """The places of the variables, and of the scale of the volume."""
     scale = [len(names) + n for n, aim in enumerate(extras) if aim == "range"]
     return np.array([*range(len(names)), *scale])
 
 
 def rows_of(
-    wanted: list[Wanted], groups: list[str], extras: list[str], variables: int, states: int
+    constraints: list[Constraint], groups: list[str], extras: list[str], variables: int, states: int
 ) -> Rows:
     """A row for each output and state; for an output that is the same at every state, one."""
     rows = [
         (state, output, groups.index(each.group),
          variables + extras.index(each.slack) if each.slack else -1)
-        for output, each in enumerate(wanted)
+        for output, each in enumerate(constraints)
         for state in (range(states) if each.states is None else each.states)
     ]  # fmt: skip
     return Rows(*np.array(rows, dtype=np.int64).T)
@@ -452,38 +454,40 @@ def rows_of(
 
 def requirements(
     layout: Layout, found: list[Any], heads: list[Any], sizes: list[Any], rims: list[Any]
-) -> list[Wanted]:
+) -> list[Constraint]:
     """What every layout must keep: each value at least zero, all of order one.
 
     The first of them are those of `requirement.margins_of`, in that order.
     """
     kept = [
-        Wanted("power on a detector", power / layout.least_power - 1)
+        Constraint("power on a detector", power / layout.least_power - 1)
         for power in found[Outcome.POWERS]
     ]
     half = half_of(sizes)
     for k, letter in enumerate("ABC"):
         for e, edge in enumerate(EDGES):
             clearance = found[Outcome.CLEARANCES.start + 4 * k + e] / half
-            kept.append(Wanted(f"spot on PSD {letter}, {edge} edge", clearance))
+            kept.append(Constraint(f"spot on PSD {letter}, {edge} edge", clearance))
     for i, name in enumerate(POSE):
         limit = layout.limit[i]
         if np.isfinite(limit):
-            kept.append(Wanted(f"uncertainty of {name}", 1 - found[i] / limit**2))
-    kept += [Wanted(f"light on facet {k}, rim", each) for k, each in zip("ABC", rims, strict=False)]
+            kept.append(Constraint(f"uncertainty of {name}", 1 - found[i] / limit**2))
+    kept += [
+        Constraint(f"light on facet {k}, rim", each) for k, each in zip("ABC", rims, strict=False)
+    ]
     kept += headrooms(found)
     # a head whose radius is given keeps its size, whatever is sought: it holds nothing back
     wide = [head for head in heads if not isinstance(head, float) or head > layout.head]
     if np.isinf(layout.head):
         return kept
-    kept += [Wanted("size of the head", 1 - head / layout.head, states=(0,)) for head in wide]
+    kept += [Constraint("size of the head", 1 - head / layout.head, states=(0,)) for head in wide]
     return kept
 
 
-def headrooms(found: list[Any]) -> list[Wanted]:
+def headrooms(found: list[Any]) -> list[Constraint]:
     """Of the amplifiers, where the noise follows from electronics."""
     return [
-        Wanted(f"full scale of PSD {'ABC'[n // 4]}'s amplifiers", each)
+        Constraint(f"full scale of PSD {'ABC'[n // 4]}'s amplifiers", each)
         for n, each in enumerate(found[Outcome.HEADROOM])
     ]
 
@@ -493,19 +497,19 @@ def half_of(sizes: list[Any]) -> float:
     return float(np.mean([size for size in sizes if isinstance(size, float)] or [1.0])) / 2
 
 
-def aimed_at(layout: Layout, found: list[Any], heads: list[Any]) -> list[Wanted]:
+def objective_constraints(layout: Layout, found: list[Any], heads: list[Any]) -> list[Constraint]:
     """What must stay below the slack of each aim."""
     below = []
     if "resolution" in layout.aims:
         for i, part in variances_over_units(layout, found).items():
             what = f"uncertainty of {POSE[i]} as low as it can be"
-            below.append(Wanted(what, -part, "resolution"))
+            below.append(Constraint(what, -part, "resolution"))
     if "size" in layout.aims:
         what = "size of the head as low as it can be"
-        below += [Wanted(what, -head / 100, "size", states=(0,)) for head in heads]
+        below += [Constraint(what, -head / 100, "size", states=(0,)) for head in heads]
     if "condition" in layout.aims:
         decades = np.log10(found[Outcome.CONDITION.start]) / 2
-        below.append(Wanted("conditioning as good as it can be", -decades, "condition"))
+        below.append(Constraint("conditioning as good as it can be", -decades, "condition"))
     return below
 
 

@@ -15,16 +15,16 @@ import numpy as np
 from ..calibration.small_matrices import one_thread
 from ..core.errors import InputError
 from ..core.units import Floats
-from .assembly import Assembly, calibrated
+from .assembly import Assembly, calibrate_head
 from .requirement import accuracy_margins, errors_of, margins_of
 
 Tell = Callable[[int, int], None]
-#: Of a 95 % interval.
+#: Standard normal quantile of an interval that covers a share of 0.95.
 COVERAGE = 1.959963984540054
 
 
 @dataclass(frozen=True)
-class Heads:
+class SimulatedHeads:
     """What became of simulated heads.
 
     kept: (n,) the least margin of spots, light and limits.  built, known: (n,) the least margin of
@@ -41,9 +41,9 @@ class Heads:
 
 
 @one_thread
-def produced(
+def simulate_heads(
     built: Assembly, count: int, seed: int, tell: Tell = lambda done, whole: None
-) -> Heads:
+) -> SimulatedHeads:
     """Builds `count` heads; the same seed builds the same ones."""
     rng = np.random.default_rng(seed)
     rows, errors, unsettled = np.full((count, 3), np.nan), np.full((count, 2, 6), np.nan), 0
@@ -56,11 +56,11 @@ def produced(
             rows[n] = -1.0
             continue
         rows[n, 0] = margins_of(built.asked, head).min()
-        if not built.asked.accurate:
+        if not built.asked.accuracy_axes:
             continue
         found = [errors_of(built.asked, head, built.sensor)]
         if built.asked.layout.calibrated:
-            fitted = calibrated(built, head, rng)
+            fitted = calibrate_head(built, head, rng)
             unsettled += not fitted.ended
             found.append(errors_of(built.asked, head, fitted.sensor))
         for which, each in enumerate(found):
@@ -68,10 +68,10 @@ def produced(
             errors[n, which] = np.abs(each).max(axis=0)
         if built.asked.layout.calibrated and not fitted.ended:
             rows[n, 2] = -1.0
-    return Heads(rows[:, 0], rows[:, 1], rows[:, 2], errors, unsettled)
+    return SimulatedHeads(rows[:, 0], rows[:, 1], rows[:, 2], errors, unsettled)
 
 
-def passed(heads: Heads) -> dict[str, int]:
+def count_passes(heads: SimulatedHeads) -> dict[str, int]:
     """How many heads keep spots, light and limits; and accuracy as built, and calibrated."""
     kept = heads.kept >= 0
     return {

@@ -13,13 +13,13 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from .problem import problem_of
 from .search import solve_from
-from .volume import with_worst_states
+from .volume import add_worst_states
 
 if TYPE_CHECKING:
     from ..core.layout import Layout
 
 
-def in_words(aim: str, objective: float) -> str:
+def objective_text(aim: str, objective: float) -> str:
     """What an objective means."""
     if aim in ("resolution", "mean-resolution"):
         kind = "worst" if aim == "resolution" else "root mean square"
@@ -73,5 +73,5 @@ def worst_over(sensor: Sensor, layout: Layout) -> Floats:
         fine: Floats = -sigma / np.array(FINE_UNITS[:6])
         return fine
 
-    worst: Floats = -fineness(with_worst_states(layout, fineness)).min(axis=0)
+    worst: Floats = -fineness(add_worst_states(layout, fineness)).min(axis=0)
     return worst

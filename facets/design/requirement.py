@@ -1,6 +1,6 @@
 """What a head must keep over the volume, as margins by the float model: each at least zero.
 
-The optimiser asks the same of a layout in symbols (`problem.requirements`). Here it is asked of a
+The optimiser asks nearly the same of a layout (`problem.requirements`). Here it is asked of a
 head as it was built, whose detectors and facets each stand a little elsewhere, and besides, how far
 its poses are off because the solver thinks of another head than this one.
 """
@@ -46,12 +46,12 @@ class Requirement:
     rim: bool = False
 
     @property
-    def limited(self) -> list[int]:
+    def limited_axes(self) -> list[int]:
         """Axes whose uncertainty has a limit."""
         return [i for i in range(6) if np.isfinite(self.layout.limit[i])]
 
     @property
-    def accurate(self) -> list[int]:
+    def accuracy_axes(self) -> list[int]:
         """Axes whose error has a limit."""
         return [i for i in range(6) if np.isfinite(self.layout.accuracy[i])]
 
@@ -59,13 +59,13 @@ class Requirement:
     def groups(self) -> list[str]:
         """Names of the margins of one state, in the order of `margins_of`."""
         spots = [f"spot on PSD {k.upper()}, {edge} edge" for k in DETECTORS for edge in EDGES]
-        fine = [f"uncertainty of {POSE[i]}" for i in self.limited]
+        fine = [f"uncertainty of {POSE[i]}" for i in self.limited_axes]
         rims = [f"light on facet {k.upper()}, rim" for k in DETECTORS] if self.rim else []
         return ["power on a detector"] * 3 + spots + fine + rims
 
     @property
     def error_groups(self) -> list[str]:
-        return [f"error of {POSE[i]}" for i in self.accurate]
+        return [f"error of {POSE[i]}" for i in self.accuracy_axes]
 
 
 def requirement_of(sensor: Sensor, layout: Layout, drifts: bool) -> Requirement:
@@ -75,59 +75,59 @@ def requirement_of(sensor: Sensor, layout: Layout, drifts: bool) -> Requirement:
     """
     rim = bool(np.isfinite(sensor.apertures.rim))
     power = "unknown" if drifts else "known"
-    asked = Requirement(layout, np.array(states_of(layout, 1.0)), power, rim)
-    between = worst_places_of(asked, sensor)
-    return replace(asked, states=np.concatenate([asked.states, between, np.zeros((1, 8))]))
+    stated = Requirement(layout, np.array(states_of(layout, 1.0)), power, rim)
+    states = [stated.states, worst_places_of(stated, sensor), np.zeros((1, 8))]
+    return replace(stated, states=np.concatenate(states))
 
 
-def worst_places_of(asked: Requirement, sensor: Sensor) -> Floats:
+def worst_places_of(requirement: Requirement, sensor: Sensor) -> Floats:
     """States (k, 8) of the volume between those that are asked at which a margin is less."""
-    span, wide = span_of(asked.layout), wide_axes(asked.layout)
+    span, wide = span_of(requirement.layout), wide_axes(requirement.layout)
 
     def values(shares: Floats) -> Floats:
-        return margins_of(replace(asked, states=shares @ span), sensor)
+        return margins_of(replace(requirement, states=shares @ span), sensor)
 
     places, _ = worst_places(values, shares_of_volume(wide), wide)
     found: Floats = places @ span
     return found
 
 
-def margins_of(asked: Requirement, sensor: Sensor) -> Floats:
+def margins_of(requirement: Requirement, sensor: Sensor) -> Floats:
     """(m, groups): powers and spots over what they need, uncertainties over their limits."""
-    layout, states = asked.layout, asked.states
+    layout, states = requirement.layout, requirement.states
     powers = readings(sensor, states)[:, 2::3] / layout.least_power - 1
     halves = np.repeat(half_sizes(sensor), 2, axis=1)
     room = margins(sensor, states)
     clear = (room[:, :, :4] / halves).reshape(len(states), 12)
     parts = [powers, clear]
-    if asked.limited:
-        sigma = uncertainties(sensor, states, FREE)[:, asked.limited] / UNITS[asked.limited]
-        parts.append(1 - sigma / np.array(layout.limit)[asked.limited])
-    if asked.rim:
+    if axes := requirement.limited_axes:
+        sigma = uncertainties(sensor, states, FREE)[:, axes] / UNITS[axes]
+        parts.append(1 - sigma / np.array(layout.limit)[axes])
+    if requirement.rim:
         parts.append(room[:, :, 4] / sensor.apertures.rim)
     found: Floats = np.nan_to_num(np.concatenate(parts, axis=1), nan=LOST)
     return found
 
 
-def errors_of(asked: Requirement, built: Sensor, thought: Sensor) -> Floats:
+def errors_of(requirement: Requirement, built: Sensor, thought: Sensor) -> Floats:
     """(m, 6) by how much poses are off, from what they are off at rest; um and urad.
 
     built: the head as it is.  thought: the head that the solver takes it for.  NaN where it finds
     no pose.
     """
-    raw = invert_correction(built, readings(built, asked.states).copy())
+    raw = invert_correction(built, readings(built, requirement.states).copy())
     found = solve(
-        thought, correct(thought, raw), beam="free", power=asked.power, start=asked.states,
-        covariance=False, accept_unchecked=True,
+        thought, correct(thought, raw), beam="free", power=requirement.power,
+        start=requirement.states, covariance=False, accept_unchecked=True,
     )  # fmt: skip
-    off = (found.state - asked.states)[:, :6] / UNITS
+    off = (found.state - requirement.states)[:, :6] / UNITS
     beside: Floats = off - off[-1]
     return beside
 
 
-def accuracy_margins(asked: Requirement, errors: Floats) -> Floats:
+def accuracy_margins(requirement: Requirement, errors: Floats) -> Floats:
     """(..., axes with a limit): what is left of it."""
-    axes = asked.accurate
-    limits = np.array(asked.layout.accuracy)[axes]
+    axes = requirement.accuracy_axes
+    limits = np.array(requirement.layout.accuracy)[axes]
     found: Floats = np.nan_to_num(1 - np.abs(errors[..., axes]) / limits, nan=LOST)
     return found

@@ -17,9 +17,9 @@ from ..core.errors import InputError
 from ..core.rules import Rules
 from ..core.units import Floats
 from .assembly import Assembly, assembly_of
-from .problem import Problem, StartResult, require_supported
+from .problem import LayoutProblem, StartResult, refuse_unknown_effects
 from .search import shortfalls_of, solve_from
-from .tolerancing import SAFE, Draws, Expansion, drawn, expanded, kept_of
+from .tolerancing import SAFE, Draws, Expansion, draw_heads, expand_margins, least_margins
 from .variables import sensor_of
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class Robust:
     heads that keep spots, light and limits, predicted.  rounds: that it took.
     """
 
-    problem: Problem
+    problem: LayoutProblem
     result: StartResult
     factor: float
     expansion: Expansion
@@ -60,13 +60,13 @@ def require_fixed_volume(layout: Layout) -> None:
 
 
 def robust_layout(
-    problem: Problem, layout: Layout, rules: Rules, known: Calibrate, best: StartResult
+    problem: LayoutProblem, layout: Layout, rules: Rules, known: Calibrate, best: StartResult
 ) -> Robust:
     """The layout whose heads keep what is asked for with `layout.production`, from the best one.
 
     Where none does, the result's `found` is false and its `shortfalls` say what stands in the way.
     """
-    require_supported(problem.sensor, layout)
+    refuse_unknown_effects(problem.sensor, layout)
     require_fixed_volume(layout)
     from scipy.special import ndtri
 
@@ -75,15 +75,15 @@ def robust_layout(
     for rounds in range(1, ROUNDS + 1):
         made = sensor_of(problem.sensor, problem.names, result.x)
         built = assembly_of(made, replace(layout, accuracy=(np.inf,) * 6), rules, known)
-        expansion = expanded(built)
-        draws = drawn(built)
-        kept = float((kept_of(expansion, draws.heads) >= 0).mean())
+        expansion = expand_margins(built)
+        draws = draw_heads(built)
+        kept = float((least_margins(expansion, draws.heads) >= 0).mean())
         found = Robust(problem, result, factor, expansion, kept, rounds)
         if rounds > 1 and abs(kept - target) < NEAR:
             return found
         if rounds > 1:
             factor += missing(expansion, draws, target)
-        problem = with_spare(problem, spare_of(problem, expansion, factor))
+        problem = replace_spare(problem, spare_of(problem, expansion, factor))
         result = solve_from(problem, result.x)
         if not result.found:
             result.shortfalls = shortfalls_of(problem, result.start)
@@ -92,7 +92,7 @@ def robust_layout(
     return found
 
 
-def with_spare(problem: Problem, spare: Floats | None) -> Problem:
+def replace_spare(problem: LayoutProblem, spare: Floats | None) -> LayoutProblem:
     """The problem whose constraints keep that (rows,) above zero."""
     return replace(problem, rows=replace(problem.rows, spare=spare))
 
@@ -113,7 +113,7 @@ def missing(found: Expansion, draws: Draws, target: float) -> float:
     return -float(np.quantile(worst, 1 - target))
 
 
-def spare_of(problem: Problem, found: Expansion, factor: float) -> Floats:
+def spare_of(problem: LayoutProblem, found: Expansion, factor: float) -> Floats:
     """What each constraint of a problem must keep above zero (rows,), in its own unit."""
     built = found.built
     names = built.asked.groups
@@ -125,7 +125,7 @@ def spare_of(problem: Problem, found: Expansion, factor: float) -> Floats:
     return spare
 
 
-def own_units(problem: Problem, built: Assembly, spread: Floats) -> Floats:
+def own_units(problem: LayoutProblem, built: Assembly, spread: Floats) -> Floats:
     """Spreads of `requirement.margins_of` in the units of the problem's constraints, which keep
     variances instead of uncertainties, and clearances over another length."""
     own = spread.copy()
@@ -133,7 +133,7 @@ def own_units(problem: Problem, built: Assembly, spread: Floats) -> Floats:
     for k, psd in enumerate(psds):
         halves = np.array([psd.size_y, psd.size_y, psd.size_z, psd.size_z]) / 2
         own[:, 3 + 4 * k : 7 + 4 * k] *= halves / problem.half
-    last = 15 + len(built.asked.limited)
+    last = 15 + len(built.asked.limited_axes)
     fine = np.minimum(spread[:, 15:last], 1.0)
     own[:, 15:last] = 2 * fine - fine**2
     return own

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.units import Floats
-from .problem import Problem
-from .search import SLACK, settled, solve
+from .problem import LayoutProblem
+from .search import SLACK, settle, solve
 
 #: What can be set or made without effort, by the ending of a name, and of some names by itself.
 STEPS = {"mm": 0.1, "mrad": 1.0, "deg": 0.05, "mw": 0.01, "kohm": 1.0}
@@ -37,7 +37,7 @@ def step_of(name: str) -> float:
     return OWN.get(name, STEPS[name.rpartition("_")[2]])
 
 
-def round_design(problem: Problem, x: Floats) -> Rounded | None:
+def round_design(problem: LayoutProblem, x: Floats) -> Rounded | None:
     """The design rounded; None where not even the design itself keeps all."""
     low, high = problem.bounds()
     width = problem.high - problem.low
@@ -52,7 +52,7 @@ def round_design(problem: Problem, x: Floats) -> Rounded | None:
                 share = (value - problem.low[n]) / width[n]
                 if not -1e-9 <= share <= 1 + 1e-9:
                     continue
-                found = held(problem, guess, low, high, n, float(np.clip(share, 0, 1)))
+                found = solve_with_value(problem, guess, low, high, n, float(np.clip(share, 0, 1)))
                 if found is not None:
                     break
             if found is not None:
@@ -83,34 +83,34 @@ def nearest_steps(names: list[str], x: Floats, low: Floats, high: Floats) -> Flo
     return found
 
 
-def held(
-    problem: Problem, guess: Floats, low: Floats, high: Floats, n: int, share: float
+def solve_with_value(
+    problem: LayoutProblem, guess: Floats, low: Floats, high: Floats, n: int, share: float
 ) -> Floats | None:
     """Where the search ends with one variable held; None where nothing keeps all."""
     low, high, guess = low.copy(), high.copy(), guess.copy()
     low[n] = high[n] = guess[n] = share
     free = low[: len(problem.names)] < high[: len(problem.names)]
     if free.any() or "range" in problem.extras:
-        problem, _, found = solve(problem, problem.with_slacks(guess), low, high)
+        problem, _, found = solve(problem, problem.fill_slacks(guess), low, high)
         guess = np.clip(found.x, low, high)
-    problem, guess = settled(problem, guess)
+    problem, guess = settle(problem, guess)
     return guess if problem.values(guess).min() > -SLACK else None
 
 
-def objective_of(problem: Problem, x: Floats, slack: float = SLACK) -> float:
+def objective_of(problem: LayoutProblem, x: Floats, slack: float = SLACK) -> float:
     """The objective at a design; NaN where it does not keep all, by more than `slack`."""
     low, high = problem.bounds()
     guess = problem.first_guess(x)
     low[: len(x)] = high[: len(x)] = guess[: len(x)]
     if "range" in problem.extras:
         guess = solve(problem, guess, low, high).result.x
-    problem, guess = settled(problem, guess)
+    problem, guess = settle(problem, guess)
     if not problem.values(guess).min() > -slack:
         return float("nan")
     return problem.objective(guess)[0]
 
 
-def costs_of(problem: Problem, x: Floats, steps: Floats, objective: float) -> Floats:
+def costs_of(problem: LayoutProblem, x: Floats, steps: Floats, objective: float) -> Floats:
     costs = np.zeros(len(x))
     for n, step in enumerate(steps):
         for side in (-0.5, 0.5):

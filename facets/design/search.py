@@ -19,13 +19,13 @@ from ..core.arguments import check_arguments
 from ..core.layout import Layout
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from .branching import best_parts, priced
-from .catalogue import Choice, choices, with_parts
-from .problem import TRIED, Problem, Rows, StartResult, problem_of
+from .branching import best_parts, price_term
+from .catalogue import PartsChoice, choices, replace_parts
+from .problem import TRIED, LayoutProblem, Rows, StartResult, problem_of
 from .variables import present_values
 
 if TYPE_CHECKING:
-    from .ipopt import Result
+    from .ipopt import SolverResult
 
 
 #: A multiplier smaller than this, over the largest, holds nothing back.
@@ -52,8 +52,8 @@ class Optimum:
     results: list[StartResult]
     before: float
     sensor: Sensor
-    problem: Problem
-    tried: list[tuple[Choice, StartResult]] = field(default_factory=list)
+    problem: LayoutProblem
+    tried: list[tuple[PartsChoice, StartResult]] = field(default_factory=list)
     choices: int = 0
 
     @property
@@ -82,15 +82,15 @@ def optimize(
     >>> found.best.found, f"{found.best.x[0]:.0f} mm"
     (True, '250 mm')
     """
-    tried: list[tuple[Choice, StartResult]] = []
+    tried: list[tuple[PartsChoice, StartResult]] = []
     problem = problem_of(sensor, layout)
     before = objective_at(problem)
     looked_at = count_of_choices = 0
     if layout.has_parts:
         tried, count_of_choices = choose(sensor, layout, tell)
         looked_at, best = len(tried), tried[0][0]
-        parted = with_parts(sensor, layout, best.psd, best.laser, best.amplifier)
-        problem = problem_of(parted, layout, priced(layout, best.price))
+        parted = replace_parts(sensor, layout, best.psd, best.laser, best.amplifier)
+        problem = problem_of(parted, layout, price_term(layout, best.price))
     results: list[StartResult] = []
     for start in starts_of(problem, layout):
         tell(looked_at + len(results), looked_at + layout.starts)
@@ -103,7 +103,7 @@ def optimize(
 
 def choose(
     sensor: Sensor, layout: Layout, tell: Callable[[int, int], None]
-) -> tuple[list[tuple[Choice, StartResult]], int]:
+) -> tuple[list[tuple[PartsChoice, StartResult]], int]:
     """The choices of parts that were tried, the best first, and how many there are in all.
 
     A small catalogue is tried whole, so that all of it can be seen; of a large one those are left
@@ -117,17 +117,17 @@ def choose(
         # nothing keeps all that is asked for, not even parts as good as any: the best of them tell
         largest = max(made, key=lambda c: layout.psds[c.psd].size if c.psd else 0.0)
         return [(largest, solve_from_present(made[largest], layout))], len(made)
-    tried: list[tuple[Choice, StartResult]] = []
+    tried: list[tuple[PartsChoice, StartResult]] = []
     for choice, other in made.items():
         tell(len(tried), len(made) + layout.starts)
         end = solve_from_present(other, layout)
-        end.objective += priced(layout, choice.price)
+        end.objective += price_term(layout, choice.price)
         tried.append((choice, end))
     tried.sort(key=lambda pair: (not pair[1].found, pair[1].objective, pair[0].price or 0))
     return tried, len(made)
 
 
-def starts_of(problem: Problem, layout: Layout) -> Floats:
+def starts_of(problem: LayoutProblem, layout: Layout) -> Floats:
     """The sensor as it is, and others drawn within the bounds."""
     now = present_values(problem.sensor)
     first = np.clip([now[name] for name in problem.names], problem.low, problem.high)
@@ -150,7 +150,7 @@ class Held:
     instead.
     """
 
-    problem: Problem
+    problem: LayoutProblem
     rows: Rows
     elastic: bool = False
 
@@ -168,9 +168,9 @@ class Held:
         n = self.problem.count
         return float(x[n:].sum()), np.concatenate([np.zeros(n), np.ones(len(x) - n)])
 
-    def kept(self, x: Floats) -> tuple[Floats, Floats]:
+    def constraint_values(self, x: Floats) -> tuple[Floats, Floats]:
         n = self.problem.count
-        values, slopes = self.problem.at(x[:n], self.rows)
+        values, slopes = self.problem.linearize(x[:n], self.rows)
         if not self.elastic:
             return values, slopes
         own = np.arange(len(x) - n) == self.rows.group[:, None]
@@ -182,7 +182,7 @@ class Held:
         return found + x[self.problem.count :][self.problem.rows.group] if self.elastic else found
 
 
-def nearest(problem: Problem, values: Floats, most: int) -> NDArray[np.int64]:
+def nearest(problem: LayoutProblem, values: Floats, most: int) -> NDArray[np.int64]:
     """Of each group and slack the rows with the least values, NaN first."""
     least = np.where(np.isnan(values), -np.inf, values)
     found = []
@@ -192,27 +192,27 @@ def nearest(problem: Problem, values: Floats, most: int) -> NDArray[np.int64]:
     return np.concatenate(found)
 
 
-class Ending(NamedTuple):
+class SolverEnd(NamedTuple):
     """Where IPOPT ended.
 
     problem: that was solved, with the places of the volume that were added.  rows: numbers of the
     constraints that IPOPT was given.
     """
 
-    problem: Problem
+    problem: LayoutProblem
     rows: NDArray[np.int64]
-    result: Result
+    result: SolverResult
 
 
 def solve(
-    problem: Problem,
+    problem: LayoutProblem,
     guess: Floats,
     low: Floats,
     high: Floats,
     elastic: bool = False,
     known: NDArray[np.int64] | None = None,
     steps: int = 300,
-) -> Ending:
+) -> SolverEnd:
     """Where IPOPT ends from a guess with all constraints.
 
     known: numbers of rows that a neighbour's problem was solved with, whose end the guess is.
@@ -225,7 +225,7 @@ def solve(
     if known is not None:
         rows = np.union1d(rows, known[known < len(problem.rows)])
     for _ in range(ROUNDS):
-        held = Held(problem, problem.rows.of(rows), elastic)
+        held = Held(problem, problem.rows.subset(rows), elastic)
         found = minimise(held, guess, low, high, near, steps)
         if not found.success and near:
             found = minimise(held, guess, low, high, steps=steps)
@@ -234,40 +234,42 @@ def solve(
         worst = nearest(problem, values, NEAREST)
         new = np.setdiff1d(np.intersect1d(worst, broken), rows)
         if found.success and not len(new):  # is any broken between the states that are asked?
-            wider = problem.with_worst_places(found.x[:n])
+            wider = problem.add_worst_places(found.x[:n])
             new = np.arange(len(problem.rows), len(wider.rows))
             problem = wider
         if not len(new) or not found.success:
-            return Ending(problem, rows, found)
+            return SolverEnd(problem, rows, found)
         rows = np.concatenate([rows, new])
         guess, near = found.x.copy(), True
-        guess[:n] = problem.with_slacks(found.x[:n])
+        guess[:n] = problem.fill_slacks(found.x[:n])
     held = Held(problem, problem.rows, elastic)
     found = minimise(held, guess, low, high, steps=steps)
-    return Ending(problem, np.arange(len(problem.rows)), found)
+    return SolverEnd(problem, np.arange(len(problem.rows)), found)
 
 
-def settled(problem: Problem, unknowns: Floats) -> tuple[Problem, Floats]:
+def settle(problem: LayoutProblem, unknowns: Floats) -> tuple[LayoutProblem, Floats]:
     """The problem asked at the worst places of the volume, and the unknowns with the slacks that
     these ask for."""
-    exact = problem.with_slacks(unknowns, spare=1.0)
-    wider = problem.with_worst_places(exact)
-    return wider, exact if wider is problem else wider.with_slacks(exact, spare=1.0)
+    exact = problem.fill_slacks(unknowns, spare=1.0)
+    wider = problem.add_worst_places(exact)
+    return wider, exact if wider is problem else wider.fill_slacks(exact, spare=1.0)
 
 
-def pressing(problem: Problem, rows: NDArray[np.int64], found: Result) -> NDArray[np.int64]:
+def active_rows(
+    problem: LayoutProblem, rows: NDArray[np.int64], found: SolverResult
+) -> NDArray[np.int64]:
     """Numbers of the constraints that hold a result back, of those that it was found with."""
     top = found.limits.max(initial=0.0)
     held: NDArray[np.int64] = rows[found.limits > ACTIVE * top]
     return held
 
 
-def solve_from(problem: Problem, start: Floats) -> StartResult:
+def solve_from(problem: LayoutProblem, start: Floats) -> StartResult:
     """Where a start (in the units of the variables' names) ends."""
     begin = time.perf_counter()
     guess, (low, high) = problem.first_guess(start), problem.bounds()
     problem, rows, found = solve(problem, guess, low, high)
-    problem, exact = settled(problem, found.x)
+    problem, exact = settle(problem, found.x)
     values = problem.values(exact)
     return StartResult(
         start=start,
@@ -276,11 +278,11 @@ def solve_from(problem: Problem, start: Floats) -> StartResult:
         found=found.success and bool(values.min() > -SLACK),
         status=found.status,
         seconds=time.perf_counter() - begin,
-        active_constraints=active_constraints(problem, problem.rows.of(rows), found),
+        active_constraints=active_constraints(problem, problem.rows.subset(rows), found),
     )
 
 
-def active_constraints(problem: Problem, rows: Rows, found: Result) -> dict[str, float]:
+def active_constraints(problem: LayoutProblem, rows: Rows, found: SolverResult) -> dict[str, float]:
     """The multipliers, summed by group of constraints and by end of a variable, over the largest;
     those that hold the result back, the strongest first."""
     of_groups = np.bincount(rows.group, found.limits, len(problem.groups))
@@ -293,7 +295,7 @@ def active_constraints(problem: Problem, rows: Rows, found: Result) -> dict[str,
     return dict(sorted(active.items(), key=lambda item: -item[1]))
 
 
-def shortfalls_of(problem: Problem, start: Floats) -> dict[str, float]:
+def shortfalls_of(problem: LayoutProblem, start: Floats) -> dict[str, float]:
     """Groups that can not all be kept, and by what share of its limit each would have to give."""
     low, high = problem.bounds()
     count = len(problem.groups)
@@ -310,7 +312,7 @@ def shortfalls_of(problem: Problem, start: Floats) -> dict[str, float]:
     return shares
 
 
-def objective_at(problem: Problem) -> float:
+def objective_at(problem: LayoutProblem) -> float:
     """The objective of the sensor as it is, its variables held; NaN where it can not be."""
     now = present_values(problem.sensor)
     guess = problem.first_guess(np.array([now[name] for name in problem.names]))
@@ -318,7 +320,7 @@ def objective_at(problem: Problem) -> float:
     low[:count] = high[:count] = guess[:count]
     if "range" in problem.extras:
         guess = solve(problem, guess, low, high).result.x
-    problem, unknowns = settled(problem, guess)
+    problem, unknowns = settle(problem, guess)
     if not problem.values(unknowns).min() > -SLACK:
         return float("nan")
     return problem.objective(unknowns)[0]

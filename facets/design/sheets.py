@@ -46,11 +46,11 @@ def write_sheets(path: Path, tables: dict[str, Rows], origin: str) -> None:
 def as_latex(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A table with a caption; the first column is words, as are those without a number."""
     columns = "".join("l" if is_text(column) else "r" for column in zip(*rows, strict=True))
-    lines = [" & ".join(map(escaped, row)) + r" \\" for row in (headings, *rows)]
+    lines = [" & ".join(map(escape_text, row)) + r" \\" for row in (headings, *rows)]
     return "\n".join(
         [
             r"\begin{table}",
-            rf"\caption{{{escaped(title)}}}",
+            rf"\caption{{{escape_text(title)}}}",
             rf"\begin{{tabular}}{{{columns}}}",
             r"\toprule",
             lines[0],
@@ -83,7 +83,7 @@ SPECIAL = {
 }  # fmt: skip
 
 
-def escaped(text: str) -> str:
+def escape_text(text: str) -> str:
     return "".join(SPECIAL.get(character, character) for character in text)
 
 

@@ -1,4 +1,4 @@
-"""Many designs at once: what `exploration.looked_at` measures of each, for plain sensors.
+"""Many designs at once: what `exploration.measure_design` measures of each, for plain sensors.
 
 A design is a row of its sensor's 30 parameters and of its detectors' sizes; the model is asked for
 all of them in one call (`model.many`). Their ranges are followed as `characterization.ranges`
@@ -34,7 +34,7 @@ from ..detectors.noise import standard_deviations
 from ..model.arrays import edge_distances, edge_limits
 from ..model.kinds import kind_of
 from ..model.many import evaluate, vectors_of
-from .variables import FACETS, PSDS, with_values
+from .variables import FACETS, PSDS, layout_parameters
 
 #: Why a design was not measured further; "" for those that were.
 SKIPPED = (
@@ -73,7 +73,7 @@ class Designs(NamedTuple):
     def subset(self, which: Any) -> Designs:
         return self._replace(vectors=self.vectors[which], limits=self.limits[which])
 
-    def at_rest(self, name: str) -> Floats:
+    def evaluate_rest(self, name: str) -> Floats:
         """Readings, derivatives or footprints of each at rest."""
         owner = np.arange(len(self.vectors))
         return evaluate(name, self.vectors, owner, np.zeros((len(owner), 8)))
@@ -106,7 +106,7 @@ def designs_of(
     """Designs from values (n, variables) of the named variables; the diameters of their heads (n,),
     mm; and which of them are sensors (n,), the only ones among the designs."""
     count = len(rows)
-    p, sizes = with_values(sensor, names, list(rows.T))
+    p, sizes = layout_parameters(sensor, names, list(rows.T))
     values = np.stack([np.broadcast_to(np.asarray(v, dtype=float), count) for v in p], axis=1)
     halves = np.tile(np.array([[psd.size_y, psd.size_z] for psd in sensor.psds]) / 2, (count, 1, 1))
     if "size_mm" in names:
@@ -144,7 +144,7 @@ def spectra(some: Designs, reading: Floats) -> tuple[Floats, Floats]:
     """At rest: standard uncertainties of the pose (n, 6), um and urad, and the condition number
     (n,) of the Jacobian."""
     sigma = standard_deviations(some.sensor, reading)
-    matrices = some.at_rest("derivatives") * UNITS / sigma[:, :, None]
+    matrices = some.evaluate_rest("derivatives") * UNITS / sigma[:, :, None]
     return standard_uncertainties(matrices), extremes(matrices)[:, 1]
 
 
@@ -183,8 +183,8 @@ def measure(
 
     NaN in what was not reached.
     """
-    reading = some.at_rest("readings")
-    distances = edge_distances(some.at_rest("footprints"), some.limits)
+    reading = some.evaluate_rest("readings")
+    distances = edge_distances(some.evaluate_rest("footprints"), some.limits)
     reasons = rest_reasons(distances, reading, least_power)
     values = np.full((len(reasons), 14), np.nan)
     sound = np.flatnonzero(reasons == 0)

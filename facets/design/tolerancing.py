@@ -89,7 +89,7 @@ class Expansion:
 
 
 @one_thread
-def expanded(built: Assembly) -> Expansion:
+def expand_margins(built: Assembly) -> Expansion:
     """Raises `InputError` where the design itself can not be asked, or a head is none."""
     count = len(built.choice.names)
     middle = margins_of(built.asked, built.sensor)
@@ -98,7 +98,7 @@ def expanded(built: Assembly) -> Expansion:
         up, down = (margins_of(built.asked, head_at(built, n, step)) for step in (1.0, -1.0))
         slopes[:, n] = ((up - down) / 2).ravel()
         bends[:, n] = (up + down - 2 * middle).ravel()
-    axes = built.asked.accurate
+    axes = built.asked.accuracy_axes
     rows = len(built.asked.states) * len(axes)
     by_head, by_solver = np.zeros((2, rows, count))
     if axes:
@@ -142,7 +142,7 @@ class Draws:
     noise: Floats
 
 
-def drawn(built: Assembly, count: int = HEADS, seed: int = SEED) -> Draws:
+def draw_heads(built: Assembly, count: int = HEADS, seed: int = SEED) -> Draws:
     rng = np.random.default_rng(seed)
     heads, noise = rng.normal(size=(2, count, len(built.choice.names)))
     return Draws(heads * built.loose, noise)
@@ -158,7 +158,7 @@ class Shares:
     calibrated: float
 
 
-def kept_of(found: Expansion, heads: Floats) -> Floats:
+def least_margins(found: Expansion, heads: Floats) -> Floats:
     """The least margin (n,) of each head."""
     bend = np.abs(found.bends).sum(axis=1)
     near = np.flatnonzero(found.margins < SAFE * (found.spread + bend))
@@ -171,7 +171,7 @@ def kept_of(found: Expansion, heads: Floats) -> Floats:
     return least
 
 
-def found_by_calibration(found: Expansion, draws: Draws) -> Floats:
+def calibration_results(found: Expansion, draws: Draws) -> Floats:
     """What calibrations find of the heads (n, p), in tolerances."""
     told = draws.heads @ found.root @ found.root.T + draws.noise @ found.root.T
     values: Floats = told @ found.gain.T
@@ -180,7 +180,7 @@ def found_by_calibration(found: Expansion, draws: Draws) -> Floats:
 
 def errors_over_limits(found: Expansion, draws: Draws) -> tuple[Floats, Floats]:
     """The largest error over its limit (n,) of each head, as built and calibrated."""
-    known = found_by_calibration(found, draws)
+    known = calibration_results(found, draws)
     worst = np.zeros((2, len(draws.heads)))
     for part in np.array_split(np.arange(len(found.limits)), max(1, len(found.limits) // 100)):
         built = draws.heads @ found.by_head[part].T
@@ -194,7 +194,7 @@ def errors_over_limits(found: Expansion, draws: Draws) -> tuple[Floats, Floats]:
 @one_thread
 def shares(found: Expansion, draws: Draws) -> Shares:
     """The yields of some heads."""
-    kept = kept_of(found, draws.heads) >= 0
+    kept = least_margins(found, draws.heads) >= 0
     if not len(found.limits):
         return Shares(float(kept.mean()), float("nan"), float("nan"))
     built, known = errors_over_limits(found, draws)

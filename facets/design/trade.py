@@ -18,26 +18,26 @@ from ..core.names import FINE_COLUMNS, POSE, RANGE_COLUMNS
 from ..core.units import Floats
 from ..detectors.noise import power_floor
 from ..optics.forward import build_geometry
-from .exploration import FAR, MEASURES, NO_RIVALS, Space, looked_at
-from .footprint import edge_clearances, within_circle
+from .exploration import FAR, MEASURES, NO_RIVALS, Space, measure_design
+from .footprint import edge_clearances, tip_clearance
 from .formula import Formula
 from .problem import (
     EDGES,
-    Problem,
-    Wanted,
-    asked_at,
+    Constraint,
+    LayoutProblem,
     headrooms,
     origin_of,
-    require_supported,
+    outputs_at,
+    refuse_unknown_effects,
     rows_of,
 )
 from .variables import (
     Outcome,
     heads_of,
+    layout_parameters,
     outcome_of,
     present_values,
     rim_clearances,
-    with_values,
 )
 from .volume import span_of
 
@@ -45,8 +45,8 @@ from .volume import span_of
 OBJECTIVES = ("head_mm", *FINE_COLUMNS[:6], *RANGE_COLUMNS)
 #: Where between rest and the end of a range its limits are asked for.
 SHARES = (0.25, 0.5, 0.75, 1.0)
-#: What an objective is counted in where the sensor as it is does not say, mm, um, urad, mrad.
-USUAL = 10.0
+#: The scale of an objective, in its own unit, where the present sensor gives none.
+USUAL_SCALE = 10.0
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Trade:
     """
 
     space: Space
-    problem: Problem
+    problem: LayoutProblem
     objectives: list[str]
     scales: Floats
     signs: Floats
@@ -67,7 +67,7 @@ class Trade:
         found: Floats = self.signs * unknowns[len(self.problem.names) :]
         return found
 
-    def measured(self, values: Floats) -> Floats:
+    def costs_of_measures(self, values: Floats) -> Floats:
         """The same of a design's measures."""
         places = [MEASURES.index(name) for name in self.objectives]
         found: Floats = self.signs * values[..., places] / self.scales
@@ -83,11 +83,11 @@ class Trade:
 
     def guess(self, x: Floats) -> Floats:
         """The unknowns at a design, in the units of the variables' names."""
-        _, values = looked_at(self.space, x, NO_RIVALS)
-        known = np.abs(self.measured(values))
+        _, values = measure_design(self.space, x, NO_RIVALS)
+        known = np.abs(self.costs_of_measures(values))
         shares = (x - self.problem.low) / (self.problem.high - self.problem.low)
         start = np.append(shares, np.where(np.isfinite(known), known, 0.1))
-        return self.problem.with_slacks(start)
+        return self.problem.fill_slacks(start)
 
 
 def require_smooth(space: Space) -> None:
@@ -99,7 +99,7 @@ def require_smooth(space: Space) -> None:
         )
     if not 2 <= len(set(space.objectives)) <= 3:
         raise InputError("--front takes two or three objectives: give --objective again")
-    require_supported(space.sensor, space.layout, "explore --front")
+    refuse_unknown_effects(space.sensor, space.layout, "explore --front")
     if not space.rules.whole_spot:
         raise InputError("--front follows ranges of whole spots only: set range.spot to whole")
 
@@ -115,26 +115,26 @@ def trade_of(space: Space) -> Trade:
     scales = dict(zip(objectives, scales_of(space, objectives), strict=True))
     states = states_of(space, ranges)
 
-    def outputs(unknowns: Floats, some: Floats) -> list[Wanted]:
+    def outputs(unknowns: Floats, some: Floats) -> list[Constraint]:
         x = list((low + (high - low) * unknowns[:, :count]).T[:, :, None])
         halves = {
             name: scales[name] * unknowns[:, count + n, None] / 2 for n, name in enumerate(ranges)
         }
-        return wanted_of(space, x, at_state(some, halves), scales, states)
+        return trade_constraints(space, x, ray_states(some, halves), scales, states)
 
     def compute(unknowns: Floats, some: Floats) -> list[Any]:
         return [each.value for each in outputs(unknowns, some)]
 
-    wanted = outputs(np.full((1, count + len(ranges)), 0.5), np.zeros((1, 16)))
-    groups = list(dict.fromkeys(each.group for each in wanted))
+    constraints = outputs(np.full((1, count + len(ranges)), 0.5), np.zeros((1, 16)))
+    groups = list(dict.fromkeys(each.group for each in constraints))
     origin = np.pad(origin_of(low, high), (0, len(ranges)), constant_values=np.nan)
-    problem = Problem(
+    problem = LayoutProblem(
         space.sensor, names, low, high, objectives, Formula(compute, origin),
         np.arange(count + len(ranges)), states, groups,
-        rows_of(wanted, groups, objectives, count, len(states)),
+        rows_of(constraints, groups, objectives, count, len(states)),
         np.empty(0, dtype=np.int64), {}, False,
         span=np.pad(span_of(space.layout), ((0, 0), (0, 8))) if space.required else None,
-        inside=asked_at(wanted, len(states) - 1),
+        inside=outputs_at(constraints, len(states) - 1),
     )  # fmt: skip
     signs = np.array([-1.0 if name in ranges else 1.0 for name in objectives])
     return Trade(space, problem, objectives, np.array(list(scales.values())), signs)
@@ -145,8 +145,8 @@ def scales_of(space: Space, objectives: list[str]) -> list[float]:
     now = present_values(space.sensor)
     low, high = np.array([space.layout.variables[name] for name in space.names]).T
     x = np.clip([now[name] for name in space.names], low, high)
-    values = looked_at(space, x, NO_RIVALS)[1][[MEASURES.index(name) for name in objectives]]
-    usual: list[float] = np.where(np.isfinite(values) & (values > 0), values, USUAL).tolist()
+    values = measure_design(space, x, NO_RIVALS)[1][[MEASURES.index(name) for name in objectives]]
+    usual: list[float] = np.where(np.isfinite(values) & (values > 0), values, USUAL_SCALE).tolist()
     return usual
 
 
@@ -170,7 +170,7 @@ def states_of(space: Space, ranges: list[str]) -> Floats:
     return np.array(rows)
 
 
-def at_state(states: Floats, halves: dict[str, Floats]) -> tuple[Any, ...]:
+def ray_states(states: Floats, halves: dict[str, Floats]) -> tuple[Any, ...]:
     """States (m, 16), of the volume or at a share of the ranges' halves (k, 1), mm and mrad, as
     `outcome_of` takes them."""
     ends: list[Any] = [0.0] * 8
@@ -182,11 +182,11 @@ def at_state(states: Floats, halves: dict[str, Floats]) -> tuple[Any, ...]:
     return tuple((states[:, i] + states[:, 8 + i] * ends[i]) for i in range(8))
 
 
-def wanted_of(
+def trade_constraints(
     space: Space, x: list[Any], state: Any, scales: dict[str, float], states: Floats
-) -> list[Wanted]:
+) -> list[Constraint]:
     """All that a design must keep, and what must stay below the objectives."""
-    parameters, square = with_values(space.sensor, space.names, x)
+    parameters, square = layout_parameters(space.sensor, space.names, x)
     own = [(psd.size_y, psd.size_z) for psd in space.sensor.psds]
     sizes = [(d, d) for d in square] if "size_mm" in space.names else own
     fixed = build_geometry(tuple(parameters))
@@ -196,29 +196,31 @@ def wanted_of(
     reached = [n for n in range(len(states)) if n not in outside]
     # a volume that is a point is at rest
     volume = (outside or [0]) if space.required else []
-    wanted = [Wanted("mirror's tip in the beam", within_circle(fixed, state))]
-    wanted += headrooms(found)
+    constraints = [Constraint("mirror's tip in the beam", tip_clearance(fixed, state))]
+    constraints += headrooms(found)
     if np.isfinite(rim := space.sensor.apertures.rim):
-        wanted += [Wanted("light on a facet, rim", e) for e in rim_clearances(fixed, state, rim)]
-    wanted += spots(edge_clearances(fixed, state, sizes), float(np.mean(own)) / 2)
-    wanted += lit_and_fine(space, found, reached, volume)
+        constraints += [
+            Constraint("light on a facet, rim", e) for e in rim_clearances(fixed, state, rim)
+        ]
+    constraints += spots(edge_clearances(fixed, state, sizes), float(np.mean(own)) / 2)
+    constraints += lit_and_fine(space, found, reached, volume)
     if space.required and np.isfinite(space.layout.head):
         limit = space.layout.head
-        wanted += [Wanted("size of the head", 1 - h / limit, states=(0,)) for h in heads]
+        constraints += [Constraint("size of the head", 1 - h / limit, states=(0,)) for h in heads]
     for name, scale in scales.items():
         if name in FINE_COLUMNS:
             sigma = np.sqrt(found[FINE_COLUMNS.index(name)])
             what = f"{name} as low as it can be"
-            wanted.append(Wanted(what, -sigma / scale, name, (0,)))
+            constraints.append(Constraint(what, -sigma / scale, name, (0,)))
         elif name == "head_mm":
             what = "size of the head as low as it can be"
-            wanted += [Wanted(what, -head / scale, name, (0,)) for head in heads]
-    return wanted
+            constraints += [Constraint(what, -head / scale, name, (0,)) for head in heads]
+    return constraints
 
 
-def spots(clearances: dict[tuple[int, int], list[Any]], half: float) -> list[Wanted]:
+def spots(clearances: dict[tuple[int, int], list[Any]], half: float) -> list[Constraint]:
     return [
-        Wanted(f"spot on PSD {'ABC'[k]} {EDGES[edge]} edge", each / half)
+        Constraint(f"spot on PSD {'ABC'[k]} {EDGES[edge]} edge", each / half)
         for (k, edge), several in clearances.items()
         for each in several
     ]
@@ -226,22 +228,22 @@ def spots(clearances: dict[tuple[int, int], list[Any]], half: float) -> list[Wan
 
 def lit_and_fine(
     space: Space, found: list[Any], reached: list[int], volume: list[int]
-) -> list[Wanted]:
+) -> list[Constraint]:
     """Power and resolution: where the ranges reach by the rules of ranges, over the volume by what
     is required, and at rest by what every design must have."""
     layout, rules = space.layout, space.rules
     weakest = rules.snr * power_floor(space.sensor)
-    wanted = []
+    constraints = []
     for power in found[Outcome.POWERS]:
-        wanted.append(Wanted("power on a detector", power / weakest - 1, states=reached))
+        constraints.append(Constraint("power on a detector", power / weakest - 1, states=reached))
         least = power / layout.least_power - 1
-        wanted.append(Wanted("power on a detector", least, states=sorted({0, *volume})))
+        constraints.append(Constraint("power on a detector", least, states=sorted({0, *volume})))
     for i, name in enumerate(POSE):
         coarsest = rules.coarsest[i] * (1e3 if i < 3 else 1e6)  # mm and rad to um and urad
         if np.isfinite(coarsest):
             fine = 1 - found[i] / coarsest**2
-            wanted.append(Wanted(f"range.coarsest of {name}", fine, states=reached))
+            constraints.append(Constraint(f"range.coarsest of {name}", fine, states=reached))
         if volume and np.isfinite(layout.limit[i]):
             fine = 1 - found[i] / layout.limit[i] ** 2
-            wanted.append(Wanted(f"uncertainty of {name}", fine, states=volume))
-    return wanted
+            constraints.append(Constraint(f"uncertainty of {name}", fine, states=volume))
+    return constraints

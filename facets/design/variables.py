@@ -55,22 +55,22 @@ def columns_of_states(states: Floats) -> tuple[Any, ...]:
 
 
 def outcome_of(
-    sensor: Sensor, given: Sequence[Any], sizes: Sequence[Any], state: Sequence[Any],
+    sensor: Sensor, p: Sequence[Any], sizes: Sequence[Any], state: Sequence[Any],
     gain: Any = None,
 ) -> list[Any]:  # fmt: skip
     """The numbers of `Outcome`, each as wide as (k, m) or less, of k layouts at m states.
 
-    given: 30 parameters, floats or columns (k, 1).  sizes: of the detectors, square, mm, likewise.
+    p: 30 parameters, floats or columns (k, 1).  sizes: of the detectors, square, mm, likewise.
     state: eight numbers, each (m,) or (k, m), of `columns_of_states`.  gain: of the amplifiers,
     ohm, where it is not the sensor's.
     """
     rows = [len(each) for each in state if each.ndim == 2]
-    count = max(1, *(getattr(each, "size", 1) for each in (*given, *sizes, gain)), *rows)
+    count = max(1, *(getattr(each, "size", 1) for each in (*p, *sizes, gain)), *rows)
     states = np.empty((count, np.shape(state[0])[-1], 8))
     for i, values in enumerate(state):
         states[..., i] = values
     shape, owner = states.shape[:2], np.repeat(np.arange(count), states.shape[1])
-    fixed = build_geometry(tuple(given))
+    fixed = build_geometry(tuple(p))
     vectors, states = pack_all(fixed, count), states.reshape(-1, 8)
     reading = evaluate("readings", vectors, owner, states)
     matrices = evaluate("derivatives", vectors, owner, states)
@@ -211,7 +211,7 @@ def present_values(sensor: Sensor) -> dict[str, float]:
     return {name: value / unit_of(name) for name, value in values.items()}
 
 
-def with_values(sensor: Sensor, names: Sequence[str], x: Any) -> tuple[list[Any], list[Any]]:
+def layout_parameters(sensor: Sensor, names: Sequence[str], x: Any) -> tuple[list[Any], list[Any]]:
     """The 30 parameters and the 3 sizes when the named variables take the values x.
 
     x: symbols or floats, in the units of the names. Detectors go up and down with the sub-beams
@@ -242,7 +242,7 @@ def with_values(sensor: Sensor, names: Sequence[str], x: Any) -> tuple[list[Any]
 
 def sensor_of(sensor: Sensor, names: Sequence[str], x: Floats) -> Sensor:
     """The sensor with the named variables at x. Raises `InputError` where that is none."""
-    p, sizes = with_values(sensor, names, x.tolist())
+    p, sizes = layout_parameters(sensor, names, x.tolist())
     made = sensor_with(sensor, p)
     if GAIN in names and made.electronics is not None:
         own = gain_of(sensor, names, x.tolist())

@@ -23,7 +23,7 @@ from ..core.units import Floats
 from ..detectors.noise import add_noise
 from ..estimation.solver import solve
 from ..model.arrays import margins, readings
-from .volume import with_worst_states
+from .volume import add_worst_states
 
 if TYPE_CHECKING:
     from ..core.layout import Layout
@@ -47,10 +47,10 @@ def worst_states(sensor: Sensor, layout: Layout, rng: np.random.Generator) -> Fl
         conditions = measures(sensor, states)[:, 2:3]
         return np.concatenate([-fine, room, powers, -conditions], axis=1)
 
-    return with_worst_states(layout, values, rng.uniform(-1, 1, (RANDOM, 8)))
+    return add_worst_states(layout, values, rng.uniform(-1, 1, (RANDOM, 8)))
 
 
-def simulated(sensor: Sensor, states: Floats, rng: np.random.Generator) -> Floats:
+def simulate_spread(sensor: Sensor, states: Floats, rng: np.random.Generator) -> Floats:
     """The spread (6,) of axis i over solves of noisy readings at state i; mm and rad."""
     spread = np.empty(6)
     for i, state in enumerate(states):
@@ -96,7 +96,7 @@ def compare(
     rng = np.random.default_rng(seed)
     old, _ = performance(before, layout, rules, rng)
     new, worst = performance(after, layout, rules, rng)
-    spread = simulated(after, worst, rng) / FINE_UNITS[:6]
+    spread = simulate_spread(after, worst, rng) / FINE_UNITS[:6]
     drawn = np.concatenate([spread, np.full(len(new) - 6, np.nan)])
     return {
         "quantity": np.array(list(new)),

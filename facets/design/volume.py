@@ -90,7 +90,7 @@ def worst_places(
     return found[best[worse]], numbers[worse]
 
 
-def with_worst_states(
+def add_worst_states(
     layout: Layout, values: Callable[[Floats], Floats], drawn: Floats | None = None
 ) -> Floats:
     """States (n, 8): those of `states_of`, some at drawn shares, and where between them any value

@@ -13,16 +13,16 @@ from facets.characterization.resolution import uncertainties
 from facets.core.errors import InputError
 from facets.core.knowledge import Knowledge
 from facets.core.layout import AmplifierPart, PsdPart
-from facets.design.exploration import Space, looked_at
+from facets.design.exploration import Space, measure_design
 from facets.design.front import pareto_front
 from facets.design.search import optimize
 from facets.design.variables import (
     Outcome,
     columns_of_states,
     gain_of,
+    layout_parameters,
     outcome_of,
     sensor_of,
-    with_values,
 )
 from facets.design.volume import states_of
 from facets.detectors.noise import electrode_currents
@@ -48,7 +48,7 @@ def test_layouts_have_their_own_noise_and_full_scale(kind):
     names, rows = ["transimpedance_kohm", "size_mm"], np.array([[100.0, 13.0], [50.0, 9.0]])
     places = states(6)
     x = list(rows.T[:, :, None])
-    given, sizes = with_values(sensor, names, x)
+    given, sizes = layout_parameters(sensor, names, x)
     columns = columns_of_states(places)
     found = outcome_of(sensor, given, sizes, columns, gain_of(sensor, names, x))
     for n, row in enumerate(rows):
@@ -135,8 +135,8 @@ def test_a_gain_without_electronics_is_an_error():
 def test_a_drawn_design_past_its_full_scale_is_left_out():
     layout = replace(CONFIG.layout, variables={"transimpedance_kohm": (5.0, 5000.0)})
     space = Space(with_electronics(), CONFIG.range, layout, "sobol", 8, 1)
-    assert looked_at(space, np.array([100.0]))[0] == 0
-    assert looked_at(space, np.array([5000.0]))[0] == 8
+    assert measure_design(space, np.array([100.0]))[0] == 0
+    assert measure_design(space, np.array([5000.0]))[0] == 8
 
 
 @pytest.mark.slow

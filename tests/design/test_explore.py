@@ -29,7 +29,7 @@ from facets.design.exploration import (
     collect,
     designs,
     front,
-    looked_at,
+    measure_design,
     part_of,
 )
 from facets.design.survey import SKIPPED
@@ -51,7 +51,7 @@ def test_designs_are_in_their_bounds_and_the_same_again(sampling):
 
 def test_a_design_is_what_the_other_commands_say_of_it():
     x = np.array([250.0, 45.0, 0.0, 120.0, 0.85])
-    why, values = looked_at(SPACE, x)
+    why, values = measure_design(SPACE, x)
     assert why == 0
     found = dict(zip(MEASURES, values, strict=True))
     ranges = axis_ranges(CONFIG.sensor, replace(CONFIG.range, condition=np.inf), np.zeros(6))
@@ -62,7 +62,7 @@ def test_a_design_is_what_the_other_commands_say_of_it():
 
 def test_what_can_not_work_at_rest_is_skipped():
     dim = replace(SPACE, layout=replace(SPACE.layout, least_power=0.2))
-    why, values = looked_at(dim, designs(dim)[0])
+    why, values = measure_design(dim, designs(dim)[0])
     assert SKIPPED[why] == "too little light at rest"
     assert np.isnan(values[1:]).all()
 
@@ -72,7 +72,7 @@ def test_the_limit_that_a_design_breaks_at_rest_is_the_one_told():
     rules = CONFIG.range
     coarse = replace(rules, coarsest=(1e-9,) * 6)
     for broken, says in ((coarse, "too coarse at rest"), (replace(rules, snr=1e9), "too little")):
-        why, values = looked_at(replace(SPACE, rules=broken), x)
+        why, values = measure_design(replace(SPACE, rules=broken), x)
         assert SKIPPED[why].startswith(says)
         assert np.isnan(values[study.AT_RANGES]).all()
         assert np.isfinite(values[MEASURES.index("condition")])
@@ -156,11 +156,11 @@ def test_what_is_skipped_is_not_on_the_front(looked_at_all, objectives):
 def test_only_what_keeps_the_requirement_is_looked_at():
     space = replace(SPACE, required=True)
     best = np.array([221.0, 53.0, 257.0, 119.75, 1.8])
-    assert looked_at(space, best)[0] == 0
+    assert measure_design(space, best)[0] == 0
     assert study.meets(space.sensor, space.layout, space.volume)  # the paper's own
     fine = replace(space.layout, limit=(*[np.inf] * 2, 0.1, *[np.inf] * 3))
     assert not study.meets(space.sensor, fine, space.volume)
-    why, _ = looked_at(replace(space, layout=fine), best)
+    why, _ = measure_design(replace(space, layout=fine), best)
     assert SKIPPED[why] == "not what is required over the volume"
 
 
@@ -170,7 +170,7 @@ def test_a_singular_design_is_told(name, regular):
     volume = (0.0, 0.0, 3.0, 0.02, 0.02, 0.02, 0.0, 0.0)
     layout = replace(CONFIG.layout, variables={"power_mw": (0.2, 0.4)}, volume=volume)
     space = Space(sensor, CONFIG.range, layout, "sobol", 4, 1)
-    assert study.at_rest(space, np.array([0.3]))[1][MEASURES.index("regular")] == regular
+    assert study.measure_rest(space, np.array([0.3]))[1][MEASURES.index("regular")] == regular
 
 
 def test_a_run_goes_on_where_it_was_cut_off(tmp_path, monkeypatch):
@@ -181,7 +181,7 @@ def test_a_run_goes_on_where_it_was_cut_off(tmp_path, monkeypatch):
         for first in firsts:
             yield first, part_of(space, first, rivals)
 
-    monkeypatch.setattr(study, "pooled", here)
+    monkeypatch.setattr(study, "run_in_processes", here)
     space = replace(SPACE, part=20)
     study.explore(space, tmp_path, {})
     whole = collect(tmp_path)
@@ -262,10 +262,10 @@ def test_designs_at_once_have_the_measures_that_they_have_one_by_one(more):
     space = replace(SPACE, count=64, **more)
     assert space.plain
     some = designs(space)
-    why, values, _ = study.at_once(space, some)
+    why, values, _ = study.measure_designs(space, some)
     reached = 0
     for n, x in enumerate(some):
-        reason, expected = looked_at(space, x)
+        reason, expected = measure_design(space, x)
         assert why[n] == reason
         if reason == 5:
             continue

@@ -13,7 +13,7 @@ from facets.characterization.resolution import uncertainties
 from facets.core.errors import InputError
 from facets.core.knowledge import Knowledge
 from facets.design.exploration import MEASURES, NO_RIVALS, Space, part_of
-from facets.design.front import against, aimed, columns, pareto_front
+from facets.design.front import against, columns, is_objective, pareto_front
 from facets.design.trade import trade_of
 from facets.design.variables import sensor_of
 
@@ -69,7 +69,9 @@ def test_no_design_of_a_cloud_beats_the_front():
     assert (np.diff(table["u_roll_urad"]) > 0).all()
     assert (np.diff(table["range_roll_mrad"]) > 0).all()
     assert any("spot on PSD" in words for words in table["holds_it_back"])
-    assert not any(aimed(group) for words in table["holds_it_back"] for group in words.split("; "))
+    assert not any(
+        is_objective(group) for words in table["holds_it_back"] for group in words.split("; ")
+    )
 
 
 @pytest.mark.slow
@@ -77,7 +79,7 @@ def test_a_point_is_no_worse_than_a_global_search_finds():
     """Differential evolution on the float model, at one bound of the range."""
     from scipy.optimize import differential_evolution
 
-    from facets.design.exploration import looked_at
+    from facets.design.exploration import measure_design
 
     space = space_of(("u_roll_urad", "range_roll_mrad"), ["radius_mm", "diameter_mm"])
     found = pareto_front(space, 7, 1)
@@ -87,7 +89,7 @@ def test_a_point_is_no_worse_than_a_global_search_finds():
     low, high = np.array(list(space.layout.variables.values())).T
 
     def cost(x):
-        why, values = looked_at(space, x, tolerance=1e-8)
+        why, values = measure_design(space, x, tolerance=1e-8)
         return 1e3 if why else values[roll] + 1e3 * max(wanted - values[far], 0.0)
 
     rival = differential_evolution(

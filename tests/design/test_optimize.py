@@ -26,10 +26,10 @@ from facets.design.search import optimize, solve_from, starts_of
 from facets.design.variables import (
     Outcome,
     columns_of_states,
+    layout_parameters,
     outcome_of,
     present_values,
     sensor_of,
-    with_values,
 )
 from facets.design.verification import compare
 from facets.design.volume import shares_of_volume, states_of, worst_places
@@ -40,7 +40,7 @@ SCALE = np.array([1e3, 1e3, 1e3, 1e6, 1e6, 1e6])
 
 def outcome(sensor, names, x, places):
     """The numbers of `Outcome` (34 or 22, m) of one layout at states (m, 8)."""
-    p, sizes = with_values(sensor, names, list(x))
+    p, sizes = layout_parameters(sensor, names, list(x))
     found = outcome_of(sensor, p, sizes, columns_of_states(np.atleast_2d(places)))
     return np.array([np.broadcast_to(each, found[0].shape)[0] for each in found])
 
@@ -73,7 +73,7 @@ def test_slopes_are_those_of_values(aim):
     for shares in (rng.random(5), np.zeros(5), np.ones(5)):
         unknowns = problem.first_guess(problem.low + (problem.high - problem.low) * shares)
         way = rng.normal(size=problem.count)
-        values, slopes = problem.at(unknowns, problem.rows)
+        values, slopes = problem.linearize(unknowns, problem.rows)
         np.testing.assert_array_equal(values, problem.values(unknowns))
         ahead, behind = (problem.values(unknowns + s * 3e-5 * way) for s in (1, -1))
         expected = (ahead - behind) / 6e-5

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 import facets
-from facets.design.branching import best_parts, relaxed, whole
+from facets.design.branching import best_parts, relax_parts, whole
 from facets.design.catalogue import choices
 from facets.design.search import optimize, solve_from_present
 
@@ -50,7 +50,7 @@ def test_branch_and_bound_is_enumeration(weights):
 @pytest.mark.slow
 def test_a_bound_is_no_worse_than_any_choice():
     layout = layout_of(["duo-10", "tetra-20"], ["diode-1", "fibre-2"], ["amplifiers-20nw"])
-    bound = solve_from_present(*relaxed(CONFIG.sensor, layout, whole(layout)))
+    bound = solve_from_present(*relax_parts(CONFIG.sensor, layout, whole(layout)))
     for _, sensor in choices(CONFIG.sensor, layout):
         end = solve_from_present(sensor, layout)
         assert not end.found or end.objective > bound.objective - 1e-7

@@ -14,10 +14,10 @@ import facets
 from facets.core.errors import InputError
 from facets.design.assembly import assembly_of
 from facets.design.problem import problem_of
-from facets.design.production import interval, passed, produced
+from facets.design.production import count_passes, interval, simulate_heads
 from facets.design.robust import robust_layout
 from facets.design.search import optimize
-from facets.design.tolerancing import drawn, expanded, key_of, sensitivities, shares
+from facets.design.tolerancing import drawn, expand_margins, key_of, sensitivities, shares
 from facets.design.variables import sensor_of
 from facets.design.volume import states_of
 
@@ -116,7 +116,7 @@ def counted_by_hand(config, sensor, count):
 @pytest.mark.slow
 def test_the_predicted_yield_is_that_of_heads_drawn_by_hand(plain):
     built = assembly(plain)
-    predicted = shares(expanded(built), drawn(built)).kept
+    predicted = shares(expand_margins(built), drawn(built)).kept
     assert 0.2 < predicted < 0.9, "else the test says nothing"
     assert within(predicted, counted_by_hand(plain, plain.sensor, 400), 400)
 
@@ -132,12 +132,12 @@ def test_the_predicted_accuracy_is_that_of_heads_calibrated_from_readings(
     # spots that leave their detectors are another test's
     small = replace(built.asked, states=built.asked.states * 0.8)
     built = replace(built, asked=small)
-    predicted = getattr(shares(expanded(built), drawn(built)), which)
+    predicted = getattr(shares(expand_margins(built), drawn(built)), which)
     count = 200 if which == "built" else 80
-    heads = produced(built, count, 3)
+    heads = simulate_heads(built, count, 3)
     assert heads.unsettled == 0
     assert 0.15 < predicted < 0.95, "else the test says nothing"
-    assert within(predicted, passed(heads)[which], count)
+    assert within(predicted, count_passes(heads)[which], count)
 
 
 @pytest.mark.slow
@@ -173,7 +173,7 @@ def test_of_one_tolerance_alone_the_sensitivity_is_the_yield(tmp_path):
         tmp_path, f"extends: layout\ncalibrate: {{before: {{facet_mrad: 0.7, {rest}}}}}\n"
     )
     built = assembly(config)
-    expansion, draws = expanded(built), drawn(built)
+    expansion, draws = expand_margins(built), drawn(built)
     (only,) = sensitivities(expansion, draws)
     assert only.key == "facet_mrad"
     assert only.alone.kept == shares(expansion, draws).kept
@@ -183,7 +183,7 @@ def test_of_one_tolerance_alone_the_sensitivity_is_the_yield(tmp_path):
 @pytest.mark.slow
 def test_the_tolerance_that_costs_most_comes_first(plain):
     built = assembly(plain)
-    found = sensitivities(expanded(built), drawn(built))
+    found = sensitivities(expand_margins(built), drawn(built))
     assert [row.key for row in found[:2]] == ["facet_mrad", "beam_tilt_mrad"]
     assert {row.key for row in found} == set(plain.calibrate.before) - OF_THE_RIG
 
@@ -206,10 +206,10 @@ def test_heads_without_tolerances_are_an_error(plain):
 def test_a_design_without_margin_is_told_what_to_do(plain, share):
     from facets.cli.tolerances import Yields, margin_advice
 
-    from facets.design.production import Heads
+    from facets.design.production import SimulatedHeads
 
     margins = np.where(np.arange(10) < 10 * share, 0.1, -0.1)
-    heads = Heads(margins, margins, margins, np.zeros((10, 2, 6)), 0)
+    heads = SimulatedHeads(margins, margins, margins, np.zeros((10, 2, 6)), 0)
     strongest = SimpleNamespace(key="psd_place_mm", worst="spot on PSD B, -z edge")
     advice = margin_advice(plain, Yields(None, heads, [strongest], False))
     assert (advice == "") == (share > 0.5)
