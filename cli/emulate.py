@@ -81,7 +81,7 @@ def emulate(
     code = library_of(firmware, settings) if firmware else None
     warm_up(settings)  # before there are ports: who opens them waits for answers
     bench = Bench(
-        settings, motion, rate, Faults.of(faults), seed, folder, code, with_reference, truth
+        settings, motion, rate, Faults.from_text(faults), seed, folder, code, with_reference, truth
     )
     typer.echo(
         f"board: {bench.board.port.link}   stage: {bench.stage.link} ({settings.stage.driver})"

@@ -74,7 +74,7 @@ def replay(
     playback = live.Playback(recording, facets.load(config) if config else None)
     poses = playback.poses(real_time, recover)
     if publish:
-        poses = playback.published(poses, publish, filter_by, tell, typer.echo)
+        poses = playback.publish_poses(poses, publish, filter_by, tell, typer.echo)
     with open_page(playback, web) as page:
         poses = page.following(poses) if page else poses
         found = list(poses) if compare or smooth or filter_by else []

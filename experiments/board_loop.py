@@ -65,7 +65,7 @@ def follow(place: Controller, stage: Stage, speed: float, seconds: float) -> tup
     """
     sensor, rng = facets.load("bench").sensor, np.random.default_rng(1)
     settings = replace(stage, rate=place.rate)
-    law, model = Law.of(sensor, settings), StageModel(settings)
+    law, model = Law.from_sensor(sensor, settings), StageModel(settings)
     worst, blind, last = 0.0, 0, np.zeros(8)
     waiting: deque[Seen] = deque()
     for n in range(int(seconds * place.rate)):

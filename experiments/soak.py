@@ -76,7 +76,7 @@ def bench(folder: Path, rate: float, faults: str, ending: Any) -> None:
             raise KeyboardInterrupt
 
     config = facets.load("bench")
-    bench = Bench(config, "wobble", rate, Faults.of(faults), 3, folder, truth=True)
+    bench = Bench(config, "wobble", rate, Faults.from_text(faults), 3, folder, truth=True)
     bench.run(float("inf"), go_on)
 
 
@@ -166,7 +166,7 @@ def judged(folder: Path, live: Live) -> dict[str, Any]:
         "samples": len(good),
         "solved": int(good.sum()),
         "late": live.late,
-        "skipped": live.pipeline.tally.skipped,
+        "skipped": live.pipeline.tally.skipped_count,
         "wrong": int(wrong.sum()),
         "lost": live.pipeline.sequence.lost,
         "bench_lost": int((~sent).sum()),

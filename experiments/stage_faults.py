@@ -122,7 +122,7 @@ class Watched(StageModel):
         super().__init__(settings)
         self.max_speed *= FASTER
         self.acceleration *= FASTER
-        self.reach, self.tried = Limits.of(settings).reach, tried
+        self.reach, self.tried = Limits.from_settings(settings).reach, tried
         self.low = np.add(settings.low, settings.zero)  # the limits are the stage's own
         self.high = np.add(settings.high, settings.zero)
         self.moved = 0.0  # when it last did, s
@@ -215,7 +215,7 @@ class World:
         self.rng, self.tried = rng, tried
         self.now = 10.0
         self.settings = drawn_settings(rng, driver)
-        self.law = Law.of(CONFIG.sensor, self.settings)
+        self.law = Law.from_sensor(CONFIG.sensor, self.settings)
         self.model = Watched(self.settings, tried)
         self.model.now = self.now
         self.model.fault, self.model.ask = self.is_on, self.judge_command

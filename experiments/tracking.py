@@ -13,7 +13,7 @@ from scipy.optimize import bisect
 import facets
 from facets.characterization.ranges import axis_ranges
 from facets.core.settings import Stage
-from facets.tracking.closed_loop import followed
+from facets.tracking.closed_loop import simulate_following
 from facets.tracking.control import margin_of, pull_of
 
 LAWS = ("proportional", "pi", "feedforward")
@@ -24,7 +24,7 @@ def offset(settings: Stage, speed: float, seconds: float = 3.0) -> float:
     time = np.arange(int(1000 * seconds)) / 1000
     truth = np.zeros((len(time), 8))
     truth[:, 0] = speed * np.where(time < 1, time**2 / 2, time - 0.5)
-    states = followed(facets.load("bench").sensor, settings, time, truth)
+    states = simulate_following(facets.load("bench").sensor, settings, time, truth)
     return float(np.abs(states[:, 0] - states[:, 6]).max())
 
 
@@ -50,7 +50,7 @@ if __name__ == "__main__":
     for axis, reach in ((0, 6.0), (1, 5.0)):
         truth = np.zeros((len(time), 8))
         truth[:, axis] = reach * np.sin(2 * np.pi * time / 8)
-        states = followed(config.sensor, config.stage, time, truth)
+        states = simulate_following(config.sensor, config.stage, time, truth)
         seen_ = facets.readings(config.sensor, states)
         solution = facets.solve(config.sensor, seen_, start=states)
         off = np.hypot(states[:, 0] - states[:, 6], states[:, 1] - states[:, 7]).max()

@@ -10,7 +10,7 @@ import facets
 from facets.core.hues import chosen_hues
 from facets.detectors.noise import add_noise
 from facets.pictures import style
-from facets.tracking.closed_loop import followed
+from facets.tracking.closed_loop import simulate_following
 
 from .experiment import NONE, PaperClaim, Table
 from .motion import error_band
@@ -35,7 +35,7 @@ def compute(quick: bool) -> Table:
         motion = np.zeros((len(time), 8))
         phase = 2 * np.pi * time / SECONDS
         motion[:, axis] = reach * np.sin(phase - np.sin(phase))  # from rest to rest
-        states = followed(config.sensor, config.stage, time, motion)
+        states = simulate_following(config.sensor, config.stage, time, motion)
         seen = add_noise(config.sensor, facets.readings(config.sensor, states), rng)
         place = states[:, 6:] + config.stage.accuracy * rng.standard_normal((len(time), 2))
         known = facets.Prior(place, config.stage.accuracy)

@@ -223,7 +223,7 @@ class Run:
         show: called often, with the state of the run. Raises the `FacetsError` that ended the
         reading, if one did; what came until then is recorded and solved.
         """
-        show = with_page(self.page, show) if self.page else show
+        show = join_page(self.page, show) if self.page else show
         acquire(self.live, self.reader, self.ending, show, lambda _: self.complaints())
 
     def complaints(self) -> list[str]:
@@ -285,7 +285,7 @@ def require_port(port: str | None, option: str, key: str) -> str:
     return port
 
 
-def with_page(page: WebPage, show: Show) -> Show:
+def join_page(page: WebPage, show: Show) -> Show:
     """A view that also keeps the page up to date, and does so after a terminal was closed."""
     is_open = True
 

@@ -67,7 +67,7 @@ class Playback:
         """
         return replay(self.folder, self.pipeline, real_time, self.damage, salvage=recover)
 
-    def published(
+    def publish_poses(
         self,
         poses: Iterable[Poses],
         addresses: Sequence[str],
@@ -117,9 +117,9 @@ class Playback:
         """
         about = provenance.about(self.config)
         if filter_by:
-            yield self.write_filtered(path, list(poses), filter_by, about)
+            yield self.write_with_filter(path, list(poses), filter_by, about)
         elif smooth:
-            yield self.write_smoothed(path, list(poses), smooth, about)
+            yield self.write_with_smoothing(path, list(poses), smooth, about)
         elif is_mcap(path):
             offset = utc_offset(self.folder) or 0.0
             with tables.Whole(path) as temporary, McapFile(temporary, about, offset) as file:
@@ -128,7 +128,7 @@ class Playback:
         else:
             yield from self.write_table(path, poses, about)
 
-    def write_filtered(
+    def write_with_filter(
         self, path: Path, poses: list[Poses], model: str, about: dict[str, str]
     ) -> str:
         """Write the table of poses, with those that a live run would have had beside them."""
@@ -140,7 +140,7 @@ class Playback:
         tables.write_table(path, {**label(join_poses(poses)), **columns}, about)
         return f"  filtered by constant {model}; {rows.sentence}"
 
-    def write_smoothed(
+    def write_with_smoothing(
         self, path: Path, poses: list[Poses], model: str, about: dict[str, str]
     ) -> str:
         """Write the table of poses, with those that all samples together make likeliest."""

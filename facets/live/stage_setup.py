@@ -11,7 +11,7 @@ import numpy as np
 from ..characterization.ranges import axis_ranges
 from ..core.errors import InputError
 from ..files import provenance, whole
-from ..tracking.check import StageCheck, checked_today, stage_checked
+from ..tracking.check import StageCheck, checked_today, stage_identity
 from ..tracking.control import Law, margin_of, pull_of
 from ..tracking.tracker import Tracker
 from .sources.ports import open_line
@@ -30,9 +30,9 @@ def refuse_board(config: Config, port: str) -> None:
         raise InputError(f"stage.heartbeat is board: nothing can be sent to {port}")
 
 
-def refuse_unchecked(config: Config, port: str) -> None:
+def require_stage_check(config: Config, port: str) -> None:
     """Raise `InputError` for a stage whose wiring was not checked."""
-    known, here = config.stage.checked, stage_checked(config.stage, port)
+    known, here = config.stage.checked, stage_identity(config.stage, port)
     if known and known.partition(" ")[2] == here:
         return
     what = f"is {known!r}, and so of another stage than {here!r}" if known else "is not given"
@@ -58,7 +58,7 @@ def open_tracker(
     """
     stage = config.stage
     if not check:
-        refuse_unchecked(config, port)
+        require_stage_check(config, port)
     axes = axis_ranges(config.sensor, config.range, np.zeros(6))[:2]
     clearance = min(axis.symmetric / 2 for axis in axes)
     margin = margin_of(stage, pull_of(config.sensor, clearance))
@@ -72,7 +72,7 @@ def open_tracker(
     def open_stage() -> Any:
         return port if stage.driver == "other" else open_line(port, stage.baud, 0.02)
 
-    law = Law.of(config.sensor, stage)
+    law = Law.from_sensor(config.sensor, stage)
     if check:
         return StageCheck(open_stage(), stage, law, add_event)
     return Tracker(open_stage(), stage, law, add_event, search, open_again=open_stage)

@@ -20,7 +20,7 @@ from ..detectors.noise import add_noise
 from ..estimation.solution import Solution, Status
 from ..estimation.table import compile_for_poses, labels, pose_columns, solve_readings
 from ..model.arrays import mask_missed, on_detectors
-from ..tracking.closed_loop import followed
+from ..tracking.closed_loop import simulate_following
 from .imperfect_optics import seen_late
 from .motion import states
 from .reference import reference_columns, reference_poses
@@ -109,7 +109,7 @@ def simulate_motion(
     """One motion, read and solved."""
     time, truth = states(config.motions[name], rng)
     if track:
-        truth = followed(config.sensor, config.stage, time, truth)
+        truth = simulate_following(config.sensor, config.stage, time, truth)
     seen, reached = read_detectors(config.sensor, time, truth, noise, rng)
     place = reported_beam_place(config.solve, truth, noise, rng)
     solution = solve_readings(config.sensor, config.solve, seen, place, time)

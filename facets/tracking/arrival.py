@@ -38,7 +38,7 @@ def settling_time(settings: Settings) -> float:
     was up to PLACE ago, and ends by the stage's lag and acceleration.
     """
     s = settings
-    reach = Limits.of(s).reach
+    reach = Limits.from_settings(s).reach
     settling = s.lag * math.log(max(reach / REST, 1.0)) + 2 * s.max_speed / s.acceleration
     return s.latency + PLACE + reach / s.max_speed + settling
 
@@ -97,7 +97,7 @@ class Arrival:
 
     def compare(self, now: float, beam: Floats, encoder: Encoder, time: float) -> str:
         """What is wrong where the readings of a time place the beam at (2,) mm, or nothing."""
-        there = encoder.at(np.array([time]))[0]
+        there = encoder.places(np.array([time]))[0]
         if self.offset is None:
             self.offset = beam - there
         parted = beam - there - self.offset

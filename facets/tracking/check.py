@@ -71,14 +71,14 @@ class Axis(NamedTuple):
         return f"a command along {self.name} {what}"
 
 
-def stage_checked(settings: Settings, port: str) -> str:
+def stage_identity(settings: Settings, port: str) -> str:
     """The stage that `stage.checked` is about, in words: another one needs a check of its own."""
     return f"{settings.driver} {port} {1e3 * settings.step:g} um"
 
 
 def checked_today(settings: Settings, port: str) -> str:
     """The value of `stage.checked` after a check."""
-    return f"{datetime.now(UTC):%Y-%m-%d} {stage_checked(settings, port)}"
+    return f"{datetime.now(UTC):%Y-%m-%d} {stage_identity(settings, port)}"
 
 
 class StageCheck(Tracker):

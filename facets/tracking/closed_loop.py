@@ -12,13 +12,13 @@ from .control import Law, Seen
 from .stage import StageModel
 
 
-def followed(sensor: Sensor, settings: Settings, time: Floats, truth: Floats) -> Floats:
+def simulate_following(sensor: Sensor, settings: Settings, time: Floats, truth: Floats) -> Floats:
     """True states (n, 8) at times (n,), s, with the beam where the stage carries it.
 
     The beam begins on the mirror. Where a facet has no light the stage stands still.
     """
     states = truth.copy()
-    law, model = Law.of(sensor, settings), StageModel(settings)
+    law, model = Law.from_sensor(sensor, settings), StageModel(settings)
     model.place = truth[0, :2].copy()
     model.target = model.place.copy()
     due = 0.0

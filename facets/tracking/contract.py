@@ -52,7 +52,7 @@ def check_driver(
     finally:
         driver.close()
     driver.close()  # again does nothing
-    check_closed(driver, home)
+    check_close(driver, home)
 
 
 def check_parts(driver: Driver) -> None:
@@ -69,7 +69,7 @@ def check_place(driver: Driver, settings: Settings) -> Floats:
         assert place.dtype == np.float64, f"place() gives {place.dtype}, not float64"
         assert np.isfinite(place).all(), f"place() gives {place}"
     assert np.abs(first - second).max() < NEAR, "the stage moves though it was stopped"
-    limits = Limits.of(settings)
+    limits = Limits.from_settings(settings)
     low, high = np.array(limits.low) + 3 * FAR, np.array(limits.high) - 3 * FAR
     inside = (low < first) & (first < high)
     assert inside.all(), "the stage stands too near its limits"
@@ -140,7 +140,7 @@ def check_threads(driver: Driver) -> None:
     assert not failed, f"cry() raised {failed[0]!r}"
 
 
-def check_closed(driver: Driver, goal: Floats) -> None:
+def check_close(driver: Driver, goal: Floats) -> None:
     """What is closed moves nothing, and says so."""
     try:
         driver.move(goal)

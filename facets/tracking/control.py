@@ -60,15 +60,15 @@ def slope_of_error(sensor: Sensor) -> Floats:
 class Law:
     """Where the beam is to go next. Kept within speed, step and soft limits.
 
-    inverse: of `slope_of_error`, mm.  power: of the beam, mW.  room: further off than this, mm, the
-    beam does not light all three facets.  goal: the last command.  summed: of the errors.
+    inverse: of `slope_of_error`, mm.  power: of the beam, mW.  clearance: further off than this,
+    mm, the beam does not light all three facets.  goal: the last command.  summed: of the errors.
     limited: how often a limit held one back.
     """
 
     settings: Settings
     inverse: Floats
     power: float
-    room: float
+    clearance: float
     goal: Floats | None = None
     summed: Floats = field(default_factory=lambda: np.zeros(2))
     limited: int = 0
@@ -76,7 +76,7 @@ class Law:
     speed: Floats = field(default_factory=lambda: np.zeros(2))
 
     @classmethod
-    def of(cls, sensor: Sensor, settings: Settings) -> Law:
+    def from_sensor(cls, sensor: Sensor, settings: Settings) -> Law:
         beam = sensor.beam
         inverse = np.asarray(np.linalg.inv(slope_of_error(sensor)))
         return cls(settings, inverse, beam.power, max(beam.diameter_x, beam.diameter_y))
@@ -88,19 +88,19 @@ class Law:
             self.observe(seen.time, seen.apex)
         if s.law == "feedforward":
             assert seen.apex is not None
-            wanted = self.ahead(seen.now)
+            target = self.ahead(seen.now)
         else:
             off = self.inverse @ tracking_error(seen.powers)
             integral = s.integral if s.law == "pi" else 0.0
             goal = seen.beam if self.goal is None else self.goal
-            wanted = goal - s.gain * off - integral * (self.summed + off)
-            self.goal = self.hold(wanted, seen.beam)
-            if np.allclose(self.goal, wanted, rtol=0, atol=1e-9):  # else the sum would only grow
+            target = goal - s.gain * off - integral * (self.summed + off)
+            self.goal = self.hold(target, seen.beam)
+            if np.allclose(self.goal, target, rtol=0, atol=1e-9):  # else the sum would only grow
                 self.summed = self.summed + off
             return self.goal
-        return self.hold(wanted, seen.beam)
+        return self.hold(target, seen.beam)
 
-    def towards(self, powers: Floats, beam: Floats, lit: float) -> Floats | None:
+    def locate_apex(self, powers: Floats, beam: Floats, lit: float) -> Floats | None:
         """Where Eq. (14) says that the apex is (2,), mm, however far: its direction is right also
         where a facet is dark, and it never shows more than there is. beam: where the beam was then.
         A power that is infinite, of a saturated detector, is what the others leave of the beam's.
@@ -133,10 +133,10 @@ class Law:
         place: Floats = apex + horizon * self.speed
         return place
 
-    def hold(self, wanted: Floats, beam: Floats) -> Floats:
+    def hold(self, target: Floats, beam: Floats) -> Floats:
         """A command within step, speed and soft limits."""
-        held = Limits.of(self.settings).hold(wanted, beam)
-        self.limited += not np.allclose(held, wanted, rtol=0, atol=1e-12)
+        held = Limits.from_settings(self.settings).hold(target, beam)
+        self.limited += not np.allclose(held, target, rtol=0, atol=1e-12)
         return held
 
     def forget(self) -> None:
@@ -175,13 +175,13 @@ class Margin:
         )
 
 
-def pull_of(sensor: Sensor, room: float) -> float:
-    """The largest offset that Eq. (14) shows, mm, while the true one stays within `room` along x.
+def pull_of(sensor: Sensor, clearance: float) -> float:
+    """The largest offset that Eq. (14) shows, mm, while the true one is within `clearance` in x.
 
     It shows less and less of a larger one, since no share can be more than all.
     """
     states = np.zeros((200, 8))
-    states[:, 6] = np.linspace(-room, room, 200)
+    states[:, 6] = np.linspace(-clearance, clearance, 200)
     shown = tracking_error(readings(sensor, states)[:, 2::3]) @ np.linalg.inv(
         slope_of_error(sensor)
     )

@@ -72,7 +72,7 @@ def open_driver(port: Any, settings: Settings, clock: Callable[[], float]) -> Dr
         return Zaber(Line(port, clock), settings)
     if settings.driver == "pi":
         return Pi(Line(port, clock), settings)
-    return opened_by(driver_of(str(port)), str(port), settings)
+    return open_by_package(driver_of(str(port)), str(port), settings)
 
 
 def driver_of(name: str) -> EntryPoint:
@@ -91,7 +91,7 @@ def driver_of(name: str) -> EntryPoint:
     )
 
 
-def opened_by(driver: EntryPoint, name: str, settings: Settings) -> Driver:
+def open_by_package(driver: EntryPoint, name: str, settings: Settings) -> Driver:
     """The driver that another package opens; what it raises besides `StageError` names it."""
     try:
         found: Driver = driver.load()(name, settings)

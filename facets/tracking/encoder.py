@@ -19,7 +19,7 @@ class Encoder(NamedTuple):
     place: Floats
     speed: Floats
 
-    def at(self, times: Floats) -> Floats:
+    def places(self, times: Floats) -> Floats:
         """Places (n, 2) at host times (n,)."""
         ahead = np.clip(times - self.time, -REACH, REACH)
         return self.place + ahead[:, None] * self.speed

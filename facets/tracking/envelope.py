@@ -73,7 +73,7 @@ class Envelope:
     ) -> None:
         """Stops the stage, bounds its speed, and asks where it is; else closes the port."""
         self.settings, self.say, self.clock = settings, say, clock
-        self.limits, self.arrival = Limits.of(settings), Arrival(settings)
+        self.limits, self.arrival = Limits.from_settings(settings), Arrival(settings)
         self.open_again = open_again
         self.failed = self.moving = self.stalled = self.closed = False
         self.latched, self.latched_at, self.is_for_auto = "", -math.inf, False
@@ -97,21 +97,22 @@ class Envelope:
             if not self.heartbeat and s.heartbeat:
                 self.heartbeat = Heartbeat(s.heartbeat)
             self._driver.prepare()
-            self.arrival.begin(self.look(anew=True).place)
+            self.arrival.begin(self.look(forget_place=True).place)
         except BaseException:
             self._stop_by_every_means()
             raise
 
-    def look(self, anew: bool = False) -> Encoder:
+    def look(self, forget_place: bool = False) -> Encoder:
         """Ask the stage where it is, and stop it where that, the permit or the heartbeat demands.
 
-        anew: whatever it said before no longer holds. Raises `StageError` where it cannot be there.
+        forget_place: whatever it said before no longer holds. Raises `StageError` where it cannot
+        be there.
         """
         self.beat = before = self.clock()
         place = self._driver.place()
         self.beat = after = self.clock()
         self._refuse_place(place)
-        earlier = None if anew else self.encoder
+        earlier = None if forget_place else self.encoder
         now = (before + after) / 2
         speed = np.zeros(2) if earlier is None else self._speed(earlier, now, after, place)
         self.encoder = Encoder(now, place, speed)
@@ -149,7 +150,7 @@ class Envelope:
 
     def _require_permits(self, now: float) -> None:
         """Stop the stage without the external permit, or where no heartbeat can be sent."""
-        if self.permit.given(now) is False:
+        if self.permit.allows_motion(now) is False:
             self._require("the external permit is not given")
         if self.heartbeat:
             self.heartbeat.beat(now, not self.latched)
@@ -165,19 +166,19 @@ class Envelope:
         if self.encoder and not self.latched and np.isfinite(beam).all():
             self._require(self.arrival.compare(self.clock(), beam, self.encoder, time))
 
-    def go(self, wanted: Floats, sampled: float, limits: Limits | None = None) -> Floats | None:
+    def go(self, target: Floats, sampled: float, limits: Limits | None = None) -> Floats | None:
         """Sends the stage towards a place (2,), as far as is allowed; returns where to, or None.
 
         sampled: when the sample was taken from which that place was found, on the clock, s.
         limits: narrower ones.  None: nothing was sent, since something is not fresh.
         """
         self.beat = now = self.clock()
-        held = self._allow(wanted, now, limits or self.limits)
+        held = self._allow(target, now, limits or self.limits)
         if held is None or not -AHEAD <= now - sampled <= self.settings.stale:
             return None
         return self._send(held, now)
 
-    def bridge(self, wanted: Floats, sampled: float, origin: Floats) -> Floats | None:
+    def bridge(self, target: Floats, sampled: float, origin: Floats) -> Floats | None:
         """Sends the stage towards a predicted place (2,), as `go`; returns where to, or None.
 
         sampled: when the last good sample was taken, on the clock, s.  origin: where the mirror was
@@ -185,8 +186,8 @@ class Envelope:
         """
         self.beat = now = self.clock()
         most = self.settings.bridge_distance
-        away = float(np.hypot(*(wanted - origin)))
-        near = origin + (wanted - origin) * min(1.0, most / away) if away > 0 else wanted
+        away = float(np.hypot(*(target - origin)))
+        near = origin + (target - origin) * min(1.0, most / away) if away > 0 else target
         held = self._allow(near, now, self.limits)
         if held is None or not -AHEAD <= now - sampled <= self.settings.bridge:
             return None
@@ -194,17 +195,19 @@ class Envelope:
             return None
         return self._send(held, now)
 
-    def _allow(self, wanted: Floats, now: float, narrow: Limits) -> Floats | None:
-        """The place nearest to `wanted` that may be commanded now; None where none may be."""
+    def _allow(self, target: Floats, now: float, narrow: Limits) -> Floats | None:
+        """The place nearest to `target` that may be commanded now; None where none may be."""
         at = self.encoder
-        if not np.isfinite(wanted).all():
+        if not np.isfinite(target).all():
             raise StageError("the stage was to be sent to a place that is no number")
         if self.latched or self.failed or at is None or now - at.time > PLACE:
             return None
-        if not self.permit.given(now) or (self.heartbeat and not self.heartbeat.is_heard(now)):
+        if not self.permit.allows_motion(now) or (
+            self.heartbeat and not self.heartbeat.is_heard(now)
+        ):
             return None
-        held = self.limits.hold(narrow.hold(wanted, at.place), at.place)
-        return self._slowed(held, now, at, min(narrow.speed, self.limits.speed))
+        held = self.limits.hold(narrow.hold(target, at.place), at.place)
+        return self._limit_speed(held, now, at, min(narrow.speed, self.limits.speed))
 
     def _send(self, held: Floats, now: float) -> Floats:
         self.moving, self.sent = True, (now, held)
@@ -213,7 +216,7 @@ class Envelope:
         self.arrival.send(held, self.beat)
         return held
 
-    def _slowed(self, held: Floats, now: float, at: Encoder, speed: float) -> Floats:
+    def _limit_speed(self, held: Floats, now: float, at: Encoder, speed: float) -> Floats:
         """No further from the last command, or from where the stage is, than its speed allows."""
         period = 1 / self.settings.rate
         last, passed = (at.place, period) if self.sent is None else (self.sent[1], period)
@@ -251,7 +254,7 @@ class Envelope:
         if self.failed:
             return "its line is closed"
         self.permit.was_lost = False
-        if not self.permit.given(now):
+        if not self.permit.allows_motion(now):
             return "the external permit is not given"
         if now - self.latched_at < self.arrival.patience:
             return "it was stopped just now"

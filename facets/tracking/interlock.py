@@ -47,7 +47,7 @@ class Permit(Protocol):
 
     was_lost: bool
 
-    def given(self, now: float) -> bool | None: ...
+    def allows_motion(self, now: float) -> bool | None: ...
 
 
 class Always:
@@ -55,7 +55,7 @@ class Always:
 
     was_lost = False
 
-    def given(self, now: float) -> bool | None:
+    def allows_motion(self, now: float) -> bool | None:
         return True
 
 
@@ -70,7 +70,7 @@ class BoardPermit:
         self.was_lost |= not on
         self.time, self.on = time, on
 
-    def given(self, now: float) -> bool | None:
+    def allows_motion(self, now: float) -> bool | None:
         if self.was_lost:
             return False
         return self.on if now - self.time <= self.stale else None
@@ -84,7 +84,7 @@ class FilePermit:
     def __init__(self, path: Path) -> None:
         self.path = path
 
-    def given(self, now: float) -> bool | None:
+    def allows_motion(self, now: float) -> bool | None:
         try:
             return self.path.read_bytes().strip() == b"1"
         except OSError:
@@ -108,7 +108,7 @@ class CardLine:
             raise StageError(f"{name}: can not be opened: {error}") from None
         self.name, self.high = name, False
 
-    def given(self, now: float) -> bool | None:
+    def allows_motion(self, now: float) -> bool | None:
         """An input that is high."""
         try:
             return bool(self.task.read())

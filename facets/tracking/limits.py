@@ -21,7 +21,7 @@ class Limits:
     reach: float
 
     @classmethod
-    def of(cls, settings: Settings) -> Limits:
+    def from_settings(cls, settings: Settings) -> Limits:
         """Of tracking: no further ahead than the stage can come until the next command acts.
 
         The soft limits are the stage's own, so that an offset of the beam moves them with it.
@@ -32,10 +32,10 @@ class Limits:
         high = s.high[0] + s.zero[0], s.high[1] + s.zero[1]
         return cls(low, high, s.max_speed, min(s.max_step, ahead))
 
-    def hold(self, wanted: Floats, place: Floats) -> Floats:
-        """The place nearest to `wanted` (2,), on the way from `place`, that may be commanded."""
-        step = wanted - place
+    def hold(self, target: Floats, place: Floats) -> Floats:
+        """The place nearest to `target` (2,), on the way from `place`, that may be commanded."""
+        step = target - place
         length = float(np.hypot(*step))
-        kept = place + step * min(1.0, self.reach / length) if length > 0 else wanted
+        kept = place + step * min(1.0, self.reach / length) if length > 0 else target
         held: Floats = np.clip(kept, self.low, self.high)
         return held

@@ -32,7 +32,7 @@ class Search:
     """
 
     def __init__(self, settings: Settings) -> None:
-        self.full = full = Limits.of(settings)
+        self.full = full = Limits.from_settings(settings)
         speed = min(settings.max_speed, SPEED)
         self.step = min(STEP, full.reach, speed / settings.rate)
         self.narrow = self.limits = Limits(full.low, full.high, speed, self.step)
@@ -72,7 +72,7 @@ class Search:
             self.centre = (place if self.chases else home).copy()
             self.goal = self.centre
         elif hypot(*(place - self.goal)) < 2 * self.step:  # else the stage is still on its way
-            self.goal = self.turned()
+            self.goal = self.turn()
         if self.radius <= FARTHEST and self.spirals <= self.most_spiral:
             return self.goal
         at = ", ".join(f"{x:.3f}" for x in self.centre)
@@ -83,7 +83,7 @@ class Search:
     def radius(self) -> float:
         return TURN * self.angle / (2 * pi)
 
-    def turned(self) -> Floats:
+    def turn(self) -> Floats:
         """The next place of the spiral, within the soft limits."""
         assert self.centre is not None
         self.angle += self.step / hypot(self.radius, TURN / (2 * pi))

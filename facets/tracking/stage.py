@@ -41,7 +41,7 @@ class StageModel:
         self.waiting.append((self.now + self.settings.latency, np.array(place, dtype=float)))
 
     @property
-    def settled(self) -> bool:
+    def is_settled(self) -> bool:
         """Whether it stands where it was last told to go, to 0.1 um."""
         there = bool(np.abs(self.target - self.place).max() < 1e-4)
         return not self.waiting and not self.braking and there

@@ -103,7 +103,7 @@ class Tracker:
         return self.envelope.encoder
 
     @property
-    def stopped(self) -> str:
+    def stop_reason(self) -> str:
         """Why nothing is followed, '' while something is."""
         return self.envelope.latched or ("" if self.started else NOTHING.doubt)
 
@@ -114,7 +114,7 @@ class Tracker:
             return f"stopped: {self.envelope.latched}"
         if self.searching:
             return "searching"
-        return self.stopped or ("bridging a gap" if self.bridging else "following")
+        return self.stop_reason or ("bridging a gap" if self.bridging else "following")
 
     def resume(self, by: str) -> None:
         """Asks the loop to let a stopped stage move again; from any thread.
@@ -164,7 +164,7 @@ class Tracker:
             self.envelope.permit.take(float(times[-1]), permit)
         for row in range(len(times) - 1, -1, -1):
             beam = NO_BEAM if beams is None else beams[row]
-            sample = self.judge(float(times[row]), came, powers[row], apexes[row], beam)
+            sample = self.screen_sample(float(times[row]), came, powers[row], apexes[row], beam)
             if row == len(times) - 1:
                 self.newest = sample
             if not sample.doubt:
@@ -173,7 +173,7 @@ class Tracker:
                     self.good = sample
                 break
 
-    def judge(
+    def screen_sample(
         self, taken: float, came: float, powers: Floats, apex: Floats, beam: Floats
     ) -> Sample:
         doubt, needs_pose = "", self.settings.law == "feedforward"
@@ -233,7 +233,7 @@ class Tracker:
         if not doubt:
             self.end_search("found")
             self.started, self.bridging, self.note = True, False, ""
-            self.home = self.encoder.at(np.array([good.time]))[0]
+            self.home = self.encoder.places(np.array([good.time]))[0]
             self.follow(good, place, now)
         elif not self.started:
             self.wait(doubt, newest, now)
@@ -310,8 +310,8 @@ class Tracker:
         """Why nothing may move, or nothing."""
         stale = self.settings.stale
         if now - good.time <= stale and now - good.came <= stale:
-            room = self.law.room + self.settings.max_speed * (now - good.time)
-            if good.apex is not None and np.abs(good.apex - place).max() > room:
+            clearance = self.law.clearance + self.settings.max_speed * (now - good.time)
+            if good.apex is not None and np.abs(good.apex - place).max() > clearance:
                 return "the pose is further from the beam than its light allows"
             return ""
         if newest is NOTHING or now - newest.came > stale:
@@ -331,8 +331,8 @@ class Tracker:
     def look_for(self, newest: Sample, place: Floats) -> None:
         """Looks for the mirror."""
         assert self.search is not None
-        beam = self.encoder.at(np.array([newest.time]))[0]
-        goal = self.search.next(place, self.law.towards(newest.powers, beam, LIT), self.home)
+        beam = self.encoder.places(np.array([newest.time]))[0]
+        goal = self.search.next(place, self.law.locate_apex(newest.powers, beam, LIT), self.home)
         if goal is None:
             self.stop(self.search.outcome)
         else:

@@ -12,7 +12,7 @@ import facets
 from facets.firmware.export import export
 from facets.firmware.library import FirmwareLibrary
 from facets.firmware.source import Provenance
-from facets.live.run.board_poses import SOLVED, solved_on_board
+from facets.live.run.board_poses import SOLVED, board_solution
 from facets.live.run.pipeline import Pipeline
 from facets.live.sources.frames import POSE, SIZE, FixedFrames
 from facets.live.virtual import Faults
@@ -127,7 +127,7 @@ def test_the_exported_frames_are_read(tmp_path, library):
     assert samples.time.tolist() == [17, 18]
     assert samples.flags.tolist() == [1, 0]
     assert samples.counts[0].tolist() == [1, -2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 2147483647]
-    one = solved_on_board(samples.where(samples.kind == POSE))[0]
+    one = board_solution(samples.where(samples.kind == POSE))[0]
     assert SOLVED.itemsize == 48
     assert one["state"].tolist() == [0.5 * n for n in range(8)]
     assert (one["power"], one["residual"]) == (0.25, 1.5)

@@ -37,7 +37,7 @@ def errors(seed, seconds, arrivals=polled, jitter=JITTER, drift=DRIFT):
     clock, error, said = HostTime(), [], []
     for at, real, arrival in zip(device, true, arrivals(true, rng, jitter), strict=True):
         clock.add(at, arrival + 5000.0)
-        error.append(clock.line.at(at) - 5000.0 - real)
+        error.append(clock.line.host_times(at) - 5000.0 - real)
         said.append(clock.uncertainty)
     return true, np.array(error), np.array(said), clock
 
@@ -142,11 +142,11 @@ def test_a_clock_that_stood_still_and_one_that_was_set_are_noticed():
         clock.add(at, arrival)
     for at, arrival in zip(true + 30, came + 28, strict=True):
         clock.add(at, arrival)
-        assert abs(clock.line.at(at) - (at - 2.0)) < 20e-3
+        assert abs(clock.line.host_times(at) - (at - 2.0)) < 20e-3
     assert clock.restarts == 1
     for at, arrival in zip(true + 60, came + 58.3, strict=True):
         clock.add(at, arrival)
-    assert clock.line.at(90.0) == pytest.approx(88.3, abs=1e-4)
+    assert clock.line.host_times(90.0) == pytest.approx(88.3, abs=1e-4)
 
 
 def test_an_input_of_the_board_marks_its_samples():

@@ -136,10 +136,10 @@ def test_a_torn_index_and_a_torn_stream_are_read_up_to_there(tmp_path):
 
 
 def test_faults_are_checked():
-    assert Faults.of("flip=1e-3, stall=2").stall == 2
+    assert Faults.from_text("flip=1e-3, stall=2").stall == 2
     for text in ("flop=1", "flip", "flip=-1", "flip=x"):
         with pytest.raises(InputError, match="--faults"):
-            Faults.of(text)
+            Faults.from_text(text)
 
 
 @pytest.mark.slow

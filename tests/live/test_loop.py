@@ -120,7 +120,7 @@ def test_a_loop_in_time_solves_in_turn_and_says_nothing(monkeypatch):
     columns = join_columns(kept.parts)
     assert (np.diff(columns["seq"]) == 1).all()
     assert compare(columns, in_turn(50)).same
-    assert live.late == live.pipeline.tally.skipped == 0
+    assert live.late == live.pipeline.tally.skipped_count == 0
 
 
 def test_a_loop_that_falls_behind_says_so_keeps_up_with_the_newest_and_catches_up(monkeypatch):
@@ -132,7 +132,7 @@ def test_a_loop_that_falls_behind_says_so_keeps_up_with_the_newest_and_catches_u
     assert not seen[-1]
     assert live.latency_p99() < module.NEWEST_FIRST_AFTER_S + 2 * 0.02 + 0.002
     assert live.late > 0
-    assert live.pipeline.tally.skipped == 0
+    assert live.pipeline.tally.skipped_count == 0
     found = compare(in_order(join_columns(kept.parts)), in_turn(500))
     assert found.same  # in whatever order they were solved, to the last bit
     assert found.recorded == 500 * EACH
@@ -148,7 +148,7 @@ def test_what_there_is_never_time_for_is_given_up_by_name(monkeypatch):
     assert (columns["seq"] == np.arange(1_000 * EACH)).all()
     skipped = columns["status"] == SKIPPED
     assert 0.35 < skipped.mean() < 0.55
-    assert skipped.sum() == live.pipeline.tally.skipped
+    assert skipped.sum() == live.pipeline.tally.skipped_count
     assert np.isnan(columns["tx_mm"][skipped]).all()
     assert live.latency_p99() < module.NEWEST_FIRST_AFTER_S + 0.02
     assert kept.events[-1][1]["statuses"]["skipped"] == skipped.sum()

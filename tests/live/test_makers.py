@@ -165,9 +165,9 @@ def test_the_stand_ins_take_what_the_packages_take():
 def test_a_card_gives_the_permit_and_takes_the_heartbeat(installed):
     permit = open_permit("ni:Dev1/port0/line0", 0.05)
     assert permit.task.di_channels == ["Dev1/port0/line0"]
-    assert permit.given(0.0) is False
+    assert permit.allows_motion(0.0) is False
     permit.task.level = True
-    assert permit.given(0.0) is True
+    assert permit.allows_motion(0.0) is True
     heartbeat = Heartbeat("ni:Dev1/port0/line1")
     levels = []
     for now in np.arange(0.0, 0.3, 0.03):

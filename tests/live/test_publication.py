@@ -159,7 +159,7 @@ def test_two_local_subscribers_get_every_sample_at_full_rate():
         subscription.close()
     expected = np.concatenate([rows_of(part, 0.0) for part in parts]).tobytes() * 10
     assert [np.concatenate(rows).tobytes() == expected for rows in came] == [True, True]
-    assert (one.given, one.sent, one.dropped) == (30_000, 30_000, 0)
+    assert (one.given, one.sent, one.dropped_count) == (30_000, 30_000, 0)
 
 
 def numbered(first, count):
@@ -194,7 +194,7 @@ def test_a_slow_subscriber_loses_samples_alone_and_tells_how_many(monkeypatch):
                 first += 1_000
                 next(slow_rows)
             assert quick.lost == 0
-            await_true(lambda: sender.receivers and sender.lost == slow.lost, "the loss")
+            await_true(lambda: sender.receivers and sender.missed_count == slow.lost, "the loss")
     finally:
         ended.set()
         thread.join()
@@ -239,15 +239,15 @@ def test_a_receiver_that_takes_nothing_costs_itself_samples_and_nobody_else(monk
         publications = Publications(["zmq://127.0.0.1:0", f"udp://127.0.0.1:{other.port}"], CONFIG)
         stuck, free = publications.all
         stuck.process.send_signal(signal.SIGSTOP)
-        while not stuck.dropped:  # each call returns, whatever the process does
+        while not stuck.dropped_count:  # each call returns, whatever the process does
             for part in parts:
                 publications.add_poses(part)
             given = free.given
-            await_true(lambda given=given: free.sent + free.dropped == given, "all to go")
+            await_true(lambda given=given: free.sent + free.dropped_count == given, "all to go")
         publications.close()
-    assert stuck.sent + stuck.dropped == stuck.given
+    assert stuck.sent + stuck.dropped_count == stuck.given
     assert sum(len(json.loads(data)) for data in other.came) <= free.sent
-    assert (free.sent, free.dropped) == (free.given, 0)
+    assert (free.sent, free.dropped_count) == (free.given, 0)
     assert stuck.sent < free.sent
 
 
@@ -260,8 +260,8 @@ def test_nobody_there_is_counted():
         one.send(rows_of(part, 0.0).tobytes())
     one.close()
     assert one.given == 2_000
-    assert one.sent + one.dropped == 2_000
-    assert one.dropped > 500  # of a socket that was refused, the next send says so
+    assert one.sent + one.dropped_count == 2_000
+    assert one.dropped_count > 500  # of a socket that was refused, the next send says so
 
 
 def test_a_process_that_dies_is_told_and_nothing_waits_for_it():
@@ -273,7 +273,7 @@ def test_a_process_that_dies_is_told_and_nothing_waits_for_it():
     await_true(lambda: one.trouble, "the news")
     one.send(data)
     one.close()
-    assert one.dropped == one.given
+    assert one.dropped_count == one.given
     assert "its process has ended" in one.trouble
 
 
@@ -325,7 +325,7 @@ def test_an_inlet_of_the_lab_streaming_layer_gets_every_sample(tmp_path, monkeyp
             times += at
         inlet.close_stream()
     (one,) = publications.all
-    assert (one.sent, one.dropped) == (1_000, 0)
+    assert (one.sent, one.dropped_count) == (1_000, 0)
     rows = np.concatenate([rows_of(part, 0.0) for part in parts])
     names = [name for name, _ in labels]
     np.testing.assert_array_equal(

@@ -15,7 +15,7 @@ import pytest
 from commands import PROGRAM, command
 from programs import Program, await_true, count_lines
 
-from facets.live.run.keys import pressing
+from facets.live.run.keys import watch_keys
 from facets.live.virtual.board import HEARTBEAT_PATIENCE_S, HeartbeatWatch
 from facets.tracking.interlock import heartbeat_frame
 
@@ -145,9 +145,9 @@ def test_a_key_calls_its_action_and_the_terminal_is_as_it_was(tmp_path):
     """In a process of its own, whose terminal is a pty."""
     script = tmp_path / "keys.py"
     script.write_text(
-        "import threading\nfrom facets.live.run.keys import pressing\n"
+        "import threading\nfrom facets.live.run.keys import watch_keys\n"
         "pressed = threading.Event()\n"
-        "with pressing({'r': pressed.set}):\n    print('ready', flush=True)\n    pressed.wait()\n"
+        "with watch_keys({'r': pressed.set}):\n    print('ready', flush=True)\n    pressed.wait()\n"
         "print('resumed', flush=True)\n"
     )
     end, other = pty.openpty()
@@ -171,5 +171,5 @@ def test_no_key_is_read_where_the_input_is_no_terminal(monkeypatch, tmp_path):
     with (tmp_path / "empty").open("w+") as file:
         monkeypatch.setattr("sys.stdin", file)
         threads = threading.active_count()
-        with pressing({"r": lambda: None}):
+        with watch_keys({"r": lambda: None}):
             assert threading.active_count() == threads

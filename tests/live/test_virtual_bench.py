@@ -58,7 +58,7 @@ def test_a_reference_reads_the_pose_as_well_as_the_configuration_says(tmp_path):
         made.end()
     said = pd.DataFrame(made.reference.columns())
     assert len(said) == pytest.approx(400, abs=2)
-    truth = made.mirror.at(said["time_s"].to_numpy() - 100.0)
+    truth = made.mirror.interpolate(said["time_s"].to_numpy() - 100.0)
     error = said.iloc[:, 1:] - (truth / STATE_UNITS)[:, :6]
     sigma = np.array(CONFIG.calibrate.reference) / STATE_UNITS[:6]
     assert (error.abs().max() < 6 * sigma).all()

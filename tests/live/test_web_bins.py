@@ -49,8 +49,8 @@ def plain(rows, times, width):
 
 
 def assert_same(bins, expected):
-    assert bins.held() == sorted(expected)
-    numbers, table = bins.values(np.array(bins.held()))
+    assert bins.present_numbers() == sorted(expected)
+    numbers, table = bins.values(np.array(bins.present_numbers()))
     for number, row in zip(numbers.tolist(), table, strict=True):
         for name, value in zip(COLUMNS, row, strict=True):
             np.testing.assert_allclose(value, expected[number][name], rtol=1e-6, atol=1e-6)
@@ -90,22 +90,22 @@ def test_only_the_newest_bins_are_held_and_late_samples_of_older_ones_are_passed
     bins = Bins(0.01, 100)
     bins.add(times, rows)
     last = int(np.floor(times / 0.01).max())
-    assert min(bins.held()) > last - 100
-    before = bins.values(np.array(bins.held()))[1]
+    assert min(bins.present_numbers()) > last - 100
+    before = bins.values(np.array(bins.present_numbers()))[1]
     bins.add(times[:50], rows[:50])
-    np.testing.assert_array_equal(bins.values(np.array(bins.held()))[1], before)
+    np.testing.assert_array_equal(bins.values(np.array(bins.present_numbers()))[1], before)
     bins.add(times[:5] - 100.0, rows[:5])  # before the origin
-    np.testing.assert_array_equal(bins.values(np.array(bins.held()))[1], before)
+    np.testing.assert_array_equal(bins.values(np.array(bins.present_numbers()))[1], before)
 
 
 def test_what_changed_is_told_once():
     rows = some_rows(200, 5)
     bins = Bins(0.01, 1_000)
     bins.add(rows["host_s"] - 50.0, rows)
-    assert sorted(bins.take_changed()) == bins.held()
-    assert not bins.take_changed()
+    assert sorted(bins.take_changes()) == bins.present_numbers()
+    assert not bins.take_changes()
     bins.add(rows["host_s"][:1] - 50.0, rows[:1])
-    assert len(bins.take_changed()) == 1
+    assert len(bins.take_changes()) == 1
 
 
 def test_nothing_is_drawn_of_a_sample_without_a_pose_even_if_it_has_numbers():

@@ -270,7 +270,7 @@ def test_what_is_not_known_is_never_a_number_and_a_page_comes_back_by_itself():
     finally:
         page.close()
     await_true(lambda: page.process.poll() is not None, "its process ends")
-    assert page.dropped == 0
+    assert page.dropped_count == 0
 
 
 @pytest.mark.slow

@@ -257,7 +257,7 @@ def test_a_page_that_takes_nothing_costs_nobody_else_anything(page):
     )
     assert sum(bin[0] for bin in told.bins[1].values()) == 15_000
     page.close()
-    assert page.dropped == 0
+    assert page.dropped_count == 0
     assert not page.trouble
     hung.close()
 
@@ -301,7 +301,7 @@ def test_a_process_that_dies_is_told_and_costs_the_run_nothing(page):
         page.show()
     await_true(lambda: page.trouble, "its end is noticed")
     page.close()
-    assert page.dropped == 10_000
+    assert page.dropped_count == 10_000
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from sensors import SENSORS
 
 import facets
 from facets.live.virtual.stages import PiController, ZaberDevice
-from facets.tracking.check import STEP_MM, StageCheck, checked_today, stage_checked
+from facets.tracking.check import STEP_MM, StageCheck, checked_today, stage_identity
 from facets.tracking.control import Law
 from facets.tracking.stage import StageModel
 
@@ -29,7 +29,7 @@ class Bench:
         self.wiring, self.drift, self.replies = np.array(wiring), drift, b""
         self.home, self.way = self.model.place.copy(), 0.0
         self.stalls = 0
-        law = Law.of(SENSORS["paper"], settings)
+        law = Law.from_sensor(SENSORS["paper"], settings)
         self.check = StageCheck(self, settings, law, lambda *_, **__: None, clock=self.clock)
 
     def clock(self):
@@ -129,6 +129,6 @@ def test_a_check_is_of_one_stage():
     value = checked_today(STAGE, "/dev/ttyUSB0")
     date, _, stage = value.partition(" ")
     assert len(date.split("-")) == 3
-    assert stage == stage_checked(STAGE, "/dev/ttyUSB0") == "zaber /dev/ttyUSB0 0.1 um"
-    assert stage != stage_checked(replace(STAGE, step=1e-3), "/dev/ttyUSB0")
-    assert stage != stage_checked(PI, "/dev/ttyUSB0")
+    assert stage == stage_identity(STAGE, "/dev/ttyUSB0") == "zaber /dev/ttyUSB0 0.1 um"
+    assert stage != stage_identity(replace(STAGE, step=1e-3), "/dev/ttyUSB0")
+    assert stage != stage_identity(PI, "/dev/ttyUSB0")

@@ -23,7 +23,7 @@ def powers(apex, beam, angles=(0, 0, 0)):
 
 def followed(settings, speed, seconds=3.0):
     """The offset of the beam from a mirror that comes to speed along x in 1 s, at each command."""
-    law, model = Law.of(PAPER, settings), StageModel(settings)
+    law, model = Law.from_sensor(PAPER, settings), StageModel(settings)
     offsets = []
     for n in range(int(seconds * settings.rate)):
         now = n / settings.rate
@@ -53,7 +53,7 @@ def test_the_slope_of_eq_14_is_that_of_the_powers():
 def test_eq_13_leaves_the_residual_that_the_paper_bounds():
     """Equal powers at 10 mrad of tilt: proportional control rests 0.85 um off; paper: < 0.89."""
     settings = replace(STAGE, law="proportional")
-    law, beam = Law.of(PAPER, settings), np.zeros(2)
+    law, beam = Law.from_sensor(PAPER, settings), np.zeros(2)
     for n in range(200):
         seen = Seen(n, n, powers((0, 0), beam, (0, 0.01, 0)), None, beam)
         beam = law.command(seen)
@@ -63,7 +63,7 @@ def test_eq_13_leaves_the_residual_that_the_paper_bounds():
 @pytest.mark.parametrize("law", ["proportional", "pi", "feedforward"])
 def test_a_standing_mirror_is_met(law):
     settings = replace(STAGE, law=law)
-    controller, model = Law.of(PAPER, settings), StageModel(settings)
+    controller, model = Law.from_sensor(PAPER, settings), StageModel(settings)
     apex = np.array([0.1, -0.05])
     for n in range(300):
         model.advance(n / settings.rate)
@@ -94,7 +94,7 @@ def test_feedforward_and_integral_follow_faster():
 def test_a_gain_past_the_margin_is_unstable():
     settings = replace(STAGE, law="proportional", gain=1.0, latency=0.03)
     assert margin_of(settings, 0.18).times < 1
-    law, model = Law.of(PAPER, settings), StageModel(settings)
+    law, model = Law.from_sensor(PAPER, settings), StageModel(settings)
     model.place[:] = 0.02
     sizes = []
     for n in range(150):
@@ -106,7 +106,7 @@ def test_a_gain_past_the_margin_is_unstable():
 
 
 def test_commands_stay_within_their_limits():
-    law = Law.of(PAPER, replace(STAGE, max_step=0.01, low=(-7, -7), high=(7, 7)))
+    law = Law.from_sensor(PAPER, replace(STAGE, max_step=0.01, low=(-7, -7), high=(7, 7)))
     beam = np.array([6.999, 0.0])
     place = law.command(Seen(0, 0, powers((0, 0), (0, 0)), np.array([9.0, 9.0]), beam))
     assert np.hypot(*(place - beam)) <= 0.01 + 1e-12
@@ -129,7 +129,7 @@ def test_the_stage_model_keeps_its_limits():
 def test_a_command_that_is_held_back_a_little_at_a_far_place_is_seen():
     """Relative tolerances would take 50 nm at 5 mm for nothing, and the integral would grow."""
     settings = replace(STAGE, law="pi", max_step=1e-5)
-    law, beam = Law.of(PAPER, settings), np.array([5.0, 0.0])
+    law, beam = Law.from_sensor(PAPER, settings), np.array([5.0, 0.0])
     law.command(Seen(0, 0, powers((5.0 + 5e-5, 0), beam), None, beam))
     assert law.limited == 1
     assert not law.summed.any()

@@ -68,7 +68,7 @@ def test_pipython_drives_the_virtual_stage(serve):
         stage = GCSCommands(GCSMessages(line))
         stage.VEL(["1", "2"], [10.0, 10.0])
         stage.MOV(["1", "2"], [1.0, 0.5])
-        while not (model.settled and model.place[0] > 0.9):
+        while not (model.is_settled and model.place[0] > 0.9):
             time.sleep(0.01)
         assert stage.qPOS(["1", "2"]) == pytest.approx({"1": 1.0, "2": 0.5}, abs=1e-3)
         stage.STP(noraise=True)

@@ -86,7 +86,7 @@ def test_the_judge_sees_a_stop_that_does_not_last_and_a_move_that_goes_astray(mo
     assert fails(monkeypatch, Envelope, "latch", stop_for_now)
     assert fails(monkeypatch, Envelope, "compare", lambda self, time, beam: None, ("miswired",))
     assert fails(monkeypatch, Arrival, "complaint", lambda self, now, place: "", ("ignore",))
-    assert fails(monkeypatch, BoardPermit, "given", lambda self, now: True, ("no permit",))
+    assert fails(monkeypatch, BoardPermit, "allows_motion", lambda self, now: True, ("no permit",))
 
 
 def test_a_fault_lasts_from_its_beginning_to_its_end():

@@ -182,7 +182,7 @@ def test_an_old_zaber_that_can_not_be_held_back_is_not_used():
 def tracker(settings=STAGE, search=False):
     port = Port((ZaberDevice if settings.driver == "zaber" else PiController)(StageModel(settings)))
     events = []
-    law = Law.of(SENSORS["paper"], settings)
+    law = Law.from_sensor(SENSORS["paper"], settings)
 
     def say(name, **more):
         events.append((name, more))
@@ -224,7 +224,7 @@ def test_a_stage_begins_stopped_where_the_first_sample_is_not_good(settings, cas
     feed(follower, port, **case)
     for _ in range(3):
         assert follower.step()
-        assert follower.stopped
+        assert follower.stop_reason
         port.now += 0.1
         feed(follower, port)  # good ones alone let nothing move
     assert moves_of(port) == 0
@@ -249,7 +249,7 @@ def test_a_stage_waits_for_a_first_fresh_sample_and_not_for_ever(age):
     assert follower.step()
     feed(follower, port)
     assert follower.step()
-    assert "no fresh sample came in the first 10 s" in follower.stopped
+    assert "no fresh sample came in the first 10 s" in follower.stop_reason
     assert moves_of(port) == 0
 
 
@@ -269,7 +269,7 @@ def test_a_good_sample_counts_until_it_is_stale():
     feed(follower, port, apex=None)
     follower.step()
     assert follower.moves == 3
-    assert follower.stopped == "no pose"
+    assert follower.stop_reason == "no pose"
     assert follower.state == "stopped: no pose"
     assert events[-1] == ("stop", {"reason": "no pose"})
 
@@ -277,7 +277,7 @@ def test_a_good_sample_counts_until_it_is_stale():
 def test_a_stopped_stage_stays_stopped_until_a_person_says_go():
     follower, port, events = tracker()
     steady(follower, port, 6.28)
-    while not follower.stopped:
+    while not follower.stop_reason:
         port.now += 0.01
         feed(follower, port, apex=None)
         assert follower.step()
@@ -363,7 +363,7 @@ def test_no_run_resumes_by_itself_after_a_fault_of_the_stage(tmp_path):
         port.now += 0.1
         feed(follower, port)
         assert follower.step()
-    assert follower.stopped == "the external permit is not given"
+    assert follower.stop_reason == "the external permit is not given"
     assert follower.moves == 1
     resume(follower, port)
     assert follower.moves == 2
@@ -377,7 +377,7 @@ def test_nothing_moves_without_the_permit(tmp_path, content):
     feed(follower, port)
     assert follower.step()
     resume(follower, port)
-    assert "permit" in follower.stopped
+    assert "permit" in follower.stop_reason
     assert "permit" in follower.note
     assert moves_of(port) == 0
 
@@ -396,7 +396,7 @@ def test_a_boards_permit_holds_while_samples_are_fresh_and_no_loss_is_too_short(
     take(True)
     assert follower.envelope.go(np.array([0.55, 0.0]), port.now) is None
     assert follower.step()
-    assert follower.stopped == "the external permit is not given"
+    assert follower.stop_reason == "the external permit is not given"
     assert follower.moves == 1
     port.now += 0.5
     take(True)
@@ -434,7 +434,7 @@ def test_nothing_moves_where_the_heartbeat_can_not_be_sent():
     port.now += 0.03
     feed(follower, port)
     assert follower.step()
-    assert "heartbeat can not be sent (board)" in follower.stopped
+    assert "heartbeat can not be sent (board)" in follower.stop_reason
     works = True
     port.now += 0.03
     assert follower.step()
@@ -484,10 +484,10 @@ def test_a_move_that_is_not_executed_stops_and_latches(how, words):
         port.device.model.advance(port.now)
         feed(follower, port, apex=(1.0, 0.1))
         assert follower.step()
-        if follower.stopped:
+        if follower.stop_reason:
             break
-    assert words in follower.stopped
-    assert events[-1] == ("stop", {"reason": follower.stopped})
+    assert words in follower.stop_reason
+    assert events[-1] == ("stop", {"reason": follower.stop_reason})
     assert "stop" in port.sent[-1]
     assert abs(port.device.model.place - 0.5).max() < 1.5
 
@@ -504,9 +504,9 @@ def test_a_stage_that_somebody_else_moves_is_stopped():
         port.now += 0.01
         port.device.model.advance(port.now)
         assert follower.step(), follower.error
-        if follower.stopped:
+        if follower.stop_reason:
             break
-    assert "does somebody else move it" in follower.stopped
+    assert "does somebody else move it" in follower.stop_reason
 
 
 def test_an_encoder_that_the_readings_contradict_stops_the_stage():
@@ -519,9 +519,9 @@ def test_an_encoder_that_the_readings_contradict_stops_the_stage():
         beam = 0.5 + 0.5 * (port.device.model.place - 0.5)  # half as far as the encoder says
         follower.feed(np.array([port.now]), light, apex, beam[None])
         assert follower.step()
-        if follower.stopped:
+        if follower.stop_reason:
             break
-    assert "the encoder disagrees with the readings" in follower.stopped
+    assert "the encoder disagrees with the readings" in follower.stop_reason
 
 
 def test_a_stage_that_follows_at_full_speed_arrives_in_time():
@@ -539,7 +539,7 @@ def test_a_stage_that_follows_at_full_speed_arrives_in_time():
             beam = port.device.model.place[None]
             follower.feed(np.array([port.now]), np.full((1, 3), 0.1), np.array([[apex, 0]]), beam)
             assert follower.step()
-            assert not follower.stopped
+            assert not follower.stop_reason
 
 
 def test_soft_limits_are_the_stages_own_whatever_offset_is_set():
@@ -559,7 +559,7 @@ def test_soft_limits_are_the_stages_own_whatever_offset_is_set():
 
 def test_a_stage_can_be_resumed_after_a_fault_of_its_line():
     port = Pulled(ZaberDevice(StageModel(STAGE)))
-    law, opened = Law.of(SENSORS["paper"], STAGE), []
+    law, opened = Law.from_sensor(SENSORS["paper"], STAGE), []
 
     def open_again():
         opened.append(port.pulled)
@@ -601,7 +601,7 @@ def steady(follower, port, speed, count=10):
         apex = (0.5 + 0.01 * speed * n, 0.0)
         feed(follower, port, apex=apex)
         assert follower.step()
-        assert not follower.stopped
+        assert not follower.stop_reason
     return apex[0]
 
 
@@ -611,7 +611,7 @@ def test_a_gap_is_bridged_along_the_motion_for_so_long_and_so_far_and_ends_in_a_
     last, begin = steady(follower, port, speed), port.now
     events.clear()
     offsets = []
-    while not follower.stopped:
+    while not follower.stop_reason:
         port.now += 0.01
         port.device.model.advance(port.now)
         feed(follower, port, apex=None, powers=(0.1, 0.0, 0.1))
@@ -642,7 +642,7 @@ def test_no_gap_is_bridged_where_that_is_turned_off():
     steady(follower, port, 6.28)
     port.now += 0.06
     assert follower.step()
-    assert follower.stopped == "no fresh sample"
+    assert follower.stop_reason == "no fresh sample"
     assert not any(more.get("predicted") for _, more in events)
 
 
@@ -679,7 +679,7 @@ def test_a_loss_stops_and_only_search_looks():
 
 def lose(follower, port, powers=(0.0, 0.0, 0.0)):
     """The mirror is gone, the stage stops, and a person has it look for the mirror."""
-    while not follower.stopped:
+    while not follower.stop_reason:
         port.now += 0.01
         port.device.model.advance(port.now)
         feed(follower, port, apex=None, powers=powers)
@@ -706,7 +706,7 @@ def test_a_search_in_the_dark_ends_and_says_so():
     follower.step()
     lose(follower, port)
     cycles, places = 0, []
-    while "not found" not in follower.stopped:
+    while "not found" not in follower.stop_reason:
         cycles += 1
         assert cycles < 10_000
         port.now += 0.01
@@ -754,7 +754,7 @@ def test_a_saturated_detector_shows_the_way_and_is_not_followed():
     assert follower.state == "searching"
     assert port.device.model.place[0] < -1.0
     assert abs(port.device.model.place[1]) < 1e-3
-    dark = follower.law.towards(np.array([np.nan, 0.1, 0.1]), np.zeros(2), 0.02)
+    dark = follower.law.locate_apex(np.array([np.nan, 0.1, 0.1]), np.zeros(2), 0.02)
     assert dark is None
 
 
@@ -774,7 +774,7 @@ def test_a_search_goes_towards_the_light_and_finds_it():
         near = np.hypot(*(apex - place)) < 0.3
         feed(follower, port, apex=apex if near else None, powers=powers)
         assert follower.step()
-        if near and not follower.stopped:
+        if near and not follower.stop_reason:
             break
     assert ("search ended", {"outcome": "found"}) in events
 
@@ -834,7 +834,7 @@ def test_any_error_stops_the_stage_and_is_told(error):
         events.append(name)
         raise OSError(28, "No space left on device")  # telling fails, too
 
-    law = Law.of(SENSORS["paper"], STAGE)
+    law = Law.from_sensor(SENSORS["paper"], STAGE)
     follower = Tracker(port, STAGE, law, say, clock=port.clock)
     feed(follower, port)
     assert follower.step()
@@ -892,10 +892,10 @@ def test_the_watchdog_stops_a_loop_that_stalls():
     assert "stop" in port.sent[-1]
     feed(follower, port)
     assert follower.step()
-    assert follower.stopped == "the loop has stalled"
+    assert follower.stop_reason == "the loop has stalled"
     feed(follower, port)
     assert follower.step()
-    assert follower.stopped == "the loop has stalled"
+    assert follower.stop_reason == "the loop has stalled"
     moves = follower.moves
     resume(follower, port)
     assert follower.moves == moves + 1
@@ -905,7 +905,7 @@ def test_the_threads_follow_and_leave_a_stage_that_stands():
     """With the clock of the machine: waits for what happens, however long that takes."""
     port = Port(ZaberDevice(StageModel(STAGE)))
     moved = threading.Event()
-    law = Law.of(SENSORS["paper"], STAGE)
+    law = Law.from_sensor(SENSORS["paper"], STAGE)
 
     def say(name, **more):
         if name == "move":

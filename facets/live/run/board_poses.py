@@ -42,7 +42,7 @@ def is_pose(samples: Samples) -> NDArray[np.bool_]:
     return found
 
 
-def solved_on_board(samples: Samples) -> NDArray[np.void]:
+def board_solution(samples: Samples) -> NDArray[np.void]:
     """What frames of the kind POSE hold (n,), of the type SOLVED."""
     return np.ascontiguousarray(samples.counts.astype("<i4")).view(SOLVED)[:, 0]
 
@@ -67,7 +67,7 @@ class BoardPoses:
 
         restarted: whether the board did, in the block; its frames could be of either count then.
         """
-        found = solved_on_board(samples)
+        found = board_solution(samples)
         self.came += len(found)
         self.slowest = max(self.slowest, int(found["microseconds"].max()))
         if restarted:
@@ -95,11 +95,11 @@ class BoardPoses:
         known = np.concatenate([waiting, rows])[-WAITING:]
         board, found = self._board
         _, mine, theirs = np.intersect1d(here, board, return_indices=True)
-        self.judge(known[mine], found[theirs])
+        self.add_differences(known[mine], found[theirs])
         self._here = np.delete(here, mine), np.delete(known, mine, axis=0)
         self._board = np.delete(board, theirs), np.delete(found, theirs)
 
-    def judge(self, known: Floats, found: NDArray[np.void]) -> None:
+    def add_differences(self, known: Floats, found: NDArray[np.void]) -> None:
         """known: (n, 17) statuses, states and uncertainties; found: (n,) of the board."""
         estimated = known[:, 0] <= max(Status)
         # whether such poses are given is asked of each by itself

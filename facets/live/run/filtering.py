@@ -97,7 +97,7 @@ class Filter:
         return float((np.abs(self.means) / self.allowed).max() * CHANCE)
 
     @property
-    def beyond_chance(self) -> bool:
+    def is_beyond_chance(self) -> bool:
         """Whether the newest innovations, or their means, are larger than chance has it."""
         if (np.abs(self.means) > self.allowed).any():
             return True
@@ -123,7 +123,7 @@ class Filter:
         self.waited += int(there.sum())
         if self.strength is None and len(self.recent) < LEARNT_FROM:
             return found
-        if self.strength is None or (self.beyond_chance and self.waited > LEARNT_FROM):
+        if self.strength is None or (self.is_beyond_chance and self.waited > LEARNT_FROM):
             self.learn()
             return found
         if not np.isfinite(self.period):
@@ -215,7 +215,7 @@ class Filter:
             self.remember(float(white @ white) / self.width)
             self.means += WEIGHTS * (white - self.means)
             self.mean = self.mean + self.gain @ apart
-        if self.beyond_chance:
+        if self.is_beyond_chance:
             self.doubtful += 1
         else:
             self.tell(found, n)
@@ -276,7 +276,7 @@ class Filter:
         steady, sudden = self.delays()
         text = f"the filter follows half of a sudden step after {1e3 * sudden:.3g} ms"
         text += f", a steady motion {1e3 * steady:.3g} ms late" if self.order == 1 else ""
-        if self.beyond_chance:
+        if self.is_beyond_chance:
             text += (
                 "; its innovations are larger than chance has it (mean normalised square "
                 f"{self.squares:.3g}, largest mean {self.largest:.2g} of its standard deviation): "

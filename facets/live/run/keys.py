@@ -14,7 +14,7 @@ POLL_S = 0.2
 
 
 @contextmanager
-def pressing(actions: Mapping[str, Callable[[], None]]) -> Iterator[None]:
+def watch_keys(actions: Mapping[str, Callable[[], None]]) -> Iterator[None]:
     """Within it a key that is pressed calls its action, from a thread of its own.
 
     Where the standard input is no terminal nothing happens, and nothing is read. A program in the

@@ -28,7 +28,7 @@ from ...estimation.solution import Status
 from ...tracking.priority import urgent
 from ..sources.source import Block
 from .interruption import deferring, resume_by_signal
-from .keys import pressing
+from .keys import watch_keys
 from .live import Live
 from .pipeline import PERMITTED, Batch, Poses
 from .reader import Reader
@@ -176,7 +176,7 @@ class Loop:
             live.add_event("behind", seconds=round(live.age, 3), samples=live.backlog)
         elif live.behind and not self.backlog:
             live.behind = False
-            live.add_event("caught up", late=live.late, skipped=live.pipeline.tally.skipped)
+            live.add_event("caught up", late=live.late, skipped=live.pipeline.tally.skipped_count)
 
     def display(self) -> None:
         """Show the run; a terminal that was closed ends the view, not the recording."""
@@ -258,7 +258,7 @@ def acquire(
             if live.tracker.envelope.heartbeat:
                 live.tracker.envelope.heartbeat.to_board = reader.write
             closing.enter_context(resume_by_signal(live.tracker))
-            closing.enter_context(pressing({"r": partial(live.tracker.resume, "the key r")}))
+            closing.enter_context(watch_keys({"r": partial(live.tracker.resume, "the key r")}))
             closing.enter_context(live.tracker)
         live.begin = time.monotonic()
         reader.start()

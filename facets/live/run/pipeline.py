@@ -130,12 +130,12 @@ class Tally:
     flags: Counter[str] = field(default_factory=Counter)
 
     @property
-    def unsolved(self) -> int:
+    def unsolved_count(self) -> int:
         """Samples that were looked at and have no pose."""
         return self.statuses.total() - self.statuses[Status.CONVERGED.label]
 
     @property
-    def skipped(self) -> int:
+    def skipped_count(self) -> int:
         return self.statuses[LABELS[SKIPPED]]
 
 
@@ -196,7 +196,7 @@ class Pipeline:
         device: Floats = 1e-6 * time.astype(np.float64)
         before = self.host_time.line
         if restarted:
-            self.host_time.begin_anew()
+            self.host_time.restart()
         if not isnan(arrival):
             self.host_time.add(float(device[-1]), arrival)
         if self.config.acquire.timing == "arrival" or self.host_time.line is None:
@@ -204,9 +204,9 @@ class Pipeline:
             if isnan(arrival):
                 known = self.last[0] + 1e-6 * (int(time[-1]) - self.last[1])
             return known - self.config.acquire.delay - 1e-6 * (time[-1] - time)  # type: ignore[no-any-return]
-        host = self.host_time.line.at(device)
+        host = self.host_time.line.host_times(device)
         if restarted and before is not None:
-            host[: self.sequence.fresh] = before.at(device[: self.sequence.fresh])
+            host[: self.sequence.fresh] = before.host_times(device[: self.sequence.fresh])
         host -= self.config.acquire.least_delay
         # the line moves as it is known better, and later samples are not earlier for that
         host = np.maximum(host, self.latest + 1e-9 * np.arange(1, len(host) + 1))
@@ -263,7 +263,7 @@ class Pipeline:
         self.tally.misfit.add(solution, self.config.sensor, knowledge, options.method, exact)
         self.doubts.add(batch.readings, batch.flags, solution.misfit)
         self.board.compare(batch.seq, solution)
-        return self.finish(batch, with_causes(solution, batch.flags))
+        return self.finish(batch, name_causes(solution, batch.flags))
 
     def skip(self, batch: Batch) -> Poses:
         """The batch without poses, for want of time."""
@@ -297,7 +297,7 @@ class Pipeline:
         # a stage may have changed its speed since it was asked: half the way is in doubt
         moving = float(np.hypot(*encoder.speed)) * (TIMING + max(0.0, age) / 2)
         sigma = hypot(self.config.stage.accuracy, moving, jitter_of(self.config))
-        return replace(self.at_rest, beam=Prior(encoder.at(host), sigma))
+        return replace(self.at_rest, beam=Prior(encoder.places(host), sigma))
 
     def count(self, flags: NDArray[np.uint8]) -> None:
         self.tally.samples += len(flags)
@@ -318,7 +318,7 @@ def knowledge_at_rest(config: Config) -> Knowledge:
     return config.solve.knowledge(config.sensor)
 
 
-def with_causes(solution: Solution, flags: NDArray[np.uint8]) -> Solution:
+def name_causes(solution: Solution, flags: NDArray[np.uint8]) -> Solution:
     """The same with the status FULL for what is not finite since a converter was at its end."""
     full = flags & SATURATED > 0
     if not full.any():

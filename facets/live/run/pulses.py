@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.units import Booleans, Floats
+from .pipeline import MARKED
 
 #: Edges are remembered for so many seconds.
 WINDOW = 60
@@ -58,10 +59,10 @@ class PulseClock:
         found, sigma = np.full(len(device), np.nan), np.full(len(device), np.nan)
         start = 0
         for n in np.flatnonzero(marked).tolist():
-            found[start:n], sigma[start:n] = self.at(device[start:n])
+            found[start:n], sigma[start:n] = self.utc_times(device[start:n])
             start = n
             self.add(float(before[n]), float(device[n]), float(utc[n]))
-        found[start:], sigma[start:] = self.at(device[start:])
+        found[start:], sigma[start:] = self.utc_times(device[start:])
         if len(device):
             self.last = float(device[-1])
         return found, sigma
@@ -95,7 +96,7 @@ class PulseClock:
         slack = 5 * WORST_RATE * passed + 4 * (sigma + last.sigma)
         return passed > 0 and abs(edge - last.device - passed) < slack
 
-    def at(self, device: Floats) -> tuple[Floats, Floats]:
+    def utc_times(self, device: Floats) -> tuple[Floats, Floats]:
         """UTC of the board's times (n,), s, and its standard uncertainty."""
         if not self.edges or not len(device):
             return np.full(len(device), np.nan), np.full(len(device), np.nan)
@@ -120,7 +121,5 @@ class PulseClock:
 
 def pulse_columns(poses: Any, offset: float, clock: PulseClock) -> dict[str, Floats]:
     """`utc_s` and `u_utc_us` of poses.  offset: of UTC over the host's monotonic clock, s."""
-    from .pipeline import MARKED
-
     utc, sigma = clock.follow(poses.time, poses.flags & MARKED > 0, poses.host + offset)
     return {"utc_s": utc, "u_utc_us": 1e6 * sigma}

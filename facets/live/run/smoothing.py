@@ -118,7 +118,7 @@ def smooth(
         raise ValueError(f"{int(there.sum())} poses are too few to be smoothed")
     steps = np.diff(time, prepend=time[0]) / np.median(np.diff(time))
     if len(time) > PIECE + 2 * MARGIN:
-        return in_pieces(time, poses, covariance, model, strength)
+        return smooth_pieces(time, poses, covariance, model, strength)
     units = np.sqrt(np.median(np.diagonal(covariance[there], axis1=1, axis2=2), axis=0))
     seen = np.where(there[:, None], poses / units, np.nan)
     noise = covariance / np.outer(units, units)
@@ -129,7 +129,7 @@ def smooth(
     return Smoothed(states * units, spread * np.outer(units, units), squares, memory, strength)
 
 
-def in_pieces(
+def smooth_pieces(
     time: Floats, poses: Floats, covariance: Floats, model: str, strength: Floats | None
 ) -> Smoothed:
     """The same piece by piece, for want of memory; by the strength of the first."""

@@ -47,16 +47,16 @@ def values(live: Live) -> dict[str, Any]:
         "doubled": sequence.doubled,
         "restarts": sequence.restarts,
         "reconnects": live.reconnects,
-        "unsolved": tally.unsolved,
+        "unsolved": tally.unsolved_count,
         "late": live.late,
-        "skipped": tally.skipped,
+        "skipped": tally.skipped_count,
         "misfit": tally.misfit.flagged,
         "flags": {name: count for name, count in tally.flags.items() if count},
-        "latency_p99_ms": rounded(1e3 * live.latency_p99()),
+        "latency_p99_ms": round_digits(1e3 * live.latency_p99()),
         "backlog": live.backlog,
         "behind_s": round(live.age, 3) if live.behind else 0.0,
-        "clock_ppm": rounded(live.pipeline.host_time.ppm),
-        "u_time_us": rounded(1e6 * live.pipeline.host_time.uncertainty),
+        "clock_ppm": round_digits(live.pipeline.host_time.ppm),
+        "u_time_us": round_digits(1e6 * live.pipeline.host_time.uncertainty),
         "note": "; ".join(live.messages()),
     }
     if live.pipeline.board.came:
@@ -66,12 +66,12 @@ def values(live: Live) -> dict[str, Any]:
         found |= sample(live)
     if live.tracker:
         found |= {
-            "stage_mm": [rounded(x) for x in live.tracker.encoder.place],
+            "stage_mm": [round_digits(x) for x in live.tracker.encoder.place],
             "stage": live.tracker.state,
             "moves": live.tracker.moves,
             "bridged_gaps": live.tracker.bridges,
             "stops": live.tracker.envelope.stops,
-            "beam_lost": rounded(live.beam_loss.share),
+            "beam_lost": round_digits(live.beam_loss.share),
         }
     return found
 
@@ -85,16 +85,16 @@ def sample(live: Live) -> dict[str, Any]:
     for i, name in enumerate(STATE):
         angle = name in ANGLES
         key = f"{name}_mrad" if angle else f"{name}_mm"
-        found[key] = rounded(state[i] * (1e3 if angle else 1))
+        found[key] = round_digits(state[i] * (1e3 if angle else 1))
         fine = "urad" if angle else "um"
-        found[f"u_{name}_{fine}"] = rounded(sigma[i] * (1e6 if angle else 1e3))
-    found["spots_mm"] = [[rounded(x) for x in reading[3 * k : 3 * k + 2]] for k in range(3)]
-    found["powers_uw"] = [rounded(1e3 * power) for power in reading[2::3]]
-    found["tracking_error"] = [rounded(x) for x in tracking_error(reading[2::3])]
+        found[f"u_{name}_{fine}"] = round_digits(sigma[i] * (1e6 if angle else 1e3))
+    found["spots_mm"] = [[round_digits(x) for x in reading[3 * k : 3 * k + 2]] for k in range(3)]
+    found["powers_uw"] = [round_digits(1e3 * power) for power in reading[2::3]]
+    found["tracking_error"] = [round_digits(x) for x in tracking_error(reading[2::3])]
     return found
 
 
-def rounded(value: float) -> float | None:
+def round_digits(value: float) -> float | None:
     """Six digits; None for what is no number, which JSON has no word for."""
     return float(f"{value:.6g}") if np.isfinite(value) else None
 
@@ -168,7 +168,7 @@ def sample_sentences(live: Live) -> Iterator[str]:
 
 def loop_sentences(live: Live) -> Iterator[str]:
     """How the loop kept up, what the board and its clock did, and what the sinks received."""
-    skipped = live.pipeline.tally.skipped
+    skipped = live.pipeline.tally.skipped_count
     if live.late or skipped:
         yield (
             f"the loop fell behind: {live.late} samples were solved after newer ones, "
@@ -223,7 +223,7 @@ class Screen:
         grid = Table.grid()
         grid.add_row(*[face(self.live, k, wide, high) for k in range(3)])
         yield grid
-        yield from below(now, beside)
+        yield from lower_lines(now, beside)
 
 
 def terminal_hues() -> Hues:
@@ -279,7 +279,7 @@ def counts_table(now: dict[str, Any]) -> Any:
     return table
 
 
-def below(now: dict[str, Any], beside: bool) -> Iterator[Any]:
+def lower_lines(now: dict[str, Any], beside: bool) -> Iterator[Any]:
     """What stands under the faces: the counts, where they are not beside the pose, and messages."""
     from rich.text import Text
 

@@ -97,7 +97,7 @@ class Sequence:
         ends = run_ends(samples)
         if step == 1 and passed < CLOSE_US and len(ends) == 1:
             seq = self.seq + 1 + np.arange(len(samples))
-            time = self.time + passed + since_first(samples.time)
+            time = self.time + passed + elapsed_counts(samples.time)
             if len(samples) > 1:
                 self.period = usual_step(time)
         else:
@@ -142,7 +142,7 @@ class Sequence:
                     self.doubled += 1
                     n += 1
                     continue
-                whole = self.time_passed(step, passed, gap, first=not seqs)
+                whole = self.elapsed_time(step, passed, gap, first=not seqs)
                 if whole is None:
                     self.restarts += 1
                     self.fresh = int(keep.sum())
@@ -153,7 +153,7 @@ class Sequence:
                 self.lost += step - 1
                 run = slice(n, end)
                 seqs.append(seq + step + np.arange(end - n))
-                times.append(time + whole + since_first(samples.time[run]))
+                times.append(time + whole + elapsed_counts(samples.time[run]))
                 raw_seq, raw_time = int(samples.seq[end - 1]), int(samples.time[end - 1])
                 seq, time = int(seqs[-1][-1]), int(times[-1][-1])
                 known.add(samples.where(run))
@@ -191,13 +191,13 @@ class Sequence:
     def agrees(self, passed: float, steps: int) -> bool:
         """Whether so much time, us, is about so many samples."""
         late = passed > FACTOR * steps * self.period + CLOSE_US / 100
-        return self.has_room(passed, steps) and not late
+        return self.fits_samples(passed, steps) and not late
 
-    def has_room(self, passed: float, steps: int) -> bool:
+    def fits_samples(self, passed: float, steps: int) -> bool:
         """Whether so many samples can have been taken in that time, us."""
         return 0 < steps * self.period <= FACTOR * passed
 
-    def time_passed(self, step: int, passed: int, gap: float, first: bool) -> int | None:
+    def elapsed_time(self, step: int, passed: int, gap: float, first: bool) -> int | None:
         """How far the board's clock went on, us, with its wraps counted; None for a restart.
 
         step, passed: of the raw counters, modulo 2^32.  gap: of the host's clock, us.  first: of
@@ -222,7 +222,7 @@ class Sequence:
         if step == 1 or self.period == 0:
             return False
         # a board that stood still for a while and lost samples has not begun anew
-        stood = whole < CLOSE_US and self.has_room(whole, step)
+        stood = whole < CLOSE_US and self.fits_samples(whole, step)
         return stood or self.agrees(whole, step)
 
     def agrees_with_host(self, whole: float, gap: float, first: bool, were_kept: bool) -> bool:
@@ -250,7 +250,7 @@ def usual_step(time: NDArray[np.int64]) -> float:
     return float(steps[len(steps) // 2] or steps.mean())
 
 
-def since_first(values: NDArray[np.uint32]) -> NDArray[np.int64]:
+def elapsed_counts(values: NDArray[np.uint32]) -> NDArray[np.int64]:
     """How far a counter that wraps at 2^32 has gone on since the first of its values (n,)."""
     gone = np.zeros(len(values), np.int64)
     np.cumsum(np.diff(values), out=gone[1:])  # unsigned differences wrap as the counter does

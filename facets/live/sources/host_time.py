@@ -49,7 +49,7 @@ class Line(NamedTuple):
         """Host's time less the board's."""
         return self.offset + self.rate * (device - self.middle)
 
-    def at(self, device: Floats) -> Floats:
+    def host_times(self, device: Floats) -> Floats:
         times: Floats = device + self.offset + self.rate * (device - self.middle)
         return times
 
@@ -64,9 +64,9 @@ class HostTime:
     def __init__(self) -> None:
         self.rate, self.rate_sigma = 0.0, WORST_RATE
         self.restarts = -1
-        self.begin_anew()
+        self.restart()
 
-    def begin_anew(self) -> None:
+    def restart(self) -> None:
         """The clocks are apart by another amount from here on; their rates are not."""
         self.restarts += 1
         self.line: Line | None = None
@@ -84,7 +84,7 @@ class HostTime:
             self.bucket = device
         over = lag - self.line.lag(device)
         if over < -EARLY:
-            self.begin_anew()
+            self.restart()
             self.add(device, arrival)
             return
         if over < 0:  # known at once, where the fit is only made now and then

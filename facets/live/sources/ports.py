@@ -177,7 +177,7 @@ def open_port(name: str, baud: int) -> Source:
     if name.startswith("udp://"):
         return DatagramPort(name)
     if (other := source_of(name)) is not None:
-        return opened_by(other, name, baud)
+        return open_by_package(other, name, baud)
     return SerialPort(name, baud)
 
 
@@ -190,7 +190,7 @@ def source_of(name: str) -> EntryPoint | None:
     return next((one for one in found if one.name == scheme), None)
 
 
-def opened_by(source: EntryPoint, name: str, baud: int) -> Source:
+def open_by_package(source: EntryPoint, name: str, baud: int) -> Source:
     """The port that another package opens; what it raises besides `PortError` names it."""
     try:
         port: Source = source.load()(name, baud)

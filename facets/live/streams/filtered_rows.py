@@ -53,7 +53,7 @@ class RowFilter:
     def doubt(self) -> str:
         """Why there are no filtered poses, or nothing."""
         one = self.filter.filter
-        return one.sentence() if one.begun and one.beyond_chance else ""
+        return one.sentence() if one.begun and one.is_beyond_chance else ""
 
     @property
     def sentence(self) -> str:

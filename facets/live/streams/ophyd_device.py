@@ -96,7 +96,7 @@ class PoseSensor(
         self._stream.check()
         return self._stream
 
-    def _opened(self) -> RowStream:
+    def _require_stream(self) -> RowStream:
         if self._stream is None:
             raise FacetsError(f"{self.name}: is not staged, and was neither triggered nor flown")
         return self._stream
@@ -140,7 +140,7 @@ class PoseSensor(
         at = float(self._row["utc_s"][0])
         return {
             self._key(name): Reading(value=values[0], timestamp=at)
-            for name, values in listed(self._row).items()
+            for name, values in list_columns(self._row).items()
         }
 
     async def describe(self) -> dict[str, DataKey]:
@@ -153,13 +153,13 @@ class PoseSensor(
         now = time.time()
         return {
             self._key(name): Reading(value=value, timestamp=now)
-            for name, value in self._about().items()
+            for name, value in self._describe_configuration().items()
         }
 
     async def describe_configuration(self) -> dict[str, DataKey]:
         return {
             self._key(name): DataKey(source=self._address, dtype="string", shape=[])
-            for name in self._about()
+            for name in self._describe_configuration()
         }
 
     @property
@@ -192,7 +192,7 @@ class PoseSensor(
 
         Raises `FacetsError` where samples found no place since nobody collected them.
         """
-        stream = self._opened()
+        stream = self._require_stream()
         if self._left is None and self._end == np.inf and not stream.patient:
             self._end = time.monotonic()
         try:
@@ -214,14 +214,14 @@ class PoseSensor(
 
     async def collect_pages(self) -> AsyncIterator[PartialEventPage]:
         """What came of the interval and was not collected yet, as event pages."""
-        stream = self._opened()
+        stream = self._require_stream()
         rows = await asyncio.to_thread(self._gather, stream)
         if not self._flying:
             stream.forget()
         for start in range(0, len(rows), PAGE):
             part = rows[start : start + PAGE]
             at = part["utc_s"].tolist()
-            values = listed(part)
+            values = list_columns(part)
             yield PartialEventPage(
                 data={self._key(name): column for name, column in values.items()},
                 timestamps={self._key(name): at for name in values},
@@ -236,7 +236,7 @@ class PoseSensor(
             self._left -= len(found)
         return found
 
-    def _about(self) -> dict[str, str]:
+    def _describe_configuration(self) -> dict[str, str]:
         return {
             "config": self._config.name,
             "config_sha256": self._config.sha256,
@@ -257,7 +257,7 @@ class PoseSensor(
         return found
 
 
-def listed(rows: Rows) -> dict[str, list[Any]]:
+def list_columns(rows: Rows) -> dict[str, list[Any]]:
     """Columns of rows as lists of plain numbers, the status in words."""
     found: dict[str, list[Any]] = {name: rows[name].tolist() for name in COLUMNS}
     found["status"] = [LABELS.get(number, str(number)) for number in found["status"]]

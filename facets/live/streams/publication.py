@@ -182,7 +182,7 @@ class Publication:
         self.note, self.filter = words.get("note", ""), words.get("filter", "")
 
     @property
-    def dropped(self) -> int:
+    def dropped_count(self) -> int:
         """Samples that are known not to be published; those that wait are not among them."""
         unsent = self.given - self.sent if self.ended else self.unplaced + self.refused
         return unsent + self.lost
@@ -302,7 +302,7 @@ class Publications(Sink):
             {
                 "address": one.address,
                 "sent": one.sent,
-                "dropped": one.dropped,
+                "dropped": one.dropped_count,
                 "receivers": one.receivers,
                 "trouble": one.trouble,
             }
@@ -313,7 +313,7 @@ class Publications(Sink):
         """A line for each address, for the end."""
         found = []
         for one in self.all:
-            text = f"{one.address}: {one.sent} samples published, {one.dropped} dropped"
+            text = f"{one.address}: {one.sent} samples published, {one.dropped_count} dropped"
             found.append(f"{text} ({one.trouble})" if one.trouble else text)
             if self.pulses is not None:
                 found.append(f"{one.address}: {self.pulses.sentence}")

@@ -47,7 +47,7 @@ class Sender(Protocol):
         ...
 
     @property
-    def lost(self) -> int:
+    def missed_count(self) -> int:
         """Number of rows that receivers have told that they missed."""
         ...
 
@@ -65,7 +65,7 @@ class Udp:
     takes it; with `?single` an object each, as its older versions do.
     """
 
-    lost = 0
+    missed_count = 0
 
     def __init__(self, host: str, port: int, options: dict[str, str]) -> None:
         kind = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
@@ -106,7 +106,7 @@ class Udp:
 class Lsl:
     """An outlet of the Lab Streaming Layer, with names and units of its channels."""
 
-    lost = 0
+    missed_count = 0
 
     def __init__(self, name: str, about: dict[str, Any], wait: float) -> None:
         pylsl = require_extra("pylsl", f"lsl:{name}")
@@ -160,8 +160,8 @@ class Filtered:
         return self.sender.receivers
 
     @property
-    def lost(self) -> int:
-        return self.sender.lost
+    def missed_count(self) -> int:
+        return self.sender.missed_count
 
     @property
     def note(self) -> str:
@@ -198,7 +198,7 @@ def serve(sender: Sender, stream: BinaryIO, tell: Callable[[dict[str, Any]], Non
 
     def report() -> None:
         words: dict[str, Any] = {"sent": sent, "dropped": dropped, "receivers": sender.receivers}
-        words["lost"] = sender.lost
+        words["lost"] = sender.missed_count
         if isinstance(sender, Filtered):
             words |= {"note": sender.note, "filter": sender.rows.sentence}
         tell(words)

@@ -52,7 +52,7 @@ def new_socket(context: zmq.Context[Any], kind: int, endpoint: str, linger_ms: i
 class ZmqSender:
     """Publishes rows. A live run waits for nobody; a replay, for its subscribers.
 
-    lost: number of rows that subscribers have told that they missed.  port: that it is bound to.
+    missed_count: number of rows that subscribers say they have missed.  port: of the socket.
     """
 
     def __init__(self, address: str, about: dict[str, Any], wait: float) -> None:
@@ -74,7 +74,7 @@ class ZmqSender:
         self.wait_until = time.monotonic() + wait
         self.columns = json.dumps({name: about[name] for name in ("dtype", "units")})[1:].encode()
         self.lock = threading.Lock()  # of the socket and the counts
-        self.subscribers = self.lost = self.first = 0
+        self.subscribers = self.missed_count = self.first = 0
 
     @property
     def receivers(self) -> int:
@@ -91,7 +91,7 @@ class ZmqSender:
                 if SAMPLES.startswith(said[1:]):
                     self.subscribers += 1 if said[:1] == b"\1" else -1
             elif said.startswith(LOST) and said[len(LOST) :].isdigit():
-                self.lost += int(said[len(LOST) :])
+                self.missed_count += int(said[len(LOST) :])
 
     def send(self, rows: Rows) -> int:
         """Publish rows; return how many had a subscriber."""

@@ -184,7 +184,7 @@ class Bench:
         times = (first + np.arange(due)) / self.rate
         here, before = self.model.place.copy(), self.model.now
         self.model.advance(now)
-        states = self.mirror.at(times)
+        states = self.mirror.interpolate(times)
         share = np.clip((times - before) / max(now - before, 1e-9), 0, 1)[:, None]
         states[:, 6:] = here + share * (self.model.place - here)
         seq = (first + np.arange(due)).astype(np.uint32)

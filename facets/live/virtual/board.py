@@ -56,7 +56,7 @@ class Count:
     disabled: int = 0
 
 
-def with_poses(samples: Samples, firmware: FirmwareLibrary, dark: Floats) -> Samples:
+def add_board_poses(samples: Samples, firmware: FirmwareLibrary, dark: Floats) -> Samples:
     """Samples (n,), each followed by a frame of the kind POSE: (2 n,)."""
     xy_sum = bool(samples.kind[0] == XY_SUM)
     begin = time.perf_counter()
@@ -206,7 +206,7 @@ class Board:
         """As bytes, each with the pose that the board's own solver finds where it has one."""
         if self.firmware is not None:
             dark = np.full(12, float(self.config.acquire.dark))
-            samples = with_poses(samples, self.firmware, dark)
+            samples = add_board_poses(samples, self.firmware, dark)
         return encode(self.config.acquire.format, samples)
 
     def clear(self) -> None:

@@ -58,7 +58,7 @@ class Faults:
     }
 
     @classmethod
-    def of(cls, text: str) -> Faults:
+    def from_text(cls, text: str) -> Faults:
         """The faults that a command line names: `flip=1e-4,drop=1e-3`."""
         names = [field.name for field in fields(cls)]
         found, form = {}, "NAME=NUMBER"

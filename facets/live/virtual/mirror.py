@@ -42,7 +42,7 @@ class Mirror:
         power = readings(self.sensor, states)[:, 2::3]
         return not bool((power >= LEFT * self.sensor.beam.power).all())
 
-    def at(self, time_: Floats) -> Floats:
+    def interpolate(self, time_: Floats) -> Floats:
         """States (n, 8) at times (n,), s."""
         return self.between(time_, self.states)
 

@@ -100,7 +100,7 @@ class ZaberDevice:
 
     @property
     def status(self) -> str:
-        return "IDLE" if self.model.settled else "BUSY"
+        return "IDLE" if self.model.is_settled else "BUSY"
 
 
 class PiController:

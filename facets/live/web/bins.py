@@ -65,7 +65,7 @@ class Bins:
     """Bins of one width, the newest `count` of them.
 
     width: s.  numbers: (count,) which bin a place holds, -1 for none: bin k has the times from
-    k width to (k + 1) width after the origin.  changed: bins with news since `take_changed`.
+    k width to (k + 1) width after the origin.  changed: bins with news since `take_changes`.
     """
 
     def __init__(self, width: float, count: int) -> None:
@@ -98,11 +98,11 @@ class Bins:
         self.most[places] = np.maximum(self.most[places], part.most[held])
         self.changed.update(numbers.tolist())
 
-    def take_changed(self) -> set[int]:
+    def take_changes(self) -> set[int]:
         changed, self.changed = self.changed, set()
         return changed
 
-    def held(self) -> list[int]:
+    def present_numbers(self) -> list[int]:
         """The numbers of all bins that are held, in their order."""
         return sorted(self.numbers[self.numbers >= 0].tolist())
 

@@ -62,22 +62,22 @@ class Guard:
             self.names |= {socket.gethostname().lower(), socket.getfqdn().lower()}
             self.any_number = True
 
-    def complaint(self, token: str, asked_for: str, origin: str | None) -> str:
+    def complaint(self, token: str, host: str, origin: str | None) -> str:
         """Why a request is refused, or nothing.
 
-        token: of its path.  asked_for: its header Host.  origin: its header Origin, if any.
+        token: of its path.  host: its header Host.  origin: its header Origin, if any.
         """
-        if not self.knows(asked_for):
+        if not self.knows(host):
             return "this page is not served under that name"
-        if origin is not None and origin.lower() != f"http://{asked_for.lower()}":
+        if origin is not None and origin.lower() != f"http://{host.lower()}":
             return "another page asks for this one"
         if not hmac.compare_digest(token.encode(), self.token.encode()):
             return "the address is not complete: it has a token, which the program has printed"
         return ""
 
-    def knows(self, asked_for: str) -> bool:
+    def knows(self, host: str) -> bool:
         try:
-            parts = urlsplit(f"//{asked_for}")
+            parts = urlsplit(f"//{host}")
             host, port = parts.hostname or "", parts.port or 80
         except ValueError:
             return False

@@ -146,7 +146,7 @@ class Hub:
 
     def share(self) -> None:
         """Marks what is new for each page, and wakes those that wait for it."""
-        changed = [level.take_changed() for level in self.levels]
+        changed = [level.take_changes() for level in self.levels]
         for page in self.pages:
             for told, new in zip(page.told, changed, strict=True):
                 told |= new
@@ -210,7 +210,7 @@ class Page:
             found.append(hub.hello())
         for level, told in enumerate(self.told):
             if self.void[level]:
-                told = set(hub.levels[level].held())
+                told = set(hub.levels[level].present_numbers())
             data = hub.bins(level, told, self.void[level]) if told or self.void[level] else None
             if data is not None:
                 found.append(data)

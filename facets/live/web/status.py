@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...tracking.control import tracking_error
-from ..run.view import rounded
+from ..run.view import round_digits
 
 if TYPE_CHECKING:
     from ...tracking.tracker import Tracker
@@ -24,7 +24,7 @@ Item = dict[str, Any]
 def item(name: str, value: Any, unit: str = "", why: str = "", bad: bool = False) -> Item:
     """why: the reason where the value is None.  bad: whether a person should look at it."""
     if isinstance(value, float):
-        value = rounded(value)
+        value = round_digits(value)
     return {"name": name, "value": value, "unit": unit, "why": why if value is None else "",
             "bad": bad}  # fmt: skip
 
@@ -88,7 +88,11 @@ def counts(pipeline: Pipeline) -> list[Item]:
         item("lost", f"{sequence.lost}{share}", bad=sequence.lost > 0),
         item("frames refused", parser.corrupt, bad=parser.corrupt > 0),
         item("bytes passed over", parser.skipped, bad=parser.skipped > 0),
-        item("without a pose", tally.unsolved - tally.skipped, bad=tally.unsolved > tally.skipped),
+        item(
+            "without a pose",
+            tally.unsolved_count - tally.skipped_count,
+            bad=tally.unsolved_count > tally.skipped_count,
+        ),
         item("beyond chance", tally.misfit.flagged, bad=tally.misfit.mostly),
     ]
     found += [item(name, count, bad=True) for name, count in tally.flags.items() if count]
@@ -101,7 +105,7 @@ def counts(pipeline: Pipeline) -> list[Item]:
 
 def loop_counts(live: Live) -> list[Item]:
     """How the loop keeps up."""
-    skipped = live.pipeline.tally.skipped
+    skipped = live.pipeline.tally.skipped_count
     return [
         item("latency p99", 1e3 * live.latency_p99(), "ms", "no sample is solved yet"),
         item("waiting", live.backlog, "samples", bad=live.behind),
@@ -141,7 +145,7 @@ def stage(tracker: Tracker | None, live: Live) -> dict[str, Any]:
     place, sent = envelope.encoder.place, envelope.sent
     found: dict[str, Any] = {
         "there": True,
-        "place": [rounded(x) for x in place],
+        "place": [round_digits(x) for x in place],
         "target": None,
         "error": None,
         "why": "it was not sent anywhere, or was stopped",
@@ -152,8 +156,8 @@ def stage(tracker: Tracker | None, live: Live) -> dict[str, Any]:
     }
     if sent is not None:
         target = np.asarray(sent[1], dtype=float)
-        found["target"] = [rounded(x) for x in target]
-        found["error"] = [rounded(x) for x in place - target]
+        found["target"] = [round_digits(x) for x in target]
+        found["error"] = [round_digits(x) for x in place - target]
     if live.newest is not None:
-        found["chi"] = [rounded(x) for x in tracking_error(live.newest.readings[-1, 2::3])]
+        found["chi"] = [round_digits(x) for x in tracking_error(live.newest.readings[-1, 2::3])]
     return found
