@@ -119,7 +119,7 @@ def test_a_loop_in_time_solves_in_turn_and_says_nothing(monkeypatch):
     assert [name for name, _ in kept.events] == ["end"]
     columns = join_columns(kept.parts)
     assert (np.diff(columns["seq"]) == 1).all()
-    assert compare(columns, in_turn(50)).same
+    assert compare(columns, in_turn(50)).is_same
     assert live.late == live.pipeline.tally.skipped_count == 0
 
 
@@ -134,7 +134,7 @@ def test_a_loop_that_falls_behind_says_so_keeps_up_with_the_newest_and_catches_u
     assert live.late > 0
     assert live.pipeline.tally.skipped_count == 0
     found = compare(in_order(join_columns(kept.parts)), in_turn(500))
-    assert found.same  # in whatever order they were solved, to the last bit
+    assert found.is_same  # in whatever order they were solved, to the last bit
     assert found.recorded == 500 * EACH
 
 
@@ -160,16 +160,16 @@ def test_a_comparison_knows_what_it_can_not_compare():
     part["status"][20:40] = SKIPPED
     part["tx_mm"][20:40] = np.nan
     found = compare(part, whole)
-    assert (found.same, found.skipped, found.absent) == (True, 20, 0)
+    assert (found.is_same, found.skipped, found.absent) == (True, 20, 0)
     less = {name: column[60:] for name, column in whole.items()}
     assert compare(part, less).absent == 40
     part["tx_mm"][100] += 3 * part["u_tx_mm"][100]
     found = compare(part, whole)
-    assert (found.same, found.different) == (False, 1)
+    assert (found.is_same, found.different) == (False, 1)
     assert found.worst == pytest.approx(3)
     part["tx_mm"][100] = np.nan
     assert compare(part, whole).worst == np.inf
-    assert compare({}, whole).same
+    assert compare({}, whole).is_same
 
 
 def test_a_terminal_that_is_gone_ends_the_view_and_not_the_loop(monkeypatch):
@@ -297,7 +297,7 @@ def spoil(readings, flags, full):
 def test_a_sample_that_was_called_non_finite_is_the_same_as_one_called_saturated():
     old, new = in_turn(2), in_turn(2)
     old["status"][:5], new["status"][:5] = Status.NON_FINITE, FULL
-    assert compare(old, new).same
+    assert compare(old, new).is_same
     new["status"][9] = FULL
     assert compare(old, new).different == 1
 
@@ -305,6 +305,6 @@ def test_a_sample_that_was_called_non_finite_is_the_same_as_one_called_saturated
 def test_a_sample_that_was_called_two_detectors_only_is_the_same_as_one_called_unchecked():
     old, new = in_turn(2), in_turn(2)
     old["status"][:5], new["status"][:5] = TWO_DETECTORS, Status.UNCHECKED
-    assert compare(old, new).same
+    assert compare(old, new).is_same
     new["status"][9] = Status.UNCHECKED
     assert compare(old, new).different == 1
