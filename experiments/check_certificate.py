@@ -98,24 +98,41 @@ def claims_in_cell(edges: Any, q: list[Any], shares: Any, middles: Any, light: A
     alpha = [u[e - 2][0] * u[e - 1][1] - u[e - 2][1] * u[e - 1][0] for e in range(3)]
     claims: Claims = []
     for j in range(3):
-        flow = sum(alpha[e] * rays[e][1] * edges[e][1][j] for e in range(3))
-        flow = flow / sum(alpha[e] / rays[e][0] for e in range(3))
-        w = [flow / rays[e][0] - rays[e][1] * edges[e][1][j] for e in range(2)]
-        dq = [(w[0] * u[1][i] - w[1] * u[0][i]) / alpha[2] for i in range(2)]
-        half = (dq[0].abs_upper() ** 2 + dq[1].abs_upper() ** 2).sqrt() / 2
+        turns = [edge[1][j] for edge in edges]
+        dq, half = offset_motion(rays, alpha, turns)
         for k, i in product(range(3), range(2)):
-            pushed = arb(0)
-            for e, sign in ((k, -1), ((k + 1) % 3, 1)):
-                whole, mean, reach, side = rays[e]
-                pushed += sign * whole * mean * (reach * side[i] - middles[k][i]) * edges[e][1][j]
+            pushed = pushed_moment(rays, turns, k, i, middles[k][i])
             moved = pushed / shares[k] - dq[i] / 2 + half * span(-1, 1)
             claims.append((light["turns"][k][i][j], moved))
     claims += [(light["from_point"][k][i], middles[k][i]) for k in range(3) for i in range(2)]
-    lights = [ray[0] for ray in rays]
+    return [*claims, (light["slope"], slope_of_shares([ray[0] for ray in rays], alpha))]
+
+
+def offset_motion(rays: list[Any], alpha: list[Any], turns: list[Any]) -> tuple[list[Any], Any]:
+    """The motion of the apex that keeps the shares while the edges turn, and a bound of half its
+    length."""
+    u = [ray[3] for ray in rays]
+    flow = sum(alpha[e] * rays[e][1] * turns[e] for e in range(3))
+    flow = flow / sum(alpha[e] / rays[e][0] for e in range(3))
+    w = [flow / rays[e][0] - rays[e][1] * turns[e] for e in range(2)]
+    dq = [(w[0] * u[1][i] - w[1] * u[0][i]) / alpha[2] for i in range(2)]
+    return dq, (dq[0].abs_upper() ** 2 + dq[1].abs_upper() ** 2).sqrt() / 2
+
+
+def pushed_moment(rays: list[Any], turns: list[Any], k: int, i: int, middle: Any) -> Any:
+    """The first moment along axis i that facet k gains from its two edges as they turn."""
+    pushed = arb(0)
+    for e, sign in ((k, -1), ((k + 1) % 3, 1)):
+        whole, mean, reach, side = rays[e]
+        pushed += sign * whole * mean * (reach * side[i] - middle) * turns[e]
+    return pushed
+
+
+def slope_of_shares(lights: list[Any], alpha: list[Any]) -> Any:
+    """The determinant of the derivatives of two shares by the apex's offset."""
     products = [(lights[e - 1], lights[e], alpha[e - 2]) for e in range(3)]
     low = sum(nonnegative(a) * nonnegative(b) * nonnegative(c) for a, b, c in products)
-    slope = low.union(sum(a.upper() * b.upper() * c.upper() for a, b, c in products))
-    return [*claims, (light["slope"], slope)]
+    return low.union(sum(a.upper() * b.upper() * c.upper() for a, b, c in products))
 
 
 def check_cell(

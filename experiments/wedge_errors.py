@@ -25,7 +25,8 @@ import numpy as np
 import facets
 from facets.files.tables import write_table
 from facets.model.threads import cores
-from facets.optics.wedge import Plane, side, turn_derivative, wedge
+from facets.optics.vectors import Plane
+from facets.optics.wedge import side, turn_derivative, wedge
 
 BITS, NODES, STANDS = 192, 20, 1e-19
 OPENINGS = (0.01, 0.1, 1, 10, 60, 90, 120, 170, 179, 179.99)

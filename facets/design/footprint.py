@@ -15,8 +15,7 @@ import numpy as np
 
 from ..optics.forward import Geometry, Scene, dark_scene
 from ..optics.rays import gradient_of_shift, reflect, slant
-from ..optics.vectors import dot
-from ..optics.wedge import Plane
+from ..optics.vectors import Plane, dot
 
 #: The 1/e^2 radius, in sigmas.
 RADIUS = 2

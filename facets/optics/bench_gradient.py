@@ -14,11 +14,12 @@ import numpy as np
 from ..scalars.dispatch import Number
 from ..scalars.dual import Dual, value_and_slope
 from .bench_light import scene, scene_readings
+from .central import Side
 from .curved_light import apparent_scene, apply, back_projection
 from .forward import Geometry, Scene, Three, dark_scene, path, replace_light
 from .gradient import edge_turns, gradients, state_row
-from .vectors import Matrix, Vector, add, combine, cross2, dot, dot2, rotation_axes, subtract
-from .wedge import Moments, Plane, Side, moments_closed, turn_derivative
+from .vectors import Matrix, Plane, Vector, add, combine, cross2, dot, dot2, rotation_axes, subtract
+from .wedge import Moments, moments_closed, turn_derivative
 
 #: A number's derivatives by the eight components of a state.
 Row = tuple[Any, ...]

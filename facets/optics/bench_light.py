@@ -29,8 +29,7 @@ from .edge_light import (
 )
 from .effects import reflectances
 from .forward import Geometry, Scene, Three, dark_scene, illuminate
-from .vectors import Vector, add, combine, cross, dot
-from .wedge import Plane
+from .vectors import Plane, Vector, add, combine, cross, dot
 
 
 def reflectance(geometry: Geometry, normal: Vector, direction: Vector) -> Number:

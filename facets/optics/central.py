@@ -17,8 +17,8 @@ from typing import Any
 
 from ..scalars.dispatch import Number
 from ..scalars.polynomials import DECAY, error_function, exponential
+from .vectors import Plane
 
-Plane = tuple[Any, Any]
 Side = tuple[Any, Any, Any, Any]
 
 #: How far the point may be from the beam's centre, sigmas, squared. Beyond, one of the facets of a
@@ -41,7 +41,7 @@ ACROSS, AROUND = tables()
 
 
 def side_central(q: Plane, a: Number, h: Number) -> Side:
-    """`wedge.side` within REACH of the beam's centre.  a, h: q . u and q x u."""
+    """`wedge.side` within sqrt(CENTRAL_SQUARED) of the beam's centre.  a, h: q . u and q x u."""
     along, across, radius = a * a, h * h, q[0] * q[0] + q[1] * q[1]
     beyond = 1 - error_function(a, along)
     length = exponential(across * 0.5) * beyond * (1 / (2 * sqrt(2 * pi)))

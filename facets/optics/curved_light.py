@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 from ..scalars.dispatch import Number
 from .forward import Geometry, Scene, project_to_sigmas, unit_vector
-from .vectors import Matrix, Vector, add, combine, dot, dot2, rotate, subtract
-from .wedge import Plane
+from .rays import reflect
+from .vectors import Matrix, Plane, Vector, add, combine, dot, dot2, rotate, subtract
 
 
 def back_projection(geometry: Geometry, at: Scene) -> tuple[Any, Any, Any, Any]:
@@ -71,14 +71,10 @@ class DetectorImage(NamedTuple):
     path: Number
 
 
-def reflected(v: Vector, normal: Vector) -> Vector:
-    return combine(1, v, -2 * dot(v, normal), normal)
-
-
 def detector_image(geometry: Geometry, at: Scene, k: int) -> DetectorImage:
     normal, (x, y, z) = at.normals[k], geometry.axes[k]
-    axes = reflected(x, normal), reflected(y, normal), reflected(z, normal)
-    apex = reflected(subtract(at.apex, geometry.centres[k]), normal)  # from the image's centre
+    axes = reflect(x, normal), reflect(y, normal), reflect(z, normal)
+    apex = reflect(subtract(at.apex, geometry.centres[k]), normal)  # from the image's centre
     direction = rotate(axes, geometry.direction)
     spread, fan = geometry.spread, geometry.light.fan
     return DetectorImage(

@@ -22,8 +22,7 @@ from .limits import (
 )
 from .rays import flight, gradient_of_shift, hit, land, reflect, slant
 from .region import DISTANCE, FIRST, LENGTH, NORMAL, SECOND, Array
-from .vectors import Vector, add, combine, dot, subtract
-from .wedge import Plane
+from .vectors import Plane, Vector, add, combine, dot, subtract
 
 
 def incidence(geometry: Geometry, at: Scene, k: int, x: Plane) -> Vector:

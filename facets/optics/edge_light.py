@@ -24,8 +24,7 @@ from typing import Any, NamedTuple
 from ..scalars.dispatch import Number, log, maximum, pi, sqrt
 from .curved_light import DetectorImage, Ray, apply, trace_ray
 from .forward import Geometry, Scene, Three, project_to_sigmas
-from .vectors import Vector, combine, cross, cross2, dot, dot2, rotate, scale
-from .wedge import Plane
+from .vectors import Plane, Vector, combine, cross, cross2, dot, dot2, rotate, scale
 
 
 class EdgeStep(NamedTuple):
@@ -226,66 +225,72 @@ def add_apex_loss(
 
     With s and t steps of the two streaks from where the apex's own ray lands, the point's waves are
     A / s^2 t^2 on an area of ds dt, A = (wavelength x path / 4 pi^2)^2 x density at the apex / sine
-    between the edges. The finite part of its integral over the sensitive area is a sum over the
-    area's four sides, of lines alpha s + beta t = gamma, and its corners:
-
-        J = sum over corners of (alpha beta' - alpha' beta) / gamma gamma'
-            - sum over sides of alpha beta / gamma^2 [ln |t / s|]
-        first moments: - sum over sides of (beta v1 + alpha v2) / gamma [ln |t / s|]
-
-    with [] from a side's one end to its other. Over the whole plane it is nothing, so that what is
-    lost is -J. A streak that runs through a corner is as wide there as it is.
+    between the edges. Over the whole plane the finite part of their integral is zero, so that minus
+    the integral over the detector's sensitive area (`finite_part`) is lost.
     """
-    one, other = streaks
     length, first, _, _ = at.integrals[k]
-    q = at.q
     size = back[0] * back[3] - back[1] * back[2]
-    density = (first + dot2(q, at.sides[k]) * length) * size * geometry.light.density
+    density = (first + dot2(at.q, at.sides[k]) * length) * size * geometry.light.density
     sine = dot(cross(steps[0].world, steps[1].world), geometry.direction)
     amount = -scatter * scatter * density / sine
-    spot = trace_ray(image, q).spot
-    v, w = one.v, other.v
-    turn = cross2(v, w)
-    widths = dot2(one.wide, one.wide), dot2(other.wide, other.wide)
-    (y, z), nearest = image.halves, geometry.light.options.nearest
-    y1, z1, y0, z0 = y - spot[0], z - spot[1], -y - spot[0], -z - spot[1]
-    a, b = corner_steps_squared(v, w, widths, y1, z0), corner_steps_squared(v, w, widths, y1, z1)
-    c, d = corner_steps_squared(v, w, widths, y0, z1), corner_steps_squared(v, w, widths, y0, z0)
-    up = log(b[0] * a[1] / (b[1] * a[0]))
-    over = log(c[0] * b[1] / (c[1] * b[0]))
-    down = log(d[0] * c[1] / (d[1] * c[0]))
-    least = nearest + spot[0] * 0
-    y1, z1, y0, z0 = (
-        maximum(y1, least),
-        maximum(z1, least),
-        maximum(-y0, least),
-        maximum(-z0, least),
-    )
-    level, upright = y1 * y0, z1 * z0
-    each = 1 / (2 * level * upright)
-    right, left, top, bottom = (
-        y0 * upright * each,
-        y1 * upright * each,
-        z0 * level * each,
-        z1 * level * each,
-    )  # half of one over the distance
-    on_right, on_top, on_left = right * up, top * over, left * down
-    on_bottom = -bottom * (up + over + down)
-    whole = 2 * turn * (right + left) * (top + bottom)
-    whole -= v[0] * w[0] * (right * on_right + left * on_left)
-    whole -= v[1] * w[1] * (top * on_top + bottom * on_bottom)
-    sideways, upward = on_right - on_left, on_top - on_bottom
-    missing = -2 * amount * whole
-    lean = (
-        amount * (2 * v[0] * w[0] * sideways + (w[1] * v[0] + v[1] * w[0]) * upward),
-        amount * ((w[0] * v[1] + v[0] * w[1]) * sideways + 2 * v[1] * w[1] * upward),
-    )
+    spot = trace_ray(image, at.q).spot
+    integral, moment = finite_part(spot, image.halves, streaks, geometry.light.options.nearest)
+    missing = -2 * amount * integral
+    lean = amount * moment[0], amount * moment[1]
     return EdgeEffects(
         total.lost + missing,
         (
             total.moment[0] - (spot[0] - centre[0]) * missing - lean[0],
             total.moment[1] - (spot[1] - centre[1]) * missing - lean[1],
         ),
+    )
+
+
+def finite_part(
+    spot: Plane, halves: Plane, streaks: tuple[EdgeStreak, EdgeStreak], nearest: Number
+) -> tuple[Number, Plane]:
+    """Half of Hadamard's finite part J of the integral of 1 / s^2 t^2 over the sensitive area, and
+    its first moments about `spot`.
+
+    J is a sum over the area's four sides, of lines alpha s + beta t = gamma, and its corners:
+
+        J = sum over corners of (alpha beta' - alpha' beta) / gamma gamma'
+            - sum over sides of alpha beta / gamma^2 [ln |t / s|]
+        first moments: - sum over sides of (beta v1 + alpha v2) / gamma [ln |t / s|]
+
+    with [] from a side's one end to its other. A streak that runs through a corner is as wide there
+    as it is.
+    """
+    one, other = streaks
+    v, w = one.v, other.v
+    turn = cross2(v, w)
+    widths = dot2(one.wide, one.wide), dot2(other.wide, other.wide)
+    y, z = halves
+    y1, z1, y0, z0 = y - spot[0], z - spot[1], -y - spot[0], -z - spot[1]
+    a = corner_steps_squared(v, w, widths, y1, z0)
+    b = corner_steps_squared(v, w, widths, y1, z1)
+    c = corner_steps_squared(v, w, widths, y0, z1)
+    d = corner_steps_squared(v, w, widths, y0, z0)
+    up = log(b[0] * a[1] / (b[1] * a[0]))
+    over = log(c[0] * b[1] / (c[1] * b[0]))
+    down = log(d[0] * c[1] / (d[1] * c[0]))
+    least = nearest + spot[0] * 0
+    y1, z1 = maximum(y1, least), maximum(z1, least)
+    y0, z0 = maximum(-y0, least), maximum(-z0, least)
+    level, upright = y1 * y0, z1 * z0
+    each = 1 / (2 * level * upright)
+    # half of one over the distance of each side
+    right, left = y0 * upright * each, y1 * upright * each
+    top, bottom = z0 * level * each, z1 * level * each
+    on_right, on_top, on_left = right * up, top * over, left * down
+    on_bottom = -bottom * (up + over + down)
+    integral = 2 * turn * (right + left) * (top + bottom)
+    integral -= v[0] * w[0] * (right * on_right + left * on_left)
+    integral -= v[1] * w[1] * (top * on_top + bottom * on_bottom)
+    sideways, upward = on_right - on_left, on_top - on_bottom
+    return integral, (
+        2 * v[0] * w[0] * sideways + (w[1] * v[0] + v[1] * w[0]) * upward,
+        (w[0] * v[1] + v[0] * w[1]) * sideways + 2 * v[1] * w[1] * upward,
     )
 
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from math import inf
 from typing import Any, NamedTuple
 
-from ..scalars.dispatch import Number, atan2, cos, pi, real, sin, sqrt
-from .vectors import Vector, combine, cross, dot
+from ..scalars.dispatch import Number, cos, pi, real, sin, sqrt
+from .vectors import Vector, angle_between, combine, cross, dot
 
 Three = tuple[Any, Any, Any]
 
@@ -106,13 +106,6 @@ IDEAL = Light(
 )
 
 
-def opening(first: Vector, second: Vector) -> Number:
-    """The angle from one edge of the mirror to the next, seen along its axis."""
-    return atan2(
-        first[0] * second[1] - first[1] * second[0], first[0] * second[0] + first[1] * second[1]
-    )
-
-
 def sector_centroid(first: Vector, second: Vector, opening: Number, radius: Number) -> Vector:
     """From the middle of a disc to the centroid of its sector between two edges, seen along the
     mirror's axis, in the mirror's frame; mm."""
@@ -160,7 +153,8 @@ def build_light(
     in which curvature and polarisation are given.  spread, whitening: as in `Geometry`.
     """
     x, y = axes
-    shares = tuple(opening(edges[k], edges[(k + 1) % 3]) for k in range(3))
+    flat = [(x, y) for x, y, _ in edges]  # seen along the mirror's axis
+    shares = tuple(angle_between(flat[k], flat[(k + 1) % 3]) for k in range(3))
     whole = 2 * pi(shares[0])
     area = effects.values[13]
     radius = sqrt(area / pi(area)) if real(area) > 0 else area * 0

@@ -18,6 +18,7 @@ from .effects import IDEAL, Light, LightEffects, build_light
 from .rays import flight, hit, land, reflect
 from .vectors import (
     Matrix,
+    Plane,
     Vector,
     add,
     columns,
@@ -29,7 +30,7 @@ from .vectors import (
     scale,
     subtract,
 )
-from .wedge import Plane, side, wedge
+from .wedge import side, wedge
 
 Three = tuple[Any, Any, Any]
 

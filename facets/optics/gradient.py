@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 from ..scalars.dispatch import Number
 from .forward import Geometry, Path, Scene, Three, path, project_to_sigmas, reading, scene
 from .rays import gradient_of_mirror, gradient_of_normal, gradient_of_shift, slant
-from .vectors import Matrix, Vector, add, combine, cross, dot, rotation_axes, subtract
-from .wedge import Plane, turn_derivative
+from .vectors import Matrix, Plane, Vector, add, combine, cross, dot, rotation_axes, subtract
+from .wedge import turn_derivative
 
 
 class Gradient(NamedTuple):

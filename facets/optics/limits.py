@@ -24,8 +24,7 @@ from .rays import (
     slant,
 )
 from .region import DISTANCE, NORMAL, Array
-from .vectors import Vector, add, combine, cross, dot, rotate, scale, subtract
-from .wedge import Plane
+from .vectors import Plane, Vector, add, combine, cross, dot, rotate, scale, subtract
 
 #: The column that says which limit a side is; `region` has the others.
 KIND, COLUMNS = 10, 11

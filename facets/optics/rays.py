@@ -77,5 +77,4 @@ def gradient_of_beam(
 
     reach: from the ray's origin to the facet; length: from there to the detector.
     """
-    mirrored = combine(1, along, -2 * dot(along, normal), normal)
-    return combine(reach, gradient_of_shift(along, beam, normal), length, mirrored)
+    return combine(reach, gradient_of_shift(along, beam, normal), length, reflect(along, normal))

@@ -22,7 +22,8 @@ from __future__ import annotations
 from math import atan2, erf, erfc, exp, inf, isfinite, nan, pi, sqrt
 from typing import Any
 
-from .wedge import Plane, swept_series
+from .vectors import Plane
+from .wedge import swept_series
 
 Array = Any
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..scalars.dispatch import Number, cos, sin
+from ..scalars.dispatch import Number, atan2, cos, sin
 
 Vector = tuple[Any, Any, Any]
+Plane = tuple[Any, Any]
 Matrix = tuple[Vector, Vector, Vector]
 
 
@@ -70,9 +71,14 @@ def rotation_axes(pitch: Number, yaw: Number) -> Matrix:
     return ((cy * cp, sy * cp, -sp), (-sy, cy, zero), (zero, zero, zero + 1))
 
 
-def cross2(a: tuple[Any, Any], b: tuple[Any, Any]) -> Number:
+def cross2(a: Plane, b: Plane) -> Number:
     return a[0] * b[1] - a[1] * b[0]
 
 
-def dot2(a: tuple[Any, Any], b: tuple[Any, Any]) -> Number:
+def dot2(a: Plane, b: Plane) -> Number:
     return a[0] * b[0] + a[1] * b[1]
+
+
+def angle_between(a: Plane, b: Plane) -> Number:
+    """The angle from a to b, counter-clockwise, between minus and plus half a turn."""
+    return atan2(cross2(a, b), dot2(a, b))

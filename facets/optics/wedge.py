@@ -27,20 +27,18 @@ from typing import Any
 import numpy as np
 
 from ..scalars.dispatch import Number, atan2, erf, erfc, exp, integral, is_float, pi, sqrt
-from .central import CENTRAL_SQUARED, side_central
+from .central import CENTRAL_SQUARED, Side, side_central
 from .compensated import gauss, gauss_of_point, normalise
 from .half_normal import half_normal
 from .tail_quadrature import AWAY_SIGMAS, faint_wedge, no_light
+from .vectors import Plane, angle_between, cross2, dot2
 
-Plane = tuple[Any, Any]
-Side = tuple[Any, Any, Any, Any]
 Moments = tuple[Any, Plane, tuple[Any, Any, Any], Plane]
 
 
 def side(q: Plane, u: Plane) -> Side:
     """(length, first, second, swept) of the side from `q` along the unit vector `u`."""
-    a = q[0] * u[0] + q[1] * u[1]
-    h = q[0] * u[1] - q[1] * u[0]
+    a, h = dot2(q, u), cross2(q, u)
     if is_float(a):
         return side_float(q, u, a, h)
     if hasattr(a, "writer"):
@@ -50,8 +48,7 @@ def side(q: Plane, u: Plane) -> Side:
     across = exp(-h * h / 2)
     density = exp(-a * a / 2) * across / (2 * pi(a))
     length = across * erfc(a / half_turn) / (2 * root)
-    first = density - a * length
-    return length, first, length - a * first, swept_mass(a, h)
+    return length, *moments_along(a, density, length), swept_mass(a, h)
 
 
 #: Past this many sigmas the rounding of q . u and q x u shows in the Gaussian: squared.
@@ -101,6 +98,11 @@ def moments_along_float(a: float, density: float, length: float) -> tuple[float,
     if a > AWAY_SIGMAS:
         _, first, second = half_normal(a)
         return density * first, density * second
+    return moments_along(a, density, length)
+
+
+def moments_along(a: Number, density: Number, length: Number) -> tuple[Number, Number]:
+    """K and J of a side from its density f(q) at the end and its length L."""
     first = density - a * length
     return first, length - a * first
 
@@ -175,7 +177,7 @@ def wedge(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
 
 
 #: Where the mass is less than this, times 1 + |q|, the closed form has lost two digits to
-#: cancellation, and `faint` takes over.
+#: cancellation, and `faint_wedge` takes over.
 FAINT_MASS = 0.01
 #: Above this mass nothing cancels, however far the point.
 BRIGHT_MASS = 0.3
@@ -213,7 +215,7 @@ def wedge_closed(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Mo
 
 
 def mass_closed(u1: Plane, u2: Plane, side1: Side, side2: Side) -> Number:
-    opening = atan2(u1[0] * u2[1] - u1[1] * u2[0], u1[0] * u2[0] + u1[1] * u2[1])
+    opening = angle_between(u1, u2)
     return opening / (2 * pi(opening)) + side1[3] - side2[3]
 
 

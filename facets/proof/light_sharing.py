@@ -113,13 +113,13 @@ class FacetEdges(NamedTuple):
     turns: list[list[Interval]]
 
 
-def facet_edges(sensor: Geometry, at: Scene, axes: Any) -> FacetEdges:
+def facet_edges(geometry: Geometry, at: Scene, axes: Any) -> FacetEdges:
     """at, axes: the mirror and its axes of rotation, over the box. Raises `LightNotShared`."""
-    angles = [edge_angle(sensor, edge) for edge in at.edges]
+    angles = [edge_angle(geometry, edge) for edge in at.edges]
     openings = [opening(angles[k], angles[(k + 1) % 3]) for k in range(3)]
     if not all(0 < part < arb.pi() for part in openings):
         raise LightNotShared
-    turns = [[dot(turn, axis) for axis in axes] for turn in edge_turns(sensor, at)]
+    turns = [[dot(turn, axis) for axis in axes] for turn in edge_turns(geometry, at)]
     return FacetEdges(angles, openings, turns)
 
 
@@ -221,9 +221,9 @@ def hull_of_bounds(pieces: list[SharingBounds]) -> SharingBounds:
     )
 
 
-def edge_angle(sensor: Geometry, edge: Vector) -> Interval:
+def edge_angle(geometry: Geometry, edge: Vector) -> Interval:
     """Of an edge as seen along the beam, counted from its middle: never near half a turn off."""
-    x, y = project_to_sigmas(sensor, edge)
+    x, y = project_to_sigmas(geometry, edge)
     c, s = x.mid(), y.mid()
     return arb.atan2(s, c) + arb.atan2(c * y - s * x, c * x + s * y)
 

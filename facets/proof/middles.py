@@ -68,14 +68,14 @@ class ByMiddles(NamedTuple):
 
 
 def prove_by_middles(
-    sensor: Geometry,
+    geometry: Geometry,
     shares: SharingBounds,
     box: StateBox,
     jacobians: Sequence[Centred],
     slope: float,
 ) -> ByMiddles:
     """jacobians: over pieces that fill the box.  slope: of the powers, a lower bound."""
-    affine = affine_part(sensor, shares, box)
+    affine = affine_part(geometry, shares, box)
     rest = hull_of_matrices([affine_remainder(affine, jacobian) for jacobian in jacobians])
     pieces: list[ProvedPiece] = []
     margin, todo = 1.0, [(*piece, 0) for piece in initial_pieces(box)]
@@ -96,10 +96,10 @@ def prove_by_middles(
     return ByMiddles(affine, rest, pieces, -np.inf)
 
 
-def affine_part(sensor: Geometry, shares: SharingBounds, box: StateBox) -> AffineJacobian:
+def affine_part(geometry: Geometry, shares: SharingBounds, box: StateBox) -> AffineJacobian:
     """The Jacobian and its slopes in the middle of the box."""
     place = (box.low + box.high)[:6] / 2
-    found = centred_jacobian(sensor, shares, place, place)
+    found = centred_jacobian(geometry, shares, place, place)
     slopes = np.array([middles(slope) for slope in found.slopes])
     return AffineJacobian(place, middles(found.middle), slopes)
 

@@ -79,7 +79,7 @@ class RangeProblem(NamedTuple):
     levers: (6,) how far a spot moves with each axis, roughly.
     """
 
-    sensor: Geometry
+    geometry: Geometry
     halves: tuple[tuple[float, float], ...]
     share: float
     whole: bool
@@ -123,11 +123,11 @@ def target_box(problem: RangeProblem) -> StateBox:
     """
     rest = [arb(0)] * 6
     around = points_near_apex(problem, rest)
-    slopes = jacobian_at(problem.sensor, rest, around)
+    slopes = jacobian_at(problem.geometry, rest, around)
     inverse = np.linalg.inv(middles(slopes))
     left = arb_mat(inverse.tolist()) * arb_mat(slopes)
     apart = np.array([[magnitude(left[i, j] - (i == j)) for j in range(6)] for i in range(6)])
-    places = spot_places(problem.sensor, rest, around)
+    places = spot_places(problem.geometry, rest, around)
     middle = -inverse @ np.array([float(place.mid()) for place in places])
     off = np.array([float(place.rad()) for place in places])
     straight = np.abs(inverse) @ (np.array(problem.halves).ravel() + off)
@@ -176,8 +176,8 @@ def is_within(piece: tuple[Floats, Floats], box: StateBox, times: float = 1.0) -
 def points_near_apex(problem: RangeProblem, pose: Sequence[Interval]) -> list[list[Interval]]:
     """(3, 2) sigmas from the apex, across the beam: where each spot has a point on its detector."""
     zero = arb(0)
-    at = dark_scene_over(problem.sensor, [zero, zero, zero, *pose[3:]])
-    edges = facet_edges(problem.sensor, at, rotation_axes(pose[4], pose[5]))
+    at = dark_scene_over(problem.geometry, [zero, zero, zero, *pose[3:]])
+    edges = facet_edges(problem.geometry, at, rotation_axes(pose[4], pose[5]))
     offset = farthest_offset(edges, problem.share)
     if problem.whole and offset <= ELLIPSE:
         return [[zero, zero]] * 3
@@ -217,8 +217,8 @@ def contract(problem: RangeProblem, low: Floats, high: Floats) -> tuple[Floats, 
     refuse_wrong_way(problem, pose, around)
     middle = (low + high) / 2
     thin = [arb(float(x)) for x in middle]
-    slopes = jacobian_at(problem.sensor, [*thin[:3], *pose[3:]], around)
-    places = spot_places(problem.sensor, thin, around)
+    slopes = jacobian_at(problem.geometry, [*thin[:3], *pose[3:]], around)
+    places = spot_places(problem.geometry, thin, around)
     missing = [
         interval(-half, half) - place
         for half, place in zip(np.ravel(problem.halves).tolist(), places, strict=True)
@@ -238,11 +238,11 @@ def contract(problem: RangeProblem, low: Floats, high: Floats) -> tuple[Floats, 
 
 
 def jacobian_at(
-    sensor: Geometry, pose: Sequence[Interval], around: list[list[Interval]]
+    geometry: Geometry, pose: Sequence[Interval], around: list[list[Interval]]
 ) -> list[list[Interval]]:
     """Of the coordinates of rays that stay where they are to the apex."""
     still = [[[arb(0)] * 3] * 2] * 3
-    return spot_jacobian(sensor, SharingBounds(around, still, [], arb(0)), pose)
+    return spot_jacobian(geometry, SharingBounds(around, still, [], arb(0)), pose)
 
 
 def refuse_wrong_way(
@@ -253,23 +253,23 @@ def refuse_wrong_way(
     Takes no quotient, so that it tells of large boxes too: from where the ray leaves to where it
     may land is along the ray.
     """
-    sensor, at = problem.sensor, dark_scene_over(problem.sensor, pose)
+    geometry, at = problem.geometry, dark_scene_over(problem.geometry, pose)
     for k in range(3):
-        normal, beam = at.normals[k], sensor.direction
+        normal, beam = at.normals[k], geometry.direction
         incidence = dot(beam, normal)
         if incidence >= 0:
             raise NoPose
         if not incidence < 0:
             raise NotFacing
         leaving = reflect(beam, normal)
-        _, y, z = sensor.axes[k]
+        _, y, z = geometry.axes[k]
         a, b = (interval(-half, half) for half in problem.halves[k])
         middle = [
             around[k][0] * p + around[k][1] * q
-            for p, q in zip(sensor.spread[0], sensor.spread[1], strict=True)
+            for p, q in zip(geometry.spread[0], geometry.spread[1], strict=True)
         ]
         drop = -dot(normal, (middle[0], middle[1], middle[2])) / incidence
-        landing = [c + a * p + b * q for c, p, q in zip(sensor.centres[k], y, z, strict=True)]
+        landing = [c + a * p + b * q for c, p, q in zip(geometry.centres[k], y, z, strict=True)]
         start = [t + m + drop * d for t, m, d in zip(at.apex, middle, beam, strict=True)]
         way = subtract((landing[0], landing[1], landing[2]), (start[0], start[1], start[2]))
         across = cross(way, leaving)

@@ -55,12 +55,12 @@ def intervals_between(low: Any, high: Any) -> list[Interval]:
     return [interval(float(a), float(b)) for a, b in zip(low, high, strict=True)]
 
 
-def dark_scene_over(sensor: Geometry, pose: Sequence[Interval]) -> Scene:
+def dark_scene_over(geometry: Geometry, pose: Sequence[Interval]) -> Scene:
     """Where the mirror stands for all poses of a box; the light left out."""
     zero = arb(0)
-    at = dark_scene(sensor, (*pose, zero, zero))
+    at = dark_scene(geometry, (*pose, zero, zero))
     a, b, c = mirror_edges(
-        sensor.normals
+        geometry.normals
     )  # turned as they are: a cross product of intervals is wider
     return at._replace(edges=(rotate(at.turn, a), rotate(at.turn, b), rotate(at.turn, c)))
 
@@ -78,38 +78,38 @@ class SubBeam(NamedTuple):
     length: Interval
 
 
-def sub_beam(sensor: Geometry, at: Scene, k: int, from_point: Sequence[Interval]) -> SubBeam:
+def sub_beam(geometry: Geometry, at: Scene, k: int, from_point: Sequence[Interval]) -> SubBeam:
     """The ray that meets facet k `from_point` (2,) off the apex, in sigmas across the beam."""
-    normal, beam = at.normals[k], sensor.direction
+    normal, beam = at.normals[k], geometry.direction
     incidence = dot(beam, normal)
     leaving = reflect(beam, normal)
-    middle = combine(from_point[0], sensor.spread[0], from_point[1], sensor.spread[1])
+    middle = combine(from_point[0], geometry.spread[0], from_point[1], geometry.spread[1])
     if not incidence < 0:
         raise NotFacing
     lever = scale(-1, combine(1, middle, -dot(normal, middle) / incidence, beam))
     start = subtract(at.apex, lever)
-    if not dot(leaving, sensor.axes[k][0]) > 0:
+    if not dot(leaving, geometry.axes[k][0]) > 0:
         raise NotFacing
-    length = flight(start, leaving, sensor.centres[k], sensor.axes[k])
+    length = flight(start, leaving, geometry.centres[k], geometry.axes[k])
     if not length > 0:
         raise NotFacing
     return SubBeam(normal, leaving, lever, start, length)
 
 
 def spot_jacobian(
-    sensor: Geometry, shares: SharingBounds, pose: Sequence[Interval]
+    geometry: Geometry, shares: SharingBounds, pose: Sequence[Interval]
 ) -> list[list[Interval]]:
     """6 x 6 over a box of poses (6,): psi and zeta of A, B, C by apex and angles; mm and rad.
 
     shares: what is known of the light while the shares of it are held.  Raises `NotFacing`.
     """
-    at = dark_scene_over(sensor, pose)
+    at = dark_scene_over(geometry, pose)
     axes = rotation_axes(pose[4], pose[5])
-    rays = [sub_beam(sensor, at, k, shares.from_point[k]) for k in range(3)]
+    rays = [sub_beam(geometry, at, k, shares.from_point[k]) for k in range(3)]
     return [
-        gradient_of_spot(sensor, rays[k], axis, sensor.axes[k][0], shares.turns[k], axes)
+        gradient_of_spot(geometry, rays[k], axis, geometry.axes[k][0], shares.turns[k], axes)
         for k in range(3)
-        for axis in sensor.axes[k][1:]
+        for axis in geometry.axes[k][1:]
     ]
 
 
@@ -143,7 +143,9 @@ class Centred(NamedTuple):
         return moved
 
 
-def centred_jacobian(sensor: Geometry, shares: SharingBounds, low: Floats, high: Floats) -> Centred:
+def centred_jacobian(
+    geometry: Geometry, shares: SharingBounds, low: Floats, high: Floats
+) -> Centred:
     """`spot_jacobian` with its slopes. Raises `NotFacing`.
 
     The spots are linear in the apex: the first three columns have no slope by it, and the slope of
@@ -152,13 +154,13 @@ def centred_jacobian(sensor: Geometry, shares: SharingBounds, low: Floats, high:
     pose = intervals_between(low, high)
     place = [arb(float(x)) for x in (low + high) / 2]
     half = [side - middle for side, middle in zip(pose, place, strict=True)]
-    middle = spot_jacobian(sensor, shares, place)
+    middle = spot_jacobian(geometry, shares, place)
     one, none = arb(1), arb(0)
     angles = [
         Sloped(pose[3 + j], tuple(one if i == j else none for i in range(3))) for j in range(3)
     ]
-    spot_jacobian(sensor, shares, pose)  # is every facet in it facing?
-    carried = spot_jacobian(sensor, shares, [*place[:3], *angles])
+    spot_jacobian(geometry, shares, pose)  # is every facet in it facing?
+    carried = spot_jacobian(geometry, shares, [*place[:3], *angles])
     by_angles = [[[slope_along(x, j) for x in row] for row in carried] for j in range(3)]
     by_apex = [[[none] * 3 + [by_angles[j][i][m] for j in range(3)] for i in range(6)]
                for m in range(3)]  # fmt: skip
@@ -170,7 +172,7 @@ def slope_along(x: Any, axis: int) -> Interval:
 
 
 def gradient_of_spot(
-    sensor: Geometry,
+    geometry: Geometry,
     ray: SubBeam,
     axis: Vector,
     outward: Vector,
@@ -182,12 +184,12 @@ def gradient_of_spot(
     outward: the detector's x.  turns: (2, 3) of the light's centroid from the apex, with the
     angles.  axes: about which roll, pitch and yaw turn the mirror.
     """
-    beam = sensor.direction
+    beam = geometry.direction
     along = slant(axis, ray.leaving, outward)
     by_normal = gradient_of_normal(along, beam, ray.normal, ray.lever, ray.length)
     turn = cross(ray.normal, by_normal)
     shift = gradient_of_shift(along, beam, ray.normal)
-    by_light = [dot(shift, spread) for spread in sensor.spread]
+    by_light = [dot(shift, spread) for spread in geometry.spread]
     by_turn = [
         dot(turn, axes[j]) + by_light[0] * turns[0][j] + by_light[1] * turns[1][j] for j in range(3)
     ]
@@ -195,14 +197,14 @@ def gradient_of_spot(
 
 
 def spot_places(
-    sensor: Geometry, pose: Sequence[Interval], from_point: Sequence[Sequence[Interval]]
+    geometry: Geometry, pose: Sequence[Interval], from_point: Sequence[Sequence[Interval]]
 ) -> list[Interval]:
     """(6,) psi and zeta of A, B, C, mm, of the rays `from_point` (3, 2) sigmas off the apex."""
-    at = dark_scene_over(sensor, pose)
+    at = dark_scene_over(geometry, pose)
     places = []
     for k in range(3):
-        ray = sub_beam(sensor, at, k, from_point[k])
+        ray = sub_beam(geometry, at, k, from_point[k])
         landed = add(ray.start, scale(ray.length, ray.leaving))
-        spot = subtract(landed, sensor.centres[k])
-        places += [dot(spot, axis) for axis in sensor.axes[k][1:]]
+        spot = subtract(landed, geometry.centres[k])
+        places += [dot(spot, axis) for axis in geometry.axes[k][1:]]
     return places

@@ -135,7 +135,7 @@ def certify(
 
 
 def prove(
-    sensor: Geometry,
+    geometry: Geometry,
     found: Certificate,
     share: float | None,
     deadline: float,
@@ -143,39 +143,39 @@ def prove(
     work: int,
 ) -> None:
     """Fills in a certificate. Raises `LightNotShared`."""
-    parts = edges_over_rotations(sensor, found.box)
-    found.share = least_share_in_box(sensor, parts, found.box) if share is None else share
+    parts = edges_over_rotations(geometry, found.box)
+    found.share = least_share_in_box(geometry, parts, found.box) if share is None else share
     shares = hull_of_bounds([bounds_at_fixed_shares(edges, found.share) for edges in parts])
     found.shares = bounds_as_numbers(shares)
-    slope = ends(slope_of_powers(sensor, shares))[0]
-    if prove_at_once(sensor, found, shares, slope):
+    slope = ends(slope_of_powers(geometry, shares))[0]
+    if prove_at_once(geometry, found, shares, slope):
         tell(1.0)
         return
-    jacobians = prove_pieces(sensor, found, shares, deadline, tell, work)
+    jacobians = prove_pieces(geometry, found, shares, deadline, tell, work)
     found.regular = not found.doubtful
     if found.regular:
-        conclude(sensor, found, shares, jacobians, slope)
+        conclude(geometry, found, shares, jacobians, slope)
 
 
 def prove_at_once(
-    sensor: Geometry, found: Certificate, shares: SharingBounds, slope: float
+    geometry: Geometry, found: Certificate, shares: SharingBounds, slope: float
 ) -> bool:
     """Whether no piece needs to be cut any further; fills in the certificate then."""
-    looked = [(low, high, *examine_piece(sensor, shares, slope, low, high))
+    looked = [(low, high, *examine_piece(geometry, shares, slope, low, high))
               for low, high in initial_pieces(found.box)]  # fmt: skip
     jacobians = [jacobian for *_, jacobian, _ in looked if jacobian is not None]
     if len(jacobians) < len(looked):
         return False
     pieces = [ProvedPiece(tuple(a.tolist()), tuple(b.tolist()), least) for a, b, _, least in looked]
     found.pieces, found.work = pieces, len(pieces)
-    conclude(sensor, found, shares, jacobians, slope)
+    conclude(geometry, found, shares, jacobians, slope)
     if not found.unique:
         found.pieces, found.at_least = [], 0.0
     return found.unique
 
 
 def conclude(
-    sensor: Geometry,
+    geometry: Geometry,
     found: Certificate,
     shares: SharingBounds,
     jacobians: list[Centred],
@@ -189,7 +189,7 @@ def conclude(
     found.pieces = [p._replace(at_least=max(p.at_least, bound)) for p in found.pieces]
     found.at_least = min(piece.at_least for piece in found.pieces)
     if not (found.margin > SMALL and found.at_least > 0):
-        by_middles = prove_by_middles(sensor, shares, found.box, jacobians, slope)
+        by_middles = prove_by_middles(geometry, shares, found.box, jacobians, slope)
         if by_middles.margin > max(found.margin, 0):
             least = min(piece.at_least for piece in by_middles.pieces)
             found.margin, found.middles = by_middles.margin, by_middles.affine.as_numbers()
@@ -199,7 +199,7 @@ def conclude(
 
 
 def prove_pieces(
-    sensor: Geometry,
+    geometry: Geometry,
     found: Certificate,
     shares: SharingBounds,
     deadline: float,
@@ -207,13 +207,13 @@ def prove_pieces(
     work: int,
 ) -> list[Centred]:
     """Sorts the box's pieces into proved and doubtful ones; the Jacobians over the proved ones."""
-    slope = ends(slope_of_powers(sensor, shares))[0]
+    slope = ends(slope_of_powers(geometry, shares))[0]
     found.work = 0
     todo = [(low, high, 0) for low, high in initial_pieces(found.box)]
     whole, done, jacobians = len(todo), 0.0, []
     while todo:
         low, high, depth = todo.pop()
-        jacobian, least = examine_piece(sensor, shares, slope, low, high)
+        jacobian, least = examine_piece(geometry, shares, slope, low, high)
         found.work += 1
         late = found.work >= work or time.perf_counter() > deadline
         if not (least > 0 or depth == MOST_CUTS or late):
@@ -235,32 +235,34 @@ def prove_pieces(
 
 
 def examine_piece(
-    sensor: Geometry, shares: SharingBounds, slope: float, low: Floats, high: Floats
+    geometry: Geometry, shares: SharingBounds, slope: float, low: Floats, high: Floats
 ) -> tuple[Centred | None, float]:
     """The Jacobian over a piece and a lower bound of Eq. (11)'s |det|; 0 where none is found."""
     try:
-        jacobian = centred_jacobian(sensor, shares, low, high)
+        jacobian = centred_jacobian(geometry, shares, low, high)
     except NotFacing:
         return None, 0.0
     return jacobian, determinant_bound(jacobian.whole(), slope)
 
 
-def edges_over_rotations(sensor: Geometry, box: StateBox) -> list[FacetEdges]:
+def edges_over_rotations(geometry: Geometry, box: StateBox) -> list[FacetEdges]:
     """The edges over the box's rotations, in a few parts."""
     zero = arb(0)
     rotations = [divide_side(box, 3 + j, n) for j, n in enumerate(TURNS)]
     return [
         facet_edges(
-            sensor, dark_scene_over(sensor, [zero, zero, zero, *turns]), rotation_axes(*turns[1:])
+            geometry,
+            dark_scene_over(geometry, [zero, zero, zero, *turns]),
+            rotation_axes(*turns[1:]),
         )
         for turns in product(*rotations)
     ]
 
 
-def least_share_in_box(sensor: Geometry, parts: list[FacetEdges], box: StateBox) -> float:
+def least_share_in_box(geometry: Geometry, parts: list[FacetEdges], box: StateBox) -> float:
     """The least share that a facet has anywhere in the box, its offsets included; rounded down."""
     x, y, z = (interval(box.low[i], box.high[i]) for i in (6, 7, 2))
-    return min(least_share_over(edges, project_to_sigmas(sensor, (x, y, z))) for edges in parts)
+    return min(least_share_over(edges, project_to_sigmas(geometry, (x, y, z))) for edges in parts)
 
 
 def divide_side(box: StateBox, axis: int, count: int) -> list[Interval]:
@@ -271,11 +273,11 @@ def divide_side(box: StateBox, axis: int, count: int) -> list[Interval]:
     return [interval(a, b) for a, b in pairwise(places)]
 
 
-def slope_of_powers(sensor: Geometry, shares: SharingBounds) -> Interval:
+def slope_of_powers(geometry: Geometry, shares: SharingBounds) -> Interval:
     """|d(power_a, power_b) / d(bx, by)|: what Eq. (11) has beside the 6 x 6 determinant."""
-    white = sensor.whitening
+    white = geometry.whitening
     area = white[0][0] * white[1][1] - white[0][1] * white[1][0]
-    return nonnegative_product(nonnegative_product(sensor.power**2, shares.slope), area)
+    return nonnegative_product(nonnegative_product(geometry.power**2, shares.slope), area)
 
 
 def bounds_as_numbers(shares: SharingBounds) -> dict[str, Any]:

@@ -99,6 +99,13 @@ def maximum(a: Number, b: Number) -> Number:
     return a if first > second else b
 
 
+def select(condition: Any, a: Number, b: Number) -> Number:
+    """`a` where the condition holds, else `b`."""
+    if hasattr(condition, "writer"):
+        return condition.writer.select(condition, a, b)
+    return a if condition else b
+
+
 def pi(like: Number) -> Number:
     """The number pi in the type and precision of `like`."""
     return math.pi if is_float(like) else +library(like).pi

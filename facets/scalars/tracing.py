@@ -88,6 +88,12 @@ class Value:
     def __lt__(self, other: Any) -> Condition:
         return self.writer.compare("<", self, other)  # type: ignore[no-any-return]
 
+    def __ge__(self, other: Any) -> Condition:
+        return self.writer.compare(">=", self, other)  # type: ignore[no-any-return]
+
+    def __le__(self, other: Any) -> Condition:
+        return self.writer.compare("<=", self, other)  # type: ignore[no-any-return]
+
 
 class Condition:
     """Whether something is so, which the code being written will find out. As `Value`."""
