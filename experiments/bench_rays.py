@@ -101,7 +101,7 @@ class RayBeam(NamedTuple):
     y: Floats
 
     @classmethod
-    def of(cls, sensor: Sensor) -> RayBeam:
+    def from_sensor(cls, sensor: Sensor) -> RayBeam:
         turn = rotation_about(1, sensor.beam.tilt_y) @ rotation_about(0, sensor.beam.tilt_x)
         return cls(turn @ [0.0, 0.0, -1.0], turn @ [1.0, 0.0, 0.0], turn @ [0.0, 1.0, 0.0])
 
@@ -136,7 +136,7 @@ def facet(
     k: int,
 ) -> Floats:
     """Place and power (n, 3) of the light of one facet."""
-    beam, psd = RayBeam.of(sensor), sensor.psds[k]
+    beam, psd = RayBeam.from_sensor(sensor), sensor.psds[k]
     points, area, distances = sample_facet(bench, normal, edges[k], edges[(k + 1) % 3], k)
     world = state[:, None, :3] + points @ np.swapaxes(turn, 1, 2)
     density, cosine, along = incident_light(bench, beam, world, state, turn, normal)

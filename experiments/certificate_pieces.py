@@ -167,7 +167,7 @@ class CertifiedAffine:
     def __init__(self, content: dict[str, Any]) -> None:
         self.place, self.value, self.slopes = (content[k] for k in ("place", "value", "slopes"))
 
-    def over(self, pose: list[Any]) -> Rows:
+    def evaluate(self, pose: list[Any]) -> Rows:
         off = [side - x for side, x in zip(pose, self.place, strict=True)]
         return [
             [arb(self.value[i][j]) + sum(arb(self.slopes[m][i][j]) * off[m] for m in range(6))
@@ -177,7 +177,7 @@ class CertifiedAffine:
 
     def rest(self, jacobian: Jacobian) -> Rows:
         """J - L over a piece."""
-        at = self.over(jacobian.place)
+        at = self.evaluate(jacobian.place)
         return [
             [jacobian.middle[i][j] - at[i][j]
              + sum((jacobian.slopes[i][j][m] - arb(self.slopes[m][i][j])) * jacobian.off[m]
@@ -200,7 +200,7 @@ def check_middles(
         (part, depth), done = todo.pop(), done + 1
         refuse_unless(done <= MOST, "L(middle) + the hull of J - L may be singular near"
                       f" {[float(a.mid()) for a, _ in part]}")  # fmt: skip
-        near = affine.over([span(a, b) for a, b in part])
+        near = affine.evaluate([span(a, b) for a, b in part])
         rows = [
             [x + y for x, y in zip(*pair, strict=True)] for pair in zip(near, rest, strict=True)
         ]

@@ -37,7 +37,7 @@ PARTS = 6
 #: Half the beam's 1/e^2 diameter, sigmas.
 ELLIPSE = 2
 #: Levers by which axes are compared, mm and mm/rad.
-LEVERS = (1, 1, 1, 250, 250, 250)
+LEVERS_MM = (1, 1, 1, 250, 250, 250)
 
 #: A side of a box of poses: two exact numbers.
 Side = tuple[Any, Any]
@@ -108,7 +108,7 @@ def smaller_parts(
     if any(new[1] - new[0] < KEPT * (old[1] - old[0]) for old, new in sides):
         return [kept]
     refuse_unless_large(kept, box)
-    return cut_sides(kept, box) or halve(kept, LEVERS)
+    return cut_sides(kept, box) or halve(kept, LEVERS_MM)
 
 
 def refuse_unless_large(part: Sides, box: Sides) -> None:

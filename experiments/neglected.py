@@ -36,12 +36,12 @@ ALUMINIUM = (1.37, 7.62)  # at 633 nm
 WAVELENGTH, PATH = 632.8e-6, 250.0
 #: Second and third orders of a detector's correction.
 BENT = ("20", "11", "02", "30", "21", "12", "03")
-WAIST = 0.425  # mm, radius to 1/e^2 of the paper's beam
+WAIST_MM = 0.425  # mm, radius to 1/e^2 of the paper's beam
 
 
 def wavefront(distance: float) -> float:
     """Radius of a Gaussian beam's wavefront, mm, at a distance from its waist."""
-    rayleigh = np.pi * WAIST**2 / WAVELENGTH
+    rayleigh = np.pi * WAIST_MM**2 / WAVELENGTH
     return float(distance * (1 + (rayleigh / distance) ** 2))
 
 
@@ -50,9 +50,9 @@ def imperfect_configuration(**flaws: Any) -> Sensor:
 
 
 #: A tenth of a wave over the last 0.1 mm, and a little less.
-DEPTHS = (6.3e-5, 4e-5, 5e-5, 6e-5, 3e-5, 5e-5)
+DEPTHS_MM = (6.3e-5, 4e-5, 5e-5, 6e-5, 3e-5, 5e-5)
 #: Power (mW) and place (mm) on each detector.
-ROOM_LIGHT = ((5e-4, 1, 2), (5e-4, -1, 1), (5e-4, 0, -2))
+BACKGROUND_MW_MM = ((5e-4, 1, 2), (5e-4, -1, 1), (5e-4, 0, -2))
 
 
 class NeglectedEffect(NamedTuple):
@@ -87,7 +87,9 @@ def cases() -> dict[str, NeglectedEffect]:
         "beam tilt 2 mrad": NeglectedEffect(tilted, tilted),
         "divergence; 0.5 m from a HeNe": imperfection_case(wavefront_radius=wavefront(500.0)),
         "diffraction at the edges": imperfection_case(wavelength=WAVELENGTH),
-        "edges rolled off 63 nm over 0.1 mm": imperfection_case(rolloff=DEPTHS, rolloff_width=0.1),
+        "edges rolled off 63 nm over 0.1 mm": imperfection_case(
+            rolloff=DEPTHS_MM, rolloff_width=0.1
+        ),
         "strips of 10, 14, 8 um lost at edges": imperfection_case(strips=(0.01, 0.014, 0.008)),
         "a flat tip, 25 um in radius": imperfection_case(tip=np.pi * 0.025**2),
         "other light, 0.5 uW on each": imperfection_case(
@@ -147,7 +149,9 @@ def diffraction_shifts(
     """
     x = (np.arange(count) - count // 2) * step
     along, across = np.meshgrid(x, x, indexing="ij")
-    field = np.exp(-(along**2 + across**2) / WAIST**2) * covered_share(along, across, offset, step)
+    field = np.exp(-(along**2 + across**2) / WAIST_MM**2) * covered_share(
+        along, across, offset, step
+    )
     inside = (along * field**2).sum() / (field**2).sum()
     wave = np.fft.fftfreq(count, step)
     phase = np.exp(-1j * np.pi * WAVELENGTH * PATH * (wave[:, None] ** 2 + wave**2))
@@ -179,11 +183,11 @@ def covered_share(
 ) -> Floats:
     """What share of each cell the facet covers; only cells that an edge may cross are cut up."""
 
-    def inside(x: Floats, y: Floats) -> Booleans:
+    def is_inside(x: Floats, y: Floats) -> Booleans:
         turned: Booleans = np.abs(np.arctan2(y, x - offset)) < np.pi / 3
         return turned
 
-    share = inside(along, across).astype(float)
+    share = is_inside(along, across).astype(float)
     slope = np.tan(np.pi / 3)
     off = np.abs(np.abs(across) - slope * (along - offset)) / np.hypot(1, slope)
     crossed = off < step
@@ -192,7 +196,7 @@ def covered_share(
     cut = np.zeros_like(x)
     for a in shares * step:
         for b in shares * step:
-            cut += inside(x + a, y + b)
+            cut += is_inside(x + a, y + b)
     share[crossed] = cut / parts**2
     return share
 

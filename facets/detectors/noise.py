@@ -37,8 +37,28 @@ def sources(sensor: Sensor) -> tuple[str, ...]:
 
 @check_arguments
 def standard_deviations(sensor: Sensor, reading: ArrayLike) -> Floats:
-    """Of each number of readings (..., 9), 1 sigma: mm and mW. NaN where the reading is.
+    """Compute the standard deviation of the noise of each number of readings.
 
+    Parameters
+    ----------
+    sensor
+        The noise follows `Sensor.electronics` where the sensor has them, else `Sensor.noise`.
+    reading
+        Readings without noise, (..., 9), in the order of Eq. (2): psi and zeta in mm, in the
+        detector's frame, and the power in mW, of A, B and C.
+
+    Returns
+    -------
+    ndarray
+        One standard deviation of each number, (..., 9), mm and mW; NaN where the reading is NaN.
+
+    Raises
+    ------
+    InputError
+        If the last dimension of `reading` is not 9.
+
+    Examples
+    --------
     >>> import numpy as np, facets
     >>> sensor = facets.Sensor()
     >>> sigma = facets.standard_deviations(sensor, facets.readings(sensor, np.zeros(8)))
@@ -211,7 +231,7 @@ def step_variances(sensor: Sensor, reading: ArrayLike, share: ArrayLike = 1.0) -
         return reading_variances(sensor, electronics, parts, currents, var).reshape(exact.shape)
 
 
-#: Harmonics of the error of a step: what comes after is 1 % of its variance without noise.
+#: Harmonics of the error of a step: all later ones have a hundredth of its variance without noise.
 HARMONICS = 60
 
 
@@ -254,15 +274,32 @@ def end_sums(kind: str, parts: Floats) -> Floats:
 
 @check_arguments
 def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> Floats:
-    """Readings with noise, as the sensor's detectors would give them.
+    """Add noise to readings, as the sensor's detectors would.
 
-    sensor: says how large the noise is, by `Sensor.noise`, or by `Sensor.electronics` where it has
-    them: noise is then drawn in the electrodes' currents.  reading: (..., 9), mm and mW, without
-    noise.  rng: a generator of random numbers; the same seed gives the same noise.
+    Parameters
+    ----------
+    sensor
+        The noise follows `Sensor.electronics` where the sensor has them, and is then drawn in the
+        electrodes' currents; else `Sensor.noise`.
+    reading
+        Readings without noise, (..., 9), in the order of Eq. (2); mm and mW.
+    rng
+        The generator of random numbers; the same seed gives the same noise.
 
-    Returns (..., 9). A detector reads NaN where its spot's centroid lies past its edge (see
-    `reaches`), where its amplifiers saturate, and where its currents fit no place on it.
+    Returns
+    -------
+    ndarray
+        Readings with noise, (..., 9). A detector reads NaN where its spot's centroid lies past its
+        edge (see `reaches`), where its amplifiers saturate, and where its currents fit no place on
+        it.
 
+    Raises
+    ------
+    InputError
+        If the last dimension of `reading` is not 9.
+
+    Examples
+    --------
     >>> import numpy as np, facets
     >>> sensor = facets.Sensor()
     >>> exact = facets.readings(sensor, np.zeros(8))

@@ -92,7 +92,7 @@ class CWriter(Tracer):
     def combine(self, how: str, *conditions: Condition) -> Condition:
         return Condition(self, CONNECTIVES[how].format(*(each.ir for each in conditions)))
 
-    def called(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
+    def call(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
         """What a C function of the same name gives, in tuples nested like `like`."""
         wanted = list(leaves(like))
         place = self._new("f")
@@ -102,7 +102,7 @@ class CWriter(Tracer):
         found = iter([Value(self, f"{place}[{n}]") for n in range(len(wanted))])
         return nest(like, found)
 
-    rarely = called
+    rarely = call
 
     def choose(
         self, condition: Condition, then: Callable[[], Numbers], other: Callable[[], Numbers]
@@ -156,7 +156,7 @@ class CWriter(Tracer):
 CONSTANT = re.compile(r"\s*const facets_(?:real|wide) (\w+) = ")
 
 
-def drop_unused(statements: list[str]) -> list[str]:
+def prune_statements(statements: list[str]) -> list[str]:
     """The statements without those whose number no later one asks for."""
     asked: set[str] = set()
     kept: list[str] = []

@@ -100,7 +100,7 @@ class FirmwareLibrary:
             begin = np.ascontiguousarray(
                 np.broadcast_to(np.asarray(start, self.kind), (len(rows), 9))
             )
-        options = self._asked(beam, means, sigmas)
+        options = self._solve_options(beam, means, sigmas)
         options["accept_unchecked"] = accept_unchecked
         for n, row in enumerate(rows):
             first = None if begin is None else pointer(begin[n])
@@ -118,7 +118,7 @@ class FirmwareLibrary:
             found["used"] > 0,
         )
 
-    def _asked(self, beam: str, means: ArrayLike | None, sigmas: ArrayLike | None) -> Any:
+    def _solve_options(self, beam: str, means: ArrayLike | None, sigmas: ArrayLike | None) -> Any:
         """The options of the C code, as an array without dimensions."""
         options = np.zeros((), self._options)
         self._code.facets_default_options(pointer(options))

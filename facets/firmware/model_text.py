@@ -17,7 +17,7 @@ from ..optics.forward import (
 )
 from ..optics.gradient import edge_turns, linearise_detector
 from ..optics.vectors import rotation_axes
-from .c_numbers import CONSTANT, CWriter, drop_unused
+from .c_numbers import CONSTANT, CWriter, prune_statements
 
 
 class ModelText(NamedTuple):
@@ -50,5 +50,5 @@ def model_text(sensor: Sensor) -> ModelText:
             for c in range(8):
                 writer.put(f"found[{1 + row}][{c}]", derivatives[i][c])
             writer.put(f"found[{1 + row}][8]", power_derivative(vectors, values, k, i))
-    statements = drop_unused(writer.statements)
+    statements = prune_statements(writer.statements)
     return ModelText("\n".join(statements), sum(map(bool, map(CONSTANT.match, statements))))

@@ -13,15 +13,15 @@ from ..estimation.doubts import has_fold
 from ..model.arrays import half_sizes, parameters
 from ..optics.forward import build_geometry, mirror_edges, project_to_sigmas, unit_vector
 from ..optics.half_normal import TABLE
-from ..optics.tail_quadrature import NARROW, SLICES
+from ..optics.tail_quadrature import NARROW_RAD, SLICES
 from .c_numbers import number
 
 #: Facets seen along the beam must open by this much more than the narrowest wedge that the C code's
 #: sums hold for, rad, so that the mirror may tilt.
-TILT = 0.1
+TILT_RAD = 0.1
 
 
-def refuse_unsupported(sensor: Sensor) -> None:
+def refuse_sensor(sensor: Sensor) -> None:
     """Raises `InputError` for a sensor whose readings the C code would not give, and why."""
     if sensor.apertures.cut:
         raise InputError(
@@ -44,10 +44,10 @@ def refuse_unsupported(sensor: Sensor) -> None:
             "part of the C code; use duo-lateral or pincushion detectors"
         )
     narrowest = float(np.min(facet_angles(sensor)))
-    if narrowest < NARROW + TILT:
+    if narrowest < NARROW_RAD + TILT_RAD:
         raise InputError(
             f"a facet's opening, seen along the beam, is {np.degrees(narrowest):.0f} degrees; "
-            f"the C code is for {np.degrees(NARROW + TILT):.0f} degrees or more"
+            f"the C code is for {np.degrees(NARROW_RAD + TILT_RAD):.0f} degrees or more"
         )
     if has_fold(sensor):
         raise InputError(

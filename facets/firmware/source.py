@@ -8,7 +8,7 @@ from typing import NamedTuple
 from ..core.sensor import Sensor
 from ..core.version import __version__
 from .model_text import model_text
-from .sensor_data import refuse_unsupported, sensor_data
+from .sensor_data import refuse_sensor, sensor_data
 
 
 class Provenance(NamedTuple):
@@ -60,7 +60,7 @@ static void facets_linearise(const facets_wide x[9], facets_real found[10][10])
 
 def write_source(sensor: Sensor, about: Provenance) -> CSource:
     """The C of a sensor. Raises `InputError` for one whose readings it would not give."""
-    refuse_unsupported(sensor)
+    refuse_sensor(sensor)
     model = model_text(sensor)
     head = fill_template(
         '/* Written by facets @VERSION@ for "@NAME@", hash @HASH@; see facets.h. */', about

@@ -111,7 +111,7 @@ def each_component(
 ) -> Iterator[tuple[Any, list[Value]]]:
     """A loop over the first components of the state: each with the readings' exact derivatives by
     it, under the light of a bench. at: from `bench_light.scene`."""
-    with code.looped(ir.Constant(LONG, count)) as component:
+    with code.loop(ir.Constant(LONG, count)) as component:
         moved = []
         for c, number in enumerate(state):
             own = code.builder.icmp_signed("==", component, ir.Constant(LONG, c))
@@ -177,7 +177,7 @@ def slopes_by_copies(kind: str) -> LaneWrite:
         code: LaneWriter, vectors: Geometry, state: Any, varied: Any, found: Any, copies: Any
     ) -> None:
         at = bench_light.scene(vectors, state)
-        with code.looped(copies) as copy:
+        with code.loop(copies) as copy:
             row = code.builder.gep(varied, [code.builder.mul(copy, ir.Constant(LONG, PACKED))])
             moved = carried(vectors, vectors_of(code, row, kind))
             slopes = bench_gradient.reading_slopes(moved, state, at)

@@ -43,17 +43,17 @@ def side_far(given: Pointer, found: Pointer) -> None:
     put_side(found, wedge.side_far((given[0], given[1]), (given[2], given[3]), given[4]))
 
 
-def faint_or_dark(given: Pointer, found: Pointer) -> None:
-    """`wedge.faint_or_dark` of q, u1 and u2; eight numbers."""
+def quadrature_or_dark(given: Pointer, found: Pointer) -> None:
+    """`wedge.quadrature_or_dark` of q, u1 and u2; eight numbers."""
     first, second = (given[2], given[3]), (given[4], given[5])
-    put_moments(found, wedge.faint_or_dark((given[0], given[1]), first, second))
+    put_moments(found, wedge.quadrature_or_dark((given[0], given[1]), first, second))
 
 
 #: The functions, and how many numbers each gives.
 FUNCTIONS: dict[str, tuple[Callable[..., None], int]] = {
     "side_near": (side_near, 4),
     "side_far": (side_far, 4),
-    "faint_or_dark": (faint_or_dark, 8),
+    "quadrature_or_dark": (quadrature_or_dark, 8),
 }
 NAMES = list(FUNCTIONS)
 

@@ -117,7 +117,7 @@ def write_linearised_exactly(code: RowWriter, vectors: Geometry, given: Any, fou
         for i in range(3):
             code.store(power_derivative(powered, values, k, i), found, 10 * (1 + 3 * k + i) + 8)
     build = code.builder
-    with code.looped(ir.Constant(LONG, 8)) as component:
+    with code.loop(ir.Constant(LONG, 8)) as component:
         moved = []
         for c, number in enumerate(state):
             own = build.icmp_signed("==", component, ir.Constant(LONG, c))
@@ -171,7 +171,7 @@ def slopes_by_copies(kind: str) -> Write:
     ) -> None:
         build = code.builder
         at = bench_light.scene(vectors, state)
-        with code.looped(copies) as copy:
+        with code.loop(copies) as copy:
             row = row_at(build, varied, copy, ir.Constant(LONG, PACKED))
             moved = carried(vectors, vectors_of(code, row, kind))
             for n, number in enumerate(leaves(bench_gradient.reading_slopes(moved, state, at))):

@@ -19,7 +19,7 @@ from .curved_light import apparent_scene, apply, back_projection
 from .forward import Geometry, Scene, Three, dark_scene, path, replace_light
 from .gradient import edge_turns, gradients, state_row
 from .vectors import Matrix, Plane, Vector, add, combine, cross2, dot, dot2, rotation_axes, subtract
-from .wedge import Moments, moments_closed, turn_derivative
+from .wedge import Moments, closed_moments, turn_derivative
 
 #: A number's derivatives by the eight components of a state.
 Row = tuple[Any, ...]
@@ -78,7 +78,7 @@ def covariance_slope(
     in_code = hasattr(lit, "writer")
     if not (in_code or lit):
         return 0.0, 0.0, 0.0
-    xx, xy, yy = (each.imag for each in moments_closed(q, u1, u2, side1, side2, whole)[2])
+    xx, xy, yy = (each.imag for each in closed_moments(q, u1, u2, side1, side2, whole)[2])
     if not in_code:
         return xx, xy, yy
     select = lit.writer.select

@@ -267,10 +267,10 @@ def finite_part(
     widths = dot2(one.wide, one.wide), dot2(other.wide, other.wide)
     y, z = halves
     y1, z1, y0, z0 = y - spot[0], z - spot[1], -y - spot[0], -z - spot[1]
-    a = corner_steps_squared(v, w, widths, y1, z0)
-    b = corner_steps_squared(v, w, widths, y1, z1)
-    c = corner_steps_squared(v, w, widths, y0, z1)
-    d = corner_steps_squared(v, w, widths, y0, z0)
+    a = corner_squares(v, w, widths, y1, z0)
+    b = corner_squares(v, w, widths, y1, z1)
+    c = corner_squares(v, w, widths, y0, z1)
+    d = corner_squares(v, w, widths, y0, z0)
     up = log(b[0] * a[1] / (b[1] * a[0]))
     over = log(c[0] * b[1] / (c[1] * b[0]))
     down = log(d[0] * c[1] / (d[1] * c[0]))
@@ -294,7 +294,7 @@ def finite_part(
     )
 
 
-def corner_steps_squared(v: Plane, w: Plane, widths: Plane, x: Number, y: Number) -> Plane:
+def corner_squares(v: Plane, w: Plane, widths: Plane, x: Number, y: Number) -> Plane:
     """The squares of t and s of a corner (x, y) from where the apex's ray lands, as s v + t w.
 
     widths: the squares of both streaks' standard deviations, mm^2.

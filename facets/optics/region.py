@@ -29,7 +29,7 @@ Array = Any
 
 #: A side's line: its outward unit normal (two columns), and how far the beam's centre is inside it.
 NORMAL, DISTANCE = 0, 2
-#: What its span contributes: the integrals of f, s f and s^2 f, ...
+#: What its span contributes: the moments of f along it of order 0, 1 and 2, ...
 LENGTH, FIRST, SECOND = 3, 4, 5
 #: ... the excess of f over its value on the disc's rim, what it sweeps over, and where it ends.
 EXCESS, SWEPT, LOW, HIGH = 6, 7, 8, 9

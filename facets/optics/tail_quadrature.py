@@ -79,7 +79,7 @@ SLICES = np.array(
 #: Slices with less than exp(-ENOUGH) of the brightest one's light are left out: 3e-17.
 ENOUGH = 38.0
 #: `slices` takes openings, rad, between these; a wider one is halved first.
-NARROW, WIDE = 1.0, 2.3
+NARROW_RAD, WIDE_RAD = 1.0, 2.3
 #: A ray that points away from the light by more than this takes the continued fraction.
 AWAY_SIGMAS = 1.5
 #: More pieces than this have never been needed: a bound, so that no input can hang the loop.
@@ -334,9 +334,9 @@ def shift_sums(sums: Sums, x: float, y: float) -> Sums:
 
 def wedge_sums(q: Plane, side: BrighterSide, u1: Plane, u2: Plane, opening: float) -> Sums:
     """The six sums over a wedge, by whichever way suits its opening; from where `side` counts."""
-    if opening < NARROW or (side.near and side.sense * side.h > 0):
+    if opening < NARROW_RAD or (side.near and side.sense * side.h > 0):
         return integrate(side, opening)
-    if opening <= WIDE:
+    if opening <= WIDE_RAD:
         return slices(side, cos(opening), sin(opening))
     # each half counts from its own side, because the rounding of an angle near pi would show
     c, s = cos(opening / 2), sin(opening / 2)
@@ -351,7 +351,7 @@ def no_light() -> tuple[float, Plane, tuple[float, float, float], Plane]:
     return 0.0, (nan, nan), (nan, nan, nan), (nan, nan)
 
 
-def faint_wedge(
+def wedge_by_quadrature(
     q: Plane, u1: Plane, u2: Plane
 ) -> tuple[float, Plane, tuple[float, float, float], Plane]:
     """What `wedge` gives, for a wedge of small mass; NaN centroid where no light is left at all."""

@@ -13,7 +13,8 @@ A side is the half-line q + s u, s > 0. With a = q . u and h = q x u, its integr
 The divergence theorem turns the wedge's moments into these: M1 = -(n1 L1 + n2 L2), with n the
 outward normals. The mass is that of a wedge pointed at the beam's centre, angle / 2 pi, plus what
 each side sweeps over while the point moves from there to q (`swept_mass`). Where the mass is small
-this sum cancels; for floats, `faint_wedge` then integrates over the angle with positive terms only.
+this sum cancels; for floats, `wedge_by_quadrature` then integrates over the angle, where all terms
+are positive.
 
 Derivatives follow from the normal distribution being an exponential family: with centroid C and
 covariance S of the light in the wedge, dM0/dq = -M0 C and dC/dq = 1 - S; turning a side adds
@@ -30,7 +31,7 @@ from ..scalars.dispatch import Number, atan2, erf, erfc, exp, integral, is_float
 from .central import CENTRAL_SQUARED, Side, side_central
 from .compensated import gauss, gauss_of_point, normalise
 from .half_normal import half_normal
-from .tail_quadrature import AWAY_SIGMAS, faint_wedge, no_light
+from .tail_quadrature import AWAY_SIGMAS, no_light, wedge_by_quadrature
 from .vectors import Plane, angle_between, cross2, dot2
 
 Moments = tuple[Any, Plane, tuple[Any, Any, Any], Plane]
@@ -69,7 +70,7 @@ def side_code(q: Plane, u: Plane, a: Number, h: Number) -> Side:
     return code.choose(  # type: ignore[no-any-return]
         a * a + h * h > FAR_SQUARED,
         lambda: code.rarely(side_far, like, q, u, a),
-        lambda: code.called(side_near, like, a, h),
+        lambda: code.call(side_near, like, a, h),
     )
 
 
@@ -173,11 +174,11 @@ def wedge(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
         return wedge_float(q, u1, u2, side1, side2)
     if hasattr(q[0], "writer"):
         return wedge_code(q, u1, u2, side1, side2)
-    return wedge_closed(q, u1, u2, side1, side2)
+    return closed_wedge(q, u1, u2, side1, side2)
 
 
 #: Where the mass is less than this, times 1 + |q|, the closed form has lost two digits to
-#: cancellation, and `faint_wedge` takes over.
+#: cancellation, and `wedge_by_quadrature` takes over.
 FAINT_MASS = 0.01
 #: Above this mass nothing cancels, however far the point.
 BRIGHT_MASS = 0.3
@@ -186,40 +187,40 @@ DARK_SIGMAS = 1000.0
 
 
 def wedge_float(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
-    mass = mass_closed(u1, u2, side1, side2)
+    mass = closed_mass(u1, u2, side1, side2)
     if mass > min(FAINT_MASS * (1 + abs(q[0]) + abs(q[1])), BRIGHT_MASS):
-        return moments_closed(q, u1, u2, side1, side2, mass)
-    return faint_or_dark(q, u1, u2)
+        return closed_moments(q, u1, u2, side1, side2, mass)
+    return quadrature_or_dark(q, u1, u2)
 
 
 def wedge_code(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
     """`wedge_float` where machine code is written."""
-    mass = mass_closed(u1, u2, side1, side2)
+    mass = closed_mass(u1, u2, side1, side2)
     code, like = mass.writer, (mass, (mass, mass), (mass, mass, mass), (mass, mass))
     return code.choose(  # type: ignore[no-any-return]
         (mass > FAINT_MASS * (1 + abs(q[0]) + abs(q[1]))) | (mass > BRIGHT_MASS),
-        lambda: moments_closed(q, u1, u2, side1, side2, mass),
-        lambda: code.rarely(faint_or_dark, like, q, u1, u2),
+        lambda: closed_moments(q, u1, u2, side1, side2, mass),
+        lambda: code.rarely(quadrature_or_dark, like, q, u1, u2),
     )
 
 
-def faint_or_dark(q: Plane, u1: Plane, u2: Plane) -> Moments:
+def quadrature_or_dark(q: Plane, u1: Plane, u2: Plane) -> Moments:
     if q[0] * q[0] + q[1] * q[1] < DARK_SIGMAS * DARK_SIGMAS:
-        return faint_wedge(q, u1, u2)
+        return wedge_by_quadrature(q, u1, u2)
     return no_light()
 
 
-def wedge_closed(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
+def closed_wedge(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
     """`wedge` by the divergence theorem."""
-    return moments_closed(q, u1, u2, side1, side2, mass_closed(u1, u2, side1, side2))
+    return closed_moments(q, u1, u2, side1, side2, closed_mass(u1, u2, side1, side2))
 
 
-def mass_closed(u1: Plane, u2: Plane, side1: Side, side2: Side) -> Number:
+def closed_mass(u1: Plane, u2: Plane, side1: Side, side2: Side) -> Number:
     opening = angle_between(u1, u2)
     return opening / (2 * pi(opening)) + side1[3] - side2[3]
 
 
-def moments_closed(
+def closed_moments(
     q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side, mass: Number
 ) -> Moments:
     # int x f over a side is q L + u K; outward normals are (u1y, -u1x) and (-u2y, u2x)

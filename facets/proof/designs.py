@@ -8,11 +8,11 @@ from ..core.rules import Rules
 from ..core.sensor import Sensor
 from .uniqueness import Certificate, certify
 
-#: Pieces that are looked at by default: some seconds.
-WORK = 400
+#: Boxes that a proof of a design examines by default.
+MOST_PIECES = 400
 
 
-def certify_design(sensor: Sensor, rules: Rules, work: int = WORK) -> Certificate | str:
+def certify_design(sensor: Sensor, rules: Rules, work: int = MOST_PIECES) -> Certificate | str:
     """For the box of the ranges of its axes; why not, where it has no range."""
     try:
         box = range_box(sensor, rules)
@@ -21,7 +21,7 @@ def certify_design(sensor: Sensor, rules: Rules, work: int = WORK) -> Certificat
     return certify(sensor, box, least_share(sensor, rules), work=work)
 
 
-def proof_margin(sensor: Sensor, rules: Rules, work: int = WORK) -> float:
+def proof_margin(sensor: Sensor, rules: Rules, work: int = MOST_PIECES) -> float:
     """The margin of that proof, NaN where nothing was proved."""
     found = certify_design(sensor, rules, work)
     return found.margin if isinstance(found, Certificate) and found.unique else float("nan")

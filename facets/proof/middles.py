@@ -41,7 +41,7 @@ class AffineJacobian(NamedTuple):
         """For a certificate's file; a checker finds the rest again."""
         return {name: values.tolist() for name, values in self._asdict().items()}
 
-    def over(self, pose: Sequence[Interval]) -> Matrix:
+    def evaluate(self, pose: Sequence[Interval]) -> Matrix:
         off = [side - float(x) for side, x in zip(pose, self.place, strict=True)]
         return [
             [
@@ -83,7 +83,7 @@ def prove_by_middles(
         if not todo:
             return ByMiddles(affine, rest, pieces, margin)
         low, high, depth = todo.pop()
-        matrix = add_matrices(affine.over(intervals_between(low, high)), rest)
+        matrix = add_matrices(affine.evaluate(intervals_between(low, high)), rest)
         found = regularity(matrix)[0]
         if found > 0:
             margin = min(margin, found)
@@ -106,7 +106,7 @@ def affine_part(geometry: Geometry, shares: SharingBounds, box: StateBox) -> Aff
 
 def affine_remainder(affine: AffineJacobian, found: Centred) -> Matrix:
     """What the Jacobian is more than L over a piece."""
-    at = affine.over(found.place)
+    at = affine.evaluate(found.place)
     return [
         [
             found.middle[i][j]

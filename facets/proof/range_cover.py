@@ -44,13 +44,13 @@ from .spot_jacobian import (
 
 #: How far poses are looked for, mm and rad: past any range that a sensor of this kind can have.
 #: The float 0.3 is less than 0.3; what is said to be looked at is rounded down.
-FARTHEST = (30.0, 30.0, 30.0, 0.3 + 1e-12, 0.3 + 1e-12, 0.5)
+FARTHEST_MM_RAD = (30.0, 30.0, 30.0, 0.3 + 1e-12, 0.3 + 1e-12, 0.5)
 #: The box aimed at is larger than what a straight sensor would need by this.
 SLACK = 1.06
 #: A box within so many times that one is not cut any further.
 NEAR = 1.25
 #: So many boxes are looked at, and a box that keeps more than this of its width is cut.
-WORK, KEPT = 10_000, 0.8
+MOST_BOXES, KEPT = 10_000, 0.8
 #: The beam's 1/e^2 ellipse, in sigmas.
 ELLIPSE = 2.0
 #: Levers that let a box be cut in its angles alone.
@@ -95,7 +95,7 @@ def cover_range(
     rules: Rules,
     share: float,
     tolerances: Sequence[float] | None = None,
-    work: int = WORK,
+    work: int = MOST_BOXES,
 ) -> RangeCover | None:
     """The box of poses that keep the rules, for any place of the beam; None where none is found.
 
@@ -105,7 +105,7 @@ def cover_range(
     levers = np.where(TURNS > 0, max(psd.radius for psd in sensor.psds), 1.0)
     geometry = interval_geometry(sensor, tolerances)
     problem = RangeProblem(geometry, halves, share, rules.whole_spot, levers)
-    far = np.array(FARTHEST)
+    far = np.array(FARTHEST_MM_RAD)
     try:
         aim = target_box(problem)
     except (NotFacing, LightNotShared, np.linalg.LinAlgError):
@@ -113,7 +113,7 @@ def cover_range(
     low, high, done = narrow_down(problem, -far, far, aim, work)
     if low is None or (low <= -far).any() or (high >= far).any():
         return None
-    return RangeCover(low, high, FARTHEST, share, halves, rules.whole_spot, done)
+    return RangeCover(low, high, FARTHEST_MM_RAD, share, halves, rules.whole_spot, done)
 
 
 def target_box(problem: RangeProblem) -> StateBox:

@@ -16,7 +16,7 @@ FARTHEST = 20.0
 #: The factor grows by this, and then by its roots, until it is known so well.
 STEP, PRECISE = 1.5, 0.03
 #: Pieces that a proof may take: none of a sensor near what can be proved took more.
-WORK = 2000
+MOST_PIECES = 2000
 
 
 def find_reach(
@@ -25,7 +25,7 @@ def find_reach(
     share: float,
     tolerances: Sequence[float] | None = None,
     farthest: float = FARTHEST,
-    work: int = WORK,
+    work: int = MOST_PIECES,
 ) -> tuple[float, Certificate | None]:
     """The largest factor tried at which the box of poses is proved unique, and its certificate.
 

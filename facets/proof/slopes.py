@@ -74,17 +74,17 @@ class Sloped:
     def __gt__(self, other: Any) -> bool:
         return bool(self.value > other)
 
-    def by(self, value: Interval, rate: Interval) -> Sloped:
+    def chain(self, value: Interval, rate: Interval) -> Sloped:
         """A function of this number, by its value and its derivative."""
         a = self.slope
         return Sloped(value, (rate * a[0], rate * a[1], rate * a[2]))
 
     def sin(self) -> Sloped:
-        return self.by(self.value.sin(), self.value.cos())
+        return self.chain(self.value.sin(), self.value.cos())
 
     def cos(self) -> Sloped:
-        return self.by(self.value.cos(), -self.value.sin())
+        return self.chain(self.value.cos(), -self.value.sin())
 
     def sqrt(self) -> Sloped:
         root = self.value.sqrt()
-        return self.by(root, 1 / (2 * root))
+        return self.chain(root, 1 / (2 * root))

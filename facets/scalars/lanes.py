@@ -133,7 +133,7 @@ class LaneWriter(MachineWriter):
         found: list[Value] = []
         for first, size in self._squares(count):
             rows = [
-                self.builder.load(self._in_row(pointer, stride, lane, first, size), align=8)
+                self.builder.load(self._row_vector(pointer, stride, lane, first, size), align=8)
                 for lane in range(self.lanes)
             ]
             squares = [
@@ -166,7 +166,7 @@ class LaneWriter(MachineWriter):
                     one, self.builder.gep(pointer, [self.builder.add(first, column)])
                 )
 
-    def _in_row(self, pointer: Any, stride: Any, lane: int, column: int, size: int) -> Any:
+    def _row_vector(self, pointer: Any, stride: Any, lane: int, column: int, size: int) -> Any:
         """Where `size` numbers of a lane's row begin, as a vector."""
         wide = ir.Constant(LONG, stride) if isinstance(stride, int) else stride
         row = self.builder.mul(wide, ir.Constant(LONG, lane))
@@ -182,7 +182,9 @@ class LaneWriter(MachineWriter):
                 places = range(lane, lane + size)
                 square = [shuffle(self.builder, each, each, places) for each in some]
                 for n, row in enumerate(transpose(self.builder, square), lane):
-                    self.builder.store(row, self._in_row(pointer, stride, n, first, size), align=8)
+                    self.builder.store(
+                        row, self._row_vector(pointer, stride, n, first, size), align=8
+                    )
 
     def bits(self, condition: Condition) -> Any:
         """A 64-bit integer with a bit for each lane in which something is so."""
@@ -196,7 +198,7 @@ class LaneWriter(MachineWriter):
         self.left = self.left | condition
 
     @contextmanager
-    def looped(self, count: Any) -> Iterator[Any]:
+    def loop(self, count: Any) -> Iterator[Any]:
         """A loop, as `machine.write_loop` writes it: what is computed before it is known within it,
         and what is computed within it is not known after it."""
         with self._round() as begin, write_loop(self.builder, count) as number, begin():
@@ -227,10 +229,10 @@ class LaneWriter(MachineWriter):
         self, condition: Condition, then: Callable[[], Numbers], other: Callable[[], Numbers]
     ) -> Numbers:
         """In each lane what one of two functions gives; both are computed."""
-        ways = [self._along(condition, then), self._along(~condition, other)]
+        ways = [self._take_way(condition, then), self._take_way(~condition, other)]
         return self._merge_lanes(condition, *ways)
 
-    def _along(self, condition: Condition, way: Callable[[], Numbers]) -> Numbers:
+    def _take_way(self, condition: Condition, way: Callable[[], Numbers]) -> Numbers:
         self._here.append(condition)
         try:
             return way()
@@ -307,12 +309,12 @@ class LaneMemory:
             self._place = code.builder.alloca(code.kind, size)
 
     def __getitem__(self, index: Any) -> Value:
-        return Value(self.code, self.code.builder.load(self._at(index)))
+        return Value(self.code, self.code.builder.load(self._address(index)))
 
     def __setitem__(self, index: Any, number: Value | float) -> None:
-        self.code.builder.store(self.code.value(number), self._at(index))
+        self.code.builder.store(self.code.value(number), self._address(index))
 
-    def _at(self, index: Any) -> Any:
+    def _address(self, index: Any) -> Any:
         """index: a number, or one that the code will know."""
         where = ir.Constant(LONG, index) if isinstance(index, int) else index
         return self.code.builder.gep(self._place, [where])

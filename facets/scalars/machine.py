@@ -83,7 +83,7 @@ class MachineWriter(Tracer):
         self.builder.store(self.value(number), place)
 
     @contextmanager
-    def looped(self, count: Any) -> Iterator[Any]:
+    def loop(self, count: Any) -> Iterator[Any]:
         """A loop, as `write_loop` writes it. What is computed within it is not known after it.
 
         Nor is what was computed before known within: registers that are full of it cost more than

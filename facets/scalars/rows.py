@@ -39,7 +39,7 @@ class RowWriter(MachineWriter):
         code = module.globals.get(name) or ir.Function(module, kind, name)
         return Value(self, self.builder.call(code, [self.value(each) for each in arguments]))
 
-    def called(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
+    def call(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
         given, wanted = list(leaves(arguments)), list(leaves(like))
         memory = self._memory(len(given) + len(wanted))
         for n, number in enumerate(given):
@@ -52,7 +52,7 @@ class RowWriter(MachineWriter):
         self.builder.call(code, [memory, results])
         return nest(like, iter([self.load(results, n) for n in range(len(wanted))]))
 
-    rarely = called
+    rarely = call
 
     def _memory(self, numbers: int) -> Any:
         """Room on the stack, made once where the function begins."""

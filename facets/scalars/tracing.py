@@ -156,7 +156,7 @@ class Tracer:
         """What one of two functions gives. Where only one way is taken, each is a `scope`."""
         raise NotImplementedError
 
-    def called(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
+    def call(self, function: Callable[..., Any], like: Numbers, *arguments: Numbers) -> Numbers:
         """What a function that is compiled by itself gives, in tuples nested like `like`."""
         raise NotImplementedError
 

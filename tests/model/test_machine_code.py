@@ -81,13 +81,13 @@ def test_what_the_text_refuses_is_left_to_machine_code(monkeypatch):
 
     state = np.array([1.5, 0, 0, 0, 0, 0, 0, 0])
     expected = facets.readings(facets.Sensor(), state)
-    number = rare.NAMES.index("faint_or_dark")
-    monkeypatch.setitem(rare.FUNCTIONS, "faint_or_dark", (refuse, 8))
+    number = rare.NAMES.index("quadrature_or_dark")
+    monkeypatch.setitem(rare.FUNCTIONS, "quadrature_or_dark", (refuse, 8))
     monkeypatch.setattr(rare, "_COMPILED", {})
     monkeypatch.setattr(rare, "SELDOM", 1e9)
     monkeypatch.setattr(rare, "_is_kept", lambda _: False)
     monkeypatch.setattr(rare, "_compiled", lambda _: rare.KIND(kept.address))
-    kept = jit.callback(rare.__file__, rare.faint_or_dark, signature=jit.TWO_POINTERS)
+    kept = jit.callback(rare.__file__, rare.quadrature_or_dark, signature=jit.TWO_POINTERS)
     kept_address, rare.TABLE[number] = rare.TABLE[number], rare.address_of_first(number)
     try:
         np.testing.assert_array_equal(facets.readings(facets.Sensor(), state), expected)
@@ -111,7 +111,7 @@ def test_what_goes_wrong_in_a_rare_function_is_raised_after_the_kernel(monkeypat
     monkeypatch.setattr(rare, "_COMPILED", {})
     monkeypatch.setattr(rare, "SELDOM", 0.0)
     monkeypatch.setattr(jit, "callback", fail)
-    number = rare.NAMES.index("faint_or_dark")
+    number = rare.NAMES.index("quadrature_or_dark")
     kept, rare.TABLE[number] = rare.TABLE[number], rare.address_of_first(number)
     away = np.zeros(8)
     away[0] = 1.0

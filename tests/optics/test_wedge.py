@@ -14,14 +14,14 @@ import pytest
 from facets.optics.half_normal import half_normal
 from facets.optics.tail_quadrature import (
     AWAY_SIGMAS,
-    NARROW,
+    NARROW_RAD,
     brighter_side,
-    faint_wedge,
     integrate,
     tail_integrals,
+    wedge_by_quadrature,
     wedge_sums,
 )
-from facets.optics.wedge import moments_along_float, side, turn_derivative, wedge, wedge_closed
+from facets.optics.wedge import closed_wedge, moments_along_float, side, turn_derivative, wedge
 
 ROWS = json.loads((Path(__file__).parent / "references" / "wedge.json").read_text())
 UP, RIGHT = (0.0, 1.0), (1.0, 0.0)
@@ -91,8 +91,8 @@ def test_closed_form_and_quadrature_meet():
         first, opening = rng.uniform(0, 2 * np.pi), rng.uniform(0.5, 3)
         u1 = (math.cos(first), math.sin(first))
         u2 = (math.cos(first + opening), math.sin(first + opening))
-        mass, centroid, shift, _ = faint_wedge(q, u1, u2)
-        closed = wedge_closed(q, u1, u2, side(q, u1), side(q, u2))
+        mass, centroid, shift, _ = wedge_by_quadrature(q, u1, u2)
+        closed = closed_wedge(q, u1, u2, side(q, u1), side(q, u2))
         if 0.1 < mass < 0.4:
             assert closed[0] == pytest.approx(mass, rel=2e-14)
             assert closed[1] == pytest.approx(centroid, abs=2e-14)
@@ -113,12 +113,14 @@ def test_slices_and_the_adaptive_angle_meet():
     compared = 0
     while compared < 100:
         offset, around = rng.uniform(0.8, 20), rng.uniform(0, 2 * np.pi)
-        first, opening = rng.uniform(0, 2 * np.pi), rng.uniform(NARROW, 3.1)
+        first, opening = rng.uniform(0, 2 * np.pi), rng.uniform(NARROW_RAD, 3.1)
         q = (offset * math.cos(around), offset * math.sin(around))
         u1 = (math.cos(first), math.sin(first))
         u2 = (math.cos(first + opening), math.sin(first + opening))
         brighter = brighter_side(q, u1, u2)
-        if faint_wedge(q, u1, u2)[0] > 0.3 or (brighter.near and brighter.sense * brighter.h > 0):
+        if wedge_by_quadrature(q, u1, u2)[0] > 0.3 or (
+            brighter.near and brighter.sense * brighter.h > 0
+        ):
             continue
         quick = np.array(wedge_sums(q, brighter, u1, u2, opening))
         slow = np.array(integrate(brighter, opening))

@@ -22,11 +22,18 @@ from numpydoc.validate import validate
 import facets
 
 #: Folders and files whose functions, classes, arguments and constants are checked.
-CHECKED = ["cli/options.py"]
+CHECKED = [
+    "cli/options.py",
+    "facets/optics",
+    "facets/scalars",
+    "facets/detectors",
+    "facets/proof",
+    "facets/firmware",
+]
 #: Faces whose public functions have docstrings by the NumPy standard.
 FACES: list[str] = []
 #: Public names of `facets` whose docstrings are still to be written; none may be added.
-TO_WRITE = set(facets.__all__)
+TO_WRITE = set(facets.__all__) - {"add_noise", "standard_deviations"}
 
 #: Words that end like participles and are none, or that the field uses as nouns.
 NO_PARTICIPLES = {

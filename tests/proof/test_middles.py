@@ -187,7 +187,7 @@ def test_the_affine_part_may_be_anything():
     sizes = []
     for part in (affine, off):
         rest = middles.affine_remainder(part, over)
-        whole = middles.add_matrices(part.over([interval(-x, x) for x in HALF / 2]), rest)
+        whole = middles.add_matrices(part.evaluate([interval(-x, x) for x in HALF / 2]), rest)
         sizes.append(sum(float(x.rad()) for row in rest for x in row))
         for row, exact in zip(whole, over.middle, strict=True):
             assert all(x.contains(y) for x, y in zip(row, exact, strict=True))

@@ -209,7 +209,7 @@ static void no_light(facets_real found[8])
 }
 
 /* found: mass; centroid; 1 - covariance as xx, xy, yy; centroid - q. */
-static void facets_faint_or_dark(facets_real qx, facets_real qy, facets_real u1x, facets_real u1y,
+static void facets_quadrature_or_dark(facets_real qx, facets_real qy, facets_real u1x, facets_real u1y,
                                  facets_real u2x, facets_real u2y, facets_real found[8])
 {
     const facets_real opening = facets_atan2(u1x * u2y - u1y * u2x, u1x * u2x + u1y * u2y);
