@@ -20,7 +20,7 @@ from .console import FINDING, load_config
 from .options import ConfigName, Force, describe_default, output_option
 
 if TYPE_CHECKING:
-    from facets.estimation.table import Count
+    from facets.estimation.table import StatusCounts
 
 
 #: Errors of a pose that are worth a word, and those without a bound; standard uncertainties.
@@ -145,12 +145,12 @@ def progress_bar(readings: Path) -> Iterator[Callable[[int], None]]:
         yield lambda done: progress.update(task, completed=done)
 
 
-def misfit(count: Count) -> bool:
+def misfit(count: StatusCounts) -> bool:
     """Whether more than half of the solved rows fit worse than noise lets them."""
     return 2 * count.misfit.flagged > count.solved
 
 
-def report(count: Count, output: Path) -> None:
+def report(count: StatusCounts, output: Path) -> None:
 
     typer.echo(f"{count.solved} of {count.rows} rows solved: {output}")
     for status, number in count.statuses.items():
@@ -166,7 +166,7 @@ def report(count: Count, output: Path) -> None:
             typer.echo(fill(sentence, 98, initial_indent="  ", subsequent_indent="  "))
 
 
-def unchecked_sentence(count: Count) -> str:
+def unchecked_sentence(count: StatusCounts) -> str:
     """What to say of rows that have, or could have, a pose which nothing checks."""
 
     refused = count.statuses[estimation.solution.Status.UNCHECKED.label]
@@ -183,7 +183,7 @@ def unchecked_sentence(count: Count) -> str:
     return ""
 
 
-def edge_sentence(count: Count) -> str:
+def edge_sentence(count: StatusCounts) -> str:
     if not count.edges:
         return ""
     return (
@@ -193,7 +193,7 @@ def edge_sentence(count: Count) -> str:
     )
 
 
-def unseen_sentence(count: Count) -> str:
+def unseen_sentence(count: StatusCounts) -> str:
     """What one spoilt number can do to a pose without a sign, where that is much."""
     place, power = count.unseen.tolist()
     if not max(place, power) > MUCH:

@@ -22,7 +22,7 @@ from ..model.beam_shape import (
     OF_SHAPE,
     SHAPE,
     axes_of,
-    by_shape,
+    shape_derivatives,
     shape_of,
 )
 from ..optics.parameters import PARAMETERS
@@ -138,7 +138,7 @@ def by_sensor(sensor: Sensor, states: Floats) -> Floats:
     out = np.empty((len(states), 9, len(GEOMETRY) + len(SHAPE)))
     for n, name in enumerate(GEOMETRY):
         out[:, :, n] = whole[:, :, PARAMETERS.index(name)]
-    out[:, :, len(GEOMETRY) :] = by_shape(sensor, states, whole)
+    out[:, :, len(GEOMETRY) :] = shape_derivatives(sensor, states, whole)
     return out
 
 

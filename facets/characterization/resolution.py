@@ -24,7 +24,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import sources as noise_sources
 from ..detectors.noise import variances
-from ..estimation.calibration_uncertainty import by_parameters
+from ..estimation.calibration_uncertainty import parameter_derivatives
 from ..estimation.compiling import compile_for
 from ..model.arrays import as_rows, jacobian, readings
 from .ranges import axis_ranges, states_of
@@ -124,7 +124,7 @@ def budgets_of_rows(sensor: Sensor, states: Floats, knowledge: Knowledge, eight:
     if isinstance(knowledge.power, Prior):
         out[known, :, count + 1] = square[:, :, read + beams :].sum(axis=2)
     if sensor.calibration is not None:
-        off = by_parameters(sensor, sensor.calibration, states[known], reading[known])
+        off = parameter_derivatives(sensor, sensor.calibration, states[known], reading[known])
         moved = gain[:, :6, :read] @ (off[:, :read] / sigma[known][:, :read, None])
         cross = moved @ np.array(sensor.calibration.covariance)
         out[known, :, -1] = (cross * moved).sum(axis=2)

@@ -18,21 +18,22 @@ from ..model.arrays import geometry_of, packed
 from . import gauss_newton, problem
 
 #: For so many readings at a time.
-FEW = 30
+MAX_READINGS = 30
 
 
-def is_sooner(sensor: Sensor, asked: problem.Problem, count: int) -> bool:
+def is_text_faster(sensor: Sensor, asked: problem.FitProblem, count: int) -> bool:
     alone = not asked.previous or count == 1
     loaded = f"{__package__}.kernels" in sys.modules
-    return count <= FEW and alone and not loaded and not sensor.apertures.cut and as_text.has_time()
+    can_run = alone and not loaded and not sensor.apertures.cut
+    return can_run and count <= MAX_READINGS and as_text.has_time()
 
 
 def estimate(
     model: str,
     sensor: Sensor,
     readings: problem.Readings,
-    limits: problem.Limits,
-    asked: problem.Problem,
+    limits: problem.ScreeningLimits,
+    asked: problem.FitProblem,
     found: problem.Results,
 ) -> Any:
     """Fills `found` for readings that stand alone; returns the numbers of those that are left, to
@@ -41,7 +42,7 @@ def estimate(
     model: of `evaluators`.
     """
     count = len(readings.values)
-    if not is_sooner(sensor, asked, count):
+    if not is_text_faster(sensor, asked, count):
         return np.arange(count)
     geometry, exact = geometry_of(sensor), not model.startswith("near_")
 
@@ -53,9 +54,9 @@ def estimate(
         which, one = np.array([n]), problem.empty_results(1, len(found.covariances) > 0)
         given, questions = problem.some_rows(which, readings, asked)
         try:
-            with as_text.running():
+            with as_text.count_text_time():
                 gauss_newton.estimate_each(
-                    problem.Model(evaluate, packed(sensor)), given, limits, questions, one,
+                    problem.CompiledModel(evaluate, packed(sensor)), given, limits, questions, one,
                     problem.workspace(),
                 )  # fmt: skip
         except (ArithmeticError, ValueError):

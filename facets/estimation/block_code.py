@@ -20,16 +20,16 @@ from ..scalars.machine import DOUBLE, LONG, write_loop
 from ..scalars.tracing import Condition, Value
 from . import straight
 from .block_task import SCALES, BlockTask, Form
-from .problem import HEAVIEST, PATIENCE, SLOWEST, SMALL, UNKNOWNS
+from .problem import MAX_COST_SHARE, MAX_DAMPING, NEGLIGIBLE_GAIN, PROGRESS_INTERVAL_STEPS, UNKNOWNS
 
 Numbers = list[Any]
 
 #: The first damping of a step that does not help, by how much it changes from step to step, and
 #: below which it ends.
-FIRST_DAMPING, DAMPING_FACTOR, LEAST_DAMPING = 1e-3, 10.0, 1e-6
+FIRST_DAMPING, DAMPING_FACTOR, MIN_DAMPING = 1e-3, 10.0, 1e-6
 
 
-def estimating(form: Form) -> LaneWrite:
+def write_estimator(form: Form) -> LaneWrite:
     """Writes code that estimates blocks of readings, as a function of a task's address."""
 
     def write(builder: Any, arguments: Sequence[Any], lanes: int) -> None:
@@ -46,7 +46,7 @@ def write_block(code: LaneWriter, form: Form, task: BlockTask, index: Any) -> No
     """task: of numbers that the code has read.  index: of the block."""
     rows = BlockRows(code, task, index)
     vectors = vectors_of(code, rows.pointers.packed, form.kind)
-    question = Question(code, rows)
+    question = BlockReadings(code, rows)
     fit = DampedSteps(code, form, task) if form.damped else PlainSteps(code, form, task)
     fit.begin(rows.read("starts", UNKNOWNS, task.own_starts), question)
     with code.do_while() as repetition:
@@ -99,7 +99,7 @@ class BlockRows:
         self.code.builder.store(self.code.bits(condition), self.code.builder.gep(flags, [index]))
 
 
-class Question:
+class BlockReadings:
     """What a block is asked: its readings, and what is known of their errors and beside them.
 
     Lanes whose readings lack light, or are out of range, are left.
@@ -135,7 +135,7 @@ class Question:
 
     def smallest(self) -> Value:
         """The sum of squares that rounding of the readings alone can make."""
-        total: Any = SMALL
+        total: Any = NEGLIGIBLE_GAIN
         for k in range(3):
             place = self.rounding[0] * self.weights[3 * k]
             power = self.rounding[1] * self.weights[3 * k + 2]
@@ -150,9 +150,9 @@ class Equations:
     """
 
     def __init__(
-        self, code: LaneWriter, vectors: Any, x: Numbers, question: Question, form: Form
+        self, code: LaneWriter, vectors: Any, x: Numbers, question: BlockReadings, form: Form
     ) -> None:
-        columns, residuals = weighted(code, vectors, x, question, form)
+        columns, residuals = weigh_equations(code, vectors, x, question, form)
         self.matrix, self.right = straight.normal_equations(columns, residuals)
         self.cost: Any = 0.0
         for residual in residuals:
@@ -166,13 +166,13 @@ class Equations:
                 self.cost = self.cost + residual * residual
 
 
-def weighted(
-    code: LaneWriter, vectors: Any, x: Numbers, question: Question, form: Form
+def weigh_equations(
+    code: LaneWriter, vectors: Any, x: Numbers, question: BlockReadings, form: Form
 ) -> tuple[list[Numbers], Numbers]:
     """The Jacobian's columns of the free unknowns and the residuals, in standard deviations."""
     rows: list[Numbers] = []
     residuals: Numbers = []
-    found = linearised(code, replace_power(vectors, x[8]), x, form)
+    found = linearise(code, replace_power(vectors, x[8]), x, form)
     for (values, derivatives), darkness in zip(found, question.darkness, strict=True):
         code.leave(~(values[2] > darkness))
         for value, row in zip(values, derivatives, strict=True):
@@ -183,7 +183,7 @@ def weighted(
     return [list(column) for column in zip(*rows, strict=True)], residuals
 
 
-def linearised(
+def linearise(
     code: LaneWriter, vectors: Any, x: Numbers, form: Form
 ) -> list[tuple[Sequence[Any], list[Numbers]]]:
     """Readings, and their derivatives by the free unknowns, for detectors A, B and C."""
@@ -222,14 +222,14 @@ class PlainSteps:
         self.going, self.stalled = (LaneFlag(code, code.same(False)) for _ in range(2))
         self.most_steps = code.spread(code.builder.sitofp(task.most_steps, DOUBLE))
 
-    def begin(self, start: Numbers, question: Question) -> None:
+    def begin(self, start: Numbers, question: BlockReadings) -> None:
         for c, number in enumerate(start):
             self.at[c] = number
         self.cost[0], self.small[0], self.steps[0] = inf, question.smallest(), 0.0
         self.going.set(~self.code.left)
         self.stalled.set(self.code.same(False))
 
-    def write_round(self, vectors: Any, question: Question) -> None:
+    def write_round(self, vectors: Any, question: BlockReadings) -> None:
         """Another step of the lanes that are going; of the others, the last one again."""
         code = self.code
         going, left = self.going.get(), code.left
@@ -290,7 +290,7 @@ class DampedSteps(PlainSteps):
         self.matrix = LaneMemory(code, size * (size + 1) // 2)
         self.damping, self.earlier, self.since = (LaneMemory(code, 1) for _ in range(3))
 
-    def begin(self, start: Numbers, question: Question) -> None:
+    def begin(self, start: Numbers, question: BlockReadings) -> None:
         super().begin(start, question)
         self.damping[0], self.earlier[0], self.since[0] = 0.0, inf, 0.0
 
@@ -331,16 +331,16 @@ class DampedSteps(PlainSteps):
     def damp(self, going: Condition, better: Condition) -> Condition:
         """Less where a step has helped, more where it has not; returns where no more can be."""
         select, damping = self.code.select, self.damping[0]
-        less = select(damping > LEAST_DAMPING, damping / DAMPING_FACTOR, 0.0)
+        less = select(damping > MIN_DAMPING, damping / DAMPING_FACTOR, 0.0)
         more = select(damping > 0, damping * DAMPING_FACTOR, FIRST_DAMPING)
         self.damping[0] = select(going, select(better, less, more), damping)
-        return ~better & (damping > HEAVIEST)
+        return ~better & (damping > MAX_DAMPING)
 
     def is_slow(self) -> Condition:
-        """After each PATIENCE steps: where the sum of squares has hardly fallen."""
+        """After each PROGRESS_INTERVAL_STEPS steps: where the sum of squares has hardly fallen."""
         select, since = self.code.select, self.since[0] + 1
-        due = since > PATIENCE - 0.5
-        slow = due & (self.cost[0] > SLOWEST * self.earlier[0])
+        due = since > PROGRESS_INTERVAL_STEPS - 0.5
+        slow = due & (self.cost[0] > MAX_COST_SHARE * self.earlier[0])
         self.since[0] = select(due, 0.0, since)
         self.earlier[0] = select(due, self.cost[0], self.earlier[0])
         return slow  # type: ignore[no-any-return]

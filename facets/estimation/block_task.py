@@ -30,7 +30,7 @@ class Form(NamedTuple):
 
 
 class Scales(NamedTuple):
-    """The numbers of `Limits` and of a `Problem` that all readings share."""
+    """The numbers of `ScreeningLimits` and of a `FitProblem` that all readings share."""
 
     noise: Any
     light: Any
@@ -46,7 +46,7 @@ SCALES = Scales((0.0,) * 3, ((0.0,) * 3,) * 2, ((0.0,) * 2,) * 3, (0.0,) * 2, (0
 class BlockTask(NamedTuple):
     """What code works on: 64-bit integers, in memory one after the other.
 
-    The address of a sensor's vectors, of `Scales`, and of arrays of `Readings`, `Problem` and
+    The address of a sensor's vectors, of `Scales`, and of arrays of `Readings`, `FitProblem` and
     `Results` (0 where no covariances are asked for).
     left, stalled: addresses of an integer for each block, which tells by its bits in which lanes
     that is so.

@@ -22,13 +22,13 @@ from .block_task import QUESTIONS, SCALES, BlockTask, Form, Scales
 from .chance import Chance, count_checks
 from .problem import (
     CONVERGED,
-    PATIENCE,
+    PROGRESS_INTERVAL_STEPS,
     STALLED,
     UNKNOWNS,
-    Limits,
-    Problem,
+    FitProblem,
     Readings,
     Results,
+    ScreeningLimits,
     empty_results,
     put_rows,
     some_rows,
@@ -44,7 +44,7 @@ Code = Callable[[int], None]
 
 #: Steps after which a lane is left unless the task is patient: before the slowness of a fit is
 #: looked at.
-MOST = PATIENCE - 1
+MOST = PROGRESS_INTERVAL_STEPS - 1
 #: The files that this is made of, beside those of the model's blocks.
 PARTS = (
     "block_code.py",
@@ -64,13 +64,13 @@ def kernel(form: Form, width: int | None = None) -> Code:
     def written() -> LaneWrite:
         from . import block_code
 
-        return block_code.estimating(form)
+        return block_code.write_estimator(form)
 
     files = (Path(__file__).parent / part for part in PARTS)
     return lane_code(form.name, width or lanes(), 1, written, *files)
 
 
-def fits(problem: Problem) -> bool:
+def is_supported(problem: FitProblem) -> bool:
     """Whether blocks know what is asked: damped steps, each reading by itself, and checked."""
     return (
         problem.damped
@@ -80,7 +80,7 @@ def fits(problem: Problem) -> bool:
     )
 
 
-def scales_of(limits: Limits, problem: Problem) -> Array:
+def scales_of(limits: ScreeningLimits, problem: FitProblem) -> Array:
     parts = Scales(limits.noise, limits.light, limits.half_sizes, limits.rounding, problem.weight)
     scales = np.concatenate([np.ravel(part) for part in parts])
     assert len(scales) == len(list(leaves(SCALES)))
@@ -91,8 +91,8 @@ def estimate(
     code: Code,
     packed: Array,
     readings: Readings,
-    limits: Limits,
-    problem: Problem,
+    limits: ScreeningLimits,
+    problem: FitProblem,
     results: Results,
     patient: bool = False,
 ) -> Array:
@@ -116,10 +116,10 @@ def estimate(
         code(address_of(task))
 
     if whole:
-        run([first(rows, whole, n) for rows in given], [rows[:whole] for rows in found], ends)
+        run([first_rows(rows, whole, n) for rows in given], [rows[:whole] for rows in found], ends)
     if n > whole:
         rest = [np.empty((lanes() if len(rows) else 0, *rows.shape[1:])) for rows in found]
-        run([padded(rows, whole, n) for rows in given], rest, ends[:, -1:])
+        run([pad_rows(rows, whole, n) for rows in given], rest, ends[:, -1:])
         for rows, part in zip(found, rest, strict=True):
             rows[whole:] = part[: len(rows[whole:])]
     results.steps[:], results.status[:], results.used[:] = steps, CONVERGED, True
@@ -137,8 +137,8 @@ def estimate_some(
     which: Array,
     packed: Array,
     readings: Readings,
-    limits: Limits,
-    problem: Problem,
+    limits: ScreeningLimits,
+    problem: FitProblem,
     results: Results,
 ) -> Array:
     """Estimates some readings anew, side by side, with steps that are damped where they do not
@@ -156,12 +156,12 @@ def inverse_of(sigmas: Array) -> Array:
         return 1 / sigmas
 
 
-def first(rows: Array, count: int, n: int) -> Array:
+def first_rows(rows: Array, count: int, n: int) -> Array:
     """The first rows; what all readings share as it is."""
     return rows[:count] if len(rows) == n else rows
 
 
-def padded(rows: Array, first: int, n: int) -> Array:
+def pad_rows(rows: Array, first: int, n: int) -> Array:
     """A block of the rows from the first on; what all readings share as it is."""
     if len(rows) != n:
         return rows
@@ -169,7 +169,7 @@ def padded(rows: Array, first: int, n: int) -> Array:
 
 
 def task_of(
-    arrays: Sequence[Array], weighed: bool, own: Sequence[bool], problem: Problem, patient: bool,
+    arrays: Sequence[Array], weighed: bool, own: Sequence[bool], problem: FitProblem, patient: bool,
     blocks: int,
 ) -> Array:  # fmt: skip
     """A `BlockTask` in memory.  arrays: in its order; weights and covariances may be empty."""
@@ -189,7 +189,7 @@ def task_of(
     return np.array(task, np.int64)
 
 
-class One:
+class SingleBlock:
     """A block for one reading at a time, whose memory is kept; all lanes have the same reading.
 
     It reads what `given` and `problem` have in their memory when it is asked.
@@ -201,8 +201,8 @@ class One:
         self,
         packed: Array,
         given: Readings,
-        limits: Limits,
-        problem: Problem,
+        limits: ScreeningLimits,
+        problem: FitProblem,
         chance: Chance,
         covariance: bool,
     ) -> None:

@@ -17,7 +17,7 @@ from ..detectors.calibrated import LIGHT_CENTRE, MISFIT
 from ..detectors.correction import NAMES, correction_slopes
 from ..detectors.noise import standard_deviations
 from ..model.arrays import EFFECTS, effect_jacobian, jacobian, parameter_jacobian, readings
-from ..model.beam_shape import SHAPE, by_shape
+from ..model.beam_shape import SHAPE, shape_derivatives
 from ..optics.parameters import PARAMETERS
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def covariances(
     by_state[:, :, :8] = jacobian(sensor, states)
     by_state[:, 2::3, 8] = seen[:, 2::3] / sensor.beam.power
     rows = np.nan_to_num(by_state[:, :, free] * weigh[:, :, None])
-    off = np.nan_to_num(by_parameters(sensor, known, states, seen) * weigh[:, :, None])
+    off = np.nan_to_num(parameter_derivatives(sensor, known, states, seen) * weigh[:, :, None])
     before = np.zeros(9)
     before[6:] = weights**2
     units = np.array([*FINE_UNITS, 1e-3])[free]
@@ -67,7 +67,9 @@ def covariances(
     return added[:, :8, :8]
 
 
-def by_parameters(sensor: Sensor, known: Calibration, states: Floats, seen: Floats) -> Floats:
+def parameter_derivatives(
+    sensor: Sensor, known: Calibration, states: Floats, seen: Floats
+) -> Floats:
     """How far model and reading part for each unit of what was calibrated: (n, 9, p)."""
     whole = parameter_jacobian(sensor, states)
     blocks = {
@@ -76,7 +78,7 @@ def by_parameters(sensor: Sensor, known: Calibration, states: Floats, seen: Floa
         MISFIT: misfit(len(states)),
     }
     if any(name in SHAPE for name in known.names):
-        blocks[SHAPE] = by_shape(sensor, states, whole)
+        blocks[SHAPE] = shape_derivatives(sensor, states, whole)
     if any(name in LIGHT_CENTRE for name in known.names):
         blocks[LIGHT_CENTRE] = jacobian(sensor, states)[:, :, 6:]
     if any(name in EFFECTS for name in known.names):

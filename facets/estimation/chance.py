@@ -2,7 +2,7 @@
 
 Of the numbers of a reading and the priors, those beside the unknowns check the others. The squared
 residual of a right model follows the chi-square distribution with so many degrees of freedom; noise
-alone leaves more than the limit with a chance of `LEVEL`.
+alone leaves more than the limit with a chance of `FALSE_ALARM_RATE`.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from ..detectors.noise import standard_deviations
 from ..model.arrays import readings
 
 #: The chance that the residual of a right pose is beyond its limit.
-LEVEL = 1e-4
-#: That many standard deviations of a residual with 0 to 9 degrees of freedom are beyond `LEVEL`:
-#: kept, because the library that has the distribution takes longer to load than to solve a table.
+FALSE_ALARM_RATE = 1e-4
+#: The residuals, in standard deviations, that noise exceeds at FALSE_ALARM_RATE with 0 to 9
+#: degrees of freedom. Numbers, because the library that has the distribution loads slowly.
 LIMITS = np.array([
     np.inf, 3.8905918864130937, 4.291932052578694, 4.594291399787372, 4.848993962152442,
     5.073936534787943, 5.277910688521919, 5.466031824754125, 5.641598000678736, 5.806888016740519,

@@ -12,9 +12,9 @@ from typing import Any, Literal
 from ..core.knowledge import Knowledge
 from ..core.sensor import Sensor
 from ..model import blocks as of_model
-from ..model.arrays import named
+from ..model.arrays import kernel_name
 from ..model.kinds import LIT, block_kind
-from ..model.threads import side_by_side
+from ..model.threads import run_side_by_side
 from . import blocks
 from .block_task import QUESTIONS, Form
 from .plan import make_plan
@@ -41,9 +41,9 @@ def compile_for(
             makers += estimators(sensor, knowledge or Knowledge())
         elif task == "slopes":
             makers += slopes(block_kind(sensor), kinds)
-        elif name := named(sensor, task):
+        elif name := kernel_name(sensor, task):
             makers.append(partial(of_model.kernel, name))
-    side_by_side(makers)
+    run_side_by_side(makers)
 
 
 def slopes(own: str | None, kinds: Sequence[str]) -> Makers:

@@ -26,18 +26,18 @@ Rows = NDArray[np.intp]
 Again = Callable[[Rows, Floats], Results]
 
 #: States on which the determinant's sign is looked at.
-SAMPLED = 128
+SAMPLE_COUNT = 128
 #: Poses that are looked at together: about 30 kB each.
 PART = 1000
 #: Of the smallest beam diameter: how far the apex then is off the beam along x and y, and the beam
 #: off its place.
-OFFSET = 0.3
+OFFSET_SHARE = 0.3
 #: Distances at which the fold is looked for, of the longest component of the direction, um or urad.
 DISTANCES = np.geomspace(10, 1e5, 25)
 #: Where the other solution is looked for: in distances of the fold.
-BEYOND = (2.0, 1.3, 4.0)
+START_DISTANCES = (2.0, 1.3, 4.0)
 #: Solutions farther apart than this are two, in standard uncertainties.
-APART = 3.0
+SEPARATE_SIGMAS = 3.0
 #: A fold nearer than this, in standard uncertainties: the other solution is about twice as far, and
 #: between them hardly any step of the estimate finds its way.
 NEAR = 5.0
@@ -54,24 +54,24 @@ def has_fold(sensor: Sensor) -> bool:
     kept: bool | None = sensor.__dict__.get("_has_fold")
     if kept is None:
         bare = Sensor(beam=sensor.beam, facets=sensor.facets, psds=sensor.psds)
-        signs = sides(bare, states_about(sensor))
+        signs = determinant_signs(bare, sample_states(sensor))
         kept = sensor.__dict__["_has_fold"] = bool((signs < 0).any() and (signs > 0).any())
     return kept
 
 
-def states_about(sensor: Sensor) -> Floats:
+def sample_states(sensor: Sensor) -> Floats:
     """States (n, 8) about rest, as far as spots can go on their detectors; always the same."""
     half = half_sizes(sensor).min()
     distance = max(float(np.hypot(psd.radius, psd.height)) for psd in sensor.psds)
-    across = OFFSET * min(sensor.beam.diameter_x, sensor.beam.diameter_y)
+    across = OFFSET_SHARE * min(sensor.beam.diameter_x, sensor.beam.diameter_y)
     turn = half / (2 * distance)
     sizes = np.array([across, across, half, turn, turn, turn, across, across])
-    states: Floats = sizes * np.random.default_rng(1).uniform(-1, 1, (SAMPLED, 8))
+    states: Floats = sizes * np.random.default_rng(1).uniform(-1, 1, (SAMPLE_COUNT, 8))
     states[:, :2] += states[:, 6:]
     return states
 
 
-def sides(sensor: Sensor, states: Floats) -> Floats:
+def determinant_signs(sensor: Sensor, states: Floats) -> Floats:
     """The sign of the determinant of Eq. (11), without the last power, at states (n, 8); 0 where a
     detector has no light."""
     matrices = derivatives(sensor, states)[:, :8]
@@ -81,7 +81,7 @@ def sides(sensor: Sensor, states: Floats) -> Floats:
     return found
 
 
-def take_back(
+def withdraw_doubtful(
     sensor: Sensor, free: NDArray[np.int64], chance: Chance, found: Results, again: Again
 ) -> None:
     """Gives converged poses that cannot be believed a status, and NaN."""
@@ -130,7 +130,7 @@ def second_solutions_of(
         fold = side * fold_distance(sensor, here, side * step)
         lost = np.isfinite(fold)
         doubtful |= np.abs(fold) * answer / largest[:, 0] < NEAR
-        for share in BEYOND:
+        for share in START_DISTANCES:
             some = np.flatnonzero(np.isfinite(fold) & ~doubtful)
             if not len(some):
                 break
@@ -139,7 +139,7 @@ def second_solutions_of(
             other = again(rows[some], start)
             off = (other.states[:, :8] - here[some]) / FINE_UNITS
             apart = np.abs((off * weakest[some]).sum(axis=1)) * answer[some]
-            doubtful[some] = (other.residuals <= chance.limit) & (apart > APART)
+            doubtful[some] = (other.residuals <= chance.limit) & (apart > SEPARATE_SIGMAS)
             lost[some] &= np.isnan(other.residuals)
         doubtful |= lost  # no estimate from there ends: nothing tells that there is no other
     return rows[doubtful]
@@ -148,7 +148,7 @@ def second_solutions_of(
 def fold_distance(sensor: Sensor, states: Floats, direction: Floats) -> Floats:
     """How far along a direction the determinant's sign changes (n,); NaN where it does not."""
     line = states[:, None] + DISTANCES[:, None] * direction[:, None]
-    there = sides(sensor, line.reshape(-1, 8)).reshape(len(states), -1)
-    changed = there * sides(sensor, states)[:, None] < 0
+    there = determinant_signs(sensor, line.reshape(-1, 8)).reshape(len(states), -1)
+    changed = there * determinant_signs(sensor, states)[:, None] < 0
     first = DISTANCES[changed.argmax(axis=1)]
     return np.where(changed.any(axis=1), first, np.nan)

@@ -30,8 +30,8 @@ def add_calibration(sensor: Sensor, todo: Plan, found: problem.Results) -> None:
 def estimate(
     sensor: Sensor,
     readings: problem.Readings,
-    limits: problem.Limits,
-    asked: problem.Problem,
+    limits: problem.ScreeningLimits,
+    asked: problem.FitProblem,
     found: problem.Results,
 ) -> None:
     """Fills `found`: by blocks where these know what is asked, and one by one what they leave.
@@ -52,7 +52,7 @@ def estimate(
 
 
 def block_code(
-    sensor: Sensor, asked: problem.Problem, exact: bool = False, width: int | None = None
+    sensor: Sensor, asked: problem.FitProblem, exact: bool = False, width: int | None = None
 ) -> Callable[[int], None] | None:
     """What estimates blocks of readings, compiled now if need be; None where blocks do not know
     what is asked. exact: see `Form`.  width: see `blocks.kernel`."""
@@ -60,7 +60,7 @@ def block_code(
     if kind is None:
         return None
     form = Form(tuple(asked.free.tolist()), kind, exact)
-    return blocks.kernel(form, width) if blocks.fits(asked) else None
+    return blocks.kernel(form, width) if blocks.is_supported(asked) else None
 
 
 def row_kernel() -> Callable[[int], None]:
@@ -74,8 +74,8 @@ def one_by_one(
     model: str,
     sensor: Sensor,
     readings: problem.Readings,
-    limits: problem.Limits,
-    asked: problem.Problem,
+    limits: problem.ScreeningLimits,
+    asked: problem.FitProblem,
     found: problem.Results,
 ) -> None:
     """model: of `evaluators`."""
@@ -85,8 +85,8 @@ def one_by_one(
     if len(left) < len(readings.values):
         estimate_some(model, left, sensor, readings, limits, asked, found)
         return
-    given = problem.Model(evaluators.address(model), packed(sensor))
-    task = problem.Task(given, readings, limits, asked, found, problem.workspace())
+    given = problem.CompiledModel(evaluators.address(model), packed(sensor))
+    task = problem.RowTask(given, readings, limits, asked, found, problem.workspace())
     row_kernel()(task.address)
 
 
@@ -107,8 +107,8 @@ def estimate_some(
     which: NDArray[np.intp],
     sensor: Sensor,
     readings: problem.Readings,
-    limits: problem.Limits,
-    asked: problem.Problem,
+    limits: problem.ScreeningLimits,
+    asked: problem.FitProblem,
     found: problem.Results,
 ) -> None:
     """Estimates some readings one by one, anew, and puts what is found in its places."""
@@ -121,8 +121,8 @@ def estimate_some(
 def estimate_stalled_again(
     sensor: Sensor,
     readings: problem.Readings,
-    limits: problem.Limits,
-    asked: problem.Problem,
+    limits: problem.ScreeningLimits,
+    asked: problem.FitProblem,
     found: problem.Results,
 ) -> None:
     """Under the light of a bench: what stalled, by the derivatives that leave nothing out."""

@@ -21,20 +21,20 @@ from .problem import (
     COVARIANCE,
     FACTOR,
     FOUND,
-    HEAVIEST,
     HERE,
     INVERSE,
+    MAX_COST_SHARE,
+    MAX_DAMPING,
+    MAX_DARK_STEPS,
     MAX_STEPS,
+    NEGLIGIBLE_GAIN,
     NO_LIGHT,
     NON_FINITE,
     OUT_OF_RANGE,
-    PATIENCE,
+    PROGRESS_INTERVAL_STEPS,
     ROWS,
     SINGULAR,
-    SLOWEST,
-    SMALL,
     STALLED,
-    STEPS_IN_THE_DARK,
     THERE,
     TRIAL,
     UNCHECKED,
@@ -42,11 +42,11 @@ from .problem import (
     VECTORS,
     WEIGHTS,
     Array,
-    Limits,
-    Model,
-    Problem,
+    CompiledModel,
+    FitProblem,
     Readings,
     Results,
+    ScreeningLimits,
     Workspace,
 )
 
@@ -54,7 +54,7 @@ from .problem import (
 TRY, REDAMP = -1, -2
 
 
-def evaluate_model(model: Model, x: Array, found: Array, outlines: Array) -> None:
+def evaluate_model(model: CompiledModel, x: Array, found: Array, outlines: Array) -> None:
     """Fills found (10, 10) at x (9,), a state and the power, as a model of `evaluators` does.
 
     In text the model's address is a function.
@@ -62,7 +62,7 @@ def evaluate_model(model: Model, x: Array, found: Array, outlines: Array) -> Non
     model.address(x, found)
 
 
-def screen_reading(values: Array, limits: Limits, weights: Array, used: Array) -> int:
+def screen_reading(values: Array, limits: ScreeningLimits, weights: Array, used: Array) -> int:
     """Fills weights (9,) = 1/sigma and used (3,) for one reading; returns what is wrong, if any.
 
     A detector is left out, with weight 0, where a number of it is not finite, where its power is
@@ -90,7 +90,7 @@ def screen_reading(values: Array, limits: Limits, weights: Array, used: Array) -
     return status
 
 
-def count_checks(used: Array, problem: Problem, eight: bool) -> int:
+def count_checks(used: Array, problem: FitProblem, eight: bool) -> int:
     """By how many the numbers of the detectors used and the priors exceed the unknowns."""
     rows = -1 if eight else 0
     for k in range(3):
@@ -122,7 +122,7 @@ def weigh_columns(values: Array, free: Array, layers: Array) -> float:
     return total
 
 
-def is_dark(layers: Array, limits: Limits) -> bool:
+def is_dark(layers: Array, limits: ScreeningLimits) -> bool:
     """Whether a detector that reads light would have none."""
     for k in range(3):
         lit = layers[FOUND, 0, 3 * k + 2] > limits.light[1, k]
@@ -132,10 +132,10 @@ def is_dark(layers: Array, limits: Limits) -> bool:
 
 
 def evaluate(
-    model: Model,
+    model: CompiledModel,
     x: Array,
     values: Array,
-    problem: Problem,
+    problem: FitProblem,
     mean: Array,
     memory: Workspace,
     normal: int,
@@ -161,7 +161,7 @@ def evaluate(
 
 
 def fill_rows(
-    x: Array, problem: Problem, mean: Array, memory: Workspace, normal: int, damping: float
+    x: Array, problem: FitProblem, mean: Array, memory: Workspace, normal: int, damping: float
 ) -> int:
     """Fills the workspace's rows with the weighted Jacobian and the residuals beside it.
 
@@ -185,10 +185,10 @@ def fill_rows(
 
 
 def reflect(
-    model: Model,
+    model: CompiledModel,
     x: Array,
     values: Array,
-    problem: Problem,
+    problem: FitProblem,
     mean: Array,
     memory: Workspace,
     normal: int,
@@ -216,9 +216,9 @@ def reflect(
     return gain
 
 
-def rounding_floor(limits: Limits, weights: Array) -> float:
+def rounding_floor(limits: ScreeningLimits, weights: Array) -> float:
     """The sum of squares that rounding of the readings alone can make."""
-    total = SMALL
+    total = NEGLIGIBLE_GAIN
     for k in range(3):
         total += 2 * (limits.rounding[0] * weights[3 * k]) ** 2
         total += (limits.rounding[1] * weights[3 * k + 2]) ** 2
@@ -273,21 +273,21 @@ def change_damping(damping: float, is_better: bool) -> float:
 
 
 def is_slow(cost: float, earlier: float, is_damped: bool) -> bool:
-    """Whether the sum of squares has hardly fallen since PATIENCE steps ago."""
-    return is_damped and cost > SLOWEST * earlier
+    """Whether the sum of squares has hardly fallen since PROGRESS_INTERVAL_STEPS steps ago."""
+    return is_damped and cost > MAX_COST_SHARE * earlier
 
 
 def is_stuck(dark: bool, steps: int, is_damped: bool) -> bool:
     """Whether an estimate that began in the dark has not found the light in time."""
-    return dark and is_damped and steps >= STEPS_IN_THE_DARK
+    return dark and is_damped and steps >= MAX_DARK_STEPS
 
 
 def estimate(
-    model: Model,
+    model: CompiledModel,
     x: Array,
     values: Array,
-    limits: Limits,
-    problem: Problem,
+    limits: ScreeningLimits,
+    problem: FitProblem,
     mean: Array,
     memory: Workspace,
 ) -> tuple[int, int, float]:
@@ -305,7 +305,7 @@ def estimate(
     dark = is_dark(layers, limits)
     damping, earlier, blind = 0.0, cost, False
     for steps in range(1, problem.max_steps + 1):
-        if steps % PATIENCE == 0:
+        if steps % PROGRESS_INTERVAL_STEPS == 0:
             if is_slow(cost, earlier, damped):
                 return STALLED, steps, cost
             earlier = cost
@@ -333,7 +333,7 @@ def estimate(
             cost, dark, blind = trial_cost, into_the_dark, False
         elif not damped:
             return OUT_OF_RANGE, steps, cost
-        elif damping > HEAVIEST:
+        elif damping > MAX_DAMPING:
             return STALLED, steps, cost
         damping = change_damping(damping, better)
         if is_stuck(dark, steps, damped):
@@ -341,7 +341,7 @@ def estimate(
     return MAX_STEPS, problem.max_steps, cost
 
 
-def begin(x: Array, near: Array, free: Array, given: Array) -> None:
+def set_start(x: Array, near: Array, free: Array, given: Array) -> None:
     """Starts x (9,) from `near`, the unknowns that are not asked for from what is given."""
     asked = 0
     for c in range(UNKNOWNS):
@@ -352,7 +352,7 @@ def begin(x: Array, near: Array, free: Array, given: Array) -> None:
             x[c] = given[c]
 
 
-def void(results: Results, n: int) -> None:
+def clear_result(results: Results, n: int) -> None:
     """No numbers where an estimate has failed."""
     results.residuals[n] = nan
     for c in range(UNKNOWNS):
@@ -363,7 +363,7 @@ def void(results: Results, n: int) -> None:
                 results.covariances[n, i, j] = nan
 
 
-def weigh(sigmas: Array, weights: Array) -> None:
+def apply_sigmas(sigmas: Array, weights: Array) -> None:
     """Weights from standard deviations, for the readings that `screen_reading` took."""
     for i in range(9):
         if weights[i] > 0:
@@ -384,10 +384,10 @@ def put_covariance(layers: Array, free: Array, covariances: Array, n: int) -> No
 
 
 def estimate_each(
-    model: Model,
+    model: CompiledModel,
     readings: Readings,
-    limits: Limits,
-    problem: Problem,
+    limits: ScreeningLimits,
+    problem: FitProblem,
     results: Results,
     memory: Workspace,
 ) -> None:
@@ -401,14 +401,14 @@ def estimate_each(
         status = screen_reading(values, limits, weights, results.used[n])
         steps, cost = 0, 0.0
         if len(readings.sigmas) > 0:
-            weigh(readings.sigmas[n], weights)
+            apply_sigmas(readings.sigmas[n], weights)
         checks = count_checks(results.used[n], problem, limits.eight)
         if checks == 0 and not problem.accept_unchecked:
             status = UNCHECKED
         elif status == CONVERGED or checks >= 0:
             warm = problem.previous and last >= 0
             for again in range(2 if warm else 1):  # the last sample may be far: from the start
-                begin(x, results.states[last] if warm and again == 0 else start, free, start)
+                set_start(x, results.states[last] if warm and again == 0 else start, free, start)
                 status, more, cost = estimate(model, x, values, limits, problem, mean, memory)
                 steps += more
                 if status == CONVERGED:
@@ -420,4 +420,4 @@ def estimate_each(
             if len(results.covariances) > 0:
                 put_covariance(memory.layers, free, results.covariances, n)
         else:
-            void(results, n)
+            clear_result(results, n)

@@ -13,7 +13,17 @@ from ..model.threads import once
 from . import gauss_newton, least_squares, normal_equations
 from . import problem as problems
 from .gauss_newton import estimate_each
-from .problem import LAYERS, PLACES, ROWS, Limits, Model, Problem, Readings, Results, Workspace
+from .problem import (
+    LAYERS,
+    PLACES,
+    ROWS,
+    CompiledModel,
+    FitProblem,
+    Readings,
+    Results,
+    ScreeningLimits,
+    Workspace,
+)
 
 Array = Any
 
@@ -27,19 +37,19 @@ def solve_rows(task: Any) -> None:
     rows, means = task[PLACES.rows_of_sigmas], task[PLACES.rows_of_means]
     starts, kept = task[PLACES.rows_of_starts], task[PLACES.rows_of_covariances]
     estimate_each(
-        Model(task[PLACES.model], carray(doubles_at(task[PLACES.packed]), (1,))),
+        CompiledModel(task[PLACES.model], carray(doubles_at(task[PLACES.packed]), (1,))),
         Readings(
             carray(doubles_at(task[PLACES.values]), (n, 9)),
             carray(doubles_at(task[PLACES.sigmas]), (rows, 9)),
         ),
-        Limits(
+        ScreeningLimits(
             carray(doubles_at(task[PLACES.noise]), (3,)),
             carray(doubles_at(task[PLACES.light]), (2, 3)),
             carray(doubles_at(task[PLACES.half_sizes]), (3, 2)),
             task[PLACES.eight] != 0,
             carray(doubles_at(task[PLACES.rounding]), (2,)),
         ),
-        Problem(
+        FitProblem(
             carray(doubles_at(task[PLACES.means]), (means, 3)),
             carray(doubles_at(task[PLACES.weight]), (3,)),
             carray(longs_at(task[PLACES.free]), (asked,)),

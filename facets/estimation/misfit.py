@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..core.arguments import as_floats
 from ..core.knowledge import Knowledge, Prior
 from ..core.units import Floats
-from .chance import LEVEL
+from .chance import FALSE_ALARM_RATE
 from .solution import Solution
 from .solver import solve
 
@@ -34,9 +34,9 @@ DOUBT, WRONG = 10.0, 5.0
 KEPT = 10_000
 #: So many flagged readings of the whole run, at most, are solved again; their median residual, over
 #: the noise's, up to which a cause explains them; and by which factor it has to be smaller.
-EXAMPLES, EXPLAINED, SMALLER = 60, 2.0, 0.5
+MAX_EXAMPLES, MAX_EXPLAINED_SIZE, EXPLAINED_SHARE = 60, 2.0, 0.5
 #: A mirror whose poses scatter by less than so many standard uncertainties did not move.
-STILL = 10.0
+STILL_SIGMAS = 10.0
 
 
 @dataclass
@@ -90,19 +90,19 @@ class Misfit:
         rows = np.flatnonzero(flags)
         rows = rows[(self.flagged + np.arange(len(rows))) % self.stride == 0]
         self.examples += [(readings[row].copy(), places[row].copy()) for row in rows]
-        while len(self.examples) > EXAMPLES:
+        while len(self.examples) > MAX_EXAMPLES:
             self.examples = self.examples[::2]
             self.stride *= 2
 
     @property
-    def mostly(self) -> bool:
+    def is_mostly_flagged(self) -> bool:
         """Whether more than half of what was judged is flagged."""
         return 2 * self.flagged > self.judged
 
     @property
     def sentence(self) -> str:
         """What is to be said; empty where chance explains all."""
-        chance = LEVEL * self.judged
+        chance = FALSE_ALARM_RATE * self.judged
         if self.flagged <= max(DOUBT * chance, chance + 5 * np.sqrt(chance) + 1):
             return ""
         size = float(np.median(np.concatenate(self.sizes)))
@@ -110,7 +110,7 @@ class Misfit:
             f"{self.flagged} of {self.judged} poses have a residual beyond chance "
             f"({chance:.2g} would by chance); the median residual is {size:.3g} times the noise"
         )
-        if size > WRONG or self.mostly:
+        if size > WRONG or self.is_mostly_flagged:
             cause = self.cause(size)
             if cause:
                 return f"{told}. {cause} Until then the poses and their uncertainties are wrong."
@@ -121,7 +121,7 @@ class Misfit:
                 "configuration, the order of the detectors and the columns' signs and units, or "
                 "calibrate the rig; the stated uncertainties do not hold."
             )
-        if self.mostly:
+        if self.is_mostly_flagged:
             return (
                 f"{told}: the model misses something of this sensor. Calibrate it again; if the "
                 "laser's power or the beam may have moved, solve with power: unknown or beam: free."
@@ -140,7 +140,7 @@ class Misfit:
         if sensor is None or self.method == "paper" or not self.examples:
             return ""
         readings, places = (np.array(part) for part in zip(*self.examples, strict=True))
-        enough = min(EXPLAINED, SMALLER * size)
+        enough = min(MAX_EXPLAINED_SIZE, EXPLAINED_SHARE * size)
         if knowledge.power != "unknown":
             power = power_that_explains(sensor, readings, places, enough)
             if power is not None:
@@ -212,7 +212,7 @@ def place_that_explains(
     if median_size(together) > enough:
         return None
     poses, u = free.state[good, :6], np.median(free.uncertainty[good, :6], axis=0)
-    return away, bool((poses.std(axis=0) > STILL * u).any())
+    return away, bool((poses.std(axis=0) > STILL_SIGMAS * u).any())
 
 
 def median_size(solution: Solution) -> float:

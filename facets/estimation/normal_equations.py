@@ -13,7 +13,7 @@ from .problem import Array
 
 #: A pivot that is less than this share of its diagonal element: the condition number of J, columns
 #: scaled, is then above some 1e4, and J'J has lost half the digits.
-SMALLEST_PIVOT = 1e-8
+MIN_PIVOT_SHARE = 1e-8
 #: The row of a layer that holds J'r, the residuals r in a layer of columns, and a solution.
 LAST = 9
 
@@ -49,7 +49,7 @@ def factorise(layers: Array, normal: int, factor: int, count: int, damping: floa
         pivot = whole
         for k in range(j):
             pivot -= layers[factor, j, k] * layers[factor, j, k]
-        if not pivot > SMALLEST_PIVOT * whole:
+        if not pivot > MIN_PIVOT_SHARE * whole:
             return False
         inverse = 1 / sqrt(pivot)
         layers[factor, j, j] = inverse

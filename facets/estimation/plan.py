@@ -19,7 +19,7 @@ from .chance import Chance, count_checks, widening_of
 
 
 class Plan(NamedTuple):
-    """What is asked for and what is known, as `problem.Problem` and `Limits` hold it.
+    """What is asked for and what is known, as `problem.FitProblem` and `ScreeningLimits` hold it.
 
     means: (1 or n, 3) of bx, by and the power.  weights: (3,).  free: numbers of the unknowns.
     """
@@ -27,7 +27,7 @@ class Plan(NamedTuple):
     means: Floats
     weights: Floats
     free: NDArray[np.int64]
-    limits: problem.Limits
+    limits: problem.ScreeningLimits
 
 
 def prior_means(place: Prior, light: Prior, shape: tuple[int, ...]) -> Floats:
@@ -42,27 +42,27 @@ def prior_means(place: Prior, light: Prior, shape: tuple[int, ...]) -> Floats:
     return means.reshape(-1, 3)
 
 
-def limits_of(sensor: Sensor, eight: bool) -> problem.Limits:
+def find_limits(sensor: Sensor, eight: bool) -> problem.ScreeningLimits:
     """By what a sensor's readings are screened, made once a sensor: a live loop asks again."""
-    kept: dict[bool, problem.Limits] = sensor.__dict__.setdefault("_limits", {})
+    kept: dict[bool, problem.ScreeningLimits] = sensor.__dict__.setdefault("_limits", {})
     if eight not in kept:
         kept[eight] = make_limits(sensor, eight)
     return kept[eight]
 
 
-def make_limits(sensor: Sensor, eight: bool) -> problem.Limits:
+def make_limits(sensor: Sensor, eight: bool) -> problem.ScreeningLimits:
     noise, floor = sensor.noise, power_floor(sensor)
     distance = max(float(np.hypot(psd.radius, psd.height)) for psd in sensor.psds)
-    return problem.Limits(
+    return problem.ScreeningLimits(
         noise=np.array([noise.position, noise.at_power, floor]),
-        light=np.stack([least_light(sensor), other_light(sensor) + problem.DARK * floor]),
-        half_sizes=half_sizes(sensor) - lost_at_edges(sensor),
+        light=np.stack([least_light(sensor), other_light(sensor) + problem.DARK_SIGMAS * floor]),
+        half_sizes=half_sizes(sensor) - edge_cut_width(sensor),
         eight=eight,
         rounding=problem.ROUNDING * np.array([distance, sensor.beam.power]),
     )
 
 
-def lost_at_edges(sensor: Sensor) -> float:
+def edge_cut_width(sensor: Sensor) -> float:
     """How near to an edge a spot's middle tells no place, mm: where the edge cuts the spot.
 
     The middle of a spot that is cut hardly moves while the spot goes on.
@@ -88,7 +88,7 @@ def make_plan(
     free = np.concatenate([np.arange(6), 6 + np.flatnonzero(sigmas > 0)])
     with np.errstate(divide="ignore"):
         weights = np.where(sigmas > 0, 1 / sigmas, 0.0)
-    return Plan(prior_means(place, light, shape), weights, free, limits_of(sensor, paper))
+    return Plan(prior_means(place, light, shape), weights, free, find_limits(sensor, paper))
 
 
 def chance_of(sensor: Sensor, todo: Plan) -> Chance:
@@ -98,7 +98,7 @@ def chance_of(sensor: Sensor, todo: Plan) -> Chance:
 
 
 #: The most plans that are kept with a sensor.
-MOST_PLANS = 16
+MAX_PLANS = 16
 
 
 def find_plan(sensor: Sensor, knowledge: Knowledge, method: str, shape: tuple[int, ...]) -> Plan:
@@ -108,7 +108,7 @@ def find_plan(sensor: Sensor, knowledge: Knowledge, method: str, shape: tuple[in
     plans: dict[tuple[Knowledge, str], Plan] = sensor.__dict__.setdefault("_plans", {})
     plan = plans.get((knowledge, method))
     if plan is None:
-        if len(plans) >= MOST_PLANS:
+        if len(plans) >= MAX_PLANS:
             plans.clear()
         plan = plans[knowledge, method] = make_plan(sensor, knowledge, method)
     return plan
@@ -123,7 +123,9 @@ def is_plain(known: object, count: int) -> bool:
     return plain and len(means) == count
 
 
-def starting(start: str | ArrayLike, todo: Plan, values: Floats, shape: tuple[int, ...]) -> Floats:
+def start_states(
+    start: str | ArrayLike, todo: Plan, values: Floats, shape: tuple[int, ...]
+) -> Floats:
     """Where the estimates start: (1 or n, 9), with the means of what is known.
 
     An unknown power starts from the light that is seen.
@@ -156,12 +158,12 @@ def starting(start: str | ArrayLike, todo: Plan, values: Floats, shape: tuple[in
 
 def make_problem(
     plan: Plan, starts: Floats, start: object, method: str, max_steps: int, accept_unchecked: bool
-) -> problem.Problem:
+) -> problem.FitProblem:
     """A plan as compiled code takes it.
 
     starts: from `start_states`.  start, method, max_steps, accept_unchecked: as for `facets.solve`.
     """
-    return problem.Problem(
+    return problem.FitProblem(
         means=plan.means,
         weight=plan.weights,
         free=plan.free,

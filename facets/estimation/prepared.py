@@ -19,10 +19,10 @@ from ..model.arrays import packed
 from ..model.blocks import SINGLE
 from ..model.threads import Pool
 from . import as_text, problem
-from .blocks import One
-from .doubts import is_doubtful, take_back
+from .blocks import SingleBlock
+from .doubts import is_doubtful, withdraw_doubtful
 from .estimates import add_calibration, block_code, estimate, row_kernel
-from .plan import Plan, chance_of, make_plan, make_problem, starting
+from .plan import Plan, chance_of, make_plan, make_problem, start_states
 from .solution import FirstRow, Solution, SolutionOfOne, results_of
 
 
@@ -100,11 +100,11 @@ class Solver:
         self._pool.put_back(prepared)
         return found
 
-    def starting(self, start: str | ArrayLike, values: Floats) -> Floats | None:
+    def start_state(self, start: str | ArrayLike, values: Floats) -> Floats | None:
         """Where `facets.solve` starts for one reading (9,); None for zero."""
         if isinstance(start, str) and start in ("zero", "previous"):
             return None
-        return starting(start, self._plan, values[None], ())
+        return start_states(start, self._plan, values[None], ())
 
 
 class _Previous(threading.local):
@@ -133,7 +133,7 @@ class PreparedEstimate:
     ) -> None:
         self._sensor, self._plan = sensor, todo
         self._values, self._found = np.empty((1, 9)), problem.empty_results(1, covariance)
-        self._zero = starting("zero", self._plan, np.zeros((1, 9)), ())
+        self._zero = start_states("zero", self._plan, np.zeros((1, 9)), ())
         self._unknown_power = bool(self._plan.weights[2] == 0 and self._plan.free[-1] == 8)
         self._starts, self._sigmas = self._zero.copy(), np.empty((0, 9))
         if sensor.electronics is not None:
@@ -142,13 +142,13 @@ class PreparedEstimate:
             self._plan, self._starts, "zero", method, max_steps, accept_unchecked
         )
         chance = self._chance = chance_of(sensor, self._plan)
-        self._tasks: dict[str, problem.Task] = {}
+        self._tasks: dict[str, problem.RowTask] = {}
         self._block: Any = None
         self._doubtful = is_doubtful(sensor, self._plan.free)
         self._code = None if self._doubtful else self._block_code()
         if self._code is not None:
             given = problem.Readings(self._values, self._sigmas)
-            self._block = One(
+            self._block = SingleBlock(
                 packed(sensor), given, self._plan.limits, self._problem, chance, covariance
             )
         self._first = FirstRow(self._found, chance)
@@ -185,7 +185,7 @@ class PreparedEstimate:
     def _of_one(self, warm: bool) -> Solution:
         """What was found without a block, in arrays of its own."""
         if self._doubtful:
-            take_back(
+            withdraw_doubtful(
                 self._sensor, self._plan.free, self._chance, self._found, self._estimate_again
             )
         if warm:
@@ -195,7 +195,7 @@ class PreparedEstimate:
 
     def _from_zero(self) -> Floats:
         if self._unknown_power:
-            return starting("zero", self._plan, self._values, ())
+            return start_states("zero", self._plan, self._values, ())
         return self._zero
 
     def _estimate(self, model: str) -> None:
@@ -205,8 +205,8 @@ class PreparedEstimate:
         if model not in self._tasks:
             if not len(as_text.estimate(model, self._sensor, given, limits, asked, found)):
                 return
-            own = problem.Model(evaluators.address(model), packed(self._sensor))
-            task = problem.Task(own, given, limits, asked, found, problem.workspace())
+            own = problem.CompiledModel(evaluators.address(model), packed(self._sensor))
+            task = problem.RowTask(own, given, limits, asked, found, problem.workspace())
             self._tasks[model], self._kernel = task, row_kernel()
         self._kernel(self._tasks[model].address)
 
@@ -262,11 +262,11 @@ def _solver(
 
 
 #: Solvers are kept for so many questions.
-MOST_KEPT = 8
+MAX_SOLVERS = 8
 _kept: dict[tuple[Any, ...], Solver] = {}
 
 
-def kept_solver(
+def find_solver(
     sensor: Sensor,
     beam: str,
     power: str,
@@ -283,7 +283,7 @@ def kept_solver(
     key = (id(sensor), beam, power, *rest)
     found = _kept.get(key)
     if found is None:
-        if len(_kept) >= MOST_KEPT:
+        if len(_kept) >= MAX_SOLVERS:
             _kept.clear()
         found = _solver(sensor, beam, power, "zero", *rest)
         _kept[key] = found

@@ -18,24 +18,24 @@ Array = Any
 ) = range(9)  # fmt: skip
 
 #: Converged when the next step would move the fit by less than this, in sigmas, squared.
-SMALL = 1e-12
+NEGLIGIBLE_GAIN = 1e-12
 #: A step to where a detector that reads light would have less than this, in standard deviations of
 #: its power, is a step into the dark: there the readings do not tell the way back.
-DARK = 1.0
+DARK_SIGMAS = 1.0
 #: An estimate that starts in the dark has so many steps to find the light.
-STEPS_IN_THE_DARK = 8
+MAX_DARK_STEPS = 8
 #: After each so many steps the sum of squares must have fallen below this share of what it was
 #: before them; else the estimate goes round in circles and is stalled.
-PATIENCE, SLOWEST = 10, 0.9
+PROGRESS_INTERVAL_STEPS, MAX_COST_SHARE = 10, 0.9
 #: A step that the damping has shortened by this much, and that still does not help: stalled.
-HEAVIEST = 1e12
+MAX_DAMPING = 1e12
 #: Rounding of a computed reading, relative to the detector's distance or to the power.
 ROUNDING = 4e-15
 UNKNOWNS = 9
 ROWS = 9 + 3 + UNKNOWNS
 
 
-class Problem(NamedTuple):
+class FitProblem(NamedTuple):
     """What is known beside the readings, and how to go on.
 
     means: (n or 1, 3) of bx, by (mm) and power (mW).  weight: (3,) 1/sigma of these, 0 where they
@@ -56,7 +56,7 @@ class Problem(NamedTuple):
     accept_unchecked: bool
 
 
-class Limits(NamedTuple):
+class ScreeningLimits(NamedTuple):
     """What a reading is screened by.
 
     noise: (3,) a centroid's sigma (mm) at a power (mW), and a power's sigma (mW).
@@ -91,7 +91,7 @@ class Workspace(NamedTuple):
     outlines: Array
 
 
-class Model(NamedTuple):
+class CompiledModel(NamedTuple):
     """address: of a model of `model.evaluators`, or a function that does its work.
 
     packed: the sensor's vectors."""
@@ -102,7 +102,7 @@ class Model(NamedTuple):
 
 class Readings(NamedTuple):
     """values: (n, 9) mm, mW.  sigmas: (n, 9) their standard deviations; empty where those of
-    `Limits` hold."""
+    `ScreeningLimits` hold."""
 
     values: Array
     sigmas: Array
@@ -126,7 +126,7 @@ class TaskTable(NamedTuple):
     """What `kernels.solve_rows` works on, as 64-bit integers.
 
     Addresses of a model and of arrays; how many readings and unknowns there are, and rows of arrays
-    that may have fewer; and numbers of `Limits` and `Problem`.
+    that may have fewer; and numbers of `ScreeningLimits` and `FitProblem`.
     """
 
     model: Any
@@ -167,7 +167,7 @@ class TaskTable(NamedTuple):
 PLACES = TaskTable(*range(len(TaskTable._fields)))
 
 
-class Task:
+class RowTask:
     """What `kernels.solve_rows` works on, arrays by their addresses; `address` is what it takes.
 
     The arrays are kept for as long as the task is.
@@ -175,10 +175,10 @@ class Task:
 
     def __init__(
         self,
-        model: Model,
+        model: CompiledModel,
         readings: Readings,
-        limits: Limits,
-        problem: Problem,
+        limits: ScreeningLimits,
+        problem: FitProblem,
         results: Results,
         memory: Workspace,
     ) -> None:
@@ -237,7 +237,7 @@ def workspace() -> Workspace:
     )
 
 
-def some_rows(which: Any, readings: Readings, asked: Problem) -> tuple[Readings, Problem]:
+def some_rows(which: Any, readings: Readings, asked: FitProblem) -> tuple[Readings, FitProblem]:
     """Some of the readings, and what is asked of them."""
     n = len(readings.values)
     return (

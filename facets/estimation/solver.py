@@ -15,10 +15,10 @@ from ..core.units import Floats
 from ..model.arrays import as_rows, as_vectors
 from ..model.threads import part_of, share
 from . import problem
-from .doubts import is_doubtful, take_back
+from .doubts import is_doubtful, withdraw_doubtful
 from .estimates import add_calibration, block_code, estimate
-from .plan import Plan, chance_of, find_plan, make_problem, sigmas_of, starting
-from .prepared import kept_solver
+from .plan import Plan, chance_of, find_plan, make_problem, sigmas_of, start_states
+from .prepared import find_solver
 from .solution import Solution, solution
 
 
@@ -72,11 +72,11 @@ def solve(
     if max_steps < 1:
         raise InputError(f"max_steps is {max_steps}; allowed: 1 or more")
     if given.ndim == 1 and isinstance(beam, str) and isinstance(power, str) and threads >= 0:
-        solver = kept_solver(sensor, beam, power, method, max_steps, covariance, accept_unchecked)
-        return solver.solve_from(given, solver.starting(start, given))
+        solver = find_solver(sensor, beam, power, method, max_steps, covariance, accept_unchecked)
+        return solver.solve_from(given, solver.start_state(start, given))
     values, shape = as_rows(given, 9, "readings")
     todo = find_plan(sensor, Knowledge(beam=beam, power=power), method, shape)
-    starts = starting(start, todo, values, shape)
+    starts = start_states(start, todo, values, shape)
     asked = make_problem(todo, starts, start, method, max_steps, accept_unchecked)
     rows = problem.Readings(values, sigmas_of(sensor, values))
     found = solve_rows(sensor, rows, todo, asked, covariance, threads)
@@ -87,7 +87,7 @@ def local_solution(sensor: Sensor, reading: Floats, start: Floats) -> tuple[Floa
     """The state (8,) to which a reading (9,) leads from a start (8,), the beam free, and the
     residual there; NaN where it leads to none. Another state may give the same reading."""
     todo, values = find_plan(sensor, Knowledge(), "least-squares", ()), reading[None].copy()
-    starts = starting(start, todo, values, ())
+    starts = start_states(start, todo, values, ())
     asked = make_problem(todo, starts, start, "least-squares", 50, False)
     found = problem.empty_results(1, False)
     estimate(sensor, problem.Readings(values, sigmas_of(sensor, values)), todo.limits, asked, found)
@@ -98,7 +98,7 @@ def solve_rows(
     sensor: Sensor,
     given: problem.Readings,
     todo: Plan,
-    asked: problem.Problem,
+    asked: problem.FitProblem,
     covariance: bool,
     threads: int = 1,
 ) -> problem.Results:
@@ -122,7 +122,7 @@ def solve_rows(
             estimate(sensor, some, todo.limits, questions, results)
             return results
 
-        take_back(sensor, todo.free, chance_of(sensor, todo), found, again)
+        withdraw_doubtful(sensor, todo.free, chance_of(sensor, todo), found, again)
     if covariance:
         add_calibration(sensor, todo, found)
     return found

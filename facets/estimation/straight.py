@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from .normal_equations import SMALLEST_PIVOT
+from .normal_equations import MIN_PIVOT_SHARE
 
 Numbers = list[Any]
 Triangle = list[Numbers]
@@ -43,7 +43,7 @@ def cholesky(code: Any, matrix: Triangle) -> tuple[Triangle, Any]:
         pivot = row[i]
         for each in own:
             pivot = pivot - each * each
-        trusted = pivot > row[i] * SMALLEST_PIVOT
+        trusted = pivot > row[i] * MIN_PIVOT_SHARE
         fine = trusted if fine is None else fine & trusted
         own.append(1 / code.function("sqrt", pivot))
         factor.append(own)

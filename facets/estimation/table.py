@@ -36,7 +36,7 @@ BEAM_UNCERTAINTIES = tuple(f"u_{name}" for name in BEAM_COLUMNS)
 
 
 @dataclass
-class Count:
+class StatusCounts:
     """What became of the rows.
 
     unparsable_lines: of the first few that are no numbers.  misfit: rows that were solved, but
@@ -212,7 +212,7 @@ def solve_table(
     about: dict[str, str],
     progress: Callable[[int], None] = lambda _: None,
     rows: int = tables.CHUNK,
-) -> Count:
+) -> StatusCounts:
     """Solves each row of `readings` into a row of `poses`; a row that is not numbers gets NaN.
 
     Needed columns: psi_a_mm, zeta_a_mm, power_a_mw, ...; time_s is carried through, and bx_mm,
@@ -225,7 +225,7 @@ def solve_table(
     if options.beam == "free":
         beside = ("time_s",)
     chunks = tables.read_chunks(readings, READING_COLUMNS, beside, rows)
-    count = Count()
+    count = StatusCounts()
     with tables.Whole(poses) as temporary:
         writer = tables.Writer(temporary, about)
         try:

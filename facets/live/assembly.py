@@ -236,7 +236,7 @@ class Run:
                 f"{live.pipeline.sequence.lost} samples were lost, {100 * live.loss:.3g} % of all; "
                 f"--max-loss allows {100 * self.max_loss:.3g} %."
             )
-        if live.pipeline.tally.misfit.mostly:
+        if live.pipeline.tally.misfit.is_mostly_flagged:
             found.append(live.pipeline.tally.misfit.sentence)
         board = live.pipeline.board
         if self.compare and not board.compared:

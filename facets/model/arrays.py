@@ -47,12 +47,12 @@ def sensor_with(sensor: Sensor, p: Sequence[float]) -> Sensor:
 
 def geometry_of(sensor: Sensor) -> Geometry:
     """The sensor's vectors, in plain floats."""
-    light = of_light(sensor) if sensor.light.on else None
+    light = light_effects(sensor) if sensor.light.on else None
     return build_geometry(parameters(sensor), openings(sensor), light)
 
 
 #: Nearer to the edge of a detector, mm, what diffraction loses there is told as at this distance.
-NEAREST = 0.1
+MIN_EDGE_DISTANCE_MM = 0.1
 
 
 def options(sensor: Sensor) -> LightOptions:
@@ -61,11 +61,11 @@ def options(sensor: Sensor) -> LightOptions:
     halves: Any = tuple(zip(y, z, strict=True))
     light = sensor.light
     return LightOptions(
-        True, light.index is not None, light.polarization is not None, halves, NEAREST
+        True, light.index is not None, light.polarization is not None, halves, MIN_EDGE_DISTANCE_MM
     )
 
 
-def of_light(sensor: Sensor) -> LightEffects:
+def light_effects(sensor: Sensor) -> LightEffects:
     """The light of the bench as the optics takes it."""
     return LightEffects(tuple(effects(sensor).tolist()), options(sensor))
 
@@ -153,7 +153,7 @@ def effect_jacobian(sensor: Sensor, state: ArrayLike, names: Sequence[str] | Non
         varied = LightEffects(varying(effects(sensor), wanted), options(sensor))
         vectors, moved = (
             build_geometry(parameters(sensor), openings(sensor), light)
-            for light in (of_light(sensor), varied)
+            for light in (light_effects(sensor), varied)
         )
         own, name = packing.pack_slopes(moved), f"slopes_of_{lit_kind(sensor)}"
         out[:, :, wanted] = slopes_at(name, vectors, moved, own, len(wanted), rows)
@@ -201,7 +201,7 @@ def packed(sensor: Sensor) -> Floats:
 
 def varied(sensor: Sensor) -> Geometry:
     """The sensor's vectors, which carry their slopes by its parameters."""
-    light = of_light(sensor) if sensor.light.on else None
+    light = light_effects(sensor) if sensor.light.on else None
     return build_geometry(varying(parameters(sensor)), openings(sensor), light)
 
 
@@ -244,7 +244,10 @@ def readings(
     >>> f"psi {psi:.3f} mm, zeta {zeta:.3f} mm, {power:.3f} mW"
     'psi 0.500 mm, zeta 0.280 mm, 0.100 mW'
     """
-    if irradiance == "exact" and (found := at_one(sensor, "readings", state, threads)) is not None:
+    if (
+        irradiance == "exact"
+        and (found := evaluate_one(sensor, "readings", state, threads)) is not None
+    ):
         return found
     rows, shape = as_rows(state, 8, "state")
     if irradiance == "paper":
@@ -256,12 +259,12 @@ def readings(
             )
         return paper_readings(geometry_of(sensor), rows).reshape(*shape, 9)
     out = np.empty((len(rows), 9))
-    name, model = named(sensor, "readings"), evaluators.readings(sensor)
-    share(by_blocks(sensor, name, model, rows, out), len(rows), threads)
+    name, model = kernel_name(sensor, "readings"), evaluators.readings(sensor)
+    share(block_evaluator(sensor, name, model, rows, out), len(rows), threads)
     return out.reshape(*shape, 9)
 
 
-def named(sensor: Sensor, name: str) -> str | None:
+def kernel_name(sensor: Sensor, name: str) -> str | None:
     """What `blocks.kernel` has for "readings", "derivatives", "near_derivatives" or "footprints" of
     a sensor; None where blocks do not know it."""
     kind = block_kind(sensor)
@@ -272,19 +275,19 @@ def named(sensor: Sensor, name: str) -> str | None:
     return None if kind is None else f"{name}_of_{kind}"
 
 
-def at_one(sensor: Sensor, name: str, state: ArrayLike, threads: int) -> Floats | None:
+def evaluate_one(sensor: Sensor, name: str, state: ArrayLike, threads: int) -> Floats | None:
     """What a block gives at a single state (8,), at once: a loop asks for one after the other.
 
     None where it is no such state, or leaves its block.
     """
     one = as_floats(state, "state")
-    kernel = named(sensor, name)
+    kernel = kernel_name(sensor, name)
     if one.shape != (8,) or threads < 0 or kernel is None:
         return None
     return blocks.run_one(kernel, packed(sensor), one)
 
 
-def by_blocks(
+def block_evaluator(
     sensor: Sensor,
     name: str | None,
     model: str,
@@ -329,7 +332,7 @@ def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     >>> f"psi_a moves {slopes[0, 5]:.0f} mm per rad of yaw"
     'psi_a moves 250 mm per rad of yaw'
     """
-    if (found := at_one(sensor, "derivatives", state, threads)) is not None:
+    if (found := evaluate_one(sensor, "derivatives", state, threads)) is not None:
         return found
     rows, shape = as_rows(state, 8, "state")
     return derivatives(sensor, rows, threads, near=False).reshape(*shape, 9, 8)
@@ -341,9 +344,9 @@ def derivatives(sensor: Sensor, states: Floats, threads: int = 1, near: bool = T
     near: what `evaluators.nearly_linearised` gives, which is the same where the light is ideal.
     """
     out = np.empty((len(states), 9, 8))
-    name = named(sensor, "near_derivatives" if near else "derivatives")
+    name = kernel_name(sensor, "near_derivatives" if near else "derivatives")
     model = (evaluators.nearly_linearised if near else evaluators.linearised)(sensor)
-    share(by_blocks(sensor, name, model, states, out, fill_derivatives), len(states), threads)
+    share(block_evaluator(sensor, name, model, states, out, fill_derivatives), len(states), threads)
     return out
 
 
@@ -405,10 +408,11 @@ def near_edges(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
 
     There light is lost that the model follows only with `Apertures.detectors`. What diffraction
     loses it tells only where the light of the mirror's edges, which may fall half a spot beside the
-    spot, is further than NEAREST from the detector's. False where a detector has no reading.
+    spot, is further than MIN_EDGE_DISTANCE_MM from the detector's. False where a detector has no
+    reading.
     """
     array, size = np.asarray(reading, dtype=np.float64), spot_size(sensor)
-    told = 1.5 * size + NEAREST if sensor.light.wavelength > 0 else size
+    told = 1.5 * size + MIN_EDGE_DISTANCE_MM if sensor.light.wavelength > 0 else size
     y, z = half_sizes(sensor).T - told
     near: NDArray[np.bool_] = (np.abs(array[..., 0::3]) > y) | (np.abs(array[..., 1::3]) > z)
     return near
@@ -459,12 +463,12 @@ def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
     >>> f"spot A spans {largest - least:.2f} mm along y"
     'spot A spans 0.74 mm along y'
     """
-    if (found := at_one(sensor, "footprints", state, threads)) is not None:
+    if (found := evaluate_one(sensor, "footprints", state, threads)) is not None:
         return found
     rows, shape = as_rows(state, 8, "state")
     out = np.empty((len(rows), 3, 5))
-    name, model = named(sensor, "footprints"), evaluators.footprints(sensor)
-    share(by_blocks(sensor, name, model, rows, out), len(rows), threads)
+    name, model = kernel_name(sensor, "footprints"), evaluators.footprints(sensor)
+    share(block_evaluator(sensor, name, model, rows, out), len(rows), threads)
     return out.reshape(*shape, 3, 5)
 
 

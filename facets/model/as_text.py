@@ -23,13 +23,13 @@ from ..scalars.dual import value_and_slope
 from ..scalars.nesting import leaves, nest
 from . import evaluators
 from .blocks import task_of
-from .packing import carried
+from .packing import carry_slopes
 
 State = tuple[float, ...]
 
 #: For so long, s, a process runs the text before it compiles code, and for so many states at a
 #: time; of those that take a hundredth of a second each, for a tenth as many.
-SELDOM, FEW, FEW_SLOW = 1.0, 300, 30
+MAX_TEXT_S, MAX_TEXT_STATES, MAX_SLOW_STATES = 1.0, 300, 30
 _spent = 0.0
 
 
@@ -70,16 +70,16 @@ FORMULAS: dict[str, Callable[[Geometry, State], Any]] = {
 
 def has_time() -> bool:
     """Whether this process has not yet run text for so long that compiling were better."""
-    return _spent < SELDOM
+    return _spent < MAX_TEXT_S
 
 
-def is_sooner(model: str, count: int, few: int = FEW) -> bool:
+def is_text_faster(model: str, count: int, few: int = MAX_TEXT_STATES) -> bool:
     """Whether the text has done so many states sooner than one of `evaluators` is compiled."""
     return count <= few and has_time() and not evaluators.is_ready(model)
 
 
 @contextmanager
-def running() -> Iterator[None]:
+def count_text_time() -> Iterator[None]:
     """Within it text runs, and raises where compiled code gives NaN; its time is counted."""
     global _spent
     begin = time.thread_time()
@@ -96,7 +96,7 @@ def fill_each(formula: Callable[[State], Any], states: Floats, found: Floats, wh
     left = []
     for n in which.tolist():
         try:
-            with running():
+            with count_text_time():
                 found[n] = formula(tuple(states[n].tolist()))
         except (ArithmeticError, ValueError):
             left.append(n)
@@ -107,7 +107,7 @@ def fill(
     name: str, model: str, geometry: Geometry, states: Floats, found: Floats, which: Any
 ) -> Any:
     """`fill_each` of a block's kernel; all are left where the model of `evaluators` is sooner."""
-    if not is_sooner(model, len(which)):
+    if not is_text_faster(model, len(which)):
         return which
     formula = FORMULAS[task_of(name)]
     return fill_each(lambda state: formula(geometry, state), states, found, which)
@@ -120,12 +120,12 @@ def fill_slopes(
 
     moved: the vectors, which carry their slopes; or, of "slopes_by_parameters", `parameters.Axes`.
     """
-    if not is_sooner(name, len(which), FEW_SLOW):
+    if not is_text_faster(name, len(which), MAX_SLOW_STATES):
         return which
     if isinstance(moved, parameters.Axes):
         own = partial(parameters.linearise, vectors, moved)
         return fill_each(lambda state: rows_of(own(state)), states, found, which)
-    carrying = carried(
+    carrying = carry_slopes(
         vectors, nest(moved, (value_and_slope(number)[1] for number in leaves(moved)))
     )
 

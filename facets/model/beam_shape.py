@@ -50,7 +50,7 @@ def axes_of(shape: Floats, near: float = 0.0) -> tuple[float, float, float]:
     return (long, short, turn) if quarters % 2 == 0 else (short, long, turn)
 
 
-def by_shape(sensor: Sensor, states: Floats, whole: Floats) -> Floats:
+def shape_derivatives(sensor: Sensor, states: Floats, whole: Floats) -> Floats:
     """The derivatives by `SHAPE` (n, 9, 3), from those by the 30 parameters.
 
     In the axes of the ellipse a change of the covariance is one of two variances and a turn; the

@@ -22,7 +22,7 @@ from ..scalars.machine import DOUBLE, LONG, MachineWriter, write_loop
 from ..scalars.nesting import leaves
 from ..scalars.tracing import Value
 from .kinds import LIT
-from .packing import AXES, PACKED, PARALLEL, carried, is_ideal, vectors_at, vectors_of
+from .packing import AXES, PACKED, PARALLEL, carry_slopes, is_ideal, vectors_at, vectors_of
 
 #: Writes what a block of poses needs: with the sensor's vectors, from and to memory by pointers.
 Formula = Callable[[LaneWriter, Geometry, Any, Any], None]
@@ -179,7 +179,7 @@ def slopes_by_copies(kind: str) -> LaneWrite:
         at = bench_light.scene(vectors, state)
         with code.loop(copies) as copy:
             row = code.builder.gep(varied, [code.builder.mul(copy, ir.Constant(LONG, PACKED))])
-            moved = carried(vectors, vectors_of(code, row, kind))
+            moved = carry_slopes(vectors, vectors_of(code, row, kind))
             slopes = bench_gradient.reading_slopes(moved, state, at)
             code.store_column(list(leaves(slopes)), found, copy, copies)
 

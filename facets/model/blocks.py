@@ -67,10 +67,10 @@ def kernel(name: str, width: int | None = None) -> Callable[..., None]:
 
     width: of a block; `lanes()` unless given.
     """
-    return made(name, 5, width)
+    return load_code(name, 5, width)
 
 
-def made(name: str, count: int, width: int | None = None) -> Callable[..., None]:
+def load_code(name: str, count: int, width: int | None = None) -> Callable[..., None]:
     """One of `block_code.LOOPS`, which takes `count` integers."""
 
     def written() -> LaneWrite:
@@ -84,7 +84,7 @@ def made(name: str, count: int, width: int | None = None) -> Callable[..., None]
 @once
 def slopes_kernel(name: str) -> Callable[..., None]:
     """That of `slopes`, see `block_code.each_block_of_slopes`."""
-    return made(name, 7)
+    return load_code(name, 7)
 
 
 def slopes(name: str, vectors: Floats, varied: Floats, states: Floats, found: Floats) -> Any:

@@ -54,7 +54,7 @@ def _was_kept(name: str) -> bool:
     return is_kept(f"each_{name}", *CODE)
 
 
-def made(name: str, count: int) -> Callable[..., None]:
+def load_code(name: str, count: int) -> Callable[..., None]:
     """One of `row_code.LOOPS`, which takes `count` integers."""
     from .object_code import Write, function
 
@@ -75,7 +75,7 @@ def model(name: str) -> Callable[..., None]:
         from . import cut_code
 
         return cut_code.model(name)
-    return made(name, 5)
+    return load_code(name, 5)
 
 
 def address(name: str) -> int:
@@ -94,7 +94,7 @@ def fill(name: str, vectors: Floats, given: Floats, found: Floats) -> None:
 @once
 def slopes_model(name: str) -> Callable[..., None]:
     """See `row_code.each_row_of_slopes`."""
-    return made(name, 6)
+    return load_code(name, 6)
 
 
 def slopes(name: str, vectors: Floats, varied: Floats, states: Floats, found: Floats) -> None:

@@ -27,7 +27,7 @@ from .code_folder import code_folder, tell
 #: Writes a function's instructions with an `llvmlite` builder, of its arguments.
 Write = Callable[[Any, Sequence[Any]], None]
 #: In front of an object stands its SHA-256, so that what a disk has spoilt is made anew.
-DIGEST = 32
+DIGEST_BYTES = 32
 MAKER = f"llvmlite {llvmlite.__version__}"
 ADDITION = """define void @add(<8 x double>* %place) {
     %numbers = load <8 x double>, <8 x double>* %place
@@ -53,7 +53,7 @@ def function(
         code = read(path)
         if code is None:
             tell(passing)
-            code = made(name, count, write())
+            code = load_code(name, count, write())
             keep(path, code)
     engine = loaded(code)
     start = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * count)(engine.get_function_address(name))
@@ -111,7 +111,7 @@ def new_machine() -> Any:
     )
 
 
-def made(name: str, count: int, write: Write) -> bytes:
+def load_code(name: str, count: int, write: Write) -> bytes:
     """The object with the function that `write` writes."""
     from ..scalars.machine import count_loops
 
@@ -179,7 +179,7 @@ def read(path: Path) -> bytes | None:
         kept = path.read_bytes()
     except OSError:
         return None
-    digest, code = kept[:DIGEST], kept[DIGEST:]
+    digest, code = kept[:DIGEST_BYTES], kept[DIGEST_BYTES:]
     return code if hashlib.sha256(code).digest() == digest else None
 
 

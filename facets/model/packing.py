@@ -77,13 +77,13 @@ def is_ideal(vectors: Any) -> bool:
     return vectors.light is None
 
 
-def carried(values: Any, slopes: Any) -> Any:
+def carry_slopes(values: Any, slopes: Any) -> Any:
     """Vectors that carry their slopes along; whose numbers are always plain stay so."""
     if isinstance(values, LightOptions) or values is None:
         return values
     if not isinstance(values, tuple):
         return Dual(values, slopes)
-    parts = [carried(*pair) for pair in zip(values, slopes, strict=True)]
+    parts = [carry_slopes(*pair) for pair in zip(values, slopes, strict=True)]
     return type(values)(*parts) if hasattr(values, "_fields") else tuple(parts)
 
 

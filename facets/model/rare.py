@@ -63,7 +63,7 @@ _COMPILING = threading.RLock()
 
 #: For so long, s, the functions run as text before their machine code is loaded, if it is kept, or
 #: else compiled, which takes several times that.
-LOADED, SELDOM = 0.2, 1.0
+LOADED, MAX_TEXT_S = 0.2, 1.0
 _spent = 0.0
 
 
@@ -76,7 +76,7 @@ def _is_kept(name: str) -> bool:
 
 def _runs_as_text(name: str) -> bool:
     """Whether a function is still too seldom called to be worth its machine code."""
-    if name in _COMPILED or _spent >= SELDOM:
+    if name in _COMPILED or _spent >= MAX_TEXT_S:
         return False
     return _spent < LOADED or not _is_kept(name)
 

@@ -31,7 +31,7 @@ from .packing import (
     PARALLEL,
     STATE,
     WITH_POWER,
-    carried,
+    carry_slopes,
     is_ideal,
     vectors_at,
     vectors_of,
@@ -173,7 +173,7 @@ def slopes_by_copies(kind: str) -> Write:
         at = bench_light.scene(vectors, state)
         with code.loop(copies) as copy:
             row = row_at(build, varied, copy, ir.Constant(LONG, PACKED))
-            moved = carried(vectors, vectors_of(code, row, kind))
+            moved = carry_slopes(vectors, vectors_of(code, row, kind))
             for n, number in enumerate(leaves(bench_gradient.reading_slopes(moved, state, at))):
                 first = build.mul(copies, ir.Constant(LONG, n))
                 code.store(number, build.gep(found, [build.add(first, copy)]), 0)

@@ -58,7 +58,7 @@ def once(make: Callable[..., T]) -> Callable[..., T]:
     return call
 
 
-def side_by_side(makers: Iterable[Callable[[], Any]]) -> None:
+def run_side_by_side(makers: Iterable[Callable[[], Any]]) -> None:
     """Calls functions that compile, in two threads: while one has LLVM's code made, for which
     llvmlite lets one thread in at a time, the other writes its text."""
     with ThreadPoolExecutor(2) as pool:
@@ -66,7 +66,7 @@ def side_by_side(makers: Iterable[Callable[[], Any]]) -> None:
 
 
 #: Rows that a thread is worth starting for: a millisecond of work.
-WORTHWHILE = 1000
+MIN_ROWS_OF_THREAD = 1000
 
 
 def cores() -> int:
@@ -79,8 +79,8 @@ def share(run: Callable[[slice], Any], rows: int, threads: int) -> None:
     if threads < 0:
         raise InputError(f"threads is {threads}; allowed: 1 or more, or 0 for all cores")
     count = 1
-    if rows >= 2 * WORTHWHILE:
-        count = min(threads or cores(), rows // WORTHWHILE)
+    if rows >= 2 * MIN_ROWS_OF_THREAD:
+        count = min(threads or cores(), rows // MIN_ROWS_OF_THREAD)
     if count == 1:
         run(slice(0, rows))
         return

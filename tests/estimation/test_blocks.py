@@ -46,9 +46,9 @@ def one_by_one(sensor, readings, beam="free", power="known", start="zero", max_s
         sensor,
         problem.Readings(readings, sigmas),
         todo.limits,
-        problem.Problem(
+        problem.FitProblem(
             todo.means, todo.weights, todo.free,
-            plan.starting(start, todo, readings, shape), False, max_steps, True,
+            plan.start_states(start, todo, readings, shape), False, max_steps, True,
             accept_unchecked,
         ),
         found,
@@ -115,8 +115,8 @@ def test_blocks_weigh_by_electronics_as_one_at_a_time_does():
 def test_most_readings_stay_in_their_blocks():
     readings = facets.readings(SENSOR, seen(SENSOR, 200, 3, 0.15))
     todo = plan.make_plan(SENSOR, facets.Knowledge())
-    asked = problem.Problem(
-        todo.means, todo.weights, todo.free, plan.starting("zero", todo, readings, (200,)),
+    asked = problem.FitProblem(
+        todo.means, todo.weights, todo.free, plan.start_states("zero", todo, readings, (200,)),
         False, 50, True, False,
     )  # fmt: skip
     given = problem.Readings(readings, np.empty((0, 9)))

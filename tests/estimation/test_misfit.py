@@ -10,9 +10,9 @@ from scipy.stats import chi2
 
 import facets
 from facets.detectors.noise import add_noise
-from facets.estimation.chance import LEVEL, LIMITS
-from facets.estimation.misfit import EXAMPLES, Misfit
-from facets.estimation.table import Count, solve_readings
+from facets.estimation.chance import FALSE_ALARM_RATE, LIMITS
+from facets.estimation.misfit import MAX_EXAMPLES, Misfit
+from facets.estimation.table import StatusCounts, solve_readings
 
 CONFIG = facets.load("paper")
 OPTIONS = replace(CONFIG.solve, beam="known", power="unknown")
@@ -128,13 +128,13 @@ def test_examples_are_of_the_whole_run():
     for n in range(50):
         found.add(solution, BENCH, KNOWN.knowledge(BENCH), KNOWN.method, raw + 1000 * n)
     numbers = {round(reading[0] / 1000) for reading, _ in found.examples}
-    assert len(found.examples) <= EXAMPLES
+    assert len(found.examples) <= MAX_EXAMPLES
     assert min(numbers) < 2
     assert max(numbers) > 45
 
 
 def test_the_limits_that_are_kept_are_those_of_the_distribution():
-    exact = np.sqrt(chi2.isf(LEVEL, np.arange(1, 10)))
+    exact = np.sqrt(chi2.isf(FALSE_ALARM_RATE, np.arange(1, 10)))
     assert LIMITS[1:] == pytest.approx(exact, rel=1e-12)
 
 
@@ -145,7 +145,7 @@ def test_spots_near_an_edge_are_counted_where_the_model_has_none():
     readings = facets.readings(CONFIG.sensor, states)
     for cut, edges in ((False, 1), (True, 0)):
         apertures = facets.Apertures(detectors=cut)
-        sensor, count = replace(CONFIG.sensor, apertures=apertures), Count()
+        sensor, count = replace(CONFIG.sensor, apertures=apertures), StatusCounts()
         solution = facets.solve(sensor, readings, beam="known", power="unknown")
         count.add(sensor, OPTIONS, readings, solution, np.array(["converged"] * 3))
         assert count.edges == edges

@@ -251,7 +251,7 @@ def test_poses_of_another_geometry_are_not_believed_without_a_word():
         found[name] = pipeline.tally.misfit
     assert found["right"].judged == found["wrong"].judged == 100
     assert found["right"].sentence == ""
-    assert found["wrong"].mostly
+    assert found["wrong"].is_mostly_flagged
     assert "residual beyond chance" in found["wrong"].sentence
 
 

@@ -72,9 +72,9 @@ def test_what_few_poses_give_as_text_has_the_bits_of_compiled_code(sensor, name,
         "near_derivatives": derivatives,
         "footprints": facets.footprints,
     }[name]
-    monkeypatch.setattr(as_text, "SELDOM", 0.0)
+    monkeypatch.setattr(as_text, "MAX_TEXT_S", 0.0)
     expected = text(sensor, some)
-    monkeypatch.setattr(as_text, "SELDOM", np.inf)  # however slow the machine
+    monkeypatch.setattr(as_text, "MAX_TEXT_S", np.inf)  # however slow the machine
     monkeypatch.setattr(evaluators, "is_ready", lambda _: False)
     ran = []
     monkeypatch.setattr(as_text, "fill_each", counted(as_text.fill_each, ran))
@@ -98,9 +98,9 @@ def counted(fill_each, ran):
 @pytest.mark.parametrize("sensor", LIT.values(), ids=LIT)
 def test_slopes_by_parameters_have_the_same_bits_as_text(sensor, monkeypatch):
     some = states(20, seed=7, offset=1.5)
-    monkeypatch.setattr(as_text, "SELDOM", 0.0)
+    monkeypatch.setattr(as_text, "MAX_TEXT_S", 0.0)
     expected = facets.parameter_jacobian(sensor, some)
-    monkeypatch.setattr(as_text, "SELDOM", np.inf)
+    monkeypatch.setattr(as_text, "MAX_TEXT_S", np.inf)
     monkeypatch.setattr(evaluators, "is_ready", lambda _: False)
     ran = []
     monkeypatch.setattr(as_text, "fill_each", counted(as_text.fill_each, ran))

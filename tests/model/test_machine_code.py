@@ -84,7 +84,7 @@ def test_what_the_text_refuses_is_left_to_machine_code(monkeypatch):
     number = rare.NAMES.index("quadrature_or_dark")
     monkeypatch.setitem(rare.FUNCTIONS, "quadrature_or_dark", (refuse, 8))
     monkeypatch.setattr(rare, "_COMPILED", {})
-    monkeypatch.setattr(rare, "SELDOM", 1e9)
+    monkeypatch.setattr(rare, "MAX_TEXT_S", 1e9)
     monkeypatch.setattr(rare, "_is_kept", lambda _: False)
     monkeypatch.setattr(rare, "_compiled", lambda _: rare.KIND(kept.address))
     kept = jit.callback(rare.__file__, rare.quadrature_or_dark, signature=jit.TWO_POINTERS)
@@ -109,7 +109,7 @@ def test_what_goes_wrong_in_a_rare_function_is_raised_after_the_kernel(monkeypat
         raise KeyboardInterrupt
 
     monkeypatch.setattr(rare, "_COMPILED", {})
-    monkeypatch.setattr(rare, "SELDOM", 0.0)
+    monkeypatch.setattr(rare, "MAX_TEXT_S", 0.0)
     monkeypatch.setattr(jit, "callback", fail)
     number = rare.NAMES.index("quadrature_or_dark")
     kept, rare.TABLE[number] = rare.TABLE[number], rare.address_of_first(number)

@@ -10,7 +10,7 @@ from sensors import SENSORS, states
 import facets
 from facets.core.errors import InputError
 from facets.model import object_code
-from facets.model.threads import cores, once, part_of, share, side_by_side
+from facets.model.threads import cores, once, part_of, run_side_by_side, share
 
 
 @pytest.mark.parametrize(("rows", "threads"), [(0, 1), (5, 4), (2000, 2), (10_001, 3), (4000, 0)])
@@ -58,9 +58,9 @@ def test_what_two_threads_ask_for_is_made_once_and_other_things_meanwhile():
             both.wait()  # only two that are made at the same time get past it
         return [name]
 
-    side_by_side([lambda: make("one"), lambda: make("other")])
+    run_side_by_side([lambda: make("one"), lambda: make("other")])
     found = []
-    side_by_side([lambda: found.append(make("later"))] * 4)
+    run_side_by_side([lambda: found.append(make("later"))] * 4)
     assert sorted(made) == ["later", "one", "other"]
     assert all(each is found[0] for each in found)
 
@@ -102,4 +102,4 @@ def test_an_object_that_two_threads_need_is_made_by_one_of_them(tmp_path, monkey
 
 def test_what_goes_wrong_side_by_side_is_raised():
     with pytest.raises(ZeroDivisionError):
-        side_by_side([lambda: 1 / 0, int])
+        run_side_by_side([lambda: 1 / 0, int])

@@ -22,12 +22,12 @@ from facets.model.arrays import (
     EFFECTS,
     effect_jacobian,
     effects,
-    of_light,
+    light_effects,
     options,
     parameters,
     with_effects,
 )
-from facets.model.beam_shape import axes_of, by_shape, shape_of
+from facets.model.beam_shape import axes_of, shape_derivatives, shape_of
 from facets.optics.bench_light import readings
 from facets.optics.effects import LightEffects
 from facets.optics.forward import OPEN, build_geometry
@@ -317,7 +317,7 @@ def test_effects_have_names_and_come_back():
     assert with_effects(sensor, effects(sensor)) == sensor
     assert with_effects(PAPER, effects(PAPER)) == PAPER
     assert not PAPER.light.on
-    assert of_light(sensor).values[3] == 632.8e-6
+    assert light_effects(sensor).values[3] == 632.8e-6
     with pytest.raises(InputError, match="needed: 27"):
         with_effects(sensor, [0.0])
 
@@ -335,7 +335,7 @@ def test_the_beam_as_a_covariance():
             some, exact = box(3, 10), with_shape(each, shape)
             assert exact.beam.diameter_x == pytest.approx(beam.diameter_x)
             assert exact.beam.rotation == pytest.approx(beam.rotation)
-            closed = by_shape(each, some, facets.parameter_jacobian(each, some))
+            closed = shape_derivatives(each, some, facets.parameter_jacobian(each, some))
             for n, step in enumerate(1e-7 * np.eye(3)):
                 ahead = facets.readings(with_shape(each, shape + step), some)
                 slope = (ahead - facets.readings(each, some)) / 1e-7

@@ -93,7 +93,7 @@ def counts(pipeline: Pipeline) -> list[Item]:
             tally.unsolved_count - tally.skipped_count,
             bad=tally.unsolved_count > tally.skipped_count,
         ),
-        item("beyond chance", tally.misfit.flagged, bad=tally.misfit.mostly),
+        item("beyond chance", tally.misfit.flagged, bad=tally.misfit.is_mostly_flagged),
     ]
     found += [item(name, count, bad=True) for name, count in tally.flags.items() if count]
     if sequence.doubled:
