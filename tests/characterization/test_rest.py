@@ -90,6 +90,22 @@ def test_a_motion_is_found_and_named(axis, course, words):
         assert word in found
 
 
+def test_a_common_motion_is_as_large_as_it_was_made():
+    """Twice the noise in yaw, from sample to sample, is 2 / sqrt(5) of what is seen, to 10 %."""
+    (sentence,) = faults(noise() + motion("yaw", 2 * RANDOM))
+    amount = float(sentence.partition(" by ")[2].partition(" times ")[0])
+    assert amount == pytest.approx(2 / 5**0.5, rel=0.1)
+
+
+def test_the_longest_of_several_sections_is_taken():
+    columns = table(noise())
+    columns["board_us"] = columns["board_us"] + 10**6 * (np.arange(COUNT) >= 1500)
+    columns["board_us"] = columns["board_us"] + 10**6 * (np.arange(COUNT) >= 6000)
+    piece = longest_section(columns, "it")
+    assert (piece.rows.start, piece.rows.stop) == (1500, 6000)
+    assert piece.rate == pytest.approx(RATE)
+
+
 def one(channel, course):
     added = np.zeros((COUNT, 9))
     added[:, READING_COLUMNS.index(channel)] = SIGMA[0] * course

@@ -109,6 +109,15 @@ def test_dark_states_are_counted_not_measured():
     assert not found.one_sign
 
 
+def test_states_are_counted_where_their_apex_is_off_the_beam():
+    domain = parse_box("offset_x_mm=0.3,offset_y_mm=0.2")
+    found = survey(PAPER, samples(domain, 3000, "sobol", 1))
+    offsets = apex_offset(np.concatenate(list(samples(domain, 3000, "sobol", 1))))
+    expected = np.histogram(np.minimum(offsets, found.edges[0][-1]), found.edges[0])[0]
+    np.testing.assert_array_equal(found.counts.sum(axis=1), expected)
+    np.testing.assert_array_equal(found.second.sum(axis=1), expected)
+
+
 def test_directions_have_words():
     direction = np.zeros(8)
     direction[[0, 6]] = np.sqrt(0.5)
