@@ -158,6 +158,12 @@ def test_pi_does_not_believe_garbage(reply):
         driver_on(Pi, Script(reply), PI).place()
 
 
+@pytest.mark.parametrize("reply", [b"taken\n", b"0 \n0\n"])
+def test_pi_refuses_an_answer_to_a_move_that_is_no_error_code(reply):
+    with pytest.raises(StageError, match="can not be understood"):
+        driver_on(Pi, Script(reply), PI).move(np.zeros(2))
+
+
 @pytest.mark.parametrize("settings", [STAGE, PI])
 def test_a_stage_that_is_faster_than_allowed_is_held_back(settings):
     model = StageModel(settings)
