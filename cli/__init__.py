@@ -2,14 +2,14 @@
 
 Exit status, of every command:
 
-0    done, and nothing to tell beside the result
-1    done, and the results are written, but with a finding that must be seen: a claim missed or not
-     proved, a table of which nothing could be solved, samples lost beyond what is allowed
-2    not done: an argument, a file or a place for the results that can not be used; nothing is
-     left half-written. Also where the standard output could not be written
-130  interrupted by ^C, 143 ended by SIGTERM, 129 by the end of the terminal (SIGHUP); what was
-     done until then is kept where a command says so. The live commands, which run until they are
-     told to end, take ^C as that, and end with 0 or 1
+0    The command succeeded.
+1    The command succeeded and wrote its results, but found something that needs attention: a claim
+     that was missed or not proved, a table without a solved row, or too many lost samples.
+2    The command failed: an argument, a file or the place for the results cannot be used, or the
+     standard output could not be written. No file is left half-written.
+130  The command was interrupted by ^C (143: by SIGTERM, 129: by closing the terminal, SIGHUP).
+     Results until then are kept if the help of the command says so. acquire and emulate, which
+     run until they are stopped, end with 0 or 1 after ^C.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def app_of(names: Iterable[str]) -> typer.Typer:
     """The program with these commands alone, which spares importing and describing the others."""
     made = typer.Typer(
         name="facets",
-        help="Three-facet-mirror 6-DOF sensor: a YAML configuration to readings, poses and errors.",
+        help="Design, simulate, calibrate and run a three-facet-mirror 6-DOF sensor.",
         no_args_is_help=True,
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
@@ -97,7 +97,7 @@ def __getattr__(name: str) -> Any:
     return whole_app()
 
 
-def words_typed() -> list[str]:
+def read_arguments() -> list[str]:
     """The command line, or what of it a shell asks to complete."""
     if len(sys.argv) == 1 and "_FACETS_COMPLETE" in os.environ:
         typed = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS", "")
@@ -105,23 +105,23 @@ def words_typed() -> list[str]:
     return sys.argv
 
 
-def asked_app() -> typer.Typer:
+def app_for_arguments() -> typer.Typer:
     """The program with the command that the arguments name, or with all where they name none."""
-    first = next(iter(words_typed()[1:]), "")
+    first = next(iter(read_arguments()[1:]), "")
     if first in RENAMED_COMMANDS:
         raise InputError(f"there is no command {first}; give `facets {RENAMED_COMMANDS[first]}`")
     alone = first in COMMANDS and not whole_app.cache_info().currsize
     return app_of([first]) if alone else whole_app()
 
 
-def _version(wanted: bool) -> None:
-    if wanted:
+def _version(is_requested: bool) -> None:
+    if is_requested:
         typer.echo(f"facets {__version__}")
         raise typer.Exit
 
 
-def _manual(wanted: bool) -> None:
-    if wanted:
+def _manual(is_requested: bool) -> None:
+    if is_requested:
         from .manual import manual
 
         _, _, status = (__doc__ or "").partition("of every command:\n\n")
@@ -187,7 +187,7 @@ def run_app() -> int:
         print("error: the working folder is gone; change to one that exists", file=sys.stderr)
         return BAD_INPUT
     try:
-        asked_app()(prog_name="facets")
+        app_for_arguments()(prog_name="facets")
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else int(end.code is not None)
         if code == INTERRUPTED:  # which typer makes of it without a word

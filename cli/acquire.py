@@ -125,7 +125,7 @@ def acquire(
     web: Web = None,
     compare_board: CompareBoard = False,
 ) -> None:
-    """Record the data of a detector board and solve every sample as it arrives.
+    """Record a detector board's data and solve every sample.
 
     All received bytes are recorded before they are used. The stage moves only with --track or
     --check-stage. A stopped stage stays stopped until a person resumes it with the key r, the

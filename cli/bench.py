@@ -45,13 +45,12 @@ def bench(
     seed: Annotated[int, seed_option()] = 1,
     look: Style = Look.screen,
 ) -> None:
-    """Measure run times and errors of this package and of other methods.
+    """Measure run times and errors, beside other methods.
 
     All methods run in turn on the paper's sensor; ratios are relative to this package. Writes a
     table for each study, the facts of the machine (machine.json) and three pictures into the
     folder. --quick takes under a minute.
     """
-
     names = [*(f"{name}.csv" for name in STUDIES), "machine.json", *DRAWINGS]
     files.tables.refuse_to_overwrite([folder / name for name in names], force)
     about = facts(seed)
@@ -69,7 +68,6 @@ def run_study(
     name: str, quick: bool, seed: int, output: Path, about: dict[str, str]
 ) -> list[dict[str, Any]]:
     """The rows of a study, written as a table and shown."""
-
     module, title = STUDIES[name]
     study = getattr(import_module(f"facets.bench.{module}"), name)
     rows: list[dict[str, Any]] = study(quick, seed)
@@ -80,7 +78,6 @@ def run_study(
 
 
 def draw(results: dict[str, list[dict[str, Any]]], output: Path) -> None:
-
     work = benchmarks.pictures.work_precision(results["forward"], results["inverse"])
     errors, steps = benchmarks.pictures.heat_map(results["stability"]), results["steps"]
     for name, picture in zip(

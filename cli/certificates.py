@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
-from fractions import Fraction
-from math import inf, isfinite, nextafter
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from facets import characterization, core, proof
 from facets.core.names import STATE_COLUMNS, STATE_UNITS
+
+from .bounds import box_lines, light_text, piece_text, round_down
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from facets.characterization.state_box import StateBox
     from facets.config import Config
     from facets.core.units import Floats
-    from facets.proof.pieces import ProvedPiece
     from facets.proof.range_cover import RangeCover
     from facets.proof.tolerances import Tolerances
     from facets.proof.uniqueness import Certificate
@@ -46,10 +44,10 @@ class Claim:
     def largest_power(self) -> float:
         """Of the laser, mW."""
         power = self.settings.sensor.beam.power
-        return power if self.off is None else power + self.off[0]
+        return power if self.deviations is None else power + self.deviations[0]
 
     @property
-    def off(self) -> tuple[float, ...] | None:
+    def deviations(self) -> tuple[float, ...] | None:
         return None if self.tolerances is None else self.tolerances.values
 
 
@@ -74,7 +72,6 @@ def prove(
     claim: Claim, work: int, limit: float, reach: bool, file: Path, about: dict[str, str]
 ) -> dict[str, Any]:
     """Proves, says what, and writes the certificate; what the record says of it."""
-
     settings = claim.settings
     found, cover = certify_range(claim, work, limit)
     proof.certificate.write_certificate(
@@ -99,11 +96,10 @@ def prove(
 
 def certify_range(claim: Claim, work: int, limit: float) -> tuple[Certificate, RangeCover | None]:
     """The whole range, where it can be; else the box that was given."""
-
     sensor, share = claim.settings.sensor, claim.least_share
     cover = None
     if claim.whole_range and share is not None:
-        cover = proof.range_cover.cover_range(sensor, claim.settings.range, share, claim.off)
+        cover = proof.range_cover.cover_range(sensor, claim.settings.range, share, claim.deviations)
     if cover is not None:
         found = certify_box(
             replace(claim, box=characterization.state_box.box_of_poses(cover.low, cover.high)),
@@ -127,12 +123,13 @@ def certify_box(claim: Claim, work: int, limit: float) -> Certificate:
             progress.update(task, completed=done)
 
         sensor, share = claim.settings.sensor, claim.least_share
-        return proof.uniqueness.certify(sensor, claim.box, share, limit, tell, claim.off, work)
+        return proof.uniqueness.certify(
+            sensor, claim.box, share, limit, tell, claim.deviations, work
+        )
 
 
 def look_for_pair(claim: Claim, found: Certificate) -> PairSearch | None:
     """Two states of the set with equal readings, from the weakest state that is known."""
-
     if claim.weakest is None:
         return None
     return characterization.ambiguity.find_pair_in_box(
@@ -142,7 +139,6 @@ def look_for_pair(claim: Claim, found: Certificate) -> PairSearch | None:
 
 def write_beside(claim: Claim, proved: Certificate, file: Path, about: dict[str, str]) -> Path:
     """The certificate of another box of the same sensor, beside the first."""
-
     beside = reach_file(file)
     proof.certificate.write_certificate(
         beside, claim.settings.sensor, proved, about, claim.settings.resolved
@@ -152,16 +148,15 @@ def write_beside(claim: Claim, proved: Certificate, file: Path, about: dict[str,
 
 def prove_reach(claim: Claim, found: Certificate, file: Path, about: dict[str, str]) -> float:
     """How much larger a box of poses is proved too; its certificate beside the other."""
-
     factor, larger = proof.reach.find_reach(
-        claim.settings.sensor, found.box, found.share, claim.off
+        claim.settings.sensor, found.box, found.share, claim.deviations
     )
     if larger is None:
         typer.echo("no larger box of poses is proved, down to one 5 per cent larger")
         return factor
     beside = write_beside(claim, larger, file, about)
     typer.echo(
-        f"proved too: a box of poses {rounded_down(factor)} times as large about zero, with the"
+        f"proved too: a box of poses {round_down(factor)} times as large about zero, with the"
         f" same least light"
         + (
             ", the largest that is tried"
@@ -175,16 +170,15 @@ def prove_reach(claim: Claim, found: Certificate, file: Path, about: dict[str, s
 
 def prove_core(claim: Claim, found: Certificate, file: Path, about: dict[str, str]) -> float:
     """How much smaller a box of poses is proved; its certificate beside the other."""
-
     factor, smaller = proof.reach.find_core(
-        claim.settings.sensor, found.box, found.share, claim.off
+        claim.settings.sensor, found.box, found.share, claim.deviations
     )
     if smaller is None:
         typer.echo("no smaller box of poses is proved either, down to a twelfth")
         return factor
     beside = write_beside(claim, smaller, file, about)
     typer.echo(
-        f"proved: a box of poses {rounded_down(factor)} times as large about its middle, with the"
+        f"proved: a box of poses {round_down(factor)} times as large about its middle, with the"
         f" same least light ({beside.name})"
     )
     return factor
@@ -194,61 +188,8 @@ def reach_file(file: Path) -> Path:
     return file.with_name(f"{file.stem}-reach{file.suffix}")
 
 
-def rounded_down(value: float | Fraction, digits: int = 3, per_unit: int = 1) -> str:
-    """A bound from below, in units of which `per_unit` are one of the value's."""
-    return rounded(value, ROUND_FLOOR, digits, per_unit)
-
-
-def rounded_up(value: float | Fraction, digits: int = 3, per_unit: int = 1) -> str:
-    """A bound from above, in units of which `per_unit` are one of the value's."""
-    return rounded(value, ROUND_CEILING, digits, per_unit)
-
-
-def rounded(value: float | Fraction, towards: str, digits: int, per_unit: int) -> str:
-    """A number of a statement of proof, rounded in one step: all of them are printed by this, so
-    that what is proved of the certificate's number is true of the printed one."""
-    if not isfinite(value):
-        return f"{value:g}"
-    exact = Fraction(value) * per_unit
-    context = Context(prec=digits, rounding=towards)
-    number = context.divide(Decimal(exact.numerator), Decimal(exact.denominator))
-    return f"{float(number):.{digits}g}"
-
-
-def light_text(share: float, largest_power: float) -> str:
-    """The least light of a set of states; largest_power: of the laser, mW.
-
-    The proof is about the share. Of a brighter laser than `largest_power` as much light is a
-    smaller share, which is why the light in uW is stated with it.
-    """
-    power = nextafter(largest_power, inf)  # as a float 0.3 is a little less than 0.3
-    light = Fraction(share) * Fraction(power)
-    return (
-        f"at least {rounded_up(share, 4, 100)} % of the light on each detector"
-        f" ({rounded_up(light, 4, 1000)} µW of a laser of {rounded_down(power, 4)} mW or less)"
-    )
-
-
-def box_lines(low: Floats, high: Floats) -> list[str]:
-    """The box of poses, its ends rounded inwards."""
-
-    lines = []
-    for name, unit, a, b in zip(
-        characterization.state_box.COLUMNS,
-        characterization.state_box.UNITS,
-        low[:6],
-        high[:6],
-        strict=False,
-    ):
-        per_unit = round(1 / unit)
-        ends = f"{rounded_up(a, 4, per_unit):>10} to {rounded_down(b, 4, per_unit)}"
-        lines.append(f"  {name:<12} {ends}")
-    return lines
-
-
 def describe_set(claim: Claim, found: Certificate, cover: RangeCover | None) -> list[str]:
     """Which states the certificate is about, and what it takes for granted."""
-
     light = light_text(found.share, claim.largest_power)
     lines = [f"taken: every state with {light}", "  and its pose in"]
     lines += box_lines(found.box.low, found.box.high)
@@ -276,8 +217,8 @@ def describe_set(claim: Claim, found: Certificate, cover: RangeCover | None) -> 
 
 def describe_range(claim: Claim, cover: RangeCover | None) -> list[str]:
     if cover is not None:
-        lengths = ", ".join(rounded_down(far) for far in cover.farthest[:3])
-        angles = ", ".join(rounded_down(far, 3, 1000) for far in cover.farthest[3:])
+        lengths = ", ".join(round_down(far) for far in cover.farthest[:3])
+        angles = ", ".join(round_down(far, 3, 1000) for far in cover.farthest[3:])
         return [
             "  The certificate's box, whose ends are rounded inwards here, holds every pose that\n"
             "  keeps the rules of the range, for any place of the beam and any power up to that,\n"
@@ -301,19 +242,19 @@ def outcome(found: Certificate, pair: PairSearch | None) -> str:
 def verdict(found: Certificate, pair: PairSearch | None) -> list[str]:
     lines = []
     if found.regular:
-        bound = rounded_down(found.at_least)
+        bound = round_down(found.at_least)
         lines.append(
             f"proved: none is singular; |Eq. (11)| is {bound} or more (mm, mW, rad), a bound"
         )
     if found.unique:
-        margin = rounded_down(found.margin)
+        margin = round_down(found.margin)
         lines.append(
             f"proved: no two of them have the same readings; margin {margin} or more, of 1"
         )
         return lines
     if found.regular:
         lines.append("not proved: that no two of them have the same readings: the inequality fails,"
-                     f" its margin being {rounded_down(found.margin)}")  # fmt: skip
+                     f" its margin being {round_down(found.margin)}")  # fmt: skip
     else:
         lines.append(f"not proved: {found.reason or 'some pieces were not done in the time given'}")
         lines += [f"  not proved in {piece_text(piece)}" for piece in found.doubtful[:3]]
@@ -321,7 +262,6 @@ def verdict(found: Certificate, pair: PairSearch | None) -> list[str]:
 
 
 def describe_pair(pair: PairSearch | None) -> list[str]:
-
     if pair is None:
         return ["undecided: two states with the same readings were not looked for"]
     if pair.pair is None:
@@ -338,19 +278,3 @@ def describe_pair(pair: PairSearch | None) -> list[str]:
         lines = ["counterexample, found by numbers: two states of it with the same readings"]
     rows = zip(STATE_COLUMNS, STATE_UNITS, pair.pair.one, pair.pair.other, strict=True)
     return lines + [f"  {n:<10} {a / unit:12.6g} {b / unit:12.6g}" for n, unit, a, b in rows]
-
-
-def piece_text(piece: ProvedPiece) -> str:
-    """Where nothing is proved, its ends rounded outwards."""
-
-    sides = []
-    for name, unit, low, high in zip(
-        characterization.state_box.COLUMNS,
-        characterization.state_box.UNITS,
-        piece.low,
-        piece.high,
-        strict=False,
-    ):
-        per_unit = round(1 / unit)
-        sides.append(f"{name} {rounded_down(low, 4, per_unit)} to {rounded_up(high, 4, per_unit)}")
-    return ", ".join(sides)

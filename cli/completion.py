@@ -16,7 +16,6 @@ from facets.core.names import STATE_COLUMNS
 
 def configurations(incomplete: str) -> Iterator[str]:
     """The shipped configurations, and YAML files and folders of which the path begins so."""
-
     yield from (name for name in configuration.files.shipped() if name.startswith(incomplete))
     folder, slash, start = incomplete.rpartition("/")
     for path in sorted(Path(f"{folder}{slash}").glob(f"{glob.escape(start)}*")):
@@ -26,7 +25,6 @@ def configurations(incomplete: str) -> Iterator[str]:
 
 def motions(ctx: typer.Context, incomplete: str) -> list[str]:
     """The motions of the configuration that was typed before."""
-
     name = ctx.params.get("config") or next(iter(ctx.args), "")  # before an option without a value
     try:
         known = configuration.load(name).motions
@@ -55,17 +53,14 @@ def words(names: Callable[[], Sequence[str]]) -> Callable[[str], list[str]]:
 
 
 def state_names() -> Sequence[str]:
-
     return STATE_COLUMNS
 
 
 def effects() -> Sequence[str]:
-
     return [key.name for key in core.calibrate.EFFECTS.keys]
 
 
 def measures() -> Sequence[str]:
-
     return design.exploration.MEASURES[:-1]
 
 

@@ -37,7 +37,6 @@ def check(
     ],
 ) -> None:
     """Check configurations: print a summary of each valid one, and all problems of the others."""
-
     failed = False
     for file in files:
         try:
@@ -52,7 +51,6 @@ def check(
 @app.command()
 def show(config: ConfigName) -> None:
     """Print a configuration as YAML with all defaults filled in; the output can be loaded."""
-
     sys.stdout.write(configuration.to_yaml(load_config(config)))
 
 
@@ -67,7 +65,6 @@ def schema() -> None:
 @app.command(name="list")
 def list_() -> None:
     """List the configurations that come with facets."""
-
     for name in configuration.shipped():
         typer.echo(f"{name}: {summary(configuration.load(name))}")
 

@@ -41,7 +41,6 @@ def message(error: FacetsError) -> str:
 
 def load_config(name: str) -> Config:
     """A configuration; says which one it is where a shipped name could also mean a file here."""
-
     here = next((f for f in (Path(f"{name}.yaml"), Path(f"{name}.yml")) if f.is_file()), None)
     if (
         name in configuration.shipped()
@@ -49,7 +48,7 @@ def load_config(name: str) -> Config:
         and not here.samefile(configuration.shipped()[name])
     ):
         typer.echo(
-            f"{name}: the shipped configuration is used, not ./{here}; for that one say {here}",
+            f"{name}: the shipped configuration is used, not ./{here}; type {here} for it",
             err=True,
         )
     return facets.load(name)
@@ -62,9 +61,8 @@ def name_files(folder: Path, paths: Sequence[Path]) -> None:
 
 def leave_out_picture(path: Path, why: str) -> None:
     """Says that there is nothing to draw; an older picture of something else does not stay."""
-
     remove_older(path)
-    typer.echo(f"no picture: {why}")
+    typer.echo(f"No picture was drawn: {why}.")
 
 
 def show_table(
@@ -85,11 +83,11 @@ def show_table(
             lines.append(f" {'  '.join(cells)}".rstrip())
     else:
         for row in rows:
-            lines += stacked(headings, row)
+            lines += stack_row(headings, row)
     typer.echo("\n".join(lines) + "\n")
 
 
-def stacked(headings: Sequence[str], row: Sequence[str]) -> list[str]:
+def stack_row(headings: Sequence[str], row: Sequence[str]) -> list[str]:
     """A row below its first cell; a heading without text belongs to the cell before it."""
     lines = [f" {row[0]}"]
     for heading, cell in zip(headings[1:], row[1:], strict=True):
@@ -100,7 +98,7 @@ def stacked(headings: Sequence[str], row: Sequence[str]) -> list[str]:
     return lines
 
 
-def with_progress(
+def show_progress(
     run: Callable[[Callable[[int, int], None]], None], what: str = "exploring"
 ) -> None:
     """Runs what tells how far it is, with a bar on a terminal.  what: it does."""
@@ -165,7 +163,7 @@ def is_ascii(encoding: str | None) -> bool:
         return True
 
 
-def without_accents(error: UnicodeError) -> tuple[str, int]:
+def replace_accents(error: UnicodeError) -> tuple[str, int]:
     """For `codecs`: what is written for characters that an encoding lacks."""
     assert isinstance(error, UnicodeEncodeError)
     lost = error.object[error.start : error.end]
@@ -183,7 +181,7 @@ def plain_ascii(name: str) -> codecs.CodecInfo | None:
     )  # fmt: skip
 
 
-codecs.register_error("facets-plain", without_accents)
+codecs.register_error("facets-plain", replace_accents)
 codecs.register(plain_ascii)
 
 

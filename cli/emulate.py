@@ -7,6 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+import facets
+from facets import files, firmware, live, model
+from facets.core.errors import InputError
+
 from .options import (
     ConfigName,
     Seconds,
@@ -18,7 +22,6 @@ from .options import (
 
 if TYPE_CHECKING:
     from facets.config import Config
-    from facets.firmware.library import FirmwareLibrary
 
 
 def emulate(
@@ -56,7 +59,7 @@ def emulate(
     ] = None,
     with_reference: WithReference = False,
 ) -> None:
-    """Run a virtual bench: a moving mirror, detectors, and a stage that moves the beam.
+    """Run a virtual bench: mirror, detectors and stage.
 
     `facets acquire` connects to its ports FOLDER/board and FOLDER/stage. At the end the command
     prints the numbers of samples and faults and writes them to FOLDER/counts.json, and with
@@ -65,23 +68,26 @@ def emulate(
     import sys
     from contextlib import suppress
 
-    from facets import load
-    from facets.core.errors import InputError
-
     if sys.platform == "win32":
         raise InputError("facets emulate needs ptys, which this system has not")
     if seconds == 0:
         raise InputError(
             "--seconds 0 would end before it begins; give more, or leave it out to run until ^C"
         )
-    from facets.files import provenance, tables
-    from facets.live.virtual import Bench, Faults
 
-    settings = load(config)
+    settings = facets.load(config)
     code = library_of(firmware, settings) if firmware else None
     warm_up(settings)  # before there are ports: who opens them waits for answers
-    bench = Bench(
-        settings, motion, rate, Faults.from_text(faults), seed, folder, code, with_reference, truth
+    bench = live.virtual.Bench(
+        settings,
+        motion,
+        rate,
+        live.virtual.Faults.from_text(faults),
+        seed,
+        folder,
+        code,
+        with_reference,
+        truth,
     )
     typer.echo(
         f"board: {bench.board.port.link}   stage: {bench.stage.link} ({settings.stage.driver})"
@@ -93,8 +99,8 @@ def emulate(
         bench.run(seconds or float("inf"))
     finally:
         if bench.reference:
-            columns, about = bench.reference.columns(), provenance.about(settings, seed)
-            tables.write_table(folder / "reference.csv", columns, about)
+            columns, about = bench.reference.columns(), files.provenance.about(settings, seed)
+            files.tables.write_table(folder / "reference.csv", columns, about)
     with suppress(OSError):  # the terminal may be gone
         for text in bench.summary():
             typer.echo(text)
@@ -104,19 +110,14 @@ def emulate(
 
 def size_of(rate: float) -> str:
     """How fast the file of the true states grows, in words."""
-    from facets.live.virtual import TRUTH
-
-    return f"{60e-6 * rate * TRUTH.itemsize:.3g} MB a minute"
+    return f"{60e-6 * rate * live.virtual.TRUTH.itemsize:.3g} MB a minute"
 
 
-def library_of(path: Path, settings: Config) -> FirmwareLibrary:
+def library_of(path: Path, settings: Config) -> firmware.library.FirmwareLibrary:
     """The sensor's exported solver; its poses need frames, which lines of text have not."""
-    from facets.core.errors import InputError
-    from facets.firmware.library import FirmwareLibrary
-
     if settings.acquire.format == "text":
         raise InputError("--firmware sends poses as frames; acquire.format is text: have it frames")
-    library = FirmwareLibrary(path)
+    library = firmware.library.FirmwareLibrary(path)
     if not library.is_of(settings.sensor):
         raise InputError(
             f"{path}: was exported for another sensor than that of {settings.name}; export and "
@@ -128,8 +129,5 @@ def library_of(path: Path, settings: Config) -> FirmwareLibrary:
 def warm_up(settings: Config) -> None:
     import numpy as np
 
-    from facets.model import rare
-    from facets.model.arrays import readings
-
-    rare.prepare()
-    readings(settings.sensor, np.zeros(8))
+    model.rare.prepare()
+    model.arrays.readings(settings.sensor, np.zeros(8))

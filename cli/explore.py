@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from facets import characterization, design, files, pictures, proof
 from facets.core.errors import InputError
 
 from . import completion
-from .console import FINDING, leave_out_picture, load_config, name_files, with_progress
+from .console import FINDING, leave_out_picture, load_config, name_files, show_progress, show_table
 from .options import (
     Certify,
     ConfigName,
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from facets.characterization.sensitivity import Index
     from facets.config import Config
     from facets.core.units import Booleans, Floats
-    from facets.design.exploration import Share, Space
+    from facets.design.exploration import Space
 
 #: Designs that the indices of sensitivity are made from, at most.
 PILOT = 10_000
@@ -164,7 +165,7 @@ def explore(
     pick: Pick = None,
     output: Picked = None,
 ) -> None:
-    """Sample the designs of a design space and find its Pareto front.
+    """Sample a design space and find its Pareto front.
 
     Varies the parameters in `optimize.variables`, and computes the ranges and uncertainties of each
     design and which designs no other one beats in all objectives. The results are written part by
@@ -172,12 +173,9 @@ def explore(
     take most of the time, are not computed of designs that cannot be on the front. Exit status 1 if
     no design has all objectives.
     """
-    from facets.design import exploration, gallery
-    from facets.files import provenance, tables
-
     settings = load_config(config)
-    exploration.require_measures(goals := objective or list(GOALS))
-    space = exploration.enlarge_parts(exploration.Space(
+    design.exploration.require_measures(goals := objective or list(GOALS))
+    space = design.exploration.enlarge_parts(design.exploration.Space(
         settings.sensor, settings.range, settings.layout, sampling.value, designs, seed,
         tuple(goals), every, required,
     ))  # fmt: skip
@@ -197,47 +195,47 @@ def explore(
     place = output_folder(folder, settings.name, "explore")
     require_page(report, force)
     whole = "parts" if no_table else f"designs.{table.value}"
-    files = [place / n for n in (whole, "front.csv", f"front.{plot.value}")]
-    about = provenance.about(settings, seed)
+    paths = [place / n for n in (whole, "front.csv", f"front.{plot.value}")]
+    about = files.provenance.about(settings, seed)
     require_same(settings, place, force)
     if front:
-        with tables.ResultSet():
-            followed, files = follow_front(space, place, points, about, plot)
+        with files.tables.ResultSet():
+            followed, paths = follow_front(space, place, points, about, plot)
             if report:
                 write_page(settings, space, followed, older_designs(space, place), report)
-        name_results(place, files, report)
+        name_results(place, paths, report)
         return
     if scheduler:
-        typer.echo(exploration.cluster_words(scheduler))
-    begin(space, place, files, about, force)
+        typer.echo(design.exploration.cluster_words(scheduler))
+    begin(space, place, paths, about, force)
     start = time.perf_counter()
     if gather:
-        exploration.require_whole(space, place)
+        design.exploration.require_whole(space, place)
     else:
-        with_progress(lambda tell: exploration.explore(space, place, about, scheduler, tell, part))
+        show_progress(
+            lambda tell: design.exploration.explore(space, place, about, scheduler, tell, part)
+        )
     if part:
-        count = len(exploration.parts_of(space, part))
+        count = len(design.exploration.parts_of(space, part))
         typer.echo(f"{place}/parts/: the {count} parts of share {part} are there")
         return
-    with tables.ResultSet():
-        best = write(space, place, files, about, time.perf_counter() - start, certify)
+    with files.tables.ResultSet():
+        best = write(space, place, paths, about, time.perf_counter() - start, certify)
         if report and best.any():
-            drawn = exploration.collect(place)
-            write_page(settings, space, gallery.best_of(drawn, goals, best), drawn, report)
-    name_results(place, files, report)
+            drawn = design.exploration.collect(place)
+            write_page(settings, space, design.gallery.best_of(drawn, goals, best), drawn, report)
+    name_results(place, paths, report)
     if not best.any():
         raise typer.Exit(FINDING)
 
 
-def share_of(text: str | None) -> Share | None:
+def share_of(text: str | None) -> design.exploration.Share | None:
     """'3/16' as the third of sixteen shares."""
-    from facets.design.exploration import Share
-
     if text is None:
         return None
     number, slash, count = text.partition("/")
     if slash and number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count):
-        return Share(int(number), int(count))
+        return design.exploration.Share(int(number), int(count))
     raise InputError(
         f"--share is {text!r}; allowed: K/N, whole numbers with K from 1 to N, as 3/16"
     )
@@ -250,45 +248,44 @@ def refuse_together(some: dict[str, Any], others: dict[str, Any]) -> None:
             raise InputError(f"{name} and {other} cannot be given together")
 
 
-def name_results(folder: Path, files: list[Path], page: Path | None) -> None:
+def name_results(folder: Path, paths: list[Path], page: Path | None) -> None:
     if page is not None and page.exists():
         typer.echo(f"{page}: the designs as a page")
-    name_files(folder, files)
+    name_files(folder, paths)
 
 
 def require_same(settings: Config, folder: Path, force: bool) -> None:
     """Refuses a folder with designs of another configuration, which `force` lets go."""
-    from facets.design.exploration import forget, parts_in
-    from facets.files import provenance, tables
-
     tabled = [folder / name for name in ("front.csv", "pareto.csv")]
     remedy = "--force begins anew, --folder names another one"
-    for file in [*parts_in(folder)[:1], *(file for file in tabled if file.exists())]:
+    for file in [
+        *design.exploration.parts_in(folder)[:1],
+        *(file for file in tabled if file.exists()),
+    ]:
         try:
-            provenance.require_origin(file, tables.read_head(file), settings, remedy)
+            files.provenance.require_origin(file, files.tables.read_head(file), settings, remedy)
         except InputError:
             if not force:
                 raise
-            forget(folder)
+            design.exploration.forget(folder)
 
 
 def begin(
-    space: Space, folder: Path, files: list[Path], about: dict[str, str], force: bool
+    space: Space, folder: Path, paths: list[Path], about: dict[str, str], force: bool
 ) -> None:
     """Refuses what can not be searched or written, before the folder is made."""
-    from facets.design.exploration import prepare, require_variables
-    from facets.files import tables
-
-    files = [file for file in files if file.suffix]
-    tables.refuse_to_overwrite(files, force=True)  # a run that goes on has written them before
-    require_variables(space)
-    prepare(folder, space, about, force)
+    paths = [file for file in paths if file.suffix]
+    files.tables.refuse_to_overwrite(
+        paths, force=True
+    )  # a run that goes on has written them before
+    design.exploration.require_variables(space)
+    design.exploration.prepare(folder, space, about, force)
 
 
 def write(
     space: Space,
     folder: Path,
-    files: list[Path],
+    paths: list[Path],
     about: dict[str, str],
     seconds: float,
     certify: int,
@@ -297,30 +294,25 @@ def write(
 
     certify: pieces that the proof of each of these may look at; 0 for none.
     """
-    from facets.characterization.sensitivity import sensitivity
-    from facets.design.exploration import collect, front
-    from facets.files import tables
-    from facets.pictures import style
-    from facets.pictures.exploration import front_picture
 
-    designs, front_table, picture = files
+    designs, front_table, picture = paths
     goals = list(space.objectives)
-    table = collect(folder)
-    best = front(table, goals)
+    table = design.exploration.collect(folder)
+    best = design.exploration.front(table, goals)
     pilot = {name: column[: min(space.pilot, PILOT)] for name, column in table.items()}
-    indices = sensitivity(pilot, space.names, goals)
+    indices = characterization.sensitivity.sensitivity(pilot, space.names, goals)
     if designs.suffix:
-        tables.write_table(designs, table, about)
+        files.tables.write_table(designs, table, about)
     beaten_by_none = {n: c[best] for n, c in table.items()}
     if certify:
         beaten_by_none["proof_margin"] = proof_margins(space, beaten_by_none, certify)
-    tables.write_table(front_table, beaten_by_none, about)
+    files.tables.write_table(front_table, beaten_by_none, about)
     report(table, best, goals, indices, seconds)
-    drawing = front_picture(table, best, goals, indices, own_measures(space))
+    drawing = pictures.exploration.front_picture(table, best, goals, indices, own_measures(space))
     if drawing is None:
         leave_out_picture(picture, "it takes two designs that have all objectives")
     else:
-        style.save(drawing, picture)
+        pictures.style.save(drawing, picture)
     return best
 
 
@@ -328,12 +320,12 @@ def proof_margins(space: Space, table: dict[str, Any], work: int) -> Floats:
     """(n,) the margin of each design's proof that readings determine states; NaN without one."""
     import numpy as np
 
-    from facets.design.variables import sensor_of
-    from facets.proof.designs import proof_margin
-
     designs = np.stack([table[name] for name in space.names], axis=1)
     margins = [
-        proof_margin(sensor_of(space.sensor, space.names, x), space.rules, work) for x in designs
+        proof.designs.proof_margin(
+            design.variables.sensor_of(space.sensor, space.names, x), space.rules, work
+        )
+        for x in designs
     ]
     proved = int(np.isfinite(margins).sum())
     typer.echo(f"of the front's {len(margins)} designs, {proved} are proved: readings determine"
@@ -347,40 +339,42 @@ def follow_front(
 ) -> tuple[dict[str, Any], list[Path]]:
     """The front by continuation, and the files of its table and picture; exit status 1 where there
     is none."""
-    from facets.design import front as fronts
-    from facets.files import tables
-    from facets.pictures import style
-    from facets.pictures.exploration import pareto_picture
 
-    files = [folder / "pareto.csv", folder / f"pareto.{plot.value}"]
-    tables.refuse_to_overwrite(files, force=True)
+    paths = [folder / "pareto.csv", folder / f"pareto.{plot.value}"]
+    files.tables.refuse_to_overwrite(paths, force=True)
     start = time.perf_counter()
-    made: list[fronts.Front] = []
-    with_progress(lambda tell: made.append(fronts.pareto_front(space, points, space.seed, tell)),
-                  "following the front")  # fmt: skip
+    made: list[design.front.Front] = []
+    show_progress(
+        lambda tell: made.append(design.front.pareto_front(space, points, space.seed, tell)),
+        "following the front",
+    )
     found, seconds = made[0], time.perf_counter() - start
     if not len(found.designs):
         typer.echo("no design keeps all that is asked for, as far as the search can tell")
         raise typer.Exit(FINDING)
-    table = fronts.columns(found)
-    tables.write_table(files[0], table, about)
+    table = design.front.columns(found)
+    files.tables.write_table(paths[0], table, about)
     cloud = older_designs(space, folder)
     report_front(found, seconds)
     if cloud is not None:
         report_against(
-            fronts.compare_with_designs(found, cloud), len(cloud["design"]), space.objectives[0]
+            design.front.compare_with_designs(found, cloud),
+            len(cloud["design"]),
+            space.objectives[0],
         )
-    style.save(pareto_picture(table, list(space.objectives), cloud, own_measures(space)), files[1])
-    return table, files
+    pictures.style.save(
+        pictures.exploration.pareto_picture(
+            table, list(space.objectives), cloud, own_measures(space)
+        ),
+        paths[1],
+    )
+    return table, paths
 
 
 def own_measures(space: Space) -> dict[str, float]:
     """The sensor as it is, by the measures of designs, and said in one line."""
-    from facets.design.exploration import MEASURES
-    from facets.design.gallery import own_design
-
-    _, values, why = own_design(space)
-    own = dict(zip(MEASURES, values.tolist(), strict=True))
+    _, values, why = design.gallery.own_design(space)
+    own = dict(zip(design.exploration.MEASURES, values.tolist(), strict=True))
     shown = ", ".join(f"{name} {own[name]:.4g}" for name in space.objectives)
     typer.echo(f"as it is: {why or shown}")
     return own
@@ -388,15 +382,12 @@ def own_measures(space: Space) -> dict[str, float]:
 
 def require_page(report: Path | None, force: bool) -> None:
     """Refuses what can not be written before anything is computed."""
-    from facets.files import tables
-    from facets.pictures.exploration_page import plotly_text
-
     if report is None:
         return
     if report.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{report}: a page's name ends in .html")
-    tables.refuse_to_overwrite([report], force)
-    plotly_text()
+    files.tables.refuse_to_overwrite([report], force)
+    pictures.exploration_page.plotly_text()
 
 
 def write_page(
@@ -407,20 +398,18 @@ def write_page(
     path: Path,
 ) -> None:
     """The page of the front's designs, and of some others."""
-    from facets.design.gallery import gallery, texts_of
-    from facets.files.tables import Whole
-    from facets.pictures.exploration_page import page
-
-    table, sensors = gallery(space, front, others)
+    table, sensors = design.gallery.gallery(space, front, others)
     count = int((table["kind"] == "front").sum())
     some = f"Shown are {count} of the {len(front[space.names[0]])} designs on the front"
     if others is not None:
         shown = int((table["kind"] == "other").sum())
         some += f", and {shown} others of {len(others['design'])} designs that were drawn"
     goals = list(space.objectives)
-    with Whole(path) as temporary:
-        texts = texts_of(settings, sensors, path.parent)
-        text = page(settings.name, space.names, goals, table, sensors, texts, f"{some}.")
+    with files.tables.Whole(path) as temporary:
+        texts = design.gallery.texts_of(settings, sensors, path.parent)
+        text = pictures.exploration_page.page(
+            settings.name, space.names, goals, table, sensors, texts, f"{some}."
+        )
         temporary.write_text(text, "utf-8")
 
 
@@ -434,40 +423,39 @@ def write_pick(
     force: bool,
 ) -> None:
     """One design of an earlier run, as a configuration that extends the one it is made from."""
-    from facets.design.changes import as_extension, changes_of
-    from facets.design.variables import sensor_of
-    from facets.files import provenance, tables
-
     path = output or Path(f"{settings.name}-{number}.yaml")
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{path}: a configuration's name ends in .yaml")
-    tables.refuse_to_overwrite([path], force)
+    files.tables.refuse_to_overwrite([path], force)
     file = output_folder(source, settings.name, "explore") / (
         "pareto.csv" if front else "front.csv"
     )
     x = makeable(space, chosen_design(settings, space, file, front, number))
-    sensor = sensor_of(space.sensor, space.names, x)
-    about = provenance.about(settings) | {"design": f"{number} of {file.name}"}
-    with tables.Whole(path) as temporary:
-        temporary.write_text(as_extension(settings, sensor, path.parent, about), "utf-8")
-    for key, before, after in changes_of(settings, sensor):
+    sensor = design.variables.sensor_of(space.sensor, space.names, x)
+    about = files.provenance.about(settings) | {"design": f"{number} of {file.name}"}
+    with files.tables.Whole(path) as temporary:
+        temporary.write_text(
+            design.changes.as_extension(settings, sensor, path.parent, about), "utf-8"
+        )
+    for key, before, after in design.changes.changes_of(settings, sensor):
         typer.echo(f"  {key:<24} {before} -> {after}")
     typer.echo(f"{path}: design {number} of {file}")
 
 
 def makeable(space: Space, x: Floats) -> Floats:
     """The design in numbers that can be made, where it is still one, with what that costs."""
-    from facets.design.exploration import MEASURES, measure_design
-    from facets.design.gallery import round_to_steps
-    from facets.design.survey import SKIPPED
-
-    made = round_to_steps(space, x)
-    (_, exact), (why, values) = measure_design(space, x), measure_design(space, made)
+    made = design.gallery.round_to_steps(space, x)
+    (_, exact), (why, values) = (
+        design.exploration.measure_design(space, x),
+        design.exploration.measure_design(space, made),
+    )
     if why:
-        typer.echo(f"The design was not rounded to manufacturable values: {SKIPPED[why]}")
+        typer.echo(
+            f"The design was not rounded to manufacturable values: {design.survey.SKIPPED[why]}"
+        )
         return x
     for name in space.objectives:
-        place = MEASURES.index(name)
+        place = design.exploration.MEASURES.index(name)
         typer.echo(f"{name}: {exact[place]:.4g} as found, {values[place]:.4g} rounded")
     return made
 
@@ -476,16 +464,13 @@ def chosen_design(settings: Config, space: Space, file: Path, front: bool, numbe
     """The variables of one design of a table that an earlier run of the configuration wrote."""
     import numpy as np
 
-    from facets.files.provenance import require_origin
-    from facets.files.tables import read_chunks, read_head
-
     if not file.is_file():
         raise InputError(f"{file}: no such file; run `facets explore` first, or name its folder "
                          "by --folder")  # fmt: skip
-    require_origin(file, read_head(file), settings, "name the configuration that it was made from, "
-                   f"or explore {settings.name} first")  # fmt: skip
+    remedy = f"name the configuration that it was made from, or explore {settings.name} first"
+    files.provenance.require_origin(file, files.tables.read_head(file), settings, remedy)
     key, names = "point" if front else "design", space.names
-    chunks = [chunk.columns for chunk in read_chunks(file, [key, *names])]
+    chunks = [chunk.columns for chunk in files.tables.read_chunks(file, [key, *names])]
     table = {name: np.concatenate([chunk[name] for chunk in chunks]) for name in (key, *names)}
     rows = np.flatnonzero(table[key] == number)
     if not len(rows):
@@ -496,20 +481,14 @@ def chosen_design(settings: Config, space: Space, file: Path, front: bool, numbe
 
 def older_designs(space: Space, folder: Path) -> dict[str, Any] | None:
     """The designs that an earlier run of the same configuration has left in a folder."""
-    from facets.design.exploration import collect, parts_in
-
-    if not parts_in(folder):
+    if not design.exploration.parts_in(folder):
         return None
-    table = collect(folder)
+    table = design.exploration.collect(folder)
     names = [*space.names, *space.objectives]
     return table if all(name in table for name in names) else None
 
 
 def report_front(found: Any, seconds: float) -> None:
-    from facets.design.exploration import MEASURES
-    from facets.design.front import is_objective
-
-    from .console import show_table
 
     first = found.objectives[found.walk.first]
     others = [name for name in found.objectives if name != first]
@@ -518,9 +497,13 @@ def report_front(found: Any, seconds: float) -> None:
     rows = []
     count = len(found.designs)
     for n in sorted({round(k * (count - 1) / 10) for k in range(11)}):
-        measures = [found.measures[n][MEASURES.index(name)] for name in (first, *others)]
+        measures = [
+            found.measures[n][design.exploration.MEASURES.index(name)] for name in (first, *others)
+        ]
         prices = [found.prices[n][found.objectives.index(name)] for name in others]
-        holds = next((group for group in found.active[n] if not is_objective(group)), "")
+        holds = next(
+            (group for group in found.active[n] if not design.front.is_objective(group)), ""
+        )
         rows.append([*(f"{value:.4g}" for value in (*found.designs[n], *measures)),
                      *(f"{price:.3g}" for price in prices), holds])  # fmt: skip
     show_table(f"{count} points on the front, {seconds:.1f} s; some of them", headings, rows,

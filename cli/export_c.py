@@ -21,14 +21,13 @@ def export_c(
     folder: Annotated[Path | None, folder_option("results/CONFIG-c")] = None,
     force: Force = False,
 ) -> None:
-    """Write the model and the solver of a sensor as C99 code with tests.
+    """Write a sensor's model and solver as C99 code.
 
-    The code computes readings and solves them for poses on a microcontroller board or in another
-    program. It contains the calibrated parameters but not their uncertainty. `make test` in the
-    folder compiles the code and compares its poses with those of facets. Exit status 2 if the
-    sensor has effects that the C code cannot compute.
+    The code computes readings and solves them for poses on a microcontroller board or in
+    another program. It contains the calibrated parameters but not their uncertainty. The code
+    comes with tests: `make test` in the folder compiles the code and compares its poses with
+    those of facets. Exit status 2 if the sensor has effects that the C code cannot compute.
     """
-
     settings = load_config(config)
     place = output_folder(folder, settings.name, "c")
     if place.exists() and not place.is_dir():

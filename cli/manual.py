@@ -16,16 +16,24 @@ def manual(command: Any, version: str, status: str) -> str:
     command: the program, as what parses its arguments.  status: what its exit status means.
     """
     context = context_of(command, "facets", None)
-    name = escaped(command.help.partition(":")[0])
+    name = escape(command.help.partition(":")[0])
     lines = [f'.TH FACETS 1 "" "facets {version}" "User commands"', ".SH NAME"]
     lines += [f"facets \\- {name[0].lower()}{name[1:]}", ".SH SYNOPSIS"]
-    lines += [f".B facets\n{escaped(command.get_usage(context).partition('facets ')[2])}"]
-    lines += [".SH DESCRIPTION", escaped(command.help), *options(command, context), ".SH COMMANDS"]
+    lines += [f".B facets\n{escape(command.get_usage(context).partition('facets ')[2])}"]
+    lines += [
+        ".SH DESCRIPTION",
+        escape(command.help),
+        *options(command, context),
+        ".SH COMMANDS",
+    ]
     for called, inner in commands(command, context):
         usage = inner.get_usage(called).partition(f"{called.command_path} ")[2]
-        lines += [f".SS {escaped(called.command_path)}", f".B {escaped(called.command_path)}"]
-        lines += [escaped(usage), ".PP", *paragraphs(inner.help or ""), *options(inner, called)]
-    lines += [".SH EXIT STATUS", ".nf", *map(escaped, status.splitlines()), ".fi"]
+        lines += [
+            f".SS {escape(called.command_path)}",
+            f".B {escape(called.command_path)}",
+        ]
+        lines += [escape(usage), ".PP", *paragraphs(inner.help or ""), *options(inner, called)]
+    lines += [".SH EXIT STATUS", ".nf", *map(escape, status.splitlines()), ".fi"]
     return "\n".join(lines) + "\n"
 
 
@@ -52,15 +60,15 @@ def options(command: Any, context: Any) -> Iterator[str]:
         record = param.get_help_record(context)
         if record is not None:
             words, help_text = record
-            yield f".TP\n.B {escaped(words)}\n{escaped(help_text)}"
+            yield f".TP\n.B {escape(words)}\n{escape(help_text)}"
 
 
 def paragraphs(text: str) -> Iterator[str]:
     for part in re.split(r"\n\s*\n", text.strip()):
-        yield f"{escaped(' '.join(part.split()))}\n.PP"
+        yield f"{escape(' '.join(part.split()))}\n.PP"
 
 
-def escaped(text: str) -> str:
+def escape(text: str) -> str:
     """Text in which `man` finds no command: no backslash, and no line that begins with a dot."""
     safe = " ".join(text.split()).replace("\\", "\\e").replace("-", "\\-")
     return f"\\&{safe}" if safe.startswith((".", "'")) else safe

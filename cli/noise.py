@@ -11,7 +11,7 @@ import facets
 from facets import characterization, files, live, pictures
 from facets.core.errors import InputError
 
-from .console import FINDING, with_progress
+from .console import FINDING, show_progress
 from .options import ConfigOption, Force, Look, RecordingName, Style, folder_option, write_option
 from .replay import tell as tell_replay
 
@@ -31,7 +31,7 @@ def noise(
     force: Force = False,
     look: Style = Look.screen,
 ) -> None:
-    """Estimate the noise of a bench from a recording of a mirror at rest.
+    """Estimate the noise of a bench from a recording at rest.
 
     Estimates white and flicker noise, mains and other lines, drift and spikes of every reading and
     every pose coordinate, each with its 95 % interval, and compares them with the noise in the
@@ -41,19 +41,18 @@ def noise(
     If the mirror moved or drifted, or if detectors were saturated or dark, the recording does not
     show the noise: the command says why, writes nothing and ends with exit status 1.
     """
-
     live.recording.reader.meta_of(recording, own=config is None)
     if write and write.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{write}: a configuration's name ends in .yaml or .yml")
     settings = facets.load(config) if config else live.recording.replay.recorded_config(recording)
     paths = [folder / "noise.html", folder / "noise.csv"] if folder else []
     files.tables.refuse_to_overwrite([*paths, *([write] if write else [])], force)
-    columns = solved(recording, settings, tell_replay)
+    columns = solve_recording(recording, settings, tell_replay)
     faults = characterization.rest.reading_faults(columns, settings) if columns else []
     if faults:
         refuse(recording, faults, paths, write)
     reports: list[NoiseReport] = []
-    with_progress(
+    show_progress(
         lambda done: reports.append(
             characterization.noise_report.report_of(columns, settings, str(recording), done)
         ),
@@ -63,10 +62,23 @@ def noise(
     tell(report)
     if report.faults and write:
         refuse(recording, report.faults, paths, write)
+    write_results(report, settings, f"Noise of {recording.name}", paths, write)
+    if folder:
+        typer.echo(f"{folder}/")
+    if report.faults:
+        refuse(recording, report.faults, [], None)
+    if write:
+        typer.echo(f"{write}")
+
+
+def write_results(
+    report: NoiseReport, settings: Config, title: str, paths: list[Path], write: Path | None
+) -> None:
+    """Write the page and the table, and the configuration with this noise, where asked for."""
     about = files.provenance.about(settings)
     with files.tables.ResultSet():
-        if folder:
-            text = pictures.noise.page(report, f"Noise of {recording.name}", about)
+        if paths:
+            text = pictures.noise.page(report, title, about)
             with files.whole.Whole(paths[0]) as temporary:
                 temporary.write_text(text, "utf-8")
             files.tables.write_table(
@@ -78,17 +90,10 @@ def noise(
                 temporary.write_text(
                     files.provenance.configuration(settings, block, about), "utf-8"
                 )
-    if folder:
-        typer.echo(f"{folder}/")
-    if report.faults:
-        refuse(recording, report.faults, [], None)
-    if write:
-        typer.echo(f"{write}")
 
 
-def solved(recording: Path, settings: Config, tell_replay: Callable[..., None]) -> Columns:
+def solve_recording(recording: Path, settings: Config, tell_replay: Callable[..., None]) -> Columns:
     """The poses of a recording as columns, with a bar; says what of it is damaged."""
-
     pipeline, damage, parts = (
         live.run.pipeline.Pipeline(settings),
         live.recording.index.Damage(),
@@ -99,7 +104,7 @@ def solved(recording: Path, settings: Config, tell_replay: Callable[..., None]) 
         for poses in live.recording.replay.replay(recording, pipeline, damage=damage, tell=done):
             parts.append(live.recording.pose_table.pose_columns(poses))
 
-    with_progress(run, "solving the recording")
+    show_progress(run, "solving the recording")
     if damage.words or pipeline.parser.corrupt or pipeline.sequence.lost:
         tell_replay(pipeline, recording, damage)
     return live.recording.pose_table.join_columns(parts) if parts else {}
@@ -107,7 +112,6 @@ def solved(recording: Path, settings: Config, tell_replay: Callable[..., None]) 
 
 def refuse(recording: Path, faults: list[str], paths: list[Path], write: Path | None) -> None:
     """Says why a recording is none of noise, and that nothing was written; exit status 1."""
-
     typer.echo(f"{recording}: {characterization.rest.NOT_NOISE}:")
     for fault in faults:
         typer.echo(f"  {fault}")

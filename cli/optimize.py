@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .console import FINDING, load_config, show_table, with_progress
+import facets
+from facets import design, files, pictures, proof
+from facets.core.errors import ConfigError, InputError
+
+from .bounds import light_text, round_down
+from .console import FINDING, load_config, show_progress, show_table
 from .options import (
     Certify,
     ConfigName,
@@ -21,6 +26,7 @@ from .options import (
     output_option,
     report_option,
 )
+from .tolerances import error_rows, show_yields, tolerance_rows, yield_rows, yields_of
 
 if TYPE_CHECKING:
     from facets.config import Config
@@ -49,7 +55,9 @@ def optimize(
     heads: Annotated[int, heads_option("0 skips the simulation")] = 0,
     sheets: Annotated[Path | None, typer.Option("--sheets", metavar="FILE", help=SHEETS)] = None,
 ) -> None:
-    """Find the layout that meets the requirements of the block `optimize` best.
+    """Find the layout that meets a requirement best.
+
+    The requirement is the block `optimize` of the configuration.
 
     Varies the parameters named there within their bounds, from several starting layouts, and with
     every combination of parts from the catalogue, if there is one. Prints which requirements limit
@@ -59,24 +67,20 @@ def optimize(
     `optimize.production.yield_percent` the layout has margins, so that this share of the
     manufactured heads meets the requirements.
     """
-    from facets.core.errors import InputError
-    from facets.design.search import optimize as run
-    from facets.design.sheets import require_writable
-    from facets.files import tables
-
     settings = load_config(config)
     path = output or Path(f"{settings.name}-optimum.yaml")
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{path}: a configuration's name ends in .yaml")
-    files = [path.with_suffix(ending) for ending in (".csv", f".{plot.value}")]
+    paths = [path.with_suffix(ending) for ending in (".csv", f".{plot.value}")]
     pages = pages_of(report) if report else []
     if sheets:
-        require_writable(sheets)
+        design.sheets.require_writable(sheets)
         pages.append(sheets)
-    tables.refuse_to_overwrite([path, *files, *pages], force)
+    files.tables.refuse_to_overwrite([path, *paths, *pages], force)
     ended: list[Optimum] = []
-    with_progress(
-        lambda tell: ended.append(run(settings.sensor, settings.layout, tell)), "searching"
+    show_progress(
+        lambda tell: ended.append(design.search.optimize(settings.sensor, settings.layout, tell)),
+        "searching",
     )
     found = ended[0]
     show_parts(found)
@@ -86,10 +90,10 @@ def optimize(
         raise typer.Exit(FINDING)
     found = layout_for_yield(settings, found)
     made = None if exact else rounded_layout(settings, found)
-    with tables.ResultSet():
+    with files.tables.ResultSet():
         better = write_config(settings, found, made, path)
         if not isinstance(better, str):
-            story = tell_story(settings, better, found, made, files, certify, heads)
+            story = tell_story(settings, better, found, made, paths, certify, heads)
             if report:
                 write_report(story, *pages[:2])
             if sheets:
@@ -97,13 +101,11 @@ def optimize(
     if isinstance(better, str):
         typer.echo(f"{path} is written, but does not load:\n{better}", err=True)
         raise typer.Exit(FINDING)
-    typer.echo(", ".join([str(path), *(file.name for file in (*files, *pages))]))
+    typer.echo(", ".join([str(path), *(file.name for file in (*paths, *pages))]))
 
 
 def pages_of(report: Path) -> list[Path]:
     """The files of the report: the page and the scene beside it."""
-    from facets.core.errors import InputError
-
     if report.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{report}: a page's name ends in .html")
     return [report, report.with_suffix(".gltf")]
@@ -114,12 +116,12 @@ def tell_story(
     better: Config,
     found: Optimum,
     made: Rounded | None,
-    files: list[Path],
+    paths: list[Path],
     certify: int,
     heads: int,
 ) -> Story:
     """All that is said of the layout, printed; its comparison is written."""
-    table = write_comparison(settings, better, *files)
+    table = write_comparison(settings, better, *paths)
     show_result(settings, better, found, made, table)
     reasons = show_reasons(settings, found)
     proof = prove(better, certify)
@@ -130,9 +132,7 @@ def tell_story(
 
 def rounded_layout(settings: Config, found: Optimum) -> Rounded | None:
     """The layout in numbers that can be made; None where only the exact one keeps all."""
-    from facets.design.rounding import round_design
-
-    made = round_design(found.problem, found.best.x)
+    made = design.rounding.round_design(found.problem, found.best.x)
     if made is None:
         typer.echo(
             "The layout was not rounded to manufacturable values, because no rounded layout nearby "
@@ -144,16 +144,12 @@ def rounded_layout(settings: Config, found: Optimum) -> Rounded | None:
 def layout_for_yield(settings: Config, found: Optimum) -> Optimum:
     """The layout whose heads keep what is asked for with `production.yield_percent`, if that is
     given; exit status 1 where there is none."""
-    from dataclasses import replace
-
-    from facets.design.report import objective_text
-    from facets.design.robust import robust_layout
 
     layout = settings.layout
     if not layout.production:
         return found
     known = (layout, settings.range, settings.calibrate)
-    robust = robust_layout(found.problem, *known, found.best)
+    robust = design.robust.robust_layout(found.problem, *known, found.best)
     share = f"{100 * layout.production:g} %"
     if not robust.result.found:
         typer.echo(f"no layout was found of whose heads {share} keep all that is asked for; with "
@@ -161,7 +157,7 @@ def layout_for_yield(settings: Config, found: Optimum) -> Optimum:
                    "other:")  # fmt: skip
         show_shortfalls(robust.result.shortfalls)
         raise typer.Exit(FINDING)
-    was = objective_text(layout.aim, found.best.objective)
+    was = design.report.objective_text(layout.aim, found.best.objective)
     typer.echo(
         f"for {share} of the heads spots, light and limits are kept with {robust.factor:.3g} of "
         f"the spreads that the tolerances give them (predicted {100 * robust.kept:.1f} %, "
@@ -170,70 +166,64 @@ def layout_for_yield(settings: Config, found: Optimum) -> Optimum:
     return replace(found, results=[robust.result, *found.results], problem=robust.problem)
 
 
-def show_heads(settings: Config, better: Config, heads: int) -> list[ReportSection]:
+def show_heads(
+    settings: Config, better: Config, heads: int
+) -> list[pictures.design_report.ReportSection]:
     """The yield of the layout, printed, and as parts of the page; nothing where no heads are built.
 
     The settings are those that were asked for; the sensor is the one that was found.
     """
     if not heads:
         return []
-    from facets.pictures.design_report import ReportSection
-    from facets.pictures.wording import rows_in_words
-
-    from .tolerances import error_rows, show_yields, tolerance_rows, yield_rows, yields_of
 
     found = yields_of(settings, better.sensor, heads, settings.layout.seed)
     show_yields(settings, found)
     words = (f"{heads} heads built by simulation, as loose as calibrate.before says.",)
-    parts = [ReportSection("Yield", words, *yield_rows(settings, found))]
+    parts = [pictures.design_report.ReportSection("Yield", words, *yield_rows(settings, found))]
     if found.accurate:
         within = ("Largest error in the volume, from rest; 95 % of the heads are within.",)
-        parts.append(ReportSection("Accuracy", within, *error_rows(settings, found)))
+        parts.append(
+            pictures.design_report.ReportSection("Accuracy", within, *error_rows(settings, found))
+        )
     headings, rows = tolerance_rows(settings, found)
-    which = ReportSection(
-        "Which tolerance costs most", (), headings, rows_in_words(rows), wide=True
+    which = pictures.design_report.ReportSection(
+        "Which tolerance costs most", (), headings, pictures.wording.rows_in_words(rows), wide=True
     )
     return [*parts, which]
 
 
 def price_of(settings: Config, found: Optimum) -> float:
     """What the price of the parts adds to the objective."""
-    from facets.design.branching import price_term
-
-    return price_term(settings.layout, found.tried[0][0].price) if found.tried else 0.0
+    return (
+        design.branching.price_term(settings.layout, found.tried[0][0].price)
+        if found.tried
+        else 0.0
+    )
 
 
 def write_config(
     settings: Config, found: Optimum, made: Rounded | None, path: Path
 ) -> Config | str:
     """The layout found, written and loaded again; why, where it does not load."""
-    from dataclasses import replace
 
-    from facets import load
-    from facets.core.errors import ConfigError
-    from facets.files import provenance, tables, whole
-
-    about = provenance.about(settings, settings.layout.seed)
-    with tables.Whole(path) as temporary:
+    about = files.provenance.about(settings, settings.layout.seed)
+    with files.tables.Whole(path) as temporary:
         temporary.write_text(as_yaml(settings, found, made, path.parent, about), "utf-8")
-    file = whole.readable_path(path)
+    file = files.whole.readable_path(path)
     try:
-        return replace(load(file), name=path.stem, path=path.resolve())
+        return replace(facets.load(file), name=path.stem, path=path.resolve())
     except ConfigError as error:  # a sub-beam may miss a detector elsewhere than in the volume
         return str(error).replace(file.name, path.name)
 
 
 def write_comparison(settings: Config, better: Config, csv: Path, picture: Path) -> dict[str, Any]:
     """Before and after, as a table that is returned, and a picture."""
-    from facets.design.verification import compare
-    from facets.files import provenance, tables
-    from facets.pictures import style
-    from facets.pictures.layout import layout_picture
-
     layout = settings.layout
-    table = compare(settings.sensor, better.sensor, layout, settings.range, layout.seed)
-    tables.write_table(csv, table, provenance.about(settings, layout.seed))
-    style.save(layout_picture(table), picture)
+    table = design.verification.compare(
+        settings.sensor, better.sensor, layout, settings.range, layout.seed
+    )
+    files.tables.write_table(csv, table, files.provenance.about(settings, layout.seed))
+    pictures.style.save(pictures.layout.layout_picture(table), picture)
     return table
 
 
@@ -291,16 +281,15 @@ def show_result(
     made: Rounded | None,
     table: dict[str, Any],
 ) -> None:
-    from facets.design.report import objective_text
-
     aim = settings.layout.aim
     if found.before == found.before:
-        typer.echo(f"before: {objective_text(aim, found.before)}")
+        typer.echo(f"before: {design.report.objective_text(aim, found.before)}")
     else:
         typer.echo("before: not all that is asked for is kept")
-    typer.echo(f"after:  {objective_text(aim, found.best.objective)}")
+    typer.echo(f"after:  {design.report.objective_text(aim, found.best.objective)}")
     if made is not None:
-        typer.echo(f"        {objective_text(aim, made.objective)}, in numbers that can be made")
+        words = design.report.objective_text(aim, made.objective)
+        typer.echo(f"        {words}, in numbers that can be made")
     typer.echo("")
     headings, rows = changes(settings, better, made, found.names)
     show_table("what changes", headings, rows, left=(0, 3))
@@ -313,11 +302,9 @@ def changes(
     settings: Config, better: Config, made: Rounded | None, names: list[str]
 ) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of all keys that changed, with what each may be off by."""
-    from facets.design.changes import changes_of
-
     allowed = tolerances(made, names)
     rows = []
-    for key, before, after in changes_of(settings, better.sensor):
+    for key, before, after in design.changes.changes_of(settings, better.sensor):
         rows.append(
             [key, value_text(before), value_text(after), allowed.get(key.rpartition(".")[2], "")]
         )
@@ -378,13 +365,10 @@ def comparison(table: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
 
 def prove(better: Config, work: int) -> str:
     """In words, whether readings are proved to determine states, within so much work."""
-    from facets.proof.designs import certify_design
-
-    from .certificates import light_text, rounded_down
 
     if not work:
         return "not looked for: whether readings determine states (--certify)"
-    found = certify_design(better.sensor, better.range, work)
+    found = proof.designs.certify_design(better.sensor, better.range, work)
     if isinstance(found, str):
         return f"not proved that readings determine states: {found}"
     if not found.share:
@@ -395,7 +379,7 @@ def prove(better: Config, work: int) -> str:
     )
     if found.unique:
         return (
-            f"proved: no two {states} have the same readings; margin {rounded_down(found.margin)}"
+            f"proved: no two {states} have the same readings; margin {round_down(found.margin)}"
             f" or more, of 1 ({found.seconds:.1f} s)"
         )
     return (
@@ -407,8 +391,6 @@ def prove(better: Config, work: int) -> str:
 
 def show_reasons(settings: Config, found: Optimum) -> list[list[str]]:
     """What holds the layout back and what more would give, printed, and as rows."""
-    from facets.design.report import gains, objective_text
-
     active = [
         [f"{size:.2f}", group] for group, size in list(found.best.active_constraints.items())[:8]
     ]
@@ -416,10 +398,15 @@ def show_reasons(settings: Config, found: Optimum) -> list[list[str]]:
     for size, group in active:
         typer.echo(f"  {size:>5}  {group}")
     spare = found.problem.rows.spare
-    more = gains(found.sensor, settings.layout, found.best.x, price_of(settings, found), spare)
+    more = design.report.gains(
+        found.sensor, settings.layout, found.best.x, price_of(settings, found), spare
+    )
     if more:
         typer.echo("\nwhat more would give:")
-    given = [[what, objective_text(settings.layout.aim, value)] for what, value in more.items()]
+    given = [
+        [what, design.report.objective_text(settings.layout.aim, value)]
+        for what, value in more.items()
+    ]
     for what, words in given:
         typer.echo(f"  {what}: {words}")
     typer.echo("")
@@ -430,14 +417,13 @@ def as_yaml(
     settings: Config, found: Optimum, made: Rounded | None, folder: Path, about: dict[str, str]
 ) -> str:
     """The configuration it came from, extended by what was changed."""
-    from facets.design.changes import as_extension
-    from facets.design.variables import sensor_of
-
-    best = sensor_of(found.sensor, found.names, found.best.x if made is None else made.x)
+    best = design.variables.sensor_of(
+        found.sensor, found.names, found.best.x if made is None else made.x
+    )
     if found.tried:
         choice = found.tried[0][0]
         about = {**about, "parts": choice.names}
-    return as_extension(settings, best, folder, about, tolerances(made, found.names))
+    return design.changes.as_extension(settings, best, folder, about, tolerances(made, found.names))
 
 
 #: Choices of parts in a table, at most.
@@ -462,98 +448,98 @@ def write_report(story: Story, page: Path, scene: Path) -> None:
     """The page, and the scene for a mechanical designer."""
     import numpy as np
 
-    from facets.design.report import objective_text
-    from facets.files.provenance import command_line
-    from facets.files.tables import Whole
-    from facets.pictures.design_report import report
-    from facets.pictures.render import save_scene
-
-    save_scene(story.better.sensor, np.zeros(8), scene)
+    pictures.render.save_scene(story.better.sensor, np.zeros(8), scene)
     best = story.found.best.objective if story.made is None else story.made.objective
-    words = objective_text(story.settings.layout.aim, best)
+    words = design.report.objective_text(story.settings.layout.aim, best)
     summary = f"{words[0].upper()}{words[1:]}."
-    origin = f"{command_line()}; sha256 of the configuration {story.settings.sha256[:12]}"
-    with Whole(page) as temporary:
-        text = report(story.settings.name, summary, sections(story, scene), origin)
+    command = files.provenance.command_line()
+    origin = f"{command}; sha256 of the configuration {story.settings.sha256[:12]}"
+    with files.tables.Whole(page) as temporary:
+        text = pictures.design_report.report(
+            story.settings.name, summary, sections(story, scene), origin
+        )
         temporary.write_text(text, "utf-8")
 
 
 def write_tables(story: Story, path: Path) -> None:
     """The tables of the report, by their titles."""
-    from facets.design.sheets import Rows, write_sheets
-    from facets.files.provenance import command_line
-    from facets.pictures.wording import rows_in_words
-
-    found: dict[str, Rows] = {
+    found: dict[str, design.sheets.Rows] = {
         "What was asked for": (("asked", "value"), requirement(story.settings)),
         "What changes": changes_in_words(story),
         "Before and after": comparison_in_words(story),
-        "What holds it back": (("what", "how"), rows_in_words(story.reasons)),
+        "What holds it back": (("what", "how"), pictures.wording.rows_in_words(story.reasons)),
     }
     if story.found.tried:
         found["Parts"] = parts(story.found)
     found |= {part.title: (part.headings, part.rows) for part in story.built}
-    origin = f"{command_line()}; sha256 of the configuration {story.settings.sha256[:12]}"
-    write_sheets(path, found, origin)
+    command = files.provenance.command_line()
+    origin = f"{command}; sha256 of the configuration {story.settings.sha256[:12]}"
+    design.sheets.write_sheets(path, found, origin)
 
 
-def sections(story: Story, scene: Path) -> list[ReportSection]:
+def sections(story: Story, scene: Path) -> list[pictures.design_report.ReportSection]:
     """The parts of the page; quantities in words there, each with its unit."""
-    from facets.pictures.design_report import ReportSection, inline
-    from facets.pictures.head_drawing import drawing
-    from facets.pictures.layout import layout_picture
-    from facets.pictures.wording import rows_in_words
-
-    asked = ReportSection("What was asked for", rows=requirement(story.settings))
-    changed = ReportSection("What changes", (), *changes_in_words(story), wide=True)
-    head = ReportSection(
+    asked = pictures.design_report.ReportSection(
+        "What was asked for", rows=requirement(story.settings)
+    )
+    changed = pictures.design_report.ReportSection(
+        "What changes", (), *changes_in_words(story), wide=True
+    )
+    head = pictures.design_report.ReportSection(
         "The head", (f"Lengths in mm. {scene.name} has it in three dimensions, with beams.",),
-        drawing=drawing(story.better.sensor),
+        drawing=pictures.head_drawing.drawing(story.better.sensor),
     )  # fmt: skip
-    compared = ReportSection(
+    compared = pictures.design_report.ReportSection(
         "Before and after", ("The worst over the volume (1 sigma), and symmetric ranges.",),
         *comparison_in_words(story),
     )  # fmt: skip
-    bars = ReportSection("The same, drawn", drawing=inline(layout_picture(story.table), "bars"))
-    reasons = ReportSection("What holds it back, and what more would give",
-                      rows=rows_in_words(story.reasons))  # fmt: skip
+    bars = pictures.design_report.ReportSection(
+        "The same, drawn",
+        drawing=pictures.design_report.inline(pictures.layout.layout_picture(story.table), "bars"),
+    )
+    reasons = pictures.design_report.ReportSection("What holds it back, and what more would give",
+                      rows=pictures.wording.rows_in_words(story.reasons))  # fmt: skip
     found = [asked, head, changed, compared, bars, reasons, *story.built]
     if story.found.tried:
-        found.append(ReportSection("Parts", (), *parts(story.found), wide=True))
-    found.append(ReportSection("Are readings unique?", (story.proof,)))
+        found.append(
+            pictures.design_report.ReportSection("Parts", (), *parts(story.found), wide=True)
+        )
+    found.append(pictures.design_report.ReportSection("Are readings unique?", (story.proof,)))
     return found
 
 
 def changes_in_words(story: Story) -> tuple[list[str], list[list[str]]]:
     """What changes, with the keys of the sensor in words."""
-    from facets.pictures.wording import rows_in_words
-
     (_, *headings), rows = changes(story.settings, story.better, story.made, story.found.names)
-    return ["of the sensor", *headings], rows_in_words(rows)
+    return ["of the sensor", *headings], pictures.wording.rows_in_words(rows)
 
 
 def comparison_in_words(story: Story) -> tuple[list[str], list[list[str]]]:
-    from facets.pictures.wording import rows_in_words
-
     headings, rows = comparison(story.table)
-    return headings, rows_in_words(rows)
+    return headings, pictures.wording.rows_in_words(rows)
 
 
 def requirement(settings: Config) -> list[list[str]]:
     """What the block `optimize` asks for, in words, as rows."""
-    from facets.pictures.wording import AIMS, amount, between
-
     asked = settings.resolved["optimize"]
     aim = str(asked["aim"])
-    rows = [["aim", AIMS.get(aim, aim)], ["beam", str(asked["beam"])]]
+    rows = [["aim", pictures.wording.AIMS.get(aim, aim)], ["beam", str(asked["beam"])]]
     blocks = (("volume", "volume", "±"), ("unit", "uncertainty that counts as 1", ""),
               ("limit", "uncertainty at most", ""))  # fmt: skip
     for block, words, sign in blocks:
-        values = [amount(key, value, sign) for key, value in asked[block].items() if value]
+        values = [
+            pictures.wording.amount(key, value, sign)
+            for key, value in asked[block].items()
+            if value
+        ]
         if values:
             rows.append([words, ", ".join(values)])
     if asked["head_mm"]:
         rows.append(["diameter of the head", f"at most {asked['head_mm']:g} mm"])
     rows.append(["power on a detector", f"at least {asked['least_power_uw']:g} µW"])
-    bounds = [between(key, *bounds) for key, bounds in asked["variables"].items() if bounds]
+    bounds = [
+        pictures.wording.between(key, *bounds)
+        for key, bounds in asked["variables"].items()
+        if bounds
+    ]
     return [*rows, ["may vary", ", ".join(bounds)]]

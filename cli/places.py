@@ -30,7 +30,6 @@ def state_of(text: str | None) -> Floats:
 
 def numbers_at(text: str | None, names: Sequence[str]) -> list[float]:
     """NAME=NUMBER,... in the order of the names, mm and rad; zero where a name is left out."""
-
     found = [0.0] * len(names)
     form = "NAME=NUMBER"
     given = {} if text is None else assignments(text, "--at", names, form)
@@ -49,7 +48,6 @@ def numbers_at(text: str | None, names: Sequence[str]) -> list[float]:
 
 def pair_of(text: str) -> tuple[str, str]:
     """'tx,ty' as the names of two axes."""
-
     names = [name.strip() for name in text.split(",")]
     if len(names) != 2 or len(set(names)) != 2 or not set(names) <= set(POSE):
         raise InputError(f"--axes is {text!r}; allowed: two of {', '.join(POSE)}, as tx,ty")

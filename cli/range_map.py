@@ -92,7 +92,6 @@ def range_map(
     a picture and a record of the run into the folder. Ctrl-C stops the tracing; the outlines traced
     until then are written, with exit status 130.
     """
-
     start = time.perf_counter()
     settings = load_config(config)
     rules = replace(settings.range, tracking=track)
@@ -125,7 +124,6 @@ def write(
     start: float,
 ) -> None:
     """Outlines, picture and record, in that order."""
-
     outlines, picture, record = paths
     files.tables.write_table(
         outlines,

@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from facets import files, live, pictures, simulation
+from facets import files, pictures
 from facets.core.errors import InputError
-from facets.core.names import STATE_COLUMNS, STATE_UNITS
 
 from .console import load_config
+from .film import PictureForm, film_states, write_film
 from .options import At, ConfigName, Force, Look, Style, Track, motion_option, output_option
 from .places import state_of
 
@@ -89,14 +89,6 @@ Show = Annotated[
 ]
 
 
-class Shape(NamedTuple):
-    """How a picture is drawn: its view, its size in pixels, and its style."""
-
-    view: Any
-    size: tuple[int, int]
-    style: str
-
-
 def render(
     config: ConfigName,
     output: Output = None,
@@ -121,34 +113,39 @@ def render(
     The rays and spots are computed by the model. --at gives the pose of the mirror, and with bx_mm
     and by_mm the position of the beam. --track applies to --view range. Works without a display.
     """
-
     settings = load_config(config)
-    moves = motion is not None or recording is not None
-    flat, film = spots or plan, moves and view is not View.trail
-    if (spots and plan) or (flat and moves) or (motion and recording):
-        raise InputError("give one of --spots, --plan, --motion, --recording")
-    if view is View.trail and not moves:
-        raise InputError("a trail is that of a motion: give --motion or --recording")
-    if film and view in (View.cutaway, View.exploded, View.range):
-        raise InputError(f"--view {view.value} shows the rig at rest; a film needs another view")
-    path = output or Path("results") / f"{settings.name}-{name_of(spots, plan, film, view)}"
-    check_ending(path, flat, film)
+    is_flat, is_film = spots or plan, bool(motion or recording) and view is not View.trail
+    refuse_together(view, motion, recording, [spots, plan])
+    path = output or Path("results") / f"{settings.name}-{name_of(spots, plan, is_film, view)}"
+    check_ending(path, is_flat, is_film)
     files.tables.refuse_to_overwrite([] if show else [path], force)
     state = state_of(at)
-    usual = (720, 480) if film else (1200, 900)
-    shape = Shape(view.value, (width or usual[0], height or usual[1]), style.value)
-    if flat:
+    usual = (720, 480) if is_film else (1200, 900)
+    form = PictureForm(view.value, (width or usual[0], height or usual[1]), style.value)
+    if is_flat:
         draw_flat(settings, state, spots, path)
-    elif film:
+    elif is_film:
         states = film_states(settings, motion, recording, frames)
-        shoot(settings, states, shape, path, frame_rate, exaggerate)
+        write_film(settings, states, form, path, frame_rate, exaggerate)
     elif show:
         pictures.render.show(settings.sensor, state)
+        return
     else:
-        more = extras(settings, view, motion, recording, track)
-        draw(settings, state, shape, path, more)
-    if not show:
-        typer.echo(f"{path}")
+        draw(settings, state, form, path, extras(settings, view, motion, recording, track))
+    typer.echo(f"{path}")
+
+
+def refuse_together(
+    view: View, motion: str | None, recording: Path | None, drawings: list[bool]
+) -> None:
+    """Raise `InputError` for options that exclude each other."""
+    moves = motion is not None or recording is not None
+    if sum([*drawings, motion is not None, recording is not None]) > 1:
+        raise InputError("give one of --spots, --plan, --motion, --recording")
+    if view is View.trail and not moves:
+        raise InputError("--view trail draws the path of a motion: give --motion or --recording")
+    if moves and view in (View.cutaway, View.exploded, View.range):
+        raise InputError(f"--view {view.value} shows the rig at rest; a film needs another view")
 
 
 def name_of(spots: bool, plan: bool, film: bool, view: View) -> str:
@@ -160,7 +157,6 @@ def name_of(spots: bool, plan: bool, film: bool, view: View) -> str:
 
 
 def check_ending(path: Path, flat: bool, film: bool) -> None:
-
     allowed = (
         pictures.style.ENDINGS
         if flat
@@ -177,7 +173,6 @@ def extras(
     settings: Config, view: View, motion: str | None, recording: Path | None, track: bool
 ) -> dict[str, Any]:
     """What a view needs beside sensor and state."""
-
     if view is View.range:
         return {"rules": replace(settings.range, tracking=True) if track else settings.range}
     if view is View.trail:
@@ -185,73 +180,22 @@ def extras(
     return {}
 
 
-def draw(settings: Config, state: Any, shape: Shape, path: Path, more: dict[str, Any]) -> None:
+def draw(settings: Config, state: Any, form: PictureForm, path: Path, more: dict[str, Any]) -> None:
     """A picture, a page or a scene, by the file's ending."""
-
     if path.suffix.lower() == ".html":
         pictures.page.rig_page.write_rig_page(
-            settings.sensor, settings.name, state, path, shape.view
+            settings.sensor, settings.name, state, path, form.view
         )
     elif path.suffix.lower() == ".gltf":
         pictures.render.save_scene(settings.sensor, state, path)
     else:
-        theme = pictures.materials.theme_of(shape.style)
+        theme = pictures.materials.theme_of(form.style)
         with pictures.render.Picture(
-            settings.sensor, state, shape.view, shape.size, theme, settings.name, **more
+            settings.sensor, state, form.view, form.size, theme, settings.name, **more
         ) as picture:
             picture.save(path)
 
 
 def draw_flat(settings: Config, state: Any, spots: bool, path: Path) -> None:
-
     make = pictures.spots.spots_picture if spots else pictures.spots.plan_picture
     pictures.style.save(make(settings.sensor, state), path)
-
-
-def film_states(settings: Config, motion: str | None, recording: Path | None, frames: int) -> Any:
-    """States (n, 8) of a motion or a recording, as many as there are frames."""
-    import numpy as np
-
-    if recording is not None:
-        if live.recording.replay.recorded_config(recording).sensor != settings.sensor:
-            remedy = "render it with the configuration that it was recorded with"
-            files.provenance.require_origin(
-                recording, live.recording.reader.meta_of(recording), settings, remedy
-            )
-        poses = live.recording.pose_table.recorded_poses(recording)
-        if not poses or not (poses["status"] == 0).any():
-            raise InputError(f"{recording}: holds no poses; see `facets replay --recover`")
-        good = poses["status"] == 0
-        states = np.column_stack([poses[name][good] for name in STATE_COLUMNS]) * STATE_UNITS
-    else:
-        _, states = simulation.motion.states(
-            simulation.motion.named(settings, motion or ""), np.random.default_rng(settings.seed)
-        )
-    return states[np.linspace(0, len(states) - 1, frames).round().astype(int)]
-
-
-def shoot(
-    settings: Config, states: Any, shape: Shape, path: Path, rate: float, exaggerate: float | None
-) -> None:
-    """A film; says by how much its motion is drawn larger."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    factor = exaggerate or pictures.magnification.motion_factor(settings.sensor, states)
-    turning = pictures.magnification.turning_factor(factor * states) if exaggerate is None else 1.0
-    console = Console(stderr=True)
-    theme = pictures.materials.theme_of(shape.style)
-    with (
-        pictures.render.Picture(
-            settings.sensor, states[0], shape.view, shape.size, theme, settings.name
-        ) as picture,
-        Progress(console=console, transient=True, disable=not console.is_terminal) as progress,
-    ):
-        task = progress.add_task("rendering", total=len(states))
-        pictures.film.write(
-            picture, states, path, rate, factor, lambda: progress.advance(task), turning
-        )
-    if note := pictures.magnification.times(factor, turning):
-        typer.echo(
-            f"{note[0].upper()}{note[1:]}, so that it can be seen; the film says so.", err=True
-        )

@@ -21,6 +21,7 @@ def reproduce(
     names: Annotated[
         list[str] | None,
         typer.Argument(
+            metavar="NAME",
             help="Names of figures and tables, such as fig4 or table2.  [default: all]",
             autocompletion=completion.words(completion.experiments),
         ),

@@ -37,14 +37,14 @@ def resolution(
     plot: Plot = PlotKind.png,
     look: Style = Look.screen,
 ) -> None:
-    """Compute the standard uncertainty of each axis, at rest and at the worst pose.
+    """Compute each axis's uncertainty, at rest and at worst.
 
-    The worst pose is searched along the symmetric range of each axis, with the other axes at rest.
-    They are computed for the paper's inversion and for the least-squares solver with the
-    beam's position free, known within `solve.beam_sigma_um`, and known exactly. Writes a table, a
-    picture of the noise budget at rest and a record of the run into the folder.
+    Prints standard uncertainties (1 sigma). The worst pose is searched along the symmetric
+    range of each axis, with the other axes at rest. They are computed for the paper's inversion
+    and for the least-squares solver with the beam's position free, known within
+    `solve.beam_sigma_um`, and known exactly. Writes a table, a picture of the noise budget at
+    rest and a record of the run into the folder.
     """
-
     start = time.perf_counter()
     settings = load_config(config)
     rules = replace(settings.range, tracking=track)
@@ -70,7 +70,6 @@ def resolution(
 
 
 def show(found: list[Resolution]) -> None:
-
     headings = ["", *(f"{name} {core.units.unit_of(name).fine_unit}" for name in POSE)]
     for title, field in (("at rest", "nominal"), ("at worst in the range of each axis", "worst")):
         rows = []

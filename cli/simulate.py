@@ -76,14 +76,13 @@ def simulate(
     plot: Plot = PlotKind.png,
     look: Style = Look.screen,
 ) -> None:
-    """Simulate the motions of a configuration and report the errors of the poses.
+    """Simulate a configuration's motions and report pose errors.
 
     Simulates the readings along each motion, with noise, and solves them for poses. Writes a table
     of readings (the input of `facets solve`), a table of poses, a picture and a record of the run
     into the folder. With --track the stage of the configuration moves the beam. Exit status 1 if no
     sample of a motion could be solved.
     """
-
     start = time.perf_counter()
     settings = load_config(config)
     paths = files_of(output_folder(folder, settings.name), table, plot)
@@ -113,7 +112,6 @@ def write(
     start: float,
 ) -> None:
     """The results as files; the record last, since it tells how long it took."""
-
     about = files.provenance.about(settings, seed)
     columns = simulation.run.reading_table(segments)
     if reference:
@@ -128,7 +126,6 @@ def write(
 
 def print_segment(segment: Segment) -> None:
     """Errors of one motion by axis, then what became of its samples."""
-
     headings = ("axis", "moved from", "to", "", "max error", "RMS error", "u (1 sigma)", "")
     rows = []
     for axis in simulation.run.axes(segment):
@@ -143,7 +140,6 @@ def print_segment(segment: Segment) -> None:
 
 def outcome(segment: Segment) -> str:
     """Samples by status, spots that missed their detector, and the largest cross-axis error."""
-
     counts = ", ".join(
         f"{count} {label}" for label, count in simulation.run.statuses(segment).items()
     )

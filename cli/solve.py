@@ -53,53 +53,62 @@ class Start(StrEnum):
     previous = "previous"
 
 
+ReadingsTable = Annotated[
+    Path,
+    typer.Argument(
+        metavar="READINGS",
+        help="Table of readings, CSV or Parquet, with the columns psi_a_mm, zeta_a_mm, "
+        "power_a_mw and so on for the detectors b and c.",
+    ),
+]
+BeamKnowledge = Annotated[
+    Beam | None,
+    typer.Option(
+        help="What is known about the beam's position: nothing (free), the position (known), "
+        f"or the position with an uncertainty (prior).{CONFIGURED}"
+    ),
+]
+PowerKnowledge = Annotated[
+    Power | None,
+    typer.Option(
+        help="What is known about the laser's power: the power (known), the power with an "
+        f"uncertainty (prior), or nothing (unknown).{CONFIGURED}"
+    ),
+]
+MethodName = Annotated[
+    Method | None,
+    typer.Option(
+        help="Method of solving: weighted least squares on all nine readings, or the paper's "
+        f"Newton iteration on eight of them.{CONFIGURED}"
+    ),
+]
+StartPose = Annotated[
+    Start | None,
+    typer.Option(
+        help="Pose at which the solver starts in each row: zero, or the previous row's "
+        f"solution, which suits slow motions.{CONFIGURED}"
+    ),
+]
+AcceptUnchecked = Annotated[
+    bool,
+    typer.Option(
+        "--accept-unchecked",
+        help="Also give poses that were solved from as many readings as unknowns, so that no "
+        "reading is left to check them (for example when only two detectors have light).",
+    ),
+]
+
+
 def solve(
     config: ConfigName,
-    readings: Annotated[
-        Path,
-        typer.Argument(
-            help="Table of readings, CSV or Parquet, with the columns psi_a_mm, zeta_a_mm, "
-            "power_a_mw and so on for the detectors b and c."
-        ),
-    ],
+    readings: ReadingsTable,
     output: Annotated[Path, output_option("table of poses, CSV or Parquet")],
     force: Force = False,
-    beam: Annotated[
-        Beam | None,
-        typer.Option(
-            help="What is known about the beam's position: nothing (free), the position (known), "
-            f"or the position with an uncertainty (prior).{CONFIGURED}"
-        ),
-    ] = None,
-    power: Annotated[
-        Power | None,
-        typer.Option(
-            help="What is known about the laser's power: the power (known), the power with an "
-            f"uncertainty (prior), or nothing (unknown).{CONFIGURED}"
-        ),
-    ] = None,
-    method: Annotated[
-        Method | None,
-        typer.Option(
-            help="Method of solving: weighted least squares on all nine readings, or the paper's "
-            f"Newton iteration on eight of them.{CONFIGURED}"
-        ),
-    ] = None,
-    start: Annotated[
-        Start | None,
-        typer.Option(
-            help="Pose at which the solver starts in each row: zero, or the previous row's "
-            f"solution, which suits slow motions.{CONFIGURED}"
-        ),
-    ] = None,
-    accept_unchecked: Annotated[
-        bool,
-        typer.Option(
-            "--accept-unchecked",
-            help="Also give poses that were solved from as many readings as unknowns, so that no "
-            "reading is left to check them (for example when only two detectors have light).",
-        ),
-    ] = False,
+    beam: BeamKnowledge = None,
+    power: PowerKnowledge = None,
+    method: MethodName = None,
+    start: StartPose = None,
+    accept_unchecked: AcceptUnchecked = False,
 ) -> None:
     """Solve a table of readings for poses.
 
@@ -108,7 +117,6 @@ def solve(
     columns bx_mm and by_mm, they are the beam's measured position for --beam known and prior. Exit
     status 1 if no row could be solved, or if most of them do not fit.
     """
-
     settings = load_config(config)
     given = {"beam": beam, "power": power, "method": method, "start": start}
     chosen = {key: word.value for key, word in given.items() if word is not None}
@@ -151,7 +159,6 @@ def misfit(count: StatusCounts) -> bool:
 
 
 def report(count: StatusCounts, output: Path) -> None:
-
     typer.echo(f"{count.solved} of {count.rows} rows solved: {output}")
     for status, number in count.statuses.items():
         if status != "converged":
@@ -168,17 +175,16 @@ def report(count: StatusCounts, output: Path) -> None:
 
 def unchecked_sentence(count: StatusCounts) -> str:
     """What to say of rows that have, or could have, a pose which nothing checks."""
-
     refused = count.statuses[estimation.solution.Status.UNCHECKED.label]
     if refused:
         return (
-            f"Rows with as many numbers as unknowns: {refused}. Nothing would tell a spoilt number "
-            "there; --accept-unchecked gives their poses."
+            f"Rows with as many readings as unknowns: {refused}. A wrong reading would not be "
+            "noticed there; --accept-unchecked gives their poses all the same."
         )
     if count.unchecked:
         return (
-            f"Poses from as many numbers as unknowns: {count.unchecked}. Nothing checks them, and "
-            "another pose, far away, may give the same numbers."
+            f"Poses from as many readings as unknowns: {count.unchecked}. No reading is left to "
+            "check them, and a distant pose may give the same readings."
         )
     return ""
 
@@ -187,9 +193,9 @@ def edge_sentence(count: StatusCounts) -> str:
     if not count.edges:
         return ""
     return (
-        f"Poses with a spot nearer to its detector's edge than its own size: {count.edges}. Light "
-        "may be lost there, and their stated uncertainties do not hold then. Set "
-        "sensor.apertures.detectors for a model with edges."
+        f"Poses with a spot closer to its detector's edge than its own diameter: {count.edges}. "
+        "Light may miss the detector there, and then the stated uncertainties do not hold. Set "
+        "sensor.apertures.detectors to model the edges."
     )
 
 
@@ -199,8 +205,8 @@ def unseen_sentence(count: StatusCounts) -> str:
     if not max(place, power) > MUCH:
         return ""
     return (
-        "One spoilt number can put a pose off before its residual shows it: a spot's place by "
-        f"{amount(place)}, a power by {amount(power)} (standard uncertainties of the pose)."
+        "A single wrong reading can shift a pose without raising its residual: a wrong position of "
+        f"a spot by {amount(place)}, a wrong power by {amount(power)} standard uncertainties."
     )
 
 

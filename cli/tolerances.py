@@ -8,7 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from .console import load_config, name_files, show_table, with_progress
+from facets import core, design, files
+from facets.core.errors import InputError
+from facets.core.names import FINE_COLUMNS, POSE
+
+from .console import load_config, name_files, show_progress, show_table
 from .options import (
     ConfigName,
     Force,
@@ -39,7 +43,7 @@ def tolerances(
     force: Force = False,
     table: Table = TableKind.csv,
 ) -> None:
-    """Compute the yield of a design and which tolerance reduces it most.
+    """Compute a design's yield and its most costly tolerance.
 
     The yield is the share of manufactured heads that meet the requirements: spots on the detectors,
     light, and the limits and accuracies of the block `optimize` over its volume, before and after a
@@ -47,22 +51,19 @@ def tolerances(
     The yield is predicted by an expansion in the tolerances and counted on simulated heads. Writes
     a table of the tolerances and a table of the heads into the folder.
     """
-    from facets.core.errors import InputError
-    from facets.files import provenance, tables
-
     if heads < LEAST_HEADS:
         raise InputError(f"--heads is {heads}; give at least {LEAST_HEADS}")
     settings = load_config(config)
     place = output_folder(folder, settings.name, "tolerances")
-    files = [place / f"{name}.{table.value}" for name in ("tolerances", "heads")]
-    tables.refuse_to_overwrite(files, force)
+    paths = [place / f"{name}.{table.value}" for name in ("tolerances", "heads")]
+    files.tables.refuse_to_overwrite(paths, force)
     found = yields_of(settings, settings.sensor, heads, seed)
     show_yields(settings, found)
-    about = provenance.about(settings, seed)
-    with tables.ResultSet():
-        tables.write_table(files[0], sensitivity_columns(settings, found), about)
-        tables.write_table(files[1], head_columns(found.heads), about)
-    name_files(place, files)
+    about = files.provenance.about(settings, seed)
+    with files.tables.ResultSet():
+        files.tables.write_table(paths[0], sensitivity_columns(settings, found), about)
+        files.tables.write_table(paths[1], head_columns(found.heads), about)
+    name_files(place, paths)
 
 
 class Yields:
@@ -82,19 +83,21 @@ class Yields:
 
 def yields_of(settings: Config, sensor: Sensor, heads: int, seed: int) -> Yields:
     """What `calibrate.before` and the block `optimize` make of a sensor's heads."""
-    from facets.design.assembly import assembly_of
-    from facets.design.production import simulate_heads
-    from facets.design.tolerancing import draw_heads, expand_margins, sensitivities, shares
-
-    built = assembly_of(sensor, settings.layout, settings.range, settings.calibrate)
-    expansion = expand_margins(built)
-    draws = draw_heads(built)
+    built = design.assembly.assembly_of(sensor, settings.layout, settings.range, settings.calibrate)
+    expansion = design.tolerancing.expand_margins(built)
+    draws = design.tolerancing.draw_heads(built)
     made: list[SimulatedHeads] = []
-    with_progress(
-        lambda tell: made.append(simulate_heads(built, heads, seed, tell)), "building heads"
+    show_progress(
+        lambda tell: made.append(design.production.simulate_heads(built, heads, seed, tell)),
+        "building heads",
     )
     accurate = bool(built.asked.accuracy_axes)
-    return Yields(shares(expansion, draws), made[0], sensitivities(expansion, draws), accurate)
+    return Yields(
+        design.tolerancing.shares(expansion, draws),
+        made[0],
+        design.tolerancing.sensitivities(expansion, draws),
+        accurate,
+    )
 
 
 def show_yields(settings: Config, found: Yields) -> None:
@@ -119,9 +122,7 @@ FEW = 0.5
 
 def margin_advice(settings: Config, found: Yields) -> str:
     """What to do about a design that few heads keep; "" where more do, or nothing is loose."""
-    from facets.design.production import count_passes
-
-    share = count_passes(found.heads)["kept"] / found.count
+    share = design.production.count_passes(found.heads)["kept"] / found.count
     if share >= FEW or not found.by_tolerance:
         return ""
     strongest = found.by_tolerance[0]
@@ -149,12 +150,10 @@ def kinds_of(settings: Config, found: Yields) -> dict[str, str]:
 
 
 def yield_rows(settings: Config, found: Yields) -> Rows:
-    from facets.design.production import count_passes, interval
-
-    counts = count_passes(found.heads)
+    counts = design.production.count_passes(found.heads)
     rows = []
     for kind, words in kinds_of(settings, found).items():
-        low, high = interval(counts[kind], found.count)
+        low, high = design.production.interval(counts[kind], found.count)
         rows.append(
             [words, percent(getattr(found.predicted, kind)), percent(counts[kind] / found.count),
              f"{100 * low:.1f} to {100 * high:.1f} %"]
@@ -169,9 +168,6 @@ def percent(share: float) -> str:
 def error_rows(settings: Config, found: Yields) -> Rows:
     import numpy as np
 
-    from facets.core.names import POSE
-    from facets.core.units import unit_of
-
     whole = found.heads.kept >= 0
     some = found.heads.errors[whole] if whole.any() else found.heads.errors
     rows = []
@@ -183,7 +179,7 @@ def error_rows(settings: Config, found: Yields) -> Rows:
             known = column[np.isfinite(column)]
             values.append(f"{np.percentile(known, 95):.3g}" if len(known) else "")
         asked = f"{allowed:g}" if np.isfinite(allowed) else ""
-        rows.append([f"{name}, {unit_of(name).fine_unit}", asked, *values])
+        rows.append([f"{name}, {core.units.unit_of(name).fine_unit}", asked, *values])
     return ["axis", "asked", "as built", "calibrated"], rows
 
 
@@ -223,8 +219,6 @@ def sensitivity_columns(settings: Config, found: Yields) -> dict[str, Any]:
 def head_columns(heads: SimulatedHeads) -> dict[str, Any]:
     """Each simulated head: its least margins, and its largest errors."""
     import numpy as np
-
-    from facets.core.names import FINE_COLUMNS
 
     columns: dict[str, Any] = {
         "head": np.arange(len(heads.kept)),

@@ -4,6 +4,7 @@ from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
     from . import identifiability as identifiability
+    from . import proposal as proposal
     from . import reference_join as reference_join
     from . import table as table
     from . import tour as tour

@@ -5,9 +5,11 @@ from ..core.faces import load_on_use
 if TYPE_CHECKING:
     from . import ambiguity as ambiguity
     from . import noise_report as noise_report
+    from . import random_poses as random_poses
     from . import ranges as ranges
     from . import resolution as resolution
     from . import rest as rest
+    from . import sensitivity as sensitivity
     from . import singularity as singularity
     from . import state_box as state_box
     from . import tables as tables

@@ -162,7 +162,9 @@ def designs(space: Space) -> Floats:
 def require_variables(space: Space) -> None:
     """Raises `InputError` where nothing may vary."""
     if not space.names:
-        raise InputError("optimize.variables is empty: nothing may change")
+        raise InputError(
+            "optimize.variables is empty: name what may vary, as radius_mm: [150, 260]"
+        )
 
 
 @lru_cache(1)  # a worker makes its parts from the same

@@ -324,7 +324,9 @@ def refuse_unknown_effects(sensor: Sensor, layout: Layout, command: str = "optim
             "leave it out"
         )
     if not layout.variables:
-        raise InputError("optimize.variables is empty: nothing may change")
+        raise InputError(
+            "optimize.variables is empty: name what may vary, as radius_mm: [150, 260]"
+        )
     require_noise(sensor, layout, command)
 
 

@@ -4,6 +4,7 @@ from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
     from . import export as export
+    from . import library as library
     from . import source as source
 else:
     __getattr__ = load_on_use(__name__)

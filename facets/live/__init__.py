@@ -38,6 +38,9 @@ __all__ = sorted(_HOMES)
 if TYPE_CHECKING:
     from . import recording as recording
     from . import run as run
+    from . import streams as streams
+    from . import virtual as virtual
+    from . import web as web
     from .assembly import Run as Run
     from .playback import Playback as Playback
     from .playback import refuse_output as refuse_output

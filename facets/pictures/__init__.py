@@ -4,7 +4,12 @@ from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
     from . import calibration as calibration
+    from . import design_report as design_report
+    from . import exploration as exploration
+    from . import exploration_page as exploration_page
     from . import film as film
+    from . import head_drawing as head_drawing
+    from . import layout as layout
     from . import magnification as magnification
     from . import materials as materials
     from . import motion as motion
@@ -16,5 +21,6 @@ if TYPE_CHECKING:
     from . import singularity as singularity
     from . import spots as spots
     from . import style as style
+    from . import wording as wording
 else:
     __getattr__ = load_on_use(__name__)

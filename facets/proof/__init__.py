@@ -4,6 +4,7 @@ from ..core.faces import load_on_use
 
 if TYPE_CHECKING:
     from . import certificate as certificate
+    from . import designs as designs
     from . import range_cover as range_cover
     from . import reach as reach
     from . import tolerances as tolerances

@@ -411,7 +411,7 @@ def run(tmp_path_factory):
 def test_the_command_finds_the_rig(run):
     folder, told = run
     assert "keep their prior values" in told
-    assert "Effects that the data call for" in told
+    assert "Effects of real light, and whether the data need them" in told
     mine, rig = facets.load(folder / "mine.yaml").sensor, facets.load("rig").sensor
     assert mine.beam.tilt_x == pytest.approx(rig.beam.tilt_x, abs=3e-5)
     mean = sum(psd.correction.power for psd in rig.psds) / 3  # the common gain is a convention

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from facets.cli.calibrate import write_results
+from facets.cli.calibration_files import write_results
 from facets.experiments import rigs
 
 import facets

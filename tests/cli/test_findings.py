@@ -144,5 +144,5 @@ def test_one_state_makes_no_picture(run, tmp_path):
     )
     status, out, _ = run(*words)
     assert status == 0
-    assert "no picture: it takes two states" in out
+    assert "No picture was drawn: it needs at least two states" in out
     assert not (tmp_path / "out" / "jacobian.png").exists()

@@ -100,7 +100,7 @@ def test_bad_rows_are_counted_and_keep_their_place(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "2 of 5 rows solved" in done.stdout
     assert "not numbers in line 3, 6" in done.stdout
-    assert "a spot's place by any amount" in " ".join(done.stdout.split())
+    assert "a wrong position of a spot by any amount" in " ".join(done.stdout.split())
     table = poses(tmp_path / "poses.csv")
     expected = ["converged", "unparsable", "non finite", "converged", "unparsable"]
     assert table.status.tolist() == expected
@@ -113,11 +113,11 @@ def test_a_known_beam_saves_a_row_without_a_detector_on_request(tmp_path):
     words = ("solve", "paper", "readings.csv", "-o", "poses.csv", "--beam", "known")
     told = command(*words, cwd=tmp_path).stdout
     assert "2 of 5 rows solved" in told
-    assert "Rows with as many numbers as unknowns: 1." in told
+    assert "Rows with as many readings as unknowns: 1." in told
     assert poses(tmp_path / "poses.csv").status[2] == "unchecked"
     told = command(*words, "--accept-unchecked", "--force", cwd=tmp_path).stdout
     assert "3 of 5 rows solved" in told
-    assert "Poses from as many numbers as unknowns: 1. Nothing checks them" in told
+    assert "Poses from as many readings as unknowns: 1. No reading is left to check them" in told
 
 
 @pytest.mark.parametrize(

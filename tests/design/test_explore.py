@@ -310,7 +310,7 @@ def test_an_older_page_is_not_replaced_unasked(tmp_path):
 
 
 def test_nothing_to_vary_is_an_error():
-    with pytest.raises(InputError, match="nothing may change"):
+    with pytest.raises(InputError, match="name what may vary"):
         designs(replace(SPACE, layout=replace(SPACE.layout, variables={})))
 
 

@@ -305,7 +305,7 @@ def test_what_can_not_be_met_is_named():
 
 
 def test_nothing_to_vary_is_an_error():
-    with pytest.raises(InputError, match="nothing may change"):
+    with pytest.raises(InputError, match="name what may vary"):
         optimize(CONFIG.sensor, replace(CONFIG.layout, variables={}))
 
 

@@ -23,13 +23,15 @@ import facets
 
 #: Folders and files whose functions, classes, arguments and constants are checked.
 CHECKED = [
-    "cli/options.py",
+    "cli",
     "facets/optics",
     "facets/scalars",
     "facets/detectors",
     "facets/proof",
     "facets/firmware",
 ]
+#: Files of these folders that are not clean yet.
+NOT_YET = {"cli/optimize.py", "cli/replay.py"}
 #: Faces whose public functions have docstrings by the NumPy standard.
 FACES: list[str] = []
 #: Public names of `facets` whose docstrings are still to be written; none may be added.
@@ -86,6 +88,9 @@ DUPLICATE_CLASSES = {
     "Reference", "Result", "Rig", "Search", "Section", "Shape", "Sheet", "Source", "Stage",
     "Streak", "Task", "View", "Whole", "Writer",
 }  # fmt: skip
+
+#: Characters that the list of commands has for a summary on a terminal of 80.
+SUMMARY_LENGTH = 64
 
 #: Units in the comment of a constant, and how its name then ends.
 UNITS = {
@@ -165,7 +170,7 @@ def test_names_are_verbs_or_nouns_of_the_field(folder):
         every = [] if is_class else ast.walk(node.args)
         names = [one.arg for one in every if isinstance(one, ast.arg)]
         faults += [f"{place} {name} {fault}" for name in names if (fault := fault_of_name(name))]
-    assert faults == []
+    assert [fault for fault in faults if fault.partition(":")[0] not in NOT_YET] == []
 
 
 def test_a_class_name_exists_once():
@@ -266,6 +271,13 @@ def fault_of_help(text: str) -> str:
 def test_help_texts_stand_alone():
     faults = {place: fault for place, text in help_texts() if (fault := fault_of_help(text))}
     assert faults == {}
+
+
+def test_the_list_of_commands_cuts_no_summary_short():
+    app = typer.main.get_command(whole_app())
+    cut = [name for name, command in app.commands.items()
+           if command.get_short_help_str(SUMMARY_LENGTH).endswith("...")]  # fmt: skip
+    assert cut == []
 
 
 def test_options_have_no_banned_words():

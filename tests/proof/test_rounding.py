@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from facets.cli import certificates
+from facets.cli import bounds, certificates
 from facets.experiments import certificate_optics, certificate_pieces
 from facets.experiments import check_certificate as checker
 from flint import arb
@@ -43,7 +43,7 @@ def test_a_product_whose_factors_may_be_below_zero_is_not_above_it():
 
 @pytest.mark.parametrize("value", [4575461.9, 4579999.9, 0.99999, 1.0, 0.3, 9.995e-7])
 def test_a_bound_is_told_rounded_down(value):
-    assert float(certificates.rounded_down(value)) <= value
+    assert float(bounds.round_down(value)) <= value
     assert float(checker.round_down(Fraction(value))) <= value
 
 
@@ -52,17 +52,17 @@ def test_a_bound_is_told_rounded_down(value):
 def test_a_number_is_told_on_its_safe_side_and_no_further_than_its_last_digit(value, per_unit):
     exact = Fraction(value) * per_unit
     down, up = (Fraction(told(value, 4, per_unit)) for told in
-                (certificates.rounded_down, certificates.rounded_up))  # fmt: skip
+                (bounds.round_down, bounds.round_up))  # fmt: skip
     assert down <= exact <= up
     assert up - down <= abs(exact) / 999
 
 
 def test_a_box_of_a_proof_is_told_rounded_inwards():
     low, high = np.full(6, -0.0218349), np.full(6, 0.0155486)
-    for line in certificates.box_lines(low, high)[3:]:
+    for line in bounds.box_lines(low, high)[3:]:
         assert line.split()[1:] == ["-21.83", "to", "15.54"]
     piece = pieces.ProvedPiece((-0.0218311,) * 6, (0.0155481,) * 6, 0.0)
-    assert "roll_mrad -21.84 to 15.55" in certificates.piece_text(piece)
+    assert "roll_mrad -21.84 to 15.55" in bounds.piece_text(piece)
 
 
 def test_a_box_that_is_asked_for_is_proved_to_its_ends_and_told_as_it_was_asked_for():
@@ -70,7 +70,7 @@ def test_a_box_that_is_asked_for_is_proved_to_its_ends_and_told_as_it_was_asked_
     for low, high, axis, unit in ((-0.3, 0.3, 0, 1), (-24.3, 24.3, 3, 1000), (-0.7, 5.1, 5, 1000)):
         assert Fraction(box.low[axis]) * unit <= Fraction(str(low))
         assert Fraction(box.high[axis]) * unit >= Fraction(str(high))
-        told = certificates.box_lines(box.low, box.high)[axis].split()[1:]
+        told = bounds.box_lines(box.low, box.high)[axis].split()[1:]
         assert told == [f"{low:g}", "to", f"{high:g}"]
 
 

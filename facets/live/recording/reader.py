@@ -189,7 +189,7 @@ def meta_of(folder: Path, own: bool = True) -> dict[str, Any]:
         if (folder / "bytes.bin").is_file():
             raise InputError(f"{path}: is missing; {remedy}")
         what = "it has no meta.yaml" if folder.is_dir() else "there is no such folder"
-        raise InputError(f"{folder}: is no recording: {what}")
+        raise InputError(f"{folder}: is no recording of `facets acquire`: {what}")
     try:
         data = path.read_bytes()
         found = YAML(typ="safe").load(data.decode())

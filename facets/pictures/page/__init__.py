@@ -4,5 +4,6 @@ from ...core.faces import load_on_use
 
 if TYPE_CHECKING:
     from . import rig_page as rig_page
+    from . import scripts as scripts
 else:
     __getattr__ = load_on_use(__name__)

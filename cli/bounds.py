@@ -1,0 +1,80 @@
+"""Bounds of a proof in print: rounded once, and to the side on which the statement stays true."""
+
+from __future__ import annotations
+
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
+from fractions import Fraction
+from math import inf, isfinite, nextafter
+from typing import TYPE_CHECKING
+
+from facets import characterization
+
+if TYPE_CHECKING:
+    from facets.core.units import Floats
+    from facets.proof.pieces import ProvedPiece
+
+
+def round_down(value: float | Fraction, digits: int = 3, per_unit: int = 1) -> str:
+    """A bound from below, in units of which `per_unit` are one of the value's."""
+    return round_bound(value, ROUND_FLOOR, digits, per_unit)
+
+
+def round_up(value: float | Fraction, digits: int = 3, per_unit: int = 1) -> str:
+    """A bound from above, in units of which `per_unit` are one of the value's."""
+    return round_bound(value, ROUND_CEILING, digits, per_unit)
+
+
+def round_bound(value: float | Fraction, towards: str, digits: int, per_unit: int) -> str:
+    """A number of a statement of proof, rounded in one step: all of them are printed by this, so
+    that what is proved of the certificate's number is true of the printed one."""
+    if not isfinite(value):
+        return f"{value:g}"
+    exact = Fraction(value) * per_unit
+    context = Context(prec=digits, rounding=towards)
+    number = context.divide(Decimal(exact.numerator), Decimal(exact.denominator))
+    return f"{float(number):.{digits}g}"
+
+
+def light_text(share: float, largest_power: float) -> str:
+    """The least light of a set of states; largest_power: of the laser, mW.
+
+    The proof is about the share. Of a brighter laser than `largest_power` as much light is a
+    smaller share, which is why the light in uW is stated with it.
+    """
+    power = nextafter(largest_power, inf)  # as a float 0.3 is a little less than 0.3
+    light = Fraction(share) * Fraction(power)
+    return (
+        f"at least {round_up(share, 4, 100)} % of the light on each detector"
+        f" ({round_up(light, 4, 1000)} µW of a laser of {round_down(power, 4)} mW or less)"
+    )
+
+
+def piece_text(piece: ProvedPiece) -> str:
+    """Where nothing is proved, its ends rounded outwards."""
+    sides = []
+    for name, unit, low, high in zip(
+        characterization.state_box.COLUMNS,
+        characterization.state_box.UNITS,
+        piece.low,
+        piece.high,
+        strict=False,
+    ):
+        per_unit = round(1 / unit)
+        sides.append(f"{name} {round_down(low, 4, per_unit)} to {round_up(high, 4, per_unit)}")
+    return ", ".join(sides)
+
+
+def box_lines(low: Floats, high: Floats) -> list[str]:
+    """The box of poses, its ends rounded inwards."""
+    lines = []
+    for name, unit, a, b in zip(
+        characterization.state_box.COLUMNS,
+        characterization.state_box.UNITS,
+        low[:6],
+        high[:6],
+        strict=False,
+    ):
+        per_unit = round(1 / unit)
+        ends = f"{round_up(a, 4, per_unit):>10} to {round_down(b, 4, per_unit)}"
+        lines.append(f"  {name:<12} {ends}")
+    return lines

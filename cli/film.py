@@ -1,0 +1,77 @@
+"""Films of `facets render`: the states of a motion or a recording, and their frames."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import typer
+
+from facets import files, live, pictures, simulation
+from facets.core.errors import InputError
+from facets.core.names import STATE_COLUMNS, STATE_UNITS
+
+if TYPE_CHECKING:
+    from facets.config import Config
+
+
+class PictureForm(NamedTuple):
+    """How a picture is drawn: its view, its size in pixels, and its style."""
+
+    view: Any
+    size: tuple[int, int]
+    style: str
+
+
+def film_states(settings: Config, motion: str | None, recording: Path | None, frames: int) -> Any:
+    """States (n, 8) of a motion or a recording, as many as there are frames."""
+    import numpy as np
+
+    if recording is not None:
+        if live.recording.replay.recorded_config(recording).sensor != settings.sensor:
+            remedy = "render it with the configuration that it was recorded with"
+            files.provenance.require_origin(
+                recording, live.recording.reader.meta_of(recording), settings, remedy
+            )
+        poses = live.recording.pose_table.recorded_poses(recording)
+        if not poses or not (poses["status"] == 0).any():
+            raise InputError(f"{recording}: holds no poses; see `facets replay --recover`")
+        good = poses["status"] == 0
+        states = np.column_stack([poses[name][good] for name in STATE_COLUMNS]) * STATE_UNITS
+    else:
+        _, states = simulation.motion.states(
+            simulation.motion.named(settings, motion or ""), np.random.default_rng(settings.seed)
+        )
+    return states[np.linspace(0, len(states) - 1, frames).round().astype(int)]
+
+
+def write_film(
+    settings: Config,
+    states: Any,
+    form: PictureForm,
+    path: Path,
+    rate: float,
+    exaggerate: float | None,
+) -> None:
+    """A film; says by how much its motion is drawn larger."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    factor = exaggerate or pictures.magnification.motion_factor(settings.sensor, states)
+    turning = pictures.magnification.turning_factor(factor * states) if exaggerate is None else 1.0
+    console = Console(stderr=True)
+    theme = pictures.materials.theme_of(form.style)
+    with (
+        pictures.render.Picture(
+            settings.sensor, states[0], form.view, form.size, theme, settings.name
+        ) as picture,
+        Progress(console=console, transient=True, disable=not console.is_terminal) as progress,
+    ):
+        task = progress.add_task("rendering", total=len(states))
+        pictures.film.write(
+            picture, states, path, rate, factor, lambda: progress.advance(task), turning
+        )
+    if note := pictures.magnification.times(factor, turning):
+        typer.echo(
+            f"{note[0].upper()}{note[1:]}, so that it can be seen; the film says so.", err=True
+        )

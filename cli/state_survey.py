@@ -1,0 +1,288 @@
+"""What `facets jacobian` computes: a sampled survey of a box of states, and what it prints."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import typer
+
+from facets import characterization, files, pictures
+from facets.core.errors import InputError
+from facets.core.names import STATE_COLUMNS, STATE_UNITS
+from facets.files.whole import free_space
+
+from .certificates import claim_for, prove, reach_file
+from .console import leave_out_picture
+
+if TYPE_CHECKING:
+    from facets.characterization.ambiguity import AmbiguousPair
+    from facets.characterization.singularity import Survey, Worst
+    from facets.characterization.state_box import StateBox
+    from facets.config import Config
+    from facets.core.units import Floats
+
+
+@dataclass(frozen=True)
+class SurveyRequest:
+    """What the command line asks for: the sample, the box of states, and where the results go."""
+
+    settings: Config
+    domain: StateBox
+    least_share: float | None
+    states: int
+    uniform: bool
+    seed: int
+    left_out: str
+    threads: int
+    folder: Path
+    plot: str
+    table_format: str | None
+    certify: bool
+    reach: bool
+    start: float = field(default_factory=time.perf_counter)
+
+    @property
+    def picture(self) -> Path:
+        return self.folder / f"jacobian.{self.plot}"
+
+    @property
+    def table(self) -> Path | None:
+        return self.folder / f"states.{self.table_format}" if self.table_format else None
+
+    @property
+    def density(self) -> Path:
+        return self.folder / "density.csv"
+
+    @property
+    def record(self) -> Path:
+        return self.folder / "run.yaml"
+
+    @property
+    def certificate(self) -> Path:
+        return self.folder / "certificate.json"
+
+    @property
+    def files(self) -> list[Path]:
+        """All files that may be written."""
+        paths = [self.picture, self.density, self.record]
+        paths += [self.table] if self.table is not None else []
+        paths += [self.certificate] * self.certify
+        return [*paths, reach_file(self.certificate)] if self.certify and self.reach else paths
+
+
+def survey_box(
+    request: SurveyRequest, force: bool, search: bool
+) -> tuple[Survey, Worst | None, AmbiguousPair | None]:
+    """Draws, measures and reports; then the worst by a search, and two states of like readings."""
+    files.tables.refuse_to_overwrite(request.files, force)
+    refuse_too_many(request)
+    found = measure(request)
+    report(request, found)
+    if not search:
+        return found, None, None
+    worst = search_worst(request, found)
+    alike = found.one_sign_where_lit
+    pair = (
+        None
+        if alike
+        else characterization.ambiguity.find_ambiguous_pair(request.settings.sensor, worst.state)
+    )
+    show_pair(pair)
+    return found, worst, pair
+
+
+#: A draw that takes longer than this, s, is announced.
+ANNOUNCED_AFTER_S = 10.0
+
+
+def refuse_too_many(request: SurveyRequest) -> None:
+    """Says how long many states take; raises `InputError` where they can not be done."""
+    if request.states <= characterization.singularity.CHUNK:
+        return
+    seconds, memory, size = characterization.singularity.cost(
+        request.settings.sensor, request.domain, request.states, request.left_out
+    )
+    about = f"about {duration(seconds)} on one core and {memory / 1e6:.0f} MB of memory"
+    about += f", and {size / 1e9:.3g} GB as a table" * (request.table is not None)
+    if request.states > characterization.singularity.MOST_STATES:
+        most = characterization.singularity.MOST_STATES
+        asks = f"--states is {request.states:,}; allowed: up to {most:,}"
+        raise InputError(f"{asks}; these would take {about}")
+    if request.table and size > free_space(request.table):
+        raise InputError(f"{request.table}: the disk has no place for it: {about}")
+    if seconds > ANNOUNCED_AFTER_S:
+        typer.echo(f"{request.states:,} states take {about}", err=True)
+
+
+def duration(seconds: float) -> str:
+    """In the unit that suits: "2.5 h"."""
+    for unit, size in (("days", 86_400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.2g} s"
+
+
+def measure(request: SurveyRequest) -> Survey:
+    """Draws and measures, chunk by chunk, with a progress bar; writes all states if request for."""
+    from rich.console import Console
+    from rich.progress import track
+
+    sampling: Literal["sobol", "uniform"] = "uniform" if request.uniform else "sobol"
+    sampled = characterization.singularity.samples(
+        request.domain, request.states, sampling, request.seed
+    )
+    chunks = track(
+        sampled,
+        "measuring",
+        total=-(-request.states // characterization.singularity.CHUNK),
+        console=Console(stderr=True),
+        transient=True,
+        disable=request.states <= 10 * characterization.singularity.CHUNK,
+    )
+    sensor = request.settings.sensor
+    with ExitStack() as stack:
+        keep = keeper(request, stack)
+        return characterization.singularity.survey(
+            sensor, iter(chunks), request.left_out, True, request.threads, keep
+        )
+
+
+def keeper(request: SurveyRequest, stack: ExitStack) -> Callable[[Floats, Floats], None] | None:
+    """What writes each chunk of states into the table, where one is request for."""
+    if request.table is None:
+        return None
+    temporary = stack.enter_context(files.tables.Whole(request.table))
+    writer = files.tables.Writer(temporary, files.provenance.about(request.settings, request.seed))
+    stack.callback(writer.close)
+    return lambda states, values: writer.write(
+        characterization.tables.state_columns(states, values)
+    )
+
+
+def write(request: SurveyRequest, found: Survey, pair: AmbiguousPair | None) -> dict[str, Any]:
+    """Table and picture; what the record says of them."""
+    about = files.provenance.about(request.settings, request.seed)
+    files.tables.write_table(request.density, characterization.tables.density_columns(found), about)
+    if found.states - found.dark > 1:
+        pictures.style.save(
+            pictures.singularity.survey_picture(found, request.left_out, pair), request.picture
+        )
+    else:
+        leave_out_picture(request.picture, "it needs at least two states with light")
+    return {"states": found.states, "one_sign": found.one_sign}
+
+
+def write_record(request: SurveyRequest, results: dict[str, Any]) -> None:
+    seconds = time.perf_counter() - request.start
+    files.provenance.write_record(
+        request.record, request.settings, request.seed, seconds, results, request.files
+    )
+
+
+def choose_box(settings: Config, box: str | None) -> tuple[StateBox, float | None]:
+    """The box, and the least share of light for a proof: by the config's rules, or by the box."""
+    if box is not None:
+        return characterization.state_box.parse_box(box), None
+    sensor, rules = settings.sensor, settings.range
+    return characterization.state_box.range_box(
+        sensor, rules
+    ), characterization.state_box.least_share(sensor, rules)
+
+
+def report(request: SurveyRequest, found: Survey) -> None:
+    settings, domain, left_out = request.settings, request.domain, request.left_out
+    seconds = time.perf_counter() - request.start
+    typer.echo(f"{settings.name}: {found.states} states sampled in {seconds:.2f} s from the box")
+    for name, unit, low, high in zip(
+        characterization.state_box.COLUMNS,
+        characterization.state_box.UNITS,
+        domain.low,
+        domain.high,
+        strict=True,
+    ):
+        typer.echo(f"  {name:<12} {low / unit:10.4g} to {high / unit:.4g}")
+    below, zero, above = found.signs
+    typer.echo(
+        f"determinant without {left_out}: {above} above zero, {below} below"
+        + (f", {zero} zero" if zero else "")
+        + (f"; {found.dark} states leave a detector without a reading" if found.dark else "")
+    )
+    typer.echo(f"  from {found.low[0]:.4g} to {found.high[0]:.4g} (mm, mW, rad)")
+    typer.echo(
+        "  with psi to the side y = z x x of detectors whose x points outward; the paper draws it\n"
+        "  negative, as it is with psi mirrored"
+    )
+    typer.echo(
+        f"smallest singular value: {found.low[1]:.4g} to {found.high[1]:.4g} standard deviations\n"
+        f"  per µm or µrad; condition number {found.low[2]:.4g} to {found.high[2]:.4g}"
+    )
+    show_weakest("weakest state of the sample", settings, found.weakest)
+
+
+def show_weakest(title: str, settings: Config, worst: Worst) -> None:
+    place = ", ".join(
+        f"{name} {value / unit:.4g}"
+        for name, value, unit in zip(STATE_COLUMNS, worst.state, STATE_UNITS, strict=True)
+    )
+    direction = characterization.singularity.in_words(
+        characterization.singularity.weakest_direction(settings.sensor, worst.state)
+    )
+    typer.echo(
+        f"{title}: smallest singular value {worst.values[1]:.4g}, for a change of {direction}\n"
+        f"  at {place}"
+    )
+
+
+def search_worst(request: SurveyRequest, found: Survey) -> Worst:
+    """The worst that a search finds, and how near the draw came to it."""
+    settings, domain = request.settings, request.domain
+    lowest = characterization.singularity.search(
+        settings.sensor, domain, 0, request.left_out, request.seed
+    )
+    weakest = characterization.singularity.search(
+        settings.sensor, domain, 1, request.left_out, request.seed
+    )
+    show_weakest("weakest state found by a search", settings, weakest)
+    if found.one_sign:
+        typer.echo(
+            "the search finds a determinant of "
+            f"{lowest.values[0] / found.lowest.values[0]:.3g} times, and a singular value of "
+            f"{weakest.values[1] / found.weakest.values[1]:.3g} times the smallest of the sample"
+        )
+    elif not found.one_sign_where_lit:
+        typer.echo("the determinant has both signs in the box, so it is zero at some states")
+    else:
+        typer.echo(
+            f"nothing can be said of the whole box: {100 * found.dark / found.states:.3g} % of its "
+            "states leave a detector without a reading"
+        )
+    return weakest
+
+
+def show_pair(pair: AmbiguousPair | None) -> None:
+    if pair is None:
+        return
+    typer.echo("two states with the same readings:")
+    for name, unit, one, other in zip(
+        STATE_COLUMNS, STATE_UNITS, pair.one, pair.other, strict=True
+    ):
+        typer.echo(f"  {name:<10} {one / unit:12.6g} {other / unit:12.6g}")
+
+
+def certify_and_report(
+    request: SurveyRequest,
+    work: int,
+    limit: float,
+    tolerances: float | None,
+    worst: Worst | None,
+) -> dict[str, Any]:
+    """Proves and writes the certificate; what the record says of it."""
+    weakest = None if worst is None else worst.state
+    claim = claim_for(request.settings, request.domain, request.least_share, tolerances, weakest)
+    about = files.provenance.about(request.settings, request.seed)
+    return prove(claim, work, limit, request.reach, request.certificate, about)
