@@ -31,7 +31,7 @@ from .options import (
 from .places import pair_of, pose_of
 
 if TYPE_CHECKING:
-    from facets.characterization.ranges import Boundary
+    from facets.characterization.outlines import Boundary
     from facets.config import Config
     from facets.core.rules import Rules
     from facets.core.units import Floats
@@ -131,7 +131,10 @@ def write(
         files.provenance.about(settings),
     )
     maps = (
-        [characterization.ranges.inside_map(settings.sensor, rules, b, inside) for b in boundaries]
+        [
+            characterization.outlines.map_inside(settings.sensor, rules, b, inside)
+            for b in boundaries
+        ]
         if inside
         else []
     )
@@ -159,7 +162,7 @@ def trace_all(settings: Config, rules: Rules, pairs: Any, pose: Floats) -> list[
     shown = Console(stderr=True)
     try:
         for pair in track(pairs, "tracing", console=shown, transient=True, disable=len(pairs) < 2):
-            found.append(characterization.ranges.trace(settings.sensor, rules, pair, pose))
+            found.append(characterization.outlines.trace(settings.sensor, rules, pair, pose))
     except KeyboardInterrupt:
         if not found:
             raise
@@ -173,7 +176,7 @@ def report_axes(settings: Config, rules: Rules, pose: Floats) -> None:
 
     found = characterization.ranges.axis_ranges(settings.sensor, rules, pose)
     sizes = np.array([max(axis.symmetric / 2, 1e-12) for axis in found])
-    sides, why = characterization.ranges.box(settings.sensor, rules, pose, sizes)
+    sides, why = characterization.ranges.largest_box(settings.sensor, rules, pose, sizes)
     rows = []
     for axis, side in zip(found, sides, strict=True):
         unit = core.units.unit_of(axis.name)
@@ -202,14 +205,14 @@ def report(settings: Config, rules: Rules, boundary: Boundary, grid: int) -> Non
         f"{name} {core.units.unit_of(name).factor * size:.4g} {core.units.unit_of(name).unit}"
         for name, size in zip(boundary.axes, boundary.extent, strict=True)
     ]
-    tried, right = characterization.ranges.solved(settings.sensor, rules, boundary)
+    tried, right = characterization.outlines.count_solved(settings.sensor, rules, boundary)
     text = f"{sizes[0]} by {sizes[1]}: {len(boundary.points)} points; "
     text += f"{right} of {tried} poses inside solved from zero"
     if grid:
-        x, y, cause = characterization.ranges.grid(settings.sensor, rules, boundary, grid)
+        x, y, cause = characterization.outlines.cause_grid(settings.sensor, rules, boundary, grid)
         points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
         differ = int(
-            (characterization.ranges.inside(boundary, points) != (cause.ravel() < 0)).sum()
+            (characterization.outlines.encloses(boundary, points) != (cause.ravel() < 0)).sum()
         )
         text += f"; {differ} of {grid * grid} grid points differ"
     typer.echo(text)

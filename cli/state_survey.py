@@ -109,8 +109,8 @@ def refuse_too_many(request: SurveyRequest) -> None:
     )
     about = f"about {duration(seconds)} on one core and {memory / 1e6:.0f} MB of memory"
     about += f", and {size / 1e9:.3g} GB as a table" * (request.table is not None)
-    if request.states > characterization.singularity.MOST_STATES:
-        most = characterization.singularity.MOST_STATES
+    if request.states > characterization.singularity.MAX_STATES:
+        most = characterization.singularity.MAX_STATES
         asks = f"--states is {request.states:,}; allowed: up to {most:,}"
         raise InputError(f"{asks}; these would take {about}")
     if request.table and size > free_space(request.table):
@@ -229,7 +229,7 @@ def show_weakest(title: str, settings: Config, worst: Worst) -> None:
         f"{name} {value / unit:.4g}"
         for name, value, unit in zip(STATE_COLUMNS, worst.state, STATE_UNITS, strict=True)
     )
-    direction = characterization.singularity.in_words(
+    direction = characterization.singularity.direction_in_words(
         characterization.singularity.weakest_direction(settings.sensor, worst.state)
     )
     typer.echo(

@@ -58,10 +58,10 @@ _HOMES = {
     "solve": "estimation.solver",
     "unseen_errors": "estimation.reliability",
     "AxisRange": "characterization.ranges",
-    "Boundary": "characterization.ranges",
+    "Boundary": "characterization.outlines",
     "CAUSES": "characterization.ranges",
     "axis_ranges": "characterization.ranges",
-    "trace": "characterization.ranges",
+    "trace": "characterization.outlines",
     "Estimator": "characterization.resolution",
     "budgets": "characterization.resolution",
     "uncertainties": "characterization.resolution",
@@ -73,11 +73,11 @@ _HOMES = {
 __all__ = sorted(_HOMES)
 
 if TYPE_CHECKING:
+    from .characterization.outlines import Boundary as Boundary
+    from .characterization.outlines import trace as trace
     from .characterization.ranges import CAUSES as CAUSES
     from .characterization.ranges import AxisRange as AxisRange
-    from .characterization.ranges import Boundary as Boundary
     from .characterization.ranges import axis_ranges as axis_ranges
-    from .characterization.ranges import trace as trace
     from .characterization.resolution import Estimator as Estimator
     from .characterization.resolution import budgets as budgets
     from .characterization.resolution import uncertainties as uncertainties

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import facets
-from facets.characterization.ranges import CAUSES, Boundary, trace
+from facets.characterization.outlines import Boundary, trace
+from facets.characterization.ranges import CAUSES
 from facets.core.names import POSE
 from facets.pictures.ranges import ranges_picture
 from facets.pictures.style import unit_of

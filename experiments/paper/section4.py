@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import facets
-from facets.characterization.ranges import box
+from facets.characterization.ranges import largest_box
 from facets.characterization.resolution import estimators, resolve
 
 from .experiment import PaperClaim, Table, columns_of
@@ -27,7 +27,7 @@ def compute(quick: bool) -> Table:
     rows = []
     for tracking, paper in ((False, 0.25), (True, 8.0)):
         rules = replace(config.range, tracking=tracking)
-        half, _ = box(config.sensor, rules, np.zeros(6), SQUARE)
+        half, _ = largest_box(config.sensor, rules, np.zeros(6), SQUARE)
         beam = "following" if tracking else "fixed"
         rows.append((f"square in x and y; beam {beam}", "mm", paper, 2 * half[0]))
     tracked = replace(config.range, tracking=True)

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..characterization.ranges import clearances, trace
+from ..characterization.outlines import trace
+from ..characterization.ranges import clearances
 from ..core.names import POSE
 from ..core.rules import Rules
 from . import rivals

@@ -5,6 +5,7 @@ from ..core.faces import load_on_use
 if TYPE_CHECKING:
     from . import ambiguity as ambiguity
     from . import noise_report as noise_report
+    from . import outlines as outlines
     from . import random_poses as random_poses
     from . import ranges as ranges
     from . import resolution as resolution

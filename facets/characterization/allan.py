@@ -14,7 +14,7 @@ import numpy as np
 from ..core.units import Floats
 
 #: Averaging times for each factor of ten.
-EACH_DECADE = 6
+TIMES_PER_DECADE = 6
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def allan(signal: Floats, rate: float, level: float = 0.95) -> Allan:
     total = np.concatenate([[0.0], np.cumsum(np.where(there, signal - np.nanmean(signal), 0.0))])
     count = np.concatenate([[0], np.cumsum(there)])
     decades = np.log10(max(1.0, len(signal) / 4))
-    lengths = np.unique(np.logspace(0, decades, int(EACH_DECADE * decades) + 1).astype(int))
+    lengths = np.unique(np.logspace(0, decades, int(TIMES_PER_DECADE * decades) + 1).astype(int))
     rows = []
     for m in lengths.tolist():
         mean = (total[m:] - total[:-m]) / m

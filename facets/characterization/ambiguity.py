@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..core.names import FINE_UNITS
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import standard_deviations
@@ -24,16 +25,15 @@ from .state_box import StateBox
 #: How far from the singular state a pair is looked for, largest first: shares of FARTHEST.
 REACHES = np.geomspace(1, 1e-3, 25)
 #: Of the longest component of the direction, um or urad.
-FARTHEST = 3000.0
+FARTHEST_FINE = 3000.0
 #: Readings this near, in standard deviations, are the same.
-EQUAL = 1e-6
-UNITS = np.array([1e-3, 1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3, 1e-3])
+EQUAL_SIGMAS = 1e-6
 #: Steps along the weakest direction to a singular state: how many, and how long, um or urad.
-STEPS, STEP = 400, 100.0
+MAX_STEPS, STEP_FINE = 400, 100.0
 #: Distances at which pairs are moved into the box, shares of FARTHEST; and moves of each.
 DISTANCES, MOVES = (0.03, 0.3, 1.0, 3.0), 40
 #: The power's reading that the other eight make up where the laser's power is known.
-LEFT_OUT = 8
+REDUNDANT_READING = 8
 
 
 @dataclass(frozen=True)
@@ -62,16 +62,18 @@ class PairSearch(NamedTuple):
 
 def find_ambiguous_pair(sensor: Sensor, near: Floats) -> AmbiguousPair | None:
     """The pair furthest apart that is found about a nearly singular state (8,), if any is."""
-    direction = weakest_direction(sensor, near) * UNITS
-    direction *= FARTHEST / np.abs(direction / UNITS).max()
+    direction = weakest_direction(sensor, near) * FINE_UNITS
+    direction *= FARTHEST_FINE / np.abs(direction / FINE_UNITS).max()
     for reach in REACHES:
         for side in (1, -1):
             one = near + side * reach * direction
             seen = readings(sensor, one)
             other, residual = local_solution(sensor, seen, near - side * reach * direction)
-            gap = np.linalg.norm((other - one) / UNITS) / np.linalg.norm(direction / UNITS)
-            if residual < EQUAL and gap > reach:
-                return between(sensor, one, other)
+            gap = np.linalg.norm((other - one) / FINE_UNITS) / np.linalg.norm(
+                direction / FINE_UNITS
+            )
+            if residual < EQUAL_SIGMAS and gap > reach:
+                return pair_between(sensor, one, other)
     return None
 
 
@@ -85,12 +87,12 @@ def find_pair_in_box(sensor: Sensor, box: StateBox, share: float, near: Floats) 
     if fold is None:
         return best
     for distance in DISTANCES:
-        direction = weakest_direction(sensor, fold) * UNITS
-        direction *= distance * FARTHEST / np.abs(direction / UNITS).max()
+        direction = weakest_direction(sensor, fold) * FINE_UNITS
+        direction *= distance * FARTHEST_FINE / np.abs(direction / FINE_UNITS).max()
         pair = np.concatenate([fold - direction, fold + direction])
         found = move_into_box(sensor, box, share, pair)
         if found is not None and found[1] < best.outside:
-            best = PairSearch(between(sensor, found[0][:8], found[0][8:]), found[1])
+            best = PairSearch(pair_between(sensor, found[0][:8], found[0][8:]), found[1])
         if best.outside == 0:
             break
     return best
@@ -101,10 +103,10 @@ def find_singular_state(sensor: Sensor, near: Floats) -> Floats | None:
     sign = np.sign(measures(sensor, near[None], spectra=False)[0, 0])
     for side in (1.0, -1.0):
         state, before = near.copy(), side * weakest_direction(sensor, near)
-        for _ in range(STEPS):
+        for _ in range(MAX_STEPS):
             ahead = weakest_direction(sensor, state)
             ahead *= np.sign(ahead @ before) or 1.0
-            moved = state + STEP * ahead * UNITS
+            moved = state + STEP_FINE * ahead * FINE_UNITS
             value = measures(sensor, moved[None], spectra=False)[0, 0]
             if not np.isfinite(value):
                 break
@@ -128,8 +130,8 @@ def move_into_box(
     sensor: Sensor, box: StateBox, share: float, pair: Floats
 ) -> tuple[Floats, float] | None:
     """A pair (16,) with equal readings and how far it is outside; None where none is reached."""
-    scale = np.tile(UNITS, 2)
-    length = np.linalg.norm((pair[8:] - pair[:8]) / UNITS)
+    scale = np.tile(FINE_UNITS, 2)
+    length = np.linalg.norm((pair[8:] - pair[:8]) / FINE_UNITS)
     best: tuple[Floats, float] | None = None
     for _ in range(MOVES):
         seen, slopes = readings(sensor, pair.reshape(2, 8)), jacobian(sensor, pair.reshape(2, 8))
@@ -139,15 +141,19 @@ def move_into_box(
         apart = (seen[1] - seen[0]) / sigma
         excess, slope = excess_of(sensor, box, share, pair, seen, slopes)
         outside = float(excess.max(initial=0.0))
-        if np.abs(apart).max() < EQUAL and (best is None or outside < best[1]):
+        if np.abs(apart).max() < EQUAL_SIGMAS and (best is None or outside < best[1]):
             best = pair.copy(), outside
             if outside == 0:
                 break
-        gap = (pair[8:] - pair[:8]) / UNITS
+        gap = (pair[8:] - pair[:8]) / FINE_UNITS
         along = gap / np.linalg.norm(gap)
-        rows = np.delete(np.hstack([-slopes[0], slopes[1]]) / sigma[:, None], LEFT_OUT, axis=0)
+        rows = np.delete(
+            np.hstack([-slopes[0], slopes[1]]) / sigma[:, None], REDUNDANT_READING, axis=0
+        )
         equal = np.vstack([rows * scale, np.concatenate([-along, along])])
-        missing = np.concatenate([-np.delete(apart, LEFT_OUT), [length - np.linalg.norm(gap)]])
+        missing = np.concatenate(
+            [-np.delete(apart, REDUNDANT_READING), [length - np.linalg.norm(gap)]]
+        )
         step = constrained_step(slope * scale, -excess, equal, missing)
         pair = pair + scale * step * min(1.0, 1e3 / np.abs(step).max(initial=1e-12))
     return best
@@ -182,7 +188,7 @@ def excess_of(
     return np.where(inside, 0.0, excess + 1e-3), slope
 
 
-def between(sensor: Sensor, one: Floats, other: Floats) -> AmbiguousPair:
+def pair_between(sensor: Sensor, one: Floats, other: Floats) -> AmbiguousPair:
     share = np.linspace(-0.15, 1.15, 131)
     states = one + share[:, None] * (other - one)
     seen = readings(sensor, states)

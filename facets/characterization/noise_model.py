@@ -15,22 +15,22 @@ import numpy as np
 from ..core.units import Floats
 
 #: Standard deviations on either side of a 95 % interval.
-NINETY_FIVE = 1.959964
+SIGMAS_OF_95_PERCENT = 1.959964
 #: Bands of the fit, evenly spaced in the logarithm of the frequency.
 BANDS = 400
 #: The lowest frequencies, which the drift's removal has changed, in units of one over the length.
-PASSED_OVER = 2
+SKIPPED_FREQUENCIES = 2
 #: A line must be so unlikely to be chance, over all frequencies.
 CHANCE = 1e-4
 #: Mains, and what may be off a nominal frequency, as a share.
-MAINS, OFF = (50.0, 60.0), 0.005
+MAINS_HZ, MAINS_TOLERANCE = (50.0, 60.0), 0.005
 #: At most so many lines are looked for.
-MOST = 20
+MAX_LINES = 20
 #: Pieces that a signal is summed in while a line's frequency is refined: they hide a part in 10^6
 #: of an amplitude that is one line of the periodogram off.
-PIECES = 2048
+PEAK_SUMS = 2048
 #: The fewest samples that say anything.
-FEWEST = 64
+MIN_SAMPLES = 64
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Estimate:
     @property
     def interval(self) -> tuple[float, float]:
         """95 %."""
-        half = NINETY_FIVE * self.sigma
+        half = SIGMAS_OF_95_PERCENT * self.sigma
         return self.value - half, self.value + half
 
     def holds(self, true: float) -> bool:
@@ -102,10 +102,10 @@ def fit_noise(signal: Floats, rate: float) -> NoiseModel:
     Raises `ValueError` for fewer than FEWEST numbers.
     """
     there = np.isfinite(signal)
-    if there.sum() < FEWEST:
+    if there.sum() < MIN_SAMPLES:
         raise ValueError(f"{int(there.sum())} samples are too few to say anything of their noise")
     filled = fill(signal)
-    spiky = spikes_of(filled)
+    spiky = find_spikes(filled)
     clean = fill(np.where(spiky, np.nan, filled))
     time = np.arange(len(clean)) / rate
     mean, slope = float(clean.mean()), slope_of(clean, time)
@@ -113,9 +113,9 @@ def fit_noise(signal: Floats, rate: float) -> NoiseModel:
     lines: list[tuple[float, float]] = []
     for _ in range(3):  # lines hide noise, and noise hides lines
         frequency, power = periodogram(rest, rate)
-        white, flicker = whittle(frequency, power)
+        white, flicker = fit_spectrum(frequency, power)
         expected = density(frequency, white, flicker)
-        new = new_lines(rest, rate, frequency, power, expected, MOST - len(lines))
+        new = find_lines(rest, rate, frequency, power, expected, MAX_LINES - len(lines))
         if not new:
             break
         lines += new
@@ -126,7 +126,7 @@ def fit_noise(signal: Floats, rate: float) -> NoiseModel:
         lines = [(f, float(np.hypot(*coefficients[2 * n : 2 * n + 2])))
                  for n, (f, _) in enumerate(lines)]  # fmt: skip
     frequency, power = periodogram(rest, rate)
-    white, flicker = whittle(frequency, power)
+    white, flicker = fit_spectrum(frequency, power)
     length = len(clean) / rate
     sigma = slope_sigma(time, rate, white.value, flicker.value)
     named = tuple(
@@ -154,7 +154,7 @@ def fill(signal: Floats) -> Floats:
     return np.interp(place, place[there], signal[there])
 
 
-def spikes_of(signal: Floats) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+def find_spikes(signal: Floats) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
     """Samples (n,) far off the middle of their neighbours: dust, a cable, a spoilt frame."""
     middle = np.median(np.stack([np.roll(signal, n) for n in (-2, -1, 1, 2)]), axis=0)
     apart = np.abs(signal - middle)
@@ -188,10 +188,10 @@ def periodogram(signal: Floats, rate: float) -> tuple[Floats, Floats]:
     power: Floats = 2 * np.abs(np.fft.rfft(signal)[1:]) ** 2 / rate / len(signal)
     frequency: Floats = np.arange(1.0, len(power) + 1.0) * (rate / len(signal))
     end = (len(signal) - 1) // 2
-    return frequency[PASSED_OVER:end], power[PASSED_OVER:end]
+    return frequency[SKIPPED_FREQUENCIES:end], power[SKIPPED_FREQUENCIES:end]
 
 
-def whittle(frequency: Floats, power: Floats) -> tuple[Estimate, Estimate]:
+def fit_spectrum(frequency: Floats, power: Floats) -> tuple[Estimate, Estimate]:
     """White and flicker noise of a periodogram, by the likelihood of its bands' means.
 
     Scoring in the logarithms, so that neither can be negative. Their standard uncertainties are
@@ -223,7 +223,7 @@ def whittle(frequency: Floats, power: Floats) -> tuple[Estimate, Estimate]:
     return Estimate(float(value[0]), float(sigma[0])), Estimate(float(value[1]), float(sigma[1]))
 
 
-def new_lines(
+def find_lines(
     rest: Floats, rate: float, frequency: Floats, power: Floats, expected: Floats, most: int
 ) -> list[tuple[float, float]]:
     """Frequencies and powers of what stands out of the noise, the strongest first."""
@@ -235,11 +235,11 @@ def new_lines(
         if over[n] < limit or len(found) == most:
             break
         if all(abs(frequency[n] - other) > 4 * step for other, _ in found):
-            found.append((peak(rest, rate, float(frequency[n]), step), float(over[n])))
+            found.append((find_peak(rest, rate, float(frequency[n]), step), float(over[n])))
     return found
 
 
-def peak(signal: Floats, rate: float, about: float, step: float) -> float:
+def find_peak(signal: Floats, rate: float, about: float, step: float) -> float:
     """The frequency of the periodogram's peak, between its lines.
 
     The signal is brought down to frequency zero once, and summed in pieces that are short beside
@@ -248,7 +248,7 @@ def peak(signal: Floats, rate: float, about: float, step: float) -> float:
     from scipy.optimize import minimize_scalar
 
     moved = signal * np.exp(-2j * np.pi * about / rate * np.arange(len(signal)))
-    starts = np.unique(np.linspace(0, len(signal), PIECES, endpoint=False).astype(int))
+    starts = np.unique(np.linspace(0, len(signal), PEAK_SUMS, endpoint=False).astype(int))
     sums = np.add.reduceat(moved, starts)
     middles = (starts + np.append(starts[1:], len(signal)) - 1) / 2
     turns = 2j * np.pi * middles / rate
@@ -268,8 +268,8 @@ def line_matrix(time: Floats, frequencies: list[float]) -> Floats:
 
 def name_of(frequency: float) -> str:
     """What a line may be, by its frequency."""
-    for mains in MAINS:
+    for mains in MAINS_HZ:
         order = round(frequency / mains)
-        if order >= 1 and abs(frequency - order * mains) < OFF * order * mains:
+        if order >= 1 and abs(frequency - order * mains) < MAINS_TOLERANCE * order * mains:
             return f"mains, {mains:.0f} Hz" if order == 1 else f"mains, {order} x {mains:.0f} Hz"
     return "unknown"

@@ -12,8 +12,8 @@ from ..core.errors import InputError
 from ..core.names import READING_COLUMNS, STATE_COLUMNS
 from ..core.units import Floats
 from .allan import Allan, allan
-from .noise_model import FEWEST, NoiseModel, fit_noise
-from .rest import Columns, RecordingSection, movements
+from .noise_model import MIN_SAMPLES, NoiseModel, fit_noise
+from .rest import Columns, RecordingSection, find_faults
 
 if TYPE_CHECKING:
     from ..core.settings import Config
@@ -24,9 +24,9 @@ CHANNELS = {
     **{name: (1e3, "um" if name.endswith("mm") else "urad") for name in STATE_COLUMNS[:6]},
 }
 #: At most so many samples are looked at, from the beginning: six minutes at 10 kHz.
-MOST = 1 << 22
+MAX_SAMPLES = 1 << 22
 #: A jump of the time by more than so many samples ends the piece that is looked at.
-JUMP = 100
+JUMP_SAMPLES = 100
 
 
 @dataclass(frozen=True)
@@ -84,18 +84,18 @@ def report_of(
     channels = []
     for n, (column, (scale, unit)) in enumerate(CHANNELS.items()):
         tell(n, len(CHANNELS))
-        signal = scale * piece.spread(columns[column])
+        signal = scale * piece.resample(columns[column])
         try:
             model = fit_noise(signal, rate)
         except ValueError as error:
             raise InputError(f"{name}: {column}: {error}") from None
-        stated = configured(column, columns, rows, config) * scale
+        stated = configured_deviation(column, columns, rows, config) * scale
         channels.append(Channel(column, unit, signal, model, allan(signal, rate), stated))
     readings = np.stack([columns[column][rows] for column in READING_COLUMNS], axis=1)
-    found = by_name(channels)
+    found = channels_by_name(channels)
     position, at_power = position_noise(found, readings, config)
     power, common = power_noise(found, readings)
-    faults = movements(columns, piece, [one.model for one in channels[:9]], config)
+    faults = find_faults(columns, piece, [one.model for one in channels[:9]], config)
     missing = int(piece.seq[-1] - piece.seq[0]) + 1 - len(piece.seq)
     return NoiseReport(
         rate, float(time[-1] - time[0]), len(piece.seq), missing, channels,
@@ -103,7 +103,7 @@ def report_of(
     )  # fmt: skip
 
 
-def by_name(channels: list[Channel]) -> dict[str, Channel]:
+def channels_by_name(channels: list[Channel]) -> dict[str, Channel]:
     return {one.name: one for one in channels}
 
 
@@ -112,24 +112,24 @@ def longest_section(columns: Columns, name: str) -> RecordingSection:
 
     Raises `InputError` where they are too few. name: for its message.
     """
-    if not columns or len(columns["seq"]) < FEWEST:
-        raise InputError(f"{name}: holds less than {FEWEST} samples, too few for their noise")
+    if not columns or len(columns["seq"]) < MIN_SAMPLES:
+        raise InputError(f"{name}: holds less than {MIN_SAMPLES} samples, too few for their noise")
     passed, counted = np.diff(columns["board_us"]), np.diff(columns["seq"])
     usual = float(np.median(passed / counted))
-    ends = np.flatnonzero(passed > usual * (counted + JUMP)) + 1
+    ends = np.flatnonzero(passed > usual * (counted + JUMP_SAMPLES)) + 1
     starts = np.concatenate([[0], ends])
     stops = np.concatenate([ends, [len(columns["seq"])]])
     n = int(np.argmax(stops - starts))
-    rows = slice(int(starts[n]), int(min(stops[n], starts[n] + MOST)))
+    rows = slice(int(starts[n]), int(min(stops[n], starts[n] + MAX_SAMPLES)))
     seq, time = columns["seq"][rows], 1e-6 * columns["board_us"][rows]
-    if len(seq) < FEWEST:
+    if len(seq) < MIN_SAMPLES:
         raise InputError(
-            f"{name}: holds less than {FEWEST} samples without a gap, too few for their noise"
+            f"{name}: holds less than {MIN_SAMPLES} samples without a gap, too few for their noise"
         )
     return RecordingSection(rows, seq, float((seq[-1] - seq[0]) / (time[-1] - time[0])))
 
 
-def configured(name: str, columns: Columns, rows: slice, config: Config) -> float:
+def configured_deviation(name: str, columns: Columns, rows: slice, config: Config) -> float:
     """The standard deviation of one sample that the configuration states, in the column's unit."""
     from ..detectors.noise import standard_deviations
 

@@ -1,29 +1,27 @@
-"""How far the sensor measures: limits as smooth margins, ranges of axes, and traced boundaries.
+"""How far the sensor measures: limits as smooth margins, and the ranges of axes.
 
 A margin is positive where a limit is kept, and all are scaled to be of order one, so that the least
-of them says where the range ends and why. A boundary is followed along rays from a place inside, to
-a tolerance, and rays are added until the outline between them is as good.
+of them says where the range ends and why.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import prod
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.arguments import check_arguments
 from ..core.errors import InputError
-from ..core.names import ANGLES, FINE_UNITS, POSE
+from ..core.names import FINE_UNITS, POSE
 from ..core.rules import Rules
 from ..core.sensor import Sensor
-from ..core.units import Floats, Integers, unit_of
+from ..core.units import Floats, Integers
 from ..detectors.noise import least_light, other_light, standard_deviations
 from ..estimation.compiling import compile_for
-from ..estimation.solver import solve
 from ..model.arrays import (
     as_rows,
     centroids_as_ends,
@@ -40,9 +38,6 @@ CAUSES = ("spot leaves the PSD", "too little light", "Jacobian near singular", "
 PSD, LIGHT, SINGULAR, COARSE = range(4)
 #: How far the search goes: mm and rad, past any range that a sensor of this kind can have.
 FARTHEST = (30.0, 30.0, 30.0, 0.5, 0.5, 0.5)
-#: To what a boundary is followed: 0.1 um and 0.1 urad.
-TOLERANCE = 1e-4
-ANGLE_TOLERANCE = 1e-7
 
 
 def states_of(poses: Floats, rules: Rules) -> Floats:
@@ -55,10 +50,15 @@ def states_of(poses: Floats, rules: Rules) -> Floats:
 
 
 def scaled_jacobian(sensor: Sensor, state: Floats) -> Floats:
-    """(n, 9, 8): columns per um and urad, rows in standard deviations of the readings."""
+    """The Jacobian at states (n, 8): columns per um and urad, rows in standard deviations of the
+    readings; (n, 9, 8)."""
+    return scale_jacobian(sensor, state, jacobian(sensor, state))
+
+
+def scale_jacobian(sensor: Sensor, state: Floats, matrix: Floats) -> Floats:
+    """Derivatives (n, 9, 8) at states (n, 8), scaled as those of `scaled_jacobian`."""
     sigma = standard_deviations(sensor, readings(sensor, state))
-    scaled: Floats = 1e-3 * jacobian(sensor, state) / sigma[:, :, None]
-    scaled[:, :, 3:6] *= 1e-3
+    scaled: Floats = matrix * FINE_UNITS / sigma[:, :, None]
     return scaled
 
 
@@ -77,7 +77,7 @@ def clearances(sensor: Sensor, poses: Floats, rules: Rules) -> Floats:
     lit = (out[:, PSD] > -1) & (out[:, LIGHT] > NO_LIGHT)
     coarse = np.isfinite(rules.coarsest).any()
     if lit.any() and (coarse or np.isfinite(rules.condition)):
-        out[lit, SINGULAR:] = information(sensor, state[lit], rules)
+        out[lit, SINGULAR:] = information_margins(sensor, state[lit], rules)
     return out
 
 
@@ -122,7 +122,7 @@ def least_of_rows(values: Floats) -> Floats:
     return least
 
 
-def information(sensor: Sensor, state: Floats, rules: Rules) -> Floats:
+def information_margins(sensor: Sensor, state: Floats, rules: Rules) -> Floats:
     """The margins of conditioning and of resolution, (n, 2)."""
     matrix = scaled_jacobian(sensor, state)
     out = np.full((len(state), 2), -1.0)
@@ -153,13 +153,13 @@ class Exits(NamedTuple):
     calls: int
 
 
-#: Shares of the farthest distance at which a ray is asked before its exit is narrowed down, and
+#: Shares of the farthest distance at which a ray is examined before its exit is narrowed down, and
 #: how many of them at once.
-STAGE = 5
-STEPS = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 28)])
+STEPS_AT_ONCE = 5
+STEP_SHARES = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 28)])
 
 
-def exits(
+def find_exits(
     sensor: Sensor, rules: Rules, start: Floats, rays: Floats, tolerance: float = 1e-6
 ) -> Exits:
     """Where rays (n, 6) from the pose `start` (6,), which is inside, first leave the range.
@@ -192,19 +192,20 @@ def first_exits(
         return margin.reshape(distance.shape)
 
     numbers = np.arange(count)
-    first = np.full(count, len(STEPS))  # the step at which a ray is first outside
-    for begin in range(0, len(STEPS), STAGE):  # a ray that has left is not asked further out
-        which = numbers[first == len(STEPS)]
-        steps = np.repeat(STEPS[None, begin : begin + STAGE], len(which), axis=0)
+    first = np.full(count, len(STEP_SHARES))  # the step at which a ray is first outside
+    for begin in range(0, len(STEP_SHARES), STEPS_AT_ONCE):
+        # a ray that has left the range is not followed further
+        which = numbers[first == len(STEP_SHARES)]
+        steps = np.repeat(STEP_SHARES[None, begin : begin + STEPS_AT_ONCE], len(which), axis=0)
         outside = least(steps, np.repeat(which[:, None], steps.shape[1], axis=1)) <= 0
         left = outside.any(axis=1)
         first[which[left]] = begin + np.argmax(outside[left], axis=1)
-    leaves = first < len(STEPS)
+    leaves = first < len(STEP_SHARES)
     end = np.ones(count)
     cause = np.full(count, -1)
     if leaves.any():
         which = numbers[leaves]
-        low, high = STEPS[first[leaves] - 1], STEPS[first[leaves]]
+        low, high = STEP_SHARES[first[leaves] - 1], STEP_SHARES[first[leaves]]
         found = find_root(
             least,
             (low, high),
@@ -236,7 +237,7 @@ class AxisRange:
         return 2 * min(self.high, -self.low)
 
 
-def place_inside(sensor: Sensor, rules: Rules, start: ArrayLike) -> Floats:
+def require_inside(sensor: Sensor, rules: Rules, start: ArrayLike) -> Floats:
     """A pose (6,) as an array. Raises `InputError` where it is none, and where it is outside the
     range, by how much and by which key."""
     rows, shape = as_rows(start, 6, "start")
@@ -291,9 +292,9 @@ def axis_ranges(
     '12.15 mm, then spot leaves the PSD'
     """
     compile_for(sensor, "readings", "footprints", "derivatives")
-    pose = place_inside(sensor, rules, start)
+    pose = require_inside(sensor, rules, start)
     rays = np.concatenate([-np.diag(FARTHEST), np.diag(FARTHEST)])
-    found = exits(sensor, rules, pose, rays, tolerance)
+    found = find_exits(sensor, rules, pose, rays, tolerance)
     far = found.distance * np.tile(FARTHEST, 2)
     return [
         AxisRange(name, -far[i], far[i + 6], int(found.cause[i]), int(found.cause[i + 6]))
@@ -301,7 +302,7 @@ def axis_ranges(
     ]
 
 
-def box(sensor: Sensor, rules: Rules, start: Floats, sizes: Floats) -> tuple[Floats, int]:
+def largest_box(sensor: Sensor, rules: Rules, start: Floats, sizes: Floats) -> tuple[Floats, int]:
     """Half the sides of the largest box about a pose, of sides in the proportion of `sizes` (6,).
 
     Its 64 corners and 2000 random points of its surface are inside. Also which limit stops it.
@@ -311,181 +312,6 @@ def box(sensor: Sensor, rules: Rules, start: Floats, sizes: Floats) -> tuple[Flo
     surface = rng.uniform(-1, 1, (2000, 6))
     face = rng.integers(0, 6, 2000)
     surface[np.arange(2000), face] = rng.choice([-1.0, 1.0], 2000)
-    found = exits(sensor, rules, start, np.concatenate([corners, surface]) * sizes, 1e-7)
+    found = find_exits(sensor, rules, start, np.concatenate([corners, surface]) * sizes, 1e-7)
     nearest = int(found.distance.argmin())
     return found.distance[nearest] * sizes, int(found.cause[nearest])
-
-
-@dataclass(frozen=True)
-class Boundary:
-    """The outline of the range over two axes, as traced: points (n, 2), mm or rad, in order, from
-    `start` (6,).
-
-    causes: (n,) why the range ends between each point and the next; -1 where the search ended.
-    calls: of the model.
-    """
-
-    axes: tuple[str, str]
-    start: Floats
-    points: Floats
-    causes: NDArray[np.int64]
-    calls: int
-
-    @property
-    def extent(self) -> Floats:
-        """Width and height of the outline."""
-        size: Floats = np.ptp(self.points, axis=0)
-        return size
-
-    @property
-    def grid_calls(self) -> float:
-        """Calls that a grid of the same resolution over the same extent would take."""
-        return float(np.prod(self.extent / tolerances(self.axes)))
-
-
-def tolerances(axes: Sequence[str]) -> Floats:
-    return np.array([ANGLE_TOLERANCE if name in ANGLES else TOLERANCE for name in axes])
-
-
-@check_arguments
-def trace(
-    sensor: Sensor, rules: Rules, axes: tuple[str, str], start: ArrayLike | None = None
-) -> Boundary:
-    """The outline of the range over two axes of the pose, as in Figs. 6 and 10 of the paper.
-
-    axes: two names out of `facets.POSE`.  start: (6,) a pose inside, mm and rad; zero by default.
-    Every ray from `start` is followed to where it first leaves the range, to 0.1 um and 0.1 urad;
-    pieces that lie behind that are not found (`grid` shows them).
-
-    Returns a `Boundary`: points (n, 2) in mm or rad, and why the range ends at each. Raises
-    `InputError` where `start` is outside.
-
-    >>> import facets
-    >>> config = facets.load("paper")
-    >>> outline = facets.trace(config.sensor, config.range, ("tz", "yaw"))
-    >>> f"{outline.extent[0]:.1f} mm by {1e3 * outline.extent[1]:.0f} mrad"
-    '12.6 mm by 49 mrad'
-    """
-    if not set(axes) <= set(POSE) or axes[0] == axes[1]:
-        raise InputError(f"axes is {axes!r}; allowed: two different names of {', '.join(POSE)}")
-    pose = place_inside(sensor, rules, np.zeros(6) if start is None else start)
-    cheap = Rules(rules.whole_spot, rules.snr, np.inf, (np.inf,) * 6, rules.tracking)
-    boundary = traced(sensor, cheap, axes, pose)
-    if cheap == rules:
-        return boundary
-    shares = np.linspace(0, 1, 9)[1:, None, None]
-    within = (shares * boundary.points[:: max(1, len(boundary.points) // 64)]).reshape(-1, 2)
-    poses = np.repeat(pose[None], len(within), axis=0)
-    poses[:, [POSE.index(name) for name in axes]] += within
-    if (clearances(sensor, poses, rules)[:, SINGULAR:] > np.log(2)).all():
-        return boundary  # conditioning and resolution are nowhere near their limits
-    return traced(sensor, rules, axes, pose)
-
-
-def traced(sensor: Sensor, rules: Rules, axes: tuple[str, str], pose: Floats) -> Boundary:
-    columns = [POSE.index(name) for name in axes]
-    reach = np.array([FARTHEST[column] for column in columns])
-    fine = tolerances(axes)
-
-    def follow(angles: Floats, scale: Floats, precise: float) -> tuple[Floats, Any, int]:
-        rays = np.zeros((len(angles), 6))
-        rays[:, columns] = np.stack([np.cos(angles), np.sin(angles)], axis=1) * scale
-        found = exits(sensor, rules, pose, rays, precise)
-        return found.distance[:, None] * rays[:, columns], found.cause, found.calls
-
-    ends, _, calls = follow(np.arange(4) * np.pi / 2, reach, 1e-6)
-    scale = 4 * np.abs(ends).max(axis=0)  # so that the outline is about a unit circle, and inside
-    precise = float((fine / scale).min()) / 10
-    angles = np.arange(33) * np.pi / 16
-    points, causes, more = follow(angles, scale, precise)
-    calls += more
-    open_ = np.arange(32)  # segments whose middle has not been asked
-    while len(open_) and len(angles) < 20_000:
-        middle = (angles[open_] + angles[open_ + 1]) / 2
-        between, why, more = follow(middle, scale, precise)
-        calls += more
-        away = off_chord(between / fine, points[open_] / fine, points[open_ + 1] / fine)
-        split = (away > 1) & (np.diff(angles)[open_] > 1e-9)
-        where = open_ + 1
-        angles, points = np.insert(angles, where, middle), np.insert(points, where, between, axis=0)
-        causes = np.insert(causes, where, why)
-        first = open_[split] + np.flatnonzero(split)  # as numbered after the insertion
-        open_ = np.sort(np.concatenate([first, first + 1]))
-    poses = np.repeat(pose[None], len(points) - 1, axis=0)
-    poses[:, columns] += (points[:-1] + points[1:]) / 2
-    between = clearances(sensor, poses, rules).argmin(axis=1)
-    ended = (causes[:-1] < 0) & (causes[1:] < 0)
-    return Boundary(axes, pose, points[:-1], np.where(ended, -1, between), calls + len(poses))
-
-
-def off_chord(point: Floats, a: Floats, b: Floats) -> Floats:
-    """How far points lie from the line through a and b."""
-    chord = b - a
-    length = np.maximum(np.hypot(*chord.T), 1e-300)
-    off: Floats = np.abs(chord[:, 0] * (point - a)[:, 1] - chord[:, 1] * (point - a)[:, 0]) / length
-    return off
-
-
-def grid(
-    sensor: Sensor, rules: Rules, boundary: Boundary, count: int
-) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """The two axes and, for each place of a count x count grid, why it is outside; -1 inside.
-
-    The grid covers the outline and a tenth more. Shapes (count,), (count,), (count, count).
-    """
-    low, high = boundary.points.min(axis=0), boundary.points.max(axis=0)
-    low, high = low - 0.05 * (high - low), high + 0.05 * (high - low)
-    x, y = np.linspace(low[0], high[0], count), np.linspace(low[1], high[1], count)
-    poses = np.repeat(boundary.start[None], count * count, axis=0)
-    columns = [POSE.index(name) for name in boundary.axes]
-    poses[:, columns] += np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    clear = clearances(sensor, poses, rules)
-    cause = np.where(clear.min(axis=1) > 0, -1, clear.argmin(axis=1))
-    return x, y, cause.reshape(count, count)
-
-
-def inside(boundary: Boundary, points: Floats) -> NDArray[np.bool_]:
-    """Which of points (n, 2) the outline encloses."""
-    from matplotlib.path import Path
-
-    within: NDArray[np.bool_] = Path(boundary.points).contains_points(points)
-    return within
-
-
-def solved(sensor: Sensor, rules: Rules, boundary: Boundary) -> tuple[int, int]:
-    """Poses tried inside the outline, up to its rim, and how many the solver finds from zero."""
-    shares = np.linspace(0.25, 0.999, 4)[:, None, None]
-    some = boundary.points[:: max(1, len(boundary.points) // 100)]
-    points = (shares * some).reshape(-1, 2)
-    poses = np.repeat(boundary.start[None], len(points), axis=0)
-    poses[:, [POSE.index(name) for name in boundary.axes]] += points
-    state = states_of(poses, rules)
-    start = np.zeros_like(state)
-    start[:, [0, 1, 6, 7]] = state[:, [6, 7, 6, 7]]  # the mirror is looked for under the beam
-    found = solve(sensor, readings(sensor, state), start=start, covariance=False)
-    right = found.converged & (np.abs(found.state - state).max(axis=1) < 1e-6)
-    return len(points), int(right.sum())
-
-
-def inside_map(
-    sensor: Sensor, rules: Rules, boundary: Boundary, what: str, count: int = 101
-) -> tuple[Floats, Floats, Floats, str]:
-    """(x, y, values, label) on a grid inside the outline, NaN outside.
-
-    what: "condition" of the weighted Jacobian (its logarithm), or an axis: its standard
-    uncertainty, um or urad.
-    """
-    x, y, cause = grid(sensor, rules, boundary, count)
-    poses = np.repeat(boundary.start[None], count * count, axis=0)
-    columns = [POSE.index(name) for name in boundary.axes]
-    poses[:, columns] += np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    within = cause.ravel() < 0
-    matrix = scaled_jacobian(sensor, states_of(poses[within], rules))
-    values = np.full(count * count, np.nan)
-    if what == "condition":
-        values[within] = np.log10(np.linalg.cond(matrix))
-        label = "log10 of the condition number"
-    else:
-        values[within] = np.sqrt((np.linalg.pinv(matrix)[:, POSE.index(what)] ** 2).sum(axis=1))
-        label = f"standard uncertainty of {what}, {unit_of(what).fine_unit}"
-    return x, y, values.reshape(count, count), label

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from ..core.names import DETECTORS, POSE, READING_COLUMNS
 from ..core.units import ANGLE, LENGTH, Floats
 from .allan import allan
-from .noise_model import NoiseModel, fill, fit_noise, line_matrix, spikes_of
+from .noise_model import NoiseModel, fill, find_spikes, fit_noise, line_matrix
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -51,7 +51,7 @@ POWER_CHANGE = 0.05
 EQUAL_SHARE = 0.5
 #: Drift over the recording, beside the scatter within segments. It is not part of what is
 #: written; but if a fifth of it were not even, this would be as large as the noise.
-DRIFT = 5.0
+DRIFT_LIMIT = 5.0
 #: Variance that may be added to that of the noise, as a share: 0.2 makes the standard deviation
 #: that is written 10 % too large.
 ADDED_VARIANCE = 0.2
@@ -63,20 +63,20 @@ MAINS_VARIANCE = 1.0
 #: Chance of one false alarm in one test, of which a recording has some hundreds.
 CHANCE = 1e-6
 #: The same as standard deviations of a normal distribution.
-TAIL = 5.0
+TAIL_SIGMAS = 5.0
 #: Intervals of Allan deviations for the test, of which a recording has some tens.
-LEVEL = 0.999
+ALLAN_LEVEL = 0.999
 #: Segments of a recording that are compared, and the fewest samples in each.
-SEGMENTS, FEWEST_EACH = 64, 16
+SEGMENTS, MIN_SEGMENT_SAMPLES = 64, 16
 #: Bursts are looked for in segments that are longer by this factor, so that noise behind a low pass
 #: has samples enough in each; a burst has at least the second number times the usual variance.
-LONGER, BURST = 4, 4.0
+BURST_SEGMENT_FACTOR, BURST_VARIANCE_RATIO = 4, 4.0
 #: The fewest differences from which one detector is predicted by the others.
-FEWEST_DIFFERENCES = 100
+MIN_DIFFERENCES = 100
 #: A slow change is the mirror's or the beam's if no larger share of it, in squares, is left.
-UNEXPLAINED = 0.1
+UNEXPLAINED_SHARE = 0.1
 #: A slow change is that of one detector if no larger share of it, in squares, is elsewhere.
-ELSEWHERE = 0.05
+ELSEWHERE_SHARE = 0.05
 
 
 @dataclass(frozen=True)
@@ -87,14 +87,14 @@ class RecordingSection:
     seq: NDArray[np.int64]
     rate: float
 
-    def spread(self, column: NDArray[Any]) -> Floats:
+    def resample(self, column: NDArray[Any]) -> Floats:
         """A column at evenly spaced times, NaN where a sample is missing."""
         signal = np.full(int(self.seq[-1] - self.seq[0]) + 1, np.nan)
         signal[self.seq - self.seq[0]] = column[self.rows]
         return signal
 
 
-def movements(
+def find_faults(
     columns: Columns, piece: RecordingSection, models: Sequence[NoiseModel], config: Config
 ) -> list[str]:
     """What speaks against a mirror at rest with steady light, in sentences; empty if nothing does.
@@ -102,14 +102,16 @@ def movements(
     piece: the samples that are looked at.  models: of the nine readings.
     """
     steady = Steady(columns, piece, models, config)
-    wandering = steady.wandering()
+    wandering = steady.wandering_channels()
     slow = wandering + [
-        one for one in steady.drifting() if one[0] // 3 not in {n // 3 for n, _ in wandering}
+        one
+        for one in steady.drifting_channels()
+        if one[0] // 3 not in {n // 3 for n, _ in wandering}
     ]
-    found = [*steady.unsteady_power(), *(sentence for _, sentence in slow)]
+    found = [*steady.power_faults(), *(sentence for _, sentence in slow)]
     # what moves slowly also moves together and scatters unevenly: to say so once is enough
-    found += [steady.cause()] if slow else [*steady.together(), *steady.bursts()]
-    return [*found, *steady.mains()]
+    found += [steady.cause()] if slow else [*steady.common_motion(), *steady.bursts()]
+    return [*found, *steady.mains_pickup()]
 
 
 def reading_faults(columns: Columns, config: Config) -> list[str]:
@@ -161,13 +163,13 @@ class Steady:
         config: Config,
     ) -> None:
         self.config, self.rate = config, piece.rate
-        every = np.stack([fill(piece.spread(columns[name])) for name in READING_COLUMNS], axis=1)
+        every = np.stack([fill(piece.resample(columns[name])) for name in READING_COLUMNS], axis=1)
         self.mean = every.mean(axis=0)
         self.total = every[:, 2::3].sum(axis=1)
         scaled = 1e3 * every
         scaled[:, 2::3] /= self.total[:, None]
         for n in range(9):
-            scaled[:, n] = fill(np.where(spikes_of(scaled[:, n]), np.nan, scaled[:, n]))
+            scaled[:, n] = fill(np.where(find_spikes(scaled[:, n]), np.nan, scaled[:, n]))
         self.time = np.arange(len(scaled)) / piece.rate
         self.length = len(scaled) / piece.rate
         self.models = [
@@ -175,18 +177,18 @@ class Steady:
             for n, model in enumerate(models)
         ]
         lines = mains_lines(self.models)
-        self.slope, self.hum, self.rest = without_lines(scaled, self.time, lines)
+        self.slope, self.hum, self.rest = remove_lines(scaled, self.time, lines)
         powers = 1e3 * every[:, 2::3] / self.total.mean()
         for n in range(3):
-            powers[:, n] = fill(np.where(spikes_of(powers[:, n]), np.nan, powers[:, n]))
-        self.powers = without_lines(powers, self.time, lines)[2]
-        count = max(8, min(SEGMENTS, len(scaled) // FEWEST_EACH))
+            powers[:, n] = fill(np.where(find_spikes(powers[:, n]), np.nan, powers[:, n]))
+        self.powers = remove_lines(powers, self.time, lines)[2]
+        count = max(8, min(SEGMENTS, len(scaled) // MIN_SEGMENT_SAMPLES))
         self.segments = np.array_split(np.arange(len(scaled)), count)
         variances = [segment_variance(self.rest[rows]) for rows in self.segments]
         self.noise = np.sqrt(np.maximum(np.median(variances, axis=0), 1e-30))
         self.scatter = f"the scatter within {self.length / count:.2g} s"
 
-    def unsteady_power(self) -> list[str]:
+    def power_faults(self) -> list[str]:
         """A laser that changes, or light that misses all detectors."""
         means = np.array([self.total[rows].mean() for rows in self.segments])
         change = float(np.ptp(means) / abs(means.mean()))
@@ -197,22 +199,24 @@ class Steady:
             f"(allowed: {percent(POWER_CHANGE)}): the laser, or light that misses the detectors."
         ]
 
-    def drifting(self) -> list[tuple[int, str]]:
+    def drifting_channels(self) -> list[tuple[int, str]]:
         """Channels whose slope is large; the worst of each detector."""
-        sure = np.abs(self.slope) > TAIL * np.array([model.drift.sigma for model in self.models])
+        sure = np.abs(self.slope) > TAIL_SIGMAS * np.array(
+            [model.drift.sigma for model in self.models]
+        )
         size = np.where(sure, np.abs(self.slope) * self.length, 0.0)
         return [
             (n, f"{subject(n)} drifts by {amount(n, size[n])} over the recording, "
                 f"{digits(size[n] / self.noise[n])} times {self.scatter} (allowed: "
-                f"{DRIFT:g}).")
-            for n in worst_of_each(size / self.noise, DRIFT)
+                f"{DRIFT_LIMIT:g}).")
+            for n in worst_channels(size / self.noise, DRIFT_LIMIT)
         ]  # fmt: skip
 
-    def wandering(self) -> list[tuple[int, str]]:
+    def wandering_channels(self) -> list[tuple[int, str]]:
         """Channels whose Allan deviation rises; the worst of each detector."""
         size = np.zeros(9)
         for n in range(9):
-            found = allan(self.rest[:, n], self.rate, LEVEL)
+            found = allan(self.rest[:, n], self.rate, ALLAN_LEVEL)
             for k in np.flatnonzero(found.tau >= self.length / SEGMENTS):
                 before = (found.tau <= found.tau[k] / 4) & (found.tau >= self.length / 1024)
                 if before.any() and found.low[k] > found.high[before].min():
@@ -221,20 +225,20 @@ class Steady:
             (n, f"{subject(n)} {self.manner(n)} {amount(n, self.swing(n))}, "
                 f"{digits(self.swing(n) / self.noise[n])} times {self.scatter}: slower "
                 "than noise of electronics.")
-            for n in worst_of_each(size / self.noise, ADDED_DEVIATION)
+            for n in worst_channels(size / self.noise, ADDED_DEVIATION)
         ]  # fmt: skip
 
-    def means(self) -> Floats:
+    def segment_means(self) -> Floats:
         """Of the segments, the drift included: (segments, 9)."""
         whole = self.rest + np.outer(self.time - self.time.mean(), self.slope)
         return np.array([whole[rows].mean(axis=0) for rows in self.segments])
 
     def swing(self, channel: int) -> float:
-        return float(np.ptp(self.means()[:, channel]))
+        return float(np.ptp(self.segment_means()[:, channel]))
 
     def manner(self, channel: int) -> str:
         """A step, if one explains nearly all of a slow change; else it wanders."""
-        means = self.means()[:, channel]
+        means = self.segment_means()[:, channel]
         left = [
             means[:k].var() * k + means[k:].var() * (len(means) - k) for k in range(1, len(means))
         ]
@@ -243,13 +247,16 @@ class Steady:
             return "wanders by"
         return f"jumps after {self.time[self.segments[k][0]]:.3g} s by"
 
-    def together(self) -> list[str]:
+    def common_motion(self) -> list[str]:
         """What the detectors have in common, at the time scale where that is most."""
-        worst, size, allowed = (0.0, 0.0, 0), 1, self.allowed()
-        while len(self.rest) // size - 1 >= FEWEST_DIFFERENCES:
+        worst, size, allowed = (0.0, 0.0, 0), 1, self.allowed_variances()
+        while len(self.rest) // size - 1 >= MIN_DIFFERENCES:
             apart = np.diff(block_means(self.rest, size), axis=0) / self.noise
             powers = np.diff(block_means(self.powers, size), axis=0) / self.noise[2::3]
-            for ratio, channel in (*predicted(apart, allowed), *exchanged(powers, allowed[2::3])):
+            for ratio, channel in (
+                *predictable_variances(apart, allowed),
+                *exchanged_variances(powers, allowed[2::3]),
+            ):
                 worst = max(worst, (ratio, size / self.rate, channel))
             size *= 2
         ratio, tau, channel = worst
@@ -263,7 +270,7 @@ class Steady:
             "moves or vibrates, or the same disturbance enters all detectors."
         ]
 
-    def allowed(self) -> Floats:
+    def allowed_variances(self) -> Floats:
         """Variances (9,), over those of the noise, that detectors may have in common: what the
         configuration states of the beam's pointing comes on top."""
         electronics = self.config.sensor.electronics
@@ -272,23 +279,27 @@ class Steady:
         found: Floats = ADDED_VARIANCE + 2 * (beam**2).sum(axis=1)
         return found
 
-    def mains(self) -> list[str]:
+    def mains_pickup(self) -> list[str]:
         """Lines at the mains' frequency that are larger than the noise."""
         size = (2 * self.hum) ** 0.5
         return [
             f"{subject(n)} swings with the mains by {amount(n, size[n])} (amplitude), "
             f"{digits(size[n] / self.noise[n])} times {self.scatter}: pick-up of the "
             "electronics or a vibration, which cannot be told apart."
-            for n in worst_of_each(self.hum / self.noise**2, MAINS_VARIANCE)
+            for n in worst_channels(self.hum / self.noise**2, MAINS_VARIANCE)
         ]
 
     def bursts(self) -> list[str]:
         """Segments with a larger variance than others, where they count."""
-        parts = np.array_split(np.arange(len(self.rest)), len(self.segments) // LONGER)
+        parts = np.array_split(
+            np.arange(len(self.rest)), len(self.segments) // BURST_SEGMENT_FACTOR
+        )
         variances = np.array([segment_variance(self.rest[rows]) for rows in parts])
         usual = np.median(variances, axis=0)
         ratio = np.where(
-            variances.max(axis=0) > BURST * usual, variances.mean(axis=0) / usual - 1, 0.0
+            variances.max(axis=0) > BURST_VARIANCE_RATIO * usual,
+            variances.mean(axis=0) / usual - 1,
+            0.0,
         )
         n = int(np.argmax(ratio))
         if ratio[n] <= ADDED_VARIANCE:
@@ -314,18 +325,18 @@ class Steady:
 
     def cause(self) -> str:
         """Whose slow change it is, where that can be told."""
-        slow = self.means()
+        slow = self.segment_means()
         slow = (slow - slow.mean(axis=0)) / self.noise
         energy = (slow**2).sum(axis=0)
         jacobian = self.jacobian() / self.noise[:, None]
         for columns, words in ((slice(6, 8), "beam"), (slice(0, 6), "mirror")):
             states = slow @ np.linalg.pinv(jacobian[:, columns]).T
             left = slow - states @ jacobian[:, columns].T
-            if (left**2).sum() <= UNEXPLAINED * energy.sum():
+            if (left**2).sum() <= UNEXPLAINED_SHARE * energy.sum():
                 return self.motion(words, states, jacobian[:, columns])
         places = energy.reshape(3, 3)[:, :2].sum(axis=1)  # all shares change where one power does
         k = int(np.argmax(places))
-        if places.sum() - places[k] <= ELSEWHERE * places.sum():
+        if places.sum() - places[k] <= ELSEWHERE_SHARE * places.sum():
             return (
                 f"Only detector {DETECTORS[k].upper()} changes, so it is not the mirror but that "
                 "detector, its mount or its electronics."
@@ -367,7 +378,7 @@ def mains_lines(models: Sequence[NoiseModel]) -> list[float]:
     return found
 
 
-def without_lines(
+def remove_lines(
     signals: Floats, time: Floats, frequencies: list[float]
 ) -> tuple[Floats, Floats, Floats]:
     """Slopes (m,), variances of sinusoids (m,), and what is left of signals (n, m)."""
@@ -393,7 +404,7 @@ def block_means(signals: Floats, size: int) -> Floats:
     return found
 
 
-def predicted(apart: Floats, allowed: Floats) -> list[tuple[float, int]]:
+def predictable_variances(apart: Floats, allowed: Floats) -> list[tuple[float, int]]:
     """The variance of each place that the other detectors predict, over what is allowed.
 
     apart: differences of neighbouring means (n, 9), over the noise. The regression of independent
@@ -413,7 +424,7 @@ def predicted(apart: Floats, allowed: Floats) -> list[tuple[float, int]]:
     return found
 
 
-def exchanged(apart: Floats, allowed: Floats) -> list[tuple[float, int]]:
+def exchanged_variances(apart: Floats, allowed: Floats) -> list[tuple[float, int]]:
     """The variance of each detector's light that the others lack, over what is allowed.
 
     apart: differences of neighbouring means of the powers (n, 3), over the noise. Noise of their
@@ -424,14 +435,14 @@ def exchanged(apart: Floats, allowed: Floats) -> list[tuple[float, int]]:
     scale = np.sqrt(np.diagonal(covariance))
     found = []
     for one, other in ((0, 1), (1, 2), (0, 2)):
-        chance = TAIL * scale[one] * scale[other] / len(apart) ** 0.5
+        chance = TAIL_SIGMAS * scale[one] * scale[other] / len(apart) ** 0.5
         if covariance[one, other] < -chance:
             variance = -covariance[one, other]  # twice it, over two for a difference
             found.append((float(variance / allowed[one]), 3 * one + 2))
     return found
 
 
-def worst_of_each(ratios: Floats, allowed: float) -> list[int]:
+def worst_channels(ratios: Floats, allowed: float) -> list[int]:
     """The channel of each detector whose ratio is largest, where it is above what is allowed."""
     by_detector = np.nan_to_num(ratios).reshape(3, 3)
     return [3 * k + int(np.argmax(row)) for k, row in enumerate(by_detector) if row.max() > allowed]

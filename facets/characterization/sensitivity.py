@@ -16,7 +16,7 @@ class Index(NamedTuple):
 
 
 #: Designs that an index takes at least; and from which on it means something.
-FEWEST = 100
+MIN_DESIGNS = 100
 
 
 def sensitivity(
@@ -30,7 +30,7 @@ def sensitivity(
     from SALib.analyze import rbd_fast
 
     good = np.isfinite(table["range_tz_mm"])
-    if good.sum() < FEWEST:
+    if good.sum() < MIN_DESIGNS:
         return {}
     x = np.stack([table[name][good] for name in names], axis=1)
     bounds = [[float(low), float(high)] for low, high in zip(x.min(0), x.max(0), strict=True)]

@@ -19,17 +19,16 @@ from ..core.errors import InputError
 from ..core.names import READING
 from ..core.sensor import Sensor
 from ..core.units import Floats, Integers
-from ..detectors.noise import standard_deviations
-from ..model.arrays import derivatives, readings
+from ..model.arrays import derivatives
 from ..model.threads import share
-from .ranges import scaled_jacobian
+from .ranges import scale_jacobian, scaled_jacobian
 from .state_box import AXES, StateBox, apex_offset
 
 CHUNK = 100_000
 #: As many different points as a Sobol sequence of 30 bits has.
-MOST_STATES = 2**30
+MAX_STATES = 2**30
 #: States on which the time of all of them is estimated.
-PILOT = 256
+PILOT_STATES = 256
 #: What is told of a state.
 MEASURES = ("determinant", "smallest singular value", "condition number")
 
@@ -51,39 +50,38 @@ def measures(
     out = np.full((len(states), 3), np.nan)
 
     def run(part: slice) -> None:
-        for first in range(part.start, part.stop, AT_ONCE):
-            some = slice(first, min(first + AT_ONCE, part.stop))
-            measure(sensor, states[some], READING.index(left_out), spectra, out[some])
+        for first in range(part.start, part.stop, JACOBIANS_AT_ONCE):
+            some = slice(first, min(first + JACOBIANS_AT_ONCE, part.stop))
+            fill_measures(sensor, states[some], READING.index(left_out), spectra, out[some])
 
     share(run, len(states), threads)
     return out
 
 
 #: States whose Jacobians are in memory at a time.
-AT_ONCE = 2000
+JACOBIANS_AT_ONCE = 2000
 
 
-def measure(sensor: Sensor, states: Floats, left_out: int, spectra: bool, out: Floats) -> None:
+def fill_measures(
+    sensor: Sensor, states: Floats, left_out: int, spectra: bool, out: Floats
+) -> None:
     """Fills out (n, 3) with `measures`.  left_out: the number of a reading."""
     matrices = derivatives(sensor, states)
     lit = ~np.isnan(matrices).any(axis=(1, 2))
     rest = matrices[lit]
     out[lit, 0] = np.linalg.det(np.delete(rest, left_out, axis=1))
     if spectra:
-        sigmas = standard_deviations(sensor, readings(sensor, states[lit]))
-        out[lit, 1:] = extremes(rest * UNITS / sigmas[:, :, None])
+        out[lit, 1:] = extremes(scale_jacobian(sensor, states[lit], rest))
 
 
-#: mm and rad in um and urad.
-UNITS = np.array([1e-3] * 3 + [1e-6] * 3 + [1e-3] * 2)
 #: Past this condition number, squared, the eigenvalues of J'J have lost half their digits.
-SQUARED = 1e8
+MAX_SQUARED_CONDITION = 1e8
 
 
 def extremes(matrices: Floats) -> Floats:
     """The smallest singular value and the condition number of matrices (n, 9, 8): (n, 2)."""
     values = np.linalg.eigvalsh(matrices.transpose(0, 2, 1) @ matrices)[:, [0, -1]]
-    near = ~(values[:, 0] * SQUARED > values[:, 1])
+    near = ~(values[:, 0] * MAX_SQUARED_CONDITION > values[:, 1])
     values[near] = np.linalg.svd(matrices[near], compute_uv=False)[:, [-1, 0]] ** 2
     with np.errstate(divide="ignore"):
         return np.sqrt(np.stack([values[:, 0], values[:, 1] / values[:, 0]], axis=1))  # type: ignore[no-any-return]
@@ -141,17 +139,19 @@ class Cost(NamedTuple):
 
 
 #: Numbers a state in memory at a time: states, measures, and the Jacobians that these come from.
-NUMBERS, COLUMNS = 200, 12
+NUMBERS_PER_STATE, COLUMNS_PER_STATE = 200, 12
 
 
 def cost(sensor: Sensor, domain: StateBox, count: int, left_out: str = "power_c") -> Cost:
     """An estimate for `count` states, from a pilot of some; compiles what is needed first."""
-    states = next(samples(domain, PILOT, "uniform", 0))
+    states = next(samples(domain, PILOT_STATES, "uniform", 0))
     measures(sensor, states[:1], left_out)
     begin = time.perf_counter()
     measures(sensor, states, left_out)
     each = (time.perf_counter() - begin) / len(states)
-    return Cost(each * count, 8.0 * NUMBERS * min(count, CHUNK), 8.0 * COLUMNS * count)
+    return Cost(
+        each * count, 8.0 * NUMBERS_PER_STATE * min(count, CHUNK), 8.0 * COLUMNS_PER_STATE * count
+    )
 
 
 def samples(
@@ -160,8 +160,8 @@ def samples(
     """States of the box (n, 8), chunk by chunk."""
     from scipy.stats import qmc
 
-    if not 1 <= count <= MOST_STATES:
-        raise InputError(f"states are {count}; allowed: 1 to {MOST_STATES:,}")
+    if not 1 <= count <= MAX_STATES:
+        raise InputError(f"states are {count}; allowed: 1 to {MAX_STATES:,}")
     if sampling not in ("sobol", "uniform"):
         raise InputError(f'sampling is {sampling!r}; allowed: "sobol", "uniform"')
     rng = np.random.default_rng(seed)
@@ -198,8 +198,8 @@ def survey(
     for states in chunks:
         values = measures(sensor, states, left_out, spectra, threads)
         if found is None:
-            found = empty(apex_offset(states), values)
-        add(found, states, values)
+            found = empty_survey(apex_offset(states), values)
+        count_states(found, states, values)
         if keep is not None:
             keep(states, values)
     if found is None:
@@ -212,7 +212,7 @@ def survey(
     return found
 
 
-def empty(offset: Floats, values: Floats) -> Survey:
+def empty_survey(offset: Floats, values: Floats) -> Survey:
     """A survey whose classes fit the first chunk, with room beside it."""
     with np.errstate(invalid="ignore"):
         top = float(offset.max(initial=0.0)) * 1.02 or 1.0
@@ -240,7 +240,7 @@ def extent_of(values: Floats) -> tuple[float, float]:
     return low, high if high > low else low + 1
 
 
-def add(found: Survey, states: Floats, values: Floats) -> None:
+def count_states(found: Survey, states: Floats, values: Floats) -> None:
     lit = np.isfinite(values[:, 0])
     found.states += len(states)
     found.dark += int((~lit).sum())
@@ -258,12 +258,12 @@ def add(found: Survey, states: Floats, values: Floats) -> None:
     found.high = np.fmax(found.high, values.max(axis=0))
     sign = np.sign(values[:, 0])
     found.signs += [int((sign == s).sum()) for s in (-1, 0, 1)]
-    found.lowest = worse(found.lowest, states, values, np.abs(values[:, 0]), 0)
+    found.lowest = keep_worse(found.lowest, states, values, np.abs(values[:, 0]), 0)
     if np.isfinite(values[0, 1]):
-        found.weakest = worse(found.weakest, states, values, values[:, 1], 1)
+        found.weakest = keep_worse(found.weakest, states, values, values[:, 1], 1)
 
 
-def worse(known: Worst, states: Floats, values: Floats, size: Floats, column: int) -> Worst:
+def keep_worse(known: Worst, states: Floats, values: Floats, size: Floats, column: int) -> Worst:
     n = int(size.argmin())
     if not size[n] >= abs(known.values[column]):
         return Worst(states[n].copy(), values[n].copy())
@@ -317,14 +317,14 @@ def weakest_direction(sensor: Sensor, state: Floats) -> Floats:
 
 
 #: A part of a direction smaller than this is not named.
-NAMED = 0.25
+MIN_NAMED_PART = 0.25
 
 
-def in_words(direction: Floats) -> str:
+def direction_in_words(direction: Floats) -> str:
     """A direction of the state in words: what moves, and what moves with it."""
     if not np.isfinite(direction).all():
         return "a state without light, in every direction"
-    large = np.abs(direction) > NAMED
+    large = np.abs(direction) > MIN_NAMED_PART
     words = []
     for letter, t, b in (("x", 0, 6), ("y", 1, 7)):
         if large[t] and large[b]:

@@ -72,7 +72,7 @@ def range_box(sensor: Sensor, rules: Rules) -> StateBox:
 
 
 #: What the quotient of a least share can be rounded up by.
-ROUNDED = 1e-12
+ROUNDING_SHARE = 1e-12
 
 
 def least_share(sensor: Sensor, rules: Rules, power_off: float = 0.0) -> float:
@@ -81,7 +81,7 @@ def least_share(sensor: Sensor, rules: Rules, power_off: float = 0.0) -> float:
     power_off: by how much the laser's power may be off, mW.
     """
     share = rules.snr * power_floor(sensor) / (sensor.beam.power + power_off)
-    return share * (1 - ROUNDED)
+    return share * (1 - ROUNDING_SHARE)
 
 
 def parse_box(text: str) -> StateBox:

@@ -9,7 +9,8 @@ import numpy as np
 
 from ..core.names import POSE, STATE_COLUMNS, STATE_UNITS
 from ..core.units import Floats, ascii_unit, unit_of
-from .ranges import CAUSES, Boundary
+from .outlines import Boundary
+from .ranges import CAUSES
 from .resolution import Resolution
 from .singularity import Survey
 from .state_box import apex_offset

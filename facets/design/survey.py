@@ -26,7 +26,8 @@ from ..characterization.ranges import (
     standard_uncertainties,
 )
 from ..characterization.ranges import states_of as states_of_poses
-from ..characterization.singularity import UNITS, extremes
+from ..characterization.singularity import extremes
+from ..core.names import FINE_UNITS
 from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats, Integers
@@ -144,7 +145,7 @@ def spectra(some: Designs, reading: Floats) -> tuple[Floats, Floats]:
     """At rest: standard uncertainties of the pose (n, 6), um and urad, and the condition number
     (n,) of the Jacobian."""
     sigma = standard_deviations(some.sensor, reading)
-    matrices = some.evaluate_rest("derivatives") * UNITS / sigma[:, :, None]
+    matrices = some.evaluate_rest("derivatives") * FINE_UNITS / sigma[:, :, None]
     return standard_uncertainties(matrices), extremes(matrices)[:, 1]
 
 

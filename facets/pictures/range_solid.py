@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..characterization.ranges import CAUSES, exits
+from ..characterization.ranges import CAUSES, find_exits
 from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Floats, Integers
@@ -97,7 +97,7 @@ def between(upper: Floats, lower: Floats) -> Floats:
 
 def follow(sensor: Sensor, rules: Rules, ways: Floats) -> tuple[Floats, Integers]:
     """How far the range goes in directions (n, 3) of the mirror's place, mm, and why it ends."""
-    found = exits(sensor, rules, np.zeros(6), rays_along(ways), 1e-5)
+    found = find_exits(sensor, rules, np.zeros(6), rays_along(ways), 1e-5)
     return found.distance * FAR, np.where(found.cause < 0, len(CAUSES), found.cause)
 
 

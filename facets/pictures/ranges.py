@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..characterization.ranges import CAUSES, Boundary
+from ..characterization.outlines import Boundary
+from ..characterization.ranges import CAUSES
 from ..core.hues import chosen_hues
 from ..core.units import Floats, Integers
 from . import style

@@ -12,7 +12,7 @@ from colours import flicker
 import facets
 from facets.characterization.noise_model import fit_noise
 from facets.characterization.noise_report import longest_section
-from facets.characterization.rest import movements, reading_faults
+from facets.characterization.rest import find_faults, reading_faults
 from facets.core.names import READING_COLUMNS, STATE
 from facets.detectors.counts import SATURATED
 
@@ -52,8 +52,8 @@ def faults(readings, flags=0):
     if found:
         return found
     piece = longest_section(columns, "it")
-    models = [fit_noise(1e3 * piece.spread(columns[name]), RATE) for name in READING_COLUMNS]
-    return movements(columns, piece, models, CONFIG)
+    models = [fit_noise(1e3 * piece.resample(columns[name]), RATE) for name in READING_COLUMNS]
+    return find_faults(columns, piece, models, CONFIG)
 
 
 def swing(frequency):

@@ -10,7 +10,7 @@ import facets
 from facets.characterization.ambiguity import find_ambiguous_pair
 from facets.characterization.ranges import scaled_jacobian
 from facets.characterization.singularity import (
-    in_words,
+    direction_in_words,
     measures,
     samples,
     search,
@@ -121,11 +121,11 @@ def test_states_are_counted_where_their_apex_is_off_the_beam():
 def test_directions_have_words():
     direction = np.zeros(8)
     direction[[0, 6]] = np.sqrt(0.5)
-    assert in_words(direction) == "mirror and beam together along x"
+    assert direction_in_words(direction) == "mirror and beam together along x"
     direction[6] *= -1
-    assert in_words(direction) == "mirror and beam apart along x"
+    assert direction_in_words(direction) == "mirror and beam apart along x"
     for i, name in enumerate(AXES[:6]):
-        assert name[-1] in in_words(np.eye(8)[i])
+        assert name[-1] in direction_in_words(np.eye(8)[i])
     weakest = weakest_direction(PAPER, np.zeros(8))
     slope = np.linalg.norm(scaled_jacobian(PAPER, np.zeros((1, 8)))[0] @ weakest)
     assert slope == pytest.approx(measures(PAPER, np.zeros((1, 8)))[0, 1])

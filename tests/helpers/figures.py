@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from facets.characterization.ranges import Boundary
+from facets.characterization.outlines import Boundary
 from facets.characterization.sensitivity import Index
 from facets.core.names import POSE, RANGE_COLUMNS, READING_COLUMNS, STATE_COLUMNS
 

@@ -1,0 +1,220 @@
+"""The outline of the range over two axes, and maps of what lies inside it.
+
+An outline is followed along rays from a place inside, to a tolerance, and rays are added until the
+outline between them is as good.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..core.arguments import check_arguments
+from ..core.errors import InputError
+from ..core.names import ANGLES, POSE
+from ..core.rules import Rules
+from ..core.sensor import Sensor
+from ..core.units import Floats, unit_of
+from ..estimation.solver import solve
+from ..model.arrays import readings
+from .ranges import (
+    FARTHEST,
+    SINGULAR,
+    clearances,
+    find_exits,
+    require_inside,
+    scaled_jacobian,
+    standard_uncertainties,
+    states_of,
+)
+
+#: To what an outline is followed: 0.1 um and 0.1 urad.
+TOLERANCE_MM = 1e-4
+TOLERANCE_RAD = 1e-7
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """The outline of the range over two axes, as traced: points (n, 2), mm or rad, in order, from
+    `start` (6,).
+
+    causes: (n,) why the range ends between each point and the next; -1 where the search ended.
+    calls: of the model.
+    """
+
+    axes: tuple[str, str]
+    start: Floats
+    points: Floats
+    causes: NDArray[np.int64]
+    calls: int
+
+    def poses(self, points: Floats) -> Floats:
+        """Poses (n, 6) at points (n, 2) of the two axes, the others as at `start`."""
+        return poses_on_axes(self.start, self.axes, points)
+
+    @property
+    def extent(self) -> Floats:
+        """Width and height of the outline."""
+        size: Floats = np.ptp(self.points, axis=0)
+        return size
+
+    @property
+    def grid_calls(self) -> float:
+        """Calls that a grid of the same resolution over the same extent would take."""
+        return float(np.prod(self.extent / tolerances(self.axes)))
+
+
+def poses_on_axes(start: Floats, axes: Sequence[str], points: Floats) -> Floats:
+    """The pose `start` (6,) moved by points (n, 2) along two axes: (n, 6)."""
+    poses = np.repeat(start[None], len(points), axis=0)
+    poses[:, [POSE.index(name) for name in axes]] += points
+    return poses
+
+
+def grid_points(x: Floats, y: Floats) -> Floats:
+    """All points (n, 2) of a grid over x and y, x varying first."""
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def tolerances(axes: Sequence[str]) -> Floats:
+    return np.array([TOLERANCE_RAD if name in ANGLES else TOLERANCE_MM for name in axes])
+
+
+@check_arguments
+def trace(
+    sensor: Sensor, rules: Rules, axes: tuple[str, str], start: ArrayLike | None = None
+) -> Boundary:
+    """The outline of the range over two axes of the pose, as in Figs. 6 and 10 of the paper.
+
+    axes: two names out of `facets.POSE`.  start: (6,) a pose inside, mm and rad; zero by default.
+    Every ray from `start` is followed to where it first leaves the range, to 0.1 um and 0.1 urad;
+    parts of the range that lie behind that are not found (`cause_grid` shows them).
+
+    Returns a `Boundary`: points (n, 2) in mm or rad, and why the range ends at each. Raises
+    `InputError` where `start` is outside.
+
+    >>> import facets
+    >>> config = facets.load("paper")
+    >>> outline = facets.trace(config.sensor, config.range, ("tz", "yaw"))
+    >>> f"{outline.extent[0]:.1f} mm by {1e3 * outline.extent[1]:.0f} mrad"
+    '12.6 mm by 49 mrad'
+    """
+    if not set(axes) <= set(POSE) or axes[0] == axes[1]:
+        raise InputError(f"axes is {axes!r}; allowed: two different names of {', '.join(POSE)}")
+    pose = require_inside(sensor, rules, np.zeros(6) if start is None else start)
+    cheap = Rules(rules.whole_spot, rules.snr, np.inf, (np.inf,) * 6, rules.tracking)
+    boundary = trace_outline(sensor, cheap, axes, pose)
+    if cheap == rules:
+        return boundary
+    shares = np.linspace(0, 1, 9)[1:, None, None]
+    within = (shares * boundary.points[:: max(1, len(boundary.points) // 64)]).reshape(-1, 2)
+    poses = poses_on_axes(pose, axes, within)
+    if (clearances(sensor, poses, rules)[:, SINGULAR:] > np.log(2)).all():
+        return boundary  # conditioning and resolution are nowhere near their limits
+    return trace_outline(sensor, rules, axes, pose)
+
+
+def trace_outline(sensor: Sensor, rules: Rules, axes: tuple[str, str], pose: Floats) -> Boundary:
+    """`trace` from a pose (6,) that is inside."""
+    columns = [POSE.index(name) for name in axes]
+    reach = np.array([FARTHEST[column] for column in columns])
+    fine = tolerances(axes)
+
+    def follow(angles: Floats, scale: Floats, precise: float) -> tuple[Floats, Any, int]:
+        rays = np.zeros((len(angles), 6))
+        rays[:, columns] = np.stack([np.cos(angles), np.sin(angles)], axis=1) * scale
+        found = find_exits(sensor, rules, pose, rays, precise)
+        return found.distance[:, None] * rays[:, columns], found.cause, found.calls
+
+    ends, _, calls = follow(np.arange(4) * np.pi / 2, reach, 1e-6)
+    scale = 4 * np.abs(ends).max(axis=0)  # so that the outline is about a unit circle, and inside
+    precise = float((fine / scale).min()) / 10
+    angles = np.arange(33) * np.pi / 16
+    points, causes, more = follow(angles, scale, precise)
+    calls += more
+    open_ = np.arange(32)  # segments whose middle has not been examined
+    while len(open_) and len(angles) < 20_000:
+        middle = (angles[open_] + angles[open_ + 1]) / 2
+        between, why, more = follow(middle, scale, precise)
+        calls += more
+        away = off_chord(between / fine, points[open_] / fine, points[open_ + 1] / fine)
+        split = (away > 1) & (np.diff(angles)[open_] > 1e-9)
+        where = open_ + 1
+        angles, points = np.insert(angles, where, middle), np.insert(points, where, between, axis=0)
+        causes = np.insert(causes, where, why)
+        first = open_[split] + np.flatnonzero(split)  # as numbered after the insertion
+        open_ = np.sort(np.concatenate([first, first + 1]))
+    poses = poses_on_axes(pose, axes, (points[:-1] + points[1:]) / 2)
+    between = clearances(sensor, poses, rules).argmin(axis=1)
+    ended = (causes[:-1] < 0) & (causes[1:] < 0)
+    return Boundary(axes, pose, points[:-1], np.where(ended, -1, between), calls + len(poses))
+
+
+def off_chord(point: Floats, a: Floats, b: Floats) -> Floats:
+    """How far points lie from the line through a and b."""
+    chord = b - a
+    length = np.maximum(np.hypot(*chord.T), 1e-300)
+    off: Floats = np.abs(chord[:, 0] * (point - a)[:, 1] - chord[:, 1] * (point - a)[:, 0]) / length
+    return off
+
+
+def cause_grid(
+    sensor: Sensor, rules: Rules, boundary: Boundary, count: int
+) -> tuple[Floats, Floats, NDArray[np.int64]]:
+    """The two axes and, for each place of a count x count grid, why it is outside; -1 inside.
+
+    The grid covers the outline and a tenth more. Shapes (count,), (count,), (count, count).
+    """
+    low, high = boundary.points.min(axis=0), boundary.points.max(axis=0)
+    low, high = low - 0.05 * (high - low), high + 0.05 * (high - low)
+    x, y = np.linspace(low[0], high[0], count), np.linspace(low[1], high[1], count)
+    clear = clearances(sensor, boundary.poses(grid_points(x, y)), rules)
+    cause = np.where(clear.min(axis=1) > 0, -1, clear.argmin(axis=1))
+    return x, y, cause.reshape(count, count)
+
+
+def encloses(boundary: Boundary, points: Floats) -> NDArray[np.bool_]:
+    """Which of points (n, 2) the outline encloses."""
+    from matplotlib.path import Path
+
+    within: NDArray[np.bool_] = Path(boundary.points).contains_points(points)
+    return within
+
+
+def count_solved(sensor: Sensor, rules: Rules, boundary: Boundary) -> tuple[int, int]:
+    """Number of poses sampled inside the outline, and how many of them `solve` finds from zero."""
+    shares = np.linspace(0.25, 0.999, 4)[:, None, None]
+    some = boundary.points[:: max(1, len(boundary.points) // 100)]
+    points = (shares * some).reshape(-1, 2)
+    state = states_of(boundary.poses(points), rules)
+    start = np.zeros_like(state)
+    start[:, [0, 1, 6, 7]] = state[:, [6, 7, 6, 7]]  # the mirror is looked for under the beam
+    found = solve(sensor, readings(sensor, state), start=start, covariance=False)
+    right = found.converged & (np.abs(found.state - state).max(axis=1) < 1e-6)
+    return len(points), int(right.sum())
+
+
+def map_inside(
+    sensor: Sensor, rules: Rules, boundary: Boundary, what: str, count: int = 101
+) -> tuple[Floats, Floats, Floats, str]:
+    """(x, y, values, label) on a grid inside the outline, NaN outside.
+
+    what: "condition" of the weighted Jacobian (its logarithm), or an axis: its standard
+    uncertainty, um or urad.
+    """
+    x, y, cause = cause_grid(sensor, rules, boundary, count)
+    within = cause.ravel() < 0
+    poses = boundary.poses(grid_points(x, y)[within])
+    matrix = scaled_jacobian(sensor, states_of(poses, rules))
+    values = np.full(count * count, np.nan)
+    if what == "condition":
+        values[within] = np.log10(np.linalg.cond(matrix))
+        label = "log10 of the condition number"
+    else:
+        values[within] = standard_uncertainties(matrix)[:, POSE.index(what)]
+        label = f"standard uncertainty of {what}, {unit_of(what).fine_unit}"
+    return x, y, values.reshape(count, count), label
