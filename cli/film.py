@@ -40,7 +40,8 @@ def film_states(settings: Config, motion: str | None, recording: Path | None, fr
         states = np.column_stack([poses[name][good] for name in STATE_COLUMNS]) * STATE_UNITS
     else:
         _, states = simulation.motion.states(
-            simulation.motion.named(settings, motion or ""), np.random.default_rng(settings.seed)
+            simulation.motion.find_motion(settings, motion or ""),
+            np.random.default_rng(settings.seed),
         )
     return states[np.linspace(0, len(states) - 1, frames).round().astype(int)]
 
@@ -71,7 +72,7 @@ def write_film(
         pictures.film.write(
             picture, states, path, rate, factor, lambda: progress.advance(task), turning
         )
-    if note := pictures.magnification.times(factor, turning):
+    if note := pictures.magnification.factor_in_words(factor, turning):
         typer.echo(
             f"{note[0].upper()}{note[1:]}, so that it can be seen; the film says so.", err=True
         )

@@ -39,10 +39,10 @@ def reproduce(
     differs from its stored reference.
     """
     from facets.experiments.report import write_report
-    from facets.experiments.reproduce import chosen
     from facets.experiments.reproduce import reproduce as run
+    from facets.experiments.reproduce import select_experiments
 
-    wanted = chosen(names or [])
+    wanted = select_experiments(names or [])
     report = folder / "report.html"
     files.tables.refuse_to_overwrite([report], force)
     files.tables.refuse_to_overwrite([folder / f"{name}.csv" for name in wanted], force=True)

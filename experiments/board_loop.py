@@ -91,7 +91,7 @@ def follow(place: Controller, stage: Stage, speed: float, seconds: float) -> tup
     return worst, blind
 
 
-def told(place: Controller, stage: Stage, speed: float) -> float:
+def predicted_distance(place: Controller, stage: Stage, speed: float) -> float:
     """What the circle's acceleration leaves over the horizon, mm."""
     horizon = place.age + stage.latency + stage.lag + 0.5 / place.rate
     return speed**2 / RADIUS * (horizon**2 / 2 + SMOOTH * horizon)
@@ -124,8 +124,9 @@ def main() -> None:
     for speed in SPEEDS:
         for place in places:
             found, blind = follow(place, wide, speed, options.seconds)
+            predicted = predicted_distance(place, wide, speed)
             print(
-                f"{place.name:6} {speed:5.1f} mm/s: told {1e3 * told(place, wide, speed):7.1f} um, "
+                f"{place.name:6} {speed:5.1f} mm/s: predicted {1e3 * predicted:7.1f} um, "
                 f"found {1e3 * found:7.1f} um; {blind} commands without a pose"
             )
 

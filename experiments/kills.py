@@ -66,7 +66,7 @@ class StreamSource:
         pass
 
 
-def acquiring(folder: Path, data: bytes, given: Any) -> None:
+def run_acquisition(folder: Path, data: bytes, given: Any) -> None:
     config = facets.load("bench")
     live = Live(Pipeline(config))
     recording = Recording(folder, run_record(config, None, 0, {}), config.resolved)
@@ -82,7 +82,7 @@ def kill(folder: Path, data: bytes, after: float, number: int = signal.SIGKILL) 
     """What is left of a recording that got a signal so many seconds after its first bytes."""
     context = multiprocessing.get_context("fork")
     given = context.Value("q", 0, lock=False)
-    process = context.Process(target=acquiring, args=(folder, data, given))
+    process = context.Process(target=run_acquisition, args=(folder, data, given))
     process.start()
     while given.value == 0:  # what it loads first takes longer in some processes than in others
         time.sleep(0.001)

@@ -28,7 +28,7 @@ from facets.core.sensor import BenchLight, Imperfections, Sensor
 from facets.core.units import Booleans, Floats
 from facets.detectors.correction import correct
 from facets.files.tables import write_table
-from facets.simulation.imperfect_optics import seen
+from facets.simulation.imperfect_optics import imperfect_readings
 
 from . import rigs
 
@@ -110,7 +110,9 @@ def move_sensor(sensor: Sensor, count: int, rng: np.random.Generator) -> tuple[D
     """Exact readings of random motions, which the reference knows as well as that of `rigs`."""
     pose = rng.uniform(-1, 1, (count, 6)) * rigs.BOX
     state = np.concatenate([pose, np.zeros((count, 2))], axis=1)
-    return Data(seen(sensor, state), pose, rigs.REFERENCE, np.zeros((count, 2))), state
+    return Data(
+        imperfect_readings(sensor, state), pose, rigs.REFERENCE, np.zeros((count, 2))
+    ), state
 
 
 def errors_over_noise(sensor: Sensor, data: Data, state: Floats, apex: Floats) -> Floats:
@@ -174,7 +176,9 @@ def closed_form_shifts(offset: float, places: Floats) -> Floats:
         height = facets.readings(nominal, state)[1] + place
         psds = (replace(nominal.psds[0], height=height), *nominal.psds[1:])
         sensor = replace(imperfect_configuration(wavelength=WAVELENGTH), psds=psds)
-        shifts.append(facets.readings(sensor, state)[1] - seen(sensor, state[None])[0, 1])
+        shifts.append(
+            facets.readings(sensor, state)[1] - imperfect_readings(sensor, state[None])[0, 1]
+        )
     return np.array(shifts)
 
 

@@ -32,7 +32,7 @@ def number(value: float) -> str:
     return f"{value:.4g}" if abs(value) < 1e5 else f"{value:.3g}"
 
 
-def embedded(path: Path | None) -> str:
+def embed_picture(path: Path | None) -> str:
     """A picture as the text of its own address, so that the page needs no other file."""
     if path is None:
         return ""
@@ -54,7 +54,7 @@ def write_report(path: Path, results: list[ExperimentResult], quick: bool) -> No
     """Writes the page, whole or not at all."""
     places = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined,
                                 trim_blocks=True, lstrip_blocks=True)  # fmt: skip
-    places.filters |= {"number": number, "embedded": embedded}
+    places.filters |= {"number": number, "embedded": embed_picture}
     page = places.from_string(TEMPLATE.read_text("utf-8"))
     configs: dict[str, Any] = {}
     for name in dict.fromkeys(result.config for result in results):

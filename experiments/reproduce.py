@@ -70,7 +70,7 @@ class ExperimentResult:
         return sum(verdicts), len(verdicts)
 
 
-def chosen(names: list[str]) -> list[str]:
+def select_experiments(names: list[str]) -> list[str]:
     """The experiments of those names, in order; all of them for none or `all`."""
     unknown = [name for name in names if name not in (*EXPERIMENTS, "all")]
     if unknown:
@@ -88,21 +88,21 @@ def reproduce(names: list[str], quick: bool, folder: Path) -> Iterator[Experimen
         start = time.perf_counter()
         work = experiment(name)
         path = folder / f"{name}.csv"
-        table = computed(work, quick, path)
+        table = compute_table(work, quick, path)
         claims = work.claims(table)
         drawing = work.picture(table)
         picture = None
         if drawing is not None:
             picture = folder / f"{name}.svg"
             style.save(drawing, picture)
-        checks = checked(name, quick, table, claims)
+        checks = check_columns(name, quick, table, claims)
         seconds = time.perf_counter() - start
         yield ExperimentResult(
             name, work.TITLE, work.CONFIG, claims, checks, path, picture, seconds
         )
 
 
-def computed(work: Experiment, quick: bool, path: Path) -> Table:
+def compute_table(work: Experiment, quick: bool, path: Path) -> Table:
     """The table, by way of its file: what is drawn and claimed is what is written."""
     write_table(path, work.compute(quick), provenance.about(facets.load(work.CONFIG)))
     return read(readable_path(path))
@@ -141,18 +141,18 @@ def tolerances() -> dict[str, Any]:
     return found
 
 
-def checked(name: str, quick: bool, table: Table, claims: list[PaperClaim]) -> list[Check]:
+def check_columns(name: str, quick: bool, table: Table, claims: list[PaperClaim]) -> list[Check]:
     """Every column that the tolerances name, against its reference."""
     checks = []
     for kind, columns in tolerances()[name].items():
         found = table if kind == "table" else claim_table(claims)
         path = reference_path(name, quick, kind)
         expected = read(path) if path.exists() else {}
-        checks += [compared(column, found, expected, rule) for column, rule in columns.items()]
+        checks += [check_column(column, found, expected, rule) for column, rule in columns.items()]
     return checks
 
 
-def compared(column: str, found: Table, expected: Table, rule: dict[str, Any]) -> Check:
+def check_column(column: str, found: Table, expected: Table, rule: dict[str, Any]) -> Check:
     rel, absolute = float(rule.get("rel", 0)), float(rule.get("abs", 0))
     parts = [f"{rel:g} of it"] * bool(rel) + [f"{absolute:g}"] * bool(absolute)
     allowed = " and ".join(parts) or "the same"

@@ -141,7 +141,7 @@ def soak(
     heard = [told.get(timeout=PATIENCE) for _ in range(readers)]
     published = [(one["sent"], one["dropped"]) for one in publications.counts()]
     return {
-        **judged(folder, live),
+        **judge_recording(folder, live),
         "published_and_dropped": published,
         "received_and_p99_ms": [(count, 1e3 * late) for count, late in heard],
         "cores": spent,
@@ -150,7 +150,7 @@ def soak(
     }
 
 
-def judged(folder: Path, live: Live) -> dict[str, Any]:
+def judge_recording(folder: Path, live: Live) -> dict[str, Any]:
     """The recording against the bench's truth."""
     truth, poses = truth_of(folder), recorded_poses(folder / "recording")
     first, last = int(poses["seq"][0]), int(poses["seq"][-1])
@@ -207,7 +207,11 @@ def follow_circle(folder: Path, seconds: float, ordinary: bool) -> dict[str, Any
         bench.send_signal(signal.SIGINT)
         bench.wait()
     (folder / "output.txt").write_text(run.stdout + run.stderr, "utf-8")
-    return {"status": run.returncode, "p99": p99_of(run.stdout), **recorded(folder, run.stderr)}
+    return {
+        "status": run.returncode,
+        "p99": p99_of(run.stdout),
+        **recording_outcome(folder, run.stderr),
+    }
 
 
 def p99_of(output: str) -> str:
@@ -217,7 +221,7 @@ def p99_of(output: str) -> str:
     return " ".join(words[places[-1] + 1 : places[-1] + 3]) if places else "-"
 
 
-def recorded(folder: Path, errors: str) -> dict[str, Any]:
+def recording_outcome(folder: Path, errors: str) -> dict[str, Any]:
     """What the recording says of a run; of one that did not begin, what it said itself."""
     path = folder / "recorded"
     if not path.exists():

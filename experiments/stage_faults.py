@@ -214,7 +214,7 @@ class World:
     def __init__(self, rng: np.random.Generator, tried: Tried, driver: str = "") -> None:
         self.rng, self.tried = rng, tried
         self.now = 10.0
-        self.settings = drawn_settings(rng, driver)
+        self.settings = draw_settings(rng, driver)
         self.law = Law.from_sensor(CONFIG.sensor, self.settings)
         self.model = Watched(self.settings, tried)
         self.model.now = self.now
@@ -375,6 +375,22 @@ class World:
         powers = light(off)
         lit = bool((powers > 0).all())
         apex = apex if lit else np.full(2, np.nan)
+        taken, powers, apex = self.spoil_sample(taken, powers, apex)
+        if self.is_followable(taken, powers, apex):
+            self.followable = self.now
+        is_permitted = self.is_on("no permit") is None
+        self.flag = taken, is_permitted
+        rows = np.array([taken - 1e-3, taken])
+        if np.isfinite(apex).all():
+            self.good += [(row, apex) for row in rows.tolist()]
+        with np.errstate(all="ignore"):
+            lights, apexes, beams = (np.array([one, one]) for one in (powers, apex, beam))
+            self.tracker.feed(rows, lights, apexes, beams, is_permitted)
+
+    def spoil_sample(
+        self, taken: float, powers: Floats, apex: Floats
+    ) -> tuple[float, Floats, Floats]:
+        """The time, powers and apex of a sample as the faults leave them."""
         if (late := self.is_on("late")) is not None:
             taken -= 0.5 * late.amount
         if (clock := self.is_on("clock")) is not None:
@@ -390,22 +406,18 @@ class World:
             powers, apex = np.zeros(3), np.full(2, np.nan)
         if self.is_on("one dark"):
             powers = np.where([True, True, False], powers, 0.0)
+        return taken, powers, apex
+
+    def is_followable(self, taken: float, powers: Floats, apex: Floats) -> bool:
+        """Whether the stage may follow a sample: it is recent and has what the law needs."""
+        assert self.tracker is not None
         searching = self.tracker.search is not None
         needs = searching or (
             (powers > 0).all()
             and (self.settings.law != "feedforward" or bool(np.isfinite(apex).all()))
         )
         known = np.isfinite(powers).all() or (searching and not np.isnan(powers).any())
-        if known and needs and abs(self.now - taken) <= self.settings.stale:
-            self.followable = self.now
-        is_permitted = self.is_on("no permit") is None
-        self.flag = taken, is_permitted
-        rows = np.array([taken - 1e-3, taken])
-        if np.isfinite(apex).all():
-            self.good += [(row, apex) for row in rows.tolist()]
-        with np.errstate(all="ignore"):
-            lights, apexes, beams = (np.array([one, one]) for one in (powers, apex, beam))
-            self.tracker.feed(rows, lights, apexes, beams, is_permitted)
+        return bool(known and needs and abs(self.now - taken) <= self.settings.stale)
 
     def judge(self) -> None:
         """Whether the stage stands still that has to."""
@@ -517,7 +529,7 @@ def light(off: Floats) -> Floats:
     return np.where(powers < 1e-6, 0.0, powers) if np.hypot(*off) < 4 else np.zeros(3)
 
 
-def drawn_settings(rng: np.random.Generator, driver: str) -> Settings:
+def draw_settings(rng: np.random.Generator, driver: str) -> Settings:
     size = float(rng.choice([0.5, 1.0, 7.0]))
     return replace(
         CONFIG.stage,
@@ -540,7 +552,7 @@ def drawn_settings(rng: np.random.Generator, driver: str) -> Settings:
     )
 
 
-def drawn_faults(rng: np.random.Generator, kinds: Sequence[str]) -> list[Fault]:
+def draw_faults(rng: np.random.Generator, kinds: Sequence[str]) -> list[Fault]:
     faults: list[Fault] = []
     for _ in range(int(rng.integers(1, 4))):
         begin = 10.0 + rng.uniform(0.05, 0.5) if rng.random() < 0.95 else 0.0
@@ -578,7 +590,7 @@ def sequence(
     """One of them: raises `Broken` where the stage leaves its envelope."""
     rng = np.random.default_rng(seed)
     world = World(rng, tried, driver)
-    world.suffer([] if np.isfinite(cut) else drawn_faults(rng, kinds))
+    world.suffer([] if np.isfinite(cut) else draw_faults(rng, kinds))
     world.cut = cut
     tried.sequences += 1
     tried.drivers[world.settings.driver] += 1
@@ -660,7 +672,7 @@ def pull_at_each_byte(driver: str, cuts: range) -> Tried:
     return tried
 
 
-def shown(tried: Tried) -> str:
+def to_json(tried: Tried) -> str:
     return json.dumps(vars(tried), indent=1)
 
 
@@ -670,9 +682,9 @@ def main(words: list[str]) -> None:
     report: Callable[[str], object] = print
     if "--bytes" in words:
         for driver in ("zaber", "pi"):
-            report(shown(pull_at_each_byte(driver, range(count))))
+            report(to_json(pull_at_each_byte(driver, range(count))))
     else:
-        report(shown(run(range(seed, seed + count))))
+        report(to_json(run(range(seed, seed + count))))
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ ANGLES = (1, 2, 5, 10, 15, 20)
 BOUND = 0.89
 
 
-def left(sensor: facets.Sensor, turn: Any) -> float:
+def remaining_offset(sensor: facets.Sensor, turn: Any) -> float:
     """um between beam and apex where Eq. (14) is zero, at a turn (3,) in rad."""
 
     def unequal(place: Any) -> Any:
@@ -40,7 +40,7 @@ def left(sensor: facets.Sensor, turn: Any) -> float:
 def compute(quick: bool) -> Table:
     sensor = facets.load(CONFIG).sensor
     rows = [
-        (name, angle, left(sensor, 1e-3 * angle * np.array(turn)))
+        (name, angle, remaining_offset(sensor, 1e-3 * angle * np.array(turn)))
         for name, turn in TURNS.items()
         for angle in ANGLES
     ]

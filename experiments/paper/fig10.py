@@ -17,15 +17,17 @@ WHY = "the nominal geometry; where the detectors of the paper's rig really stood
 
 
 def compute(quick: bool) -> Table:
-    return outlines.traced(CONFIG, (("tx", "ty"),), tracking=True)
+    return outlines.trace_table(CONFIG, (("tx", "ty"),), tracking=True)
 
 
 def claims(table: Table) -> list[PaperClaim]:
     return [
-        PaperClaim(f"range in t{axis}", "mm", paper, outlines.symmetric(table, "tx", "ty", n), WHY)
+        PaperClaim(
+            f"range in t{axis}", "mm", paper, outlines.symmetric_range(table, "tx", "ty", n), WHY
+        )
         for n, (axis, paper) in enumerate(zip("xy", FOLLOWING, strict=True))
     ]
 
 
 def picture(table: Table) -> Figure:
-    return outlines.drawn(table)
+    return outlines.outlines_figure(table)

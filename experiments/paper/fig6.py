@@ -25,15 +25,17 @@ RANGES = {
 
 
 def compute(quick: bool) -> Table:
-    return outlines.traced(CONFIG, outlines.PAIRS, tracking=False)
+    return outlines.trace_table(CONFIG, outlines.PAIRS, tracking=False)
 
 
 def claims(table: Table) -> list[PaperClaim]:
     return [
-        PaperClaim(f"range in {name}", unit, paper, outlines.symmetric(table, *axes, place), why)
+        PaperClaim(
+            f"range in {name}", unit, paper, outlines.symmetric_range(table, *axes, place), why
+        )
         for paper, (name, (unit, axes, place, why)) in zip(RANGE, RANGES.items(), strict=True)
     ]
 
 
 def picture(table: Table) -> Figure:
-    return outlines.drawn(table)
+    return outlines.outlines_figure(table)

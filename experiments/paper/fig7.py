@@ -15,7 +15,7 @@ CONFIG = "paper"
 
 
 def compute(quick: bool) -> Table:
-    return motion.simulated(CONFIG, "x-steps")
+    return motion.simulate_table(CONFIG, "x-steps")
 
 
 def claims(table: Table) -> list[PaperClaim]:
@@ -23,4 +23,4 @@ def claims(table: Table) -> list[PaperClaim]:
 
 
 def picture(table: Table) -> Figure:
-    return motion.drawn(table, ("tx",))
+    return motion.motion_figure(table, ("tx",))

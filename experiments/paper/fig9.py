@@ -17,7 +17,7 @@ CONFIG = "paper"
 
 
 def compute(quick: bool) -> Table:
-    return motion.simulated(CONFIG, "multi-axis")
+    return motion.simulate_table(CONFIG, "multi-axis")
 
 
 def claims(table: Table) -> list[PaperClaim]:
@@ -25,4 +25,4 @@ def claims(table: Table) -> list[PaperClaim]:
 
 
 def picture(table: Table) -> Figure:
-    return motion.drawn(table, POSE)
+    return motion.motion_figure(table, POSE)

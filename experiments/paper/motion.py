@@ -27,7 +27,7 @@ WHY = {
 }  # fmt: skip
 
 
-def simulated(config_name: str, motion: str, track: bool = False) -> Table:
+def simulate_table(config_name: str, motion: str, track: bool = False) -> Table:
     """Truth, estimate and standard uncertainty of six axes; mm and mrad."""
     segments = simulate(facets.load(config_name), [motion], track=track)
     table = pose_table(segments)
@@ -60,7 +60,7 @@ def errors_in_six_axes(table: Table) -> list[PaperClaim]:
     return found
 
 
-def drawn(table: Table, axes: tuple[str, ...]) -> Figure:
+def motion_figure(table: Table, axes: tuple[str, ...]) -> Figure:
     """The moved axes above, truth under the estimate; below, the errors of all six."""
     hues = chosen_hues()
     rows = -(-len(axes) // 2)

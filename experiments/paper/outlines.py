@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 PAIRS = tuple(combinations(POSE, 2))
 
 
-def traced(config_name: str, pairs: tuple[tuple[str, str], ...], tracking: bool) -> Table:
+def trace_table(config_name: str, pairs: tuple[tuple[str, str], ...], tracking: bool) -> Table:
     """Points of each outline in order; mm and mrad."""
     config = facets.load(config_name)
     rules = replace(config.range, tracking=tracking)
@@ -37,7 +37,7 @@ def traced(config_name: str, pairs: tuple[tuple[str, str], ...], tracking: bool)
     return columns_of("first second first_place second_place cause", rows)
 
 
-def drawn(table: Table) -> Figure:
+def outlines_figure(table: Table) -> Figure:
     return ranges_picture([outline(table, *axes) for axes in pairs_of(table)])
 
 
@@ -54,7 +54,7 @@ def outline(table: Table, first: str, second: str) -> Boundary:
     return Boundary((first, second), np.zeros(6), points, np.array(causes), 0)
 
 
-def symmetric(table: Table, first: str, second: str, axis: int) -> float:
+def symmetric_range(table: Table, first: str, second: str, axis: int) -> float:
     """Twice the nearer end along one axis of a map, the other at rest; mm or mrad."""
     points = outline(table, first, second).points
     factor = unit_of((first, second)[axis])[1]

@@ -102,7 +102,7 @@ def contenders(poses: int, few: int) -> list[Contender]:
         Contender("readings: batch", lambda rows: readings(SENSOR, rows[:, 9:]), poses),
         Contender("Jacobians: batch", lambda rows: jacobian(SENSOR, rows[:, 9:]), poses),
         Contender("poses from zero: batch", lambda rows: solve(SENSOR, rows[:, :9]), poses),
-        Contender("poses from near: batch", from_near, poses),
+        Contender("poses from near: batch", solve_from_near, poses),
         Contender("readings: one call", one_by_one(lambda r: readings(SENSOR, r[9:])), few),
         Contender("facets.solve: one call", one_by_one(lambda r: solve(SENSOR, r[:9])), few),
         Contender("Solver.solve: one call", one_by_one(lambda r: zero.solve(r[:9])), few),
@@ -111,7 +111,7 @@ def contenders(poses: int, few: int) -> list[Contender]:
     ]
 
 
-def from_near(rows: Floats) -> None:
+def solve_from_near(rows: Floats) -> None:
     solve(SENSOR, rows[:, :9], start=rows[:, 9:] + 1e-6, covariance=False)
 
 
@@ -132,15 +132,15 @@ def first(expression: str) -> float:
     """Seconds of CPU time of a fresh process, imports included, with nothing compiled before."""
     code = f"import facets; sensor = facets.Sensor(); {expression}"
     with tempfile.TemporaryDirectory() as empty:
-        before = children()
+        before = child_cpu_seconds()
         subprocess.run(
             [sys.executable, "-c", code], env={**os.environ, "NUMBA_CACHE_DIR": empty},
             stderr=subprocess.DEVNULL, check=True,
         )  # fmt: skip
-        return children() - before
+        return child_cpu_seconds() - before
 
 
-def children() -> float:
+def child_cpu_seconds() -> float:
     """CPU time of the processes that have ended, s."""
     spent = resource.getrusage(resource.RUSAGE_CHILDREN)
     return spent.ru_utime + spent.ru_stime

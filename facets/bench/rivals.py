@@ -70,7 +70,7 @@ def land(points: Floats, k: int, normal: Floats, apex: Floats) -> Floats:
     return np.stack([spot @ SIDEWAYS[k], spot[..., 2]], axis=-1)
 
 
-def by_moments(states: Floats, moments: Moments) -> Floats:
+def moment_readings(states: Floats, moments: Moments) -> Floats:
     """Nine readings a state; `moments(apex, start, stop)` integrates over a wedge, in sigmas."""
     out = np.empty((len(states), 9))
     for n, state in enumerate(states):
@@ -87,7 +87,7 @@ def by_moments(states: Floats, moments: Moments) -> Floats:
 
 
 def dblquad(states: Floats) -> Floats:
-    return by_moments(states, dblquad_moments)
+    return moment_readings(states, dblquad_moments)
 
 
 def dblquad_moments(q: Floats, start: float, stop: float) -> tuple[float, float, float]:

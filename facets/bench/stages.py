@@ -29,7 +29,7 @@ Array = Any
 compiled = compiler(__file__, calls=(kernels,))
 
 
-def staged(formula: Callable[[LaneWriter, Any, tuple[Any, ...]], Iterable[Any]]) -> LaneWrite:
+def stage_code(formula: Callable[[LaneWriter, Any, tuple[Any, ...]], Iterable[Any]]) -> LaneWrite:
     """Blocks' code that puts the sum of some numbers of a state into one place a pose."""
 
     def write(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
@@ -80,7 +80,7 @@ def stage(name: str) -> Callable[[Array, Array, Array], None]:
     formula = special if name == FLOOR else CHAIN[name]
     number = [FLOOR, *CHAIN].index(name)
     code = blocks.lane_code(
-        f"stage_{number}", blocks.lanes(), 5, lambda: staged(formula), Path(__file__)
+        f"stage_{number}", blocks.lanes(), 5, lambda: stage_code(formula), Path(__file__)
     )
 
     def work(vectors: Array, states: Array, out: Array) -> None:

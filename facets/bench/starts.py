@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .calls import children
+from .calls import child_cpu_seconds
 
 Row = dict[str, Any]
 
@@ -64,9 +64,9 @@ def row(name: str, arguments: list[str], folder: Path) -> Row:
 def run(arguments: list[str], folder: Path, environment: dict[str, str]) -> tuple[float, float]:
     """Seconds of processor time and by the clock of a process of its own, in a folder."""
     force = ["--force"] if {"-o", "-d"} & set(arguments) else []
-    before, begin = children(), time.perf_counter()
+    before, begin = child_cpu_seconds(), time.perf_counter()
     subprocess.run(
         [sys.executable, *arguments, *force], cwd=folder, env={**os.environ, **environment},
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=True,
     )  # fmt: skip
-    return children() - before, time.perf_counter() - begin
+    return child_cpu_seconds() - before, time.perf_counter() - begin

@@ -38,7 +38,7 @@ def errors(values: Floats, exact: Any) -> tuple[float, float]:
     return float(away[:, :, :2].max()), float(power.max())
 
 
-def timed(row: Row, timing: Timing, ours: float) -> Row:
+def timing_row(row: Row, timing: Timing, ours: float) -> Row:
     return {
         **row,
         "us_per_pose": 1e6 * timing.median,
@@ -68,7 +68,7 @@ def forward_contenders(quick: bool, poses: int, seed: int) -> list[Contender]:
     made += [
         Contender(
             "Gauss-Legendre 12 (plain Python)",
-            lambda s: rivals.by_moments(s, rivals.legendre_moments(12)),
+            lambda s: rivals.moment_readings(s, rivals.legendre_moments(12)),
             20,
         ),
         Contender("dblquad (as the paper)", rivals.dblquad, 2),
@@ -93,7 +93,7 @@ def forward(quick: bool, seed: int) -> list[Row]:
         values = contender.work(states[:n])
         if values.ndim == 2:
             row["place_error_mm"], row["power_error"] = errors(values, exact[:n])
-        rows.append(timed(row, timing, timings[0].median))
+        rows.append(timing_row(row, timing, timings[0].median))
     return rows
 
 
@@ -103,7 +103,7 @@ def solve_by(root: Callable[..., Floats], moments: rivals.Moments) -> Callable[[
 
     def solved(xi: Floats) -> Floats:
         def residual(x: Floats) -> Floats:
-            rest: Floats = (rivals.by_moments((x * scale)[None], moments)[0] - xi)[:8]
+            rest: Floats = (rivals.moment_readings((x * scale)[None], moments)[0] - xi)[:8]
             return rest
 
         state: Floats = root(residual) * scale
@@ -112,26 +112,22 @@ def solve_by(root: Callable[..., Floats], moments: rivals.Moments) -> Callable[[
     return one_by_one(solved)
 
 
-def by_fsolve(residual: Callable[[Floats], Floats]) -> Floats:
+def fsolve_root(residual: Callable[[Floats], Floats]) -> Floats:
     from scipy.optimize import fsolve
 
     found: Floats = fsolve(residual, np.zeros(8))
     return found
 
 
-def by_least_squares(residual: Callable[[Floats], Floats]) -> Floats:
+def least_squares_root(residual: Callable[[Floats], Floats]) -> Floats:
     from scipy.optimize import least_squares
 
     found: Floats = least_squares(residual, np.zeros(8), xtol=1e-14, ftol=1e-14, gtol=1e-14).x
     return found
 
 
-def inverse(quick: bool, seed: int) -> list[Row]:
-    """Poses, eight unknowns: time a pose against error."""
-    poses = 5_000 if quick else 100_000
-    states = rivals.states_in_range(poses, seed)
-    xi = readings(SENSOR, states)
-    index = np.column_stack([xi, states])  # readings with their true states, for warm starts
+def inverse_contenders(quick: bool, poses: int) -> list[Contender]:
+    """Ways from readings to poses; inputs are readings, then true states to start from: (n, 17)."""
     twelve = rivals.legendre_moments(12)
 
     def warm(rows: Floats, threads: int = 1) -> Floats:
@@ -159,11 +155,11 @@ def inverse(quick: bool, seed: int) -> list[Row]:
             "casadi Newton on Gauss-Legendre 12", casadi_rival.solver(), 100 if quick else 1000
         ),
         Contender(
-            "fsolve on Gauss-Legendre 12", lambda r: solve_by(by_fsolve, twelve)(r[:, :9]), 10
+            "fsolve on Gauss-Legendre 12", lambda r: solve_by(fsolve_root, twelve)(r[:, :9]), 10
         ),
         Contender(
             "least_squares on Gauss-Legendre 12",
-            lambda r: solve_by(by_least_squares, twelve)(r[:, :9]),
+            lambda r: solve_by(least_squares_root, twelve)(r[:, :9]),
             5,
         ),
     ]
@@ -171,11 +167,19 @@ def inverse(quick: bool, seed: int) -> list[Row]:
         contenders.append(
             Contender(
                 "fsolve on dblquad",
-                lambda r: solve_by(by_fsolve, rivals.dblquad_moments)(r[:, :9]),
+                lambda r: solve_by(fsolve_root, rivals.dblquad_moments)(r[:, :9]),
                 1,
             )
         )
-    contenders += peers.inverse(quick)
+    return contenders + peers.inverse(quick)
+
+
+def inverse(quick: bool, seed: int) -> list[Row]:
+    """Poses, eight unknowns: time a pose against error."""
+    poses = 5_000 if quick else 100_000
+    states = rivals.states_in_range(poses, seed)
+    index = np.column_stack([readings(SENSOR, states), states])
+    contenders = inverse_contenders(quick, poses)
     timings = alternate(contenders, index, 3 if quick else 7)
     rows = []
     for contender, timing in zip(contenders, timings, strict=True):
@@ -186,11 +190,11 @@ def inverse(quick: bool, seed: int) -> list[Row]:
             "length_error_mm": away[[0, 1, 2, 6, 7]].max(),
             "angle_error_rad": away[3:6].max(),
         }
-        rows.append(timed(row, timing, timings[0].median))
+        rows.append(timing_row(row, timing, timings[0].median))
     return rows
 
 
-def chunked(total: int, size: int) -> Iterator[int]:
+def chunk_sizes(total: int, size: int) -> Iterator[int]:
     for start in range(0, total, size):
         yield min(size, total - start)
 
@@ -203,20 +207,20 @@ def scaling(quick: bool, seed: int) -> list[Row]:
     for threads in sorted({1, cores()}):
         size = 1
         while size <= largest:
-            rows.append(scaled(states, size, threads, 1 if size >= 10**6 else 5))
+            rows.append(scaling_row(states, size, threads, 1 if size >= 10**6 else 5))
             size *= 10
     return rows
 
 
-def scaled(states: Floats, size: int, threads: int, rounds: int) -> Row:
+def scaling_row(states: Floats, size: int, threads: int, rounds: int) -> Row:
     xi = readings(SENSOR, states[: min(size, len(states))])
 
     def read(batch: range) -> None:
-        for count in chunked(len(batch), len(states)):
+        for count in chunk_sizes(len(batch), len(states)):
             readings(SENSOR, states[:count], threads=threads)
 
     def invert(batch: range) -> None:
-        for count in chunked(len(batch), len(states)):
+        for count in chunk_sizes(len(batch), len(states)):
             solve(SENSOR, xi[:count], covariance=False, threads=threads)
 
     contenders = [Contender("readings", read, size), Contender("solve", invert, size)]

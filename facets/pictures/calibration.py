@@ -48,7 +48,7 @@ def residual_picture(data: Data, found: Fit, table: dict[str, NDArray[Any]]) -> 
         bar = upper.colorbar(image, ax=panels, shrink=0.6, pad=0.02, extend="both")
         bar.set_label("mean residual in a cell, standard deviations (above: r.m.s.)")
         bar.outline.set_visible(False)
-        compared(lower, table)
+        draw_comparison(lower, table)
     return picture
 
 
@@ -79,7 +79,7 @@ def diverging() -> Any:
     return LinearSegmentedColormap.from_list("residual", ["#0B5FA5", middle, "#B3341C"])
 
 
-def compared(part: Any, table: dict[str, NDArray[Any]]) -> None:
+def draw_comparison(part: Any, table: dict[str, NDArray[Any]]) -> None:
     """Errors of each axis before and after, on a logarithmic scale: they differ by hundreds."""
     panels = part.subplots(1, 2)
     for panel, angles in zip(panels, (False, True), strict=True):

@@ -152,14 +152,14 @@ def pareto_picture(
         picture = style.figure(style.FULL, 5.9 + 0.4 * (len(objectives) > 2))
         parts: Any = picture.subfigures(2, 1, height_ratios=(1.75, 1))
         upper, lower = parts
-        followed(upper, upper.subplots(), table, objectives, cloud, own)
+        draw_front(upper, upper.subplots(), table, objectives, cloud, own)
         panels = lower.subplots(1, len(others), squeeze=False)[0]
         for panel, other in zip(panels, others, strict=True):
             price(panel, table, objectives[0], other, len(objectives) == 2)
     return picture
 
 
-def followed(
+def draw_front(
     part: Any, panel: Axes, table: Table, objectives: list[str], cloud: Table | None,
     own: dict[str, float],
 ) -> None:  # fmt: skip

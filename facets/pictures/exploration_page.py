@@ -48,7 +48,7 @@ def page(
         {
             "label": label(key),
             "lines": lines_of(label(key)),
-            "values": rounded(table[key]),
+            "values": round_digits(table[key]),
             "plotted": key in plotted,
             "listed": key in plotted,
         }
@@ -88,6 +88,6 @@ def order(key: str, plotted: list[str]) -> int:
     return plotted.index(key) if key in plotted else 0
 
 
-def rounded(values: NDArray[Any]) -> list[float | None]:
+def round_digits(values: NDArray[Any]) -> list[float | None]:
     """To seven digits; None where there is none."""
     return [float(f"{v:.7g}") if np.isfinite(v) else None for v in values.tolist()]

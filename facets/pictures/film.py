@@ -13,7 +13,7 @@ from ..core.extras import require_extra
 from ..core.units import Floats
 from ..files.whole import Whole
 from .camera import Camera
-from .magnification import times
+from .magnification import factor_in_words
 from .materials import THEMES, rgb
 from .render import Picture
 
@@ -23,7 +23,7 @@ SWING, NEARER = 0.20, 0.04
 COLOURS = 64
 
 
-def eased(camera: Camera, share: float) -> Camera:
+def ease_camera(camera: Camera, share: float) -> Camera:
     """The camera at a share of a film: to one side and the other, and nearer in the middle.
 
     It is where it began at the end, and as fast, so that a film can be repeated.
@@ -43,10 +43,10 @@ def frames(picture: Picture, states: Floats, factor: float, turning: float = 1.0
     """
     view = picture.view
     still = view.camera()
-    view.larger, view.turning, view.note = factor, turning, times(factor, turning)
+    view.larger, view.turning, view.note = factor, turning, factor_in_words(factor, turning)
     count = len(states)
     for n, state in enumerate(states):
-        view.camera = lambda n=n: eased(still, n / count)  # type: ignore[method-assign, misc]
+        view.camera = lambda n=n: ease_camera(still, n / count)  # type: ignore[method-assign, misc]
         picture.move(factor * state)
         yield picture.image()
 
@@ -62,14 +62,14 @@ def write(
 ) -> None:
     """A film of states (n, 8) at `rate` frames a second; whole or not at all."""
     with Whole(path) as temporary:
-        shown = told(frames(picture, states, factor, turning), tell)
+        shown = report_frames(frames(picture, states, factor, turning), tell)
         if path.suffix.lower() == ".gif":
             write_gif(shown, temporary, rate)
         else:
             write_h264(shown, temporary, rate)
 
 
-def told(shown: Iterator[Any], tell: Callable[[], None]) -> Iterator[Any]:
+def report_frames(shown: Iterator[Any], tell: Callable[[], None]) -> Iterator[Any]:
     for frame in shown:
         yield frame
         tell()

@@ -18,8 +18,8 @@ import numpy as np
 from ..core.units import Booleans, Floats
 from ..optics.forward import illuminate
 from .camera import Camera
-from .raster import enlarged
-from .scene import RIM, Stand, in_wedge, mirrored
+from .raster import enlarge
+from .scene import RIM, Stand, in_wedge, reflect_points
 from .studio import Shot
 
 #: Two coordinates across the beam of many rays, sigmas.
@@ -66,7 +66,7 @@ def hazy(shot: Shot, light: Callable[[Shot], Floats], stand: Stand) -> Floats:
         return light(shot)
     half = shot.camera.sized((width // 2, height // 2))
     depth = np.minimum(shot.depth[::2, ::2], shot.depth[1::2, 1::2])
-    whole: Floats = enlarged(light(Shot(half, shot.colour, shot.cover, depth)), (width, height))
+    whole: Floats = enlarge(light(Shot(half, shot.colour, shot.cover, depth)), (width, height))
     return whole
 
 
@@ -79,7 +79,7 @@ def centroid(stand: Stand, k: int) -> tuple[Floats, float]:
 def near_segment(camera: Camera, ends: Floats, width: float) -> tuple[Booleans, float]:
     """Pixels (h, w) within a width (mm) of a segment (2, 3), and how much of a mm a pixel is."""
     size = camera.size
-    seen = camera.project(clipped(camera, ends))
+    seen = camera.project(clip_segment(camera, ends))
     per_mm = 1 / camera.pixel
     if not camera.parallel:
         per_mm *= camera.distance / float(max(seen[:, 2].min(), 1e-3))
@@ -97,7 +97,7 @@ def near_segment(camera: Camera, ends: Floats, width: float) -> tuple[Booleans, 
     return where, 1 / per_mm
 
 
-def clipped(camera: Camera, ends: Floats) -> Floats:
+def clip_segment(camera: Camera, ends: Floats) -> Floats:
     """The part of a segment that is before the camera."""
     depth = (ends - np.array(camera.place)) @ camera.axes[2]
     least = 1e-3 * camera.distance
@@ -176,7 +176,7 @@ class PixelRays:
         return picture
 
 
-def across(
+def beam_coordinates(
     stand: Stand, line: PixelRays, k: int | None = None, about: Any = (0, 0), wide: float = 1.0
 ) -> tuple[Across, Across]:
     """Where rays are across the beam, in sigmas, folded at facet k if given: at t = 0, and per t.
@@ -187,7 +187,7 @@ def across(
     place = np.array(stand.at.place, float)
     if k is not None:
         normal, apex = np.array(stand.at.normals[k], float), np.array(stand.at.apex, float)
-        place = mirrored(place, apex, normal)
+        place = reflect_points(place, apex, normal)
         whitening = whitening - 2 * (whitening @ normal)[:, None] * normal
     start = tuple((line.origins(v, place) - about[i]) / wide for i, v in enumerate(whitening))
     rate = tuple(line.rays(v) / wide for v in whitening)
@@ -222,8 +222,10 @@ def sub_beam(stand: Stand, shot: Shot, k: int) -> Floats:
     line.side(np.array(stand.geometry.centres[k], float), -np.array(stand.geometry.axes[k][0]))
     if sigma < THIN * pixel:  # thinner than a pixel: as round as it is seen, and as bright
         wide = THIN * pixel / sigma
-        return line.spread(3 * share * line.gaussian(*across(stand, line, k, middle, wide)))
-    u, w = across(stand, line, k)
+        return line.spread(
+            3 * share * line.gaussian(*beam_coordinates(stand, line, k, middle, wide))
+        )
+    u, w = beam_coordinates(stand, line, k)
     keep_wedge(line, stand, k, u, w)
     return line.spread(line.gaussian(u, w))
 
@@ -251,7 +253,7 @@ def incoming(stand: Stand, shot: Shot, laser: float) -> Floats:
         line = PixelRays(shot, where)
         line.side(apex, np.array(stand.at.normals[k], float))
         line.side(ends[1], -back)
-        u, w = across(stand, line, wide=wide)
+        u, w = beam_coordinates(stand, line, wide=wide)
         if wide > 1:
             return line.spread(line.gaussian(u, w))
         keep_wedge(line, stand, k, u, w)
@@ -278,12 +280,12 @@ def reflection(stand: Stand, shot: Shot, k: int) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = -line.origins(normal, apex) / line.rays(normal)
     mirror = (line.rays(normal) < 0) & (np.abs(line.high - depth) < 0.02 + 1.5 * pixel)
-    where = spread_to(where, mirror)
+    where = fill_mask(where, mirror)
     found = np.zeros(shot.depth.shape)
     for folded in (k, None):
         line = PixelRays(shot, where)
         line.low, line.high = line.high, np.full(len(line.high), 1e9)
-        u, w = across(stand, line, folded)
+        u, w = beam_coordinates(stand, line, folded)
         keep_wedge(line, stand, k, u, w)
         found += REFLECTS * line.spread(line.gaussian(u, w))
     return found
@@ -301,7 +303,7 @@ def surface(stand: Stand, shot: Shot, k: int) -> Floats:
     return np.maximum(found, plane(stand, shot, k, centre, -axes[0], centre, reach, folded=True))
 
 
-def spread_to(where: Booleans, values: Any) -> Booleans:
+def fill_mask(where: Booleans, values: Any) -> Booleans:
     """Values of the pixels that are true in `where`, as a picture."""
     picture = np.zeros(where.shape, bool)
     picture[where] = values
@@ -322,7 +324,7 @@ def plane(
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = -line.origins(normal, point) / falls
     seen = (falls < 0) & (np.abs(shot.depth[where] - depth) < 0.4 + 2.5 * pixel)
-    rows, columns = np.nonzero(where & spread_to(where, seen))
+    rows, columns = np.nonzero(where & fill_mask(where, seen))
     depth = depth[seen] if np.ndim(depth) else depth
     origin, ray = shot.camera.rays(columns + 0.5, rows + 0.5)
     places = origin + np.reshape(depth, (-1, 1)) * ray
@@ -332,7 +334,7 @@ def plane(
         lit &= np.abs(((places - point) * axes[1]).sum(axis=-1)) < psd.size_y / 2
         lit &= np.abs(((places - point) * axes[2]).sum(axis=-1)) < psd.size_z / 2
     mirror_normal, apex = np.array(stand.at.normals[k], float), np.array(stand.at.apex, float)
-    u = in_sigmas(stand, mirrored(places, apex, mirror_normal) if folded else places)
+    u = in_sigmas(stand, reflect_points(places, apex, mirror_normal) if folded else places)
     middle, share = centroid(stand, k)
     wide = THIN * pixel / width_of(stand)
     if wide > 1 and share > 0:

@@ -10,7 +10,7 @@ import numpy as np
 from ..core.units import Floats
 from .camera import Camera
 from .materials import Theme, rgb
-from .raster import enlarged
+from .raster import enlarge
 from .rig import RigPart
 
 #: Where the shadow-giving light comes from.
@@ -86,7 +86,7 @@ def backdrop(camera: Camera, theme: Theme, floor: Ground | None) -> Floats:
     width, height = camera.size
     half = camera.sized(((width + 1) // 2, (height + 1) // 2))
     whole = (2 * half.size[0], 2 * half.size[1])
-    found: Floats = enlarged(scenery(half, theme, floor), whole)[:height, :width]
+    found: Floats = enlarge(scenery(half, theme, floor), whole)[:height, :width]
     return found
 
 

@@ -28,13 +28,13 @@ def motion_factor(sensor: Sensor, states: Floats, largest: float = 1000.0) -> fl
     some = states[:: max(1, len(states) // 100)]
     factor = 1.0
     for more in (2, 5, 10, 20, 50, 100, 200, 500, 1000):
-        if more > largest or not kept(sensor, more * some):
+        if more > largest or not stays_on_detectors(sensor, more * some):
             break
         factor = float(more)
     return factor
 
 
-def kept(sensor: Sensor, states: Floats) -> bool:
+def stays_on_detectors(sensor: Sensor, states: Floats) -> bool:
     """Whether all spots are well on their detectors in all states."""
     reading = readings(sensor, states)
     power = reading[:, 2::3]
@@ -51,7 +51,7 @@ def turning_factor(states: Floats) -> float:
     return max(1.0, round_down(TURN / largest)) if largest > 0 else 1.0
 
 
-def times(factor: float, turning: float = 1.0) -> str:
+def factor_in_words(factor: float, turning: float = 1.0) -> str:
     """ "motion drawn 20 times larger", nothing for 1."""
     words = [f"motion drawn {factor:g} times larger"] if factor != 1 else []
     if turning != 1:

@@ -42,7 +42,7 @@ def motion_picture(segments: Sequence[Segment]) -> Figure:
             place_panel(place, clock, segments, n)
             error_panel(error, clock, segments, n)
             clock.mark(place, error, lowest=row == 2)
-        legend(picture, clock, any_unsolved(segments))
+        legend(picture, clock, has_unsolved(segments))
     return picture
 
 
@@ -120,7 +120,7 @@ def step_of(time: NDArray[np.float64]) -> float:
     return float(time[1] - time[0]) if len(time) > 1 else 1.0
 
 
-def any_unsolved(segments: Sequence[Segment]) -> bool:
+def has_unsolved(segments: Sequence[Segment]) -> bool:
     return any(not segment.solution.converged.all() for segment in segments)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from ..core.units import Floats
 
 
-def enlarged(picture: Any, size: tuple[int, int]) -> Any:
+def enlarge(picture: Any, size: tuple[int, int]) -> Any:
     """A picture (h, w) or (h, w, c) at another width and height, straight in between."""
     from PIL import Image
 
@@ -22,7 +22,7 @@ def enlarged(picture: Any, size: tuple[int, int]) -> Any:
     return np.stack([one(picture[..., n]) for n in range(picture.shape[2])], axis=-1)
 
 
-def reduced(picture: Any, step: int) -> Any:
+def reduce_size(picture: Any, step: int) -> Any:
     """The mean of step x step pixels; what is over at the right and below is left out."""
     height, width = (n // step * step for n in picture.shape[:2])
     rows = sum(picture[n:height:step] for n in range(step))
@@ -42,8 +42,8 @@ def halo(light: Any, share: float, least: float = 0.0) -> Any:
     step = 4 if share * height > 6 else 2
     padded = np.pad(light, ((0, -height % step), (0, -width % step), (0, 0))[: light.ndim])
     sigma = share * height / step
-    soft = gaussian_filter(reduced(padded, step), (sigma, sigma, 0)[: light.ndim], truncate=3)
-    return enlarged(soft, (padded.shape[1], padded.shape[0]))[:height, :width]
+    soft = gaussian_filter(reduce_size(padded, step), (sigma, sigma, 0)[: light.ndim], truncate=3)
+    return enlarge(soft, (padded.shape[1], padded.shape[0]))[:height, :width]
 
 
 def as_bytes(picture: Floats) -> Any:

@@ -18,17 +18,17 @@ from .camera import normalize
 from .scene import Stand
 from .solids import (
     Solid,
-    at_height,
-    bored,
     cylinder,
     frame,
+    hollow_cylinder,
     join,
     rectangle,
+    revolve,
+    ring_at_height,
     rod,
     slab,
     stack,
     tube,
-    turned,
 )
 
 #: A rig whose nearest detector is nearer than this has smaller parts, mm.
@@ -129,8 +129,8 @@ def head(stand: Stand) -> Iterator[RigPart]:
     falls = slopes(stand, around)
     bottom = -radius * float(falls.max()) - 0.45 * radius
     rings = [
-        at_height(rim * circle, bottom),
-        at_height(radius * circle, bottom + bevel),
+        ring_at_height(rim * circle, bottom),
+        ring_at_height(radius * circle, bottom + bevel),
         np.column_stack([radius * circle, -radius * falls - bevel]),
         np.column_stack([rim * circle, -rim * falls]),
     ]
@@ -138,7 +138,7 @@ def head(stand: Stand) -> Iterator[RigPart]:
     cup = radius + 1.8 * fit
     low = bottom - 6 * fit
     seat, wall = bottom + 4 * fit, radius + 0.05 * fit
-    yield put("mount", "anodised", turned([
+    yield put("mount", "anodised", revolve([
         (cup - 0.6 * fit, low), (cup, low + 0.6 * fit), (cup, seat - 0.6 * fit),
         (cup - 0.6 * fit, seat), (wall, seat), (wall, bottom - 0.02 * fit),
     ]), 8)  # fmt: skip
@@ -235,7 +235,7 @@ def stand_of(stand: Stand, k: int, name: str, fit: float) -> Iterator[RigPart]:
     level = np.array([outward, aside, (0, 0, 1.0)])
     yield RigPart(f"post {letter}", name, "steel",
                cylinder(POST * fit, middle - 2 * fit, top).placed(at, np.eye(3)))  # fmt: skip
-    holder = turned([(9.5 * fit, floor), (9.5 * fit, middle - 0.8 * fit), (8.7 * fit, middle)])
+    holder = revolve([(9.5 * fit, floor), (9.5 * fit, middle - 0.8 * fit), (8.7 * fit, middle)])
     yield RigPart(f"post holder {letter}", name, "anodised", holder.placed(at, np.eye(3)))
     foot = slab(rectangle(50 * fit, 30 * fit, 4 * fit), floor, floor + 6 * fit, 0.7 * fit)
     yield RigPart(f"foot {letter}", name, "anodised", foot.placed(at, level))
@@ -283,14 +283,16 @@ def laser(stand: Stand) -> Iterator[RigPart]:
         (4.6 * s, 0), (7.6 * s, 0), (8 * s, 0.4 * s), (8 * s, 11 * s), (7.4 * s, 11.6 * s),
         (5.4 * s, 11.6 * s), (5.4 * s, 5 * s), (4.6 * s, 5 * s),
     ]), 16)  # fmt: skip
-    lens = turned([(0.1 * s, 5.1 * s), (3 * s, 5.3 * s), (5.3 * s, 6.4 * s), (5.3 * s, 7.4 * s),
+    lens = revolve([(0.1 * s, 5.1 * s), (3 * s, 5.3 * s), (5.3 * s, 6.4 * s), (5.3 * s, 7.4 * s),
                    (3 * s, 8.6 * s), (0.1 * s, 8.9 * s)])  # fmt: skip
     yield put("collimating lens", "glass", lens, 2)
     diode = join([cylinder(4.5 * s, 19.6 * s, 21 * s), cylinder(2.8 * s, 16 * s, 19.6 * s)])
     yield put("laser diode", "gold", diode, 30)
     driver = slab(rectangle(14 * s, 1.6 * s), 30 * s, 52 * s)
     yield put("driver board", "board", driver, 40)
-    yield put("heat sink", "aluminium", bored(9.2 * s, 3 * s, 21 * s, 29 * s, 0.4 * s), 38)
+    yield put(
+        "heat sink", "aluminium", hollow_cylinder(9.2 * s, 3 * s, 21 * s, 29 * s, 0.4 * s), 38
+    )
     yield put("laser housing", "anodised", tube([
         (9.3 * s, 11.6 * s), (10.4 * s, 11.6 * s), (11 * s, 12.2 * s), (11 * s, 62 * s),
         (10.4 * s, 62.6 * s), (10 * s, 64 * s), (11 * s, 64 * s), (11 * s, 66 * s),
@@ -312,7 +314,9 @@ def gantry(stand: Stand, origin: Floats, fit: float) -> Iterator[RigPart]:
     yield RigPart(
         "column", "laser", "steel", cylinder(9 * fit, floor, top, 0.8 * fit).placed(foot, np.eye(3))
     )
-    collar = turned([(14 * fit, floor), (14 * fit, floor + 13 * fit), (13 * fit, floor + 14 * fit)])
+    collar = revolve(
+        [(14 * fit, floor), (14 * fit, floor + 13 * fit), (13 * fit, floor + 14 * fit)]
+    )
     yield RigPart("collar", "frame", "anodised", collar.placed(foot, np.eye(3)))
     aside = np.cross((0, 0, 1.0), outward)
     level = np.array([outward, aside, (0, 0, 1.0)])
@@ -322,9 +326,9 @@ def gantry(stand: Stand, origin: Floats, fit: float) -> Iterator[RigPart]:
     yield RigPart(
         "arm", "laser", "aluminium", bar.placed(at + outward * (reach + 1 * fit) / 2, level)
     )
-    ring = bored(15.8 * fit, 11 * fit, -8 * fit, 8 * fit, 0.8 * fit)
+    ring = hollow_cylinder(15.8 * fit, 11 * fit, -8 * fit, 8 * fit, 0.8 * fit)
     yield RigPart("laser clamp", "laser", "aluminium", ring.placed(at, np.eye(3)))
-    grip = bored(13.8 * fit, 9 * fit, -9 * fit, 9 * fit, 0.8 * fit)
+    grip = hollow_cylinder(13.8 * fit, 9 * fit, -9 * fit, 9 * fit, 0.8 * fit)
     yield RigPart(
         "column clamp", "laser", "aluminium", grip.placed([foot[0], foot[1], at[2]], np.eye(3))
     )

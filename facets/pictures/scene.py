@@ -103,7 +103,7 @@ class Stand:
         return np.stack([apart @ axes[1], apart @ axes[2]], axis=-1)
 
 
-def mirrored(points: Floats, apex: Floats, normal: Floats) -> Floats:
+def reflect_points(points: Floats, apex: Floats, normal: Floats) -> Floats:
     """Points (..., 3) behind the plane of a facet, as many mm as they are before it.
 
     A point of a sub-beam is folded back so to where its ray would be without the mirror.

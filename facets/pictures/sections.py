@@ -13,12 +13,12 @@ from .rig import RigPart
 from .solids import Solid
 
 
-def exploded(parts: Iterable[RigPart]) -> list[RigPart]:
+def explode(parts: Iterable[RigPart]) -> list[RigPart]:
     """Each part where its assembly comes apart along its own axis."""
     return [part.moved() for part in parts]
 
 
-def cut_open(
+def cut_parts(
     pyvista: Any, parts: Iterable[RigPart], point: Floats, normal: Floats
 ) -> tuple[list[RigPart], list[RigPart]]:
     """What of parts lies behind a plane, and the faces of the cut.
@@ -44,7 +44,7 @@ def cut(pyvista: Any, solid: Solid, point: Floats, normal: Floats) -> tuple[Soli
     mesh = pyvista.PolyData(np.asarray(solid.points, float), faces).triangulate()
     rest = mesh.clip(normal=normal, origin=point, invert=True)
     outline = merge_points(pyvista, mesh.slice(normal=normal, origin=point)).strip(join=True)
-    return as_solid(rest), filled(pyvista, outline, normal)
+    return as_solid(rest), fill_outline(pyvista, outline, normal)
 
 
 def merge_points(pyvista: Any, mesh: Any) -> Any:
@@ -60,7 +60,7 @@ def merge_points(pyvista: Any, mesh: Any) -> Any:
     return pyvista.wrap(merge.GetOutput())
 
 
-def filled(pyvista: Any, outline: Any, normal: Floats) -> Solid:
+def fill_outline(pyvista: Any, outline: Any, normal: Floats) -> Solid:
     """The area within closed lines, holes left open."""
     from vtkmodules.vtkFiltersModeling import vtkContourLoopExtraction
 

@@ -53,22 +53,22 @@ def stack(rings: Sequence[Floats], closed: bool = True) -> Solid:
     return Solid(np.concatenate(rings), faces)
 
 
-def at_height(outline: Floats, z: float) -> Floats:
+def ring_at_height(outline: Floats, z: float) -> Floats:
     return np.column_stack([outline, np.full(len(outline), z)])
 
 
-def turned(profile: Sequence[tuple[float, float]], count: int = ROUND) -> Solid:
+def revolve(profile: Sequence[tuple[float, float]], count: int = ROUND) -> Solid:
     """A profile of (radius, z) going up, turned about z."""
     angle = 2 * np.pi * np.arange(count) / count
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    return stack([at_height(max(radius, 1e-6) * circle, z) for radius, z in profile])
+    return stack([ring_at_height(max(radius, 1e-6) * circle, z) for radius, z in profile])
 
 
 def tube(profile: Sequence[tuple[float, float]], count: int = ROUND) -> Solid:
     """A closed profile of (radius, z), counter-clockwise with z up, turned about z: with a bore."""
     angle = 2 * np.pi * np.arange(count) / count
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    points = np.concatenate([at_height(radius * circle, z) for radius, z in profile])
+    points = np.concatenate([ring_at_height(radius * circle, z) for radius, z in profile])
     faces = []
     for level in range(len(profile)):
         low, high = level * count, (level + 1) % len(profile) * count
@@ -78,7 +78,9 @@ def tube(profile: Sequence[tuple[float, float]], count: int = ROUND) -> Solid:
     return Solid(points, faces)
 
 
-def bored(outer: float, inner: float, low: float, high: float, bevel: float = 0.0) -> Solid:
+def hollow_cylinder(
+    outer: float, inner: float, low: float, high: float, bevel: float = 0.0
+) -> Solid:
     """A cylinder with a bore through it."""
     return tube(
         [(inner, low), (outer - bevel, low), (outer, low + bevel), (outer, high - bevel),
@@ -89,8 +91,8 @@ def bored(outer: float, inner: float, low: float, high: float, bevel: float = 0.
 def cylinder(radius: float, low: float, high: float, bevel: float = 0.0) -> Solid:
     """About z, its edges broken by `bevel`."""
     if bevel == 0:
-        return turned([(radius, low), (radius, high)])
-    return turned(
+        return revolve([(radius, low), (radius, high)])
+    return revolve(
         [
             (radius - bevel, low),
             (radius, low + bevel),
@@ -118,15 +120,15 @@ def rectangle(width: float, height: float, corner: float = 0.0, count: int = 5) 
 def slab(outline: Floats, low: float, high: float, bevel: float = 0.0) -> Solid:
     """A plate of that convex outline (n, 2) from z = low to high, its edges broken."""
     if bevel == 0:
-        return stack([at_height(outline, low), at_height(outline, high)])
+        return stack([ring_at_height(outline, low), ring_at_height(outline, high)])
     size = np.abs(outline).max(axis=0)
     inner = outline * (1 - bevel / size)
     return stack(
         [
-            at_height(inner, low),
-            at_height(outline, low + bevel),
-            at_height(outline, high - bevel),
-            at_height(inner, high),
+            ring_at_height(inner, low),
+            ring_at_height(outline, low + bevel),
+            ring_at_height(outline, high - bevel),
+            ring_at_height(inner, high),
         ]
     )
 
@@ -134,8 +136,8 @@ def slab(outline: Floats, low: float, high: float, bevel: float = 0.0) -> Solid:
 def frame(outer: Floats, inner: Floats, low: float, high: float) -> Solid:
     """A plate with a window: outlines of equally many points (n, 2)."""
     count = len(outer)
-    rings = [at_height(outer, low), at_height(outer, high), at_height(inner, high),
-             at_height(inner, low)]  # fmt: skip
+    rings = [ring_at_height(outer, low), ring_at_height(outer, high), ring_at_height(inner, high),
+             ring_at_height(inner, low)]  # fmt: skip
     faces = []
     for level in range(4):
         first, second = level * count, (level + 1) % 4 * count
@@ -154,4 +156,4 @@ def rod(start: Any, end: Any, radius: float, count: int = 24) -> Solid:
     aside = np.cross(along, (1.0, 0, 0) if abs(along[0]) < 0.7 else (0, 1.0, 0))
     aside /= np.linalg.norm(aside)
     axes = [aside, np.cross(along, aside), along]
-    return turned([(radius, 0), (radius, length)], count).placed(start, axes)
+    return revolve([(radius, 0), (radius, length)], count).placed(start, axes)

@@ -14,7 +14,7 @@ from . import insets, rig
 from .camera import Camera, fit
 from .exposure import assemble, expose
 from .lettering import DrawingSheet, length_in_words
-from .magnification import round_down, times
+from .magnification import factor_in_words, round_down
 from .materials import rgb
 from .range_solid import COLOURS, REASONS, range_solid
 from .rig import RigPart
@@ -204,7 +204,7 @@ class TrailView(HeadView):
             sheet.line([seen[n], seen[n + 1]], self.colour(n / count), 2.6)
         sheet.dot(seen[0], 5, self.colour(0.0))
         self.faces(picture, sheet)
-        self.note = times(self.factor)
+        self.note = factor_in_words(self.factor)
         sheet.scale_bar(
             camera.pixel, (0.62 * self.size[0], self.size[1] - 26 * sheet.unit), " of the mirror"
         )

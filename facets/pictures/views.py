@@ -21,7 +21,7 @@ from .lettering import DrawingSheet, length_in_words
 from .materials import Theme
 from .rig import RigPart
 from .scene import Stand, array, cut
-from .sections import cut_open, exploded
+from .sections import cut_parts, explode
 from .solids import Solid, join
 from .studio import Studio, bounds, library
 
@@ -403,7 +403,7 @@ class CutawayView(SceneView):
     def build(self) -> None:
         point, normal = self.plane()
         self.dark = tuple(k for k in range(3) if k != self.number)
-        self.parts, faces = cut_open(library(), self.own_parts(), point, normal)
+        self.parts, faces = cut_parts(library(), self.own_parts(), point, normal)
         self.studio = Studio(self.parts, self.theme)
         for n, face in enumerate(faces):
             self.studio.add_flat(face, self.theme.cut(face.material), f"{face.assembly} cut {n}")
@@ -496,7 +496,7 @@ class ExplodedView(SceneView):
     def own_parts(self) -> list[RigPart]:
         name = f"detector {DETECTORS[self.number]}"
         carried = ("post", "foot", "screws")
-        return exploded(
+        return explode(
             part for part in super().own_parts()
             if part.assembly in ("head", "laser", name) and not part.name.startswith(carried)
             and part.name not in ("column", "arm", "column clamp", "laser clamp")

@@ -88,41 +88,41 @@ def flaws_of(sensor: Sensor) -> Flaws:
     )
 
 
-def seen(sensor: Sensor, states: Floats) -> Floats:
+def imperfect_readings(sensor: Sensor, states: Floats) -> Floats:
     """Readings (n, 9) at states (n, 8), imperfect where `sensor.imperfections` says so."""
     if sensor.imperfections == Imperfections():
         return readings(sensor, states)
-    return traced(sensor, states)
+    return ray_readings(sensor, states)
 
 
-def seen_late(sensor: Sensor, time: Floats, motion: Floats, states: Floats) -> Floats:
+def delayed_readings(sensor: Sensor, time: Floats, motion: Floats, states: Floats) -> Floats:
     """Readings (n, 9), as `seen` gives them at states (n, 8), each detector's late by its delay.
 
     time: (n,) s.  motion: (n, 8) the states without what jumps from sample to sample.
     """
-    readings = seen(sensor, states)
+    readings = imperfect_readings(sensor, states)
     for k, delay in enumerate(sensor.light.delays):
         if delay:
-            late = seen(sensor, states + delay_states(time, motion, delay) - motion)
+            late = imperfect_readings(sensor, states + delay_states(time, motion, delay) - motion)
             readings[:, 3 * k : 3 * k + 3] = late[:, 3 * k : 3 * k + 3]
     return readings
 
 
-def traced(sensor: Sensor, states: Floats) -> Floats:
+def ray_readings(sensor: Sensor, states: Floats) -> Floats:
     """Readings (n, 9) at states (n, 8) by rays, whatever `sensor.imperfections` says."""
     fixed, halves, flaws = geometry_of(sensor), half_sizes(sensor), flaws_of(sensor)
-    return np.array([trace(fixed, flaws, state, halves) for state in states])
+    return np.array([ray_reading(fixed, flaws, state, halves) for state in states])
 
 
-def trace(fixed: Geometry, flaws: Flaws, state: Floats, halves: Floats) -> Floats:
+def ray_reading(fixed: Geometry, flaws: Flaws, state: Floats, halves: Floats) -> Floats:
     """One reading (9,). halves: (3, 2) of the detectors' areas, mm."""
     at = dark_scene(fixed, tuple(state.tolist()))
     out = np.empty(9)
     for k in range(3):
         edges = [FacetEdge.of(fixed, at, flaws, k, which) for which in (0, 1)]
-        spot = landed(fixed, at, k, flaws, edges)
+        spot = spot_reading(fixed, at, k, flaws, edges)
         if flaws.wavelength:
-            spot = diffracted(fixed, at, k, flaws, edges, spot, halves[k])
+            spot = diffract(fixed, at, k, flaws, edges, spot, halves[k])
         power, *place = flaws.background[k]
         whole = spot[2] + power
         out[3 * k : 3 * k + 2] = (spot[2] * spot[:2] + power * np.array(place)) / whole
@@ -217,7 +217,9 @@ def polar(
     return shares(fixed, flaws, places) * area.ravel(), places
 
 
-def landed(fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[FacetEdge]) -> Floats:
+def spot_reading(
+    fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[FacetEdge]
+) -> Floats:
     """psi, zeta and power of detector k, without diffraction and other light."""
     parts = [spots(fixed, at, k, flaws, *nodes(fixed, at, flaws, k, edges))]
     for which in (0, 1):
@@ -228,7 +230,7 @@ def landed(fixed: Geometry, at: Scene, k: int, flaws: Flaws, edges: list[FacetEd
             parts.append(spots(fixed, at, k, flaws, weights, places, tilt))
             parts.append(spots(fixed, at, k, flaws, -weights, places))
     if flaws.tip:
-        parts.append(spots(fixed, at, k, flaws, *worn(fixed, at, flaws, edges)))
+        parts.append(spots(fixed, at, k, flaws, *tip_nodes(fixed, at, flaws, edges)))
     moments = np.sum(parts, axis=0)
     return np.array([*(moments[:2] / moments[2]), fixed.power * moments[2]])
 
@@ -252,7 +254,9 @@ def strip(
     return shares(fixed, flaws, places) * area, places
 
 
-def worn(fixed: Geometry, at: Scene, flaws: Flaws, edges: list[FacetEdge]) -> tuple[Floats, Floats]:
+def tip_nodes(
+    fixed: Geometry, at: Scene, flaws: Flaws, edges: list[FacetEdge]
+) -> tuple[Floats, Floats]:
     """Nodes over a facet's part of the flat disc at the apex, counted against it."""
     axis = np.array([row[2] for row in at.turn])
     level = [edge.along - (edge.along @ axis) * axis for edge in edges]
@@ -304,7 +308,7 @@ def follow(
     axes, centre = np.array(fixed.axes[k]), np.array(fixed.centres[k])
     length = ((centre - foot) @ axes[0]) / (leaving @ axes[0])
     spot = foot + length[:, None] * leaving - centre
-    return spot @ axes[1:].T, reflected(flaws, aim, face, cosine)
+    return spot @ axes[1:].T, reflected_share(flaws, aim, face, cosine)
 
 
 @dataclass(frozen=True)
@@ -339,12 +343,12 @@ def streak(fixed: Geometry, at: Scene, k: int, flaws: Flaws, edge: FacetEdge) ->
     step /= np.linalg.norm(step)  # one mm across the edge, square to the light
     sweeps = origin(fixed, at, flaws, apex + step) - start
     swept = abs(sweeps @ edge.seen_inward)
-    side = projected(fixed, at, k, np.cross(step, direction))
+    side = project_on_detector(fixed, at, k, np.cross(step, direction))
     spots = np.concatenate([landing + blur * side, landing - blur * side])
     amount = scatter(fixed, at, k, flaws) * fixed.power * swept * np.concatenate([light, light]) / 2
     middle = amount @ spots / amount.sum()
     width = float(np.sqrt(amount @ ((spots - middle) ** 2).sum(axis=1) / amount.sum()))
-    return EdgeScatter(amount, spots, projected(fixed, at, k, step), step, width)
+    return EdgeScatter(amount, spots, project_on_detector(fixed, at, k, step), step, width)
 
 
 def scatter(fixed: Geometry, at: Scene, k: int, flaws: Flaws) -> float:
@@ -353,7 +357,7 @@ def scatter(fixed: Geometry, at: Scene, k: int, flaws: Flaws) -> float:
     return flaws.wavelength * path / (4 * np.pi**2)
 
 
-def projected(fixed: Geometry, at: Scene, k: int, step: Floats) -> Floats:
+def project_on_detector(fixed: Geometry, at: Scene, k: int, step: Floats) -> Floats:
     """What a step across the beam, in the world, is on detector k: (2,)."""
     axes, normal, direction = (np.array(v) for v in (fixed.axes[k], at.normals[k], fixed.direction))
     step = step - 2 * (step @ normal) * normal
@@ -379,7 +383,7 @@ def wave_spread(
     return float(np.sqrt(max(square, 0.0)))
 
 
-def diffracted(
+def diffract(
     fixed: Geometry,
     at: Scene,
     k: int,
@@ -404,7 +408,7 @@ def diffracted(
     sine = abs(np.cross(*steps) @ np.array(fixed.direction))
     density = fixed.power * shares(fixed, flaws, start[None])[0] * reflecting
     density *= abs(np.linalg.det(away)) / sine
-    mass, first = of_point(streaks, own, half)
+    mass, first = point_light(streaks, own, half)
     mass, first = (
         part * scatter(fixed, at, k, flaws) ** 2 * density / sine for part in (mass, first)
     )
@@ -412,7 +416,7 @@ def diffracted(
     return np.array([*(spot[:2] - (moment + first + (own - spot[:2]) * mass) / rest), rest])
 
 
-def of_point(streaks: list[EdgeScatter], own: Floats, half: Floats) -> tuple[float, Floats]:
+def point_light(streaks: list[EdgeScatter], own: Floats, half: Floats) -> tuple[float, Floats]:
     """Of 1 / s^2 t^2 beyond a detector, s and t steps of two streaks from `own`: Hadamard's finite
     part of its integral over ds dt and of its first moments, mm; by Green's theorem around the
     detector, where the integral is the negative of that over the detector."""
@@ -449,7 +453,7 @@ def reaches(light: EdgeScatter, sign: int, half: Floats) -> Floats:
     return steps.min(axis=1) if inside else np.full(len(steps), np.nan)
 
 
-def reflected(flaws: Flaws, aim: Floats, face: Floats, cosine: Floats) -> Floats:
+def reflected_share(flaws: Flaws, aim: Floats, face: Floats, cosine: Floats) -> Floats:
     """How much of each ray is reflected, over what is of unpolarised light at 45 degrees."""
     if flaws.index is None:
         return np.ones(len(aim))

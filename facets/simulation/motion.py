@@ -14,7 +14,7 @@ from ..core.units import Floats
 from ..files.tables import read_chunks
 
 
-def named(config: Config, name: str) -> Motion:
+def find_motion(config: Config, name: str) -> Motion:
     """The config's motion of that name."""
     if name not in config.motions:
         has = ", ".join(config.motions) or "none"
@@ -25,7 +25,7 @@ def named(config: Config, name: str) -> Motion:
 def states(motion: Motion, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Times (n,) in s and true states (n, 8) in mm and rad. rng: only for random motions."""
     if isinstance(motion, Table):
-        time, state = from_table(motion.file, motion.rate)
+        time, state = read_motion_table(motion.file, motion.rate)
         if motion.samples_per_step == 1:
             return time, state
         refuse_times(motion)
@@ -46,7 +46,7 @@ def states(motion: Motion, rng: np.random.Generator) -> tuple[Floats, Floats]:
     return time, rng.uniform(centre - box, centre + box, (motion.samples, 8))
 
 
-def from_table(file: Path, rate: float) -> tuple[Floats, Floats]:
+def read_motion_table(file: Path, rate: float) -> tuple[Floats, Floats]:
     """States from a table with any of the columns tx_mm ... by_mm; those left out are zero."""
     times, parts, rows = [], [], 0
     for chunk in read_chunks(file, optional=(*STATE_COLUMNS, "time_s")):

@@ -21,7 +21,7 @@ from ..estimation.solution import Solution, Status
 from ..estimation.table import compile_for_poses, labels, pose_columns, solve_readings
 from ..model.arrays import mask_missed, on_detectors
 from ..tracking.closed_loop import simulate_following
-from .imperfect_optics import seen_late
+from .imperfect_optics import delayed_readings
 from .motion import states
 from .reference import reference_columns, reference_poses
 
@@ -75,7 +75,7 @@ def read_detectors(
 ) -> tuple[Any, Any]:
     """Readings (n, 9) as a bench would give them, and which spots reached their detector (n, 3)."""
     state = add_pointing_jitter(sensor, truth, rng) if noise else truth
-    exact = seen_late(sensor, time, truth, state)
+    exact = delayed_readings(sensor, time, truth, state)
     reached = on_detectors(sensor, exact)
     if noise and sensor.electronics and sensor.electronics.power_noise > 0:
         share = sensor.electronics.power_noise * rng.standard_normal((len(exact), 1))

@@ -96,7 +96,7 @@ def test_rivals_agree_with_each_other():
     states = rivals.states_in_range(4, seed=2)
     exact = facets.readings(rivals.SENSOR, states)
     assert np.abs(rivals.legendre_batch(states, 24) - exact).max() < 1e-12
-    plain = rivals.by_moments(states, rivals.legendre_moments(24))
+    plain = rivals.moment_readings(states, rivals.legendre_moments(24))
     assert np.abs(plain - exact).max() < 1e-12
     assert np.abs(rivals.dblquad(states[:1]) - exact[:1]).max() < 1e-10
     sobol = rivals.rays(states, rivals.sobol_points(2**16, 1))

@@ -72,7 +72,7 @@ def test_a_number_that_has_moved_is_a_miss(run, tmp_path, monkeypatch):
     path.write_text(path.read_text().replace("0.847", "0.848"))
     table = study.read(folder / "eq13.csv")
     claims = experiment("eq13").claims(table)
-    verdicts = {c.column: c.repeats for c in study.checked("eq13", True, table, claims)}
+    verdicts = {c.column: c.repeats for c in study.check_columns("eq13", True, table, claims)}
     assert verdicts == {"ours": False, "left_um": True}
 
 

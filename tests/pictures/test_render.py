@@ -17,9 +17,9 @@ from sensors import SENSORS, states
 import facets
 from facets.pictures import glow, rig, solids
 from facets.pictures.camera import Camera, fit
-from facets.pictures.film import eased
+from facets.pictures.film import ease_camera
 from facets.pictures.lettering import DrawingSheet, overlap
-from facets.pictures.magnification import kept, motion_factor, round_down
+from facets.pictures.magnification import motion_factor, round_down, stays_on_detectors
 from facets.pictures.materials import THEMES, rgb
 from facets.pictures.range_solid import range_solid
 from facets.pictures.render import Picture
@@ -280,7 +280,7 @@ def test_a_camera_fits_points_into_an_area_and_its_rays_go_through_them():
 
 def test_a_film_s_camera_moves_with_ease_and_ends_where_it_began():
     camera = Camera((300, -400, 200), (0, 0, 0))
-    places = np.array([eased(camera, share).place for share in np.linspace(0, 1, 61)])
+    places = np.array([ease_camera(camera, share).place for share in np.linspace(0, 1, 61)])
     np.testing.assert_allclose(places[0], places[-1], atol=1e-9)
     steps = np.diff(places, axis=0)
     np.testing.assert_allclose(steps[0], steps[-1], atol=0.06 * np.linalg.norm(steps, axis=1).max())
@@ -296,8 +296,8 @@ def test_a_motion_is_drawn_as_large_as_its_spots_stay_on_their_detectors():
     motion[:, 5] = np.linspace(-1e-3, 1e-3, 20)
     factor = motion_factor(sensor, motion)
     assert factor == 20  # 250 mm x 20 mrad is 5 mm of 6.5
-    assert kept(sensor, factor * motion)
-    assert not kept(sensor, 50 * motion)
+    assert stays_on_detectors(sensor, factor * motion)
+    assert not stays_on_detectors(sensor, 50 * motion)
     assert motion_factor(sensor, 100 * motion) == 1
     assert [round_down(x) for x in (1, 1.99, 2, 7, 0.5, 1000)] == [1, 1, 2, 5, 0.5, 1000]
 

@@ -17,10 +17,10 @@ from facets.optics.forward import dark_scene
 from facets.simulation.imperfect_optics import (
     FacetEdge,
     flaws_of,
+    imperfect_readings,
     nodes,
+    ray_readings,
     reflectances,
-    seen,
-    traced,
 )
 
 PAPER = facets.Sensor()
@@ -36,11 +36,13 @@ def test_perfect_optics_by_rays_are_the_closed_form(name):
     """To the quadrature: 1e-9 mm and of the power."""
     sensor = SENSORS[name]
     some = states(10, seed=3, offset=0.15, angle=0.01)
-    np.testing.assert_allclose(traced(sensor, some), facets.readings(sensor, some), atol=1e-9)
+    np.testing.assert_allclose(ray_readings(sensor, some), facets.readings(sensor, some), atol=1e-9)
 
 
 def test_what_is_off_costs_nothing():
-    np.testing.assert_array_equal(seen(PAPER, AWAY[None]), facets.readings(PAPER, AWAY[None]))
+    np.testing.assert_array_equal(
+        imperfect_readings(PAPER, AWAY[None]), facets.readings(PAPER, AWAY[None])
+    )
 
 
 def test_aluminium_at_45_degrees():
@@ -55,8 +57,10 @@ def test_aluminium_at_45_degrees():
 def test_unpolarised_light_is_shared_as_if_nothing_were_there():
     rest = np.zeros((1, 8))
     plain = facets.readings(PAPER, rest)
-    np.testing.assert_allclose(seen(flawed(index=(1.37, 7.62)), rest), plain, atol=1e-9)
-    polarised = seen(flawed(index=(1.37, 7.62), polarization=0.0), rest)
+    np.testing.assert_allclose(
+        imperfect_readings(flawed(index=(1.37, 7.62)), rest), plain, atol=1e-9
+    )
+    polarised = imperfect_readings(flawed(index=(1.37, 7.62), polarization=0.0), rest)
     s, p = reflectances(1.37 + 7.62j, np.sqrt(0.5))
     assert polarised[0, 2] / plain[0, 2] == pytest.approx(2 * p / (s + p), rel=1e-6)
     quarter = (p + 3 * s) / 4  # the field lies at 60 degrees to the others' planes of incidence
@@ -67,7 +71,10 @@ def test_a_beam_that_spreads_enlarges_the_spots():
     """The centroid's offset from the apex's image grows by path over radius."""
     radius = 2000.0
     rest = np.zeros((1, 8))
-    plain, wide = facets.readings(PAPER, rest), seen(flawed(wavefront_radius=radius), rest)
+    plain, wide = (
+        facets.readings(PAPER, rest),
+        imperfect_readings(flawed(wavefront_radius=radius), rest),
+    )
     assert wide[0, 1] / plain[0, 1] == pytest.approx(1 + 250 / radius, rel=2e-3)
 
 
@@ -75,7 +82,10 @@ def test_a_dome_enlarges_them_as_a_mirror_of_its_radius():
     """R = D^2 / 8 sag; along the plane of incidence at 45 degrees its power is 2 sqrt 2 / R."""
     sag, over = 1e-4, 5.0
     rest = np.zeros((1, 8))
-    plain, wide = facets.readings(PAPER, rest), seen(flawed(sag=(sag,) * 3, sag_over=over), rest)
+    plain, wide = (
+        facets.readings(PAPER, rest),
+        imperfect_readings(flawed(sag=(sag,) * 3, sag_over=over), rest),
+    )
     radius = over**2 / 8 / sag
     assert wide[0, 1] / plain[0, 1] == pytest.approx(1 + 250 * 2 * np.sqrt(2) / radius, rel=2e-3)
 
@@ -147,7 +157,7 @@ def test_rays_and_the_model_agree(flaws, place, power):
     some[:, :2] -= some[:, 6:]  # how far the apex stands off the beam, which then stands at (0, 0)
     some[:, 2] /= 3
     some[:, 6:] = 0
-    rays = seen(flawed(**flaws), some)
+    rays = imperfect_readings(flawed(**flaws), some)
     model = dict(flaws)
     if "wavefront_radius" in model:
         bend = 1 / model.pop("wavefront_radius")
@@ -158,10 +168,12 @@ def test_rays_and_the_model_agree(flaws, place, power):
     assert 1e3 * np.delete(away, [2, 5, 8], axis=1).max() < place
     assert (away[:, 2::3] / rays[:, 2::3]).max() < power
     assert plain.max() > 20 * away.max()
-    np.testing.assert_allclose(traced(lit, some), rays, atol=1e-12)
+    np.testing.assert_allclose(ray_readings(lit, some), rays, atol=1e-12)
 
 
 def test_imperfections_come_on_top_of_the_light():
     both = replace(flawed(tip=1e-3), light=BenchLight(tip=1e-3, background=((1e-3, 1, 0),) * 3))
     one = flawed(tip=2e-3, background=((1e-3, 1, 0),) * 3)
-    np.testing.assert_allclose(seen(both, AWAY[None]), seen(one, AWAY[None]), rtol=1e-14)
+    np.testing.assert_allclose(
+        imperfect_readings(both, AWAY[None]), imperfect_readings(one, AWAY[None]), rtol=1e-14
+    )

@@ -15,7 +15,7 @@ from ...core.units import Floats
 from ...detectors.correction import invert_correction
 from ...detectors.counts import counts_to_xy_sum, readings_to_counts
 from ...model.arrays import mask_missed
-from ...simulation.imperfect_optics import seen_late
+from ...simulation.imperfect_optics import delayed_readings
 from ...tracking.interlock import HEARTBEAT, KIND, MAY_MOVE, SIGN, heartbeat_frame
 from ..run.board_poses import SOLVED
 from ..sources.frames import ELECTRODES, OVERRUN, PERMIT, POSE, XY_SUM, Samples, encode
@@ -177,7 +177,7 @@ class Board:
     def sample(self, states: Floats, seq: NDArray[np.uint32], host: Floats, now: float) -> Samples:
         """What the board makes of the light: counts, with its own numbers and times."""
         sensor, electronics = self.config.sensor, self.config.electronics
-        exact = seen_late(sensor, seq / self.rate, states, states)
+        exact = delayed_readings(sensor, seq / self.rate, states, states)
         exact = invert_correction(sensor, mask_missed(sensor, exact, exact))
         if self.schedule.is_on("block", now):
             exact[:, 2::3] = 0.0

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...core.units import Floats
 from ...model.arrays import readings
-from ...simulation.motion import named, states
+from ...simulation.motion import find_motion, states
 
 if TYPE_CHECKING:
     from ...core.settings import Config
@@ -28,7 +28,7 @@ class Mirror:
 
     def __init__(self, config: Config, name: str, seed: int) -> None:
         self.sensor = config.sensor
-        times, self.states = states(named(config, name), np.random.default_rng(seed))
+        times, self.states = states(find_motion(config, name), np.random.default_rng(seed))
         self.times = times - times[0]
         step = self.times[-1] / (len(times) - 1) if len(times) > 1 else 1.0
         self.period = float(self.times[-1] + step)

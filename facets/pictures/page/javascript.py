@@ -201,6 +201,16 @@ class Function:
     def statement(self, node: ast.stmt, depth: int) -> list[str]:
         """Lines of one statement, those inside it indented already."""
         pad = "  " * depth
+        if isinstance(node, ast.If):
+            return self.conditional(node, depth)
+        if isinstance(node, ast.While):
+            return [f"while ({self.of(node.test)}) {{", *self.inside(node.body, depth, pad), "}"]
+        if isinstance(node, ast.For):
+            return [self.loop(node), *self.inside(node.body, depth, pad), "}"]
+        return self.simple_statement(node)
+
+    def simple_statement(self, node: ast.stmt) -> list[str]:
+        """The line of a statement that has no block in it."""
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             return []  # a docstring
         if isinstance(node, ast.Expr):
@@ -217,12 +227,6 @@ class Function:
         if isinstance(node, ast.AugAssign):
             place = self.target(node.target)
             return [f"{place} = {self.binary(node.op, place, self.of(node.value), node)};"]
-        if isinstance(node, ast.If):
-            return self.conditional(node, depth)
-        if isinstance(node, ast.While):
-            return [f"while ({self.of(node.test)}) {{", *self.inside(node.body, depth, pad), "}"]
-        if isinstance(node, ast.For):
-            return [self.loop(node), *self.inside(node.body, depth, pad), "}"]
         if isinstance(node, ast.Continue | ast.Break | ast.Pass):
             return ["" if isinstance(node, ast.Pass) else f"{ast.unparse(node)};"]
         raise self.refuse(node)
