@@ -34,7 +34,7 @@ from facets.core import extras
 def test_a_missing_package_is_told_before_the_work(package, words, tmp_path, monkeypatch, capsys):
     if words[0] == "replay":
         record(tmp_path / "rec")
-        monkeypatch.setattr("facets.live.recording.replay.replay", None)  # no work begins
+        monkeypatch.setattr("facets.live.playback.replay", None)  # no work begins
     if words[0] == "acquire":
         (tmp_path / "board.bin").touch()
     monkeypatch.chdir(tmp_path)
