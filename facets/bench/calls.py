@@ -85,11 +85,11 @@ def contenders(poses: int, few: int) -> list[Contender]:
     steps = np.arange(few)[:, None] * [1e-4, 0, 2e-4, 0, 0, 2e-6, 0, 0]
     motion = readings(SENSOR, steps - steps.mean(axis=0))
 
-    def in_motion(rows: Floats) -> None:
+    def solve_in_motion(rows: Floats) -> None:
         for reading in motion[: len(rows)]:
             near.solve(reading)
 
-    def at_rest(rows: Floats) -> None:
+    def solve_at_rest(rows: Floats) -> None:
         for _ in rows:
             near.solve(motion[0])
 
@@ -106,8 +106,8 @@ def contenders(poses: int, few: int) -> list[Contender]:
         Contender("readings: one call", one_by_one(lambda r: readings(SENSOR, r[9:])), few),
         Contender("facets.solve: one call", one_by_one(lambda r: solve(SENSOR, r[:9])), few),
         Contender("Solver.solve: one call", one_by_one(lambda r: zero.solve(r[:9])), few),
-        Contender("Solver.solve: one call in a motion", in_motion, few),
-        Contender("Solver.solve: one call at rest", at_rest, few),
+        Contender("Solver.solve: one call in a motion", solve_in_motion, few),
+        Contender("Solver.solve: one call at rest", solve_at_rest, few),
     ]
 
 

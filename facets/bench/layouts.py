@@ -32,18 +32,20 @@ def layouts(quick: bool, seed: int) -> list[Row]:
     names = ["radius_mm", "diameter_mm"] if quick else list(config.layout.variables)
     bounds = {name: config.layout.variables[name] for name in names}
     layout = replace(config.layout, variables=bounds, starts=1)
-    fast_start, built, best = by_ours(config.sensor, layout)
-    slow_start, slow_built, whole = by_casadi(config.sensor, layout)
-    slow, value = by_scipy(config.sensor, layout, names)
+    fast_start, built, best = optimise_with_facets(config.sensor, layout)
+    slow_start, slow_built, whole = optimise_with_casadi(config.sensor, layout)
+    slow, value = optimise_with_scipy(config.sensor, layout, names)
     space = Space(config.sensor, config.range, config.layout, "sobol", 16 if quick else 64, seed)
     drawn = designs(space)
     measure_design(space, drawn[0])
-    fast = clocked(lambda x: measure_design(space, x), drawn)
+    fast = mean_call_time(lambda x: measure_design(space, x), drawn)
     table = part_of(space, 0, NO_RIVALS)
     best_of = front(table, list(space.objectives))
     rivals = np.stack([table[name][best_of] for name in MEASURES], axis=1)
-    against = clocked(lambda x: measure_design(space, x, rivals), drawn)
-    scalar = clocked(lambda x: ranges_by_brentq(sensor_of(space.sensor, space.names, x)), drawn[:4])
+    against = mean_call_time(lambda x: measure_design(space, x, rivals), drawn)
+    scalar = mean_call_time(
+        lambda x: ranges_by_brentq(sensor_of(space.sensor, space.names, x)), drawn[:4]
+    )
     return [
         row("a start of the best layout by IPOPT", fast_start, fast_start, best),
         row("the same by casadi's own derivatives", slow_start, fast_start, whole),
@@ -60,7 +62,7 @@ def row(what: str, seconds: float, ours: float, value: float) -> Row:
     return {"what": what, "ms": 1e3 * seconds, "ratio": seconds / ours, "objective": float(value)}
 
 
-def by_ours(sensor: Any, layout: Any) -> tuple[float, float, float]:
+def optimise_with_facets(sensor: Any, layout: Any) -> tuple[float, float, float]:
     """Processor seconds of a start and of building, and the worst uncertainty over its unit; at the
     states that the others are asked at, without those between."""
     first = problem_of(sensor, layout)
@@ -72,7 +74,7 @@ def by_ours(sensor: Any, layout: Any) -> tuple[float, float, float]:
     return time.process_time() - built, built - begin, float(np.sqrt(best.objective))
 
 
-def by_casadi(sensor: Any, layout: Any) -> tuple[float, float, float]:
+def optimise_with_casadi(sensor: Any, layout: Any) -> tuple[float, float, float]:
     """The same with all constraints and casadi's own derivatives."""
     begin = time.process_time()
     problem = CasadiLayout(sensor, layout)
@@ -81,31 +83,31 @@ def by_casadi(sensor: Any, layout: Any) -> tuple[float, float, float]:
     return time.process_time() - built, built - begin, float(np.sqrt(best))
 
 
-def clocked(function: Any, drawn: Floats) -> float:
+def mean_call_time(function: Any, drawn: Floats) -> float:
     start = time.perf_counter()
     for x in drawn:
         function(x)
     return (time.perf_counter() - start) / len(drawn)
 
 
-def by_scipy(sensor: Any, layout: Any, names: list[str]) -> tuple[float, float]:
+def optimise_with_scipy(sensor: Any, layout: Any, names: list[str]) -> tuple[float, float]:
     """Processor seconds, and the worst uncertainty over its unit, by the usual minimax."""
     from scipy.optimize import minimize
 
     states = np.array(states_of(layout, 1.0), dtype=float)
     low, high = np.array([layout.variables[name] for name in names]).T
 
-    def at(shares: Floats) -> Any:
+    def make_sensor(shares: Floats) -> Any:
         return sensor_of(sensor, names, low + shares * (high - low))
 
     def fine(unknown: Floats) -> Floats:
         units = np.array(FINE_UNITS[:6]) * np.array(layout.unit)
-        sigma = uncertainties(at(unknown[:-1]), states, Knowledge()) / units
+        sigma = uncertainties(make_sensor(unknown[:-1]), states, Knowledge()) / units
         below: Floats = np.nan_to_num(unknown[-1] - sigma.max(axis=0), nan=-1e3)
         return below
 
     def clearance(unknown: Floats) -> Floats:
-        here = at(unknown[:-1])
+        here = make_sensor(unknown[:-1])
         edges = margins(here, states)[:, :, :4].reshape(len(states), -1).min(axis=0)
         share: Floats = np.nan_to_num(edges / half_sizes(here)[0, 0], nan=-1.0)
         return share

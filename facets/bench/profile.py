@@ -65,8 +65,8 @@ def special(quick: bool, seed: int) -> list[Row]:
         return out[: len(points)].copy()
 
     ways = {
-        "facets: series": stages.by_series,
-        "SciPy's Owen's T": stages.by_library,
+        "facets: series": stages.evaluate_series,
+        "SciPy's Owen's T": stages.evaluate_library,
         "Gauss-Legendre 6": partial(quadrature, 6),
         "Gauss-Legendre 12": partial(quadrature, 12),
         "Gauss-Legendre 24": partial(quadrature, 24),
@@ -90,7 +90,7 @@ def special(quick: bool, seed: int) -> list[Row]:
 
 def quadrature(nodes: int, points: Floats, out: Floats) -> None:
     places, weights = np.polynomial.legendre.leggauss(nodes)
-    stages.by_quadrature(points, (places + 1) / 2, weights / 2, out)
+    stages.evaluate_quadrature(points, (places + 1) / 2, weights / 2, out)
 
 
 def reference(points: Floats) -> Any:

@@ -92,7 +92,7 @@ def stage(name: str) -> Callable[[Array, Array, Array], None]:
 
 
 @compiled
-def by_series(points: Array, out: Array) -> None:
+def evaluate_series(points: Array, out: Array) -> None:
     """What a side sweeps over, by the series that the optics uses; points (n, 2): a, h."""
     for n in range(len(points)):
         a, h = points[n, 0], points[n, 1]
@@ -101,7 +101,7 @@ def by_series(points: Array, out: Array) -> None:
 
 
 @compiled
-def by_quadrature(points: Array, nodes: Array, weights: Array, out: Array) -> None:
+def evaluate_quadrature(points: Array, nodes: Array, weights: Array, out: Array) -> None:
     """The same with the series' integral by Gauss-Legendre; nodes on 0..1."""
     for n in range(len(points)):
         a, h = points[n, 0], points[n, 1]
@@ -117,7 +117,7 @@ def by_quadrature(points: Array, nodes: Array, weights: Array, out: Array) -> No
         out[n] = erfc(a / sqrt(2.0)) * within / 4 + total if wide else within / 4 - total
 
 
-def by_library(points: Array, out: Array) -> None:
+def evaluate_library(points: Array, out: Array) -> None:
     """The same from SciPy's Owen's T (Patefield and Tandy)."""
     from scipy import special
 

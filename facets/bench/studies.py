@@ -101,7 +101,7 @@ def solve_by(root: Callable[..., Floats], moments: rivals.Moments) -> Callable[[
     """The paper's inversion: eight readings, eight unknowns, scaled to be of order one."""
     scale = np.array([1, 1, 1, 1e-2, 1e-2, 1e-2, 1, 1])
 
-    def solved(xi: Floats) -> Floats:
+    def solve_readings(xi: Floats) -> Floats:
         def residual(x: Floats) -> Floats:
             rest: Floats = (rivals.moment_readings((x * scale)[None], moments)[0] - xi)[:8]
             return rest
@@ -109,7 +109,7 @@ def solve_by(root: Callable[..., Floats], moments: rivals.Moments) -> Callable[[
         state: Floats = root(residual) * scale
         return state
 
-    return one_by_one(solved)
+    return one_by_one(solve_readings)
 
 
 def fsolve_root(residual: Callable[[Floats], Floats]) -> Floats:
