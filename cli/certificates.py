@@ -265,7 +265,9 @@ def describe_pair(pair: PairSearch | None) -> list[str]:
     if pair is None:
         return ["undecided: two states with the same readings were not looked for"]
     if pair.pair is None:
-        length = characterization.ambiguity.MAX_STEPS * characterization.ambiguity.STEP_FINE / 1000
+        length = (
+            characterization.ambiguity.MAX_STEPS * characterization.ambiguity.STEP_UM_URAD / 1000
+        )
         return [
             "undecided: no two states with the same readings were found, which proves nothing;\n"
             "  the way of which the readings tell least was followed from the weakest state for"

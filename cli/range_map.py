@@ -205,7 +205,9 @@ def report(settings: Config, rules: Rules, boundary: Boundary, grid: int) -> Non
         f"{name} {core.units.unit_of(name).factor * size:.4g} {core.units.unit_of(name).unit}"
         for name, size in zip(boundary.axes, boundary.extent, strict=True)
     ]
-    tried, right = characterization.outlines.count_solved(settings.sensor, rules, boundary)
+    tried, right = characterization.outlines.count_correct_solutions(
+        settings.sensor, rules, boundary
+    )
     text = f"{sizes[0]} by {sizes[1]}: {len(boundary.points)} points; "
     text += f"{right} of {tried} poses inside solved from zero"
     if grid:

@@ -86,7 +86,7 @@ def survey_box(
     if not search:
         return found, None, None
     worst = search_worst(request, found)
-    alike = found.one_sign_where_lit
+    alike = found.has_one_sign_in_light
     pair = (
         None
         if alike
@@ -254,7 +254,7 @@ def search_worst(request: SurveyRequest, found: Survey) -> Worst:
             f"{lowest.values[0] / found.lowest.values[0]:.3g} times, and a singular value of "
             f"{weakest.values[1] / found.weakest.values[1]:.3g} times the smallest of the sample"
         )
-    elif not found.one_sign_where_lit:
+    elif not found.has_one_sign_in_light:
         typer.echo("the determinant has both signs in the box, so it is zero at some states")
     else:
         typer.echo(

@@ -22,15 +22,17 @@ from ..model.arrays import jacobian, readings
 from .singularity import measures, weakest_direction
 from .state_box import StateBox
 
-#: How far from the singular state a pair is looked for, largest first: shares of FARTHEST.
+#: How far from the singular state a pair is looked for, largest first: shares of FARTHEST_UM_URAD.
 REACHES = np.geomspace(1, 1e-3, 25)
-#: Of the longest component of the direction, um or urad.
-FARTHEST_FINE = 3000.0
+#: The longest component of the farthest step along the direction, um or urad.
+FARTHEST_UM_URAD = 3000.0
 #: Readings this near, in standard deviations, are the same.
 EQUAL_SIGMAS = 1e-6
-#: Steps along the weakest direction to a singular state: how many, and how long, um or urad.
-MAX_STEPS, STEP_FINE = 400, 100.0
-#: Distances at which pairs are moved into the box, shares of FARTHEST; and moves of each.
+#: Largest number of steps along the weakest direction to a singular state.
+MAX_STEPS = 400
+#: Length of such a step, um or urad.
+STEP_UM_URAD = 100.0
+#: Distances at which pairs are moved into the box, shares of FARTHEST_UM_URAD; and moves of each.
 DISTANCES, MOVES = (0.03, 0.3, 1.0, 3.0), 40
 #: The power's reading that the other eight make up where the laser's power is known.
 REDUNDANT_READING = 8
@@ -63,7 +65,7 @@ class PairSearch(NamedTuple):
 def find_ambiguous_pair(sensor: Sensor, near: Floats) -> AmbiguousPair | None:
     """The pair furthest apart that is found about a nearly singular state (8,), if any is."""
     direction = weakest_direction(sensor, near) * FINE_UNITS
-    direction *= FARTHEST_FINE / np.abs(direction / FINE_UNITS).max()
+    direction *= FARTHEST_UM_URAD / np.abs(direction / FINE_UNITS).max()
     for reach in REACHES:
         for side in (1, -1):
             one = near + side * reach * direction
@@ -88,7 +90,7 @@ def find_pair_in_box(sensor: Sensor, box: StateBox, share: float, near: Floats) 
         return best
     for distance in DISTANCES:
         direction = weakest_direction(sensor, fold) * FINE_UNITS
-        direction *= distance * FARTHEST_FINE / np.abs(direction / FINE_UNITS).max()
+        direction *= distance * FARTHEST_UM_URAD / np.abs(direction / FINE_UNITS).max()
         pair = np.concatenate([fold - direction, fold + direction])
         found = move_into_box(sensor, box, share, pair)
         if found is not None and found[1] < best.outside:
@@ -106,7 +108,7 @@ def find_singular_state(sensor: Sensor, near: Floats) -> Floats | None:
         for _ in range(MAX_STEPS):
             ahead = weakest_direction(sensor, state)
             ahead *= np.sign(ahead @ before) or 1.0
-            moved = state + STEP_FINE * ahead * FINE_UNITS
+            moved = state + STEP_UM_URAD * ahead * FINE_UNITS
             value = measures(sensor, moved[None], spectra=False)[0, 0]
             if not np.isfinite(value):
                 break
@@ -159,13 +161,13 @@ def move_into_box(
     return best
 
 
-def constrained_step(rows: Floats, wanted: Floats, equal: Floats, missing: Floats) -> Floats:
-    """The step (16,) with equal . step = missing and rows . step near what is wanted."""
+def constrained_step(rows: Floats, target: Floats, equal: Floats, missing: Floats) -> Floats:
+    """The step (16,) with equal . step = missing and rows . step near the target."""
     first = np.linalg.lstsq(equal, missing, rcond=1e-12)[0]
     free = np.linalg.svd(equal)[2][len(equal) :].T
     inner = rows @ free
     damped = inner.T @ inner + 1e-9 * np.eye(free.shape[1])
-    step: Floats = first + free @ np.linalg.solve(damped, inner.T @ (wanted - rows @ first))
+    step: Floats = first + free @ np.linalg.solve(damped, inner.T @ (target - rows @ first))
     return step
 
 

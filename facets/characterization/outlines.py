@@ -22,7 +22,7 @@ from ..core.units import Floats, unit_of
 from ..estimation.solver import solve
 from ..model.arrays import readings
 from .ranges import (
-    FARTHEST,
+    FARTHEST_MM_RAD,
     SINGULAR,
     clearances,
     find_exits,
@@ -121,7 +121,7 @@ def trace(
 def trace_outline(sensor: Sensor, rules: Rules, axes: tuple[str, str], pose: Floats) -> Boundary:
     """`trace` from a pose (6,) that is inside."""
     columns = [POSE.index(name) for name in axes]
-    reach = np.array([FARTHEST[column] for column in columns])
+    reach = np.array([FARTHEST_MM_RAD[column] for column in columns])
     fine = tolerances(axes)
 
     def follow(angles: Floats, scale: Floats, precise: float) -> tuple[Floats, Any, int]:
@@ -141,7 +141,7 @@ def trace_outline(sensor: Sensor, rules: Rules, axes: tuple[str, str], pose: Flo
         middle = (angles[open_] + angles[open_ + 1]) / 2
         between, why, more = follow(middle, scale, precise)
         calls += more
-        away = off_chord(between / fine, points[open_] / fine, points[open_ + 1] / fine)
+        away = chord_distance(between / fine, points[open_] / fine, points[open_ + 1] / fine)
         split = (away > 1) & (np.diff(angles)[open_] > 1e-9)
         where = open_ + 1
         angles, points = np.insert(angles, where, middle), np.insert(points, where, between, axis=0)
@@ -154,7 +154,7 @@ def trace_outline(sensor: Sensor, rules: Rules, axes: tuple[str, str], pose: Flo
     return Boundary(axes, pose, points[:-1], np.where(ended, -1, between), calls + len(poses))
 
 
-def off_chord(point: Floats, a: Floats, b: Floats) -> Floats:
+def chord_distance(point: Floats, a: Floats, b: Floats) -> Floats:
     """How far points lie from the line through a and b."""
     chord = b - a
     length = np.maximum(np.hypot(*chord.T), 1e-300)
@@ -185,7 +185,7 @@ def encloses(boundary: Boundary, points: Floats) -> NDArray[np.bool_]:
     return within
 
 
-def count_solved(sensor: Sensor, rules: Rules, boundary: Boundary) -> tuple[int, int]:
+def count_correct_solutions(sensor: Sensor, rules: Rules, boundary: Boundary) -> tuple[int, int]:
     """Number of poses sampled inside the outline, and how many of them `solve` finds from zero."""
     shares = np.linspace(0.25, 0.999, 4)[:, None, None]
     some = boundary.points[:: max(1, len(boundary.points) // 100)]

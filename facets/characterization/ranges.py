@@ -37,7 +37,7 @@ from ..model.arrays import (
 CAUSES = ("spot leaves the PSD", "too little light", "Jacobian near singular", "too coarse")
 PSD, LIGHT, SINGULAR, COARSE = range(4)
 #: How far the search goes: mm and rad, past any range that a sensor of this kind can have.
-FARTHEST = (30.0, 30.0, 30.0, 0.5, 0.5, 0.5)
+FARTHEST_MM_RAD = (30.0, 30.0, 30.0, 0.5, 0.5, 0.5)
 
 
 def states_of(poses: Floats, rules: Rules) -> Floats:
@@ -279,7 +279,7 @@ def axis_ranges(
     """How far each axis of the pose may go with the others where they are, and what ends it.
 
     rules: what counts as inside the range (`facets.Rules`); `Config.range` has a configuration's.
-    start: (6,) the pose to go out from, mm and rad.  tolerance: in units of `FARTHEST`.
+    start: (6,) the pose to go out from, mm and rad.  tolerance: in units of `FARTHEST_MM_RAD`.
 
     Returns six `AxisRange`, with ends relative to `start`. Its `total` is the whole range, from one
     end to the other; its `symmetric` is twice the nearer end, which is what the paper's Table 2
@@ -293,9 +293,9 @@ def axis_ranges(
     """
     compile_for(sensor, "readings", "footprints", "derivatives")
     pose = require_inside(sensor, rules, start)
-    rays = np.concatenate([-np.diag(FARTHEST), np.diag(FARTHEST)])
+    rays = np.concatenate([-np.diag(FARTHEST_MM_RAD), np.diag(FARTHEST_MM_RAD)])
     found = find_exits(sensor, rules, pose, rays, tolerance)
-    far = found.distance * np.tile(FARTHEST, 2)
+    far = found.distance * np.tile(FARTHEST_MM_RAD, 2)
     return [
         AxisRange(name, -far[i], far[i + 6], int(found.cause[i]), int(found.cause[i + 6]))
         for i, name in enumerate(POSE)

@@ -41,10 +41,10 @@ Columns = dict[str, NDArray[Any]]
 NOT_NOISE = "the noise of the bench cannot be taken from this recording"
 REMEDY = "Record the mirror at rest, in steady light, with counts that are finer than the noise."
 #: Share of samples that may be saturated or dark: a normal distribution that loses its upper
-#: thousandth has a standard deviation that is 0.5 % too small.
+#: thousandth has a standard deviation that is too small by a share of 0.005.
 LOST_SHARE = 1e-3
 #: Share by which the total power may change: the noise of a place goes with one over the power, and
-#: is told to 5 %.
+#: is known to a twentieth.
 POWER_CHANGE = 0.05
 #: Share of equal readings one after the other: where it is a half, the noise is half a step of the
 #: converter, and what is written would be the converter's step.
@@ -53,7 +53,7 @@ EQUAL_SHARE = 0.5
 #: written; but if a fifth of it were not even, this would be as large as the noise.
 DRIFT_LIMIT = 5.0
 #: Variance that may be added to that of the noise, as a share: 0.2 makes the standard deviation
-#: that is written 10 % too large.
+#: that is written too large by a tenth.
 ADDED_VARIANCE = 0.2
 #: The same as an Allan deviation: a sinusoid of amplitude A adds A^2 / 2, and its largest Allan
 #: deviation is 0.73 A.
@@ -69,7 +69,8 @@ ALLAN_LEVEL = 0.999
 #: Segments of a recording that are compared, and the fewest samples in each.
 SEGMENTS, MIN_SEGMENT_SAMPLES = 64, 16
 #: Bursts are looked for in segments that are longer by this factor, so that noise behind a low pass
-#: has samples enough in each; a burst has at least the second number times the usual variance.
+#: has samples enough in each; a burst has at least `BURST_VARIANCE_RATIO` times the usual
+#: variance.
 BURST_SEGMENT_FACTOR, BURST_VARIANCE_RATIO = 4, 4.0
 #: The fewest differences from which one detector is predicted by the others.
 MIN_DIFFERENCES = 100

@@ -119,10 +119,10 @@ class Survey:
     @property
     def one_sign(self) -> bool:
         """Whether every determinant is above zero, or every one below."""
-        return self.dark == 0 and self.one_sign_where_lit
+        return self.dark == 0 and self.has_one_sign_in_light
 
     @property
-    def one_sign_where_lit(self) -> bool:
+    def has_one_sign_in_light(self) -> bool:
         """Whether the states in which all detectors have light have determinants of one sign."""
         return self.states - self.dark in (self.signs[0], self.signs[2])
 

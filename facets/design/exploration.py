@@ -239,7 +239,7 @@ def measure_design(
     """Why a design is skipped, by its place in SKIPPED, and its measures, NaN where it is.
 
     rivals: measures (n, MEASURES) of designs that it is held against; none to look at it in full.
-    tolerance: of its ranges, in units of `ranges.FARTHEST`.
+    tolerance: of its ranges, in units of `ranges.FARTHEST_MM_RAD`.
     """
     why, values, sensor = measure_rest(space, x)
     if sensor is None:

@@ -30,8 +30,8 @@ STARTS, AGAIN = 6, 10
 BETTER = 1e-7
 #: Sweeps along the front, at most; and steps of IPOPT, since what takes more is mostly not there.
 SWEEPS, STEPS = 6, 60
-#: To what a range is measured, over `ranges.FARTHEST`; and how far a measure may be from what was
-#: found, over its scale, before the point is left out.
+#: To what a range is measured, over `ranges.FARTHEST_MM_RAD`; and how far a measure may be from
+#: what was found, over its scale, before the point is left out.
 EXACT, BELIEVED = 1e-10, 1e-5
 Tell = Callable[[int, int], None]
 

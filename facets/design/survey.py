@@ -15,7 +15,7 @@ import numpy as np
 from ..characterization.ranges import (
     CAUSES,
     COARSE,
-    FARTHEST,
+    FARTHEST_MM_RAD,
     LIGHT,
     PSD,
     SINGULAR,
@@ -54,7 +54,7 @@ OUTSIDE = {PSD: 1, LIGHT: 2, SINGULAR: 6, COARSE: 7}
 #: Designs whose states are in memory at a time.
 CHUNK = 128
 #: Rays along the pose's axes, to the low and to the high ends of their ranges.
-RAYS = np.concatenate([-np.diag(FARTHEST), np.diag(FARTHEST)])
+RAYS = np.concatenate([-np.diag(FARTHEST_MM_RAD), np.diag(FARTHEST_MM_RAD)])
 #: The reading that Eq. (11) leaves out: the last power.
 LEFT_OUT = 8
 
@@ -163,7 +163,7 @@ def regularity(some: Designs, volume: Floats) -> Floats:
 def symmetric_ranges(some: Designs, tolerance: float) -> Floats:
     """Twice the nearer end of each axis's range, mm and rad: (n, 6).
 
-    tolerance: in units of `FARTHEST`.
+    tolerance: in units of `FARTHEST_MM_RAD`.
     """
 
     def margins_at(distance: Floats, ray: Integers) -> Floats:
@@ -172,7 +172,7 @@ def symmetric_ranges(some: Designs, tolerance: float) -> Floats:
 
     found = first_exits(margins_at, len(some.vectors) * len(RAYS), tolerance)
     ends = found.distance.reshape(-1, 2, 6).min(axis=1)
-    ranges: Floats = 2 * ends * FARTHEST
+    ranges: Floats = 2 * ends * FARTHEST_MM_RAD
     return ranges
 
 

@@ -27,7 +27,7 @@ def test_outlines_are_those_of_a_grid(axes, tracking):
     fine = outlines.tolerances(axes)
     for point in points[differ]:
         starts = boundary.points / fine
-        away = outlines.off_chord(
+        away = outlines.chord_distance(
             np.tile(point / fine, (len(starts), 1)), starts, np.roll(starts, -1, 0)
         )
         assert away.min() < 2
@@ -49,13 +49,13 @@ def test_outlines_hold_their_tolerance_between_their_points(axes):
     after = order[np.searchsorted(corners[order], angles) % len(order)]
     before = (after - 1) % len(corners)
     points = boundary.points / fine
-    assert outlines.off_chord(ends / fine, points[before], points[after]).max() < 1.1
+    assert outlines.chord_distance(ends / fine, points[before], points[after]).max() < 1.1
 
 
 def test_all_poses_inside_are_solved():
     for axes in PAIRS:
         boundary = outlines.trace(SENSOR, Rules(), axes)
-        tried, right = outlines.count_solved(SENSOR, Rules(), boundary)
+        tried, right = outlines.count_correct_solutions(SENSOR, Rules(), boundary)
         assert tried == right > 100
 
 
