@@ -133,7 +133,7 @@ def solve(
             settings, options, readings, output, files.provenance.about(settings), advance
         )
     report(count, output)
-    if not count.solved or misfit(count):
+    if not count.solved_count or misfit(count):
         raise typer.Exit(FINDING)
 
 
@@ -155,11 +155,11 @@ def progress_bar(readings: Path) -> Iterator[Callable[[int], None]]:
 
 def misfit(count: StatusCounts) -> bool:
     """Whether more than half of the solved rows fit worse than noise lets them."""
-    return 2 * count.misfit.flagged > count.solved
+    return 2 * count.misfit.flagged > count.solved_count
 
 
 def report(count: StatusCounts, output: Path) -> None:
-    typer.echo(f"{count.solved} of {count.rows} rows solved: {output}")
+    typer.echo(f"{count.solved_count} of {count.rows} rows solved: {output}")
     for status, number in count.statuses.items():
         if status != "converged":
             typer.echo(f"  {number} {status}")

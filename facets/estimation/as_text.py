@@ -21,8 +21,8 @@ from . import gauss_newton, problem
 MAX_READINGS = 30
 
 
-def is_text_faster(sensor: Sensor, asked: problem.FitProblem, count: int) -> bool:
-    alone = not asked.previous or count == 1
+def is_text_faster(sensor: Sensor, request: problem.FitProblem, count: int) -> bool:
+    alone = not request.previous or count == 1
     loaded = f"{__package__}.kernels" in sys.modules
     can_run = alone and not loaded and not sensor.apertures.cut
     return can_run and count <= MAX_READINGS and as_text.has_time()
@@ -33,7 +33,7 @@ def estimate(
     sensor: Sensor,
     readings: problem.Readings,
     limits: problem.ScreeningLimits,
-    asked: problem.FitProblem,
+    request: problem.FitProblem,
     found: problem.Results,
 ) -> Any:
     """Fills `found` for readings that stand alone; returns the numbers of those that are left, to
@@ -42,7 +42,7 @@ def estimate(
     model: of `evaluators`.
     """
     count = len(readings.values)
-    if not is_text_faster(sensor, asked, count):
+    if not is_text_faster(sensor, request, count):
         return np.arange(count)
     geometry, exact = geometry_of(sensor), not model.startswith("near_")
 
@@ -52,7 +52,7 @@ def estimate(
     left = []
     for n in range(count):
         which, one = np.array([n]), problem.empty_results(1, len(found.covariances) > 0)
-        given, questions = problem.some_rows(which, readings, asked)
+        given, questions = problem.some_rows(which, readings, request)
         try:
             with as_text.count_text_time():
                 gauss_newton.estimate_each(

@@ -47,7 +47,7 @@ def write_block(code: LaneWriter, form: Form, task: BlockTask, index: Any) -> No
     rows = BlockRows(code, task, index)
     vectors = vectors_of(code, rows.pointers.packed, form.kind)
     question = BlockReadings(code, rows)
-    fit = DampedSteps(code, form, task) if form.damped else PlainSteps(code, form, task)
+    fit = DampedSteps(code, form, task) if form.can_damp_steps else PlainSteps(code, form, task)
     fit.begin(rows.read("starts", UNKNOWNS, task.own_starts), question)
     with code.do_while() as repetition:
         fit.write_round(vectors, question)

@@ -20,7 +20,7 @@ class Form(NamedTuple):
     exact: bool = False
 
     @property
-    def damped(self) -> bool:
+    def can_damp_steps(self) -> bool:
         """Whether steps can be damped: often needed where derivatives leave something out."""
         return self.kind != "plain"
 
@@ -53,7 +53,8 @@ class BlockTask(NamedTuple):
     weighed: whether the readings have weights of their own; else `weights` is any of such rows.
     own_rows, own_means, own_starts: whether each lane has rows of its own in the readings, weights
     and results, in the means, and in the starts.
-    patient: whether steps that do not help are damped, see `Form.damped`; else their lane is left.
+    patient: whether steps that do not help are damped, see `Form.can_damp_steps`; else their lane
+    is left.
     """
 
     packed: Any

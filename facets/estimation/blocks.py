@@ -61,13 +61,13 @@ def kernel(form: Form, width: int | None = None) -> Code:
     """The compiled function for a form, in blocks of a width, `lanes()` unless given; compiled now
     if need be."""
 
-    def written() -> LaneWrite:
+    def make_writer() -> LaneWrite:
         from . import block_code
 
         return block_code.write_estimator(form)
 
     files = (Path(__file__).parent / part for part in PARTS)
-    return lane_code(form.name, width or lanes(), 1, written, *files)
+    return lane_code(form.name, width or lanes(), 1, make_writer, *files)
 
 
 def is_supported(problem: FitProblem) -> bool:
@@ -105,21 +105,25 @@ def estimate(
     whole = n // lanes() * lanes()
     weights = inverse_of(readings.sigmas)
     ends = np.zeros((2, n // lanes() + 1), np.int64)
-    steps, given = np.empty(n), (readings.values, weights, problem.means, problem.starts)
+    steps, arguments = np.empty(n), (readings.values, weights, problem.means, problem.starts)
     found = (results.states, steps, results.residuals, results.covariances)
 
-    def run(given: Any, found: Any, ends: Array) -> None:
-        arrays = (packed, scales_of(limits, problem), *given, *found, *ends)
+    def run(arguments: Any, found: Any, ends: Array) -> None:
+        arrays = (packed, scales_of(limits, problem), *arguments, *found, *ends)
         count = len(found[0])
-        own = (True, *(len(rows) == count > 1 for rows in given[2:]))
+        own = (True, *(len(rows) == count > 1 for rows in arguments[2:]))
         task = task_of(arrays, len(weights) > 0, own, problem, patient, count // lanes())
         code(address_of(task))
 
     if whole:
-        run([first_rows(rows, whole, n) for rows in given], [rows[:whole] for rows in found], ends)
+        run(
+            [first_rows(rows, whole, n) for rows in arguments],
+            [rows[:whole] for rows in found],
+            ends,
+        )
     if n > whole:
         rest = [np.empty((lanes() if len(rows) else 0, *rows.shape[1:])) for rows in found]
-        run([pad_rows(rows, whole, n) for rows in given], rest, ends[:, -1:])
+        run([pad_rows(rows, whole, n) for rows in arguments], rest, ends[:, -1:])
         for rows, part in zip(found, rest, strict=True):
             rows[whole:] = part[: len(rows[whole:])]
     results.steps[:], results.status[:], results.used[:] = steps, CONVERGED, True
@@ -192,7 +196,7 @@ def task_of(
 class SingleBlock:
     """A block for one reading at a time, whose memory is kept; all lanes have the same reading.
 
-    It reads what `given` and `problem` have in their memory when it is asked.
+    It reads what `readings` and `problem` have in their memory when it is asked.
     numbers: what is found, at the places of `SolutionOfOne`; overwritten by the next reading.
     state: (9,) of them.
     """
@@ -200,27 +204,27 @@ class SingleBlock:
     def __init__(
         self,
         packed: Array,
-        given: Readings,
+        readings: Readings,
         limits: ScreeningLimits,
         problem: FitProblem,
         chance: Chance,
         covariance: bool,
     ) -> None:
-        self._sigmas = given.sigmas
+        self._sigmas = readings.sigmas
         self.numbers = np.empty(COVARIANCE + (64 if covariance else 0))
         self.state = self.numbers[:UNKNOWNS]
-        self._weights, ends = np.empty_like(given.sigmas), np.empty((2, 1), np.int64)
+        self._weights, ends = np.empty_like(readings.sigmas), np.empty((2, 1), np.int64)
         state, steps, residual, checks, covariances = np.split(
             self.numbers, (UNKNOWNS, RESIDUAL, CHECKS, COVARIANCE)
         )
         checks[:] = chance.checks(np.ones(3, bool)), chance.limit
         arrays = (
-            packed, scales_of(limits, problem), given.values, self._weights, problem.means,
+            packed, scales_of(limits, problem), readings.values, self._weights, problem.means,
             problem.starts, state, steps, residual, covariances, *ends,
         )  # fmt: skip
         self._kept, self._left, self._stalled = arrays, ends[0].data, ends[1].data
         shared = (False, False, False)
-        self._task = task_of(arrays, len(given.sigmas) > 0, shared, problem, True, 1)
+        self._task = task_of(arrays, len(readings.sigmas) > 0, shared, problem, True, 1)
         self._address = address_of(self._task)
 
     def estimate(self, code: Code) -> int | None:

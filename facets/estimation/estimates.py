@@ -31,36 +31,38 @@ def estimate(
     sensor: Sensor,
     readings: problem.Readings,
     limits: problem.ScreeningLimits,
-    asked: problem.FitProblem,
+    request: problem.FitProblem,
     found: problem.Results,
 ) -> None:
     """Fills `found`: by blocks where these know what is asked, and one by one what they leave.
 
     Under the light of a bench what stalls is estimated again by exact derivatives."""
     near = evaluators.nearly_linearised(sensor)
-    code = block_code(sensor, asked)
+    code = block_code(sensor, request)
     if code is None:
-        one_by_one(near, sensor, readings, limits, asked, found)
+        one_by_one(near, sensor, readings, limits, request, found)
     else:
-        left = blocks.estimate(code, packed(sensor), readings, limits, asked, found)
+        left = blocks.estimate(code, packed(sensor), readings, limits, request, found)
         if len(left) and sensor.light.on:
-            left = blocks.estimate_some(code, left, packed(sensor), readings, limits, asked, found)
+            left = blocks.estimate_some(
+                code, left, packed(sensor), readings, limits, request, found
+            )
         if len(left):
-            estimate_some(near, left, sensor, readings, limits, asked, found)
+            estimate_some(near, left, sensor, readings, limits, request, found)
     if sensor.light.on:
-        estimate_stalled_again(sensor, readings, limits, asked, found)
+        estimate_stalled_again(sensor, readings, limits, request, found)
 
 
 def block_code(
-    sensor: Sensor, asked: problem.FitProblem, exact: bool = False, width: int | None = None
+    sensor: Sensor, request: problem.FitProblem, exact: bool = False, width: int | None = None
 ) -> Callable[[int], None] | None:
     """What estimates blocks of readings, compiled now if need be; None where blocks do not know
     what is asked. exact: see `Form`.  width: see `blocks.kernel`."""
     kind = block_kind(sensor)
     if kind is None:
         return None
-    form = Form(tuple(asked.free.tolist()), kind, exact)
-    return blocks.kernel(form, width) if blocks.is_supported(asked) else None
+    form = Form(tuple(request.free.tolist()), kind, exact)
+    return blocks.kernel(form, width) if blocks.is_supported(request) else None
 
 
 def row_kernel() -> Callable[[int], None]:
@@ -75,18 +77,18 @@ def one_by_one(
     sensor: Sensor,
     readings: problem.Readings,
     limits: problem.ScreeningLimits,
-    asked: problem.FitProblem,
+    request: problem.FitProblem,
     found: problem.Results,
 ) -> None:
     """model: of `evaluators`."""
-    left = as_text.estimate(model, sensor, readings, limits, asked, found)
+    left = as_text.estimate(model, sensor, readings, limits, request, found)
     if len(left) == 0:
         return
     if len(left) < len(readings.values):
-        estimate_some(model, left, sensor, readings, limits, asked, found)
+        estimate_some(model, left, sensor, readings, limits, request, found)
         return
     given = problem.CompiledModel(evaluators.address(model), packed(sensor))
-    task = problem.RowTask(given, readings, limits, asked, found, problem.workspace())
+    task = problem.RowTask(given, readings, limits, request, found, problem.workspace())
     row_kernel()(task.address)
 
 
@@ -108,12 +110,12 @@ def estimate_some(
     sensor: Sensor,
     readings: problem.Readings,
     limits: problem.ScreeningLimits,
-    asked: problem.FitProblem,
+    request: problem.FitProblem,
     found: problem.Results,
 ) -> None:
     """Estimates some readings one by one, anew, and puts what is found in its places."""
     again = problem.empty_results(len(which), len(found.covariances) > 0)
-    some, questions = problem.some_rows(which, readings, asked)
+    some, questions = problem.some_rows(which, readings, request)
     one_by_one(model, sensor, some, limits, questions._replace(previous=False), again)
     problem.put_rows(found, which, again)
 
@@ -122,15 +124,18 @@ def estimate_stalled_again(
     sensor: Sensor,
     readings: problem.Readings,
     limits: problem.ScreeningLimits,
-    asked: problem.FitProblem,
+    request: problem.FitProblem,
     found: problem.Results,
 ) -> None:
     """Under the light of a bench: what stalled, by the derivatives that leave nothing out."""
-    stalled, asked = np.flatnonzero(found.status == Status.STALLED), asked._replace(previous=False)
-    code = block_code(sensor, asked, exact=True) if len(stalled) else None
+    stalled, request = (
+        np.flatnonzero(found.status == Status.STALLED),
+        request._replace(previous=False),
+    )
+    code = block_code(sensor, request, exact=True) if len(stalled) else None
     if code is not None:
         numbers = packed(sensor)
-        stalled = blocks.estimate_some(code, stalled, numbers, readings, limits, asked, found)
+        stalled = blocks.estimate_some(code, stalled, numbers, readings, limits, request, found)
     if len(stalled):
         model = evaluators.linearised(sensor)
-        estimate_some(model, stalled, sensor, readings, limits, asked, found)
+        estimate_some(model, stalled, sensor, readings, limits, request, found)

@@ -14,7 +14,7 @@ from __future__ import annotations
 from math import isfinite, nan, sqrt
 
 from .least_squares import back_substitute, triangularise
-from .normal_equations import LAST, covariance_of, factorise, multiply, solve_factored
+from .normal_equations import LAST, covariance_of, factorise, multiply, solve_cholesky
 from .problem import (
     COLUMNS,
     CONVERGED,
@@ -196,7 +196,7 @@ def reflect(
 ) -> float:
     """The step by orthogonal reflections, where the normal equations have lost too many digits.
 
-    Fills the layer FACTOR as `solve_factored` does. Returns the gain, or -1 where the readings do
+    Fills the layer FACTOR as `solve_cholesky` does. Returns the gain, or -1 where the readings do
     not tell the step.
     """
     columns, layers, rows = len(problem.free), memory.layers, memory.rows
@@ -310,7 +310,7 @@ def estimate(
                 return STALLED, steps, cost
             earlier = cost
         if factorise(layers, here, FACTOR, columns, damping):
-            gain = solve_factored(layers, here, FACTOR, columns)
+            gain = solve_cholesky(layers, here, FACTOR, columns)
         else:
             gain = reflect(model, x, values, problem, mean, memory, here, damping)
         action = check_gain(gain, small, damping, blind, damped)
@@ -341,15 +341,15 @@ def estimate(
     return MAX_STEPS, problem.max_steps, cost
 
 
-def set_start(x: Array, near: Array, free: Array, given: Array) -> None:
-    """Starts x (9,) from `near`, the unknowns that are not asked for from what is given."""
-    asked = 0
+def set_start(x: Array, near: Array, free: Array, known: Array) -> None:
+    """Start x (9,): the unknowns in `free` from `near`, the others from `known`."""
+    done = 0
     for c in range(UNKNOWNS):
-        if asked < len(free) and free[asked] == c:
+        if done < len(free) and free[done] == c:
             x[c] = near[c]
-            asked += 1
+            done += 1
         else:
-            x[c] = given[c]
+            x[c] = known[c]
 
 
 def clear_result(results: Results, n: int) -> None:

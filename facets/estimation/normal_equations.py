@@ -61,7 +61,7 @@ def factorise(layers: Array, normal: int, factor: int, count: int, damping: floa
     return True
 
 
-def solve_factored(layers: Array, normal: int, factor: int, count: int) -> float:
+def solve_cholesky(layers: Array, normal: int, factor: int, count: int) -> float:
     """Solves L L' step = J'r; the step is put in the factor's last row.
 
     Returns by how much the step lessens the sum of squares.

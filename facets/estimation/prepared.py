@@ -169,20 +169,20 @@ class PreparedEstimate:
         if in_block:
             if warm:
                 self.end = self._block.state.copy()
-            return self._of_block()
-        return self._of_one(warm)
+            return self._block_solution()
+        return self._row_solution(warm)
 
     def _has_converged(self) -> bool:
         return bool(self._found.status[0] == problem.CONVERGED)
 
-    def _of_block(self) -> Solution:
+    def _block_solution(self) -> Solution:
         """What the block has found, in an array of its own."""
         numbers = self._block.numbers.copy()
         if self._sensor.calibration is not None:
             add_calibration(self._sensor, self._plan, results_of(numbers))
-        return SolutionOfOne.of(numbers)
+        return SolutionOfOne.from_numbers(numbers)
 
-    def _of_one(self, warm: bool) -> Solution:
+    def _row_solution(self, warm: bool) -> Solution:
         """What was found without a block, in arrays of its own."""
         if self._doubtful:
             withdraw_doubtful(

@@ -237,13 +237,13 @@ def workspace() -> Workspace:
     )
 
 
-def some_rows(which: Any, readings: Readings, asked: FitProblem) -> tuple[Readings, FitProblem]:
+def some_rows(which: Any, readings: Readings, request: FitProblem) -> tuple[Readings, FitProblem]:
     """Some of the readings, and what is asked of them."""
     n = len(readings.values)
     return (
         Readings(*(part_of(array, which, n) for array in readings)),
-        asked._replace(
-            means=part_of(asked.means, which, n), starts=part_of(asked.starts, which, n)
+        request._replace(
+            means=part_of(request.means, which, n), starts=part_of(request.starts, which, n)
         ),
     )
 

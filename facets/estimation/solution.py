@@ -174,7 +174,7 @@ class SolutionOfOne(Solution):
     """
 
     @classmethod
-    def of(cls, numbers: Floats) -> SolutionOfOne:
+    def from_numbers(cls, numbers: Floats) -> SolutionOfOne:
         """numbers: its own."""
         found = object.__new__(cls)
         found.__dict__["_numbers"] = numbers

@@ -96,19 +96,19 @@ def local_solution(sensor: Sensor, reading: Floats, start: Floats) -> tuple[Floa
 
 def solve_rows(
     sensor: Sensor,
-    given: problem.Readings,
+    readings: problem.Readings,
     todo: Plan,
-    asked: problem.FitProblem,
+    request: problem.FitProblem,
     covariance: bool,
     threads: int = 1,
 ) -> problem.Results:
     """`solve` of readings that are checked."""
-    n = len(given.values)
+    n = len(readings.values)
     found = problem.empty_results(n, covariance)
-    block_code(sensor, asked)  # compiled once, before threads ask for it
+    block_code(sensor, request)  # compiled once, before threads ask for it
 
     def run(part: slice) -> None:
-        some, questions = problem.some_rows(part, given, asked)
+        some, questions = problem.some_rows(part, readings, request)
         results = problem.Results(*(part_of(array, part, n) for array in found))
         estimate(sensor, some, todo.limits, questions, results)
 
@@ -116,7 +116,7 @@ def solve_rows(
     if is_doubtful(sensor, todo.free):
 
         def again(rows: NDArray[np.intp], starts: Floats) -> problem.Results:
-            some, questions = problem.some_rows(rows, given, asked)
+            some, questions = problem.some_rows(rows, readings, request)
             results = problem.empty_results(len(rows), False)
             questions = questions._replace(starts=starts, previous=False)
             estimate(sensor, some, todo.limits, questions, results)

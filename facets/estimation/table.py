@@ -87,7 +87,7 @@ class StatusCounts:
         return self.statuses.total()
 
     @property
-    def solved(self) -> int:
+    def solved_count(self) -> int:
         return self.statuses[Status.CONVERGED.label]
 
 

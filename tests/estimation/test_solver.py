@@ -17,7 +17,7 @@ from facets.estimation.normal_equations import (
     covariance_of,
     factorise,
     multiply,
-    solve_factored,
+    solve_cholesky,
 )
 
 SENSOR = facets.Sensor()
@@ -449,7 +449,7 @@ def test_normal_equations_agree_with_lapack_or_refuse():
         layers[problem.COLUMNS, LAST, :9] = residuals
         multiply(layers, problem.COLUMNS, problem.HERE, count)
         assert factorise(layers, problem.HERE, problem.FACTOR, count, 0.0)
-        solve_factored(layers, problem.HERE, problem.FACTOR, count)
+        solve_cholesky(layers, problem.HERE, problem.FACTOR, count)
         exact = np.linalg.lstsq(matrix, residuals, rcond=None)[0]
         np.testing.assert_allclose(layers[problem.FACTOR, LAST, :count], exact, rtol=1e-8)
         covariance_of(layers, problem.FACTOR, problem.INVERSE, problem.COVARIANCE, count)
