@@ -203,7 +203,7 @@ def write_proposal(settings: Config, path: Path, count: int, force: bool) -> Non
     files.tables.ending(path)
     poses = characterization.random_poses.poses_to_calibrate_with(settings)
     proposal = calibration.proposal.propose_poses(settings, poses, count)
-    files.tables.write_table(path, proposal.columns, files.provenance.about(settings))
+    files.tables.write_table(path, proposal.columns, files.provenance.provenance_header(settings))
     typer.echo(
         f"Wrote {count} poses to {path}. A calibration with them reduces the parameters' standard\n"
         f"uncertainties to {100 * proposal.reduction:.3g} % of their prior values (geometric "

@@ -31,7 +31,7 @@ def write_results(settings: Config, found: Verdict, paths: list[Path]) -> None:
     assert found.found is not None
     assert found.errors is not None
     assert found.search is not None
-    about = files.provenance.about(settings)
+    about = files.provenance.provenance_header(settings)
     with TemporaryDirectory() as folder:
         trial = Path(folder) / path.name
         matrix = trial.with_name(covariance.name)

@@ -10,7 +10,7 @@ import typer
 from facets import calibration
 
 if TYPE_CHECKING:
-    from facets.calibration.effect_search import Search
+    from facets.calibration.effect_search import EffectSearch
     from facets.calibration.identifiability import Direction
     from facets.calibration.verdict import Verdict
     from facets.config import Config
@@ -48,7 +48,7 @@ def wrap(words: str) -> str:
     return fill(words, 100, subsequent_indent="  ")
 
 
-def show_candidates(done: Search) -> None:
+def show_candidates(done: EffectSearch) -> None:
     """Which effects the data call for."""
     from rich.console import Console
     from rich.table import Table

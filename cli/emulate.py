@@ -99,7 +99,10 @@ def emulate(
         bench.run(seconds or float("inf"))
     finally:
         if bench.reference:
-            columns, about = bench.reference.columns(), files.provenance.about(settings, seed)
+            columns, about = (
+                bench.reference.columns(),
+                files.provenance.provenance_header(settings, seed),
+            )
             files.tables.write_table(folder / "reference.csv", columns, about)
     with suppress(OSError):  # the terminal may be gone
         for text in bench.summary():

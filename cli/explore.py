@@ -196,7 +196,7 @@ def explore(
     require_page(report, force)
     whole = "parts" if no_table else f"designs.{table.value}"
     paths = [place / n for n in (whole, "front.csv", f"front.{plot.value}")]
-    about = files.provenance.about(settings, seed)
+    about = files.provenance.provenance_header(settings, seed)
     require_same(settings, place, force)
     if front:
         with files.tables.ResultSet():
@@ -432,7 +432,7 @@ def write_pick(
     )
     x = makeable(space, chosen_design(settings, space, file, front, number))
     sensor = design.variables.sensor_of(space.sensor, space.names, x)
-    about = files.provenance.about(settings) | {"design": f"{number} of {file.name}"}
+    about = files.provenance.provenance_header(settings) | {"design": f"{number} of {file.name}"}
     with files.tables.Whole(path) as temporary:
         temporary.write_text(
             design.changes.as_extension(settings, sensor, path.parent, about), "utf-8"

@@ -75,7 +75,7 @@ def write_results(
     report: NoiseReport, settings: Config, title: str, paths: list[Path], write: Path | None
 ) -> None:
     """Write the page and the table, and the configuration with this noise, where asked for."""
-    about = files.provenance.about(settings)
+    about = files.provenance.provenance_header(settings)
     with files.tables.ResultSet():
         if paths:
             text = pictures.noise.page(report, title, about)

@@ -206,7 +206,7 @@ def write_config(
 ) -> Config | str:
     """The layout found, written and loaded again; why, where it does not load."""
 
-    about = files.provenance.about(settings, settings.layout.seed)
+    about = files.provenance.provenance_header(settings, settings.layout.seed)
     with files.tables.Whole(path) as temporary:
         temporary.write_text(as_yaml(settings, found, made, path.parent, about), "utf-8")
     file = files.whole.readable_path(path)
@@ -222,7 +222,7 @@ def write_comparison(settings: Config, better: Config, csv: Path, picture: Path)
     table = design.verification.compare(
         settings.sensor, better.sensor, layout, settings.range, layout.seed
     )
-    files.tables.write_table(csv, table, files.provenance.about(settings, layout.seed))
+    files.tables.write_table(csv, table, files.provenance.provenance_header(settings, layout.seed))
     pictures.style.save(pictures.layout.layout_picture(table), picture)
     return table
 

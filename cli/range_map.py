@@ -128,7 +128,7 @@ def write(
     files.tables.write_table(
         outlines,
         characterization.tables.outline_columns(boundaries),
-        files.provenance.about(settings),
+        files.provenance.provenance_header(settings),
     )
     maps = (
         [

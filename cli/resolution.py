@@ -60,7 +60,7 @@ def resolution(
         files.tables.write_table(
             table,
             characterization.tables.resolution_columns(found),
-            files.provenance.about(settings),
+            files.provenance.provenance_header(settings),
         )
         pictures.style.save(pictures.resolution.budget_picture(found), picture)
         results = {"tracking": track, "estimators": [row.how.name for row in found]}

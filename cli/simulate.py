@@ -112,7 +112,7 @@ def write(
     start: float,
 ) -> None:
     """The results as files; the record last, since it tells how long it took."""
-    about = files.provenance.about(settings, seed)
+    about = files.provenance.provenance_header(settings, seed)
     columns = simulation.run.reading_table(segments)
     if reference:
         columns |= simulation.run.reference_table(segments, settings.calibrate.reference, seed)

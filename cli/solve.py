@@ -130,7 +130,12 @@ def solve(
     files.tables.refuse_to_overwrite([output], force)
     with progress_bar(readings) as advance:
         count = estimation.table.solve_table(
-            settings, options, readings, output, files.provenance.about(settings), advance
+            settings,
+            options,
+            readings,
+            output,
+            files.provenance.provenance_header(settings),
+            advance,
         )
     report(count, output)
     if not count.solved_count or misfit(count):

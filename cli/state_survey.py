@@ -157,7 +157,9 @@ def keeper(request: SurveyRequest, stack: ExitStack) -> Callable[[Floats, Floats
     if request.table is None:
         return None
     temporary = stack.enter_context(files.tables.Whole(request.table))
-    writer = files.tables.Writer(temporary, files.provenance.about(request.settings, request.seed))
+    writer = files.tables.Writer(
+        temporary, files.provenance.provenance_header(request.settings, request.seed)
+    )
     stack.callback(writer.close)
     return lambda states, values: writer.write(
         characterization.tables.state_columns(states, values)
@@ -166,7 +168,7 @@ def keeper(request: SurveyRequest, stack: ExitStack) -> Callable[[Floats, Floats
 
 def write(request: SurveyRequest, found: Survey, pair: AmbiguousPair | None) -> dict[str, Any]:
     """Table and picture; what the record says of them."""
-    about = files.provenance.about(request.settings, request.seed)
+    about = files.provenance.provenance_header(request.settings, request.seed)
     files.tables.write_table(request.density, characterization.tables.density_columns(found), about)
     if found.states - found.dark > 1:
         pictures.style.save(
@@ -284,5 +286,5 @@ def certify_and_report(
     """Proves and writes the certificate; what the record says of it."""
     weakest = None if worst is None else worst.state
     claim = claim_for(request.settings, request.domain, request.least_share, tolerances, weakest)
-    about = files.provenance.about(request.settings, request.seed)
+    about = files.provenance.provenance_header(request.settings, request.seed)
     return prove(claim, work, limit, request.reach, request.certificate, about)

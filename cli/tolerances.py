@@ -59,7 +59,7 @@ def tolerances(
     files.tables.refuse_to_overwrite(paths, force)
     found = yields_of(settings, settings.sensor, heads, seed)
     show_yields(settings, found)
-    about = files.provenance.about(settings, seed)
+    about = files.provenance.provenance_header(settings, seed)
     with files.tables.ResultSet():
         files.tables.write_table(paths[0], sensitivity_columns(settings, found), about)
         files.tables.write_table(paths[1], head_columns(found.heads), about)

@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon, Rectangle
 
-from facets.core.hues import LIGHT, in_style
+from facets.core.hues import LIGHT, use_style
 from facets.pictures import style
 
 INK, BEAM, MIRROR = LIGHT.ink, LIGHT.alarm, LIGHT.grey
@@ -90,7 +90,7 @@ def elevation(axes: Axes) -> None:
 
 
 def main() -> None:
-    with in_style("paper"), style.in_rules():
+    with use_style("paper"), style.in_rules():
         figure = style.figure(10.5, 5)
         left, right = figure.subplots(1, 2)
         plan(left)

@@ -104,7 +104,7 @@ def reproduce(names: list[str], quick: bool, folder: Path) -> Iterator[Experimen
 
 def compute_table(work: Experiment, quick: bool, path: Path) -> Table:
     """The table, by way of its file: what is drawn and claimed is what is written."""
-    write_table(path, work.compute(quick), provenance.about(facets.load(work.CONFIG)))
+    write_table(path, work.compute(quick), provenance.provenance_header(facets.load(work.CONFIG)))
     return read(readable_path(path))
 
 
@@ -183,7 +183,7 @@ def write_expected(quick: bool, folder: Path) -> None:
     for result in reproduce(list(EXPERIMENTS), quick, folder):
         if quick and result.repeats:
             continue  # the same as in full
-        about = provenance.about(facets.load(result.config))
+        about = provenance.provenance_header(facets.load(result.config))
         kinds = {"claims": claim_table(result.claims), "table": read(readable_path(result.table))}
         for kind in rules[result.name]:
             path = EXPECTED / ("quick" if quick else "") / f"{result.name}-{kind}.csv"

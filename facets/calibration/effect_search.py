@@ -81,7 +81,7 @@ class SearchState:
 
 
 @dataclass(frozen=True)
-class Search:
+class EffectSearch:
     """sensor: from which the last fit began.  plain: the fit without candidates.  found: with what
     was taken.  error: the plain fit's cross-validated one.  rows: what became of each candidate.
     data: what was fitted in the end.  outliers: rows that were removed.  scatter: what scatters.
@@ -99,7 +99,7 @@ class Search:
 
 def search(
     sensor: Sensor, data: Data, settings: Calibrate, plain: Fit, outliers: list[int] | None = None
-) -> Search:
+) -> EffectSearch:
     """From the plain fit to the one with all that the data or the keys call for.
 
     outliers: rows that were removed before.
@@ -115,7 +115,7 @@ def search(
     settled = state.fit_again()
     plain_equations = fold_equations(sensor, data, plain, plain.choice)
     left_out = predict(plain_equations, plain.choice.names).left_out
-    return Search(state.sensor, plain, settled, left_out_error(left_out, plain),
+    return EffectSearch(state.sensor, plain, settled, left_out_error(left_out, plain),
                   ordered_decisions(state), state.data, state.outliers, state.scatter)  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from ..core.sensor import Sensor
 from ..estimation.compiling import compile_for
 from .bundle_adjustment import Data, add_approach, add_power_polynomials
 from .candidates import tried_kinds
-from .effect_search import Search, search
+from .effect_search import EffectSearch, search
 from .fit import Fit, fit
 from .hypotheses import find_fault
 from .laser import fit_steady_laser
@@ -69,7 +69,7 @@ class Verdict:
     fitted: Data
     held: Data
     found: Fit | None
-    search: Search | None
+    search: EffectSearch | None
     sensor: Sensor | None
     errors: dict[str, NDArray[Any]] | None
     findings: list[Finding]
@@ -151,7 +151,7 @@ class Plain:
     hopeless: bool
     promising: bool
 
-    def verdict(self, told: list[Finding], done: Search | None = None) -> Verdict:
+    def verdict(self, told: list[Finding], done: EffectSearch | None = None) -> Verdict:
         """One that is not to be trusted."""
         said = [*told, *self.screened.findings]
         found, data = (self.found, self.data) if done is None else (done.found, done.data)
@@ -199,12 +199,12 @@ def explain(sensor: Sensor, plain: Plain, chosen: Choice, settings: Calibrate) -
 # ---- extend: with the effects that the data call for
 
 
-def extend(sensor: Sensor, plain: Plain, settings: Calibrate) -> Search:
+def extend(sensor: Sensor, plain: Plain, settings: Calibrate) -> EffectSearch:
     steady = fit_steady_laser(sensor, plain.data, plain.found, settings.outliers)
     return search(sensor, plain.data, settings, steady, plain.outliers)
 
 
-def doubt(sensor: Sensor, plain: Plain, done: Search, chosen: Choice) -> list[Finding]:
+def doubt(sensor: Sensor, plain: Plain, done: EffectSearch, chosen: Choice) -> list[Finding]:
     """A fault of the data that effects of light only promised to explain, or a fit without end."""
     if plain.promising and is_suspicious(done.sensor, done.found) and (
         told := find_fault(sensor, plain.data, chosen)
@@ -218,7 +218,7 @@ def doubt(sensor: Sensor, plain: Plain, done: Search, chosen: Choice) -> list[Fi
 # ---- validate: on samples held back
 
 
-def validate(sensor: Sensor, plain: Plain, done: Search, settings: Calibrate) -> Verdict:
+def validate(sensor: Sensor, plain: Plain, done: EffectSearch, settings: Calibrate) -> Verdict:
     found, data, held = done.found, done.data, plain.screened.held
     shape = shape_of_powers(done.sensor, data, found, settings.outliers)
     said = outlier_findings(done.outliers, len(plain.screened.fitted.raw), plain.screened.kind)

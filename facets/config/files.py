@@ -45,14 +45,14 @@ def find(name_or_path: str | Path, base: Path | None = None) -> Path:
     raise ConfigError(_missing_file(str(name_or_path), file, names))
 
 
-def _missing_file(asked: str, file: Path, names: dict[str, Path]) -> str:
+def _missing_file(name_or_path: str, file: Path, names: dict[str, Path]) -> str:
     beside = [f.name for f in file.parent.glob("*") if f.suffix in SUFFIXES]
-    bare = Path(asked).name == asked
+    bare = Path(name_or_path).name == name_or_path
     known = [*names, *beside] if bare else beside
     near = difflib.get_close_matches(file.name, known, n=1, cutoff=0.6)
     what = "no such file" if not bare or file.suffix in SUFFIXES else "no such file or shipped name"
     hint = f"; did you mean {near[0]!r}?" if near else ""
-    return f"{asked}: {what}{hint} (shipped: {', '.join(names)})"
+    return f"{name_or_path}: {what}{hint} (shipped: {', '.join(names)})"
 
 
 #: Files that one configuration may be laid together from.
@@ -61,10 +61,10 @@ MOST_FILES = 50
 
 def gather(file: Path) -> Marked:
     """A file merged over all that it extends; each value keeps the file and line it came from."""
-    return _gather_known(file, (), {})
+    return _gather_files(file, (), {})
 
 
-def _gather_known(file: Path, children: tuple[Path, ...], known: dict[Path, Marked]) -> Marked:
+def _gather_files(file: Path, children: tuple[Path, ...], known: dict[Path, Marked]) -> Marked:
     """known: what has been gathered already; a file that is extended twice is read once."""
     if file in known:
         return known[file]
@@ -84,7 +84,7 @@ def _gather_known(file: Path, children: tuple[Path, ...], known: dict[Path, Mark
             raise ConfigError(
                 f"{link.place}: extends: more than {MOST_FILES} files in all; lay some together"
             )
-        below = _gather_known(parent, chain, known)
+        below = _gather_files(parent, chain, known)
         laid = below if laid is None else merge(laid, below)
     known[file] = tree if laid is None else merge(laid, tree)
     return known[file]

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-from ..core.keys import Key, KeyBlock, Source, Values, block_of, block_of_keys
+from ..core.keys import FieldSource, Key, KeyBlock, Values, block_of, block_of_keys
 from ..core.names import DETECTORS
 from ..core.sensor import (
     Apertures,
@@ -66,7 +66,7 @@ CORRECTION = replace(
     CORRECTION,
     sources={
         **CORRECTION.sources,
-        "grid": Source((TABLE, _sum_of_file("table_sha256")), _read_grid),
+        "grid": FieldSource((TABLE, _sum_of_file("table_sha256")), _read_grid),
     },
 )
 MIRROR = _three_of(
@@ -81,7 +81,7 @@ PSD = replace(
     PSD,
     sources={
         **PSD.sources,
-        "correction": Source(
+        "correction": FieldSource(
             (
                 Key(
                     "correction",
@@ -110,7 +110,7 @@ NOISE_MODEL = Key(
 NOISE = KeyBlock(
     "Noise",
     NOISE.meaning,
-    {"model": Source((NOISE_MODEL,)), **NOISE.sources},
+    {"model": FieldSource((NOISE_MODEL,)), **NOISE.sources},
     lambda model, **numbers: (model, Noise(**numbers)),
 )
 APERTURES = block_of(Apertures)
@@ -146,7 +146,7 @@ SENSOR = KeyBlock(
     "Sensor",
     "Beam, mirror, detectors and their noise.",
     {
-        field: Source((Key(name, {}, meaning, block=block),))
+        field: FieldSource((Key(name, {}, meaning, block=block),))
         for field, name, meaning, block in (
             ("beam", "beam", "the laser beam", block_of(Beam)),
             ("facets", "mirror", "the three-facet mirror", MIRROR),

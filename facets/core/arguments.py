@@ -123,7 +123,7 @@ def check_arguments(function: F) -> F:
         if tuple(map(type, values)) not in allowed_together:
             check.check_positional(values)
         if named:
-            check.check_named(named)
+            check.check_keywords(named)
         return function(*values, **named)
 
     return call  # type: ignore[return-value]
@@ -149,7 +149,7 @@ class ArgumentCheck:
         if all(answers):
             self.allowed_together.add(tuple(map(type, values)))
 
-    def check_named(self, named: dict[str, Any]) -> None:
+    def check_keywords(self, named: dict[str, Any]) -> None:
         for name, value in named.items():
             known = self.allowed.get(name)
             key = value if type(value) is str else type(value)

@@ -10,7 +10,7 @@ from .names import ANGLES, FINE_UNITS, POSE, STATE
 
 MAX_LENGTH_MM = 10_000
 HALF_TURN_MRAD = 3142
-MAX_FINE = 1e6  # um and urad
+MAX_UM_OR_URAD = 1e6  # um and urad
 
 State = tuple[float, float, float, float, float, float, float, float]
 Pose = tuple[float, float, float, float, float, float]
@@ -60,7 +60,7 @@ def pose_block(name: str, meaning: str, length: float | None, angle: float | Non
             angle if axis in ANGLES else length,
             f"standard uncertainty of {axis}",
             hint=float | None,
-            bounds={"gt": 0, "le": MAX_FINE},
+            bounds={"gt": 0, "le": MAX_UM_OR_URAD},
             null=inf,
         )
         for axis in POSE
@@ -68,12 +68,12 @@ def pose_block(name: str, meaning: str, length: float | None, angle: float | Non
     return block_of_keys(name, meaning, keys, _tuple)
 
 
-def in_code_units(uncertainties: Sequence[float]) -> tuple[float, ...]:
+def convert_fine_units(uncertainties: Sequence[float]) -> tuple[float, ...]:
     """(6,) um and urad in mm and rad."""
     return tuple(value * unit for value, unit in zip(uncertainties, FINE_UNITS, strict=False))
 
 
-def _signed(largest: float) -> dict[str, float]:
+def _symmetric_bounds(largest: float) -> dict[str, float]:
     return {"ge": -largest, "le": largest}
 
 
@@ -94,7 +94,7 @@ PLACE = state_block(
         "beam centre along x_w",
         "beam centre along y_w",
     ),
-    (_signed(MAX_LENGTH_MM), _signed(HALF_TURN_MRAD)),
+    (_symmetric_bounds(MAX_LENGTH_MM), _symmetric_bounds(HALF_TURN_MRAD)),
 )
 BOX = state_block(
     "Box",
@@ -114,7 +114,7 @@ PHASES = state_block(
     "Phases",
     "Where in its period each axis begins; 90 makes a cosine.",
     [f"phase of {axis}, degrees" for axis in STATE],
-    (_signed(360), _signed(360)),
+    (_symmetric_bounds(360), _symmetric_bounds(360)),
     unit="deg_of_phase",
 )
 PER_AXIS = pose_block(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from .axis_keys import MAX_LENGTH_MM, in_code_units, pose_block
+from .axis_keys import MAX_LENGTH_MM, convert_fine_units, pose_block
 from .keys import Key, block_of_keys, key
 
 REFERENCE = pose_block(
@@ -16,11 +16,11 @@ REFERENCE = pose_block(
 )
 
 
-def _before(name: str, default: float | None, most: float, meaning: str) -> Key:
+def _prior_sigma(name: str, default: float | None, most: float, meaning: str) -> Key:
     return Key(name, default, meaning, hint=float | None, bounds={"gt": 0, "le": most})
 
 
-def _given(**values: Any) -> dict[str, Any]:
+def _drop_null(**values: Any) -> dict[str, Any]:
     """The values of the keys that are not null, in their units."""
     return {name: value for name, value in values.items() if value is not None}
 
@@ -29,43 +29,49 @@ BEFORE = block_of_keys(
     "Before",
     "Standard uncertainties before, from tolerances; what is null stays as it is.",
     [
-        _before(
+        _prior_sigma(
             "psd_place_mm",
             0.2,
             MAX_LENGTH_MM,
             "position of each PSD's centre, along each direction",
         ),
-        _before("psd_turn_mrad", 3.0, 1000, "each of a PSD's three rotations"),
-        _before("facet_mrad", 1.5, 1000, "each facet's inclination and azimuth"),
-        _before("beam_tilt_mrad", 1.5, 1000, "each of the beam's two tilts"),
-        _before("beam_diameter_percent", 5.0, 100, "the beam's two diameters, and its roundness"),
-        _before(
+        _prior_sigma("psd_turn_mrad", 3.0, 1000, "each of a PSD's three rotations"),
+        _prior_sigma("facet_mrad", 1.5, 1000, "each facet's inclination and azimuth"),
+        _prior_sigma("beam_tilt_mrad", 1.5, 1000, "each of the beam's two tilts"),
+        _prior_sigma(
+            "beam_diameter_percent", 5.0, 100, "the beam's two diameters, and its roundness"
+        ),
+        _prior_sigma(
             "beam_profile_percent",
             0.1,
             100,
             "the share of the laser's power outside a Gaussian cross-section (a ghost, "
             "other modes, light lost at a chipped tip), where the data call for an effect of light",
         ),
-        _before("power_percent", 2.0, 100, "each PSD's gain"),
-        _before("dark_uw", None, 1e6, "power that each PSD reads without light"),
-        _before(
+        _prior_sigma("power_percent", 2.0, 100, "each PSD's gain"),
+        _prior_sigma("dark_uw", None, 1e6, "power that each PSD reads without light"),
+        _prior_sigma(
             "laser_percent",
             None,
             100,
             "the laser's power, where it is constant; or give power_percent",
         ),
-        _before("scale_percent", 2.0, 100, "each PSD's scales along y and z"),
-        _before("bend_um", None, 10_000, "each PSD's terms of second and third order, at its edge"),
-        _before("lever_mm", 50.0, MAX_LENGTH_MM, "position of the apex from the reference's pivot"),
-        _before(
+        _prior_sigma("scale_percent", 2.0, 100, "each PSD's scales along y and z"),
+        _prior_sigma(
+            "bend_um", None, 10_000, "each PSD's terms of second and third order, at its edge"
+        ),
+        _prior_sigma(
+            "lever_mm", 50.0, MAX_LENGTH_MM, "position of the apex from the reference's pivot"
+        ),
+        _prior_sigma(
             "apex_mm",
             0.1,
             MAX_LENGTH_MM,
             "position of the apex from the beam, with the reference at zero",
         ),
-        _before("mount_deg", 3.0, 30, "each rotation of the mirror on the reference"),
+        _prior_sigma("mount_deg", 3.0, 30, "each rotation of the mirror on the reference"),
     ],
-    _given,
+    _drop_null,
 )
 EFFECTS = block_of_keys(
     "Effects",
@@ -108,7 +114,7 @@ class Calibrate:
         {},
         "standard uncertainty of the reference's poses",
         block=REFERENCE,
-        convert=in_code_units,
+        convert=convert_fine_units,
     )
     before: dict[str, float] = key(
         "before", {}, "standard uncertainty of the sensor before the calibration", block=BEFORE

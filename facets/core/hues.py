@@ -97,7 +97,7 @@ def chosen_hues() -> Hues:
 
 
 @contextmanager
-def in_style(name: str) -> Iterator[Hues]:
+def use_style(name: str) -> Iterator[Hues]:
     """Within it pictures are made in this style."""
     before = _chosen.get()
     choose_style(name)

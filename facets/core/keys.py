@@ -91,7 +91,7 @@ def to_key(value: Any, unit: str) -> Any:
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class FieldSource:
     """The keys that give the value of one field.
 
     read: the field's value from all values of the block; that of the only key if None.
@@ -116,15 +116,15 @@ def key(name: str, default: Any, meaning: str, **options: Any) -> Any:
     """
     known = {one: options.pop(one) for one in Key.__dataclass_fields__ if one in options}
     known.setdefault("unit", unit_in(name))
-    return declare(Source((Key(name, default, meaning, bounds=options, **known),)))
+    return declare(FieldSource((Key(name, default, meaning, bounds=options, **known),)))
 
 
 def item_of(key: Key, index: int | str) -> Any:
     """Declare a field that holds one item of a key's value."""
-    return declare(Source((key,), lambda values: key.read(values[key.name])[index], index))
+    return declare(FieldSource((key,), lambda values: key.read(values[key.name])[index], index))
 
 
-def declare(source: Source) -> Any:
+def declare(source: FieldSource) -> Any:
     """A field of a dataclass whose value, and default, some keys give."""
     metadata = {"source": source}
     if any(one.default is MISSING for one in source.keys):
@@ -146,7 +146,7 @@ class KeyBlock:
 
     name: str
     meaning: str
-    sources: dict[str, Source]
+    sources: dict[str, FieldSource]
     make: Callable[..., Any]
     common: tuple[Key, ...] = ()
     partial: bool = False
@@ -194,7 +194,7 @@ def block_of(kind: type[Any]) -> KeyBlock:
     return KeyBlock(kind.__name__, meaning, sources, kind)
 
 
-def complete(source: Source, hint: Any) -> Source:
+def complete(source: FieldSource, hint: Any) -> FieldSource:
     """A field's source with the type that its key has from the field."""
     if source.read is not None:
         return source
@@ -206,4 +206,4 @@ def block_of_keys(
     name: str, meaning: str, keys: Sequence[Key], make: Callable[..., Any]
 ) -> KeyBlock:
     """A block of keys that `make` takes by name."""
-    return KeyBlock(name, meaning, {key.name: Source((key,)) for key in keys}, make)
+    return KeyBlock(name, meaning, {key.name: FieldSource((key,)) for key in keys}, make)

@@ -62,7 +62,7 @@ def _variables_of_one(kind: str, bounds: dict[str, tuple[float, float]]) -> list
     ]
 
 
-def _given(**values: Any) -> dict[str, Any]:
+def _drop_null(**values: Any) -> dict[str, Any]:
     """The values of the keys that are not null, in their units."""
     return {name: value for name, value in values.items() if value is not None}
 
@@ -107,7 +107,7 @@ VARIABLES = block_of_keys(
             },
         ),
     ],
-    _given,
+    _drop_null,
 )
 PARTS = Key(
     "parts",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from .arguments import check_arguments
-from .axis_keys import PER_AXIS, in_code_units
+from .axis_keys import PER_AXIS, convert_fine_units
 from .errors import InputError
 from .keys import key
 
@@ -43,7 +43,7 @@ class Rules:
         {},
         "largest standard uncertainty of each axis",
         block=PER_AXIS,
-        convert=in_code_units,
+        convert=convert_fine_units,
     )
     tracking: bool = False
 

@@ -16,7 +16,7 @@ from typing import Any, Literal
 from .arguments import check_arguments
 from .axis_keys import HALF_TURN_MRAD, MAX_LENGTH_MM
 from .errors import InputError
-from .keys import Key, Source, Values, declare, item_of, key
+from .keys import FieldSource, Key, Values, declare, item_of, key
 from .names import DETECTORS
 
 Pair = tuple[float, float]
@@ -470,7 +470,7 @@ def background_field(power_meaning: str, place_meaning: str) -> Any:
     def write(rows: tuple[Three, ...]) -> list[Any]:
         return [keys[0].write([row[0] for row in rows]), keys[1].write([row[1:] for row in rows])]
 
-    return declare(Source(keys, read, write=write))
+    return declare(FieldSource(keys, read, write=write))
 
 
 @check_arguments
@@ -640,7 +640,7 @@ class Calibration:
         _require(square, "size of the covariance", len(self.covariance), f"{size} x {size}")
 
 
-def _at_thirds(kind: type[Any]) -> tuple[Any, ...]:
+def _equal_thirds(kind: type[Any]) -> tuple[Any, ...]:
     return tuple(kind(azimuth=2 * pi * k / 3) for k in range(3))
 
 
@@ -659,8 +659,8 @@ class Sensor:
     """
 
     beam: Beam = Beam()
-    facets: tuple[Facet, Facet, Facet] = _at_thirds(Facet)
-    psds: tuple[Psd, Psd, Psd] = _at_thirds(Psd)
+    facets: tuple[Facet, Facet, Facet] = _equal_thirds(Facet)
+    psds: tuple[Psd, Psd, Psd] = _equal_thirds(Psd)
     noise: Noise = Noise()
     apertures: Apertures = Apertures()
     electronics: Electronics | None = None

@@ -59,10 +59,10 @@ def error_label(name: str) -> str:
 def column_label(column: str) -> str:
     """A column of a table as an axis of a picture: "range_roll_mrad" is "range roll, mrad"."""
     words, _, unit = column.rpartition("_")
-    return f"{words.replace('_', ' ')}, {with_micro(unit)}"
+    return f"{words.replace('_', ' ')}, {write_micro(unit)}"
 
 
-def with_micro(unit: str) -> str:
+def write_micro(unit: str) -> str:
     """A unit of a column or a key as a person writes it: "um" is "µm"."""
     return MICRO + unit[1:] if unit in ("um", "urad", "uw", "uW") else unit
 

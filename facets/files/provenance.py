@@ -28,7 +28,7 @@ def command_line() -> str:
     return shlex.join(["facets", *sys.argv[1:]])
 
 
-def about(config: Config, seed: int | None = None) -> dict[str, str]:
+def provenance_header(config: Config, seed: int | None = None) -> dict[str, str]:
     """For the head of a table: config and its hash, version, seed, command, time."""
     known = {
         "config": config.name,
@@ -84,7 +84,7 @@ def run_record(config: Config, seed: int | None, seconds: float, results: dict[s
     yaml.width = 100
     yaml.dump(
         {
-            **about(config, seed),
+            **provenance_header(config, seed),
             "seconds": round(seconds, 3),
             "python": platform.python_version(),
             "packages": {name: version(name) for name in PACKAGES},
@@ -112,4 +112,4 @@ def write_record(
 
     with Whole(path) as temporary:
         temporary.write_text(run_record(config, seed, seconds, results), "utf-8")
-    write_crate(path.parent, files, about(config, seed), seconds)
+    write_crate(path.parent, files, provenance_header(config, seed), seconds)

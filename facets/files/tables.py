@@ -146,7 +146,7 @@ class Sheet:
 
 
 def read_head(path: Path) -> dict[str, str]:
-    """How a table was made, as it begins: see `provenance.about`. Empty where it does not say."""
+    """The head of a table, by `provenance.provenance_header`; empty where there is none."""
     require_table(path)
     if ending(path) == ".parquet":
         import pyarrow as pa

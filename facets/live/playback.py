@@ -115,7 +115,7 @@ class Playback:
         smooth, filter_by: the model of a motion by which poses are smoothed, or filtered as in a
         live run, in columns beside the raw ones. Raises `InputError` where there are no samples.
         """
-        about = provenance.about(self.config)
+        about = provenance.provenance_header(self.config)
         if filter_by:
             yield self.write_with_filter(path, list(poses), filter_by, about)
         elif smooth:

@@ -102,6 +102,6 @@ def check_sentences(
         return
     block = {**config.resolved["stage"], "checked": value}
     with whole.Whole(path) as temporary:
-        about = provenance.about(config)
+        about = provenance.provenance_header(config)
         temporary.write_text(provenance.configuration(config, block, about, "stage"), "utf-8")
     yield f"{path}"

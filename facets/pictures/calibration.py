@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..core.hues import chosen_hues
 from ..core.names import ANGLES, DETECTORS, POSE
-from ..core.units import Floats, with_micro
+from ..core.units import Floats, write_micro
 from . import style
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def draw_comparison(part: Any, table: dict[str, NDArray[Any]]) -> None:
         names = [name for name in POSE if (name in ANGLES) == angles]
         for row, name in enumerate(names):
             errors(panel, row, table, list(POSE).index(name))
-        unit = with_micro(str(table["unit"][list(POSE).index(names[0])]))
+        unit = write_micro(str(table["unit"][list(POSE).index(names[0])]))
         panel.set_yticks(range(3), [style.in_words(name) for name in names])
         panel.set(xscale="log", ylim=(2.6, -0.6), xlabel=f"r.m.s. error, held back, {unit}")
         panel.tick_params(axis="y", length=0)

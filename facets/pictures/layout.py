@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..core.hues import chosen_hues
 from ..core.names import POSE
-from ..core.units import with_micro
+from ..core.units import write_micro
 from . import style
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def steps(panel: Axes, table: dict[str, NDArray[Any]], kind: str, title: str) ->
     panel.axvline(1, color=hues.soft, lw=1.0)
     for place, (n, name) in enumerate(zip(rows, names, strict=True)):
         before, after, drawn = (float(table[key][n]) for key in ("before", "after", "simulated"))
-        unit = with_micro(str(table["quantity"][n]).rpartition("_")[2])
+        unit = write_micro(str(table["quantity"][n]).rpartition("_")[2])
         step(panel, place, after / before if before else np.nan, hues.axes[name])
         if np.isfinite(drawn) and before:
             panel.plot(drawn / before, place, "|", color=hues.ink, ms=11, mew=1.4)

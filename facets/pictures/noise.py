@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.hues import DASHES, chosen_hues
 from ..core.names import ANGLES, DETECTORS, POSE
-from ..core.units import Floats, with_micro
+from ..core.units import Floats, write_micro
 from . import style
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def table(channels: list[Channel]) -> str:
             for line in model.lines
         )
         cells = (
-            f"{one.name} ({with_micro(one.unit)})", amplitude(model.white),
+            f"{one.name} ({write_micro(one.unit)})", amplitude(model.white),
             amplitude(model.flicker),
             f"{model.drift.value:.2g} &plusmn; {1.96 * model.drift.sigma:.1g}",
             f"{model.standard_deviation:.3g}", f"{one.configured:.3g}",
@@ -122,7 +122,7 @@ def spectra(title: str, groups: dict[str, list[Channel]]) -> str:
                 spectrum(panel, one)
             for line in {round(x.frequency, 2) for one in channels for x in one.model.lines[:5]}:
                 panel.axvline(line, color=chosen_hues().rule, lw=1.0, zorder=0)
-            unit = with_micro(channels[0].unit)
+            unit = write_micro(channels[0].unit)
             panel.set(xscale="log", yscale="log", xlabel="frequency, Hz", title=name)
             panel.set_ylabel(f"amplitude density, {unit}/√Hz")
         legend(picture, panels, groups)
@@ -166,7 +166,7 @@ def deviations(groups: dict[str, list[Channel]]) -> str:
                 hue, found = hue_of(one.name), one.allan
                 panel.fill_between(found.tau, found.low, found.high, color=hue, alpha=0.2, lw=0)
                 panel.plot(found.tau, found.deviation, color=hue, ls=dash_of(one.name))
-            unit = with_micro(channels[0].unit)
+            unit = write_micro(channels[0].unit)
             panel.set(xscale="log", yscale="log", xlabel="averaging time, s", title=name)
             panel.set_ylabel(f"Allan deviation, {unit}")
         legend(picture, panels, groups)

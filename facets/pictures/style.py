@@ -16,7 +16,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.hues import chosen_hues, chosen_style
-from ..core.units import Floats, column_label, with_micro
+from ..core.units import Floats, column_label, write_micro
 from ..core.units import unit_of as unit_of
 from ..files.tables import Whole
 
@@ -232,7 +232,7 @@ def measure_label(column: str) -> str:
     kind, _, rest = column.partition("_")
     name, _, unit = rest.partition("_")
     if kind in MEASURES and name in WORDS and unit:
-        return f"{MEASURES[kind]} {WORDS[name]}, {with_micro(unit)}"
+        return f"{MEASURES[kind]} {WORDS[name]}, {write_micro(unit)}"
     return column_label(column)
 
 

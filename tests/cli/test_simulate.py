@@ -162,7 +162,7 @@ def test_bad_input_gets_a_message_and_leaves_nothing(tmp_path, words, message):
 
 def test_chunks_do_not_show(tmp_path):
     from facets.estimation.table import solve_table
-    from facets.files.provenance import about
+    from facets.files.provenance import provenance_header
 
     paper = facets.load("paper")
     states = np.random.default_rng(1).uniform(-0.02, 0.02, (25, 8)) * np.array(
@@ -174,7 +174,9 @@ def test_chunks_do_not_show(tmp_path):
     results = []
     for size in (1000, 10, 1):
         out = tmp_path / f"p{size}.csv"
-        solve_table(paper, paper.solve, tmp_path / "r.csv", out, about(paper), rows=size)
+        solve_table(
+            paper, paper.solve, tmp_path / "r.csv", out, provenance_header(paper), rows=size
+        )
         results.append(poses(out))
     for other in results[1:]:
         pd.testing.assert_frame_equal(results[0], other)

@@ -15,7 +15,7 @@ from facets.files.crate import NAME, PROFILE
 @pytest.fixture
 def folder(tmp_path):
     config = facets.load("paper")
-    about = provenance.about(config, 7)
+    about = provenance.provenance_header(config, 7)
     tables.write_table(tmp_path / "poses.csv", {"tx_mm": [1.0], "yaw_mrad": [2.0], "n": [1]}, about)
     tables.write_table(tmp_path / "all.parquet", {"u_tx_um": [1.0]}, about)
     files = [tmp_path / name for name in ("poses.csv", "all.parquet", "missing.png", "run.yaml")]

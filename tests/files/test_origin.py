@@ -18,7 +18,7 @@ LAYOUT, PAPER = facets.load("layout"), facets.load("paper")
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
 def test_a_table_says_from_which_configuration_it_was_made(tmp_path, ending):
     path = tmp_path / f"t.{ending}"
-    tables.write_table(path, {"a": np.zeros(3)}, provenance.about(LAYOUT, 1))
+    tables.write_table(path, {"a": np.zeros(3)}, provenance.provenance_header(LAYOUT, 1))
     made = tables.read_head(path)
     assert made["config"] == "layout"
     provenance.require_origin(path, made, LAYOUT, "")
@@ -38,7 +38,7 @@ def explored(tmp_path):
     space = Space(LAYOUT.sensor, LAYOUT.range, LAYOUT.layout, "sobol", 2, 1)
     x = np.array([list(bounds) for bounds in LAYOUT.layout.variables.values()]).T
     table = part_table(space, 0, x, np.zeros(2, dtype=int), np.ones((2, 15)), np.ones(2))
-    about = provenance.about(LAYOUT, 1)
+    about = provenance.provenance_header(LAYOUT, 1)
     (tmp_path / "out" / "parts").mkdir(parents=True)
     tables.write_table(tmp_path / "out" / "parts" / "0000000000.parquet", table, about)
     tables.write_table(tmp_path / "out" / "front.csv", table, about)

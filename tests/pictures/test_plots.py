@@ -13,7 +13,7 @@ from commands import command
 from figures import ALL, texts_of
 
 from facets.core.errors import InputError
-from facets.core.hues import THEMES, choose_style, chosen_style, in_style
+from facets.core.hues import THEMES, choose_style, chosen_style, use_style
 from facets.pictures import style
 from facets.pictures.motion import motion_picture
 
@@ -23,7 +23,7 @@ COLUMN, LEAST = 88 / 25.4, 5.0
 
 @pytest.fixture(scope="module", params=list(ALL))
 def picture(request):
-    with in_style("paper"):
+    with use_style("paper"):
         yield ALL[request.param](), request.param
 
 
@@ -76,7 +76,7 @@ def test_text_stays_text_in_vector_files(tmp_path, kind):
 def test_a_style_has_its_ground_and_its_dots(tmp_path, name):
     from matplotlib.image import imread
 
-    with in_style(name):
+    with use_style(name):
         path = tmp_path / "plan.png"
         drawing = figures.plan()
         style.save(drawing, path)
@@ -91,7 +91,7 @@ def test_a_style_has_its_ground_and_its_dots(tmp_path, name):
 
 def test_a_style_is_chosen_and_ends():
     before = chosen_style()
-    with in_style("dark") as hues:
+    with use_style("dark") as hues:
         assert chosen_style() == "dark"
         assert style.rules()["figure.facecolor"] == hues.ground
     assert chosen_style() == before

@@ -23,7 +23,9 @@ def content(tmp_path_factory):
     path = tmp_path_factory.mktemp("attacks") / "certificate.json"
     config = facets.load("paper")
     found = certify(config.sensor, parse_box("tx_mm=1,yaw_mrad=3"), 0.29)
-    write_certificate(path, config.sensor, found, provenance.about(config), config.resolved)
+    write_certificate(
+        path, config.sensor, found, provenance.provenance_header(config), config.resolved
+    )
     return json.loads(path.read_text())
 
 

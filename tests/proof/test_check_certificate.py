@@ -39,7 +39,9 @@ def certificate_of(box, folder):
     config = facets.load("paper")
     found = certify(config.sensor, box, SHARE)
     assert found.unique
-    write_certificate(path, config.sensor, found, provenance.about(config), config.resolved)
+    write_certificate(
+        path, config.sensor, found, provenance.provenance_header(config), config.resolved
+    )
     return path
 
 
@@ -334,7 +336,7 @@ def whole_range(tmp_path_factory):
     axes = range_box(config.sensor, config.range)
     assert (cover.low <= axes.low[:6]).all()
     assert (cover.high >= axes.high[:6]).all()
-    about = provenance.about(config)
+    about = provenance.provenance_header(config)
     write_certificate(path, config.sensor, found, about, config.resolved, cover)
     content = json.loads(path.read_text())
     content["range"]["farthest"] = NEAR
