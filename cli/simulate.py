@@ -133,7 +133,7 @@ def print_segment(segment: Segment) -> None:
         moved = (f"{factor * axis.low:.4g}", f"{factor * axis.high:.4g}", unit)
         sizes = (axis.largest, axis.rms, axis.uncertainty)
         errors = [f"{fine * size:.3g}" if size == size else "-" for size in sizes]
-        rows.append([axis.name, *(moved if axis.moved else ("", "", "")), *errors, fine_unit])
+        rows.append([axis.name, *(moved if axis.is_varied else ("", "", "")), *errors, fine_unit])
     show_table(segment.name, headings, rows, left=(0, 3, 7))
     typer.echo(outcome(segment) + "\n")
 
@@ -151,7 +151,7 @@ def outcome(segment: Segment) -> str:
     still = [
         axis
         for axis in simulation.run.axes(segment)
-        if not axis.moved and axis.largest == axis.largest
+        if not axis.is_varied and axis.largest == axis.largest
     ]
     for kind in (core.units.LENGTH, core.units.ANGLE):
         group = [axis for axis in still if core.units.unit_of(axis.name) == kind]

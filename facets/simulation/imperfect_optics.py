@@ -119,7 +119,7 @@ def ray_reading(fixed: Geometry, flaws: Flaws, state: Floats, halves: Floats) ->
     at = dark_scene(fixed, tuple(state.tolist()))
     out = np.empty(9)
     for k in range(3):
-        edges = [FacetEdge.of(fixed, at, flaws, k, which) for which in (0, 1)]
+        edges = [FacetEdge.from_scene(fixed, at, flaws, k, which) for which in (0, 1)]
         spot = spot_reading(fixed, at, k, flaws, edges)
         if flaws.wavelength:
             spot = diffract(fixed, at, k, flaws, edges, spot, halves[k])
@@ -162,7 +162,7 @@ class FacetEdge:
     across: float
 
     @classmethod
-    def of(cls, fixed: Geometry, at: Scene, flaws: Flaws, k: int, which: int) -> FacetEdge:
+    def from_scene(cls, fixed: Geometry, at: Scene, flaws: Flaws, k: int, which: int) -> FacetEdge:
         along = np.array(at.edges[(k + which) % 3])
         along /= np.linalg.norm(along)
         inward = np.cross(at.normals[k], along) * (1 if which == 0 else -1)
@@ -440,7 +440,7 @@ def point_light(streaks: list[EdgeScatter], own: Floats, half: Floats) -> tuple[
 
 #: Lines nearer to the edge of a detector, mm, count as at this distance: they hold no light to
 #: speak of unless the whole spot is there.
-NEAREST = 0.1
+MIN_EDGE_DISTANCE_MM = 0.1
 
 
 def reaches(light: EdgeScatter, sign: int, half: Floats) -> Floats:
@@ -448,7 +448,7 @@ def reaches(light: EdgeScatter, sign: int, half: Floats) -> Floats:
     beside the detector."""
     way = light.way * sign
     with np.errstate(divide="ignore"):
-        steps = np.maximum(half - np.sign(way) * light.spots, NEAREST) / np.abs(way)
+        steps = np.maximum(half - np.sign(way) * light.spots, MIN_EDGE_DISTANCE_MM) / np.abs(way)
     inside = (np.abs(light.amount @ light.spots / light.amount.sum()) < half).all()
     return steps.min(axis=1) if inside else np.full(len(steps), np.nan)
 

@@ -66,7 +66,7 @@ class AxisErrors:
     uncertainty: float
 
     @property
-    def moved(self) -> bool:
+    def is_varied(self) -> bool:
         return self.high > self.low
 
 

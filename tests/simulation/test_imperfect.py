@@ -130,7 +130,7 @@ def test_the_nodes_hold_all_the_light():
     fixed = geometry_of(PAPER)
     total = 0.0
     for k in range(3):
-        edges = [FacetEdge.of(fixed, at, flaws, k, which) for which in (0, 1)]
+        edges = [FacetEdge.from_scene(fixed, at, flaws, k, which) for which in (0, 1)]
         total += nodes(fixed, at, flaws, k, edges)[0].sum()
     assert total == pytest.approx(1, abs=1e-12)
 
