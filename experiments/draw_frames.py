@@ -90,7 +90,7 @@ def elevation(axes: Axes) -> None:
 
 
 def main() -> None:
-    with use_style("paper"), style.in_rules():
+    with use_style("paper"), style.style_context():
         figure = style.figure(10.5, 5)
         left, right = figure.subplots(1, 2)
         plan(left)

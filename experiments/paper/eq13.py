@@ -64,7 +64,7 @@ def claims(table: Table) -> list[PaperClaim]:
 
 def picture(table: Table) -> Figure:
     hues = chosen_hues()
-    with style.in_rules():
+    with style.style_context():
         drawing = style.figure(style.SINGLE, 3.2)
         panel = drawing.subplots()
         for name, size in (("roll", 10), ("pitch", 5), ("roll against pitch", 5)):  # two coincide

@@ -58,7 +58,7 @@ def claims(table: Table) -> list[PaperClaim]:
 
 def picture(table: Table) -> Figure:
     hues = chosen_hues()
-    with style.in_rules():
+    with style.style_context():
         drawing = style.figure(style.SINGLE, 3.1)
         panel = drawing.subplots()
         for name, size in zip(AXES, (10, 5, 5, 5), strict=True):  # two of them coincide

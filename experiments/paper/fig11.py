@@ -77,7 +77,7 @@ def claims(table: Table) -> list[PaperClaim]:
 def picture(table: Table) -> Figure:
     """Motions, truth under the estimate; the error below, and how far the beam is off."""
     hues = chosen_hues()
-    with style.in_rules():
+    with style.style_context():
         drawing = style.figure(style.FULL, 5.6)
         panels = drawing.subplots(3, 2, sharex=True, height_ratios=(1.4, 1, 1))
         for (place, error, off), axis in zip(panels.T, REACH, strict=True):

@@ -59,7 +59,7 @@ def claims(table: Table) -> list[PaperClaim]:
 
 def picture(table: Table) -> Figure:
     hues = chosen_hues()
-    with style.in_rules():
+    with style.style_context():
         drawing = style.figure(style.SINGLE, 3.1)
         panel = drawing.subplots()
         place = table["distance_mm"]

@@ -53,7 +53,7 @@ def claims(table: Table) -> list[PaperClaim]:
 
 def picture(table: Table) -> Figure:
     hues = chosen_hues()
-    with style.in_rules():
+    with style.style_context():
         drawing = style.figure(style.SINGLE, 3.2)
         panel = drawing.subplots()
         some = (table["beam_um"] > 0) & np.isfinite(table["beam_um"])
@@ -61,7 +61,7 @@ def picture(table: Table) -> Figure:
         for axis in ("tx", "tz"):
             fine, hue = 2 * table[f"{axis}_um"], hues.axes[axis]
             panel.loglog(table["beam_um"][some], fine[some], marker=MARKS[axis], ms=5, color=hue,
-                         label=style.in_words(axis))  # fmt: skip
+                         label=style.component_label(axis))  # fmt: skip
             panel.axhline(fine[free], color=hue, ls=(0, (1, 1.5)), lw=1.4)
         panel.plot([], [], color=hues.soft, ls=(0, (1, 1.5)), label="the same, beam free")
         panel.set(xlabel="standard uncertainty of the beam's place, µm",

@@ -64,7 +64,7 @@ def motion_figure(table: Table, axes: tuple[str, ...]) -> Figure:
     """The moved axes above, truth under the estimate; below, the errors of all six."""
     hues = chosen_hues()
     rows = -(-len(axes) // 2)
-    with style.in_rules():
+    with style.style_context():
         drawing = style.figure(style.FULL, 1.75 * rows + 4.1)
         parts: Any = drawing.subfigures(2, 1, height_ratios=(1.75 * rows + 0.3, 3.8))
         upper, lower = parts
@@ -81,7 +81,7 @@ def motion_figure(table: Table, axes: tuple[str, ...]) -> Figure:
         panels = lower.subplots(3, 2, sharex=True)
         for panel, name in zip(panels.T.ravel(), POSE, strict=True):
             error_band(panel, table["time_s"], errors(table, name), hues.axes[name])
-            panel.set_ylabel(f"{style.in_words(name)}, {unit_of(name).fine_unit}")
+            panel.set_ylabel(f"{style.component_label(name)}, {unit_of(name).fine_unit}")
         panels[0, 0].set_title("errors; bands from least to largest, lines at the median")
         for panel in panels[-1]:
             panel.set_xlabel("time, s")

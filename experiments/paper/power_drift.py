@@ -58,7 +58,7 @@ def claims(table: Table) -> list[PaperClaim]:
 
 def picture(table: Table) -> Figure:
     hues = chosen_hues()
-    with style.in_rules():
+    with style.style_context():
         drawing = style.figure(style.SINGLE, 3.6)
         panel = drawing.subplots()
         for way, hue, mark in zip(WAYS, hues.series, "osD^", strict=False):

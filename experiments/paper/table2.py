@@ -81,7 +81,7 @@ def picture(table: Table) -> Figure:
     """Model over paper for each axis: a mark on the line where they agree."""
     hues = chosen_hues()
     ways = ((FIXED, "o", -0.13, False), (TRACKING, "D", 0.13, True))
-    with style.in_rules():
+    with style.style_context():
         drawing = style.figure(style.FULL, 3.1)
         panels = drawing.subplots(1, 2, sharey=True)
         for panel, quantity in zip(panels, ("range", "resolution"), strict=True):
@@ -95,7 +95,7 @@ def picture(table: Table) -> Figure:
             panel.set(title=quantity, xlabel="model over paper", xscale="log")
             style.plain_log(panel.xaxis)
             panel.grid(visible=False, axis="y")
-        panels[0].set_yticks(range(6), [style.in_words(name) for name in POSE])
+        panels[0].set_yticks(range(6), [style.component_label(name) for name in POSE])
         panels[0].set_ylim(5.6, -0.6)
         handles, texts = panels[0].get_legend_handles_labels()
         style.legend_below(drawing, handles, texts, 2)

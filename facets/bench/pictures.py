@@ -21,7 +21,7 @@ SIZE, NEAR = np.array([205.0, 165.0]), (13.0, 11.0)
 
 def work_precision(forward: Sequence[Row], inverse: Sequence[Row]) -> Figure:
     """Time a pose against error, readings above and poses below; nearer the corner is better."""
-    with style.in_rules():
+    with style.style_context():
         picture = style.figure(style.FULL, 6.6)
         upper, lower = picture.subplots(2, 1)
         diagram(upper, forward, "place_error_mm")
@@ -77,7 +77,7 @@ def heat_map(rows: Sequence[Row]) -> Figure:
     """Digits of power and place over apex offset and tilt."""
     offsets = sorted({row["offset_sigma"] for row in rows})
     tilts = sorted({row["tilt_mrad"] for row in rows})
-    with style.in_rules(axes__grid=False):
+    with style.style_context(axes__grid=False):
         picture = style.figure(style.FULL, 3.2)
         panels = picture.subplots(1, 2, sharey=True)
         for axes, key, title in zip(
@@ -103,7 +103,7 @@ def heat_map(rows: Sequence[Row]) -> Figure:
 
 def histograms(digits: Sequence[Row], steps: Sequence[Row]) -> Figure:
     """Digits lost by powers and places, and steps from zero to a pose."""
-    with style.in_rules():
+    with style.style_context():
         picture = style.figure(style.FULL, 2.9)
         left, right = picture.subplots(1, 2)
         bars(left, digits, "digits_lost", ("powers", "places"), 0.25)

@@ -33,7 +33,7 @@ def residual_picture(data: Data, found: Fit, table: dict[str, NDArray[Any]]) -> 
     A cell's hue is the mean residual of the samples whose spots fell there: what a calibration has
     missed shows as patches, noise as none.
     """
-    with style.in_rules(axes__grid=False):
+    with style.style_context(axes__grid=False):
         picture = style.figure(style.FULL, 8.0)
         parts: Any = picture.subfigures(2, 1, height_ratios=(2.45, 1))
         upper, lower = parts
@@ -87,7 +87,7 @@ def draw_comparison(part: Any, table: dict[str, NDArray[Any]]) -> None:
         for row, name in enumerate(names):
             errors(panel, row, table, list(POSE).index(name))
         unit = write_micro(str(table["unit"][list(POSE).index(names[0])]))
-        panel.set_yticks(range(3), [style.in_words(name) for name in names])
+        panel.set_yticks(range(3), [style.component_label(name) for name in names])
         panel.set(xscale="log", ylim=(2.6, -0.6), xlabel=f"r.m.s. error, held back, {unit}")
         panel.tick_params(axis="y", length=0)
         panel.grid(visible=True, axis="x")

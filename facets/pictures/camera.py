@@ -96,7 +96,7 @@ class Camera:
             return place + aside, np.broadcast_to(forward, aside.shape)
         return place, forward + aside / self.distance
 
-    def sized(self, size: tuple[int, int]) -> Camera:
+    def resize(self, size: tuple[int, int]) -> Camera:
         return replace(self, size=size)
 
     def apply(self, camera: Any) -> None:

@@ -45,7 +45,7 @@ def front_picture(
         return None
     variables = len(next(iter(indices.values()))) if indices else 0
     heights = [3.3 * -(-len(views) // 2)] * bool(views) + [LANE * variables + 1.0] * bool(indices)
-    with style.in_rules():
+    with style.style_context():
         picture = style.figure(style.FULL if len(views) != 1 or indices else 5.0, sum(heights))
         made: Any = picture.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)
         parts = made.ravel()
@@ -148,7 +148,7 @@ def pareto_picture(
     """The front's objectives against one another, with what the first costs below; a cloud of
     designs behind it, where there is one; and the design as it is."""
     others = [name for name in objectives if name != objectives[0]]
-    with style.in_rules():
+    with style.style_context():
         picture = style.figure(style.FULL, 5.9 + 0.4 * (len(objectives) > 2))
         parts: Any = picture.subfigures(2, 1, height_ratios=(1.75, 1))
         upper, lower = parts

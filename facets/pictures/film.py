@@ -17,8 +17,10 @@ from .magnification import factor_in_words
 from .materials import THEMES, rgb
 from .render import Picture
 
-#: How far the camera swings to either side, rad, and by how much nearer it comes in the middle.
-SWING, NEARER = 0.20, 0.04
+#: How far the camera swings to either side, rad.
+SWING_RAD = 0.20
+#: By which share of its distance the camera comes nearer in the middle.
+NEARER_SHARE = 0.04
 #: Colours of a GIF.
 COLOURS = 64
 
@@ -28,8 +30,8 @@ def ease_camera(camera: Camera, share: float) -> Camera:
 
     It is where it began at the end, and as fast, so that a film can be repeated.
     """
-    angle = SWING * np.sin(2 * np.pi * share)
-    near = 1 - NEARER * (1 - np.cos(2 * np.pi * share)) / 2
+    angle = SWING_RAD * np.sin(2 * np.pi * share)
+    near = 1 - NEARER_SHARE * (1 - np.cos(2 * np.pi * share)) / 2
     c, s = np.cos(angle), np.sin(angle)
     apart = np.subtract(camera.place, camera.focus)
     turned = near * np.array([c * apart[0] - s * apart[1], s * apart[0] + c * apart[1], apart[2]])

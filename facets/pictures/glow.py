@@ -19,7 +19,7 @@ from ..core.units import Booleans, Floats
 from ..optics.forward import illuminate
 from .camera import Camera
 from .raster import enlarge
-from .scene import RIM, Stand, in_wedge, reflect_points
+from .scene import RIM_MM, Stand, is_in_wedge, reflect_points
 from .studio import Shot
 
 #: Two coordinates across the beam of many rays, sigmas.
@@ -64,7 +64,7 @@ def hazy(shot: Shot, light: Callable[[Shot], Floats], stand: Stand) -> Floats:
     width, height = shot.camera.size
     if width % 2 or height % 2:
         return light(shot)
-    half = shot.camera.sized((width // 2, height // 2))
+    half = shot.camera.resize((width // 2, height // 2))
     depth = np.minimum(shot.depth[::2, ::2], shot.depth[1::2, 1::2])
     whole: Floats = enlarge(light(Shot(half, shot.colour, shot.cover, depth)), (width, height))
     return whole
@@ -76,7 +76,7 @@ def centroid(stand: Stand, k: int) -> tuple[Floats, float]:
     return np.nan_to_num(np.array(middle, float)), float(mass)
 
 
-def near_segment(camera: Camera, ends: Floats, width: float) -> tuple[Booleans, float]:
+def segment_pixels(camera: Camera, ends: Floats, width: float) -> tuple[Booleans, float]:
     """Pixels (h, w) within a width (mm) of a segment (2, 3), and how much of a mm a pixel is."""
     size = camera.size
     seen = camera.project(clip_segment(camera, ends))
@@ -194,7 +194,7 @@ def beam_coordinates(
     return (start[0], start[1]), (rate[0], rate[1])
 
 
-def in_sigmas(stand: Stand, points: Floats) -> Floats:
+def sigma_coordinates(stand: Stand, points: Floats) -> Floats:
     """Points (n, 3) of the world across the beam, (n, 2)."""
     apart = points - np.array(stand.at.place, float)
     whitening = np.array(stand.geometry.whitening, float)
@@ -212,10 +212,10 @@ def sub_beam(stand: Stand, shot: Shot, k: int) -> Floats:
     if share < 1e-6:
         return np.zeros(shot.depth.shape)
     ends = np.array(
-        [np.ravel(stand.on_facet(k, middle)), np.ravel(stand.on_detector(k, middle))], float
+        [np.ravel(stand.facet_points(k, middle)), np.ravel(stand.detector_points(k, middle))], float
     )
     sigma = width_of(stand)
-    where, pixel = near_segment(shot.camera, ends, FAR * sigma)
+    where, pixel = segment_pixels(shot.camera, ends, FAR * sigma)
     line = PixelRays(shot, where)
     normal = np.array(stand.at.normals[k], float)
     line.side(np.array(stand.at.apex, float), normal)
@@ -244,9 +244,9 @@ def incoming(stand: Stand, shot: Shot, laser: float) -> Floats:
     back = -np.array(stand.geometry.direction, float)
     place, apex = np.array(stand.at.place, float), np.array(stand.at.apex, float)
     start = place + ((apex - place) @ back) * back
-    ends = np.array([start - 1.5 * RIM * back, start + laser * back])
+    ends = np.array([start - 1.5 * RIM_MM * back, start + laser * back])
     sigma = width_of(stand)
-    where, pixel = near_segment(shot.camera, ends, FAR * sigma)
+    where, pixel = segment_pixels(shot.camera, ends, FAR * sigma)
     total = np.zeros(shot.depth.shape)
     wide = max(1.0, THIN * pixel / sigma)
     for k in range(3):
@@ -272,8 +272,8 @@ def reflection(stand: Stand, shot: Shot, k: int) -> Floats:
     the sub-beam where the beam would go on.
     """
     apex, normal = np.array(stand.at.apex, float), np.array(stand.at.normals[k], float)
-    where, pixel = near_segment(shot.camera, np.array([apex, apex]), 4 * RIM)
-    where = where & shot.lit
+    where, pixel = segment_pixels(shot.camera, np.array([apex, apex]), 4 * RIM_MM)
+    where = where & shot.is_covered
     if width_of(stand) < THIN * pixel or not where.any():
         return np.zeros(shot.depth.shape)
     line = PixelRays(shot, where)
@@ -316,8 +316,8 @@ def plane(
 ) -> Floats:  # fmt: skip
     """The irradiance on a plane where a part's surface lies in it, within `reach` of a point."""
     around = 2 * FAR * width_of(stand) if not np.isfinite(reach) else reach
-    where, pixel = near_segment(shot.camera, np.array([about, about]), around)
-    where = where & shot.lit
+    where, pixel = segment_pixels(shot.camera, np.array([about, about]), around)
+    where = where & shot.is_covered
     picture = np.zeros(shot.depth.shape)
     line = PixelRays(shot, where)
     falls = line.rays(normal)
@@ -334,12 +334,12 @@ def plane(
         lit &= np.abs(((places - point) * axes[1]).sum(axis=-1)) < psd.size_y / 2
         lit &= np.abs(((places - point) * axes[2]).sum(axis=-1)) < psd.size_z / 2
     mirror_normal, apex = np.array(stand.at.normals[k], float), np.array(stand.at.apex, float)
-    u = in_sigmas(stand, reflect_points(places, apex, mirror_normal) if folded else places)
+    u = sigma_coordinates(stand, reflect_points(places, apex, mirror_normal) if folded else places)
     middle, share = centroid(stand, k)
     wide = THIN * pixel / width_of(stand)
     if wide > 1 and share > 0:
         light = 3 * share * np.exp(-(((u - middle) / wide) ** 2).sum(axis=-1) / 2)
     else:
-        light = np.exp(-(u**2).sum(axis=-1) / 2) * in_wedge(stand, k, u)
+        light = np.exp(-(u**2).sum(axis=-1) / 2) * is_in_wedge(stand, k, u)
     picture[rows, columns] = np.where(lit, light, 0.0)
     return picture

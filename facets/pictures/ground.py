@@ -27,7 +27,7 @@ class Ground:
     reach: float
     shade: Floats
 
-    def at(self, x: Floats, y: Floats) -> Floats:
+    def darkness(self, x: Floats, y: Floats) -> Floats:
         """How much darker it is there, 0 to 1."""
         from scipy.ndimage import map_coordinates
 
@@ -84,7 +84,7 @@ def silhouettes(
 def backdrop(camera: Camera, theme: Theme, floor: Ground | None) -> Floats:
     """What is behind the parts, (h, w, 3); found for every other pixel a side, as it is soft."""
     width, height = camera.size
-    half = camera.sized(((width + 1) // 2, (height + 1) // 2))
+    half = camera.resize(((width + 1) // 2, (height + 1) // 2))
     whole = (2 * half.size[0], 2 * half.size[1])
     found: Floats = enlarge(scenery(half, theme, floor), whole)[:height, :width]
     return found
@@ -104,7 +104,7 @@ def scenery(camera: Camera, theme: Theme, floor: Ground | None) -> Floats:
     place = origin[down, :2] + reach[:, None] * ray[down, :2]
     far = np.hypot(place[:, 0], place[:, 1]) / floor.reach
     fade = (np.exp(-(far**2) * 1.6) * (reach > 0))[:, None]
-    shade = (theme.shadow * floor.at(place[:, 0], place[:, 1]))[:, None]
+    shade = (theme.shadow * floor.darkness(place[:, 0], place[:, 1]))[:, None]
     flat = picture.reshape(-1, 3)
     flat[down] = (flat[down] * (1 - fade) + np.array(rgb(theme.ground)) * fade) * (1 - shade)
     return picture

@@ -72,7 +72,7 @@ def plan(sensor: Sensor, centres: Floats, sides: Floats, spots: Floats, scale: f
     """From above, x to the right and y up."""
     middle = SIZE / 2
 
-    def at(place: Floats) -> tuple[float, float]:
+    def pixel_of(place: Floats) -> tuple[float, float]:
         return middle + scale * float(place[0]), middle - scale * float(place[1])
 
     hues = chosen_hues()
@@ -84,10 +84,10 @@ def plan(sensor: Sensor, centres: Floats, sides: Floats, spots: Floats, scale: f
     for k, psd in enumerate(sensor.psds):
         reach = sides[k, 0] * psd.size_y / 2
         hue = hues.detectors[DETECTORS[k]]
-        found.append(line((middle, middle), at(spots[k]), hue, 1))
-        found.append(line(at(centres[k] - reach), at(centres[k] + reach), hue, 4))
+        found.append(line((middle, middle), pixel_of(spots[k]), hue, 1))
+        found.append(line(pixel_of(centres[k] - reach), pixel_of(centres[k] + reach), hue, 4))
         out = centres[k] * (1 + 17 / (scale * hypot(*centres[k, :2])))
-        x, y = at(out)
+        x, y = pixel_of(out)
         found.append(text(x, y + 4, f"{DETECTORS[k].upper()} {degrees(psd.azimuth):.4g}\u00b0"))
     found.append(f"<circle cx='{middle}' cy='{middle}' r='3' fill='{hues.ink}'/>")
     beam = sensor.beam

@@ -22,7 +22,7 @@ def layout_picture(table: dict[str, NDArray[Any]]) -> Figure:
 
     A step to the left is finer, or a shorter range; the line at 1 is what it was.
     """
-    with style.in_rules():
+    with style.style_context():
         picture = style.figure(style.FULL, 4.9)
         fine, far = picture.subplots(2, 1)
         steps(fine, table, "u_", "worst standard uncertainty over the volume")
@@ -47,7 +47,7 @@ def steps(panel: Axes, table: dict[str, NDArray[Any]], kind: str, title: str) ->
         panel.annotate(f"{number(before)} → {number(after)} {unit}", (1.0, place), (6, 0),
                        xycoords=("axes fraction", "data"), textcoords="offset points",
                        va="center", fontsize=style.LEAST)  # fmt: skip
-    panel.set_yticks(range(len(rows)), [style.in_words(name) for name in names])
+    panel.set_yticks(range(len(rows)), [style.component_label(name) for name in names])
     panel.set(ylim=(len(rows) - 0.5, -0.5))
     panel.set_title(title)
     scale(panel)

@@ -219,7 +219,7 @@ class DrawingSheet:
             anchor=(0.5, 1),
         )
 
-    def over(self, picture: Floats) -> Floats:
+    def draw_over(self, picture: Floats) -> Floats:
         """The picture (h, w, 3) with the sheet on it."""
         ink = np.asarray(self.image.convert("RGBa").reduce(FINE), np.float32) / 255
         mixed: Floats = picture * (1 - ink[..., 3:]) + ink[..., :3]

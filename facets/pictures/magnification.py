@@ -12,7 +12,7 @@ from ..model.arrays import half_sizes, readings
 #: at least such a share of the light, in a motion that is drawn larger.
 INSIDE, LEAST = 0.80, 0.06
 #: How far a head is turned in a picture at most, rad.
-TURN = 0.3
+MAX_TURN_RAD = 0.3
 
 
 def round_down(factor: float) -> float:
@@ -48,7 +48,7 @@ def turning_factor(states: Floats) -> float:
     """By how much the head's own turning may be drawn larger still, a round factor: up to a tenth
     of a turn to either side or so, about its point, which stays where it is."""
     largest = float(np.abs(states[:, 3:6]).max())
-    return max(1.0, round_down(TURN / largest)) if largest > 0 else 1.0
+    return max(1.0, round_down(MAX_TURN_RAD / largest)) if largest > 0 else 1.0
 
 
 def factor_in_words(factor: float, turning: float = 1.0) -> str:

@@ -33,7 +33,7 @@ COLUMNS = 160
 
 def motion_picture(segments: Sequence[Segment]) -> Figure:
     """Six axes: shifts left, angles right; one motion after the other, each as wide as the next."""
-    with style.in_rules():
+    with style.style_context():
         picture, panels = panels_of_axes()
         clock = Clock(segments)
         for n in range(len(POSE)):
@@ -139,7 +139,7 @@ def place_panel(panel: Axes, clock: Clock, segments: Sequence[Segment], n: int) 
         width = {"marker": "s", "ms": 7} if len(time) == 1 else {"lw": 4.2}
         panel.plot(time, truth, color=hues.grey, alpha=0.55, solid_capstyle="butt", **width)
         samples(panel, time, factor * segment.solution.state[:, n], name, columns_for(segments))
-        unsolved(panel, time[~segment.solution.converged])
+        mark_failures(panel, time[~segment.solution.converged])
     panel.set_ylabel(style.place_label(name) if moved else style.fine_label(name))
     panel.margins(y=0.12)
 
@@ -155,7 +155,7 @@ def samples(panel: Axes, time: Floats, values: Floats, name: str, columns: int) 
     panel.plot(found.time, found.middle, color=hue, lw=1.0)
 
 
-def unsolved(panel: Axes, time: Floats) -> None:
+def mark_failures(panel: Axes, time: Floats) -> None:
     """Marks along the foot of a panel, where a sample could not be solved."""
     panel.plot(time, np.full(len(time), 0.03), "|", ms=5, color=chosen_hues().alarm,
                transform=panel.get_xaxis_transform(), clip_on=False)  # fmt: skip

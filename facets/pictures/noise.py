@@ -43,13 +43,13 @@ def page(report: NoiseReport, title: str, about: dict[str, str]) -> str:
         "dotted is the configured noise as white: one standard deviation squared over half the "
         "rate. Thin upright lines are found lines. Bands of the Allan deviations are 95 % "
         "intervals.</p>",
-        spectra("Spectra of the readings", grouped(readings)),
-        spectra("Spectra of the poses", grouped(poses)),
-        deviations(grouped(report.channels)),
+        spectra("Spectra of the readings", group_channels(readings)),
+        spectra("Spectra of the poses", group_channels(poses)),
+        deviations(group_channels(report.channels)),
         "<h2>Correlation of the readings&#39; fast noise</h2>",
         f"<table>{correlations(report)}</table>",
         f"<p>The three powers have {1e6 * report.common:.3g} ppm in common (the laser)."
-        f"{'' if report.faults else for_configuration(report)}</p>",
+        f"{'' if report.faults else configuration_text(report)}</p>",
         f"<h2>How this was made</h2><table>{head}</table>",
     ]  # fmt: skip
     body = "\n".join(parts)
@@ -69,7 +69,7 @@ def faults(sentences: list[str]) -> str:
     return f"<p><strong>{NOT_NOISE.capitalize()}:</strong></p><ul>{items}</ul>"
 
 
-def for_configuration(report: NoiseReport) -> str:
+def configuration_text(report: NoiseReport) -> str:
     return (
         f" For the configuration: position_um {1e3 * report.position:.4g} at {report.at_power:g} "
         f"mW, power_uw {1e3 * report.power:.4g}."
@@ -115,7 +115,7 @@ def correlations(report: NoiseReport) -> str:
 
 def spectra(title: str, groups: dict[str, list[Channel]]) -> str:
     """Welch's spectra, a panel for each group of channels that share a unit."""
-    with style.in_rules():
+    with style.style_context():
         picture, panels = page_of(len(groups))
         for panel, (name, channels) in zip(panels, groups.items(), strict=False):
             for one in channels:
@@ -159,7 +159,7 @@ def columns(frequency: Floats, density: Floats, count: int = 140) -> style.Band:
 
 def deviations(groups: dict[str, list[Channel]]) -> str:
     """Allan deviations of readings and poses, with their 95 % intervals."""
-    with style.in_rules():
+    with style.style_context():
         picture, panels = page_of(len(groups))
         for panel, (name, channels) in zip(panels, groups.items(), strict=False):
             for one in channels:
@@ -194,7 +194,7 @@ def legend(picture: Figure, panels: Any, groups: dict[str, list[Channel]]) -> No
     handles = [Line2D([], [], color=hues.detectors[letter]) for letter in letters]
     handles += [Line2D([], [], color=hues.axes[name], ls=DASHES[name]) for name in axes]
     texts = [f"detector {letter.upper()}" for letter in letters]
-    texts += [style.in_words(name) for name in axes]
+    texts += [style.component_label(name) for name in axes]
     style.legend_below(picture, handles, texts, min(len(texts), 5))
 
 
@@ -209,7 +209,7 @@ def dash_of(column: str) -> str:
     return DASHES.get(column.rpartition("_")[0], "-")
 
 
-def grouped(channels: list[Channel]) -> dict[str, list[Channel]]:
+def group_channels(channels: list[Channel]) -> dict[str, list[Channel]]:
     """Channels that share a panel: by reading, and the shifts and the angles of poses."""
     words = {"psi": "place psi", "zeta": "place zeta", "power": "power"}
     found: dict[str, list[Channel]] = {}

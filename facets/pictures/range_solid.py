@@ -17,7 +17,7 @@ LONGITUDES, ROWS = 64, (10, 16, 10)
 #: By how many halvings it is found where one side meets the next.
 HALVINGS = 12
 #: How far is looked, mm.
-FAR = 30.0
+FARTHEST_MM = 30.0
 #: A colour for each of `CAUSES`, and for a side on which nothing ends the range.
 COLOURS = ("#FFC247", "#D884C6", "#5FB7E5", "#C9CF5A", "#8C96A3")
 #: Why a range ends, and where nothing ends it.
@@ -98,11 +98,11 @@ def between(upper: Floats, lower: Floats) -> Floats:
 def follow(sensor: Sensor, rules: Rules, ways: Floats) -> tuple[Floats, Integers]:
     """How far the range goes in directions (n, 3) of the mirror's place, mm, and why it ends."""
     found = find_exits(sensor, rules, np.zeros(6), rays_along(ways), 1e-5)
-    return found.distance * FAR, np.where(found.cause < 0, len(CAUSES), found.cause)
+    return found.distance * FARTHEST_MM, np.where(found.cause < 0, len(CAUSES), found.cause)
 
 
 def rays_along(ways: Floats) -> Floats:
-    """Rays (n, 6) of the length `FAR` in directions (n, 3) of the mirror's place."""
+    """Rays (n, 6) of the length `FARTHEST_MM` in directions (n, 3) of the mirror's place."""
     rays = np.zeros((len(ways), 6))
-    rays[:, :3] = FAR * ways / np.linalg.norm(ways, axis=1, keepdims=True)
+    rays[:, :3] = FARTHEST_MM * ways / np.linalg.norm(ways, axis=1, keepdims=True)
     return rays

@@ -32,7 +32,7 @@ def ranges_picture(boundaries: Sequence[Boundary], inside: Sequence[Any] = ()) -
     columns = min(len(boundaries), 2 if inside else 3)
     rows = -(-len(boundaries) // columns)
     width = style.SINGLE if columns == 1 else style.FULL
-    with style.in_rules():
+    with style.style_context():
         tall = width / columns * (0.8 if columns == 1 else 0.92 if columns == 3 else 0.85)
         picture = style.figure(width, tall * rows + 0.5)
         panels = picture.subplots(rows, columns, squeeze=False)

@@ -88,7 +88,7 @@ def turnable(
     sensor: Sensor, state: Floats, theme: ThemeName = "light", interactive: bool = False
 ) -> Studio:
     """Parts and light as bodies: for a window, and for other programs."""
-    stand = Stand.of(sensor, state)
+    stand = Stand.from_state(sensor, state)
     studio = Studio(parts(stand), THEMES[theme], interactive)
     studio.plotter.set_background(THEMES[theme].bottom)
     for body in scene.rig(sensor, state):

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 #: Marks of sources, in their order.
 MARKS = ("o", "D", "s", "^", "v")
-#: A second source is named from this share of the variance.
-TOLD = 0.01
+#: Another source is named from this share of the variance.
+NAMED_SHARE = 0.01
 
 
 def budget_picture(found: Sequence[Resolution]) -> Figure:
@@ -28,13 +28,13 @@ def budget_picture(found: Sequence[Resolution]) -> Figure:
     A lane for each way of solving; the mark at rest tells the source of most of the variance.
     """
     lanes = len(found) + 1
-    with style.in_rules():
+    with style.style_context():
         picture = style.figure(style.FULL, 0.19 * 3 * lanes + 1.15)
         panels = picture.subplots(1, 2)
         groups = ([n for n in POSE if n not in ANGLES], list(ANGLES))
         for panel, names in zip(panels, groups, strict=True):
             for row, name in enumerate(names):
-                heading(panel, row * lanes, style.in_words(name))
+                heading(panel, row * lanes, style.component_label(name))
                 for k, one in enumerate(found):
                     lane(panel, row * lanes + k + 1, one, name)
             finish(panel, 3 * lanes, style.unit_of(names[0]).fine_unit)
@@ -62,7 +62,7 @@ def lane(panel: Axes, place: float, found: Resolution, name: str) -> None:
     order = np.argsort(-found.shares[i])
     panel.plot(rest, place, color=hue_of(int(order[0])), ms=5.5, ls="",
                marker=MARKS[int(order[0]) % len(MARKS)])  # fmt: skip
-    if len(order) > 1 and found.shares[i][order[1]] >= TOLD:
+    if len(order) > 1 and found.shares[i][order[1]] >= NAMED_SHARE:
         text = f"{100 * found.shares[i][order[1]]:.0f} %"
         panel.annotate(text, (worst, place), (5, 0), textcoords="offset points", va="center",
                        fontsize=style.LEAST, color=hue_of(int(order[1])))  # fmt: skip

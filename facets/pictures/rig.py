@@ -32,11 +32,11 @@ from .solids import (
 )
 
 #: A rig whose nearest detector is nearer than this has smaller parts, mm.
-ROOMY = 110.0
+FULL_SIZE_RADIUS_MM = 110.0
 #: Radius of a one-inch mirror, and of a half-inch post, mm.
-HEAD, POST = 12.7, 6.35
+HEAD_RADIUS_MM, POST_RADIUS_MM = 12.7, 6.35
 #: How far above the mirror's point the beam leaves the laser, mm.
-LASER = 105.0
+LASER_HEIGHT_MM = 105.0
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class RigPart:
     solid: Solid
     apart: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
-    def moved(self) -> RigPart:
+    def shift_apart(self) -> RigPart:
         """As an exploded view has it."""
         solid = Solid(self.solid.points + np.array(self.apart), self.solid.faces)
         return replace(self, solid=solid)
@@ -61,7 +61,7 @@ class RigPart:
 
 def scale_of(stand: Stand) -> float:
     """By how much common parts shrink to find room."""
-    return min(1.0, min(psd.radius for psd in stand.sensor.psds) / ROOMY)
+    return min(1.0, min(psd.radius for psd in stand.sensor.psds) / FULL_SIZE_RADIUS_MM)
 
 
 def floor_of(stand: Stand) -> float:
@@ -86,7 +86,7 @@ def parts(stand: Stand) -> list[RigPart]:
 
 
 def head_radius(stand: Stand) -> float:
-    return min(HEAD * scale_of(stand), stand.sensor.apertures.rim)
+    return min(HEAD_RADIUS_MM * scale_of(stand), stand.sensor.apertures.rim)
 
 
 def slopes(stand: Stand, angle: Floats) -> Floats:
@@ -116,7 +116,7 @@ def head(stand: Stand) -> Iterator[RigPart]:
 
     def put(name: str, material: str, solid: Solid, up: float) -> RigPart:
         away = tuple(float(x) for x in up * fit * turn[2])
-        return RigPart(name, "head", material, solid.placed(apex, turn), away)  # type: ignore[arg-type]
+        return RigPart(name, "head", material, solid.move(apex, turn), away)  # type: ignore[arg-type]
 
     bevel = 0.03 * radius
     rim = radius - bevel
@@ -145,7 +145,7 @@ def head(stand: Stand) -> Iterator[RigPart]:
     screw = rod((cup - 1.2 * fit, 0, bottom), (cup + 2.2 * fit, 0, bottom), 1.6 * fit)
     yield put("clamping screw", "brass", screw, 8)
     foot = floor_of(stand) + 16 * fit
-    yield put("post", "steel", cylinder(POST * fit, foot, low, 0.4 * fit), 0)
+    yield put("post", "steel", cylinder(POST_RADIUS_MM * fit, foot, low, 0.4 * fit), 0)
     block = slab(rectangle(52 * fit, 52 * fit, 5 * fit), floor_of(stand), foot + 2 * fit, 0.8 * fit)
     yield RigPart("moving stage", "frame", "anodised", block)
 
@@ -185,7 +185,7 @@ def detector(stand: Stand, k: int) -> Iterator[RigPart]:
 
     def put(what: str, material: str, solid: Solid, out: float) -> RigPart:
         away = tuple(float(x) for x in out * fit * axes[2])
-        return RigPart(f"{what} {DETECTORS[k]}", name, material, solid.placed(centre, axes), away)  # type: ignore[arg-type]
+        return RigPart(f"{what} {DETECTORS[k]}", name, material, solid.move(centre, axes), away)  # type: ignore[arg-type]
 
     def box(w: float, h: float, low: float, top: float, corner: float, bevel: float) -> Solid:
         return slab(rectangle(w, h, corner * fit), low * fit, top * fit, bevel * fit)
@@ -204,7 +204,7 @@ def detector(stand: Stand, k: int) -> Iterator[RigPart]:
     back = frame(outer, rectangle(width + 8 * fit, height + 8 * fit, fit), -0.4 * fit, 9 * fit)
     yield put("housing", "anodised", back, 24)
     pins = [
-        cylinder(0.45 * fit, 2.4 * fit, 17 * fit).placed((x, y, 0), np.eye(3))
+        cylinder(0.45 * fit, 2.4 * fit, 17 * fit).move((x, y, 0), np.eye(3))
         for x in np.linspace(-0.36, 0.36, 5) * (width + 4 * fit)
         for y in (-0.4 * (height + 4 * fit), 0.4 * (height + 4 * fit))
     ]
@@ -212,7 +212,7 @@ def detector(stand: Stand, k: int) -> Iterator[RigPart]:
     yield put("board", "board", box(wide + 5 * fit, high + 5 * fit, 10.5, 12.1, 1.5, 0), 44)
     plug = slab(rectangle(0.4 * wide, 0.26 * high, 0.4 * fit), 12.1 * fit, 19 * fit, 0.4 * fit)
     chips = [
-        slab(rectangle(0.2 * wide, 0.14 * high), 12.1 * fit, 13.4 * fit).placed(
+        slab(rectangle(0.2 * wide, 0.14 * high), 12.1 * fit, 13.4 * fit).move(
             (x * wide, y * high, 0), np.eye(3)
         )
         for x, y in ((-0.28, 0.3), (0.28, 0.3), (-0.28, -0.3), (0.28, -0.3))
@@ -233,14 +233,14 @@ def stand_of(stand: Stand, k: int, name: str, fit: float) -> Iterator[RigPart]:
     top = float(below[2]) + 1.0 * fit
     aside = np.cross((0, 0, 1.0), outward)
     level = np.array([outward, aside, (0, 0, 1.0)])
-    yield RigPart(f"post {letter}", name, "steel",
-               cylinder(POST * fit, middle - 2 * fit, top).placed(at, np.eye(3)))  # fmt: skip
+    rod = cylinder(POST_RADIUS_MM * fit, middle - 2 * fit, top)
+    yield RigPart(f"post {letter}", name, "steel", rod.move(at, np.eye(3)))
     holder = revolve([(9.5 * fit, floor), (9.5 * fit, middle - 0.8 * fit), (8.7 * fit, middle)])
-    yield RigPart(f"post holder {letter}", name, "anodised", holder.placed(at, np.eye(3)))
+    yield RigPart(f"post holder {letter}", name, "anodised", holder.move(at, np.eye(3)))
     foot = slab(rectangle(50 * fit, 30 * fit, 4 * fit), floor, floor + 6 * fit, 0.7 * fit)
-    yield RigPart(f"foot {letter}", name, "anodised", foot.placed(at, level))
+    yield RigPart(f"foot {letter}", name, "anodised", foot.move(at, level))
     heads = [
-        cylinder(3.4 * fit, floor + 6 * fit, floor + 9 * fit, 0.4 * fit).placed(
+        cylinder(3.4 * fit, floor + 6 * fit, floor + 9 * fit, 0.4 * fit).move(
             at + side * 18 * fit * outward, np.eye(3)
         )
         for side in (-1, 1)
@@ -254,7 +254,7 @@ def stand_of(stand: Stand, k: int, name: str, fit: float) -> Iterator[RigPart]:
 def laser_frame(stand: Stand) -> tuple[Floats, Floats]:
     """Where the beam leaves the laser, and axes for its parts: the last against the beam."""
     back = -np.array(stand.geometry.direction)
-    up = LASER * scale_of(stand)
+    up = LASER_HEIGHT_MM * scale_of(stand)
     origin = np.array(stand.at.place) + up / back[2] * back
     aside = normalize(np.cross(np.array([0, 1.0, 0]), back))
     return origin, np.array([aside, np.cross(back, aside), back])
@@ -276,7 +276,7 @@ def laser(stand: Stand) -> Iterator[RigPart]:
 
     def put(name: str, material: str, solid: Solid, up: float) -> RigPart:
         away = tuple(float(x) for x in up * fit * axes[2])
-        return RigPart(name, "laser", material, solid.placed(origin, axes), away)  # type: ignore[arg-type]
+        return RigPart(name, "laser", material, solid.move(origin, axes), away)  # type: ignore[arg-type]
 
     s = fit
     yield put("collimator", "brass", tube([
@@ -312,25 +312,28 @@ def gantry(stand: Stand, origin: Floats, fit: float) -> Iterator[RigPart]:
     foot = np.array([far * outward[0], far * outward[1], 0.0])
     floor, top = floor_of(stand), float(origin[2]) + 62 * fit
     yield RigPart(
-        "column", "laser", "steel", cylinder(9 * fit, floor, top, 0.8 * fit).placed(foot, np.eye(3))
+        "column",
+        "laser",
+        "steel",
+        cylinder(9 * fit, floor, top, 0.8 * fit).move(foot, np.eye(3)),
     )
     collar = revolve(
         [(14 * fit, floor), (14 * fit, floor + 13 * fit), (13 * fit, floor + 14 * fit)]
     )
-    yield RigPart("collar", "frame", "anodised", collar.placed(foot, np.eye(3)))
+    yield RigPart("collar", "frame", "anodised", collar.move(foot, np.eye(3)))
     aside = np.cross((0, 0, 1.0), outward)
     level = np.array([outward, aside, (0, 0, 1.0)])
     at = np.array([origin[0], origin[1], float(origin[2]) + 36 * fit])
     reach = float((foot - at) @ outward)
     bar = slab(rectangle(reach - 22 * fit, 17 * fit, 1 * fit), -7.9 * fit, 7.9 * fit, 0.8 * fit)
     yield RigPart(
-        "arm", "laser", "aluminium", bar.placed(at + outward * (reach + 1 * fit) / 2, level)
+        "arm", "laser", "aluminium", bar.move(at + outward * (reach + 1 * fit) / 2, level)
     )
     ring = hollow_cylinder(15.8 * fit, 11 * fit, -8 * fit, 8 * fit, 0.8 * fit)
-    yield RigPart("laser clamp", "laser", "aluminium", ring.placed(at, np.eye(3)))
+    yield RigPart("laser clamp", "laser", "aluminium", ring.move(at, np.eye(3)))
     grip = hollow_cylinder(13.8 * fit, 9 * fit, -9 * fit, 9 * fit, 0.8 * fit)
     yield RigPart(
-        "column clamp", "laser", "aluminium", grip.placed([foot[0], foot[1], at[2]], np.eye(3))
+        "column clamp", "laser", "aluminium", grip.move([foot[0], foot[1], at[2]], np.eye(3))
     )
 
 
@@ -348,11 +351,11 @@ def base(stand: Stand) -> Iterator[RigPart]:
         outward = np.array([*(end / np.hypot(*end)), 0.0])
         level = np.array([outward, np.cross((0, 0, 1.0), outward), (0, 0, 1.0)])
         arm = slab(rectangle(length, 44 * fit, 9 * fit), low, floor, 1.2 * fit)
-        yield RigPart("plate", "frame", "plate", arm.placed(outward * length / 2, level))
+        yield RigPart("plate", "frame", "plate", arm.move(outward * length / 2, level))
         for along in np.arange(75 * fit, length - 60 * fit, 25 * fit):
             for side in (-12.5 * fit, 12.5 * fit):
                 place = along * outward + side * level[1]
-                holes.append(cylinder(3 * fit, floor, floor + 0.06 * fit).placed(place, np.eye(3)))
+                holes.append(cylinder(3 * fit, floor, floor + 0.06 * fit).move(place, np.eye(3)))
     if holes:
         yield RigPart("tapped holes", "frame", "hole", join(holes))
 

@@ -27,7 +27,7 @@ CIRCLE = 2.0
 #: Points across a facet's angle, and from the apex outward.
 ANGLES, RADII = 49, 25
 #: How far from its axis a mirror without a rim is drawn, mm.
-RIM = 5.0
+RIM_MM = 5.0
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Stand:
     at: Scene
 
     @classmethod
-    def of(cls, sensor: Sensor, state: Floats) -> Stand:
+    def from_state(cls, sensor: Sensor, state: Floats) -> Stand:
         geometry = geometry_of(sensor)
         numbers = [float(x) for x in state]
         return cls(sensor, geometry, dark_scene(geometry, tuple(numbers)))
@@ -85,12 +85,12 @@ class Stand:
         spread = combine(x, self.geometry.spread[0], y, self.geometry.spread[1])
         return tuple(p + s for p, s in zip(self.at.place, spread, strict=True))
 
-    def on_facet(self, k: int, cross: Floats) -> Any:
+    def facet_points(self, k: int, cross: Floats) -> Any:
         return hit(self.incoming(cross), self.geometry.direction, self.at.apex, self.at.normals[k])
 
-    def on_detector(self, k: int, cross: Floats) -> Any:
+    def detector_points(self, k: int, cross: Floats) -> Any:
         """Where rays at places across the beam land on detector k by way of facet k."""
-        start = self.on_facet(k, cross)
+        start = self.facet_points(k, cross)
         leaving = reflect(self.geometry.direction, self.at.normals[k])
         axes = self.geometry.axes[k]
         length = flight(start, leaving, self.geometry.centres[k], axes)
@@ -112,7 +112,7 @@ def reflect_points(points: Floats, apex: Floats, normal: Floats) -> Floats:
     return folded
 
 
-def in_wedge(stand: Stand, k: int, cross: Floats) -> NDArray[np.bool_]:
+def is_in_wedge(stand: Stand, k: int, cross: Floats) -> NDArray[np.bool_]:
     """Which places (..., 2) across the beam, sigmas, facet k takes."""
     first, second = (np.array(stand.at.sides[n], float) for n in (k, (k + 1) % 3))
     apart = cross - np.array(stand.at.q, float)
@@ -183,7 +183,7 @@ def outline(grid: Floats) -> Floats:
 
 
 def rim_of(sensor: Sensor) -> float:
-    return min(sensor.apertures.rim, RIM)
+    return min(sensor.apertures.rim, RIM_MM)
 
 
 def mirror(stand: Stand) -> list[Body]:
@@ -209,7 +209,7 @@ def beam(stand: Stand, length: float) -> Body | None:
         cross = cut(stand, k)
         if len(cross):
             far = cross[-1]
-            rims.append((far, array(stand.on_facet(k, far))))
+            rims.append((far, array(stand.facet_points(k, far))))
     if not rims:
         return None
     cross = np.concatenate([part for part, _ in rims])
@@ -228,7 +228,7 @@ def sub_beam(stand: Stand, k: int, share: float = 1.0) -> Body | None:
     if not len(cross):
         return None
     rim = outline(cross)
-    start, end = array(stand.on_facet(k, rim)), array(stand.on_detector(k, rim))
+    start, end = array(stand.facet_points(k, rim)), array(stand.detector_points(k, rim))
     points = np.concatenate([start, start + share * (end - start)])
     count = len(rim)
     faces = [[n, (n + 1) % count, count + (n + 1) % count, count + n] for n in range(count)]
@@ -247,7 +247,7 @@ def detector(stand: Stand, k: int) -> Body:
 
 
 #: A spot is drawn so far in front of its detector, mm: else the two would show through each other.
-IN_FRONT = 0.02
+SPOT_OFFSET_MM = 0.02
 
 
 def spot_body(stand: Stand, k: int) -> Body | None:
@@ -255,8 +255,8 @@ def spot_body(stand: Stand, k: int) -> Body | None:
     cross = cut(stand, k)
     if not len(cross):
         return None
-    points = array(stand.on_detector(k, cross)).reshape(-1, 3)
-    points = points - IN_FRONT * np.array(stand.geometry.axes[k][0])
+    points = array(stand.detector_points(k, cross)).reshape(-1, 3)
+    points = points - SPOT_OFFSET_MM * np.array(stand.geometry.axes[k][0])
     faces = quads(*cross.shape[:2])
     return Body(f"spot {DETECTORS[k]}", "spot", points, faces, irradiance(cross).ravel())
 
@@ -267,18 +267,18 @@ def spot(stand: Stand, k: int) -> Spot:
     turn = np.linspace(0, 2 * np.pi, 181)
     circle = CIRCLE * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
     places = [
-        stand.flat(k, array(stand.on_detector(k, part)))
+        stand.flat(k, array(stand.detector_points(k, part)))
         for part in (np.array(stand.at.q), np.zeros(2), circle)
     ]
     if not len(cross):
         return Spot(np.empty((0, 0, 2)), np.empty((0, 0)), *places)
-    grid = stand.flat(k, array(stand.on_detector(k, cross)))
+    grid = stand.flat(k, array(stand.detector_points(k, cross)))
     return Spot(grid, irradiance(cross), *places)
 
 
 def rig(sensor: Sensor, state: Floats) -> list[Body]:
     """All there is."""
-    stand = Stand.of(sensor, state)
+    stand = Stand.from_state(sensor, state)
     found: list[Body | None] = [*mirror(stand), beam(stand, stand.at.apex[2] + 120)]
     for k in range(3):
         found += [sub_beam(stand, k), detector(stand, k), spot_body(stand, k)]

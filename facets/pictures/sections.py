@@ -15,7 +15,7 @@ from .solids import Solid
 
 def explode(parts: Iterable[RigPart]) -> list[RigPart]:
     """Each part where its assembly comes apart along its own axis."""
-    return [part.moved() for part in parts]
+    return [part.shift_apart() for part in parts]
 
 
 def cut_parts(

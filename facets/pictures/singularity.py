@@ -29,7 +29,7 @@ def survey_picture(found: Survey, left_out: str, pair: AmbiguousPair | None = No
     from matplotlib.ticker import LogLocator, NullFormatter
 
     rows = 1 if pair is None else 2
-    with style.in_rules(axes__grid=False):
+    with style.style_context(axes__grid=False):
         picture = style.figure(style.FULL, 2.9 * rows + 0.2)
         panels = picture.subplots(rows, 2, squeeze=False)
         first = density(picture, panels[0, 0], found.edges[0], found.edges[1], found.counts)
@@ -46,7 +46,7 @@ def survey_picture(found: Survey, left_out: str, pair: AmbiguousPair | None = No
             bar.ax.yaxis.set_major_formatter("{x:g}")
             bar.ax.yaxis.set_minor_formatter(NullFormatter())
         if pair is not None:
-            between_twins(panels[1], pair)
+            draw_path_between_pair(panels[1], pair)
     return picture
 
 
@@ -73,7 +73,7 @@ def zero(panel: Axes, text: str) -> None:
                    fontsize=style.LEAST, bbox=box)  # fmt: skip
 
 
-def between_twins(panels: NDArray[np.object_], pair: AmbiguousPair) -> None:
+def draw_path_between_pair(panels: NDArray[np.object_], pair: AmbiguousPair) -> None:
     """Along the line from one to the other: readings part and meet again where the sign changes."""
     hues = chosen_hues()
     first, second = panels

@@ -22,7 +22,7 @@ class Solid(NamedTuple):
     points: Floats
     faces: list[list[int]]
 
-    def placed(self, origin: Any, axes: Any) -> Solid:
+    def move(self, origin: Any, axes: Any) -> Solid:
         """In a frame whose axes x, y, z are the rows of `axes` and whose origin is there."""
         return Solid(np.asarray(origin, float) + self.points @ np.asarray(axes, float), self.faces)
 
@@ -156,4 +156,4 @@ def rod(start: Any, end: Any, radius: float, count: int = 24) -> Solid:
     aside = np.cross(along, (1.0, 0, 0) if abs(along[0]) < 0.7 else (0, 1.0, 0))
     aside /= np.linalg.norm(aside)
     axes = [aside, np.cross(along, aside), along]
-    return revolve([(radius, 0), (radius, length)], count).placed(start, axes)
+    return revolve([(radius, 0), (radius, length)], count).move(start, axes)

@@ -36,9 +36,9 @@ class HeadView(SceneView):
 class RangeView(HeadView):
     """The range of the mirror's place as a translucent solid about its point."""
 
-    def __init__(self, *given: Any, rules: Rules) -> None:
+    def __init__(self, *arguments: Any, rules: Rules) -> None:
         self.rules = rules
-        super().__init__(*given)
+        super().__init__(*arguments)
 
     def build(self) -> None:
         super().build()
@@ -145,9 +145,9 @@ class RangeView(HeadView):
 class TrailView(HeadView):
     """The way of the mirror's point in a motion, and the spots' ways on the detectors."""
 
-    def __init__(self, *given: Any, motion: Floats) -> None:
+    def __init__(self, *arguments: Any, motion: Floats) -> None:
         self.motion = motion[:: max(1, len(motion) // 600)]
-        super().__init__(*given)
+        super().__init__(*arguments)
 
     def build(self) -> None:
         super().build()
@@ -190,7 +190,7 @@ class TrailView(HeadView):
 
     def move_to(self, state: Floats) -> None:
         head = np.eye(4)
-        stand = type(self.rest).of(self.sensor, state)
+        stand = type(self.rest).from_state(self.sensor, state)
         head[:3, :3], head[:3, 3] = np.array(stand.at.turn, float), state[:3]
         self.studio.carry("head", head)
 

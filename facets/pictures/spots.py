@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 def spots_picture(sensor: Sensor, state: Floats) -> Figure:
     """Each detector's face, and below it what is on it, large."""
-    stand, reading = Stand.of(sensor, state), readings(sensor, state)
+    stand, reading = Stand.from_state(sensor, state), readings(sensor, state)
     image = None
-    with style.in_rules(axes__grid=False):
+    with style.style_context(axes__grid=False):
         picture = style.figure(style.FULL, 5.2)
         panels = picture.subplots(2, 3)
         for k, letter in enumerate(DETECTORS):
@@ -105,9 +105,9 @@ def large(panel: Axes, spot: Spot, centroid: Floats, letter: str) -> Any:
 
 def plan_picture(sensor: Sensor, state: Floats) -> Figure:
     """Seen from above, to scale but for the mirror, with dimensions."""
-    stand, hues = Stand.of(sensor, state), chosen_hues()
+    stand, hues = Stand.from_state(sensor, state), chosen_hues()
     far = max(psd.radius for psd in sensor.psds)
-    with style.in_rules(axes__grid=False):
+    with style.style_context(axes__grid=False):
         picture = style.figure(5.0, 4.9)
         panel = picture.subplots()
         for k, letter in enumerate(DETECTORS):

@@ -53,7 +53,7 @@ def mesh_of(pyvista: Any, solid: Solid, smooth: bool = True) -> Any:
     )
 
 
-def grouped(parts: Iterable[RigPart]) -> dict[tuple[str, str], list[Solid]]:
+def group_solids(parts: Iterable[RigPart]) -> dict[tuple[str, str], list[Solid]]:
     """The surfaces of one assembly and one material together: each that is drawn has its price."""
     found: dict[tuple[str, str], list[Solid]] = {}
     for part in parts:
@@ -76,7 +76,7 @@ class Shot:
     depth: Floats
 
     @property
-    def lit(self) -> Booleans:
+    def is_covered(self) -> Booleans:
         found: Booleans = np.isfinite(self.depth)
         return found
 
@@ -120,7 +120,7 @@ class Studio:
         self.actors: dict[str, Any] = {}
         self.surround()
         self.light()
-        for (assembly, material), solids in grouped(parts).items():
+        for (assembly, material), solids in group_solids(parts).items():
             self.add(join(solids), material, f"{assembly} {material}")
 
     def surround(self) -> None:

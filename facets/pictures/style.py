@@ -105,7 +105,7 @@ def rules() -> dict[Any, Any]:
 
 
 @contextmanager
-def in_rules(**changes: Any) -> Iterator[None]:
+def style_context(**changes: Any) -> Iterator[None]:
     """Within it pictures are drawn by the rules of the style that is chosen.
 
     changes: further settings of matplotlib, a dot written as two underscores: `axes__grid=False`.
@@ -121,7 +121,7 @@ def figure(width: float, height: float, **options: Any) -> Figure:
     """An empty figure in the project's style, inches."""
     from matplotlib.figure import Figure
 
-    with in_rules():
+    with style_context():
         return Figure(figsize=(width, height), **{"layout": "constrained", **options})
 
 
@@ -130,7 +130,7 @@ def save(picture: Figure, path: Path) -> None:
     if path.suffix.lower() not in ENDINGS:
         raise InputError(f"{path}: a picture's name ends in {', '.join(ENDINGS)}")
     kind = path.suffix[1:].lower()
-    with in_rules(), Whole(path) as temporary:
+    with style_context(), Whole(path) as temporary:
         flat, dots = kind == "png", DOTS[chosen_style()]
         lay_out(picture, dots if flat else VECTOR_DPI)
         picture.savefig(temporary, format=kind, dpi=dots if flat else VECTOR_DOTS,
@@ -142,7 +142,7 @@ def svg_text(picture: Figure) -> str:
     from io import StringIO
 
     stream = StringIO()
-    with in_rules():
+    with style_context():
         lay_out(picture, VECTOR_DPI)
         picture.savefig(stream, format="svg", dpi=VECTOR_DOTS, metadata=METADATA["svg"])
     text = stream.getvalue()
@@ -171,7 +171,7 @@ def ramp() -> Any:
     return ListedColormap(colormaps["viridis"](np.linspace(*ends, 256)))
 
 
-def in_words(name: str) -> str:
+def component_label(name: str) -> str:
     """A component of the state for a label: "shift in x"."""
     return WORDS[name]
 

@@ -66,10 +66,10 @@ class SceneView:
     ) -> None:
         self.sensor, self.theme, self.size, self.title = sensor, theme, size, title
         self.sharpness = sharpness
-        self.rest = self.stand = Stand.of(sensor, np.zeros(8))
+        self.rest = self.stand = Stand.from_state(sensor, np.zeros(8))
         self.state = np.zeros(8)
         self.fit = rig.scale_of(self.rest)
-        self.laser = rig.LASER * self.fit
+        self.laser = rig.LASER_HEIGHT_MM * self.fit
         self.note = ""
         self.build()
 
@@ -83,7 +83,7 @@ class SceneView:
         return rig.parts(self.rest)
 
     def move(self, state: Floats) -> None:
-        self.state, self.stand = state, Stand.of(self.sensor, state)
+        self.state, self.stand = state, Stand.from_state(self.sensor, state)
         beam = np.eye(4)
         beam[:2, 3] = state[6:]
         self.carry_head(self.turning)
@@ -103,7 +103,7 @@ class SceneView:
         sheet = DrawingSheet(self.size, self.theme)
         picture = self.expose(camera)
         self.draw(picture, sheet, camera)
-        return sheet.over(picture)
+        return sheet.draw_over(picture)
 
     def camera(self) -> Camera:
         raise NotImplementedError
@@ -232,11 +232,11 @@ class CombinedView(RigView):
         for inset, target, corner in zip(found, targets, places, strict=True):
             insets.leader(sheet, inset, target, corner, inset.camera.size)
         for inset, corner in zip(found, places, strict=True):
-            shown = self.magnified(inset)
+            shown = self.magnify(inset)
             insets.paste(picture, shown, corner, inset.round)
             insets.frame(sheet, inset, corner, inset.camera.size)
 
-    def magnified(self, inset: Inset) -> Floats:
+    def magnify(self, inset: Inset) -> Floats:
         """The picture in an inset: of the head alone, or of a detector's face."""
         if not inset.round:
             return expose_face(self.stand, inset.camera, "ABC".index(inset.title[-1]))
@@ -315,7 +315,7 @@ class MirrorView(SceneView):
         cross = cut(self.stand, k)
         if not len(cross) or camera.axes[2] @ np.array(self.stand.at.normals[k], float) > 0:
             return
-        rim = camera.project(array(self.stand.on_facet(k, cross[-1])))[:, :2]
+        rim = camera.project(array(self.stand.facet_points(k, cross[-1])))[:, :2]
         for n in range(0, len(rim) - 1, 2):
             sheet.line(rim[n : n + 2], self.theme.ink, 1.1, 0.8)
 
@@ -536,7 +536,7 @@ class ExplodedView(SceneView):
 
     def draw(self, picture: Floats, sheet: DrawingSheet, camera: Camera) -> None:
         self.axes(sheet, camera)
-        for part in self.named():
+        for part in self.labelled_parts():
             self.name_part(sheet, camera, part)
         sheet.scale_bar(
             camera.pixel,
@@ -552,7 +552,7 @@ class ExplodedView(SceneView):
         place = (24 * sheet.unit, sheet.size[1] - 20 * sheet.unit)
         sheet.write(place, words, 14, self.theme.ink, anchor=(0, 1))
 
-    def named(self) -> list[RigPart]:
+    def labelled_parts(self) -> list[RigPart]:
         """One part of each name, the facets and the screws together."""
         hidden = ("facet", "moving stage", "amplifiers")
         return [part for part in self.parts if not part.name.startswith(hidden)]

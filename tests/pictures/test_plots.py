@@ -172,12 +172,18 @@ def test_the_hue_of_a_front_is_its_third_objective():
 
 @pytest.mark.slow
 def test_noise_is_drawn_by_detector_and_axis():
-    from facets.pictures.noise import deviations, grouped, spectra
+    from facets.pictures.noise import deviations, group_channels, spectra
 
     channels = figures.noise_channels()
-    assert list(grouped(channels)) == ["place psi", "place zeta", "power", "shifts", "angles"]
+    assert list(group_channels(channels)) == [
+        "place psi",
+        "place zeta",
+        "power",
+        "shifts",
+        "angles",
+    ]
     hues = THEMES[chosen_style()]
-    text = spectra("Spectra", grouped(channels[:9])) + deviations(grouped(channels))
+    text = spectra("Spectra", group_channels(channels[:9])) + deviations(group_channels(channels))
     for hue in (*hues.detectors.values(), *(hues.axes[name] for name in ("tx", "yaw"))):
         assert hue.lower() in text, hue
     words = set(re.findall(r">([^<>]+)</text>", text))

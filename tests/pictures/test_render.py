@@ -58,8 +58,8 @@ def test_each_sub_beam_is_drawn_along_its_ray_in_its_own_hue(drawn):
     change = lit.astype(float) - unlit
     for k in range(3):
         middle, _ = glow.centroid(view.stand, k)
-        start = np.ravel(view.stand.on_facet(k, middle)).astype(float)
-        end = np.ravel(view.stand.on_detector(k, middle)).astype(float)
+        start = np.ravel(view.stand.facet_points(k, middle)).astype(float)
+        end = np.ravel(view.stand.detector_points(k, middle)).astype(float)
         sample = np.zeros(3)
         for share in np.linspace(0.35, 0.75, 9):
             x, y = camera.project(start + share * (end - start))[:2].astype(int)
@@ -109,9 +109,9 @@ def test_spots_shine_on_the_detectors_where_readings_say(name):
     state = states(1, seed=5, offset=0.1, angle=0.004)[0]
     state[:3], state[6:] = state[:3] - [*state[6:], state[2] - 0.6], 0  # near rest
     reading = facets.readings(sensor, state)
-    stand = Stand.of(sensor, state)
+    stand = Stand.from_state(sensor, state)
     for k in range(3):
-        camera = face_camera(Stand.of(sensor, REST), k, (500, 500))
+        camera = face_camera(Stand.from_state(sensor, REST), k, (500, 500))
         _, axes = rig.detector_frame(stand, k)
         depth = np.full((500, 500), camera.distance)
         shot = Shot(camera, np.zeros((500, 500, 3)), np.ones((500, 500)), depth)
@@ -127,7 +127,7 @@ def test_spots_shine_on_the_detectors_where_readings_say(name):
 def test_the_light_of_a_close_beam_is_its_integral_along_the_camera_s_ray():
     """The closed form against adding up the light of many points, on rays that nothing stops."""
     sensor = facets.Sensor()
-    stand = Stand.of(sensor, TILTED)
+    stand = Stand.from_state(sensor, TILTED)
     apex = TILTED[:3]
     camera = Camera(tuple(apex + np.array([5, -6, 4])), tuple(apex), angle=0.3, size=(40, 40))
     shot = Shot(camera, np.zeros((40, 40, 3)), np.zeros((40, 40)), np.full((40, 40), np.inf))
@@ -144,10 +144,13 @@ def test_the_light_of_a_close_beam_is_its_integral_along_the_camera_s_ray():
         centre, facing = np.array(stand.geometry.centres[0]), np.array(stand.geometry.axes[0][0])
         before = ((places - apex) @ normal > 0) & ((places - centre) @ facing < 0)
         folded = places - 2 * ((places - apex) @ normal)[:, None] * normal
-        cross = glow.in_sigmas(stand, folded)
-        light = np.exp(-(cross**2).sum(axis=1) / 2) * glow.in_wedge(stand, 0, cross) * before
+        cross = glow.sigma_coordinates(stand, folded)
+        light = np.exp(-(cross**2).sum(axis=1) / 2) * glow.is_in_wedge(stand, 0, cross) * before
         speed = np.hypot(
-            *(glow.in_sigmas(stand, folded[1:2]) - glow.in_sigmas(stand, folded[:1]))[0]
+            *(
+                glow.sigma_coordinates(stand, folded[1:2])
+                - glow.sigma_coordinates(stand, folded[:1])
+            )[0]
         )
         expected = light.sum() * speed / np.sqrt(2 * np.pi)
         assert abs(found[rows[n], columns[n]] - expected) < 2e-3, sigma
@@ -179,7 +182,7 @@ def test_views_of_shipped_sensors_are_neither_empty_nor_full(name, view):
         image = picture.image()
         shot = picture.view.studio.take(picture.view.camera(), 1)
     assert image.std() > 8
-    assert 0.03 < shot.lit.mean() < 0.85
+    assert 0.03 < shot.is_covered.mean() < 0.85
 
 
 @pytest.mark.slow
@@ -188,17 +191,17 @@ def test_a_dark_detector_is_said_to_be():
     away = np.array([40.0, 0, 0, 0, 0, 0, 0, 0])
     with Picture(facets.Sensor(), away, "both", SIZE) as picture:
         assert picture.image().shape == (180, 240, 3)
-    stand = Stand.of(facets.Sensor(), away)
+    stand = Stand.from_state(facets.Sensor(), away)
     assert [glow.centroid(stand, k)[1] > 1e-6 for k in range(3)].count(True) < 3
 
 
 def test_parts_are_closed_and_face_outward():
     """Volumes by the divergence theorem are positive: else light falls on a part's inside."""
-    for part in rig.parts(Stand.of(facets.Sensor(), REST)):
+    for part in rig.parts(Stand.from_state(facets.Sensor(), REST)):
         if part.assembly == "head" and ("facet" in part.name or part.name == "mirror body"):
             continue
         assert volume(part.solid) > 0, part.name
-    whole = [p.solid for p in rig.parts(Stand.of(facets.Sensor(), REST))
+    whole = [p.solid for p in rig.parts(Stand.from_state(facets.Sensor(), REST))
              if "facet" in p.name or p.name == "mirror body"]  # fmt: skip
     assert volume(solids.join(whole)) > 0
 
@@ -213,7 +216,7 @@ def volume(solid):
 
 
 def test_the_drawn_facets_lie_in_the_planes_of_the_model():
-    stand = Stand.of(SENSORS["skewed1"], TILTED)
+    stand = Stand.from_state(SENSORS["skewed1"], TILTED)
     for k, letter in enumerate("abc"):
         part = next(p for p in rig.parts(stand) if p.name == f"facet {letter}")
         off = (part.solid.points - TILTED[:3]) @ np.array(stand.at.normals[k], float)

@@ -73,7 +73,7 @@ def many_states(count, seed):
 
 def placed(sensor, state):
     """Where the apex's ray and the beam's own land on the three detectors, by another text."""
-    stand = scene.Stand.of(sensor, state)
+    stand = scene.Stand.from_state(sensor, state)
     spots = [scene.spot(stand, k) for k in range(3)]
     return np.array([[spot.apex, spot.beam] for spot in spots])
 

@@ -41,7 +41,7 @@ def test_spots_are_drawn_where_readings_say(name):
     sensor = replace(SENSORS[name], apertures=facets.Apertures(beam=1.0))
     for state in states(20, seed=8, offset=0.15, angle=0.01):
         reading = facets.readings(sensor, state)
-        stand = Stand.of(sensor, state)
+        stand = Stand.from_state(sensor, state)
         totals = []
         for k in range(3):
             spot = scene.spot(stand, k)
@@ -57,7 +57,7 @@ def test_spots_are_drawn_where_readings_say(name):
 def test_sub_beams_leave_the_drawn_facets_by_the_reflection_law(name):
     sensor = SENSORS[name]
     state = states(1, seed=9)[0]
-    stand = Stand.of(sensor, state)
+    stand = Stand.from_state(sensor, state)
     incoming = np.array(stand.geometry.direction)
     for k, facet in enumerate(scene.mirror(stand)):
         apex, one, other = facet.points
@@ -74,7 +74,7 @@ def test_sub_beams_leave_the_drawn_facets_by_the_reflection_law(name):
 
 def test_light_beside_the_mirror_is_not_drawn():
     state = np.array([3.0, 0, 0, 0, 0, 0, 0, 0])
-    stand = Stand.of(SENSORS["paper"], state)
+    stand = Stand.from_state(SENSORS["paper"], state)
     lit = [len(scene.cut(stand, k)) > 0 for k in range(3)]
     assert lit.count(True) in (1, 2)
     names = [body.name for body in scene.rig(SENSORS["paper"], state)]

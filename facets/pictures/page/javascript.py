@@ -149,13 +149,13 @@ class Function:
         assert isinstance(definition, ast.FunctionDef)
         self.definition = definition
         self.arguments = [argument.arg for argument in definition.args.args]
-        self.locals = {*self.arguments, *_assigned(definition)}
+        self.locals = {*self.arguments, *_local_names(definition)}
 
     def text(self) -> str:
         defaults = self.definition.args.defaults
         without = len(self.arguments) - len(defaults)
         given = [
-            _safe(name) + (f" = {self.of(defaults[n - without])}" if n >= without else "")
+            _safe(name) + (f" = {self.expression(defaults[n - without])}" if n >= without else "")
             for n, name in enumerate(self.arguments)
         ]
         body = self.block(self.definition.body, 1)
@@ -186,11 +186,11 @@ class Function:
         return lines
 
     def always_returns(self, node: ast.stmt) -> bool:
-        if isinstance(node, ast.If) and self.decided(node.test):
+        if isinstance(node, ast.If) and self.answer_for_floats(node.test):
             return any(map(self.always_returns, node.body))
         return isinstance(node, ast.Return)
 
-    def decided(self, test: ast.expr) -> bool | None:
+    def answer_for_floats(self, test: ast.expr) -> bool | None:
         """How a question about the number type is answered for floats; None for another one."""
         if not isinstance(test, ast.Call) or not isinstance(test.func, ast.Name):
             return None
@@ -204,9 +204,13 @@ class Function:
         if isinstance(node, ast.If):
             return self.conditional(node, depth)
         if isinstance(node, ast.While):
-            return [f"while ({self.of(node.test)}) {{", *self.inside(node.body, depth, pad), "}"]
+            return [
+                f"while ({self.expression(node.test)}) {{",
+                *self.inner_block(node.body, depth, pad),
+                "}",
+            ]
         if isinstance(node, ast.For):
-            return [self.loop(node), *self.inside(node.body, depth, pad), "}"]
+            return [self.loop(node), *self.inner_block(node.body, depth, pad), "}"]
         return self.simple_statement(node)
 
     def simple_statement(self, node: ast.stmt) -> list[str]:
@@ -214,44 +218,44 @@ class Function:
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             return []  # a docstring
         if isinstance(node, ast.Expr):
-            return [f"{self.of(node.value)};"]
+            return [f"{self.expression(node.value)};"]
         if isinstance(node, ast.Return):
-            return [f"return {self.of(node.value)};" if node.value else "return;"]
+            return [f"return {self.expression(node.value)};" if node.value else "return;"]
         if isinstance(node, ast.Assign):
-            value = self.of(node.value)
+            value = self.expression(node.value)
             for target in reversed(node.targets):
                 value = f"{self.target(target)} = {value}"
             return [f"{value};"]
         if isinstance(node, ast.AnnAssign) and node.value:
-            return [f"{self.target(node.target)} = {self.of(node.value)};"]
+            return [f"{self.target(node.target)} = {self.expression(node.value)};"]
         if isinstance(node, ast.AugAssign):
             place = self.target(node.target)
-            return [f"{place} = {self.binary(node.op, place, self.of(node.value), node)};"]
+            return [f"{place} = {self.binary(node.op, place, self.expression(node.value), node)};"]
         if isinstance(node, ast.Continue | ast.Break | ast.Pass):
             return ["" if isinstance(node, ast.Pass) else f"{ast.unparse(node)};"]
         raise self.refuse(node)
 
-    def inside(self, body: list[ast.stmt], depth: int, pad: str) -> list[str]:
+    def inner_block(self, body: list[ast.stmt], depth: int, pad: str) -> list[str]:
         """A block as lines that are indented once they stand in the one around it."""
         return [line.removeprefix(pad) for line in self.block(body, depth + 1)]
 
     def conditional(self, node: ast.If, depth: int) -> list[str]:
-        pad, decided = "  " * depth, self.decided(node.test)
+        pad, decided = "  " * depth, self.answer_for_floats(node.test)
         if decided is not None:
             way = node.body if decided else node.orelse
             return [line.removeprefix(pad) for line in self.block(way, depth)]
-        lines = [f"if ({self.of(node.test)}) {{", *self.inside(node.body, depth, pad)]
+        lines = [f"if ({self.expression(node.test)}) {{", *self.inner_block(node.body, depth, pad)]
         if node.orelse:
-            lines += ["} else {", *self.inside(node.orelse, depth, pad)]
+            lines += ["} else {", *self.inner_block(node.orelse, depth, pad)]
         return [*lines, "}"]
 
     def loop(self, node: ast.For) -> str:
         target, over = self.target(node.target), node.iter
         is_range = isinstance(over, ast.Call) and getattr(over.func, "id", "") == "range"
         if not is_range:
-            return f"for ({target} of {self.of(over)}) {{"
+            return f"for ({target} of {self.expression(over)}) {{"
         assert isinstance(over, ast.Call)
-        bounds = [self.of(each) for each in over.args]
+        bounds = [self.expression(each) for each in over.args]
         start, end = ("0", bounds[0]) if len(bounds) == 1 else bounds[:2]
         step = bounds[2] if len(bounds) > 2 else "1"
         how = ">" if step.lstrip("(").startswith("-") else "<"
@@ -263,35 +267,40 @@ class Function:
         if isinstance(node, ast.Name):
             return _safe(node.id)
         if isinstance(node, ast.Subscript):
-            return self.of(node)
+            return self.expression(node)
         raise self.refuse(node)
 
     # expressions
 
-    def of(self, node: ast.expr) -> str:
+    def expression(self, node: ast.expr) -> str:
         """An expression; brackets keep the order that Python has."""
         if isinstance(node, ast.Constant) and isinstance(node.value, bool | int | float):
             return literal(node.value)
         if isinstance(node, ast.Name):
             return self.name(node)
         if isinstance(node, ast.Tuple | ast.List):
-            return "[" + ", ".join(map(self.of, node.elts)) + "]"
+            return "[" + ", ".join(map(self.expression, node.elts)) + "]"
         if isinstance(node, ast.Starred):
-            return f"...{self.of(node.value)}"
+            return f"...{self.expression(node.value)}"
         if isinstance(node, ast.Attribute):
             return self.attribute(node)
         if isinstance(node, ast.Subscript):
             return self.subscript(node)
         if isinstance(node, ast.BinOp):
-            return self.binary(node.op, self.of(node.left), self.of(node.right), node)
+            return self.binary(
+                node.op, self.expression(node.left), self.expression(node.right), node
+            )
         if isinstance(node, ast.UnaryOp) and type(node.op) in OPERATORS:
-            return f"({OPERATORS[type(node.op)]}{self.of(node.operand)})"
+            return f"({OPERATORS[type(node.op)]}{self.expression(node.operand)})"
         if isinstance(node, ast.BoolOp):
-            return "(" + f" {OPERATORS[type(node.op)]} ".join(map(self.of, node.values)) + ")"
+            return (
+                "(" + f" {OPERATORS[type(node.op)]} ".join(map(self.expression, node.values)) + ")"
+            )
         if isinstance(node, ast.Compare):
             return self.comparison(node)
         if isinstance(node, ast.IfExp):
-            return f"({self.of(node.test)} ? {self.of(node.body)} : {self.of(node.orelse)})"
+            parts = map(self.expression, (node.test, node.body, node.orelse))
+            return "({} ? {} : {})".format(*parts)
         if isinstance(node, ast.Call):
             return self.call(node)
         raise self.refuse(node)
@@ -306,9 +315,9 @@ class Function:
         return f"({left} {OPERATORS[type(operator)]} {right})"
 
     def comparison(self, node: ast.Compare) -> str:
-        parts, left = [], self.of(node.left)
+        parts, left = [], self.expression(node.left)
         for operator, each in zip(node.ops, node.comparators, strict=True):
-            right = self.of(each)
+            right = self.expression(each)
             if isinstance(operator, ast.In):
                 parts.append(f"{right}.includes({left})")
             elif type(operator) in OPERATORS:
@@ -319,47 +328,47 @@ class Function:
         return "(" + " && ".join(parts) + ")"
 
     def subscript(self, node: ast.Subscript) -> str:
-        value = self.of(node.value)
+        value = self.expression(node.value)
         index = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         for each in index:
             if isinstance(each, ast.Slice | ast.UnaryOp):
                 raise self.refuse(node)
-            value += f"[{self.of(each)}]"
+            value += f"[{self.expression(each)}]"
         return value
 
     def attribute(self, node: ast.Attribute) -> str:
         if isinstance(node.value, ast.Name) and node.value.id not in self.locals:
             owner = self.value_of(node.value.id)
             if isinstance(owner, ModuleType):
-                return self.outside(getattr(owner, node.attr), node.attr, owner.__name__, node)
-        return f"{self.of(node.value)}.{_safe(node.attr)}"
+                return self.module_value(getattr(owner, node.attr), node.attr, owner.__name__, node)
+        return f"{self.expression(node.value)}.{_safe(node.attr)}"
 
     def call(self, node: ast.Call) -> str:
-        found = self.called(node.func)
+        found = self.callee(node.func)
         if found is float and isinstance(node.args[0], ast.Constant):
             return literal(float(node.args[0].value))  # type: ignore[arg-type]
         if found is dispatch.pi:
             return "Math.PI"
         if found in KNOWN:
-            return f"{KNOWN[found]}({', '.join(map(self.of, node.args))})"
+            return f"{KNOWN[found]}({', '.join(map(self.expression, node.args))})"
         if not isinstance(found, type | FunctionType):
             raise self.refuse(node)
-        name = self.outside(found, found.__name__, found.__module__, node)
-        return f"{name}({', '.join(self.in_order(found, node))})"
+        name = self.module_value(found, found.__name__, found.__module__, node)
+        return f"{name}({', '.join(self.ordered_arguments(found, node))})"
 
-    def in_order(self, function: Any, node: ast.Call) -> list[str]:
+    def ordered_arguments(self, function: Any, node: ast.Call) -> list[str]:
         """The arguments of a call in the order of the function's own."""
-        given = list(map(self.of, node.args))
+        given = list(map(self.expression, node.args))
         if not node.keywords:
             return given
-        named = {each.arg: self.of(each.value) for each in node.keywords}
+        named = {each.arg: self.expression(each.value) for each in node.keywords}
         order = list(inspect.signature(function).parameters)[len(given) :]
         given += [named.pop(name, "undefined") for name in order]
         if named:
             raise self.refuse(node)
         return given
 
-    def called(self, node: ast.expr) -> Any:
+    def callee(self, node: ast.expr) -> Any:
         """What a call calls, as Python finds it."""
         if isinstance(node, ast.Name):
             return self.value_of(node.id)
@@ -376,9 +385,9 @@ class Function:
     def name(self, node: ast.Name) -> str:
         if node.id in self.locals:
             return _safe(node.id)
-        return self.outside(self.value_of(node.id), node.id, self.function.__module__, node)
+        return self.module_value(self.value_of(node.id), node.id, self.function.__module__, node)
 
-    def outside(self, value: Any, name: str, module: str, node: ast.AST) -> str:
+    def module_value(self, value: Any, name: str, module: str, node: ast.AST) -> str:
         """A function, a class or a constant of a module, noted as needed."""
         if isinstance(value, float | bool) or (isinstance(value, int) and name.isupper()):
             return literal(value)
@@ -394,7 +403,7 @@ class Function:
         raise self.refuse(node)
 
 
-def _assigned(definition: ast.FunctionDef) -> set[str]:
+def _local_names(definition: ast.FunctionDef) -> set[str]:
     """The names that a function's own statements give a value to."""
     return {
         node.id

@@ -108,13 +108,13 @@ def components(sensor: Sensor) -> list[dict[str, Any]]:
             "unit": column.rpartition("_")[2],
             "words": WORDS[name],
             "factor": unit,
-            "end": rounded_up(1.05 * ends.get(name, wide) / unit),
+            "end": round_up(1.05 * ends.get(name, wide) / unit),
         }
         for name, column, unit in zip(STATE, STATE_COLUMNS, STATE_UNITS, strict=True)
     ]
 
 
-def rounded_up(value: float) -> float:
+def round_up(value: float) -> float:
     """The next round number, for the end of a slider."""
     power = 10.0 ** int(f"{value:e}".partition("e")[2])
     return next(float(f"{each * power:.2g}") for each in ROUND if each * power >= value)
