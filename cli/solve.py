@@ -31,7 +31,7 @@ MUCH, BOUNDLESS = 10.0, 1e4
 CONFIGURED = describe_default("the configuration's")
 
 
-class Beam(StrEnum):
+class BeamChoice(StrEnum):
     free = "free"
     known = "known"
     prior = "prior"
@@ -62,7 +62,7 @@ ReadingsTable = Annotated[
     ),
 ]
 BeamKnowledge = Annotated[
-    Beam | None,
+    BeamChoice | None,
     typer.Option(
         help="What is known about the beam's position: nothing (free), the position (known), "
         f"or the position with an uncertainty (prior).{CONFIGURED}"

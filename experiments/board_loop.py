@@ -109,17 +109,20 @@ def main() -> None:
         acceleration=1e5, law="feedforward", latency=2e-4, lag=1e-3,
     )  # fmt: skip
 
-    def on_board(reading: Floats, last: Floats) -> Floats:
+    def solve_like_board(reading: Floats, last: Floats) -> Floats:
         start = np.append(last, config.sensor.beam.power)
         found: Floats = library.solve(reading[None], "known", start).state[0]
         return found
 
-    def on_pc(reading: Floats, last: Floats) -> Floats:
+    def solve_like_pc(reading: Floats, last: Floats) -> Floats:
         beam = facets.Prior(last[6:], 0.0)
         found: Floats = facets.solve(config.sensor, reading, beam=beam, start=last).state
         return found
 
-    places = [Controller("board", 2e-4, 5000.0, on_board), Controller("PC", 15e-3, 200.0, on_pc)]
+    places = [
+        Controller("board", 2e-4, 5000.0, solve_like_board),
+        Controller("PC", 15e-3, 200.0, solve_like_pc),
+    ]
     print(f"stage: latency {1e3 * wide.latency:g} ms, lag {1e3 * wide.lag:g} ms; circle of 4 mm")
     for speed in SPEEDS:
         for place in places:

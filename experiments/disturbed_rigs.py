@@ -27,7 +27,7 @@ import numpy as np
 from facets.core.units import Floats
 
 from .bench_rays import RayBench
-from .rigs import REFERENCE, BenchTrial, Disturbance, Rng, tried_on_bench
+from .rigs import REFERENCE, BenchTrial, Disturbance, Rng, try_bench_rig
 
 
 class Case(NamedTuple):
@@ -92,19 +92,19 @@ def outliers() -> list[Case]:
 
 
 def scatter(size: Floats) -> Callable[[Floats, Rng], Floats]:
-    def moved(pose: Floats, rng: Rng) -> Floats:
+    def scatter_pose(pose: Floats, rng: Rng) -> Floats:
         off: Floats = size * rng.standard_normal(pose.shape)
         return pose + off
 
-    return moved
+    return scatter_pose
 
 
 def steps(size: Floats) -> Callable[[Floats, Rng], Floats]:
-    def rounded(said: Floats, rng: Rng) -> Floats:
+    def round_reference(said: Floats, rng: Rng) -> Floats:
         out: Floats = np.where(size > 0, size * np.round(said / np.maximum(size, 1e-12)), said)
         return out
 
-    return rounded
+    return round_reference
 
 
 def backlash(size: Floats) -> Callable[[Floats, Rng], Floats]:
@@ -121,12 +121,12 @@ def backlash(size: Floats) -> Callable[[Floats, Rng], Floats]:
 def wander(size: float) -> Callable[[int, Rng], Floats]:
     """A beam that walks, `size` mm r.m.s. in the end."""
 
-    def walked(count: int, rng: Rng) -> Floats:
+    def walk(count: int, rng: Rng) -> Floats:
         way = np.cumsum(rng.standard_normal((count, 2)), axis=0)
         out: Floats = size * (way - way.mean(axis=0)) / way.std(axis=0)
         return out
 
-    return walked
+    return walk
 
 
 def tremble(size: float) -> Callable[[int, Rng], Floats]:
@@ -177,10 +177,10 @@ def moving() -> list[Case]:
 
 
 def profile(factor: Callable[[Floats, Floats], Floats]) -> Disturbance:
-    def of(place: Floats) -> Floats:
+    def factor_of_place(place: Floats) -> Floats:
         return factor(place[..., 0], place[..., 1])
 
-    return Disturbance(light=lambda bench: bench._replace(profile=of))
+    return Disturbance(light=lambda bench: bench._replace(profile=factor_of_place))
 
 
 def ghost(share: float) -> Callable[[Floats, Floats], Floats]:
@@ -193,7 +193,7 @@ def ghost(share: float) -> Callable[[Floats, Floats], Floats]:
     return factor
 
 
-def chipped(bench: RayBench) -> RayBench:
+def chip_tip(bench: RayBench) -> RayBench:
     return bench._replace(chip=0.03)
 
 
@@ -209,7 +209,7 @@ def light() -> list[Case]:
              shape),
         Case("light", "ghost of 0.5 %", profile(ghost(0.005)), shape),
         Case("light", "ghost of 0.1 %", profile(ghost(0.001))),
-        Case("light", "tip chipped off two facets", Disturbance(light=chipped), shape),
+        Case("light", "tip chipped off two facets", Disturbance(light=chip_tip), shape),
     ]  # fmt: skip
 
 
@@ -217,57 +217,58 @@ def light() -> list[Case]:
 
 
 def exchange(*pairs: tuple[int, int]) -> Callable[[Floats, Floats, Rng], Floats]:
-    def swapped(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+    def swap_columns(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
         out = raw.copy()
         for a, b in pairs:
             out[:, [a, b]] = out[:, [b, a]]
         return out
 
-    return swapped
+    return swap_columns
 
 
 def sign(*columns: int) -> Callable[[Floats, Floats, Rng], Floats]:
-    def turned(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+    def change_sign(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
         out = raw.copy()
         out[:, columns] *= -1
         return out
 
-    return turned
+    return change_sign
 
 
 def columns() -> list[Case]:
-    def of(change: Callable[[Floats, Floats, Rng], Floats]) -> Disturbance:
+    def alter(change: Callable[[Floats, Floats, Rng], Floats]) -> Disturbance:
         return Disturbance(readings=change)
 
     def yaw(said: Floats, rng: Rng) -> Floats:
         said[:, 5] *= -1
         return said
 
-    def crossed(said: Floats, rng: Rng) -> Floats:
+    def swap_tx_ty(said: Floats, rng: Rng) -> Floats:
         said[:, [0, 1]] = said[:, [1, 0]]
         return said
 
     return [
-        Case("columns", "sign of psi of A", of(sign(0)), ("sign of psi of detector A",)),
-        Case("columns", "sign of psi of all", of(sign(0, 3, 6)), ("sign of psi of all",)),
-        Case("columns", "sign of zeta of C", of(sign(7)), ("sign of zeta of detector C",)),
-        Case("columns", "powers of A and B", of(exchange((2, 5))),
+        Case("columns", "sign of psi of A", alter(sign(0)), ("sign of psi of detector A",)),
+        Case("columns", "sign of psi of all", alter(sign(0, 3, 6)), ("sign of psi of all",)),
+        Case("columns", "sign of zeta of C", alter(sign(7)), ("sign of zeta of detector C",)),
+        Case("columns", "powers of A and B", alter(exchange((2, 5))),
              ("powers of detectors A and B are exchanged",)),
-        Case("columns", "psi of B and C", of(exchange((3, 6))),
+        Case("columns", "psi of B and C", alter(exchange((3, 6))),
              ("psi of detectors B and C are exchanged",)),
-        Case("columns", "zeta of A and C", of(exchange((1, 7))),
+        Case("columns", "zeta of A and C", alter(exchange((1, 7))),
              ("zeta of detectors A and C are exchanged",)),
-        Case("columns", "psi of A and zeta of B", of(exchange((0, 4))),
+        Case("columns", "psi of A and zeta of B", alter(exchange((0, 4))),
              ("psi of detector A and zeta of detector B",)),
-        Case("columns", "detectors A and C", of(exchange((0, 6), (1, 7), (2, 8))),
+        Case("columns", "detectors A and C", alter(exchange((0, 6), (1, 7), (2, 8))),
              ("detectors A and C are exchanged",)),
         Case("columns", "sign of yaw", Disturbance(reference=yaw), ("reference's yaw",)),
-        Case("columns", "tx and ty", Disturbance(reference=crossed), ("tx and ty are exchanged",)),
+        Case("columns", "tx and ty", Disturbance(reference=swap_tx_ty),
+             ("tx and ty are exchanged",)),
         Case("columns", "sign of psi of A and of yaw",
              Disturbance(readings=sign(0), reference=yaw),
              ("sign of psi of detector A", "two faults")),
         Case("columns", "sign of psi of B, powers of A and C",
-             of(lambda raw, sigma, rng: exchange((2, 8))(sign(3)(raw, sigma, rng), sigma, rng)),
+             alter(lambda raw, sigma, rng: exchange((2, 8))(sign(3)(raw, sigma, rng), sigma, rng)),
              ("sign of psi of detector B", "two faults")),
     ]  # fmt: skip
 
@@ -325,7 +326,7 @@ def main() -> None:
             continue
         results = list[Result]()
         for seed in range(options.first, options.first + options.draws):
-            trial = tried_on_bench(seed, options.samples, options.config, wrong=case.wrong)
+            trial = try_bench_rig(seed, options.samples, options.config, wrong=case.wrong)
             results.append(result(case, trial))
             print(line(case, results[-1]), flush=True)
             if not options.brief:

@@ -56,7 +56,7 @@ def arrows() -> set[Arrow]:
         graph = grimp.build_graph("facets", *PROGRAMS, include_external_packages=True)
     finally:
         sys.path.remove(str(ROOT))
-    found = through_the_package()
+    found = package_imports()
     for module in graph.modules:
         for other in graph.find_modules_directly_imported_by(module):
             found.add((folder_of(module), folder_of(other)))
@@ -64,7 +64,7 @@ def arrows() -> set[Arrow]:
     return {(a, b) for a, b in found if a != b and a in known and b in known}
 
 
-def through_the_package() -> set[Arrow]:
+def package_imports() -> set[Arrow]:
     """What a program imports of another by the name under which both are installed."""
     return {
         (program, other)

@@ -23,11 +23,11 @@ SENSOR = facets.Sensor()
 HALF = np.array([0.12, 0.12, 2, 6e-3, 6e-3, 6e-3])
 
 
-def with_beam(**changes: float) -> Sensor:
+def change_beam(**changes: float) -> Sensor:
     return replace(SENSOR, beam=replace(SENSOR.beam, **changes))
 
 
-def with_psds(**changes: float) -> Sensor:
+def change_psds(**changes: float) -> Sensor:
     psds = tuple(
         replace(psd, **{name: getattr(psd, name) + more for name, more in changes.items()})
         for psd in SENSOR.psds
@@ -50,7 +50,7 @@ def cases() -> dict[str, tuple[Floats, str]]:
     turned[:, 6] += 500 * 10e-6
     gain = plain.copy()
     gain[:, 2] *= 1.001
-    brighter = facets.readings(with_beam(power=1.01 * beam.power), some)
+    brighter = facets.readings(change_beam(power=1.01 * beam.power), some)
     speed = np.array([10, 10, 10, 0.1, 0.1, 0.1, 0, 0])  # mm/s and rad/s
     late = plain.copy()
     for k in (1, 2):
@@ -59,20 +59,20 @@ def cases() -> dict[str, tuple[Floats, str]]:
     return {
         "beam 1 µm aside": (facets.readings(SENSOR, moved), "known"),
         "laser half a metre away turned 10 µrad": (
-            facets.readings(with_beam(tilt_y=10e-6), turned), "known"),
+            facets.readings(change_beam(tilt_y=10e-6), turned), "known"),
         "laser 1 % brighter, its power taken as known": (brighter, "known"),
         "laser 1 % brighter, its power taken as unknown": (brighter, "unknown"),
         "one detector's gain 0.1 % up": (gain, "known"),
         "beam 0.2 % wider": (
-            facets.readings(with_beam(diameter_x=1.002 * beam.diameter_x,
+            facets.readings(change_beam(diameter_x=1.002 * beam.diameter_x,
                                       diameter_y=1.002 * beam.diameter_y), some), "known"),
         "detectors' posts 1 K warmer, 2.3 µm higher": (
-            facets.readings(with_psds(height=2.3e-3), some), "known"),
+            facets.readings(change_psds(height=2.3e-3), some), "known"),
         "channels 10 µs apart, 10 mm/s and 0.1 rad/s": (late, "known"),
     }  # fmt: skip
 
 
-def over_noise(readings: Floats, beam: str, power: str) -> Floats:
+def shift_to_noise_ratio(readings: Floats, beam: str, power: str) -> Floats:
     """Largest shift of each pose component over its standard uncertainty: (6,)."""
     some = poses()
     knowledge: Any = {"beam": beam, "power": power}
@@ -85,8 +85,8 @@ def over_noise(readings: Floats, beam: str, power: str) -> Floats:
 def main() -> None:
     print("| change | known: x, y | others | free, worst |\n| --- | --- | --- | --- |")
     for name, (readings, power) in cases().items():
-        known = over_noise(readings, "known", power)
-        free = over_noise(readings, "free", power)
+        known = shift_to_noise_ratio(readings, "known", power)
+        free = shift_to_noise_ratio(readings, "free", power)
         print(f"| {name} | {known[:2].max():.2g} | {known[2:].max():.2g} | {free.max():.2g} |")
 
 

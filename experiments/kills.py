@@ -52,27 +52,27 @@ class StreamSource:
 
     ended = waits = False
 
-    def __init__(self, data: bytes, given: Any) -> None:
-        self.data, self.given = data, given
+    def __init__(self, data: bytes, byte_count: Any) -> None:
+        self.data, self.byte_count = data, byte_count
 
     def read(self) -> bytes:
         time.sleep(1 / RATE)
-        start = self.given.value
+        start = self.byte_count.value
         block = self.data[start : start + BLOCK * SIZE]
-        self.given.value = start + len(block)
+        self.byte_count.value = start + len(block)
         return block
 
     def close(self) -> None:
         pass
 
 
-def run_acquisition(folder: Path, data: bytes, given: Any) -> None:
+def run_acquisition(folder: Path, data: bytes, byte_count: Any) -> None:
     config = facets.load("bench")
     live = Live(Pipeline(config))
     recording = Recording(folder, run_record(config, None, 0, {}), config.resolved)
     live.sinks.append(recording)
     reader = Reader(config, f"file:{os.devnull}", False, live)
-    reader.port = StreamSource(data, given)
+    reader.port = StreamSource(data, byte_count)
     for number in (signal.SIGTERM, signal.SIGHUP):  # as the command has it
         signal.signal(number, signal.default_int_handler)
     acquire(live, reader, Ending())
@@ -81,10 +81,10 @@ def run_acquisition(folder: Path, data: bytes, given: Any) -> None:
 def kill(folder: Path, data: bytes, after: float, number: int = signal.SIGKILL) -> dict[str, int]:
     """What is left of a recording that got a signal so many seconds after its first bytes."""
     context = multiprocessing.get_context("fork")
-    given = context.Value("q", 0, lock=False)
-    process = context.Process(target=run_acquisition, args=(folder, data, given))
+    byte_count = context.Value("q", 0, lock=False)
+    process = context.Process(target=run_acquisition, args=(folder, data, byte_count))
     process.start()
-    while given.value == 0:  # what it loads first takes longer in some processes than in others
+    while byte_count.value == 0:  # some processes take longer than others to load their modules
         time.sleep(0.001)
     time.sleep(after)
     assert process.pid
@@ -97,9 +97,9 @@ def kill(folder: Path, data: bytes, after: float, number: int = signal.SIGKILL) 
     old = recorded_poses(folder)
     events = (folder / "events.jsonl").read_text()
     return {
-        "given": given.value,
+        "given": byte_count.value,
         "kept": len(kept),
-        "lost": given.value - len(kept),
+        "lost": byte_count.value - len(kept),
         "recovered": solved,
         "unrecovered": len(kept) // SIZE - solved,
         "poses": len(old["seq"]) if old else 0,

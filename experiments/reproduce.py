@@ -177,7 +177,7 @@ def distance(column: str, found: Table, expected: Table, rel: float, absolute: f
     return float(off.max(initial=0.0))
 
 
-def write_expected(quick: bool, folder: Path) -> None:
+def write_references(quick: bool, folder: Path) -> None:
     """New references, from a fresh run. For a commit that says why they changed."""
     rules = tolerances()
     for result in reproduce(list(EXPERIMENTS), quick, folder):
@@ -196,4 +196,4 @@ if __name__ == "__main__":
 
     for short in (False, True):
         with tempfile.TemporaryDirectory() as scratch:
-            write_expected(short, Path(scratch))
+            write_references(short, Path(scratch))

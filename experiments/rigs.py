@@ -49,10 +49,10 @@ REFERENCE = np.array([1e-4] * 3 + [5e-7] * 3)
 BOX = np.array([0.12, 0.12, 2.0, 6e-3, 6e-3, 8e-3])
 #: How far a motion to calibrate with goes in x and y, mm: over the beam's sigma of 0.21, so that
 #: the powers bend, which alone parts gains, strips and the beam's size from the apex's place.
-REACH = 0.25
+REACH_MM = 0.25
 #: How far from a detector's edge the spots on a bench stay, mm: nearer, light is lost that no
 #: oracle here follows.
-CLEARANCE = 1.2
+CLEARANCE_MM = 1.2
 
 
 def hidden() -> dict[str, float]:
@@ -81,7 +81,7 @@ class Rig(NamedTuple):
     values: Floats
 
 
-def drawn(nominal: Sensor, rng: np.random.Generator) -> Rig:
+def draw_rig(nominal: Sensor, rng: np.random.Generator) -> Rig:
     values = values_of(nominal)
     for name, half in hidden().items():
         values[ALL.index(name)] += rng.uniform(-half, half)
@@ -95,7 +95,7 @@ def read(rig: Rig, data: Data, rng: np.random.Generator) -> Data:
     return data._replace(raw=invert_correction(rig.sensor, noisy))
 
 
-def moved(rig: Rig, count: int, rng: np.random.Generator) -> tuple[Data, Floats]:
+def sample_motion(rig: Rig, count: int, rng: np.random.Generator) -> tuple[Data, Floats]:
     """What reference and detectors say of random motions, and the true states (n, 8)."""
     pose = rng.uniform(-1, 1, (count, 6)) * BOX
     empty = Data(np.empty((count, 9)), pose, REFERENCE, np.zeros((count, 2)))
@@ -116,13 +116,13 @@ def rms(error: Floats) -> Floats:
     return root
 
 
-def tried(seed: int, samples: int, nominal: Sensor) -> tuple[Rig, Fit, Floats]:
+def try_rig(seed: int, samples: int, nominal: Sensor) -> tuple[Rig, Fit, Floats]:
     """A rig, its calibration, and r.m.s. errors (3, 6) on other motions: before, after, perfect."""
     rng = np.random.default_rng(seed)
-    rig = drawn(nominal, rng)
-    data, _ = moved(rig, samples, rng)
+    rig = draw_rig(nominal, rng)
+    data, _ = sample_motion(rig, samples, rng)
     found = fit(nominal, data, choice())
-    fresh, state = moved(rig, 2000, rng)
+    fresh, state = sample_motion(rig, 2000, rng)
     rows = [rms(errors(sensor, fresh, state)) for sensor in (nominal, found.sensor, rig.sensor)]
     return rig, found, np.array(rows)
 
@@ -162,9 +162,9 @@ class Disturbance(NamedTuple):
 UNDISTURBED = Disturbance()
 
 
-def drawn_on_bench(nominal: Sensor, rng: np.random.Generator) -> BenchRig:
+def draw_bench_rig(nominal: Sensor, rng: np.random.Generator) -> BenchRig:
     """A rig with every effect at once, each of a size that a good bench has."""
-    rig = drawn(nominal, rng)
+    rig = draw_rig(nominal, rng)
     values = rig.values.copy()
     values[mount_of(0)] = rng.uniform(-1, 1, 3) * [1e-3, 1e-3, 8e-3]
     for letter in "abc":
@@ -188,7 +188,7 @@ def drawn_on_bench(nominal: Sensor, rng: np.random.Generator) -> BenchRig:
     return BenchRig(Rig(assigned(nominal, values), values), bench)
 
 
-def moved_on_bench(
+def sample_bench_motion(
     real: BenchRig,
     count: int,
     rng: np.random.Generator,
@@ -223,7 +223,7 @@ def poses_on_bench(rig: Rig, count: int, rng: np.random.Generator, box: Floats =
     reading = facets.readings(rig.sensor, states_of(every, np.zeros((len(pose), 9)), rig.values))
     half = np.array([[psd.size_y, psd.size_z] for psd in rig.sensor.psds]) / 2
     place = reading.reshape(-1, 3, 3)[:, :, :2]
-    inside = (np.abs(place) < half - CLEARANCE).all(axis=(1, 2))
+    inside = (np.abs(place) < half - CLEARANCE_MM).all(axis=(1, 2))
     found = every.part(np.flatnonzero(inside)[:count])
     assert len(found.pose) == count, "too few poses keep their spots on the detectors"
     return found
@@ -239,12 +239,12 @@ class BenchTrial(NamedTuple):
     seconds: float
 
 
-def tried_on_bench(
+def try_bench_rig(
     seed: int,
     samples: int,
     config: str,
     fresh: int = 1000,
-    reach: float = REACH,
+    reach: float = REACH_MM,
     wrong: Disturbance = UNDISTURBED,
 ) -> BenchTrial:
     """A rig on a bench, calibrated as the command does it, and tried on other motions.
@@ -253,17 +253,17 @@ def tried_on_bench(
     """
     settings = facets.load(config)
     rng = np.random.default_rng(seed)
-    real = drawn_on_bench(settings.sensor, rng)
+    real = draw_bench_rig(settings.sensor, rng)
     if wrong.light is not None:
         real = real._replace(bench=wrong.light(real.bench))
-    data, _ = moved_on_bench(real, samples, rng, np.array([reach, reach, *BOX[2:]]), wrong)
+    data, _ = sample_bench_motion(real, samples, rng, np.array([reach, reach, *BOX[2:]]), wrong)
     start = time.process_time()
     asked = settings.calibrate
     found = verdict(settings.sensor, data, choice_of(settings.sensor, asked), asked)
     seconds = time.process_time() - start
     if found.sensor is None:
         return BenchTrial(found, np.full(6, np.inf), np.zeros(6), seconds)
-    other, state = moved_on_bench(real, fresh, rng)
+    other, state = sample_bench_motion(real, fresh, rng)
     solved = facets.solve(
         found.sensor, correct(found.sensor, other.raw), beam="known", power="unknown", threads=0
     )
@@ -277,10 +277,10 @@ def tried_on_bench(
     return BenchTrial(found, over, inside.sum(axis=0) / there, seconds)
 
 
-def on_benches(rigs: int, samples: int, config: str, reach: float) -> None:
+def try_bench_rigs(rigs: int, samples: int, config: str, reach: float) -> None:
     trials = []
     for seed in range(rigs):
-        one = tried_on_bench(seed, samples, config, reach=reach)
+        one = try_bench_rig(seed, samples, config, reach=reach)
         trials.append(one)
         ratios, shares = (" ".join(f"{x:6.3f}" for x in row) for row in (one.over, one.inside))
         rows = one.verdict.search.rows if one.verdict.search else []
@@ -303,17 +303,19 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=400)
     parser.add_argument("--config", default="paper", help="whose sensor; bench has electronics")
     parser.add_argument("--bench", action="store_true", help="light of a bench, read by rays")
-    parser.add_argument("--reach", type=float, default=REACH, help="with --bench: in x and y, mm")
+    parser.add_argument(
+        "--reach", type=float, default=REACH_MM, help="with --bench: in x and y, mm"
+    )
     options = parser.parse_args()
     if options.bench:
-        on_benches(options.rigs, options.samples, options.config, options.reach)
+        try_bench_rigs(options.rigs, options.samples, options.config, options.reach)
         return
     nominal = facets.load(options.config).sensor
     units = np.array([1e3] * 3 + [1e6] * 3)
     inside, worst = [], np.zeros(6)
     for seed in range(options.rigs):
         start = time.perf_counter()
-        rig, found, rows = tried(seed, options.samples, nominal)
+        rig, found, rows = try_rig(seed, options.samples, nominal)
         off = (found.values - rig.values[found.choice.places]) / found.uncertainty
         inside.append(np.abs(off) < 1.96)
         ratio = rows[1] / rows[2]

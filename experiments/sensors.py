@@ -18,7 +18,7 @@ def sub_beam(beam: Beam, facet: Facet) -> NDArray[np.float64]:
     return leaving
 
 
-def skewed(seed: int) -> Sensor:
+def skew_sensor(seed: int) -> Sensor:
     """Every parameter off by more than any rig's, each detector near the spot it is to catch."""
     rng = np.random.default_rng(seed)
     beam = Beam(
@@ -54,4 +54,4 @@ def skewed(seed: int) -> Sensor:
     return Sensor(beam=beam, facets=(a, b, c), psds=(on_a, on_b, on_c))
 
 
-SENSORS = {"paper": Sensor(), **{f"skewed{seed}": skewed(seed) for seed in range(10)}}
+SENSORS = {"paper": Sensor(), **{f"skewed{seed}": skew_sensor(seed) for seed in range(10)}}

@@ -49,7 +49,7 @@ FAULTS = "flip=1e-4,lose=1e-4,double=1e-4,drop=1e-4,stall=0.1,block=0.1,saturate
 #: An error of more than this many standard uncertainties is wrong: once in 1e10 numbers, by chance.
 WRONG = 6.5
 #: So long a reader may take to begin, and to tell, s.
-PATIENCE = 60.0
+PATIENCE_S = 60.0
 
 #: A program that calculates without end, and one that works in bursts and starts others, as a
 #: browser or a compiler does.
@@ -80,25 +80,25 @@ def bench(folder: Path, rate: float, faults: str, ending: Any) -> None:
     bench.run(float("inf"), go_on)
 
 
-def read(address: str, told: Any) -> None:
+def read(address: str, counts: Any) -> None:
     """Another program: takes every sample, and tells how many came, and how late after each."""
     count, late = 0, [np.zeros(0)]
     with Subscription(address) as subscription:
-        told.put("here")
+        counts.put("here")
         for rows in subscription:
             count += len(rows)
             late.append(time.monotonic() - rows["host_s"])
-    told.put((count, float(np.quantile(np.concatenate(late), 0.99)) if count else np.nan))
+    counts.put((count, float(np.quantile(np.concatenate(late), 0.99)) if count else np.nan))
 
 
 def start_readers(publications: Publications, count: int) -> Any:
     """Start `count` programs that subscribe; returns the queue of what they tell."""
     context = multiprocessing.get_context("spawn")
-    told = context.Queue()
+    counts = context.Queue()
     for address in publications.places() * count:
-        context.Process(target=read, args=(address, told), daemon=True).start()
-        told.get(timeout=PATIENCE)
-    return told
+        context.Process(target=read, args=(address, counts), daemon=True).start()
+        counts.get(timeout=PATIENCE_S)
+    return counts
 
 
 def soak(
@@ -121,7 +121,7 @@ def soak(
     while not (folder / "board").exists():
         time.sleep(0.01)
     publications = Publications(["zmq://127.0.0.1:0"] if readers else [], config)
-    told = start_readers(publications, readers)
+    counts = start_readers(publications, readers)
     story = run_record(config, None, 0, {})
     recording = Recording(folder / "recording", story, config.resolved, config.acquire.sync)
     live.begin = time.monotonic()
@@ -138,10 +138,10 @@ def soak(
     spent = (time.process_time() - spent) / (time.monotonic() - live.begin)
     ending.set()
     other.join()
-    heard = [told.get(timeout=PATIENCE) for _ in range(readers)]
+    heard = [counts.get(timeout=PATIENCE_S) for _ in range(readers)]
     published = [(one["sent"], one["dropped"]) for one in publications.counts()]
     return {
-        **judge_recording(folder, live),
+        **check_recording(folder, live),
         "published_and_dropped": published,
         "received_and_p99_ms": [(count, 1e3 * late) for count, late in heard],
         "cores": spent,
@@ -150,7 +150,7 @@ def soak(
     }
 
 
-def judge_recording(folder: Path, live: Live) -> dict[str, Any]:
+def check_recording(folder: Path, live: Live) -> dict[str, Any]:
     """The recording against the bench's truth."""
     truth, poses = truth_of(folder), recorded_poses(folder / "recording")
     first, last = int(poses["seq"][0]), int(poses["seq"][-1])
@@ -195,7 +195,7 @@ def follow_circle(folder: Path, seconds: float, ordinary: bool) -> dict[str, Any
         [*PROGRAM, "emulate", "bench", "--motion", "circle"], cwd=folder, stdout=subprocess.DEVNULL
     )
     try:
-        last = time.monotonic() + PATIENCE
+        last = time.monotonic() + PATIENCE_S
         while not (folder / "bench" / "stage").exists() and time.monotonic() < last:
             time.sleep(0.02)
         run = subprocess.run(

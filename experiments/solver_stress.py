@@ -49,7 +49,7 @@ FLOOR = 1e-9
 
 
 @dataclass(frozen=True)
-class Case:
+class StressCase:
     """One kind of trouble. offset: apex from the beam, mm; angle: rad; both at most.
 
     start: how far off it begins (mm, mm of z, rad), None for zero.  spoil: of the readings.
@@ -71,15 +71,15 @@ def noisy(sensor: facets.Sensor, exact: Floats, rng: np.random.Generator) -> Flo
 
 
 CASES = [
-    Case("in the range, from zero", 0.2, 0.15, 0.012),
-    Case("at its rim and beyond", 0.1, 0.35, 0.03),
-    Case("far in the tail of the beam", 0.01, 1.5, 0.02, faintest=1e-8, allowed=1e-2),
-    Case("starts far off", 0.09, 0.15, 0.012, start=(0.2, 5.0, 0.2)),
-    Case("noisy", 0.1, 0.15, 0.012, spoil=noisy, allowed=7),
+    StressCase("in the range, from zero", 0.2, 0.15, 0.012),
+    StressCase("at its rim and beyond", 0.1, 0.35, 0.03),
+    StressCase("far in the tail of the beam", 0.01, 1.5, 0.02, faintest=1e-8, allowed=1e-2),
+    StressCase("starts far off", 0.09, 0.15, 0.012, start=(0.2, 5.0, 0.2)),
+    StressCase("noisy", 0.1, 0.15, 0.012, spoil=noisy, allowed=7),
 ]
 
 
-def states(case: Case, count: int, rng: np.random.Generator) -> Floats:
+def states(case: StressCase, count: int, rng: np.random.Generator) -> Floats:
     radius, turn = case.offset * np.sqrt(rng.random(count)), 2 * np.pi * rng.random(count)
     state = np.zeros((count, 8))
     state[:, 2] = rng.uniform(-6, 6, count)
@@ -90,7 +90,7 @@ def states(case: Case, count: int, rng: np.random.Generator) -> Floats:
     return state
 
 
-def starts(case: Case, truth: Floats, rng: np.random.Generator) -> Floats | str:
+def starts(case: StressCase, truth: Floats, rng: np.random.Generator) -> Floats | str:
     if case.start is None:
         return "zero"
     across, along, angle = case.start
@@ -114,7 +114,7 @@ def condition(sensor: facets.Sensor, truth: Floats) -> Floats:
 
 
 def stress(
-    case: Case, sensor: facets.Sensor, count: int, rng: np.random.Generator
+    case: StressCase, sensor: facets.Sensor, count: int, rng: np.random.Generator
 ) -> dict[str, Any]:
     """How the estimates of `count` random readings end; the counts of one row."""
     if case.faintest is not None:
@@ -207,7 +207,7 @@ TROUBLES = [
 ]
 
 
-def under_bench_light(sensor: facets.Sensor, polarised: bool) -> facets.Sensor:
+def add_bench_light(sensor: facets.Sensor, polarised: bool) -> facets.Sensor:
     """The sensor under the light of configs/bench-light.yaml; background by its power."""
     bench = facets.load("bench-light").sensor
     share = sensor.beam.power / bench.beam.power
@@ -225,12 +225,12 @@ def every_sensor() -> dict[str, facets.Sensor]:
     return {**names, **{f"{name} of the studies": one for name, one in SENSORS.items()}}
 
 
-def drawn(
+def draw_states(
     sensor: facets.Sensor, trouble: Trouble, sigma: float, count: int, rng: np.random.Generator
 ) -> Floats:
     """States in the range, at its rim and past it; sigma: of the beam's place, mm."""
     offset = 0.4 * max(sensor.beam.diameter_x, sensor.beam.diameter_y)
-    wide = Case("", 0.0, offset, 0.03)
+    wide = StressCase("", 0.0, offset, 0.03)
     many = states(wide, 12 * count if trouble.near_edges else count, rng)
     many[:, 2] *= 1.2
     many[:, :2] -= many[:, 6:]
@@ -257,7 +257,7 @@ def readings_at_power(sensor: facets.Sensor, truth: Floats, share: Floats) -> Fl
     return exact
 
 
-def judge(
+def count_outcomes(
     trouble: Trouble, sensor: facets.Sensor, known: str, count: int, rng: np.random.Generator
 ) -> Counter[str]:
     """How `count` readings of one sensor end, wrong poses by what tells of them."""
@@ -267,7 +267,7 @@ def judge(
         if sensor.light.on:
             return Counter()
         real = replace(sensor, apertures=replace(sensor.apertures, detectors=True))
-    truth = drawn(sensor, trouble, 0.05 if place is None else place, count, rng)
+    truth = draw_states(sensor, trouble, 0.05 if place is None else place, count, rng)
     if not len(truth):
         return Counter()
     exact = readings_at_power(
@@ -315,7 +315,7 @@ def main() -> None:
     asymmetric, every = list(SENSORS.values()), list(every_sensor().values())
     if options.bench_light:
         asymmetric, every = (
-            [under_bench_light(sensor, n % 2 == 0) for n, sensor in enumerate(sensors)]
+            [add_bench_light(sensor, n % 2 == 0) for n, sensor in enumerate(sensors)]
             for sensors in (asymmetric, every)
         )
     for case in CASES:
@@ -351,11 +351,11 @@ def spread_over_sensors(
     sensors: Sequence[facets.Sensor],
     rng: np.random.Generator,
 ) -> Counter[str]:
-    """What `judge` counts, over all sensors."""
+    """What `count_outcomes` counts, over all sensors."""
     each = max(1, round(draws * trouble.share / len(KNOWLEDGE) / len(sensors)))
     total: Counter[str] = Counter()
     for sensor in sensors:
-        total.update(judge(trouble, sensor, known, each, rng))
+        total.update(count_outcomes(trouble, sensor, known, each, rng))
     return total
 
 

@@ -39,12 +39,14 @@ from facets.tracking.tracker import Tracker
 CONFIG = facets.load("bench")
 #: By how much the stage itself is faster than it may be.
 FASTER = 5.0
-#: The world goes on by this, s; a sample comes, and the watchdog looks, every so often, s.
-TICK, SAMPLE, WATCH = 2e-3, 5e-3, 0.02
-#: Past a border, mm, and of a speed, as a share: rounding to the stage's native unit.
-ROUNDING, SHARE = 1e-3, 1e-2
+#: Steps of the simulated time, intervals of samples, and intervals of the watchdog, s.
+TICK_S, SAMPLE_S, WATCH_S = 2e-3, 5e-3, 0.02
+#: How far rounding to the stage's native unit may carry it beyond a border, mm.
+ROUNDING_MM = 1e-3
+#: By which share the same rounding may increase a speed.
+ROUNDING_SHARE = 1e-2
 #: A stage slower than this stands still, mm/s.
-STILL = 0.05
+STILL_MM_S = 0.05
 
 DATA = ("silence", "late", "nan", "garbage", "jump", "dark", "one dark", "clock")
 WIRE = ("slow", "flip", "partial", "repeat", "unplug")
@@ -116,7 +118,7 @@ class Tried:
 class Watched(StageModel):
     """A stage that is judged at each step: place, speed, acceleration, and where it is sent."""
 
-    STEP = TICK
+    STEP = TICK_S
 
     def __init__(self, settings: Settings, tried: Tried) -> None:
         super().__init__(settings)
@@ -132,7 +134,7 @@ class Watched(StageModel):
         self.is_obedient, self.excursion = True, 0.0
         self.foreign = self.halted = np.full(2, np.nan)  # where others sent it, and where it stood
         self.shadow = StageModel(settings)  # does what it is told
-        self.shadow.STEP = TICK
+        self.shadow.STEP = TICK_S
 
     def command(self, place: Floats) -> None:
         s = self.settings
@@ -140,10 +142,10 @@ class Watched(StageModel):
         self.ask()
         others = (place == self.foreign) | (place == self.halted)  # Zaber is sent axis by axis
         far = float(np.hypot(*np.where(others, 0.0, place - self.place)))
-        may = self.reach + 2**0.5 * s.max_speed * (PLACE + s.latency) + ROUNDING
+        may = self.reach + 2**0.5 * s.max_speed * (PLACE + s.latency) + ROUNDING_MM
         self.require(far <= may, f"sent {far:.4f} mm at once, {may:.4f} allowed")
-        past = self.past(np.where(others, self.low, place))
-        self.require(past <= ROUNDING, f"sent outside, to {place}")
+        past = self.excess(np.where(others, self.low, place))
+        self.require(past <= ROUNDING_MM, f"sent outside, to {place}")
         self.shadow.command(place)
         way = place - self.place
         if self.fault("ignore"):
@@ -175,7 +177,7 @@ class Watched(StageModel):
             self.shadow.advance(now)
         super().advance(now)
 
-    def past(self, place: Floats) -> float:
+    def excess(self, place: Floats) -> float:
         """How far a place is outside the soft limits, mm."""
         (x, y), low, high = place.tolist(), self.low.tolist(), self.high.tolist()
         return float(max(low[0] - x, low[1] - y, x - high[0], y - high[1]))
@@ -187,14 +189,14 @@ class Watched(StageModel):
         s, tried = self.settings, self.tried
         fastest = max(abs(right - x), abs(up - y)) / step
         change = max(abs(faster - u), abs(steeper - v)) / step
-        past = self.past(self.place)
-        if past > ROUNDING + self.excursion:
+        past = self.excess(self.place)
+        if past > ROUNDING_MM + self.excursion:
             self.require(False, f"at ({right}, {up}), outside")
-        if fastest > s.max_speed * (1 + SHARE):
+        if fastest > s.max_speed * (1 + ROUNDING_SHARE):
             self.require(False, f"{fastest:.3f} mm/s fast")
-        if change > s.acceleration * (1 + SHARE) + 1:
+        if change > s.acceleration * (1 + ROUNDING_SHARE) + 1:
             self.require(False, f"{change:.1f} mm/s2")
-        if fastest > STILL:
+        if fastest > STILL_MM_S:
             self.moved = self.now
         tried.steps += 1
         tried.most_speed = max(tried.most_speed, fastest / s.max_speed)
@@ -218,7 +220,7 @@ class World:
         self.law = Law.from_sensor(CONFIG.sensor, self.settings)
         self.model = Watched(self.settings, tried)
         self.model.now = self.now
-        self.model.fault, self.model.ask = self.is_on, self.judge_command
+        self.model.fault, self.model.ask = self.is_on, self.check_command
         zaber = self.settings.driver == "zaber"
         self.device = ZaberDevice(self.model) if zaber else PiController(self.model)
         self.faults: list[Fault] = []
@@ -277,7 +279,7 @@ class World:
         until = self.now + POLL
         while not self.ready and self.now < until:
             self.count_byte(0)
-            self.advance(TICK)
+            self.advance(TICK_S)
             while self.replies and self.replies[0][0] <= self.now:
                 self.ready += self.replies.popleft()[1]
         out, self.ready = self.ready[:size], self.ready[size:]
@@ -285,9 +287,10 @@ class World:
             self.count_byte()
         return out
 
-    @property
-    def in_waiting(self) -> int:
+    def count_waiting(self) -> int:
         return len(self.ready)
+
+    in_waiting = property(count_waiting)  # as in pyserial
 
     def close(self) -> None:
         self.closed = True
@@ -307,7 +310,7 @@ class World:
     def reply(self, answer: bytes) -> None:
         rejected = b" RJ " in answer or b" WR " in answer or answer.strip() in (b"5", b"7")
         if rejected:
-            self.bar(WATCH)
+            self.bar(WATCH_S)
         due = self.now + self.rng.uniform(0, 2e-3)
         slow, flip = self.is_on("slow"), self.is_on("flip")
         if slow is not None:
@@ -340,7 +343,7 @@ class World:
         """Everything but the tracker's loop goes on."""
         end = self.now + seconds
         while self.now < end - 1e-9:
-            self.now += TICK
+            self.now += TICK_S
             self.device.refuse = self.is_on("refuse") is not None
             self.model.jammed = self.is_on("jam") is not None
             if (restart := self.is_on("restart")) is not None:
@@ -355,13 +358,13 @@ class World:
                     self.device.target = self.model.foreign.copy()
                 foreign.amount = -1.0
             self.model.advance(self.now)
-            if self.now - self.fed >= SAMPLE:
+            if self.now - self.fed >= SAMPLE_S:
                 self.fed = self.now
                 self.feed()
-            if self.tracker and self.now - self.watched >= WATCH:
+            if self.tracker and self.now - self.watched >= WATCH_S:
                 self.watched = self.now
                 self.tracker.envelope.watch()
-            self.judge()
+            self.check_standstill()
 
     def feed(self) -> None:
         """A sample, as it is or as a fault has it."""
@@ -419,7 +422,7 @@ class World:
         known = np.isfinite(powers).all() or (searching and not np.isnan(powers).any())
         return bool(known and needs and abs(self.now - taken) <= self.settings.stale)
 
-    def judge(self) -> None:
+    def check_standstill(self) -> None:
         """Whether the stage stands still that has to."""
         s = self.settings
         bound = stopping_time(s)
@@ -434,13 +437,13 @@ class World:
             if fault.kind == "tenfold" and fault.begin <= self.barred < np.inf:
                 allowed = max(allowed, self.barred + 10 * self.model.reach / s.max_speed + bound)
         moved = self.model.moved
-        if moved > allowed + TICK:
+        if moved > allowed + TICK_S:
             raise Broken(f"moved at {moved:.3f} s, {moved - allowed + bound:.3f} s after the end")
         if self.followable > 10.0:
             share = (moved - allowed) / bound + 1
             self.tried.most_stopping = max(self.tried.most_stopping, share)
 
-    def judge_command(self) -> None:
+    def check_command(self) -> None:
         """Whether a command may come now."""
         if self.is_stopped:
             raise Broken("a stopped stage was sent somewhere before anybody resumed")
@@ -449,7 +452,7 @@ class World:
             if not is_permitted or self.now - taken > self.settings.stale + 2 * PLACE:
                 raise Broken("sent without a permit")
 
-    def judge_step(self, begun: float, flag: tuple[float, bool]) -> None:
+    def check_step(self, begun: float, flag: tuple[float, bool]) -> None:
         """Whether the stage is stopped that must be, after a step of the loop.
 
         begun: when that step began, s; flag: what the board had said then of its permit.
@@ -465,9 +468,9 @@ class World:
         self.wrong = min(self.wrong, begun) if split > FOUND_OUT_MM and good else np.inf
         if self.is_stopped:
             return
-        if self.tracker.moves and begun - self.followable > max(s.stale, s.bridge) + 2 * TICK:
+        if self.tracker.moves and begun - self.followable > max(s.stale, s.bridge) + 2 * TICK_S:
             raise Broken(f"not stopped {begun - self.followable:.3f} s after the last good sample")
-        if s.permit and not flag[1] and abs(begun - flag[0]) <= s.stale - TICK:
+        if s.permit and not flag[1] and abs(begun - flag[0]) <= s.stale - TICK_S:
             raise Broken("not stopped without a permit")
         if min(self.parted, self.wrong) < begun - patience:
             raise Broken(
@@ -497,19 +500,19 @@ class World:
         self.tried.searches += name == "search"
         self.tried.found_again += more.get("outcome") == "found"
         if more.get("predicted"):
-            self.judge_prediction(np.array([more["x"], more["y"]]))
+            self.check_prediction(np.array([more["x"], more["y"]]))
         if self.is_on("disk full"):
             raise OSError(28, "No space left on device")
 
-    def judge_prediction(self, sent: Floats) -> None:
+    def check_prediction(self, sent: Floats) -> None:
         """Whether some good sample is as young, and was as near, as a prediction's has to be."""
         s, tried = self.settings, self.tried
         if not s.bridge:
             raise Broken("predicted where that is turned off")
         shares = [
             (
-                (self.model.sent[-1] - taken - TICK) / s.bridge,
-                (float(np.hypot(*(sent - apex))) - ROUNDING) / s.bridge_distance,
+                (self.model.sent[-1] - taken - TICK_S) / s.bridge,
+                (float(np.hypot(*(sent - apex))) - ROUNDING_MM) / s.bridge_distance,
             )
             for taken, apex in self.good
         ]
@@ -627,8 +630,8 @@ def drive(world: World, tracker: Tracker, end: float) -> None:
         tracker.step()
         if tracker.error and world.failed == np.inf:
             world.failed = world.now
-        world.judge_step(begun, flag)
-        due = max(due + period, world.now + TICK)
+        world.check_step(begun, flag)
+        due = max(due + period, world.now + TICK_S)
         world.advance(due - world.now)
 
 

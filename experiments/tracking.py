@@ -28,22 +28,24 @@ def offset(settings: Stage, speed: float, seconds: float = 3.0) -> float:
     return float(np.abs(states[:, 0] - states[:, 6]).max())
 
 
-def lost_above(settings: Stage, room: float) -> float:
-    """The speed at which the mirror gets `room` mm ahead of the beam, mm/s."""
-    return float(bisect(lambda speed: offset(settings, speed) - room, 0.1, 60.0, xtol=0.02))
+def loss_speed(settings: Stage, clearance: float) -> float:
+    """The speed at which the mirror gets `clearance` mm ahead of the beam, mm/s."""
+    return float(bisect(lambda speed: offset(settings, speed) - clearance, 0.1, 60.0, xtol=0.02))
 
 
 if __name__ == "__main__":
     config = facets.load("bench")
     found = axis_ranges(config.sensor, config.range, np.zeros(6))[:2]
-    room = min(axis.symmetric / 2 for axis in found)
+    clearance = min(axis.symmetric / 2 for axis in found)
     wide = replace(config.stage, low=(-1e3, -1e3), high=(1e3, 1e3))
     print(
-        f"room {room:.4f} mm; {wide.rate:g} Hz, gain {wide.gain}, {wide.max_speed:g} mm/s at most"
+        f"room {clearance:.4f} mm; {wide.rate:g} Hz, gain {wide.gain}, "
+        f"{wide.max_speed:g} mm/s at most"
     )
     for law in LAWS:
         settings = replace(wide, law=law)  # type: ignore[arg-type]
-        told, seen = margin_of(settings, pull_of(config.sensor, room)), lost_above(settings, room)
+        told = margin_of(settings, pull_of(config.sensor, clearance))
+        seen = loss_speed(settings, clearance)
         print(f"{law:13} told {told.speed:6.2f} mm/s   found {seen:6.2f} mm/s   "
               f"{offset(settings, 6.28) * 1e3:6.1f} um off at 6.28 mm/s")  # fmt: skip
     time = np.arange(8000) / 1000

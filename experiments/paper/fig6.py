@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from . import outlines
 from .experiment import PaperClaim, Table
-from .table2 import RANGE
+from .table2 import RANGE_MM_MRAD
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,7 +33,9 @@ def claims(table: Table) -> list[PaperClaim]:
         PaperClaim(
             f"range in {name}", unit, paper, outlines.symmetric_range(table, *axes, place), why
         )
-        for paper, (name, (unit, axes, place, why)) in zip(RANGE, RANGES.items(), strict=True)
+        for paper, (name, (unit, axes, place, why)) in zip(
+            RANGE_MM_MRAD, RANGES.items(), strict=True
+        )
     ]
 
 

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 TITLE = "Table 2: ranges and resolutions"
 CONFIG = "paper"
-#: mm and mrad, um and urad; x and y also with the beam following.
-RANGE = (0.36, 0.39, 12.3, 28.0, 24.5, 48.0)
+#: Ranges of the paper, mm and mrad.
+RANGE_MM_MRAD = (0.36, 0.39, 12.3, 28.0, 24.5, 48.0)
 FOLLOWING = (13.6, 11.8)
 RESOLUTION = (2.6, 1.9, 2.8, 9.4, 8.7, 13.0)
 FIXED, TRACKING = "beam fixed", "beam following"
@@ -47,7 +47,7 @@ FIT = "one noise of the centroids, fitted to these four"
 def compute(quick: bool) -> Table:
     config = facets.load(CONFIG)
     rows = []
-    for beam, measured in ((FIXED, RANGE), (TRACKING, FOLLOWING)):
+    for beam, measured in ((FIXED, RANGE_MM_MRAD), (TRACKING, FOLLOWING)):
         rules = replace(config.range, tracking=beam == TRACKING)
         ranges = axis_ranges(config.sensor, rules, np.zeros(6))
         for axis, paper in zip(ranges, measured, strict=False):

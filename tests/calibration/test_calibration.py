@@ -44,8 +44,8 @@ EVERY = Choice(ALL, np.ones(len(ALL)))
 
 def some_rig(seed=3, count=60):
     rng = np.random.default_rng(seed)
-    rig = rigs.drawn(NOMINAL, rng)
-    data, state = rigs.moved(rig, count, rng)
+    rig = rigs.draw_rig(NOMINAL, rng)
+    data, state = rigs.sample_motion(rig, count, rng)
     return rig, data, state
 
 
@@ -227,7 +227,7 @@ def test_elimination_gives_what_the_whole_system_gives():
 @pytest.fixture(scope="module")
 def calibrated():
     """Four rigs of `experiments/rigs.py`, which has twenty."""
-    return [rigs.tried(seed, 300, NOMINAL) for seed in range(4)]
+    return [rigs.try_rig(seed, 300, NOMINAL) for seed in range(4)]
 
 
 @pytest.mark.slow
@@ -252,10 +252,10 @@ def test_stated_uncertainties_of_poses_have_the_calibration_in_them():
     ratios, bare = [], []
     for seed in range(6):
         rng = np.random.default_rng(seed + 50)
-        rig = rigs.drawn(NOMINAL, rng)
-        data, _ = rigs.moved(rig, 12, rng)
+        rig = rigs.draw_rig(NOMINAL, rng)
+        data, _ = rigs.sample_motion(rig, 12, rng)
         found = fit(NOMINAL, data, rigs.choice())
-        fresh, state = rigs.moved(rig, 300, rng)
+        fresh, state = rigs.sample_motion(rig, 300, rng)
         for sensor, kept in (
             (found.sensor, ratios),
             (replace(found.sensor, calibration=None), bare),
@@ -285,7 +285,7 @@ def test_outliers_count_less():
     hit = rng.random(300) < 0.05
     data.raw[hit, 0] += 0.3
     robust, plain = (fit(NOMINAL, data, rigs.choice(), limit) for limit in (3.0, None))
-    fresh, state = rigs.moved(rig, 1000, rng)
+    fresh, state = rigs.sample_motion(rig, 1000, rng)
     perfect, good, bad = (
         rigs.rms(rigs.errors(sensor, fresh, state))
         for sensor in (rig.sensor, robust.sensor, plain.sensor)
@@ -299,7 +299,7 @@ def test_a_missing_detector_is_no_obstacle():
     rig, data, _ = some_rig(count=200)
     data.raw[::4, 3:6] = np.nan
     found = fit(NOMINAL, data, rigs.choice())
-    fresh, state = rigs.moved(rig, 500, np.random.default_rng(4))
+    fresh, state = rigs.sample_motion(rig, 500, np.random.default_rng(4))
     ratio = rigs.rms(rigs.errors(found.sensor, fresh, state)) / rigs.rms(
         rigs.errors(rig.sensor, fresh, state)
     )
@@ -315,7 +315,7 @@ def test_dark_offsets_and_the_laser_s_power_are_found():
     for k, dark in zip("abc", (3e-4, -3e-4, 1e-4), strict=True):
         values[ALL.index(f"correction_{k}.dark")] = dark
     rig = rigs.Rig(study.assigned(NOMINAL, values), values)
-    data, _ = rigs.moved(rig, 400, rng)
+    data, _ = rigs.sample_motion(rig, 400, rng)
     found = fit(NOMINAL, data, Choice(tuple(known), np.array(list(known.values()))))
     off = (found.values - values[found.choice.places]) / found.uncertainty
     assert np.abs(off).max() < 4
@@ -331,10 +331,10 @@ def test_bent_detectors_are_straightened():
     for name in bend:
         values[ALL.index(name)] = rng.uniform(-0.03, 0.03)
     rig = rigs.Rig(study.assigned(NOMINAL, values), values)
-    data, _ = rigs.moved(rig, 600, rng)
+    data, _ = rigs.sample_motion(rig, 600, rng)
     names = {**rigs.hidden(), **bend}
     found = fit(NOMINAL, data, Choice(tuple(names), np.array(list(names.values()))))
-    fresh, state = rigs.moved(rig, 1000, rng)
+    fresh, state = rigs.sample_motion(rig, 1000, rng)
     before, after, perfect = (
         rigs.rms(rigs.errors(sensor, fresh, state))
         for sensor in (NOMINAL, found.sensor, rig.sensor)
@@ -542,7 +542,7 @@ def test_a_covariance_that_was_changed_is_refused(run):
 def test_seatings_by_thirds_part_mirror_from_detectors():
     """Each facet before each detector: what all facets share with all detectors is told apart."""
     rng = np.random.default_rng(4)
-    rig = rigs.drawn(NOMINAL, rng)
+    rig = rigs.draw_rig(NOMINAL, rng)
     values = rig.values.copy()
     for seat in (2, 3):
         values[PLACE[f"seat_{seat}.apex.z"]] = 0.05 * seat

@@ -19,8 +19,8 @@ COUNT = 100
 
 def measured(seed=1, count=COUNT):
     rng = np.random.default_rng(seed)
-    rig = rigs.drawn(NOMINAL, rng)
-    return rig, rigs.moved(rig, count, rng)[0]
+    rig = rigs.draw_rig(NOMINAL, rng)
+    return rig, rigs.sample_motion(rig, count, rng)[0]
 
 
 @pytest.fixture(scope="module")
@@ -144,10 +144,10 @@ def test_spikes_are_excluded_and_told(samples):
 def slow(seed=2, late=0.0, count=150):
     """A motion in time, sampled at 1 kHz, the reference late by some seconds."""
     rng = np.random.default_rng(seed)
-    rig = rigs.drawn(NOMINAL, rng)
+    rig = rigs.draw_rig(NOMINAL, rng)
     time = np.arange(count) / 1000
     phase, cycles = rng.uniform(0, 6, 6), np.array([1.3, 2.1, 1.7, 2.9, 3.3, 2.3])
-    empty = rigs.moved(rig, count, rng)[0]
+    empty = rigs.sample_motion(rig, count, rng)[0]
 
     def pose(at):
         return 0.9 * rigs.BOX * np.sin(2 * np.pi * 4 * cycles * at[:, None] + phase)
@@ -198,7 +198,7 @@ def test_a_power_that_drifts_is_told(samples):
 @pytest.mark.slow
 def test_too_few_axes_are_named():
     rng = np.random.default_rng(3)
-    rig = rigs.drawn(NOMINAL, rng)
+    rig = rigs.draw_rig(NOMINAL, rng)
     pose = rng.uniform(-1, 1, (COUNT, 6)) * rigs.BOX
     pose[:, 3:] = 0
     empty = Data(np.zeros((COUNT, 9)), pose, rigs.REFERENCE, np.zeros((COUNT, 2)))

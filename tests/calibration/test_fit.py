@@ -27,7 +27,7 @@ BOX = np.array([0.25, 0.25, *rigs.BOX[2:]])
 def samples(count, light=NOMINAL.light, power=1.0, seed=5):
     """Readings of a rig with some light, of a laser whose power changes."""
     rng = np.random.default_rng(seed)
-    rig = rigs.drawn(NOMINAL, rng)
+    rig = rigs.draw_rig(NOMINAL, rng)
     pose = rng.uniform(-1, 1, (count, 6)) * BOX
     data = Data(np.empty((count, 9)), pose, rigs.REFERENCE, np.zeros((count, 2)))
     sensor = replace(rig.sensor, light=light)

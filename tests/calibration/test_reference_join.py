@@ -27,7 +27,7 @@ def folder(tmp_path_factory):
     """Readings at 500 Hz, a reference at 97 Hz whose clock is ahead by `LATE`."""
     folder = tmp_path_factory.mktemp("join")
     rng = np.random.default_rng(1)
-    rig = rigs.drawn(CONFIG.sensor, rng)
+    rig = rigs.draw_rig(CONFIG.sensor, rng)
     time = np.arange(600) / 500
     empty = rigs.Data(np.zeros((600, 9)), pose(time), rigs.REFERENCE, np.zeros((600, 2)))
     raw = rigs.read(rig, empty, rng).raw

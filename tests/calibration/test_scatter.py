@@ -33,7 +33,7 @@ def samples(mirror=0.0, beam=0.0, noise=1.0, profile=0.0, seed=3):
     """Of a rig with ideal light: a mirror that vibrates, a beam that trembles (mm), noise larger
     than stated, a power of A that follows the fourth power of x."""
     rng = np.random.default_rng(seed)
-    rig = rigs.drawn(NOMINAL, rng)
+    rig = rigs.draw_rig(NOMINAL, rng)
     pose = rng.uniform(-1, 1, (COUNT, 6)) * [0.25, 0.25, *rigs.BOX[2:]]
     there = pose.copy()
     there[:, :3] += mirror * rng.standard_normal((COUNT, 3))
@@ -180,7 +180,7 @@ def test_many_outliers_are_none():
 def test_backlash_is_found_and_told():
     rng = np.random.default_rng(4)
     data = samples(seed=4)
-    rig = rigs.drawn(NOMINAL, np.random.default_rng(4))
+    rig = rigs.draw_rig(NOMINAL, np.random.default_rng(4))
     play = np.array([1e-3, 0, 0, 0, 0, 0])
     there = disturbed_rigs.backlash(play)(data.pose, rng)
     data = rigs.read(rig, data._replace(pose=there), rng)._replace(pose=data.pose)

@@ -32,7 +32,7 @@ def pose(at):
 def read_in_turn(count=120, timed=True):
     """Detectors read in turn where the mirror really is then: no derivative, no model of skew."""
     rng = np.random.default_rng(3)
-    rig, time = rigs.drawn(NOMINAL, rng), np.arange(count) / 1000
+    rig, time = rigs.draw_rig(NOMINAL, rng), np.arange(count) / 1000
     empty = Data(np.zeros((count, 9)), pose(time), rigs.REFERENCE, np.zeros((count, 2)))
     exact = np.empty((count, 9))
     for k, delay in enumerate(DELAYS):

@@ -62,7 +62,7 @@ def measured(rig, count, box, rng):
 
 @pytest.fixture(scope="module")
 def rig():
-    return rigs.drawn(NOMINAL, np.random.default_rng(3))
+    return rigs.draw_rig(NOMINAL, np.random.default_rng(3))
 
 
 def error(sensor, rig):
@@ -92,8 +92,8 @@ def test_waves_beyond_third_order_are_found_and_written(rig, tmp_path):
 
 def test_straight_detectors_keep_straight():
     rng = np.random.default_rng(6)
-    rig = rigs.drawn(NOMINAL, rng)
-    data, _ = rigs.moved(rig, 120, rng)
+    rig = rigs.draw_rig(NOMINAL, rng)
+    data, _ = rigs.sample_motion(rig, 120, rng)
     asked = settings(bend="on", spline="auto")
     found = verdict(NOMINAL, data, choice(NOMINAL, asked), asked)
     assert {row.key: row.taken for row in found.search.rows} == {"bend": True, "spline": False}

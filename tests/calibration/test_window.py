@@ -24,7 +24,7 @@ WIDE = np.array([0.12, 0.12, 3.0, 8e-3, 8e-3, 1.5e-2])
 def over_the_edge(count=200):
     """Readings of a real detector, whose edge takes light; and which samples lost some."""
     rng = np.random.default_rng(2)
-    rig = rigs.drawn(NOMINAL, rng)
+    rig = rigs.draw_rig(NOMINAL, rng)
     pose = rng.uniform(-1, 1, (count, 6)) * WIDE
     data = Data(np.empty((count, 9)), pose, rigs.REFERENCE, np.zeros((count, 2)))
     state = states_of(data, np.zeros((count, 9)), rig.values)
@@ -37,7 +37,7 @@ def over_the_edge(count=200):
 
 def worst_ratio(sensor, rig):
     rng = np.random.default_rng(7)
-    fresh, state = rigs.moved(rig, 300, rng)
+    fresh, state = rigs.sample_motion(rig, 300, rng)
     found, best = (
         rigs.rms((facets.solve(one, correct(one, fresh.raw), beam="known").state - state)[:, :6])
         for one in (sensor, rig.sensor)

@@ -4,7 +4,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from facets.experiments.solver_stress import KNOWLEDGE, TROUBLES, every_sensor, judge, mask
+from facets.experiments.solver_stress import KNOWLEDGE, TROUBLES, count_outcomes, every_sensor, mask
 
 SOME = ("paper", "bench", "catalogue", "bench-light", "singular", "skewed5 of the studies")
 
@@ -16,7 +16,7 @@ def test_no_wrong_pose_is_believed(trouble):
     total: Counter[str] = Counter()
     for known in KNOWLEDGE:
         for name in SOME:
-            total.update(judge(trouble, sensors[name], known, 200, rng))
+            total.update(count_outcomes(trouble, sensors[name], known, 200, rng))
     # a tail of a cut spot, a ten-thousandth of the light, can look like a whole one
     assert total["nothing"] <= (0 if trouble.aware else 2)
     assert trouble.spoil is mask or total["poses"] > 10
