@@ -88,15 +88,33 @@ def tolerances(axes: Sequence[str]) -> Floats:
 def trace(
     sensor: Sensor, rules: Rules, axes: tuple[str, str], start: ArrayLike | None = None
 ) -> Boundary:
-    """The outline of the range over two axes of the pose, as in Figs. 6 and 10 of the paper.
+    """Trace the outline of the range over two axes of the pose, as in Figs. 6 and 10 of the paper.
 
-    axes: two names out of `facets.POSE`.  start: (6,) a pose inside, mm and rad; zero by default.
-    Every ray from `start` is followed to where it first leaves the range, to 0.1 um and 0.1 urad;
-    parts of the range that lie behind that are not found (`cause_grid` shows them).
+    Parameters
+    ----------
+    sensor
+        The sensor.
+    rules
+        What counts as inside the range; `Config.range` has a configuration's.
+    axes
+        Two names out of `facets.POSE`.
+    start
+        A pose inside, (6,), mm and rad; zero by default.
 
-    Returns a `Boundary`: points (n, 2) in mm or rad, and why the range ends at each. Raises
-    `InputError` where `start` is outside.
+    Returns
+    -------
+    Boundary
+        Points (n, 2) in mm or rad, and why the range ends at each. Every ray from `start` is
+        followed to where it first leaves the range, to 0.1 um and 0.1 urad; parts of the range
+        that lie behind that are not found (`cause_grid` shows them).
 
+    Raises
+    ------
+    InputError
+        If `start` is outside.
+
+    Examples
+    --------
     >>> import facets
     >>> config = facets.load("paper")
     >>> outline = facets.trace(config.sensor, config.range, ("tz", "yaw"))

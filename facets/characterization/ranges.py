@@ -276,15 +276,33 @@ def remedy(sensor: Sensor, rules: Rules, start: Floats, cause: int) -> str:
 def axis_ranges(
     sensor: Sensor, rules: Rules, start: ArrayLike, tolerance: float = 1e-9
 ) -> list[AxisRange]:
-    """How far each axis of the pose may go with the others where they are, and what ends it.
+    """Find how far each axis of the pose may go with the others where they are.
 
-    rules: what counts as inside the range (`facets.Rules`); `Config.range` has a configuration's.
-    start: (6,) the pose to go out from, mm and rad.  tolerance: in units of `FARTHEST_MM_RAD`.
+    Parameters
+    ----------
+    sensor
+        The sensor.
+    rules
+        What counts as inside the range; `Config.range` has a configuration's.
+    start
+        The pose to go out from, (6,); mm and rad, world frame.
+    tolerance
+        To what an end is followed, in units of `FARTHEST_MM_RAD`.
 
-    Returns six `AxisRange`, with ends relative to `start`. Its `total` is the whole range, from one
-    end to the other; its `symmetric` is twice the nearer end, which is what the paper's Table 2
-    calls range. Raises `InputError` where `start` is itself outside.
+    Returns
+    -------
+    list of AxisRange
+        Six ranges, their ends relative to `start`, and what ends them. `total` is the whole range,
+        from one end to the other; `symmetric` is twice the nearer end, the range of the paper's
+        Table 2.
 
+    Raises
+    ------
+    InputError
+        If `start` is itself outside; the message says by which limit, and what to change.
+
+    Examples
+    --------
     >>> import numpy as np, facets
     >>> config = facets.load("paper")
     >>> z = facets.axis_ranges(config.sensor, config.range, np.zeros(6))[2]

@@ -78,14 +78,26 @@ def sources(sensor: Sensor, how: Estimator | Knowledge | None = None) -> tuple[s
 
 @check_arguments
 def budgets(sensor: Sensor, states: ArrayLike, how: Estimator | Knowledge) -> Floats:
-    """What the variance of each axis of the pose is made of.
+    """Split the variance of each axis of the pose by its sources.
 
-    states: (..., 8), mm and rad.  how: what is known of the beam (`facets.Knowledge`), or also
-    which readings are used (`facets.Estimator`).
+    Parameters
+    ----------
+    sensor
+        The sensor.
+    states
+        States, (..., 8); mm and rad, world frame.
+    how
+        What is known of the beam (`facets.Knowledge`), or also which readings are used
+        (`facets.Estimator`).
 
-    Returns variances (..., 6, s) by source (`sources` names the s columns), mm^2 and rad^2; NaN
-    where a detector has no reading or the readings do not determine the pose.
+    Returns
+    -------
+    ndarray
+        Variances (..., 6, s); mm^2 and rad^2. `sources` names the s columns. NaN where a detector
+        has no reading or the readings do not determine the pose.
 
+    Examples
+    --------
     >>> import numpy as np, facets
     >>> known = facets.Knowledge(beam="known")
     >>> parts = facets.budgets(facets.Sensor(), np.zeros((1, 8)), known)[0]
@@ -167,13 +179,26 @@ def apply_priors(rows: Floats, sigmas: Sequence[float]) -> Floats:
 
 @check_arguments
 def uncertainties(sensor: Sensor, states: ArrayLike, how: Estimator | Knowledge) -> Floats:
-    """Standard uncertainties of the pose: what a solution can know at best.
+    """Compute the standard uncertainties that a pose can have at best.
 
-    states: (..., 8), mm and rad.  how: as for `facets.budgets`.
+    Parameters
+    ----------
+    sensor
+        The sensor.
+    states
+        States, (..., 8); mm and rad, world frame.
+    how
+        What is known of the beam (`facets.Knowledge`), or also which readings are used
+        (`facets.Estimator`).
 
-    Returns (..., 6), mm and rad: one standard deviation, by the Cramer-Rao bound; NaN where the
-    readings do not determine the pose.
+    Returns
+    -------
+    ndarray
+        (..., 6), mm and rad: one standard deviation, by the Cramer-Rao bound. NaN where the
+        readings do not determine the pose.
 
+    Examples
+    --------
     >>> import numpy as np, facets
     >>> free = facets.Knowledge(beam="free")
     >>> u = facets.uncertainties(facets.Sensor(), np.zeros((1, 8)), free)[0]

@@ -26,13 +26,26 @@ from .yaml_positions import Marked, dotted_path, path_text
 
 @check_arguments
 def load(name_or_path: str | Path) -> Config:
-    """A configuration, checked, with every default filled in.
+    """Load a configuration, checked, with every default filled in.
 
-    name_or_path: the bare name of a shipped configuration (`facets config list` names them), or the
-    path of a YAML file. Returns a `Config`: sensor, motions, and what each command is told; lengths
-    in mm, angles in rad. Raises `ConfigError` with one line for each problem: FILE:LINE: key.path:
-    reason.
+    Parameters
+    ----------
+    name_or_path
+        The bare name of a shipped configuration (`facets config list` names them), or the path of
+        a YAML file.
 
+    Returns
+    -------
+    Config
+        The sensor, the motions and the settings of each command; lengths in mm, angles in rad.
+
+    Raises
+    ------
+    ConfigError
+        If a key or a value is wrong: one line for each problem, FILE:LINE: key.path: reason.
+
+    Examples
+    --------
     >>> import facets
     >>> facets.load("paper").sensor.beam.power
     0.3

@@ -65,15 +65,32 @@ class Optimum:
 def optimize(
     sensor: Sensor, layout: Layout, tell: Callable[[int, int], None] = lambda done, whole: None
 ) -> Optimum:
-    """The best layout that several starts find.
+    """Search for the best layout from several starts.
 
-    sensor: as it is now.  layout: what may vary, the volume, the limits and the aim; a
-    configuration's block `optimize`, `Config.layout`.  tell: is called with how many searches have
-    ended, and of how many.  With a catalogue each choice of parts is
-    tried from the sensor as it is, and the best of them from all starts. Where no start keeps all
-    limits, `best.found` is false and `best.shortfalls` says which stand against each other.
-    Raises `InputError` where nothing may vary, or the sensor has what the problem can not hold.
+    Parameters
+    ----------
+    sensor
+        The sensor as it is now.
+    layout
+        What may vary, the volume, the limits and the aim: the block `optimize` of a configuration,
+        `Config.layout`.
+    tell
+        Called after each search with how many have ended, and of how many.
 
+    Returns
+    -------
+    Optimum
+        The results of all starts, the best first. With a catalogue each choice of parts is tried
+        from the sensor as it is, and the best of them from all starts. Where no start keeps all
+        limits, `best.found` is false and `best.shortfalls` says which stand against each other.
+
+    Raises
+    ------
+    InputError
+        If nothing may vary, or the sensor has what the search cannot hold.
+
+    Examples
+    --------
     >>> from dataclasses import replace
     >>> import facets
     >>> config = facets.load("layout")

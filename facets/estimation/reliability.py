@@ -32,16 +32,27 @@ def unseen_errors(
     beam: BeamKnowledge = "free",
     power: PowerKnowledge = "known",
 ) -> Floats:
-    """By how much one spoilt number can put a pose off before the residual shows it.
+    """Bound how far one spoilt number can put a pose off before the residual shows it.
 
-    state: (..., 8) as for `facets.readings`.  beam, power: as for `facets.solve`; of a `Prior` its
-    sigma alone counts.
+    Parameters
+    ----------
+    sensor
+        The sensor.
+    state
+        States tx, ty, tz, roll, pitch, yaw, bx, by, (..., 8); mm and rad, world frame.
+    beam, power
+        What is known of them, as for `facets.solve`; of a `Prior` its sigma alone counts.
 
-    Returns (..., 9): for each number of the reading, in standard uncertainties of the pose. Where
-    only that number is wrong, and the solution is `ok` all the same, no component of the pose is
-    off by more, to first order and but for the noise of the others. Infinite where nothing checks
-    the number; NaN where a detector has no light.
+    Returns
+    -------
+    ndarray
+        (..., 9): for each number of the reading, in standard uncertainties of the pose. Where only
+        that number is wrong and the solution is `ok` all the same, no component of the pose is off
+        by more, to first order and but for the noise of the others. Infinite where nothing checks
+        the number; NaN where a detector has no light.
 
+    Examples
+    --------
     >>> import numpy as np, facets
     >>> facets.unseen_errors(facets.Sensor(), np.zeros(8), beam="known").round()[:3].tolist()
     [4.0, 12.0, 6.0]

@@ -36,29 +36,60 @@ def solve(
     accept_unchecked: bool = False,
     threads: int = 1,
 ) -> Solution:
-    """The mirror's pose and the beam's place from the detectors' readings.
+    """Estimate the mirror's pose and the beam's place from the detectors' readings.
 
-    Weighted least squares on all nine readings, weights from the sensor's noise, by Gauss-Newton
-    steps that are damped where they do not help.
+    Parameters
+    ----------
+    sensor
+        The sensor.
+    readings
+        (..., 9), mm and mW, as `facets.readings` gives them. A detector with a NaN, without light
+        or with a spot past its edge is left out.
+    beam
+        What is known of the beam's place: "free", "known" to be (0, 0), or a `Prior` in mm.
+    power
+        What is known of the laser's power: "known" as the sensor's, "unknown", or a `Prior` in mW.
+    start
+        Where the search begins: "zero" (with the apex where the beam is thought to be), "previous"
+        (the last converged sample before), or states (..., 8).
+    method
+        "paper" is Newton's method on eight readings, without the power of C (section 2.3 of the
+        paper): no weights, no damping, the beam free and its power known. Nothing checks its
+        poses.
+    max_steps
+        Largest number of steps; a reading that takes more has a status and no pose.
+    covariance
+        Whether covariances are computed.
+    accept_unchecked
+        Whether poses that nothing checks are given, too; see the notes.
+    threads
+        Number of threads that share the readings; 0 for all cores. With start="previous" each
+        begins at zero.
 
-    readings: (..., 9) as `facets.readings` gives them. A detector with a NaN, without light or with
-    a spot past its edge is left out; what two detectors give is a pose only on request, see below.
-    beam: its place is "free", "known" to be (0, 0), or has a `Prior` in mm.
-    power: "known" as the sensor's, "unknown", or a `Prior` in mW.
-    start: "zero" (with the apex where the beam is thought to be), "previous" (the last converged
-    sample before), or states (..., 8).
-    method: "paper" is Newton's method on eight readings, without the power of C (section 2.3 of the
-    paper): no weights, no damping, the beam free and its power known. Nothing checks its poses.
-    accept_unchecked: also give poses that nothing checks. Two detectors with the beam and the power
-    known, or with priors, have as many numbers as there are unknowns, and so have three detectors
-    with the beam free and the power unknown. Six numbers give some pose for six unknowns also where
-    one of them is spoilt, with no residual to tell, and a second pose, far away, may give the same
-    six. Without this, such a reading has the status UNCHECKED and no pose.
-    threads: that share the readings; 0 for all cores. With start="previous" each begins at zero.
+    Returns
+    -------
+    Solution
+        States, statuses and covariances. A reading that cannot be solved has a status and NaN. A
+        pose whose residual noise would hardly leave is given, and is not `ok`.
 
-    Bad arguments raise `InputError`; a reading that cannot be solved gets a status and NaN. A pose
-    whose residual noise would hardly leave is there, and not `ok`; see `Solution`.
+    Raises
+    ------
+    InputError
+        If an argument has a wrong shape or value.
 
+    Notes
+    -----
+    Weighted least squares on all nine readings, with weights from the sensor's noise, by
+    Gauss-Newton steps that are damped where they do not help.
+
+    Two detectors with the beam and the power known, or with priors, have as many numbers as there
+    are unknowns, and so have three detectors with the beam free and the power unknown. Six numbers
+    give some pose for six unknowns also where one of them is spoilt, with no residual to show it,
+    and a second pose, far away, may give the same six. Unless `accept_unchecked` is true, such a
+    reading has the status UNCHECKED and no pose.
+
+    Examples
+    --------
     >>> import numpy as np, facets
     >>> sensor = facets.Sensor()
     >>> reading = facets.readings(sensor, [0.01, 0, 0.5, 0, 0, 0.001, 0, 0])

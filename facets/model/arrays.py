@@ -226,19 +226,34 @@ def readings(
     irradiance: Literal["exact", "paper"] = "exact",
     threads: int = 1,
 ) -> Floats:
-    """What the detectors read: Eq. (1) of the paper, exact for collimated light and flat facets.
+    """Compute what the detectors read, exact for collimated light and flat facets.
 
-    state: (..., 8) tx, ty, tz, roll, pitch, yaw, bx, by; mm and rad, world frame.
-    Returns (..., 9): psi, zeta (mm, detector frame) and power (mW) of A, B and C. The place is
-    where the spot's centroid lies on the detector's plane, also past its edge: see `reaches`.
-    NaN for a detector whose facet is turned past the beam or whose plane its sub-beam never meets,
-    and where the state is not finite.
+    Parameters
+    ----------
+    sensor
+        The sensor.
+    state
+        States tx, ty, tz, roll, pitch, yaw, bx, by, (..., 8); mm and rad, world frame.
+    irradiance
+        "paper" evaluates Eqs. (7) to (9) as printed, by quadrature, for comparison: Eq. (8) leaves
+        out a cross term and is exact only for a level sub-beam. Slow.
+    threads
+        Number of threads that share the states; 0 for all cores.
 
-    irradiance="paper" evaluates Eq. (7) to (9) as printed, by quadrature, for comparison: Eq. (8)
-    leaves out a cross term, and is exact only for a level sub-beam. Slow.
+    Returns
+    -------
+    ndarray
+        (..., 9): psi, zeta (mm, detector frame) and power (mW) of A, B and C. The place is where
+        the spot's centroid lies on the detector's plane, also past its edge (see `reaches`). NaN
+        for a detector whose facet is turned past the beam or whose plane its sub-beam never meets,
+        and where the state is not finite.
 
-    threads: that share the states; 0 for all cores.
+    Notes
+    -----
+    The function of Eq. (1) of the paper.
 
+    Examples
+    --------
     >>> import facets
     >>> psi, zeta, power = facets.readings(facets.Sensor(), [0, 0, 0.5, 0, 0, 0.002, 0, 0])[:3]
     >>> f"psi {psi:.3f} mm, zeta {zeta:.3f} mm, {power:.3f} mW"
@@ -322,11 +337,29 @@ def block_evaluator(
 
 @check_arguments
 def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
-    """The derivatives of the readings with respect to the state, closed.
+    """Compute the derivatives of the readings by the state, in closed form.
 
-    state: (..., 8) as for `readings`. Returns (..., 9, 8): mm and mW per mm and rad; NaN in the
-    rows of a detector that `readings` gives NaN for. threads: as for `readings`.
+    Parameters
+    ----------
+    sensor
+        The sensor.
+    state
+        States tx, ty, tz, roll, pitch, yaw, bx, by, (..., 8); mm and rad, world frame.
+    threads
+        Number of threads that share the states; 0 for all cores.
 
+    Returns
+    -------
+    ndarray
+        (..., 9, 8): mm and mW per mm and rad. NaN in the rows of a detector for which `readings`
+        gives NaN.
+
+    Notes
+    -----
+    The derivative of Eq. (2); its determinant without one row is that of Eq. (11).
+
+    Examples
+    --------
     >>> import numpy as np, facets
     >>> slopes = facets.jacobian(facets.Sensor(), np.zeros(8))
     >>> f"psi_a moves {slopes[0, 5]:.0f} mm per rad of yaw"
@@ -364,11 +397,23 @@ def fill_derivatives(model: str, vectors: Floats, states: Floats, found: Floats)
 
 @check_arguments
 def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
-    """The derivatives of the readings with respect to the sensor's parameters, closed.
+    """Compute the derivatives of the readings by the sensor's parameters, in closed form.
 
-    state: (..., 8). Returns (..., 9, 30), columns in the order of `facets.PARAMETERS`; mm and mW
-    per mm, rad and mW. NaN as in `jacobian`.
+    Parameters
+    ----------
+    sensor
+        The sensor.
+    state
+        States tx, ty, tz, roll, pitch, yaw, bx, by, (..., 8); mm and rad, world frame.
 
+    Returns
+    -------
+    ndarray
+        (..., 9, 30), columns in the order of `facets.PARAMETERS`; mm and mW per mm, rad and mW.
+        NaN as from `jacobian`.
+
+    Examples
+    --------
     >>> import numpy as np, facets
     >>> slopes = facets.parameter_jacobian(facets.Sensor(), np.zeros(8))
     >>> f"{slopes[2, facets.PARAMETERS.index('beam.power')]:.3f}"  # of the power on A
@@ -438,10 +483,23 @@ def mask_missed(sensor: Sensor, place: ArrayLike, reading: ArrayLike) -> Floats:
 
 @check_arguments
 def reaches(sensor: Sensor, state: ArrayLike) -> NDArray[np.bool_]:
-    """Which spots' centroids lie on their detector's sensitive area: (..., 8) -> (..., 3).
+    """Tell which spots' centroids lie on their detector's sensitive area.
 
-    False also where the sub-beam never meets its detector's plane.
+    Parameters
+    ----------
+    sensor
+        The sensor.
+    state
+        States tx, ty, tz, roll, pitch, yaw, bx, by, (..., 8); mm and rad, world frame.
 
+    Returns
+    -------
+    ndarray of bool
+        (..., 3), of detectors A, B, C; False also where the sub-beam never meets the detector's
+        plane.
+
+    Examples
+    --------
     >>> import facets
     >>> facets.reaches(facets.Sensor(), [0, 0, 8, 0, 0, 0, 0, 0]).tolist()  # 8 mm up: past the edge
     [False, False, False]
@@ -451,13 +509,27 @@ def reaches(sensor: Sensor, state: ArrayLike) -> NDArray[np.bool_]:
 
 @check_arguments
 def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
-    """How far the spots reach, of the light inside the beam's 1/e^2 circle or smaller aperture.
+    """Find how far the spots reach, of the light inside the 1/e^2 circle or a smaller aperture.
 
-    state: (..., 8) as for `readings`. Returns (..., 3, 5): least and largest psi, least and largest
-    zeta on the detectors' planes (mm, detector frame), and how far from the mirror's axis the light
-    meets the facet at most (mm). NaN where a facet meets no light inside the circle, where it is
-    turned past the beam, and where its sub-beam never meets the detector's plane.
+    Parameters
+    ----------
+    sensor
+        The sensor.
+    state
+        States tx, ty, tz, roll, pitch, yaw, bx, by, (..., 8); mm and rad, world frame.
+    threads
+        Number of threads that share the states; 0 for all cores.
 
+    Returns
+    -------
+    ndarray
+        (..., 3, 5), mm: least and largest psi, least and largest zeta on each detector's plane
+        (detector frame), and how far from the mirror's axis the light meets the facet at most. NaN
+        where a facet meets no light inside the circle, where it is turned past the beam, and where
+        its sub-beam never meets the detector's plane.
+
+    Examples
+    --------
     >>> import numpy as np, facets
     >>> least, largest = facets.footprints(facets.Sensor(), np.zeros(8))[0, :2]
     >>> f"spot A spans {largest - least:.2f} mm along y"
@@ -474,13 +546,29 @@ def footprints(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
 
 @check_arguments
 def margins(sensor: Sensor, state: ArrayLike, whole: bool = True, threads: int = 1) -> Floats:
-    """How far each spot is from each of its limits, positive inside; mm.
+    """Measure how far each spot is from each of its limits.
 
-    whole: of the whole footprint inside the 1/e^2 circle, else of the centroid.
-    Returns (..., 3, 5): from the edges at -y, +y, -z and +z of detectors A, B, C, and from the
-    mirror's rim, counted square to its axis; infinite where `sensor.apertures` gives no rim. NaN as
-    `footprints` and `readings`; for a centroid, the rim is that of the whole footprint.
+    Parameters
+    ----------
+    sensor
+        The sensor.
+    state
+        States tx, ty, tz, roll, pitch, yaw, bx, by, (..., 8); mm and rad, world frame.
+    whole
+        True for the whole footprint inside the 1/e^2 circle, False for the centroid.
+    threads
+        Number of threads that share the states; 0 for all cores.
 
+    Returns
+    -------
+    ndarray
+        (..., 3, 5), mm, positive inside: from the edges at -y, +y, -z and +z of detectors A, B, C,
+        and from the mirror's rim, counted square to its axis; infinite where `sensor.apertures`
+        gives no rim. NaN as from `footprints` and `readings`. For a centroid, the rim is that of
+        the whole footprint.
+
+    Examples
+    --------
     >>> import numpy as np, facets
     >>> edges = facets.margins(facets.Sensor(), np.zeros(8))[0, :4]
     >>> f"spot A is {edges.min():.2f} mm from an edge"

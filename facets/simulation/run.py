@@ -124,17 +124,35 @@ def simulate(
     seed: int | None = None,
     track: bool = False,
 ) -> list[Segment]:
-    """Moves the mirror as a configuration says, reads it, and solves the readings.
+    """Move the mirror as a configuration says, read it, and solve the readings.
 
-    config: from `facets.load`.  motions: names of its motions, one after the other; all by default.
-    noise: whether readings are noisy, and seed: of their noise; the configuration's by default.
-    Each motion draws from a stream of its own, so that leaving one out changes no other.
-    track: whether the beam follows the mirror, carried by the configuration's stage.
+    Parameters
+    ----------
+    config
+        A configuration, from `facets.load`.
+    motions
+        Names of its motions, which follow each other; all by default.
+    noise
+        Whether the readings are noisy; as the configuration says by default.
+    seed
+        Seed of the noise; the configuration's by default. Each motion draws from a stream of its
+        own, so that leaving one out changes no other.
+    track
+        Whether the beam follows the mirror, carried by the configuration's stage.
 
-    Returns a `Segment` a motion: times, true states, readings, and the solution. A sample that
-    can not be solved has a status and NaN in it. Raises `InputError` for a motion that the
-    configuration does not have.
+    Returns
+    -------
+    list of Segment
+        One for each motion: times, true states, readings and the solution. A sample that cannot be
+        solved has a status, and NaN in its pose.
 
+    Raises
+    ------
+    InputError
+        If the configuration does not have a motion of that name.
+
+    Examples
+    --------
     >>> import facets
     >>> (segment,) = facets.simulate(facets.load("paper"), ["yaw-sweep"], seed=1)
     >>> segment.truth.shape, bool(segment.solution.ok.all())
