@@ -13,7 +13,6 @@ from facets.core.errors import InputError
 
 from .console import FINDING, show_progress
 from .options import ConfigOption, Force, Look, RecordingName, Style, folder_option, write_option
-from .replay import tell as tell_replay
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -47,7 +46,7 @@ def noise(
     settings = facets.load(config) if config else live.recording.replay.recorded_config(recording)
     paths = [folder / "noise.html", folder / "noise.csv"] if folder else []
     files.tables.refuse_to_overwrite([*paths, *([write] if write else [])], force)
-    columns = solve_recording(recording, settings, tell_replay)
+    columns = solve_recording(recording, settings)
     faults = characterization.rest.reading_faults(columns, settings) if columns else []
     if faults:
         refuse(recording, faults, paths, write)
@@ -92,21 +91,19 @@ def write_results(
                 )
 
 
-def solve_recording(recording: Path, settings: Config, tell_replay: Callable[..., None]) -> Columns:
+def solve_recording(recording: Path, settings: Config) -> Columns:
     """The poses of a recording as columns, with a bar; says what of it is damaged."""
-    pipeline, damage, parts = (
-        live.run.pipeline.Pipeline(settings),
-        live.recording.index.Damage(),
-        [],
-    )
+    playback = live.Playback(recording, settings)
+    parts: list[Columns] = []
 
     def run(done: Callable[[int, int], None]) -> None:
-        for poses in live.recording.replay.replay(recording, pipeline, damage=damage, tell=done):
+        for poses in playback.poses(tell=done):
             parts.append(live.recording.pose_table.pose_columns(poses))
 
     show_progress(run, "solving the recording")
-    if damage.words or pipeline.parser.corrupt or pipeline.sequence.lost:
-        tell_replay(pipeline, recording, damage)
+    pipeline = playback.pipeline
+    if playback.damage.words or pipeline.parser.corrupt or pipeline.sequence.lost:
+        typer.echo("\n".join(playback.sentences()))
     return live.recording.pose_table.join_columns(parts) if parts else {}
 
 

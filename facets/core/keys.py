@@ -175,9 +175,11 @@ class KeyBlock:
                 items = [*new[first.name]]
                 items[source.index] = first.write(value)
                 new[first.name] = items
-            else:
-                written = source.write(value) if source.write else [first.write(value)]
-                new |= {key.name: item for key, item in zip(source.keys, written, strict=True)}
+            elif source.write is not None:
+                items = source.write(value)
+                new |= {key.name: item for key, item in zip(source.keys, items, strict=True)}
+            elif len(source.keys) == 1:  # else a file gives it, which another command writes
+                new[first.name] = first.write(value)
         return new
 
 

@@ -59,13 +59,19 @@ class Playback:
         self.config = config or recorded_config(folder)
         self.pipeline, self.damage = Pipeline(self.config), Damage()
 
-    def poses(self, real_time: bool = False, recover: bool = False) -> Iterator[Poses]:
+    def poses(
+        self,
+        real_time: bool = False,
+        recover: bool = False,
+        tell: Callable[[int, int], None] = lambda done, of: None,
+    ) -> Iterator[Poses]:
         """Yield the poses, block by block as the bytes came.
 
         real_time: as slowly as they came.  recover: also read bytes without an index, or with one
-        that is not theirs, for which `InputError` is raised otherwise.
+        that is not theirs, for which `InputError` is raised otherwise.  tell: called with the bytes
+        that are read, and of how many.
         """
-        return replay(self.folder, self.pipeline, real_time, self.damage, salvage=recover)
+        return replay(self.folder, self.pipeline, real_time, self.damage, tell, recover)
 
     def publish_poses(
         self,

@@ -13,7 +13,7 @@ from facets.characterization.resolution import uncertainties
 from facets.core.errors import InputError
 from facets.core.knowledge import Knowledge
 from facets.design.exploration import MEASURES, NO_RIVALS, Space, part_of
-from facets.design.front import against, columns, is_objective, pareto_front
+from facets.design.front import columns, compare_with_designs, is_objective, pareto_front
 from facets.design.trade import trade_of
 from facets.design.variables import sensor_of
 
@@ -61,7 +61,7 @@ def test_no_design_of_a_cloud_beats_the_front():
     found = pareto_front(space, 12, 1)
     assert len(found.designs) >= 10
     cloud = part_of(replace(space, every=True), 0, NO_RIVALS)
-    beside = against(found, cloud)
+    beside = compare_with_designs(found, cloud)
     assert beside.beaten == 0
     assert (beside.gains > -0.1).all()
     assert np.median(beside.gains) > 0.5
@@ -104,7 +104,7 @@ def test_three_objectives_have_a_front():
     found = pareto_front(space, 9, 1)
     assert len(found.designs) >= 3
     cloud = part_of(replace(space, every=True, part=60), 0, NO_RIVALS)
-    assert against(found, cloud).beaten == 0
+    assert compare_with_designs(found, cloud).beaten == 0
 
 
 @pytest.mark.slow
@@ -118,7 +118,7 @@ def test_what_is_required_holds_on_the_front():
     place = MEASURES.index("head_mm")
     assert free.measures[:, place].min() < found.measures[:, place].min() - 1
     cloud = part_of(replace(space, every=True, part=60), 0, NO_RIVALS)
-    assert against(found, cloud).beaten == 0
+    assert compare_with_designs(found, cloud).beaten == 0
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from facets.design.problem import problem_of
 from facets.design.production import count_passes, interval, simulate_heads
 from facets.design.robust import robust_layout
 from facets.design.search import optimize
-from facets.design.tolerancing import drawn, expand_margins, key_of, sensitivities, shares
+from facets.design.tolerancing import draw_heads, expand_margins, key_of, sensitivities, shares
 from facets.design.variables import sensor_of
 from facets.design.volume import states_of
 
@@ -116,7 +116,7 @@ def counted_by_hand(config, sensor, count):
 @pytest.mark.slow
 def test_the_predicted_yield_is_that_of_heads_drawn_by_hand(plain):
     built = assembly(plain)
-    predicted = shares(expand_margins(built), drawn(built)).kept
+    predicted = shares(expand_margins(built), draw_heads(built)).kept
     assert 0.2 < predicted < 0.9, "else the test says nothing"
     assert within(predicted, counted_by_hand(plain, plain.sensor, 400), 400)
 
@@ -132,7 +132,7 @@ def test_the_predicted_accuracy_is_that_of_heads_calibrated_from_readings(
     # spots that leave their detectors are another test's
     small = replace(built.asked, states=built.asked.states * 0.8)
     built = replace(built, asked=small)
-    predicted = getattr(shares(expand_margins(built), drawn(built)), which)
+    predicted = getattr(shares(expand_margins(built), draw_heads(built)), which)
     count = 200 if which == "built" else 80
     heads = simulate_heads(built, count, 3)
     assert heads.unsettled == 0
@@ -173,7 +173,7 @@ def test_of_one_tolerance_alone_the_sensitivity_is_the_yield(tmp_path):
         tmp_path, f"extends: layout\ncalibrate: {{before: {{facet_mrad: 0.7, {rest}}}}}\n"
     )
     built = assembly(config)
-    expansion, draws = expand_margins(built), drawn(built)
+    expansion, draws = expand_margins(built), draw_heads(built)
     (only,) = sensitivities(expansion, draws)
     assert only.key == "facet_mrad"
     assert only.alone.kept == shares(expansion, draws).kept
@@ -183,7 +183,7 @@ def test_of_one_tolerance_alone_the_sensitivity_is_the_yield(tmp_path):
 @pytest.mark.slow
 def test_the_tolerance_that_costs_most_comes_first(plain):
     built = assembly(plain)
-    found = sensitivities(expand_margins(built), drawn(built))
+    found = sensitivities(expand_margins(built), draw_heads(built))
     assert [row.key for row in found[:2]] == ["facet_mrad", "beam_tilt_mrad"]
     assert {row.key for row in found} == set(plain.calibrate.before) - OF_THE_RIG
 
