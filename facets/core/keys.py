@@ -176,8 +176,8 @@ class KeyBlock:
                 items[source.index] = first.write(value)
                 new[first.name] = items
             elif source.write is not None:
-                items = source.write(value)
-                new |= {key.name: item for key, item in zip(source.keys, items, strict=True)}
+                own = zip(source.keys, source.write(value), strict=True)
+                new |= {key.name: item for key, item in own}
             elif len(source.keys) == 1:  # else a file gives it, which another command writes
                 new[first.name] = first.write(value)
         return new
