@@ -7,7 +7,7 @@ near and far starts, of the paper's sensor and of ten without symmetry. A pose i
 is `ok` and lies further from the truth than its reading's own information allows: a thousandth of
 its standard uncertainty (or 1e-9 mm, 1e-9 rad) for exact readings, a hundredth in the tail, where
 condition numbers pass 1e12 and rounding shows, 7 standard uncertainties for noisy readings. Those
-at which a spot is near an edge, as `near_edges` has it, are counted by themselves.
+at which a spot is near an edge, as `is_near_edge` has it, are counted by themselves.
 
 The second asks whether a reading that is not what it should be gives a pose that is believed: noise
 by `add_noise`, spots past edges, a masked number, a number spoilt, spots cut by their detectors'
@@ -41,7 +41,7 @@ from facets.config.files import shipped
 from facets.core.units import Floats
 from facets.detectors.noise import add_noise
 from facets.files.tables import write_table
-from facets.model.arrays import near_edges
+from facets.model.arrays import is_near_edge
 
 from .sensors import SENSORS
 
@@ -128,7 +128,7 @@ def stress(
     room = np.maximum(case.allowed * solution.uncertainty[ok], FLOOR)
     away = np.abs(solution.state[ok] - truth[ok])
     wrong = (away > room).any(axis=1)
-    edge = near_edges(sensor, readings[ok]).any(axis=1)
+    edge = is_near_edge(sensor, readings[ok]).any(axis=1)
     worst = condition(sensor, truth[:: max(1, count // 2000)])
     return {
         "draws": count,
@@ -294,7 +294,7 @@ def count_outcomes(
         reach = np.maximum(reach, facets.unseen_errors(solver, truth[left], **knowledge))
         bound = reach[np.arange(len(reach)), spoilt[left]]
         unseen[left] = off[left].max(axis=1) <= SECOND_ORDER * (bound + WRONG)
-    edges = left & near_edges(solver, np.ma.filled(readings, np.nan)).any(axis=1)
+    edges = left & is_near_edge(solver, np.ma.filled(readings, np.nan)).any(axis=1)
     return Counter(
         draws=len(truth), poses=int(pose.sum()), wrong=int(wrong.sum()), misfit=int(seen.sum()),
         unseen=int(unseen.sum()), edge=int((edges & ~unseen).sum()),

@@ -24,7 +24,7 @@ import numpy as np
 from ..core.units import Floats
 from ..estimation.prepared import Solver
 from ..estimation.solver import solve
-from ..model.arrays import jacobian, packed, readings
+from ..model.arrays import jacobian, packed_vectors, readings
 from . import rivals
 from .clock import Contender
 
@@ -80,7 +80,7 @@ def contenders(poses: int, few: int) -> list[Contender]:
     from . import stages
 
     zero, near = Solver(SENSOR), Solver(SENSOR, start="previous")
-    alone, vectors, out = stages.stage(stages.FLOOR), packed(SENSOR), np.empty(poses)
+    alone, vectors, out = stages.stage(stages.FLOOR), packed_vectors(SENSOR), np.empty(poses)
 
     steps = np.arange(few)[:, None] * [1e-4, 0, 2e-4, 0, 0, 2e-6, 0, 0]
     motion = readings(SENSOR, steps - steps.mean(axis=0))

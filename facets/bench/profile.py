@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.units import Floats
 from ..estimation.solver import solve
-from ..model.arrays import packed, readings
+from ..model.arrays import packed_vectors, readings
 from . import rivals, stages
 from .clock import Contender, alternate
 
@@ -21,7 +21,7 @@ def profile(quick: bool, seed: int) -> list[Row]:
     the special functions alone take, which none of them can do without."""
     poses = 5_000 if quick else 50_000
     states = rivals.states_in_range(poses, seed)
-    vectors, out = packed(rivals.SENSOR), np.empty(poses)
+    vectors, out = packed_vectors(rivals.SENSOR), np.empty(poses)
     contenders = [
         Contender(name, partial(run, stages.stage(name), vectors, out), poses)
         for name in stages.CHAIN

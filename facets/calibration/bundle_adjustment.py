@@ -21,7 +21,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.correction import NAMES, correct, correction_slopes
 from ..detectors.noise import standard_deviations
-from ..model.arrays import EFFECTS, effect_jacobian, effects, jacobian, readings, with_effects
+from ..model.arrays import EFFECTS, effect_jacobian, effects, jacobian, readings, replace_effects
 from ..model.beam_shape import SHAPE
 from .spline import SPLINE, spline_slopes
 from .unknowns import (
@@ -273,7 +273,7 @@ def turn_mirror(sensor: Sensor, thirds: int) -> Sensor:
     ]  # fmt: skip
     turned_on = replace(sensor, facets=(facets[0], facets[1], facets[2]))
     order = [EFFECTS.index(mirror_name(name, thirds)) for name in EFFECTS]
-    return with_effects(turned_on, effects(sensor)[order])
+    return replace_effects(turned_on, effects(sensor)[order])
 
 
 def mirror_name(name: str, thirds: int) -> str:

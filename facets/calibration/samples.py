@@ -11,7 +11,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.correction import correct
 from ..detectors.noise import standard_deviations, step_variances
-from ..model.arrays import near_edges, readings, spot_size
+from ..model.arrays import is_near_edge, readings, spot_size
 from .bundle_adjustment import OWN, Data, deviations, states_of
 from .dwells import mean
 from .misfit import KINDS, Finding
@@ -144,7 +144,7 @@ def inside(sensor: Sensor, data: Data) -> tuple[Data, list[Finding]]:
         return data, []
     spot = spot_size(sensor)
     raw, found = data.raw.copy(), list[Finding]()
-    for k, near in enumerate(near_edges(sensor, raw).T):
+    for k, near in enumerate(is_near_edge(sensor, raw).T):
         if near.mean() > MOST:  # then these are no places in mm, which is told elsewhere
             return data, []
         if not near.any():

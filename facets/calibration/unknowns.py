@@ -17,7 +17,7 @@ from ..core.sensor import MONOMIALS, Sensor
 from ..core.units import Floats
 from ..detectors.correction import NAMES, NAMES_OF_ONE, coefficients
 from ..model import arrays
-from ..model.arrays import EFFECTS, effects, parameters, sensor_with, with_effects
+from ..model.arrays import EFFECTS, effects, parameters, replace_effects, sensor_with
 from ..model.beam_shape import (
     OF_SHAPE,
     SHAPE,
@@ -110,7 +110,7 @@ def assigned(sensor: Sensor, values: Floats) -> Sensor:
     geometry |= dict(zip(OF_SHAPE, axes, strict=True))
     made = sensor_with(sensor, [geometry[name] for name in PARAMETERS])
     made = with_corrections(made, values[block(NAMES)])
-    made = with_effects(made, values[block(EFFECTS)])
+    made = replace_effects(made, values[block(EFFECTS)])
     made = with_spline(made, values[block(SPLINE)])
     a, b, c = values[block(SKEW)].tolist()
     return replace(made, light=replace(made.light, delays=(a, b, c)), calibration=None)

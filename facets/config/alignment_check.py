@@ -16,7 +16,7 @@ import numpy as np
 
 from ..core.names import DETECTORS
 from ..core.sensor import Apertures, BenchLight, Sensor
-from ..model.arrays import geometry_of, on_detectors
+from ..model.arrays import geometry_of, is_on_detector
 from ..model.arrays import readings as model_readings
 from ..optics.forward import path, readings, scene
 from . import build
@@ -104,7 +104,7 @@ def landings(sensor: Sensor) -> list[Landing]:
         spots = readings(geometry_of(sensor), ZERO)
     except ZeroDivisionError:  # a ray exactly along a plane
         return [Landing(math.nan, math.nan, False)] * 3
-    on = on_detectors(sensor, [number for spot in spots for number in spot])
+    on = is_on_detector(sensor, [number for spot in spots for number in spot])
     return [Landing(spots[k][0], spots[k][1], bool(on[k])) for k in range(3)]
 
 

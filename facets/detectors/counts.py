@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.sensor import Electronics, Sensor
 from ..core.units import Floats
-from ..model.arrays import half_sizes, mask_missed
+from ..model.arrays import half_sizes, mask_missed_spots
 from . import electrodes
 from .noise import current_variances, electrode_currents, has_two_layers
 
@@ -34,7 +34,7 @@ def readings_to_counts(
 
     A spot past its detector's edge makes no current, nor does what is NaN.
     """
-    light = mask_missed(sensor, exact, exact).reshape(-1, 3, 3)
+    light = mask_missed_spots(sensor, exact, exact).reshape(-1, 3, 3)
     currents = np.nan_to_num(electrode_currents(sensor, electronics, light))
     if rng is not None:
         var = current_variances(electronics, currents)[..., :-1].sum(axis=-1)

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from ..core.arguments import check_arguments
 from ..core.sensor import Electronics, Sensor
 from ..core.units import Floats
-from ..model.arrays import as_vectors, half_sizes, mask_missed
+from ..model.arrays import as_vectors, half_sizes, mask_missed_spots
 from . import electrodes
 
 #: Elementary charge, C, and Boltzmann's constant, J/K: exact in the SI.
@@ -160,7 +160,7 @@ def electrode_currents(sensor: Sensor, electronics: Electronics, exact: Floats) 
     """The electrodes' currents (..., 3, 4), A, of the detectors' light (..., 3, 3) alone.
 
     A place past a detector's edge counts as on the edge, where noise is asked for the size it has;
-    who makes readings of currents leaves such spots out by `mask_missed`.
+    who makes readings of currents leaves such spots out by `mask_missed_spots`.
     """
     half = half_sizes(sensor)
     place = np.clip(exact[..., :2] / half, -1, 1)
@@ -310,7 +310,7 @@ def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> F
     exact = as_vectors(reading, 9, "reading")
     if sensor.electronics is None:
         sigma = standard_deviations(sensor, exact)
-        return mask_missed(sensor, exact, exact + sigma * rng.standard_normal(sigma.shape))
+        return mask_missed_spots(sensor, exact, exact + sigma * rng.standard_normal(sigma.shape))
     currents = electrode_currents(
         sensor, sensor.electronics, exact.reshape(*exact.shape[:-1], 3, 3)
     )
@@ -318,7 +318,7 @@ def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> F
         sample_detector(sensor.electronics, half, currents[..., k, :], rng)
         for k, half in enumerate(half_sizes(sensor))
     ]
-    return mask_missed(sensor, exact, np.concatenate(parts, axis=-1))
+    return mask_missed_spots(sensor, exact, np.concatenate(parts, axis=-1))
 
 
 def sample_detector(

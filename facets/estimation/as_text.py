@@ -14,7 +14,7 @@ import numpy as np
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model import as_text
-from ..model.arrays import geometry_of, packed
+from ..model.arrays import geometry_of, packed_vectors
 from . import gauss_newton, problem
 
 #: For so many readings at a time.
@@ -44,10 +44,10 @@ def estimate(
     count = len(readings.values)
     if not is_text_faster(sensor, request, count):
         return np.arange(count)
-    geometry, exact = geometry_of(sensor), not model.startswith("near_")
+    geometry, exact = geometry_of(sensor), not model.startswith("approximate_")
 
     def evaluate(x: Floats, out: Floats) -> None:
-        as_text.linearised_at(geometry, exact, x, out)
+        as_text.fill_linearisation(geometry, exact, x, out)
 
     left = []
     for n in range(count):
@@ -56,8 +56,8 @@ def estimate(
         try:
             with as_text.count_text_time():
                 gauss_newton.estimate_each(
-                    problem.CompiledModel(evaluate, packed(sensor)), given, limits, questions, one,
-                    problem.workspace(),
+                    problem.CompiledModel(evaluate, packed_vectors(sensor)), given, limits,
+                    questions, one, problem.workspace(),
                 )  # fmt: skip
         except (ArithmeticError, ValueError):
             left.append(n)

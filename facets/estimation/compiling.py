@@ -19,7 +19,9 @@ from . import blocks
 from .block_task import QUESTIONS, Form
 from .plan import make_plan
 
-Task = Literal["readings", "derivatives", "near_derivatives", "footprints", "slopes", "poses"]
+Task = Literal[
+    "readings", "derivatives", "approximate_derivatives", "footprints", "slopes", "poses"
+]
 Makers = list[Callable[[], Any]]
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..core.knowledge import Knowledge
 from ..core.sensor import Sensor
 from ..model import evaluators, rare
-from ..model.arrays import packed
+from ..model.arrays import packed_vectors
 from ..model.kinds import block_kind, lit_kind
 from . import as_text, blocks, problem
 from .block_task import Form
@@ -37,15 +37,15 @@ def estimate(
     """Fills `found`: by blocks where these know what is asked, and one by one what they leave.
 
     Under the light of a bench what stalls is estimated again by exact derivatives."""
-    near = evaluators.nearly_linearised(sensor)
+    near = evaluators.approximate_linearisation(sensor)
     code = block_code(sensor, request)
     if code is None:
         one_by_one(near, sensor, readings, limits, request, found)
     else:
-        left = blocks.estimate(code, packed(sensor), readings, limits, request, found)
+        left = blocks.estimate(code, packed_vectors(sensor), readings, limits, request, found)
         if len(left) and sensor.light.on:
             left = blocks.estimate_some(
-                code, left, packed(sensor), readings, limits, request, found
+                code, left, packed_vectors(sensor), readings, limits, request, found
             )
         if len(left):
             estimate_some(near, left, sensor, readings, limits, request, found)
@@ -87,7 +87,7 @@ def one_by_one(
     if len(left) < len(readings.values):
         estimate_some(model, left, sensor, readings, limits, request, found)
         return
-    given = problem.CompiledModel(evaluators.address(model), packed(sensor))
+    given = problem.CompiledModel(evaluators.address(model), packed_vectors(sensor))
     task = problem.RowTask(given, readings, limits, request, found, problem.workspace())
     row_kernel()(task.address)
 
@@ -97,7 +97,7 @@ def prepare(sensor: Sensor, knowledge: Knowledge) -> None:
     loop that cannot wait."""
     row_kernel()
     rare.prepare()
-    for model in (evaluators.nearly_linearised(sensor), evaluators.linearised(sensor)):
+    for model in (evaluators.approximate_linearisation(sensor), evaluators.linearisation(sensor)):
         evaluators.model(model)
     if sensor.light.on and not sensor.apertures.cut:
         free = make_plan(sensor, knowledge).free
@@ -134,8 +134,8 @@ def estimate_stalled_again(
     )
     code = block_code(sensor, request, exact=True) if len(stalled) else None
     if code is not None:
-        numbers = packed(sensor)
+        numbers = packed_vectors(sensor)
         stalled = blocks.estimate_some(code, stalled, numbers, readings, limits, request, found)
     if len(stalled):
-        model = evaluators.linearised(sensor)
+        model = evaluators.linearisation(sensor)
         estimate_some(model, stalled, sensor, readings, limits, request, found)

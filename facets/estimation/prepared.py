@@ -15,7 +15,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import standard_deviations
 from ..model import evaluators
-from ..model.arrays import packed
+from ..model.arrays import packed_vectors
 from ..model.blocks import SINGLE
 from ..model.threads import Pool
 from . import as_text, problem
@@ -149,7 +149,7 @@ class PreparedEstimate:
         if self._code is not None:
             given = problem.Readings(self._values, self._sigmas)
             self._block = SingleBlock(
-                packed(sensor), given, self._plan.limits, self._problem, chance, covariance
+                packed_vectors(sensor), given, self._plan.limits, self._problem, chance, covariance
             )
         self._first = FirstRow(self._found, chance)
 
@@ -205,14 +205,14 @@ class PreparedEstimate:
         if model not in self._tasks:
             if not len(as_text.estimate(model, self._sensor, given, limits, asked, found)):
                 return
-            own = problem.CompiledModel(evaluators.address(model), packed(self._sensor))
+            own = problem.CompiledModel(evaluators.address(model), packed_vectors(self._sensor))
             task = problem.RowTask(own, given, limits, asked, found, problem.workspace())
             self._tasks[model], self._kernel = task, row_kernel()
         self._kernel(self._tasks[model].address)
 
     def _one_by_one(self) -> None:
         """The estimate of one reading alone, compiled when it is first needed."""
-        self._estimate(evaluators.nearly_linearised(self._sensor))
+        self._estimate(evaluators.approximate_linearisation(self._sensor))
 
     def _block_code(self, exact: bool = False) -> Any:
         return block_code(self._sensor, self._problem, exact, SINGLE)
@@ -241,7 +241,7 @@ class PreparedEstimate:
         code = None if self._block is None else self._block_code(exact=True)
         if code is not None and self._block.estimate(code) == problem.CONVERGED:
             return True
-        self._estimate(evaluators.linearised(self._sensor))
+        self._estimate(evaluators.linearisation(self._sensor))
         return False
 
 

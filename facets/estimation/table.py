@@ -16,7 +16,7 @@ from ..core.units import Booleans, Floats
 from ..detectors.correction import correct
 from ..detectors.skew import align
 from ..files import tables
-from ..model.arrays import near_edges
+from ..model.arrays import is_near_edge
 from .compiling import Task, compile_for
 from .misfit import Misfit
 from .reliability import unseen_errors
@@ -71,7 +71,7 @@ class StatusCounts:
         self.misfit.add(found, sensor, knowledge, options.method, exact)
         self.unchecked += int((found.converged & (found.checks == 0)).sum())
         if not sensor.apertures.detectors:
-            near = (near_edges(sensor, readings) & found.used).any(axis=1)
+            near = (is_near_edge(sensor, readings) & found.used).any(axis=1)
             self.edges += int((found.converged & near).sum())
         some = np.flatnonzero(found.converged & (found.checks > 0))[:LOOKED_AT]
         if len(some):

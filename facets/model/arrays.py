@@ -95,7 +95,7 @@ def effects(sensor: Sensor) -> Floats:
     )
 
 
-def with_effects(sensor: Sensor, values: Sequence[float] | Floats) -> Sensor:
+def replace_effects(sensor: Sensor, values: Sequence[float] | Floats) -> Sensor:
     """The sensor with other numbers of its light, in the order of `EFFECTS`.
 
     What reflects all, or is unpolarised, stays so. Raises `InputError` where one is impossible.
@@ -191,7 +191,7 @@ def openings(sensor: Sensor) -> Openings:
     return Openings(given.cut, 2 * given.beam, given.tip, given.rim, given.gap, halves)  # type: ignore[arg-type]
 
 
-def packed(sensor: Sensor) -> Floats:
+def packed_vectors(sensor: Sensor) -> Floats:
     """The sensor's vectors as one array for the kernels, made once a sensor and process."""
     known: Floats | None = sensor.__dict__.get("_packed")
     if known is None or not packing.is_of_this_process(known):
@@ -199,7 +199,7 @@ def packed(sensor: Sensor) -> Floats:
     return known
 
 
-def varied(sensor: Sensor) -> Geometry:
+def dual_geometry(sensor: Sensor) -> Geometry:
     """The sensor's vectors, which carry their slopes by its parameters."""
     light = light_effects(sensor) if sensor.light.on else None
     return build_geometry(varying(parameters(sensor)), openings(sensor), light)
@@ -280,13 +280,13 @@ def readings(
 
 
 def kernel_name(sensor: Sensor, name: str) -> str | None:
-    """What `blocks.kernel` has for "readings", "derivatives", "near_derivatives" or "footprints" of
-    a sensor; None where blocks do not know it."""
+    """What `blocks.kernel` has for "readings", "derivatives", "approximate_derivatives" or
+    "footprints" of a sensor; None where blocks do not know it."""
     kind = block_kind(sensor)
     if name == "footprints":
         return None if sensor.light.on else name
     if kind == "plain":
-        return name.removeprefix("near_")
+        return name.removeprefix("approximate_")
     return None if kind is None else f"{name}_of_{kind}"
 
 
@@ -299,7 +299,7 @@ def evaluate_one(sensor: Sensor, name: str, state: ArrayLike, threads: int) -> F
     kernel = kernel_name(sensor, name)
     if one.shape != (8,) or threads < 0 or kernel is None:
         return None
-    return blocks.run_one(kernel, packed(sensor), one)
+    return blocks.run_one(kernel, packed_vectors(sensor), one)
 
 
 def block_evaluator(
@@ -315,7 +315,7 @@ def block_evaluator(
     name: of the block's results, see `blocks.kernel`, or None.  model: of `evaluators`, by which
     `one_by_one` fills the rest, but for a few states that Python can do sooner.
     """
-    vectors = packed(sensor)
+    vectors = packed_vectors(sensor)
     if name is None:
         return lambda part: one_by_one(model, vectors, states[part], out[part])
     blocks.kernel(name)  # compiled once, before threads ask for it
@@ -374,11 +374,12 @@ def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
 def derivatives(sensor: Sensor, states: Floats, threads: int = 1, near: bool = True) -> Floats:
     """The Jacobian (n, 9, 8) at states (n, 8).
 
-    near: what `evaluators.nearly_linearised` gives, which is the same where the light is ideal.
+    near: what `evaluators.approximate_linearisation` gives, which is the same where the light is
+    ideal.
     """
     out = np.empty((len(states), 9, 8))
-    name = kernel_name(sensor, "near_derivatives" if near else "derivatives")
-    model = (evaluators.nearly_linearised if near else evaluators.linearised)(sensor)
+    name = kernel_name(sensor, "approximate_derivatives" if near else "derivatives")
+    model = (evaluators.approximate_linearisation if near else evaluators.linearisation)(sensor)
     share(block_evaluator(sensor, name, model, states, out, fill_derivatives), len(states), threads)
     return out
 
@@ -424,7 +425,7 @@ def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
         raise InputError(CUT_LIGHT)
     vectors = geometry_of(sensor)
     if sensor.light.on:
-        moved = varied(sensor)
+        moved = dual_geometry(sensor)
         own = packing.pack_slopes(moved)
         lit = slopes_at(f"slopes_of_{lit_kind(sensor)}", vectors, moved, own, 30, rows)
         return lit.reshape(*shape, 9, 30)
@@ -434,7 +435,9 @@ def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
     if sensor.apertures.cut:
         from .kernels import differentiate_cut
 
-        differentiate_cut(packed(sensor), packing.carry(vectors, varied(sensor)), rows, out)
+        differentiate_cut(
+            packed_vectors(sensor), packing.carry(vectors, dual_geometry(sensor)), rows, out
+        )
     return out.reshape(*shape, 9, 30)
 
 
@@ -448,7 +451,7 @@ def spot_size(sensor: Sensor) -> float:
     return max(sensor.beam.diameter_x, sensor.beam.diameter_y)
 
 
-def near_edges(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
+def is_near_edge(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
     """Which spots of readings (..., 9) are nearer than their own size to an edge: (..., 3).
 
     There light is lost that the model follows only with `Apertures.detectors`. What diffraction
@@ -463,7 +466,7 @@ def near_edges(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
     return near
 
 
-def on_detectors(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
+def is_on_detector(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
     """Which spots of given readings (..., 9) lie on their detector's sensitive area: (..., 3)."""
     array = np.asarray(reading, dtype=np.float64)
     y, z = half_sizes(sensor).T
@@ -471,13 +474,13 @@ def on_detectors(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
     return inside
 
 
-def mask_missed(sensor: Sensor, place: ArrayLike, reading: ArrayLike) -> Floats:
+def mask_missed_spots(sensor: Sensor, place: ArrayLike, reading: ArrayLike) -> Floats:
     """Readings (..., 9) with NaN for each detector that its spot misses.
 
     place: (..., 9) readings that say where the spots are, without noise, also past an edge.
     """
     masked = np.array(reading, dtype=np.float64)
-    masked[~np.repeat(on_detectors(sensor, place), 3, axis=-1)] = np.nan
+    masked[~np.repeat(is_on_detector(sensor, place), 3, axis=-1)] = np.nan
     return masked
 
 
@@ -504,7 +507,7 @@ def reaches(sensor: Sensor, state: ArrayLike) -> NDArray[np.bool_]:
     >>> facets.reaches(facets.Sensor(), [0, 0, 8, 0, 0, 0, 0, 0]).tolist()  # 8 mm up: past the edge
     [False, False, False]
     """
-    return on_detectors(sensor, readings(sensor, state))
+    return is_on_detector(sensor, readings(sensor, state))
 
 
 @check_arguments

@@ -27,9 +27,11 @@ from .packing import carry_slopes
 
 State = tuple[float, ...]
 
-#: For so long, s, a process runs the text before it compiles code, and for so many states at a
-#: time; of those that take a hundredth of a second each, for a tenth as many.
-MAX_TEXT_S, MAX_TEXT_STATES, MAX_SLOW_STATES = 1.0, 300, 30
+#: Time for which a process runs the text before it compiles code; the text of a slow state takes a
+#: hundredth of a second.
+MAX_TEXT_S = 1.0
+#: Most states, and most slow states, that are computed by text in one call.
+MAX_TEXT_STATES, MAX_SLOW_STATES = 300, 30
 _spent = 0.0
 
 
@@ -44,7 +46,7 @@ def derivatives(geometry: Geometry, state: State) -> list[Sequence[float]]:
     return rows_of(text.linearise(geometry, state))
 
 
-def near_derivatives(geometry: Geometry, state: State) -> list[Sequence[float]]:
+def approximate_derivatives(geometry: Geometry, state: State) -> list[Sequence[float]]:
     """Under the light of a bench, what `bench_gradient.linearise_nearly` gives."""
     return rows_of(bench_gradient.linearise_nearly(geometry, state))
 
@@ -64,7 +66,7 @@ def footprints(geometry: Geometry, state: State) -> list[Sequence[float]]:
 
 FORMULAS: dict[str, Callable[[Geometry, State], Any]] = {
     function.__name__: function
-    for function in (readings, derivatives, near_derivatives, footprints)
+    for function in (readings, derivatives, approximate_derivatives, footprints)
 }
 
 
@@ -136,8 +138,8 @@ def fill_slopes(
     return fill_each(slopes, states, found, which)
 
 
-def linearised_at(geometry: Geometry, exact: bool, x: Floats, found: Floats) -> None:
-    """Fills found (10, 10) as `row_code.write_linearised` does, or `write_linearised_exactly`."""
+def fill_linearisation(geometry: Geometry, exact: bool, x: Floats, found: Floats) -> None:
+    """Fill found (10, 10) as `row_code.write_linearisation` or `write_exact_linearisation` does."""
     *state, power = x[:9].tolist()
     powered, lit = replace_power(geometry, power), geometry.light.options.on
     text = bench_gradient if lit else gradient

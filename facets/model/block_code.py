@@ -211,7 +211,7 @@ def loops_of(kind: str) -> dict[str, LaneWrite]:
     return {
         f"slopes_of_{kind}": slopes_by_copies(kind),
         f"readings_of_{kind}": readings,
-        f"near_derivatives_of_{kind}": derivatives,
+        f"approximate_derivatives_of_{kind}": derivatives,
         f"derivatives_of_{kind}": each_block(write_slopes_by_state, load, 72),
     }
 

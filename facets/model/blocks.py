@@ -47,11 +47,11 @@ def lane_code(
     """`object_code.function` of code for so many lanes."""
     from .object_code import function
 
-    def written() -> Write:
+    def make_writer() -> Write:
         formula = write()
         return lambda builder, arguments: formula(builder, arguments, width)
 
-    return function(f"{name}_in_{width}_lanes", count, written, *CODE, *files)
+    return function(f"{name}_in_{width}_lanes", count, make_writer, *CODE, *files)
 
 
 def task_of(name: str) -> str:
@@ -73,12 +73,12 @@ def kernel(name: str, width: int | None = None) -> Callable[..., None]:
 def load_code(name: str, count: int, width: int | None = None) -> Callable[..., None]:
     """One of `block_code.LOOPS`, which takes `count` integers."""
 
-    def written() -> LaneWrite:
+    def make_writer() -> LaneWrite:
         from . import block_code
 
         return block_code.LOOPS[name]
 
-    return lane_code(name, width or lanes(), count, written)
+    return lane_code(name, width or lanes(), count, make_writer)
 
 
 @once
@@ -129,7 +129,7 @@ class BlockMemory:
         self._address = 0
 
     def results(self, name: str) -> Any:
-        return self.found[task_of(name).removeprefix("near_")]
+        return self.found[task_of(name).removeprefix("approximate_")]
 
     def address_of_vectors(self, vectors: Floats) -> int:
         """`address_of`, kept for the vectors of the last call."""

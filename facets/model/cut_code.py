@@ -32,7 +32,7 @@ def put_readings(found: Any, detectors: Any) -> None:
 
 
 @compilable
-def put_linearised(found: Any, detectors: Any) -> None:
+def put_linearisation(found: Any, detectors: Any) -> None:
     """Values in the first row of found (10, 10), then each one's derivatives but that by power."""
     for k in range(3):
         values, derivatives = detectors[k]
@@ -52,8 +52,8 @@ def put_by_power(found: Any, power: float) -> None:
 
 @compilable
 def put_light(found: Any, vectors: Any, detectors: Any) -> None:
-    """`put_linearised`, and the derivatives by the beam's power, to which places answer too."""
-    put_linearised(found, detectors)
+    """`put_linearisation`, and the derivatives by the beam's power, to which places answer too."""
+    put_linearisation(found, detectors)
     for k in range(3):
         for i in range(3):
             found[1 + 3 * k + i, 8] = power_derivative(vectors, detectors[k][0], k, i)
@@ -67,23 +67,23 @@ def put_nothing(found: Any) -> None:
 
 
 def readings_of_cut(
-    packed: Pointer, given: Pointer, found: Pointer, memory: Pointer, rows: int
+    packed: Pointer, inputs: Pointer, found: Pointer, memory: Pointer, rows: int
 ) -> None:
     vectors, outlines = (
         unpack_cut(carray(packed, (PACKED,))),
         carray(memory, (3, MOST_SIDES, COLUMNS)),
     )
-    states, out = carray(given, (rows, 8)), carray(found, (rows, 9))
+    states, out = carray(inputs, (rows, 8)), carray(found, (rows, 9))
     for n in range(rows):
         at = cut_scene(vectors, state_of(states, n), outlines)[0]
         put_readings(out[n], scene_readings(vectors, at))
 
 
 def readings_of_cut_light(
-    packed: Pointer, given: Pointer, found: Pointer, memory: Pointer, rows: int
+    packed: Pointer, inputs: Pointer, found: Pointer, memory: Pointer, rows: int
 ) -> None:
     vectors, outlines = unpack(carray(packed, (PACKED,))), carray(memory, (3, MOST_SIDES, COLUMNS))
-    states, out = carray(given, (rows, 8)), carray(found, (rows, 9))
+    states, out = carray(inputs, (rows, 8)), carray(found, (rows, 9))
     for n in range(rows):
         try:
             put_readings(out[n], cut_light.readings(vectors, state_of(states, n), outlines))
@@ -91,27 +91,27 @@ def readings_of_cut_light(
             put_nothing(out[n])
 
 
-def near_linearised_of_cut(
-    packed: Pointer, given: Pointer, found: Pointer, memory: Pointer, rows: int
+def approximate_linearisation_of_cut(
+    packed: Pointer, inputs: Pointer, found: Pointer, memory: Pointer, rows: int
 ) -> None:
-    """As `row_code.write_linearised`, and exact."""
+    """As `row_code.write_linearisation`, and exact."""
     vectors, outlines = (
         unpack_cut(carray(packed, (PACKED,))),
         carray(memory, (3, MOST_SIDES, COLUMNS)),
     )
-    states, out = carray(given, (rows, 9)), carray(found, (rows, 10, 10))
+    states, out = carray(inputs, (rows, 9)), carray(found, (rows, 10, 10))
     for n in range(rows):
         power = states[n, 8]
         powered = replace_power(vectors, power)
-        put_linearised(out[n], linearise_where_cut(powered, state_of(states, n), outlines))
+        put_linearisation(out[n], linearise_where_cut(powered, state_of(states, n), outlines))
         put_by_power(out[n], power)
 
 
-def near_linearised_of_cut_light(
-    packed: Pointer, given: Pointer, found: Pointer, memory: Pointer, rows: int
+def approximate_linearisation_of_cut_light(
+    packed: Pointer, inputs: Pointer, found: Pointer, memory: Pointer, rows: int
 ) -> None:
     vectors, outlines = unpack(carray(packed, (PACKED,))), carray(memory, (3, MOST_SIDES, COLUMNS))
-    states, out = carray(given, (rows, 9)), carray(found, (rows, 10, 10))
+    states, out = carray(inputs, (rows, 9)), carray(found, (rows, 10, 10))
     for n in range(rows):
         powered = replace_power(vectors, states[n, 8])
         try:
@@ -126,8 +126,8 @@ MODELS = {
     for function in (
         readings_of_cut,
         readings_of_cut_light,
-        near_linearised_of_cut,
-        near_linearised_of_cut_light,
+        approximate_linearisation_of_cut,
+        approximate_linearisation_of_cut_light,
     )
 }
 _KIND = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 5)

@@ -58,12 +58,12 @@ def load_code(name: str, count: int) -> Callable[..., None]:
     """One of `row_code.LOOPS`, which takes `count` integers."""
     from .object_code import Write, function
 
-    def written() -> Write:
+    def make_writer() -> Write:
         from . import row_code
 
         return row_code.LOOPS[name]
 
-    found = function(f"each_{name}", count, written, *CODE)
+    found = function(f"each_{name}", count, make_writer, *CODE)
     _LOADED.add(name)
     return found
 
@@ -84,10 +84,10 @@ def address(name: str) -> int:
     return ctypes.cast(code, ctypes.c_void_p).value or 0
 
 
-def fill(name: str, vectors: Floats, given: Floats, found: Floats) -> None:
-    """Fills rows of `found` for rows of `given` by one of the models."""
+def fill(name: str, vectors: Floats, inputs: Floats, found: Floats) -> None:
+    """Fills rows of `found` for rows of `inputs` by one of the models."""
     memory = np.empty((3, MOST_SIDES, COLUMNS))
-    model(name)(*map(address_of, (vectors, given, found, memory)), len(given))
+    model(name)(*map(address_of, (vectors, inputs, found, memory)), len(inputs))
     raise_failure()
 
 
@@ -114,13 +114,13 @@ def footprints(sensor: Sensor) -> str:
     return "footprints_of_light" if sensor.light.on else "footprints_of_plain"
 
 
-def linearised(sensor: Sensor) -> str:
+def linearisation(sensor: Sensor) -> str:
     """The model of the readings and of their derivatives by a state and the beam's power."""
     kind = kind_of(sensor)
-    return f"linearised_of_{kind}" if kind in LIT else nearly_linearised(sensor)
+    return f"linearisation_of_{kind}" if kind in LIT else approximate_linearisation(sensor)
 
 
-def nearly_linearised(sensor: Sensor) -> str:
+def approximate_linearisation(sensor: Sensor) -> str:
     """The same, for steps of an iteration and for uncertainties: under the light of a bench the
     derivatives leave out what is slow to compute and counts for little."""
-    return f"near_linearised_of_{kind_of(sensor)}"
+    return f"approximate_linearisation_of_{kind_of(sensor)}"

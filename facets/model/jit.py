@@ -151,10 +151,10 @@ def compiler(
         register(module, inline=False)
     folder, passing = cache_folder(file, *(module.__file__ for module in (*modules, *calls)))
 
-    def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-        return _kept(function, folder, passing)
+    def compile_function(function: Callable[..., Any]) -> Callable[..., Any]:
+        return _cached_function(function, folder, passing)
 
-    return compiled
+    return compile_function
 
 
 class Locator(getattr(numba.core.caching, "UserProvidedCacheLocator", object)):  # type: ignore[misc]
@@ -176,13 +176,13 @@ class Locator(getattr(numba.core.caching, "UserProvidedCacheLocator", object)): 
 _CONFIGURING = threading.RLock()
 
 
-def _in_folder(folder: Path, make: Callable[[], Any]) -> Any:
+def _compile_in_folder(folder: Path, make: Callable[[], Any]) -> Any:
     """What `make` compiles, with its machine code kept in a folder."""
     with _CONFIGURING:
-        return _configured(folder, make)
+        return _call_with_cache(folder, make)
 
 
-def _configured(folder: Path, make: Callable[[], Any]) -> Any:
+def _call_with_cache(folder: Path, make: Callable[[], Any]) -> Any:
     config: Any = numba.config
     asked = {"CACHE_DIR": str(folder), "CACHE_LOCATOR_CLASSES": f"{__name__}.{Locator.__name__}"}
     kept = {name: getattr(config, name) for name in asked if hasattr(config, name)}
@@ -210,10 +210,12 @@ def _tell(folder: Path, passing: object, function: Callable[..., Any]) -> None:
         tell(passing)
 
 
-def _kept(function: Callable[..., Any], folder: Path, passing: object) -> Callable[..., Any]:
+def _cached_function(
+    function: Callable[..., Any], folder: Path, passing: object
+) -> Callable[..., Any]:
     """The compiled `function`; says so on the standard error when it has to be compiled first."""
     make = numba.njit(cache=True, nogil=True, error_model="numpy")
-    dispatcher = _in_folder(folder, lambda: make(function))
+    dispatcher = _compile_in_folder(folder, lambda: make(function))
     called = False
 
     def call(*arguments: Any) -> Any:
@@ -248,7 +250,7 @@ def callback(file: str, function: Callable[..., Any], *modules: ModuleType, sign
     folder, passing = cache_folder(file, *(module.__file__ for module in modules))
     _tell(folder, passing, function)
     make = numba.cfunc(signature, cache=True, error_model="numpy")
-    compiled = _in_folder(folder, lambda: make(function))
+    compiled = _compile_in_folder(folder, lambda: make(function))
     compiled.keeps = passing
     return compiled
 

@@ -21,7 +21,7 @@ from .packing import EXAMPLE
 SHAPES = {"readings": (9,), "derivatives": (9, 8), "footprints": (3, 5)}
 MODELS = {
     "readings": "readings_of_plain",
-    "derivatives": "near_linearised_of_plain",
+    "derivatives": "approximate_linearisation_of_plain",
     "footprints": "footprints_of_plain",
 }
 

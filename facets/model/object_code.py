@@ -55,7 +55,7 @@ def function(
             tell(passing)
             code = load_code(name, count, write())
             keep(path, code)
-    engine = loaded(code)
+    engine = load_object(code)
     start = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * count)(engine.get_function_address(name))
     start.keeps = engine, passing  # type: ignore[attr-defined]
     return start
@@ -163,7 +163,7 @@ def keep_in_registers(module: Any, machine: Any) -> None:
             manager.run(function, passes)
 
 
-def loaded(code: bytes) -> Any:
+def load_object(code: bytes) -> Any:
     """What keeps an object in memory and knows its functions' addresses."""
     machine, empty = new_machine(), llvm.parse_assembly("")
     empty.triple = machine.triple

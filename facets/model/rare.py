@@ -33,20 +33,20 @@ def put_moments(found: Pointer, moments: Any) -> None:
     found[0], (found[1], found[2]), (found[3], found[4], found[5]), (found[6], found[7]) = moments
 
 
-def side_near(given: Pointer, found: Pointer) -> None:
+def side_near(inputs: Pointer, found: Pointer) -> None:
     """`wedge.side_near` of q . u and q x u; four numbers."""
-    put_side(found, wedge.side_near(given[0], given[1]))
+    put_side(found, wedge.side_near(inputs[0], inputs[1]))
 
 
-def side_far(given: Pointer, found: Pointer) -> None:
+def side_far(inputs: Pointer, found: Pointer) -> None:
     """`wedge.side_far` of q, u and q . u; four numbers."""
-    put_side(found, wedge.side_far((given[0], given[1]), (given[2], given[3]), given[4]))
+    put_side(found, wedge.side_far((inputs[0], inputs[1]), (inputs[2], inputs[3]), inputs[4]))
 
 
-def quadrature_or_dark(given: Pointer, found: Pointer) -> None:
+def quadrature_or_dark(inputs: Pointer, found: Pointer) -> None:
     """`wedge.quadrature_or_dark` of q, u1 and u2; eight numbers."""
-    first, second = (given[2], given[3]), (given[4], given[5])
-    put_moments(found, wedge.quadrature_or_dark((given[0], given[1]), first, second))
+    first, second = (inputs[2], inputs[3]), (inputs[4], inputs[5])
+    put_moments(found, wedge.quadrature_or_dark((inputs[0], inputs[1]), first, second))
 
 
 #: The functions, and how many numbers each gives.
@@ -63,7 +63,7 @@ _COMPILING = threading.RLock()
 
 #: For so long, s, the functions run as text before their machine code is loaded, if it is kept, or
 #: else compiled, which takes several times that.
-LOADED, MAX_TEXT_S = 0.2, 1.0
+LOAD_AFTER_S, MAX_TEXT_S = 0.2, 1.0
 _spent = 0.0
 
 
@@ -78,10 +78,10 @@ def _runs_as_text(name: str) -> bool:
     """Whether a function is still too seldom called to be worth its machine code."""
     if name in _COMPILED or _spent >= MAX_TEXT_S:
         return False
-    return _spent < LOADED or not _is_kept(name)
+    return _spent < LOAD_AFTER_S or not _is_kept(name)
 
 
-def _compiled(name: str) -> Any:
+def _compiled_function(name: str) -> Any:
     """What calls the compiled function, compiled or loaded now if need be."""
     from . import jit
 
@@ -98,7 +98,7 @@ def _compiled(name: str) -> Any:
 def prepare() -> None:
     """Compiles or loads all of them now, for a loop that can not wait when light is lost."""
     for name in NAMES:
-        _compiled(name)
+        _compiled_function(name)
 
 
 def _call(name: str, *pointers: Any) -> None:
@@ -106,7 +106,7 @@ def _call(name: str, *pointers: Any) -> None:
     function, results = FUNCTIONS[name]
     try:
         if not (_runs_as_text(name) and _ran_as_text(function, pointers)):
-            _compiled(name)(*pointers)
+            _compiled_function(name)(*pointers)
     except BaseException as failure:  # ^C for instance; until it is raised there are no numbers
         FAILURES.raised.append(failure)
         for n in range(results):

@@ -57,17 +57,17 @@ def row_at(builder: Any, pointer: Any, index: Any, numbers: Any) -> Any:
     return builder.gep(pointer, [builder.mul(index, numbers)])
 
 
-def each_row(formula: Formula, load: Load, given: int, found: int) -> Write:
+def each_row(formula: Formula, load: Load, inputs: int, found: int) -> Write:
     """Writes the code of a formula as `evaluators` has it.
 
-    load: the vectors that the formula takes.  given, found: how many numbers a row has.
+    load: the vectors that the formula takes.  inputs, found: how many numbers a row has.
     """
 
     def write(builder: Any, arguments: Sequence[Any]) -> None:
         packed, asked, results = pointers_to(builder, arguments[:3])
         with write_loop(builder, arguments[4]) as index:
             code = writer_of(builder, packed)
-            here = row_at(builder, asked, index, ir.Constant(LONG, given))
+            here = row_at(builder, asked, index, ir.Constant(LONG, inputs))
             there = row_at(builder, results, index, ir.Constant(LONG, found))
             formula(code, load(code, packed), here, there)
 
@@ -83,18 +83,18 @@ def store(code: RowWriter, numbers: Iterable[Any], pointer: Any, first: int = 0)
         code.store(number, pointer, n)
 
 
-def write_readings(code: RowWriter, vectors: Geometry, given: Any, found: Any) -> None:
+def write_readings(code: RowWriter, vectors: Geometry, inputs: Any, found: Any) -> None:
     text = readings_uncut if is_ideal(vectors) else bench_light.readings
-    store(code, leaves(text(vectors, tuple(numbers_at(code, given, STATE)))), found)
+    store(code, leaves(text(vectors, tuple(numbers_at(code, inputs, STATE)))), found)
 
 
-def write_linearised(code: RowWriter, vectors: Geometry, given: Any, found: Any) -> None:
+def write_linearisation(code: RowWriter, vectors: Geometry, inputs: Any, found: Any) -> None:
     """Of a state and the beam's power; found (10, 10): the readings, then their derivatives by each
     of these, a reading a row; the last column is not used.
 
     Under the light of a bench those of `bench_gradient.linearise_nearly`.
     """
-    x = numbers_at(code, given, WITH_POWER)
+    x = numbers_at(code, inputs, WITH_POWER)
     powered, state = replace_power(vectors, x[8]), tuple(x[:8])
     ideal = is_ideal(vectors)
     text = gradient.linearise if ideal else bench_gradient.linearise_nearly
@@ -106,9 +106,9 @@ def write_linearised(code: RowWriter, vectors: Geometry, given: Any, found: Any)
             code.store(power_derivative(powered, values, k, i), found, row + 8)
 
 
-def write_linearised_exactly(code: RowWriter, vectors: Geometry, given: Any, found: Any) -> None:
+def write_exact_linearisation(code: RowWriter, vectors: Geometry, inputs: Any, found: Any) -> None:
     """The same under the light of a bench, with nothing left out."""
-    x = numbers_at(code, given, WITH_POWER)
+    x = numbers_at(code, inputs, WITH_POWER)
     powered, state = replace_power(vectors, x[8]), tuple(x[:8])
     at = bench_light.scene(powered, state)
     detectors = bench_light.scene_readings(powered, at)
@@ -128,10 +128,10 @@ def write_linearised_exactly(code: RowWriter, vectors: Geometry, given: Any, fou
             code.store(number, build.gep(found, [place]), 0)
 
 
-def write_footprints(code: RowWriter, vectors: Geometry, given: Any, found: Any) -> None:
+def write_footprints(code: RowWriter, vectors: Geometry, inputs: Any, found: Any) -> None:
     """found (3, 5): the footprints of the spots."""
     at, spread = (
-        dark_scene(vectors, tuple(numbers_at(code, given, STATE))),
+        dark_scene(vectors, tuple(numbers_at(code, inputs, STATE))),
         collimated_slopes,
     )
     if not is_ideal(vectors):
@@ -197,13 +197,15 @@ def loops_of(kind: str) -> dict[str, Write]:
 
     loops = {
         f"readings_of_{kind}": each_row(write_readings, load, STATE, 9),
-        f"near_linearised_of_{kind}": each_row(write_linearised, load, WITH_POWER, 100),
+        f"approximate_linearisation_of_{kind}": each_row(
+            write_linearisation, load, WITH_POWER, 100
+        ),
     }
     if kind == "plain":
         loops["slopes_by_parameters"] = each_row_of_slopes(write_slopes_by_parameters, kind)
     else:
-        exact = each_row(write_linearised_exactly, load, WITH_POWER, 100)
-        loops[f"linearised_of_{kind}"] = exact
+        exact = each_row(write_exact_linearisation, load, WITH_POWER, 100)
+        loops[f"linearisation_of_{kind}"] = exact
         loops[f"slopes_of_{kind}"] = slopes_by_copies(kind)
     return loops
 

@@ -65,8 +65,8 @@ def run_side_by_side(makers: Iterable[Callable[[], Any]]) -> None:
         list(pool.map(lambda make: make(), makers))
 
 
-#: Rows that a thread is worth starting for: a millisecond of work.
-MIN_ROWS_OF_THREAD = 1000
+#: Fewest rows whose work is worth the start of a thread.
+MIN_ROWS_PER_THREAD = 1000
 
 
 def cores() -> int:
@@ -79,8 +79,8 @@ def share(run: Callable[[slice], Any], rows: int, threads: int) -> None:
     if threads < 0:
         raise InputError(f"threads is {threads}; allowed: 1 or more, or 0 for all cores")
     count = 1
-    if rows >= 2 * MIN_ROWS_OF_THREAD:
-        count = min(threads or cores(), rows // MIN_ROWS_OF_THREAD)
+    if rows >= 2 * MIN_ROWS_PER_THREAD:
+        count = min(threads or cores(), rows // MIN_ROWS_PER_THREAD)
     if count == 1:
         run(slice(0, rows))
         return

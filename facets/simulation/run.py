@@ -19,7 +19,7 @@ from ..detectors.correction import invert_correction
 from ..detectors.noise import add_noise
 from ..estimation.solution import Solution, Status
 from ..estimation.table import compile_for_poses, labels, pose_columns, solve_readings
-from ..model.arrays import mask_missed, on_detectors
+from ..model.arrays import is_on_detector, mask_missed_spots
 from ..tracking.closed_loop import simulate_following
 from .imperfect_optics import delayed_readings
 from .motion import states
@@ -76,11 +76,11 @@ def read_detectors(
     """Readings (n, 9) as a bench would give them, and which spots reached their detector (n, 3)."""
     state = add_pointing_jitter(sensor, truth, rng) if noise else truth
     exact = delayed_readings(sensor, time, truth, state)
-    reached = on_detectors(sensor, exact)
+    reached = is_on_detector(sensor, exact)
     if noise and sensor.electronics and sensor.electronics.power_noise > 0:
         share = sensor.electronics.power_noise * rng.standard_normal((len(exact), 1))
         exact[:, 2::3] *= 1 + share
-    seen = add_noise(sensor, exact, rng) if noise else mask_missed(sensor, exact, exact)
+    seen = add_noise(sensor, exact, rng) if noise else mask_missed_spots(sensor, exact, exact)
     return invert_correction(sensor, seen), reached
 
 

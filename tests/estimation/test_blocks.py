@@ -10,7 +10,7 @@ import facets
 from facets import Prior, Status
 from facets.estimation import blocks, estimates, plan, problem, solution, straight
 from facets.model import evaluators
-from facets.model.arrays import packed
+from facets.model.arrays import packed_vectors
 
 SENSOR = facets.Sensor()
 WAYS = [
@@ -42,7 +42,7 @@ def one_by_one(sensor, readings, beam="free", power="known", start="zero", max_s
     if sensor.electronics is not None:
         sigmas = plan.standard_deviations(sensor, readings)
     estimates.one_by_one(
-        evaluators.linearised(sensor),
+        evaluators.linearisation(sensor),
         sensor,
         problem.Readings(readings, sigmas),
         todo.limits,
@@ -122,11 +122,11 @@ def test_most_readings_stay_in_their_blocks():
     given = problem.Readings(readings, np.empty((0, 9)))
     found = problem.empty_results(200, True)
     code = estimates.block_code(SENSOR, asked)
-    left = blocks.estimate(code, packed(SENSOR), given, todo.limits, asked, found)
+    left = blocks.estimate(code, packed_vectors(SENSOR), given, todo.limits, asked, found)
     assert len(left) < 40
     found = problem.empty_results(200, True)
     one = asked._replace(max_steps=1)
-    left = blocks.estimate(code, packed(SENSOR), given, todo.limits, one, found)
+    left = blocks.estimate(code, packed_vectors(SENSOR), given, todo.limits, one, found)
     assert len(left) == 200
 
 

@@ -9,7 +9,7 @@ from sensors import SENSORS
 import facets
 from facets import Status
 from facets.estimation.doubts import has_fold
-from facets.model.arrays import near_edges, spot_size
+from facets.model.arrays import is_near_edge, spot_size
 
 PAPER = facets.load("paper").sensor
 CUT = replace(PAPER, apertures=facets.Apertures(detectors=True))
@@ -98,8 +98,8 @@ def test_with_diffraction_a_spot_is_near_an_edge_from_further_off():
     reading[:, 0] = edge - spot_size(PAPER) * np.array([0.99, 1.01, 1.5, 1.5])
     reading[2:, 0] -= [0.09, 0.11]
     spread = replace(PAPER, light=replace(PAPER.light, wavelength=633e-6))
-    assert near_edges(PAPER, reading)[:, 0].tolist() == [True, False, False, False]
-    assert near_edges(spread, reading)[:, 0].tolist() == [True, True, True, False]
+    assert is_near_edge(PAPER, reading)[:, 0].tolist() == [True, False, False, False]
+    assert is_near_edge(spread, reading)[:, 0].tolist() == [True, True, True, False]
 
 
 def test_where_the_beam_is_known_the_double_is_told_apart():

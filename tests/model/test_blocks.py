@@ -8,7 +8,7 @@ from sensors import ALL, SENSORS, states
 
 import facets
 from facets.model import as_text, blocks, evaluators
-from facets.model.arrays import derivatives, packed
+from facets.model.arrays import derivatives, packed_vectors
 
 NAMED = pytest.mark.parametrize("name", ["paper", "skewed0", "skewed2", "skewed4"])
 FUNCTIONS = [facets.readings, facets.jacobian, facets.footprints]
@@ -18,9 +18,9 @@ EACH = pytest.mark.parametrize("function", FUNCTIONS)
 def one_by_one(sensor: facets.Sensor, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Readings and Jacobians by the code for one pose, which shares the text but no function."""
     values, found = np.empty((len(some), 9)), np.empty((len(some), 10, 10))
-    evaluators.fill(evaluators.readings(sensor), packed(sensor), some, values)
+    evaluators.fill(evaluators.readings(sensor), packed_vectors(sensor), some, values)
     with_power = np.insert(some, 8, sensor.beam.power, axis=1)
-    evaluators.fill(evaluators.linearised(sensor), packed(sensor), with_power, found)
+    evaluators.fill(evaluators.linearisation(sensor), packed_vectors(sensor), with_power, found)
     slopes = found[:, 1:, :8].copy()
     slopes[np.isnan(found[:, 0, :9])] = np.nan
     return values, slopes
@@ -32,7 +32,7 @@ def test_blocks_agree_with_one_pose_at_a_time(name):
     sensor, some = SENSORS[name], states(400, seed=3)
     values, slopes = one_by_one(sensor, some)
     found = np.empty_like(values)
-    left = blocks.run("readings", packed(sensor), some, found)
+    left = blocks.run("readings", packed_vectors(sensor), some, found)
     assert len(left) < len(some) / 4
     assert np.abs(facets.readings(sensor, some) - values).max() < 1e-12
     scale = np.abs(slopes).max(axis=(0, 1))
@@ -46,7 +46,7 @@ def test_footprints_of_blocks_are_those_of_one_pose_at_a_time(name, opening):
     sensor = replace(SENSORS[name], apertures=facets.Apertures(beam=opening))
     some, one = states(2000, seed=6, offset=0.8), np.empty((2000, 3, 5))
     some[5, 0], some[6, 0], some[7, 2], some[8, 7] = np.nan, np.inf, -np.inf, np.inf
-    evaluators.fill(evaluators.footprints(sensor), packed(sensor), some, one)
+    evaluators.fill(evaluators.footprints(sensor), packed_vectors(sensor), some, one)
     found = facets.footprints(sensor, some)
     assert 0.1 < np.isnan(one[:, :, 0]).mean() < 0.9
     np.testing.assert_array_equal(np.isnan(found), np.isnan(one))
@@ -69,7 +69,7 @@ def test_what_few_poses_give_as_text_has_the_bits_of_compiled_code(sensor, name,
     text = {
         "readings": facets.readings,
         "derivatives": facets.jacobian,
-        "near_derivatives": derivatives,
+        "approximate_derivatives": derivatives,
         "footprints": facets.footprints,
     }[name]
     monkeypatch.setattr(as_text, "MAX_TEXT_S", 0.0)
@@ -136,7 +136,7 @@ def test_what_does_not_fit_a_block_is_left():
     sensor, some = facets.Sensor(), np.zeros((9, 8))
     some[1, 0], some[2, 0], some[3, 0] = 0.5, 2.0, np.inf
     some[5, 4], some[6, 2], some[7, 5] = 1.1, np.nan, -1.0
-    left = blocks.run("readings", packed(sensor), some, np.empty((9, 9)))
+    left = blocks.run("readings", packed_vectors(sensor), some, np.empty((9, 9)))
     assert list(left) == [1, 2, 3, 5, 6, 7]
     values = one_by_one(sensor, some)[0]
     np.testing.assert_allclose(facets.readings(sensor, some), values, rtol=1e-13, atol=1e-13)

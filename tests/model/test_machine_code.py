@@ -10,7 +10,7 @@ from sensors import SENSORS, states
 
 import facets
 from facets.model import failures, jit, packing, rare
-from facets.model.arrays import geometry_of, packed
+from facets.model.arrays import geometry_of, packed_vectors
 from facets.optics.gradient import linearise
 from facets.scalars.machine import DOUBLE, MachineWriter
 from facets.scalars.tracing import Value
@@ -42,11 +42,11 @@ def test_a_copy_of_a_sensor_from_another_process_is_packed_again():
     away = np.zeros(8)
     away[0] = 1.5
     expected = facets.readings(sensor, away)
-    stale = packed(sensor).copy()
+    stale = packed_vectors(sensor).copy()
     stale[-1] = 0.0
     sensor.__dict__["_packed"] = stale
     np.testing.assert_array_equal(facets.readings(sensor, away), expected)
-    assert packing.is_of_this_process(packed(sensor))
+    assert packing.is_of_this_process(packed_vectors(sensor))
 
 
 def wedges(count):
@@ -63,7 +63,7 @@ def wedges(count):
 def test_what_runs_as_text_at_first_has_the_bits_of_machine_code(name):
     """Else results would depend on how many were asked for before."""
     function, results = rare.FUNCTIONS[name]
-    compiled = rare._compiled(name)
+    compiled = rare._compiled_function(name)
     for given in wedges(200):
         if name == "side_far":
             given[4] = given[0] * given[2] + given[1] * given[3]
@@ -86,7 +86,7 @@ def test_what_the_text_refuses_is_left_to_machine_code(monkeypatch):
     monkeypatch.setattr(rare, "_COMPILED", {})
     monkeypatch.setattr(rare, "MAX_TEXT_S", 1e9)
     monkeypatch.setattr(rare, "_is_kept", lambda _: False)
-    monkeypatch.setattr(rare, "_compiled", lambda _: rare.KIND(kept.address))
+    monkeypatch.setattr(rare, "_compiled_function", lambda _: rare.KIND(kept.address))
     kept = jit.callback(rare.__file__, rare.quadrature_or_dark, signature=jit.TWO_POINTERS)
     kept_address, rare.TABLE[number] = rare.TABLE[number], rare.address_of_first(number)
     try:

@@ -11,7 +11,7 @@ import facets
 from facets import Apertures
 from facets.core.errors import InputError
 from facets.model import evaluators
-from facets.model.arrays import packed, parameters
+from facets.model.arrays import packed_vectors, parameters
 from facets.optics.parameters import BEAM, FACET, PSD
 
 CUTS = {
@@ -138,9 +138,9 @@ def test_where_nothing_is_cut_the_results_are_the_same_bit_for_bit(cut):
     some[:, 3:6] = np.random.default_rng(2).uniform(-3e-3, 3e-3, (1000, 3))
     same = replace(PAPER, apertures=cut)
     readings, slopes = np.empty((1000, 9)), np.empty((1000, 10, 10))
-    evaluators.fill("readings_of_plain", packed(PAPER), some, readings)
+    evaluators.fill("readings_of_plain", packed_vectors(PAPER), some, readings)
     with_power = np.insert(some, 8, PAPER.beam.power, axis=1)
-    evaluators.fill("near_linearised_of_plain", packed(PAPER), with_power, slopes)
+    evaluators.fill("approximate_linearisation_of_plain", packed_vectors(PAPER), with_power, slopes)
     assert (facets.readings(same, some) == readings).all()
     assert (facets.jacobian(same, some) == slopes[:, 1:, :8]).all()
     assert (facets.parameter_jacobian(same, some) == facets.parameter_jacobian(PAPER, some)).all()

@@ -25,7 +25,7 @@ from facets.model.arrays import (
     light_effects,
     options,
     parameters,
-    with_effects,
+    replace_effects,
 )
 from facets.model.beam_shape import axes_of, shape_derivatives, shape_of
 from facets.optics.bench_light import readings
@@ -304,7 +304,7 @@ def test_derivatives_by_effects_hold_where_all_are_off():
         moved = np.zeros(len(EFFECTS))
         moved[23] = 1.0
         moved[number] = 1e-9
-        ahead = facets.readings(with_effects(PAPER, moved), some)
+        ahead = facets.readings(replace_effects(PAPER, moved), some)
         slope = (ahead - facets.readings(PAPER, some)) / 1e-9
         np.testing.assert_allclose(
             closed[..., number], slope, rtol=1e-3, atol=2e-3 * max(np.abs(slope).max(), 1)
@@ -314,12 +314,12 @@ def test_derivatives_by_effects_hold_where_all_are_off():
 def test_effects_have_names_and_come_back():
     assert len(EFFECTS) == len(set(EFFECTS)) == len(effects(PAPER)) == 27
     sensor = replace(PAPER, light=ALL)
-    assert with_effects(sensor, effects(sensor)) == sensor
-    assert with_effects(PAPER, effects(PAPER)) == PAPER
+    assert replace_effects(sensor, effects(sensor)) == sensor
+    assert replace_effects(PAPER, effects(PAPER)) == PAPER
     assert not PAPER.light.on
     assert light_effects(sensor).values[3] == 632.8e-6
     with pytest.raises(InputError, match="needed: 27"):
-        with_effects(sensor, [0.0])
+        replace_effects(sensor, [0.0])
 
 
 def test_the_beam_as_a_covariance():

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...core.units import Floats
 from ...detectors.correction import invert_correction
 from ...detectors.counts import counts_to_xy_sum, readings_to_counts
-from ...model.arrays import mask_missed
+from ...model.arrays import mask_missed_spots
 from ...simulation.imperfect_optics import delayed_readings
 from ...tracking.interlock import HEARTBEAT, KIND, MAY_MOVE, SIGN, heartbeat_frame
 from ..run.board_poses import SOLVED
@@ -178,7 +178,7 @@ class Board:
         """What the board makes of the light: counts, with its own numbers and times."""
         sensor, electronics = self.config.sensor, self.config.electronics
         exact = delayed_readings(sensor, seq / self.rate, states, states)
-        exact = invert_correction(sensor, mask_missed(sensor, exact, exact))
+        exact = invert_correction(sensor, mask_missed_spots(sensor, exact, exact))
         if self.schedule.is_on("block", now):
             exact[:, 2::3] = 0.0
         counts = readings_to_counts(sensor, electronics, exact, self.rng)
