@@ -28,7 +28,7 @@ from facets.core.settings import Stage
 from facets.core.units import Floats
 from facets.detectors.noise import add_noise
 from facets.firmware.library import FirmwareLibrary
-from facets.tracking.control import SMOOTH, Law, Seen
+from facets.tracking.control import SPEED_AVERAGING_S, Law, Seen
 from facets.tracking.stage import StageModel
 
 RADIUS = 4.0
@@ -94,7 +94,7 @@ def follow(place: Controller, stage: Stage, speed: float, seconds: float) -> tup
 def predicted_distance(place: Controller, stage: Stage, speed: float) -> float:
     """What the circle's acceleration leaves over the horizon, mm."""
     horizon = place.age + stage.latency + stage.lag + 0.5 / place.rate
-    return speed**2 / RADIUS * (horizon**2 / 2 + SMOOTH * horizon)
+    return speed**2 / RADIUS * (horizon**2 / 2 + SPEED_AVERAGING_S * horizon)
 
 
 def main() -> None:

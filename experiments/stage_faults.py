@@ -28,11 +28,11 @@ import facets
 from facets.core.settings import Stage as Settings
 from facets.core.units import Floats
 from facets.live.virtual.stages import PiController, ZaberDevice
-from facets.tracking.arrival import PLACE, SLACK, settling_time
+from facets.tracking.arrival import MAX_PLACE_AGE_S, POSITION_SLACK_MM, settling_time
 from facets.tracking.control import Law
 from facets.tracking.envelope import stopping_time
 from facets.tracking.limits import Limits
-from facets.tracking.line import POLL
+from facets.tracking.line import POLL_S
 from facets.tracking.stage import StageError, StageModel
 from facets.tracking.tracker import Tracker
 
@@ -65,12 +65,12 @@ FOREIGN_MM, RESUMES_HZ = 1.0, 4.0
 def excursion(settings: Settings) -> float:
     """How far a controller that does not do what it is told can go before it stands, mm.
 
-    By `SLACK` unnoticed, then at the largest speed until the loop has asked it where it is, has
-    heard that, and has told it to stop; and for as long as it takes to brake.
+    By `POSITION_SLACK_MM` unnoticed, then at the largest speed until the loop has asked it where it
+    is, has heard that, and has told it to stop; and for as long as it takes to brake.
     """
     s = settings
-    noticed = 1 / s.rate + 2 * PLACE + s.latency
-    return SLACK + s.step + s.max_speed * (noticed + s.max_speed / (2 * s.acceleration))
+    noticed = 1 / s.rate + 2 * MAX_PLACE_AGE_S + s.latency
+    return POSITION_SLACK_MM + s.step + s.max_speed * (noticed + s.max_speed / (2 * s.acceleration))
 
 
 class Broken(BaseException):  # no error handling of what is judged may swallow it
@@ -142,7 +142,7 @@ class Watched(StageModel):
         self.ask()
         others = (place == self.foreign) | (place == self.halted)  # Zaber is sent axis by axis
         far = float(np.hypot(*np.where(others, 0.0, place - self.place)))
-        may = self.reach + 2**0.5 * s.max_speed * (PLACE + s.latency) + ROUNDING_MM
+        may = self.reach + 2**0.5 * s.max_speed * (MAX_PLACE_AGE_S + s.latency) + ROUNDING_MM
         self.require(far <= may, f"sent {far:.4f} mm at once, {may:.4f} allowed")
         past = self.excess(np.where(others, self.low, place))
         self.require(past <= ROUNDING_MM, f"sent outside, to {place}")
@@ -276,7 +276,7 @@ class World:
                 self.reply(answer)
 
     def read(self, size: int) -> bytes:
-        until = self.now + POLL
+        until = self.now + POLL_S
         while not self.ready and self.now < until:
             self.count_byte(0)
             self.advance(TICK_S)
@@ -449,7 +449,7 @@ class World:
             raise Broken("a stopped stage was sent somewhere before anybody resumed")
         if self.settings.permit:
             taken, is_permitted = self.flag
-            if not is_permitted or self.now - taken > self.settings.stale + 2 * PLACE:
+            if not is_permitted or self.now - taken > self.settings.stale + 2 * MAX_PLACE_AGE_S:
                 raise Broken("sent without a permit")
 
     def check_step(self, begun: float, flag: tuple[float, bool]) -> None:

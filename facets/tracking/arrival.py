@@ -18,12 +18,12 @@ from ..core.units import Floats
 from .encoder import Encoder
 from .limits import Limits
 
-#: A place of the stage that is older than this is none to set out from, s.
-PLACE = 0.03
-#: A stage that is nearer than this to where it goes is at rest, mm.
-REST = 1e-4
-#: A stage may stand so far beside where it should, mm.
-SLACK = 0.05
+#: A position of the stage that is older than this is no start of a prediction, s.
+MAX_PLACE_AGE_S = 0.03
+#: A stage that is nearer than this to its goal is at rest, mm.
+REST_DISTANCE_MM = 1e-4
+#: Maximum distance of a stage that works well from where it should stand, mm.
+POSITION_SLACK_MM = 0.05
 #: A stage is given so much longer than it needs, s: its place may be told late.
 SPARE_S = 0.1
 #: How far the beam that the readings show may part from the encoder, mm, and for a moving stage the
@@ -35,12 +35,14 @@ def settling_time(settings: Settings) -> float:
     """How long after a command a stage can move at most, s, where nothing is wrong with it.
 
     Its move begins after the latency, has `reach` to go at the largest speed, from where the stage
-    was up to PLACE ago, and ends by the stage's lag and acceleration.
+    was up to MAX_PLACE_AGE_S ago, and ends by the stage's lag and acceleration.
     """
     s = settings
     reach = Limits.from_settings(s).reach
-    settling = s.lag * math.log(max(reach / REST, 1.0)) + 2 * s.max_speed / s.acceleration
-    return s.latency + PLACE + reach / s.max_speed + settling
+    settling = (
+        s.lag * math.log(max(reach / REST_DISTANCE_MM, 1.0)) + 2 * s.max_speed / s.acceleration
+    )
+    return s.latency + MAX_PLACE_AGE_S + reach / s.max_speed + settling
 
 
 def distance_to_box(place: Floats, corners: Floats) -> float:
@@ -54,7 +56,7 @@ class Arrival:
 
     def __init__(self, settings: Settings) -> None:
         self.patience = settling_time(settings) + SPARE_S
-        self.slack = SLACK + settings.step
+        self.slack = POSITION_SLACK_MM + settings.step
         self.goals: deque[tuple[float, Floats]] = deque()
         self.places: deque[tuple[float, Floats]] = deque()
         self.offset: Floats | None = None

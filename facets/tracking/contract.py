@@ -21,10 +21,14 @@ from ..core.units import Floats
 from .drivers import PARTS, Driver
 from .limits import Limits
 
-#: How far the checks move, mm, and how near a place is the same, mm.
-FAR, NEAR = 0.2, 2e-3
-#: How often a stage is looked at, s, and how long a move may take at most, s.
-LOOK, LONGEST = 5e-3, 20.0
+#: Length of the moves with which the checks try a stage, mm.
+MOVE_MM = 0.2
+#: Two positions nearer than this are the same to the checks, mm.
+SAME_PLACE_MM = 2e-3
+#: Time between two looks at a stage that moves, s.
+LOOK_INTERVAL_S = 5e-3
+#: A move that takes longer than this has failed, s.
+MAX_MOVE_S = 20.0
 
 
 def check_driver(
@@ -43,9 +47,9 @@ def check_driver(
         check_parts(driver)
         driver.prepare()
         home = check_place(driver, settings)
-        check_move(driver, settings, home + FAR, wait, now)
-        check_stop(driver, home - FAR, driver.stop, "stop", wait)
-        check_stop(driver, home + 2 * FAR, driver.cry, "cry", wait)
+        check_move(driver, settings, home + MOVE_MM, wait, now)
+        check_stop(driver, home - MOVE_MM, driver.stop, "stop", wait)
+        check_stop(driver, home + 2 * MOVE_MM, driver.cry, "cry", wait)
         check_threads(driver)
         driver.move(home)
         driver.stop()
@@ -68,9 +72,9 @@ def check_place(driver: Driver, settings: Settings) -> Floats:
         assert place.shape == (2,), f"place() has the shape {place.shape}, not (2,)"
         assert place.dtype == np.float64, f"place() gives {place.dtype}, not float64"
         assert np.isfinite(place).all(), f"place() gives {place}"
-    assert np.abs(first - second).max() < NEAR, "the stage moves though it was stopped"
+    assert np.abs(first - second).max() < SAME_PLACE_MM, "the stage moves though it was stopped"
     limits = Limits.from_settings(settings)
-    low, high = np.array(limits.low) + 3 * FAR, np.array(limits.high) - 3 * FAR
+    low, high = np.array(limits.low) + 3 * MOVE_MM, np.array(limits.high) - 3 * MOVE_MM
     inside = (low < first) & (first < high)
     assert inside.all(), "the stage stands too near its limits"
     return first
@@ -87,16 +91,18 @@ def check_move(
     before, at = driver.place(), now()
     begin = at
     driver.move(goal)
-    while np.abs(before - goal).max() > NEAR:
-        assert now() - begin < LONGEST, f"the stage stands at {before}, not at {goal}"
+    while np.abs(before - goal).max() > SAME_PLACE_MM:
+        assert now() - begin < MAX_MOVE_S, f"the stage stands at {before}, not at {goal}"
         place, then = driver.place(), now()
-        most = 1.5 * settings.max_speed * (then - at) + NEAR + settings.step
+        most = 1.5 * settings.max_speed * (then - at) + SAME_PLACE_MM + settings.step
         assert np.abs(place - before).max() <= most, "the stage moves faster than max_speed"
         before, at = place, then
-        wait(LOOK)
+        wait(LOOK_INTERVAL_S)
     for _ in range(5):
-        wait(LOOK)
-        assert np.abs(driver.place() - goal).max() < 2 * NEAR, "the stage goes past its goal"
+        wait(LOOK_INTERVAL_S)
+        assert np.abs(driver.place() - goal).max() < 2 * SAME_PLACE_MM, (
+            "the stage goes past its goal"
+        )
 
 
 def check_stop(
@@ -112,11 +118,11 @@ def check_stop(
     for _ in range(100):  # it may take a while to stand
         before = driver.place()
         wait(0.02)
-        if np.abs(driver.place() - before).max() < NEAR / 10:
+        if np.abs(driver.place() - before).max() < SAME_PLACE_MM / 10:
             break
     else:
         raise AssertionError(f"the stage still moves after {name}()")
-    assert np.abs(driver.place() - goal).max() > NEAR, f"{name}() did not stop the move"
+    assert np.abs(driver.place() - goal).max() > SAME_PLACE_MM, f"{name}() did not stop the move"
 
 
 def check_threads(driver: Driver) -> None:

@@ -118,7 +118,7 @@ class Law:
         """Takes the mirror's speed from its places at one time after the other, s."""
         if self.last is not None and time > self.last[0]:
             passed = time - self.last[0]
-            share = min(1.0, passed / SMOOTH)
+            share = min(1.0, passed / SPEED_AVERAGING_S)
             self.speed += share * ((apex - self.last[1]) / passed - self.speed)
             most = self.settings.max_speed  # of a faster one the sample is in doubt, or it is lost
             self.speed = np.clip(self.speed, -most, most)
@@ -145,8 +145,8 @@ class Law:
         self.last, self.speed = None, np.zeros(2)
 
 
-#: Over what time the mirror's speed is taken, s.
-SMOOTH = 0.02
+#: Time constant of the mean of the mirror's speed, s.
+SPEED_AVERAGING_S = 0.02
 
 
 @dataclass(frozen=True)

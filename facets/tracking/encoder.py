@@ -8,8 +8,9 @@ import numpy as np
 
 from ..core.units import Floats
 
-#: No place of the stage is believed longer than this, s: it then stands where it was.
-REACH = 0.1
+#: A position of the stage is extrapolated over no more than this time, s; from then on the stage
+#: is taken to stand.
+MAX_EXTRAPOLATION_S = 0.1
 
 
 class Encoder(NamedTuple):
@@ -21,5 +22,5 @@ class Encoder(NamedTuple):
 
     def places(self, times: Floats) -> Floats:
         """Places (n, 2) at host times (n,)."""
-        ahead = np.clip(times - self.time, -REACH, REACH)
+        ahead = np.clip(times - self.time, -MAX_EXTRAPOLATION_S, MAX_EXTRAPOLATION_S)
         return self.place + ahead[:, None] * self.speed

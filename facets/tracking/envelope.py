@@ -26,21 +26,25 @@ import numpy as np
 
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
-from .arrival import PLACE, SLACK, Arrival, settling_time
+from .arrival import MAX_PLACE_AGE_S, POSITION_SLACK_MM, Arrival, settling_time
 from .drivers import Driver, open_driver
 from .encoder import Encoder
 from .interlock import Always, Heartbeat, Permit, close_line, open_permit
 from .limits import Limits
 from .stage import StageError
 
-#: A loop that has not come round for so long is stalled, s, or for so many of its periods.
-STALL, PERIODS = 0.1, 5
-#: How often a stalled loop's stage is told to stop, s.
-AGAIN = 0.1
-#: A sample's time may lie so far ahead of the clock, s.
-AHEAD = 2e-3
-#: How often a stop is repeated that is not answered, and how long each waits, s.
-STOPS, WAIT = 3, 0.5
+#: A loop that has not come round for this time is stalled, s: its stage is told to stop.
+STALL_S = 0.1
+#: A slow loop is stalled only after this number of its periods.
+STALL_PERIODS = 5
+#: Time between two commands to stop that the stage of a stalled loop gets, s.
+STOP_REPEAT_INTERVAL_S = 0.1
+#: A sample whose time is later than the clock's by more than this is not used, s.
+MAX_AHEAD_S = 2e-3
+#: Number of attempts to stop a stage that does not answer.
+STOP_ATTEMPTS = 3
+#: Each attempt to stop waits up to this time for the stage's answer, s.
+STOP_WAIT_S = 0.5
 #: How long the stage stands before `stage.resume: auto` ends a stop, s.
 AUTO_RESUME_AFTER_S = 1.0
 HOUR_S = 3600.0
@@ -127,7 +131,8 @@ class Envelope:
         """Raise `StageError` for a place that is none, or lies outside the soft limits."""
         if np.shape(place) != (2,) or not np.isfinite(place).all():
             raise StageError(f"the stage's driver gives a place that is none: {place}")
-        low, high = np.array(self.limits.low) - SLACK, np.array(self.limits.high) + SLACK
+        low = np.array(self.limits.low) - POSITION_SLACK_MM
+        high = np.array(self.limits.high) + POSITION_SLACK_MM
         if (place < low).any() or (place > high).any():
             raise StageError(
                 f"the stage stands at {(place - self.settings.zero).round(3).tolist()} mm, outside "
@@ -138,7 +143,7 @@ class Envelope:
     def _speed(self, earlier: Encoder, now: float, after: float, place: Floats) -> Floats:
         """The stage's speed since an earlier look (2,), mm/s; raises `StageError` for a jump."""
         s = self.settings
-        most = 1.5 * s.max_speed * (after - earlier.time) + SLACK + s.step
+        most = 1.5 * s.max_speed * (after - earlier.time) + POSITION_SLACK_MM + s.step
         if np.abs(place - earlier.place).max() > most:
             raise StageError(
                 f"the stage jumped from {earlier.place.round(3).tolist()} to "
@@ -174,7 +179,7 @@ class Envelope:
         """
         self.beat = now = self.clock()
         held = self._allow(target, now, limits or self.limits)
-        if held is None or not -AHEAD <= now - sampled <= self.settings.stale:
+        if held is None or not -MAX_AHEAD_S <= now - sampled <= self.settings.stale:
             return None
         return self._send(held, now)
 
@@ -189,7 +194,7 @@ class Envelope:
         away = float(np.hypot(*(target - origin)))
         near = origin + (target - origin) * min(1.0, most / away) if away > 0 else target
         held = self._allow(near, now, self.limits)
-        if held is None or not -AHEAD <= now - sampled <= self.settings.bridge:
+        if held is None or not -MAX_AHEAD_S <= now - sampled <= self.settings.bridge:
             return None
         if np.hypot(*(held - origin)) > most:  # the stage itself is further away
             return None
@@ -200,7 +205,7 @@ class Envelope:
         at = self.encoder
         if not np.isfinite(target).all():
             raise StageError("the stage was to be sent to a place that is no number")
-        if self.latched or self.failed or at is None or now - at.time > PLACE:
+        if self.latched or self.failed or at is None or now - at.time > MAX_PLACE_AGE_S:
             return None
         if not self.permit.allows_motion(now) or (
             self.heartbeat and not self.heartbeat.is_heard(now)
@@ -289,10 +294,10 @@ class Envelope:
 
     def watch(self) -> None:
         """Stops a stage whose loop has stalled; to be called by another thread, again and again."""
-        patience = max(STALL, PERIODS / self.settings.rate)
+        patience = max(STALL_S, STALL_PERIODS / self.settings.rate)
         if self.failed or not self.moving or self.clock() - self.beat < patience:
             return
-        if self.clock() - self.cried < AGAIN:
+        if self.clock() - self.cried < STOP_REPEAT_INTERVAL_S:
             return
         self.cried = self.clock()
         if not self.stalled:
@@ -329,10 +334,10 @@ class Envelope:
     def _stop_by_every_means(self) -> bool:
         """The command until it is answered; closes the port. Never raises. False: no answer."""
         self.failed, answered = True, False
-        for _ in range(STOPS):
+        for _ in range(STOP_ATTEMPTS):
             try:
                 self._driver.cry()
-                self._driver.stop(patience=WAIT)
+                self._driver.stop(patience=STOP_WAIT_S)
                 self.moving, answered = False, True
                 break
             except Exception as error:

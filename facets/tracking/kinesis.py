@@ -18,13 +18,13 @@ from ..core.errors import InputError
 from ..core.extras import require_extra
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
-from .line import PATIENCE
+from .line import PATIENCE_S
 from .stage import StageError
 
 #: A controller counts speeds in whole units: what it says may be above what it was told, a share.
 ROUNDED = 0.01
 #: A cry waits no longer than this for another thread's question to be answered, s.
-TURN = 0.5
+CRY_WAIT_S = 0.5
 
 
 def open_kinesis(name: str, settings: Settings) -> Kinesis:
@@ -104,7 +104,7 @@ class Kinesis:
             for (motor, channel), goal in zip(self.axes, place - self.zero, strict=True):
                 motor.move_to(float(goal), channel=channel)
 
-    def stop(self, patience: float = PATIENCE) -> None:
+    def stop(self, patience: float = PATIENCE_S) -> None:
         """Stops both axes, and waits until they stand."""
         with self.turn:
             for motor, channel in self.axes:
@@ -115,7 +115,7 @@ class Kinesis:
     def cry(self) -> None:
         """Stops without waiting for a word. Where another thread does not end its question, the
         command goes out all the same."""
-        held = self.turn.acquire(timeout=TURN)
+        held = self.turn.acquire(timeout=CRY_WAIT_S)
         try:
             for motor, channel in self.axes:
                 with suppress(Exception):  # the other axis is to hear it, too

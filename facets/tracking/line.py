@@ -1,6 +1,7 @@
 """A serial line of a stage: whole lines, which may come in pieces and late, from one that answers.
 
-A stage that answers late on a busy machine is slow; one that has not answered for PATIENCE is dead.
+A stage that answers late on a busy machine is slow; one that has not answered for
+PATIENCE_S is dead.
 """
 
 from __future__ import annotations
@@ -12,12 +13,14 @@ from typing import Any
 
 from .stage import StageError
 
-#: After so long without the whole of an answer the stage is taken for dead, s.
-PATIENCE = 5.0
-#: How long one read waits for more bytes, and one write for room, s.
-POLL, WRITE = 0.02, 1.0
-#: No answer of a stage is as long as this, bytes.
-LONGEST = 1000
+#: A stage that has not answered completely within this time is taken for dead, s.
+PATIENCE_S = 5.0
+#: One read waits up to this time for bytes, s.
+POLL_S = 0.02
+#: One write waits up to this time for room in the port, or for another thread's write, s.
+WRITE_TIMEOUT_S = 1.0
+#: A stage's answer that is longer than this is no answer.
+MAX_ANSWER_BYTES = 1000
 
 
 class Line:
@@ -31,18 +34,18 @@ class Line:
         self.rest = b""
         self.writing = threading.Lock()
         with suppress(Exception):  # a port of another kind keeps its own
-            port.timeout, port.write_timeout = POLL, WRITE
+            port.timeout, port.write_timeout = POLL_S, WRITE_TIMEOUT_S
 
     def write(self, data: bytes) -> None:
         """Sends all of it; waits for another thread's writing no longer than a write may take."""
-        held = self.writing.acquire(timeout=WRITE)
+        held = self.writing.acquire(timeout=WRITE_TIMEOUT_S)
         try:
             self.port.write(data)
         finally:
             if held:
                 self.writing.release()
 
-    def read_line(self, patience: float = PATIENCE) -> str:
+    def read_line(self, patience: float = PATIENCE_S) -> str:
         """The next line without its end; raises where the stage is dead, or sends no lines."""
         deadline = self.clock() + patience
         while b"\n" not in self.rest:
@@ -52,7 +55,7 @@ class Line:
                     "port and baud?"
                 )
             self.rest += self.port.read(max(1, getattr(self.port, "in_waiting", 0) or 0))
-            if len(self.rest) > LONGEST:
+            if len(self.rest) > MAX_ANSWER_BYTES:
                 raise StageError(f"the stage sends what has no lines: {self.rest[:40]!r}")
         line, _, self.rest = self.rest.partition(b"\n")
         return line.decode("ascii", "replace").rstrip("\r")
@@ -60,8 +63,8 @@ class Line:
     def drain(self) -> None:
         """Passes over what a stage sent before anyone asked."""
         self.rest = b""
-        deadline = self.clock() + 10 * POLL
-        while self.clock() < deadline and self.port.read(LONGEST):
+        deadline = self.clock() + 10 * POLL_S
+        while self.clock() < deadline and self.port.read(MAX_ANSWER_BYTES):
             pass
 
     def close(self) -> None:

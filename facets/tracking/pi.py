@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
-from .line import PATIENCE, Line
+from .line import PATIENCE_S, Line
 from .stage import StageError
 
 UNKNOWN_COMMAND, STOPPED = "2", "10"
@@ -26,7 +26,7 @@ class Pi:
         self.zero = np.array(settings.zero)
         self.cries = self.forgiven = 0  # a cry leaves an error that is no refusal
 
-    def answers(self, patience: float = PATIENCE) -> list[str]:
+    def answers(self, patience: float = PATIENCE_S) -> list[str]:
         lines: list[str] = []
         while len(lines) < 10:
             lines.append(self.line.read_line(patience))
@@ -34,7 +34,7 @@ class Pi:
                 return lines
         raise StageError(f"the stage's answer has no end: {lines}")
 
-    def tell(self, command: str, *allowed: str, patience: float = PATIENCE) -> str:
+    def tell(self, command: str, *allowed: str, patience: float = PATIENCE_S) -> str:
         """Sends a command, and asks whether it was taken: the error code, 0 or one of `allowed`."""
         self.line.write(f"{command}\nERR?\n".encode())
         lines = self.answers(patience)
@@ -76,7 +76,7 @@ class Pi:
         x, y = place - self.zero
         self.tell(f"MOV 1 {x:.6f} 2 {y:.6f}")
 
-    def stop(self, patience: float = PATIENCE) -> None:
+    def stop(self, patience: float = PATIENCE_S) -> None:
         """Stops both axes, and waits for the stage's word that it did."""
         self.tell("STP", STOPPED, patience=patience)
 

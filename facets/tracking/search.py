@@ -1,10 +1,10 @@
 """How a mirror that was lost is looked for: towards the light while there is any, else in a spiral.
 
 Light shows the way to the mirror over several millimetres, so the stage goes there within the
-limits of tracking, for CHASE at most. In the dark it goes back to the last good place, or to where
-the light went out, and from there in a spiral with limits of its own, slower and shorter than
-tracking. It ends at FARTHEST, and after so many commands that a stage which does not follow ends
-it, too.
+limits of tracking, for MAX_CHASE_S at most. In the dark it goes back to the last good place, or to
+where the light went out, and from there in a spiral with limits of its own, slower and shorter than
+tracking. It ends at MAX_RADIUS_MM, and after so many commands that a stage which does not follow
+ends it, too.
 """
 
 from __future__ import annotations
@@ -17,12 +17,19 @@ from ..core.settings import Stage as Settings
 from ..core.units import Floats
 from .limits import Limits
 
-#: Between turns, between places, and from the middle to the end, mm.
-TURN, STEP, FARTHEST = 0.25, 0.1, 2.0
-#: In the dark no faster than this, mm/s.
-SPEED = 10.0
-#: How much longer than the spiral takes a search may go on, and how long it may follow light, s.
-SPARE, CHASE = 3.0, 10.0
+#: Distance between two turns of the spiral, mm.
+TURN_SPACING_MM = 0.25
+#: Maximum distance between two commanded positions, mm.
+MAX_STEP_MM = 0.1
+#: Radius at which the spiral ends, mm.
+MAX_RADIUS_MM = 2.0
+#: Maximum speed in the dark, mm/s.
+DARK_SPEED_MM_PER_S = 10.0
+#: Maximum number of commands in the spiral, relative to those that its length needs: it also ends
+#: if the stage does not follow.
+SPARE_FACTOR = 3.0
+#: A search follows light without a pose for up to this time, s.
+MAX_CHASE_S = 10.0
 
 
 class Search:
@@ -33,11 +40,11 @@ class Search:
 
     def __init__(self, settings: Settings) -> None:
         self.full = full = Limits.from_settings(settings)
-        speed = min(settings.max_speed, SPEED)
-        self.step = min(STEP, full.reach, speed / settings.rate)
+        speed = min(settings.max_speed, DARK_SPEED_MM_PER_S)
+        self.step = min(MAX_STEP_MM, full.reach, speed / settings.rate)
         self.narrow = self.limits = Limits(full.low, full.high, speed, self.step)
-        self.most_spiral = ceil(SPARE * pi * FARTHEST**2 / TURN / self.step)
-        self.most_chase = ceil(CHASE * settings.rate)
+        self.most_spiral = ceil(SPARE_FACTOR * pi * MAX_RADIUS_MM**2 / TURN_SPACING_MM / self.step)
+        self.most_chase = ceil(MAX_CHASE_S * settings.rate)
         self.forget()
 
     def forget(self) -> None:
@@ -64,7 +71,7 @@ class Search:
             self.angle = 0.0
             if self.chases <= self.most_chase:
                 return towards
-            self.outcome = f"the light was followed for {CHASE:g} s without a pose"
+            self.outcome = f"the light was followed for {MAX_CHASE_S:g} s without a pose"
             return None
         self.limits = self.narrow
         self.spirals += 1
@@ -73,20 +80,20 @@ class Search:
             self.goal = self.centre
         elif hypot(*(place - self.goal)) < 2 * self.step:  # else the stage is still on its way
             self.goal = self.turn()
-        if self.radius <= FARTHEST and self.spirals <= self.most_spiral:
+        if self.radius <= MAX_RADIUS_MM and self.spirals <= self.most_spiral:
             return self.goal
         at = ", ".join(f"{x:.3f}" for x in self.centre)
-        self.outcome = f"the mirror was not found within {FARTHEST:g} mm of ({at}) mm"
+        self.outcome = f"the mirror was not found within {MAX_RADIUS_MM:g} mm of ({at}) mm"
         return None
 
     @property
     def radius(self) -> float:
-        return TURN * self.angle / (2 * pi)
+        return TURN_SPACING_MM * self.angle / (2 * pi)
 
     def turn(self) -> Floats:
         """The next place of the spiral, within the soft limits."""
         assert self.centre is not None
-        self.angle += self.step / hypot(self.radius, TURN / (2 * pi))
+        self.angle += self.step / hypot(self.radius, TURN_SPACING_MM / (2 * pi))
         at = self.centre + self.radius * np.array([cos(self.angle), sin(self.angle)])
         held: Floats = np.clip(at, self.narrow.low, self.narrow.high)
         return held

@@ -15,14 +15,14 @@ from ..core.settings import Stage as Settings
 from ..core.units import Floats
 from .control import Law, Seen
 from .encoder import Encoder
-from .envelope import AHEAD, Envelope
+from .envelope import MAX_AHEAD_S, Envelope
 from .interlock import BoardPermit
-from .line import PATIENCE
+from .line import PATIENCE_S
 from .priority import urgent
 from .search import Search
 
-#: How often the loop is watched, s.
-WATCH = 0.02
+#: Time between two checks whether the loop is stalled, s.
+WATCH_INTERVAL_S = 0.02
 #: Between these shares of the beam's power light is taken for the beam's.
 LIT, BRIGHT = 0.02, 3.0
 
@@ -50,7 +50,7 @@ START_WITHIN_S = 10.0
 def join(thread: threading.Thread) -> None:
     """Waits for a thread's end, a while, where there is something to wait for."""
     if thread.is_alive() and thread is not threading.current_thread():
-        thread.join(timeout=PATIENCE + 1)
+        thread.join(timeout=PATIENCE_S + 1)
 
 
 class Tracker:
@@ -177,7 +177,7 @@ class Tracker:
         self, taken: float, came: float, powers: Floats, apex: Floats, beam: Floats
     ) -> Sample:
         doubt, needs_pose = "", self.settings.law == "feedforward"
-        if not came - self.settings.stale <= taken <= came + AHEAD:
+        if not came - self.settings.stale <= taken <= came + MAX_AHEAD_S:
             doubt = STALE
         elif np.isposinf(powers).any():
             doubt = "a detector is saturated"
@@ -201,7 +201,7 @@ class Tracker:
 
     def watch(self) -> None:
         with urgent():
-            while not self.ending.wait(WATCH):
+            while not self.ending.wait(WATCH_INTERVAL_S):
                 self.envelope.watch()
 
     def step(self) -> bool:

@@ -12,11 +12,13 @@ import numpy as np
 
 from ..core.settings import Stage as Settings
 from ..core.units import Floats
-from .line import PATIENCE, Line
+from .line import PATIENCE_S, Line
 from .stage import StageError
 
-#: A native unit of speed is so many microsteps a second, one of acceleration a second squared.
-SPEED, ACCELERATION = 1 / 1.6384, 1e4 / 1.6384
+#: One native unit of speed, microsteps/s.
+SPEED_UNIT_STEPS_PER_S = 1 / 1.6384
+#: One native unit of acceleration, microsteps/s².
+ACCELERATION_UNIT_STEPS_PER_S2 = 1e4 / 1.6384
 #: The first firmware whose moves take a speed and an acceleration of their own.
 FIRMWARE = 7.25
 #: A message's numbers go round below this.
@@ -46,7 +48,7 @@ class Zaber:
         self.line.write(f"/{text}:{checksum(text)}\n".encode())
         return f"{self.number:02d}"
 
-    def receive(self, number: str, command: str, patience: float = PATIENCE) -> list[str]:
+    def receive(self, number: str, command: str, patience: float = PATIENCE_S) -> list[str]:
         """The data of the answer to a command; alerts and late answers are passed over."""
         until = self.line.clock() + patience
         for _ in range(MANY):
@@ -74,7 +76,7 @@ class Zaber:
             raise StageError("the stage has no reference any more (WR): was it restarted? Home it")
         return words[6:]
 
-    def ask(self, command: str, patience: float = PATIENCE) -> list[str]:
+    def ask(self, command: str, patience: float = PATIENCE_S) -> list[str]:
         return self.receive(self.send(command), command, patience)
 
     def numbers(self, command: str) -> Floats:
@@ -94,7 +96,10 @@ class Zaber:
         self.line.drain()
         self.stop()
         s = self.settings
-        most = round(s.max_speed / s.step / SPEED), round(s.acceleration / s.step / ACCELERATION)
+        most = (
+            round(s.max_speed / s.step / SPEED_UNIT_STEPS_PER_S),
+            round(s.acceleration / s.step / ACCELERATION_UNIT_STEPS_PER_S2),
+        )
         own = self.numbers("get maxspeed").max(), self.numbers("get accel").max()
         if own[0] <= most[0] and 0 < own[1] <= most[1]:  # an acceleration of 0 is none at all
             return
@@ -125,7 +130,7 @@ class Zaber:
         for number, command in sent:
             self.receive(number, command)
 
-    def stop(self, patience: float = PATIENCE) -> None:
+    def stop(self, patience: float = PATIENCE_S) -> None:
         """Stops both axes, and waits for the stage's word that it does."""
         self.ask("stop", patience)
 

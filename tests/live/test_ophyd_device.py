@@ -203,7 +203,7 @@ def test_a_trigger_waits_for_a_sample_that_is_taken_after_it(engine, documents, 
 
 
 def test_samples_that_nobody_collected_fail_the_flight(engine, file, monkeypatch):
-    monkeypatch.setattr(row_stream, "MOST", 5_000)
+    monkeypatch.setattr(row_stream, "MAX_HELD_ROWS", 5_000)
     with pytest.raises(FailedStatus) as failed:
         engine(flight(PoseSensor(CONFIG, f"file:{file}", name="sensor")))
     assert "since nobody collected them" in str(failed.value.__cause__)

@@ -232,8 +232,8 @@ def test_an_address_of_an_older_version_names_the_new_one(older, new):
 
 @pytest.mark.slow
 def test_a_receiver_that_takes_nothing_costs_itself_samples_and_nobody_else(monkeypatch):
-    monkeypatch.setattr(module, "MOST", 2_000_000)
-    monkeypatch.setattr(module, "END", 0.2)
+    monkeypatch.setattr(module, "MAX_WAITING_BYTES", 2_000_000)
+    monkeypatch.setattr(module, "END_TIMEOUT_S", 0.2)
     parts = solved(2_000)
     with Udps() as other:
         publications = Publications(["zmq://127.0.0.1:0", f"udp://127.0.0.1:{other.port}"], CONFIG)

@@ -115,7 +115,7 @@ def begun():
 @pytest.fixture(autouse=True)
 def unhurried(monkeypatch):
     """No test fails since a machine is slow."""
-    monkeypatch.setattr(module, "LAST", GUARD)
+    monkeypatch.setattr(module, "END_TIMEOUT_S", GUARD)
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from facets.tracking.interlock import ENABLE_S
 from facets.tracking.limits import Limits
 from facets.tracking.line import Line
 from facets.tracking.pi import Pi
-from facets.tracking.search import FARTHEST, Search
+from facets.tracking.search import MAX_RADIUS_MM, Search
 from facets.tracking.stage import StageError, StageModel
 from facets.tracking.tracker import START_WITHIN_S, Tracker
 from facets.tracking.zaber import Zaber, checksum
@@ -724,7 +724,7 @@ def test_a_search_in_the_dark_ends_and_says_so():
     assert names.count("search") == 1
     assert names[-2:] == ["search ended", "stop"]
     away = np.hypot(*(np.array(places) - places[0]).T)
-    assert FARTHEST * 0.9 < away.max() < FARTHEST * 1.1
+    assert MAX_RADIUS_MM * 0.9 < away.max() < MAX_RADIUS_MM * 1.1
     steps = np.hypot(*np.diff([[m["x"], m["y"]] for n, m in events if n == "move"], axis=0).T)
     assert steps[1:].max() <= STAGE.max_step
     before = follower.moves

@@ -27,7 +27,7 @@ from ...estimation.estimates import prepare
 from ...estimation.misfit import Misfit
 from ...estimation.series import solve_series
 from ...estimation.solution import Solution, Status
-from ...tracking.encoder import REACH, Encoder
+from ...tracking.encoder import MAX_EXTRAPOLATION_S, Encoder
 from ..sources.clock import Sequence
 from ..sources.frames import MARK, OVERRUN, PERMIT, XY_SUM, Samples, parser
 from ..sources.host_time import HostTime
@@ -38,8 +38,9 @@ if TYPE_CHECKING:
     from ...core.settings import Config
 
 
-#: How well a sample's time and a stage's are known to each other, 1 sigma, s.
-TIMING = 1e-3
+#: Standard uncertainty of the time of a sample relative to the time of the stage, s; it adds the
+#: distance that a moving stage travels in this time to the uncertainty of its position.
+TIMING_SIGMA_S = 1e-3
 #: What is to be known of a sample, by the bits of `counts`, and of the board. Its permit for the
 #: stage is no event: it is set in every sample, and counted in none.
 LOST_BEFORE, MARKED, PERMITTED = 4, 8, 16
@@ -51,9 +52,9 @@ FLAGS = {
 }
 #: Samples that are solved together, as a series. No newer sample waits longer than for one batch.
 BATCH = 250
-#: Steps of the estimator for a live sample, at most. Where a pose can be found it takes four or
-#: five from rest, and up to sixteen 1 mm off the beam.
-STEPS = 20
+#: Maximum number of steps of the estimator for a live sample. Where a pose can be found, it takes
+#: four or five steps from rest, and up to sixteen from a millimetre off the beam.
+MAX_STEPS = 20
 #: The status of a sample that was recorded and not solved, since the loop had fallen behind. It is
 #: none of the estimator's: a replay solves the sample.
 SKIPPED = 64
@@ -256,7 +257,7 @@ class Pipeline:
             exact,
             knowledge,
             method=options.method,
-            max_steps=min(options.max_steps, STEPS),
+            max_steps=min(options.max_steps, MAX_STEPS),
             accept_unchecked=options.accept_unchecked,
         )
         self.tally.misfit.carried |= batch.encoder is not None
@@ -292,10 +293,10 @@ class Pipeline:
         if encoder is None or self.at_rest.beam == "free":
             return self.at_rest
         age = float(host[-1]) - encoder.time
-        if not age <= REACH:
+        if not age <= MAX_EXTRAPOLATION_S:
             return replace(self.at_rest, beam="free")
         # a stage may have changed its speed since it was asked: half the way is in doubt
-        moving = float(np.hypot(*encoder.speed)) * (TIMING + max(0.0, age) / 2)
+        moving = float(np.hypot(*encoder.speed)) * (TIMING_SIGMA_S + max(0.0, age) / 2)
         sigma = hypot(self.config.stage.accuracy, moving, jitter_of(self.config))
         return replace(self.at_rest, beam=Prior(encoder.places(host), sigma))
 

@@ -17,14 +17,15 @@ from numpy.typing import NDArray
 from ...core.units import Booleans, Floats
 from .pipeline import MARKED
 
-#: Edges are remembered for so many seconds.
-WINDOW = 60
-#: The host's clock may be off by so much for a second to be told from its neighbours, s.
-DOUBT = 0.25
+#: Edges are remembered for this time, s: a quartz drifts with its temperature within minutes.
+EDGE_MEMORY_S = 60
+#: An edge farther than this from a whole second of the host's clock is refused, s: it could belong
+#: to either of two seconds.
+MAX_HOST_ERROR_S = 0.25
 #: No clock of a board is wrong by more, 1 sigma.
 WORST_RATE = 100e-6
-#: A board's clock counts microseconds, s, 1 sigma.
-COUNT = 1e-6 / 12**0.5
+#: Standard uncertainty of a time that a board's clock counts in whole microseconds, s.
+COUNT_SIGMA_S = 1e-6 / 12**0.5
 
 
 class Edge(NamedTuple):
@@ -74,19 +75,19 @@ class PulseClock:
         edge = (before + device) / 2
         at = utc - (device - edge)
         second = round(at)
-        sigma = float(np.hypot((device - before) / 12**0.5, COUNT))
-        if abs(at - second) > DOUBT:
+        sigma = float(np.hypot((device - before) / 12**0.5, COUNT_SIGMA_S))
+        if abs(at - second) > MAX_HOST_ERROR_S:
             self.refused += 1
             return
         if self.edges and not self.agrees(edge, second, sigma):
             known = self.edges[-1]
             self.refused += 1
-            if second - known.second <= WINDOW and edge > known.device:
+            if second - known.second <= EDGE_MEMORY_S and edge > known.device:
                 return
             self.edges.clear()  # a board that has begun anew, or a clock that was set
         self.edges.append(Edge(edge, second, sigma))
         self.used += 1
-        while self.edges[0].second < second - WINDOW:
+        while self.edges[0].second < second - EDGE_MEMORY_S:
             self.edges.popleft()
 
     def agrees(self, edge: float, second: int, sigma: float) -> bool:

@@ -13,8 +13,8 @@ from collections.abc import Callable
 
 from .source import PortError, Source
 
-#: What a source was given must come within this, on any machine, s.
-GUARD = 600.0
+#: The bytes that a source was given must arrive within this time, s; long enough for any machine.
+GUARD_S = 600.0
 
 
 def check_source(
@@ -29,7 +29,7 @@ def check_source(
         for name in ("ended", "waits"):
             assert isinstance(getattr(port, name), bool), f"{name} is neither True nor False"
         send(data)
-        came, last = bytearray(), time.monotonic() + GUARD
+        came, last = bytearray(), time.monotonic() + GUARD_S
         while len(came) < len(data):
             assert time.monotonic() < last, f"{len(came)} of {len(data)} bytes came"
             assert not port.ended, "the source ended before all had come"

@@ -33,8 +33,8 @@ TOGETHER = 64
 #: that the board has solved (`board_poses`), with the number of the sample that it belongs to.
 ELECTRODES, XY_SUM, POSE = 1, 2, 3
 #: Bits of `flags`: the board lost samples before this one; a converter was at its end; its input
-#: for a trigger or a pulse per second had an edge since the sample before; its input for a permit
-#: is on, so that the stage may move.
+#: for a trigger or a PPS signal had an edge since the sample before; its input for a permit is on,
+#: so that the stage may move.
 OVERRUN, SATURATED, MARK, PERMIT = 1, 2, 4, 8
 
 

@@ -18,27 +18,29 @@ import numpy as np
 
 from ...core.units import Floats
 
-#: Arrivals are remembered for so long, s: a quartz drifts with its temperature within minutes.
-WINDOW = 60.0
-#: Of so long the soonest arrival alone is remembered, s.
-BUCKET = 0.1
+#: Arrivals are remembered for this time, s: a quartz drifts with its temperature within minutes.
+ARRIVAL_MEMORY_S = 60.0
+#: Length of a bucket, s: only the arrival with the least delay in a bucket is remembered.
+BUCKET_S = 0.1
 #: No clock of a board is wrong by more, 1 sigma; the slope is held within three of them.
 WORST_RATE = 100e-6
 #: By how much a clock's rate may have changed between two lives of the board, 1 sigma.
 RATE_CHANGE = 1e-6
 #: An arrival that is earlier than possible by more than this shows that a clock was set, s.
-EARLY = 0.05
-#: Where all arrivals of so many buckets are late by more than LATE (s), a clock has stood still.
-LATE_BUCKETS, LATE = 50, 0.01
-#: Of a line under n points with exponential distances of mean s: its bias at their middle, and the
-#: standard deviations of its value at their end and of its rise over all of them, in units of s/n;
-#: by simulation (tests/live/test_host_time.py repeats it).
+EARLY_ARRIVAL_S = 0.05
+#: Number of newest buckets that must all be late to show that a clock has stood still.
+LATE_BUCKETS = 50
+#: An arrival with a delay above this counts as late, s.
+LATE_ARRIVAL_S = 0.01
+#: For a line under n points whose distances from it are exponential with mean m: its bias at the
+#: middle of the points, and the standard deviations of its value at their end and of its rise over
+#: all of them, in units of m/n; by simulation (tests/live/test_host_time.py repeats it).
 BIAS, END, RISE = 1.8, 4.0, 7.0
-#: A board's clock counts microseconds, s, 1 sigma.
-COUNT = 1e-6 / 12**0.5
+#: Standard uncertainty of a time that a board's clock counts in whole microseconds, s.
+COUNT_SIGMA_S = 1e-6 / 12**0.5
 
 
-class Line(NamedTuple):
+class ClockLine(NamedTuple):
     """host = device + offset + rate (device - middle), all in s."""
 
     middle: float
@@ -69,7 +71,7 @@ class HostTime:
     def restart(self) -> None:
         """The clocks are apart by another amount from here on; their rates are not."""
         self.restarts += 1
-        self.line: Line | None = None
+        self.line: ClockLine | None = None
         self.points: deque[tuple[float, float]] = deque()  # board's time, and the lag of arrival
         self.bucket = -inf
         self.lowest: tuple[float, float] | None = None
@@ -80,10 +82,10 @@ class HostTime:
         """One block: the board's time of its last sample, and when it came, s."""
         lag = arrival - device
         if self.line is None:
-            self.line = Line(device, lag, self.rate)
+            self.line = ClockLine(device, lag, self.rate)
             self.bucket = device
         over = lag - self.line.lag(device)
-        if over < -EARLY:
+        if over < -EARLY_ARRIVAL_S:
             self.restart()
             self.add(device, arrival)
             return
@@ -91,10 +93,10 @@ class HostTime:
             self.line = self.line._replace(offset=self.line.offset + over)
         if self.lowest is None or over < self.lowest[1] - self.line.lag(self.lowest[0]):
             self.lowest = device, lag
-        if device - self.bucket >= BUCKET:
+        if device - self.bucket >= BUCKET_S:
             self.points.append(self.lowest)
             self.lowest, self.bucket = None, device
-            while len(self.points) > 1 and self.points[0][0] < device - WINDOW:
+            while len(self.points) > 1 and self.points[0][0] < device - ARRIVAL_MEMORY_S:
                 self.points.popleft()
             self.fit()
 
@@ -110,18 +112,18 @@ class HostTime:
                 self.points.popleft()
             self.fit()
             return
-        count, length = len(over), float(at[-1] - at[0]) or BUCKET
+        count, length = len(over), float(at[-1] - at[0]) or BUCKET_S
         self.scale = float(np.median(over)) / log(2) if count > 4 else float(over.mean())
         self.rate = rate
         spread = RISE * self.scale / count / length
         # counts of microseconds are as much in doubt at both ends
-        self.rate_sigma = min(sigma, hypot(spread, 2 * COUNT / length)) if free else sigma
-        self.line = Line(middle, offset - BIAS * self.scale / count, rate)
+        self.rate_sigma = min(sigma, hypot(spread, 2 * COUNT_SIGMA_S / length)) if free else sigma
+        self.line = ClockLine(middle, offset - BIAS * self.scale / count, rate)
 
     def stood_still(self, over: Floats) -> bool:
         """Whether what came lately is late as a whole: the board's clock has lost time."""
         older, newer = over[:-LATE_BUCKETS], over[-LATE_BUCKETS:]
-        return len(older) >= 10 and bool(newer.min() > LATE + 20 * np.median(older))
+        return len(older) >= 10 and bool(newer.min() > LATE_ARRIVAL_S + 20 * np.median(older))
 
     @property
     def uncertainty(self) -> float:
@@ -137,7 +139,7 @@ class HostTime:
         end = END * self.scale / len(self.points)
         reach = (self.points[-1][0] - self.points[0][0]) / 2
         held = self.rate_sigma * reach if self.rate_sigma >= self.held[1] else 0.0
-        return float(np.sqrt(end**2 + held**2 + COUNT**2))
+        return float(np.sqrt(end**2 + held**2 + COUNT_SIGMA_S**2))
 
     @property
     def ppm(self) -> float:

@@ -23,8 +23,8 @@ from .frames import ELECTRODES, Samples, pack
 from .source import POLL_S, ClosedAtExit, PortError, PortInUse
 
 CHANNELS = 12
-#: Samples of each channel that the driver keeps while nobody reads, s.
-BUFFER = 10.0
+#: Length of the driver's buffer for each channel, s: samples are lost if nobody reads for longer.
+BUFFER_S = 10.0
 #: A reserved resource: another program has the card.
 RESERVED = -50103
 TERMINALS = {"rse": "RSE", "nrse": "NRSE", "diff": "DIFF", "default": "DEFAULT"}
@@ -87,7 +87,7 @@ class Card(ClosedAtExit):
             self.task.timing.cfg_samp_clk_timing(
                 self.rate,
                 sample_mode=constants.AcquisitionType.CONTINUOUS,
-                samps_per_chan=int(self.rate * BUFFER),
+                samps_per_chan=int(self.rate * BUFFER_S),
             )
             count = len(self.task.ai_channels)
             self.rate = float(self.task.timing.samp_clk_rate)  # what the card can do
@@ -112,7 +112,7 @@ class Card(ClosedAtExit):
                 return b""
             volts = np.empty((CHANNELS, count))
             self.reader.read_many_sample(volts, number_of_samples_per_channel=count, timeout=1.0)
-        except Exception as error:  # also where nobody has read for BUFFER, and samples are lost
+        except Exception as error:  # also where nobody has read for BUFFER_S, and samples are lost
             raise PortError(f"{self.name}: went away: {error}") from None
         number = self.made + np.arange(count)
         self.made += count

@@ -33,14 +33,16 @@ from .sample_rows import SAMPLE, description, rows_of
 if TYPE_CHECKING:
     from ...core.settings import Config
 
-#: What may wait in this process for one receiver, bytes: 1.4 s at 50,000 samples a second.
-MOST = 16_000_000
-#: So long a publication may take to begin, and at its end to give away what waits, s.
-BEGIN, END = 60.0, 3.0
-#: So long one with a filter, which may have to compile the model first, s.
-COMPILE = 600.0
-#: A replay waits for a first receiver so long, s.
-FIRST = 20.0
+#: Maximum size of what waits in this process for one receiver: 1.4 s at 50,000 samples a second.
+MAX_WAITING_BYTES = 16_000_000
+#: A publication's process that has not begun within this time is ended, s.
+START_TIMEOUT_S = 60.0
+#: A publication may take this time at its end to send what still waits, s.
+END_TIMEOUT_S = 3.0
+#: The same as `START_TIMEOUT_S` with a filter, which may have to compile the model first, s.
+COMPILE_TIMEOUT_S = 600.0
+#: A replay waits up to this time for its first receiver, s.
+FIRST_RECEIVER_WAIT_S = 20.0
 GONE = "its process has ended"
 
 
@@ -93,16 +95,16 @@ class Publication:
     def command(self) -> list[str]:
         """What starts the process."""
         check_address(self.address)
-        wait = str(FIRST if self.patient else 0.0)
+        wait = str(FIRST_RECEIVER_WAIT_S if self.patient else 0.0)
         return [sys.executable, "-m", "facets.live.streams.senders", self.address, wait]
 
     def last(self) -> float:
         """So long its process may take at the end, s."""
-        return END
+        return END_TIMEOUT_S
 
     def begin(self, about: dict[str, Any], config: bytes) -> None:
         """Tells the process what it is to say of the samples, and waits until it can."""
-        watch = threading.Timer(COMPILE if config else BEGIN, self.process.kill)
+        watch = threading.Timer(COMPILE_TIMEOUT_S if config else START_TIMEOUT_S, self.process.kill)
         watch.daemon = True
         watch.start()
         try:
@@ -132,9 +134,9 @@ class Publication:
         count = len(data) // SAMPLE.itemsize
         with self.news:
             self.given += count
-            while self.patient and self.waiting > MOST and not self.trouble:
+            while self.patient and self.waiting > MAX_WAITING_BYTES and not self.trouble:
                 self.news.wait(0.1)
-            if self.trouble or self.waiting + len(data) > MOST:
+            if self.trouble or self.waiting + len(data) > MAX_WAITING_BYTES:
                 self.unplaced += count
                 return
             self.queue.append(data)
@@ -195,7 +197,7 @@ class Publication:
             self.ended = True
             self.news.notify_all()
         last = self.last()
-        patience = FIRST + last if self.patient else last
+        patience = FIRST_RECEIVER_WAIT_S + last if self.patient else last
         try:
             self.process.wait(timeout=patience)
         except subprocess.TimeoutExpired:

@@ -22,12 +22,13 @@ if TYPE_CHECKING:
 
 Rows = NDArray[np.void]
 
-#: Samples that are kept for somebody who does not take them: 480 MB, 200 s at 10 kHz.
-MOST = 2_000_000
+#: Maximum number of samples kept for a reader that does not take them: 480 MB, three minutes at
+#: 10 kHz.
+MAX_HELD_ROWS = 2_000_000
 #: Samples that are read ahead of a file, which loses nothing while it waits.
 AHEAD = 10_000
-#: A stream from which nothing comes for so long is silent, s.
-PATIENCE = 10.0
+#: A stream from which nothing comes for this time is taken to be silent, s.
+SILENCE_TIMEOUT_S = 10.0
 
 
 def is_published(address: str) -> bool:
@@ -36,7 +37,7 @@ def is_published(address: str) -> bool:
     return address.startswith("zmq://")
 
 
-class Part:
+class HeldRows:
     """Rows in the order in which they came.  lost: that found no place."""
 
     def __init__(self) -> None:
@@ -44,7 +45,7 @@ class Part:
         self.count = self.lost = 0
 
     def add(self, rows: Rows) -> None:
-        if self.count + len(rows) > MOST:
+        if self.count + len(rows) > MAX_HELD_ROWS:
             self.lost += len(rows)
             return
         self.parts.append(rows)
@@ -80,7 +81,7 @@ class RowStream:
         self.config, self.address = config, address
         self.patient = address.startswith("file:")
         self.ahead = AHEAD
-        self.held = Part()
+        self.held = HeldRows()
         self.keeping = self.patient
         self.newest, self.came = -np.inf, np.inf  # nothing is late before the port is open
         self.ended = False
@@ -133,7 +134,7 @@ class RowStream:
         """Keeps what is taken from now on; returns this time on the host's clock, s."""
         with self.news:
             if not self.patient:
-                self.held = Part()
+                self.held = HeldRows()
             self.keeping = True
             now = time.monotonic()
             self.came = now if np.isfinite(self.came) else self.came
@@ -142,14 +143,14 @@ class RowStream:
     def read_on(self) -> None:
         """Reads a file without waiting for those who take its samples."""
         with self.news:
-            self.ahead = MOST
+            self.ahead = MAX_HELD_ROWS
             self.news.notify_all()
 
     def forget(self) -> None:
         """Keeps nothing any more. A file's samples wait for the next who wants them."""
         with self.news:
             if not self.patient:
-                self.keeping, self.held = False, Part()
+                self.keeping, self.held = False, HeldRows()
 
     def take(self, most: int | None = None) -> Rows:
         """The oldest kept rows, all or at most so many."""
@@ -165,13 +166,13 @@ class RowStream:
 
     def wait(self, true: Callable[[], bool]) -> None:
         """Until something is so, or nothing more comes. Raises `FacetsError` where nothing comes
-        for PATIENCE seconds, or the source failed."""
+        for SILENCE_TIMEOUT_S, or the source failed."""
         with self.news:
             while not (true() or self.ended):
-                if time.monotonic() - self.came > PATIENCE:
+                if time.monotonic() - self.came > SILENCE_TIMEOUT_S:
                     raise FacetsError(
-                        f"{self.address}: no sample came for {PATIENCE:g} s: is the board on, and "
-                        "are acquire.baud and acquire.format its own?"
+                        f"{self.address}: no sample came for {SILENCE_TIMEOUT_S:g} s: is the board "
+                        "on, and are acquire.baud and acquire.format its own?"
                     )
                 self.news.wait(0.1)
         self.check()
@@ -188,7 +189,7 @@ class RowStream:
             self.remote.stop()
         with self.news:
             self.news.notify_all()
-        self.thread.join(timeout=PATIENCE)
+        self.thread.join(timeout=SILENCE_TIMEOUT_S)
         if self.remote is not None:
             self.remote.close()
 

@@ -149,7 +149,7 @@ class Lsl:
             time.sleep(0.05)
 
 
-class Filtered:
+class FilteringSender:
     """Puts filtered poses beside the raw ones, and gives them to another sender."""
 
     def __init__(self, sender: Sender, rows: RowFilter) -> None:
@@ -199,7 +199,7 @@ def serve(sender: Sender, stream: BinaryIO, tell: Callable[[dict[str, Any]], Non
     def report() -> None:
         words: dict[str, Any] = {"sent": sent, "dropped": dropped, "receivers": sender.receivers}
         words["lost"] = sender.missed_count
-        if isinstance(sender, Filtered):
+        if isinstance(sender, FilteringSender):
             words |= {"note": sender.note, "filter": sender.rows.sentence}
         tell(words)
 
@@ -255,7 +255,7 @@ def main() -> None:
         tell({"error": str(error)})
         return
     port = sender.port if isinstance(sender, ZmqSender) else None
-    sender = Filtered(sender, rows) if rows else sender
+    sender = FilteringSender(sender, rows) if rows else sender
     tell({"ready": True, "port": port})
     serve(sender, stream, tell)
 

@@ -25,7 +25,7 @@ from .addresses import zmq_endpoint
 Rows = NDArray[np.void]
 
 SAMPLES, ABOUT, LOST = b"samples", b"about", b"lost "
-#: Messages that may wait for one subscriber, at each end: five seconds at 50,000 samples a second.
+#: Maximum number of messages that wait for one subscriber, at each end: 250,000 samples at 50 kHz.
 HIGH_WATER_MARK = 1_000
 #: A subscriber that takes nothing for this long, s, is not waited for any more, by a replay.
 STUCK_S = 5.0

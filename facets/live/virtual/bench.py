@@ -27,21 +27,21 @@ if TYPE_CHECKING:
     from ...core.settings import Config
     from ...firmware.library import FirmwareLibrary
 
-#: How often the bench goes round, s.
-ROUND = 1e-3
-#: Making samples may keep the stage waiting no longer than about this, s.
-PATIENCE = 0.01
-#: Samples are made and sent for so long at once, s, as the packets of a USB board are.
-PACKET = 2e-3
+#: Time between two rounds of the bench's loop, s.
+ROUND_INTERVAL_S = 1e-3
+#: Making samples may keep the stage waiting for no longer than about this, s.
+MAX_STAGE_DELAY_S = 0.01
+#: Samples of this time are made and sent together, s, like the packets of a USB board.
+PACKET_S = 2e-3
 #: The fewest samples that are made at once, however long they take.
 FEWEST = 10
-#: The bench's time goes on by no more than this at once, s, and by no more than its samples can be
+#: The bench's time advances by no more than this at once, s, and by no more than its samples can be
 #: made in. A busy machine so makes bench and mirror slower, where it would else let the mirror run
 #: away from samples that come late and from a stage that is not answered: the circle of the shipped
 #: bench goes on by 0.03 mm, a tenth of the range in which there are poses.
-SLIP = 0.005
-#: From so long on it is said that the bench's clock stood still, s.
-NOTICED_SLIP = 0.05
+MAX_ADVANCE_S = 0.005
+#: The bench reports that its clock stood still if it did so for at least this time, s.
+REPORTED_SLIP_S = 0.05
 
 
 class Bench:
@@ -117,7 +117,7 @@ class Bench:
                 last = time.monotonic() + 0.5
                 while self.board.pending and time.monotonic() < last:
                     self.board.flush()
-                    time.sleep(ROUND)
+                    time.sleep(ROUND_INTERVAL_S)
 
     def write_counts(self) -> None:
         (self.folder / "counts.json").write_text(json.dumps(asdict(self.count)), "utf-8")
@@ -136,7 +136,7 @@ class Bench:
             yield f"The board stopped the stage {count.disabled} times, since no heartbeat came."
         if count.restarts:
             yield f"The board restarted {count.restarts} times."
-        if count.slipped >= NOTICED_SLIP:
+        if count.slipped >= REPORTED_SLIP_S:
             yield (
                 f"The machine was too busy: the bench's clock stood still for "
                 f"{count.slipped:.2g} s in all, and the mirror with it."
@@ -147,7 +147,7 @@ class Bench:
     def now(self) -> float:
         """The bench's time, s, which slips where the machine is too busy for it."""
         passed = time.monotonic() - self.begin - self.last
-        most = min(SLIP, max(FEWEST, PATIENCE / self.cost) / self.rate)
+        most = min(MAX_ADVANCE_S, max(FEWEST, MAX_STAGE_DELAY_S / self.cost) / self.rate)
         if passed > most:
             self.begin += passed - most
             self.count.slipped += passed - most
@@ -164,7 +164,7 @@ class Bench:
         if self.config.stage.heartbeat == "board":
             self.enable(self.board.may_move())
         due = int(now * self.rate) - self.count.made
-        if due >= max(1, int(PACKET * self.rate)):
+        if due >= max(1, int(PACKET_S * self.rate)):
             self.make(due, now)
         self.board.flush()
         self.answer()
@@ -199,7 +199,7 @@ class Bench:
 
     def answer(self) -> None:
         """Waits a round for the stage's commands, and answers them line by line."""
-        ready, _, _ = select.select([self.stage.end], [], [], ROUND)
+        ready, _, _ = select.select([self.stage.end], [], [], ROUND_INTERVAL_S)
         if not ready:
             return
         self.model.advance(self.now())

@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 TRUTH = np.dtype([("seq", "<u4"), ("fate", "u1"), ("host", "<f8"), ("state", "<f8", 8)])
 #: What became of a sample.
 SENT, DROPPED, SPOILT = range(3)
-#: What a board can hold back while the host does not read, bytes: then it loses samples.
-BUFFER = 1 << 16
-#: A board whose line takes nothing for so long has no reader, and keeps nothing for it, s.
-UNREAD = 1.0
+#: Size of what a board holds back while the host does not read; beyond it, it loses samples.
+BUFFER_BYTES = 1 << 16
+#: A board whose line takes nothing for this time has no reader, and keeps nothing for it, s.
+UNREAD_TIMEOUT_S = 1.0
 #: A board that has heard no heartbeat for so long stops the stage, s.
 HEARTBEAT_PATIENCE_S = 0.1
 
@@ -227,7 +227,7 @@ class Board:
             self.overrun = False
         data = self.encode(samples)
         size = len(data) // len(samples)
-        space = max(0, (BUFFER - len(self.pending)) // max(size, 1))
+        space = max(0, (BUFFER_BYTES - len(self.pending)) // max(size, 1))
         if space < len(samples):
             self.lose(len(samples) - space)
             fate[space:] = DROPPED
@@ -293,7 +293,7 @@ class Board:
             self.read_at = time.monotonic()
         if not self.ready():
             self.read_at = time.monotonic()
-        if self.pending and time.monotonic() - self.read_at > UNREAD:
+        if self.pending and time.monotonic() - self.read_at > UNREAD_TIMEOUT_S:
             self.clear()
             self.overrun = True
 

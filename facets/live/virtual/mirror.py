@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 #: A mirror with less light than this on some detector has left the beam, as a share of its power.
 LEFT = 1e-3
-#: How long the mirror takes to come to speed, s.
-RAMP = 1.0
+#: Time that the mirror takes to come to speed, s.
+RAMP_S = 1.0
 
 
 class Mirror:
     """The truth: where the mirror is at any time, going through a motion again and again.
 
-    It stands at the motion's beginning until `begin` (s), then takes RAMP seconds to come to speed.
+    It stands at the motion's beginning until `begin` (s), then comes to speed within RAMP_S.
     """
 
     def __init__(self, config: Config, name: str, seed: int) -> None:
@@ -49,7 +49,7 @@ class Mirror:
     def between(self, time_: Floats, nodes: Floats) -> Floats:
         """What is `nodes` (m, d) at the times of the motion, at any times (n,), s: (n, d)."""
         passed = np.maximum(time_ - self.begin, 0.0)
-        ramped = np.where(passed < RAMP, passed**2 / (2 * RAMP), passed - RAMP / 2)
+        ramped = np.where(passed < RAMP_S, passed**2 / (2 * RAMP_S), passed - RAMP_S / 2)
         phase = np.mod(ramped, self.period)
         last = np.searchsorted(self.nodes, phase, side="right") - 1
         share = (phase - self.nodes[last]) / (self.nodes[last + 1] - self.nodes[last])

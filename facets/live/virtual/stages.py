@@ -6,7 +6,7 @@ import numpy as np
 
 from ...tracking.pi import STOP_ALL
 from ...tracking.stage import StageModel
-from ...tracking.zaber import ACCELERATION, SPEED, checksum
+from ...tracking.zaber import ACCELERATION_UNIT_STEPS_PER_S2, SPEED_UNIT_STEPS_PER_S, checksum
 
 PI_UNKNOWN, PI_SERVO_OFF, PI_STOPPED = 2, 5, 10
 
@@ -22,8 +22,10 @@ class ZaberDevice:
         self.refuse, self.referenced, self.moves = False, True, 0
         self.zero, self.step = np.array(model.settings.zero), model.settings.step
         self.target = np.array(model.place)
-        self.most = np.array([model.max_speed / self.step / SPEED] * 2)
-        self.change = np.array([model.acceleration / self.step / ACCELERATION] * 2)
+        self.most = np.array([model.max_speed / self.step / SPEED_UNIT_STEPS_PER_S] * 2)
+        self.change = np.array(
+            [model.acceleration / self.step / ACCELERATION_UNIT_STEPS_PER_S2] * 2
+        )
         self.held = b""
 
     def receive(self, data: bytes) -> bytes:
@@ -91,8 +93,8 @@ class ZaberDevice:
             most = min(most, bounds[0])
         if len(bounds) > 1 and bounds[1]:
             change = min(change, bounds[1])
-        self.model.max_speed = most * SPEED * self.step
-        self.model.acceleration = change * ACCELERATION * self.step
+        self.model.max_speed = most * SPEED_UNIT_STEPS_PER_S * self.step
+        self.model.acceleration = change * ACCELERATION_UNIT_STEPS_PER_S2 * self.step
         self.target[axis - 1] = self.zero[axis - 1] + self.step * unit
         self.moves += 1
         self.model.command(self.target)

@@ -15,16 +15,22 @@ import numpy as np
 from ...core.names import READING_COLUMNS, STATE_COLUMNS
 from .bins import COLUMNS, AllBins, Bins, Rows
 
-#: Bins of the last two minutes, and of the whole run: width (s) and how many.
-NEAR, ALL = (0.01, 12_000), (0.001, 32_768)
-#: Of a recording there are more of them: it is looked at more closely, and told once.
-RECORDED = (0.001, 131_072)
+#: Width of the bins of the last two minutes, s.
+NEAR_WIDTH_S = 0.01
+#: Number of the bins of the last two minutes.
+NEAR_BINS = 12_000
+#: Width of the bins of the whole run at its beginning, s.
+ALL_WIDTH_S = 0.001
+#: Number of the bins of the whole run.
+ALL_BINS = 32_768
+#: Number of the bins of a recording: it is looked at more closely, and told once.
+RECORDED_BINS = 131_072
 #: Of what happened so much is kept.
 EVENTS = 200
 #: Level, whether what was told before of it is void, width (s), bins that follow.
 HEAD = struct.Struct("<IIdII")
-#: The rate of samples is that of the last so many seconds.
-RECENT = 2.0
+#: The rate of samples is the mean over this time before now, s.
+RATE_WINDOW_S = 2.0
 
 
 def number(value: float) -> float | None:
@@ -41,8 +47,8 @@ class Hub:
     def __init__(self, about: dict[str, Any]) -> None:
         self.about = about
         self.origin: float | None = None
-        whole = RECORDED if about.get("kind") == "replay" else ALL
-        self.levels: list[Bins] = [Bins(*NEAR), AllBins(*whole)]
+        whole = RECORDED_BINS if about.get("kind") == "replay" else ALL_BINS
+        self.levels: list[Bins] = [Bins(NEAR_WIDTH_S, NEAR_BINS), AllBins(ALL_WIDTH_S, whole)]
         self.newest: dict[str, Any] | None = None
         self.last = -1  # the highest number of a sample
         self.status: dict[str, Any] | None = None
@@ -140,9 +146,9 @@ class Hub:
     def rate(self) -> float:
         """Samples in a second, of late."""
         now = time.monotonic()
-        while self.came and now - self.came[0][0] > RECENT:
+        while self.came and now - self.came[0][0] > RATE_WINDOW_S:
             self.came.popleft()
-        return sum(count for _, count in self.came) / RECENT
+        return sum(count for _, count in self.came) / RATE_WINDOW_S
 
     def share(self) -> None:
         """Marks what is new for each page, and wakes those that wait for it."""

@@ -14,20 +14,22 @@ from ...core.names import ANGLES, DETECTORS, STATE
 from ...detectors.counts import SATURATED
 from ...detectors.noise import least_light
 from ...model.arrays import half_sizes
-from ..streams.publication import MOST, Publication
+from ..streams.publication import MAX_WAITING_BYTES, Publication
 from .guard import is_local, parse_address, place
 
 if TYPE_CHECKING:
     from ...core.settings import Config
 
-#: The run says of itself so often how it goes, s.
-EVERY = 0.25
-#: The page's process may take so long at the end, s.
-LAST = 10.0
-#: Samples are handed over so often, s, or where they are so many bytes.
-TOGETHER, KEPT = 0.033, 500_000
-#: Of what it says no more may wait than so many bytes beyond what samples may.
-SPARE = 1_000_000
+#: Time between two reports of the run's status to the page, s.
+STATUS_INTERVAL_S = 0.25
+#: The page's process may take this time to end, s.
+END_TIMEOUT_S = 10.0
+#: Samples are handed over to the page's process after this time at the latest, s.
+HANDOVER_INTERVAL_S = 0.033
+#: Samples are handed over at once where they are larger than this.
+HANDOVER_BYTES = 500_000
+#: Reports of the run's status may use this size beyond `MAX_WAITING_BYTES`, the limit of samples.
+SPARE_BYTES = 1_000_000
 WIDE = (
     "warning: other machines reach this page, and whoever has its address reads it; "
     "what it says is not encrypted on its way"
@@ -82,7 +84,7 @@ class WebPage(Publication):
 
     def last(self) -> float:
         """Pages are told of the end; that takes long only on a machine that is very busy."""
-        return LAST
+        return END_TIMEOUT_S
 
     def greeting(self) -> list[str]:
         """What is to be said when it begins."""
@@ -94,12 +96,12 @@ class WebPage(Publication):
         """
         self.kept.append(data)
         self.size += len(data)
-        if self.patient or self.size > KEPT or time.monotonic() >= self.next:
+        if self.patient or self.size > HANDOVER_BYTES or time.monotonic() >= self.next:
             self.flush()
 
     def flush(self) -> None:
         """Hands over what was kept."""
-        self.next = time.monotonic() + TOGETHER
+        self.next = time.monotonic() + HANDOVER_INTERVAL_S
         if self.kept:
             data = b"".join([b"S", *self.kept])
             self.kept.clear()
@@ -112,14 +114,14 @@ class WebPage(Publication):
         if now >= self.next:
             self.flush()
         if now >= self.due:
-            self.due = now + EVERY
+            self.due = now + STATUS_INTERVAL_S
             self.tell(self.status())
 
     def tell(self, words: dict[str, Any]) -> None:
         """Hands over what the run says of itself; a newer one comes soon where there is no room."""
         data = b"J" + json.dumps(words).encode()
         with self.news:
-            if self.trouble or self.ended or self.waiting > MOST + SPARE:
+            if self.trouble or self.ended or self.waiting > MAX_WAITING_BYTES + SPARE_BYTES:
                 return
             self.queue.append(data)
             self.waiting += len(data)

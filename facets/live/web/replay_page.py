@@ -20,8 +20,8 @@ from .status import status_of_replay
 if TYPE_CHECKING:
     from ..run.pipeline import Pipeline, Poses
 
-#: So often it is looked whether the page is to end, s.
-LOOK = 0.1
+#: Time between two checks whether the page is to end, s.
+END_CHECK_INTERVAL_S = 0.1
 #: Of what happened so much is told.
 EVENTS = 150
 
@@ -100,7 +100,7 @@ class ReplayPage:
         say(f"the page stays at {self.page.url} until ^C")
         with deferring() as signals:
             while not signals and self.page.process.poll() is None and not self.page.trouble:
-                time.sleep(LOOK)
+                time.sleep(END_CHECK_INTERVAL_S)
         if self.page.trouble:
             say(f"the page is gone: {self.page.trouble}")
 

@@ -32,14 +32,16 @@ from .hub import Hub, Page
 if TYPE_CHECKING:
     from aiohttp import web
 
-#: Pages are told of news so often, 1/s.
-FRAMES = 30
-#: A page that takes nothing for so long is given up, s; it comes back by itself if it can.
-STUCK = 15.0
-#: So long pages are given at the end to take what is left, s.
-PATIENCE = 2.5
-#: Samples that are condensed at once, and bytes that may wait for it.
-ONCE, MOST = 20_000, 8_000_000
+#: Maximum rate at which a page is told of news, 1/s.
+UPDATES_PER_S = 30
+#: A page that takes nothing for this time is given up, s; it comes back by itself if it can.
+STUCK_TIMEOUT_S = 15.0
+#: Pages are given this time at the end to take what is left, s.
+CLOSE_TIMEOUT_S = 2.5
+#: Maximum number of samples that are condensed at once, so that pages are served in between.
+MAX_ROWS_AT_ONCE = 20_000
+#: Maximum size of the samples that wait to be condensed; then the run's process waits.
+MAX_WAITING_BYTES = 8_000_000
 #: How much less urgent than the run this process is.
 NICE = 10
 TYPES = {
@@ -64,16 +66,16 @@ class Inbox:
     def run(self) -> None:
         for data in lots(self.stream):
             with self.news:
-                while self.waiting > MOST:
+                while self.waiting > MAX_WAITING_BYTES:
                     self.news.wait()
                 self.lots.append(data)
                 self.waiting += len(data)
         self.ended = True
 
     def take(self) -> tuple[np.ndarray[Any, Any], list[dict[str, Any]]]:
-        """Rows, no more than ONCE or one lot, and what the run says of itself in between."""
+        """Return at most MAX_ROWS_AT_ONCE rows or one lot, and the reports that came in between."""
         parts, count, told = [], 0, []
-        while self.lots and count < ONCE:
+        while self.lots and count < MAX_ROWS_AT_ONCE:
             with self.news:
                 data = self.lots.popleft()
                 self.waiting -= len(data)
@@ -177,7 +179,7 @@ class Server:
         from aiohttp import web
 
         self.check(request)
-        line = web.WebSocketResponse(compress=False, heartbeat=STUCK, max_msg_size=4096)
+        line = web.WebSocketResponse(compress=False, heartbeat=STUCK_TIMEOUT_S, max_msg_size=4096)
         await line.prepare(request)
         page = Page(self.hub)
         self.hub.pages.add(page)
@@ -206,8 +208,8 @@ class Server:
                         sending = line.send_str(message)
                     else:
                         sending = line.send_bytes(message)
-                    await asyncio.wait_for(sending, STUCK)
-            await asyncio.wait_for(line.close(), PATIENCE)
+                    await asyncio.wait_for(sending, STUCK_TIMEOUT_S)
+            await asyncio.wait_for(line.close(), CLOSE_TIMEOUT_S)
         except (TimeoutError, OSError, RuntimeError):
             self.hub.pages.discard(page)
             if request.transport is not None:
@@ -229,7 +231,9 @@ async def condense(hub: Hub, inbox: Inbox) -> None:
         last_rate = rate
         if ended and not inbox.lots:
             break
-        await asyncio.sleep(0.0 if inbox.lots and len(rows) >= ONCE else 1 / FRAMES)
+        await asyncio.sleep(
+            0.0 if inbox.lots and len(rows) >= MAX_ROWS_AT_ONCE else 1 / UPDATES_PER_S
+        )
     hub.end("The program that acquires has ended without a word; see its terminal.", False)
     hub.share()
 
@@ -280,10 +284,10 @@ async def serve(hub: Hub, own: dict[str, Any], line: socket.socket, inbox: Inbox
     say({"ready": True, "port": line.getsockname()[1]})
     await condense(hub, inbox)
     if server.tasks:
-        await asyncio.wait(set(server.tasks), timeout=PATIENCE)
+        await asyncio.wait(set(server.tasks), timeout=CLOSE_TIMEOUT_S)
     reporting.cancel()
     say({"sent": inbox.samples, "dropped": 0, "receivers": len(hub.pages)})
-    await asyncio.wait_for(runner.cleanup(), PATIENCE)
+    await asyncio.wait_for(runner.cleanup(), CLOSE_TIMEOUT_S)
 
 
 def main() -> None:
