@@ -1,7 +1,7 @@
 """Names, help texts and docstrings keep the rules of docs/glossary.md and of the NumPy standard.
 
-CHECKED names the folders whose names keep the rules: all but facets/calibration. Each exception is a
-word with its reason.
+CHECKED names the folders whose names keep the rules: all but facets/calibration. Each exception is
+a word with its reason.
 """
 
 from __future__ import annotations
