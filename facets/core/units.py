@@ -46,16 +46,6 @@ def unit_of(name: str) -> AxisUnit:
     return ANGLE if name in ANGLES else LENGTH
 
 
-def axis_label(name: str) -> str:
-    """For places along an axis: "yaw, mrad"."""
-    return f"{name}, {unit_of(name).unit}"
-
-
-def error_label(name: str) -> str:
-    """For errors and uncertainties of an axis: "error of yaw, µrad"."""
-    return f"error of {name}, {unit_of(name).fine_unit}"
-
-
 def column_label(column: str) -> str:
     """A column of a table as an axis of a picture: "range_roll_mrad" is "range roll, mrad"."""
     words, _, unit = column.rpartition("_")

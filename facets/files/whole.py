@@ -48,11 +48,6 @@ def require_writable(path: Path) -> None:
         raise cannot_write(path, error) from None
 
 
-def require_folder(path: Path) -> None:
-    """Raises `OutputError` where a folder of that name can not be made, or written in."""
-    require_writable(path / "results")
-
-
 def nearest_folder(path: Path) -> Path:
     """The folder above a path that is there; each part of the path has a name that is allowed."""
     for above in path.parents:
