@@ -151,12 +151,12 @@ def fit_rig(
     paths = result_files(path, plot)
     files.tables.refuse_to_overwrite(paths, force)
     samples, asked = read_samples(settings, data, reference)
-    wanted = calibration.table.and_seats(
+    wanted = calibration.table.add_seats(
         calibration.table.choice(settings.sensor, asked), samples, asked
     )
     typer.echo(f"{len(samples.raw)} samples, {len(wanted.names)} unknowns of the rig")
     show_weak(
-        calibration.identifiability.weak(
+        calibration.identifiability.weak_directions(
             calibration.identifiability.information(settings.sensor, samples, wanted),
             wanted,
             settings.sensor,
@@ -164,7 +164,7 @@ def fit_rig(
     )
     found = calibration.verdict.verdict(settings.sensor, samples, wanted, asked)
     show_verdict(settings, found)
-    if found.sensor is None or not (found.trusted or accept_misfit):
+    if found.sensor is None or not (found.is_trusted or accept_misfit):
         typer.echo(
             "The calibration failed its checks (lines with !); nothing was written.", err=True
         )
@@ -179,7 +179,7 @@ def read_samples(settings: Config, data: Path, reference: Path | None) -> tuple[
     asked = settings.calibrate
     if reference is None:
         return calibration.table.read(data, asked), asked
-    joined = calibration.reference_join.read_joined(data, reference, settings.sensor, asked)
+    joined = calibration.reference_join.join_tables(data, reference, settings.sensor, asked)
     typer.echo(
         f"{reference.name} joined at an offset of {1e3 * joined.offset:.4g} ms "
         f"(likeness of the motions {joined.likeness:.3f})"

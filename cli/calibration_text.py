@@ -37,10 +37,10 @@ def show_verdict(settings: Config, found: Verdict) -> None:
         show_errors(found.errors)
     for one in found.findings:
         typer.echo(wrap(("! " if one.bad else "- ") + one.words))
-    if found.found is not None and found.trusted:
+    if found.found is not None and found.is_trusted:
         typer.echo(
             f"The fit converged in {found.found.steps} steps. Chi-square per degree of freedom is "
-            f"{found.found.reduced:.3f} (1 is expected)."
+            f"{found.found.reduced_chi_square:.3f} (1 is expected)."
         )
 
 
@@ -64,7 +64,7 @@ def show_candidates(done: EffectSearch) -> None:
     for row in done.rows:
         error = f"{row.error:.4f}" if row.error == row.error else ""
         fall = f"{row.fall:.5g}" if row.fall == row.fall else ""
-        decision = "included" if row.taken else "left out"
+        decision = "included" if row.accepted else "left out"
         shown.add_row(row.words, str(row.unknowns), fall, error, decision, row.why)
     typer.echo("\nEffects of real light, and whether the data need them; error of new readings: of "
                "readings\nthat were not fitted, over their noise")  # fmt: skip

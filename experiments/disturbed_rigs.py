@@ -295,7 +295,7 @@ class Result(NamedTuple):
 def result(case: Case, trial: BenchTrial) -> Result:
     said = " ".join(one.words for one in trial.verdict.findings)
     return Result(
-        trial.verdict.trusted,
+        trial.verdict.is_trusted,
         np.array([trial.over[:2].max(), trial.over[2:].max()]),
         np.array([trial.inside[:2].mean(), trial.inside[2:].mean()]),
         any(word in said for word in case.words) if case.words else None,

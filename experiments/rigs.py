@@ -30,8 +30,8 @@ from facets.calibration.unknowns import (
     MOUNTING,
     PLACE,
     Choice,
-    assigned,
-    folded,
+    assign_values,
+    fold_mount,
     mount_of,
     values_of,
 )
@@ -85,7 +85,7 @@ def draw_rig(nominal: Sensor, rng: np.random.Generator) -> Rig:
     values = values_of(nominal)
     for name, half in hidden().items():
         values[ALL.index(name)] += rng.uniform(-half, half)
-    return Rig(assigned(nominal, values), values)
+    return Rig(assign_values(nominal, values), values)
 
 
 def read(rig: Rig, data: Data, rng: np.random.Generator) -> Data:
@@ -185,7 +185,7 @@ def draw_bench_rig(nominal: Sensor, rng: np.random.Generator) -> BenchRig:
         width=0.03,
         background=np.column_stack([rng.uniform(1e-4, 5e-4, 3), rng.uniform(-3, 3, (3, 2))]),
     )
-    return BenchRig(Rig(assigned(nominal, values), values), bench)
+    return BenchRig(Rig(assign_values(nominal, values), values), bench)
 
 
 def sample_bench_motion(
@@ -213,7 +213,7 @@ def sample_bench_motion(
     if wrong.readings is not None:
         raw = wrong.readings(raw, standard_deviations(sensor, exact), rng)
     data = empty._replace(raw=raw, pose=said, sigma=wrong.told)
-    return data, states_of(there, zero, folded(real.rig.values))
+    return data, states_of(there, zero, fold_mount(real.rig.values))
 
 
 def poses_on_bench(rig: Rig, count: int, rng: np.random.Generator, box: Floats = BOX) -> Data:
@@ -284,9 +284,9 @@ def try_bench_rigs(rigs: int, samples: int, config: str, reach: float) -> None:
         trials.append(one)
         ratios, shares = (" ".join(f"{x:6.3f}" for x in row) for row in (one.over, one.inside))
         rows = one.verdict.search.rows if one.verdict.search else []
-        taken = ", ".join(row.key for row in rows if row.taken)
+        taken = ", ".join(row.key for row in rows if row.accepted)
         print(f"{seed:3} {one.seconds:5.1f} s  over perfect {ratios}  inside {shares}", flush=True)
-        print(f"    trusted {one.verdict.trusted}; taken: {taken}", flush=True)
+        print(f"    trusted {one.verdict.is_trusted}; taken: {taken}", flush=True)
         for finding in one.verdict.findings:
             print(f"    {'!' if finding.bad else '-'} {finding.words}", flush=True)
     over = np.array([one.over for one in trials])

@@ -38,18 +38,19 @@ from .unknowns import (
     SKEW,
     Choice,
     block,
-    by_sensor,
+    sensor_derivatives,
     values_of,
 )
 
 __all__ = ["ALL", "MOUNTING", "Choice", "values_of"]
 
 
-#: A sample's own unknowns: its pose in um and urad, its power in shares of 1e-3, its beam in um.
-OWN = 9
+#: Number of a sample's own unknowns: the pose, the laser's power and the beam's position.
+OWN_COUNT = 9
+#: Their units: um and urad of the pose, a thousandth of the power, um of the beam.
 OWN_UNITS = np.array([*FINE_UNITS[:6], 1e-3, 1e-3, 1e-3])
-#: A reading that the model cannot give where the detector gave one is off by so many sigmas.
-LOST = 1e4
+#: Residual, in standard deviations, of a reading for which the model has no value.
+MISSING_RESIDUAL = 1e4
 
 
 class Data(NamedTuple):
@@ -89,32 +90,32 @@ class Data(NamedTuple):
         return self._replace(**kept)
 
 
-class Turned(NamedTuple):
+class Rotations(NamedTuple):
     """Rotations (n, 3, 3) of roll, pitch and yaw, and their derivatives by each (n, 3, 3, 3)."""
 
     matrix: Floats
     slopes: Floats
 
 
-def turned(angles: Floats) -> Turned:
+def rotations_of(angles: Floats) -> Rotations:
     """R = Rz(yaw) Ry(pitch) Rx(roll) of angles (n, 3)."""
     c, s, zero, one = np.cos(angles), np.sin(angles), np.zeros(len(angles)), np.ones(len(angles))
 
     def matrix(rows: list[list[Floats]]) -> Floats:
         return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
-    def about(axis: int, cos: Floats, sin: Floats, fixed: Floats) -> Floats:
+    def axis_rotation(axis: int, cos: Floats, sin: Floats, fixed: Floats) -> Floats:
         if axis == 0:
             return matrix([[fixed, zero, zero], [zero, cos, -sin], [zero, sin, cos]])
         if axis == 1:
             return matrix([[cos, zero, sin], [zero, fixed, zero], [-sin, zero, cos]])
         return matrix([[cos, -sin, zero], [sin, cos, zero], [zero, zero, fixed]])
 
-    turn = [about(i, c[:, i], s[:, i], one) for i in range(3)]
-    slope = [about(i, -s[:, i], c[:, i], zero) for i in range(3)]
+    turn = [axis_rotation(i, c[:, i], s[:, i], one) for i in range(3)]
+    slope = [axis_rotation(i, -s[:, i], c[:, i], zero) for i in range(3)]
     whole = turn[2] @ turn[1] @ turn[0]
     by = (turn[2] @ turn[1] @ slope[0], turn[2] @ slope[1] @ turn[0], slope[2] @ turn[1] @ turn[0])
-    return Turned(whole, np.stack(by, axis=1))
+    return Rotations(whole, np.stack(by, axis=1))
 
 
 def angles_of(matrix: Floats) -> Floats:
@@ -176,11 +177,11 @@ def states_of(data: Data, opening: Floats, values: Floats) -> Floats:
     """
     pose = pose_of(data, opening, values)
     seat = seating(data, values[block(MOUNTING)])
-    turn = turned(pose[:, 3:]).matrix
+    turn = rotations_of(pose[:, 3:]).matrix
     state = np.concatenate([pose, data.beam + opening[:, 7:]], axis=1)
     state[:, :3] += np.einsum("nij,nj->ni", turn - np.eye(3), seat.lever) + seat.apex
     if seat.mount.any():
-        state[:, 3:6] = angles_of(turn @ turned(seat.mount).matrix)
+        state[:, 3:6] = angles_of(turn @ rotations_of(seat.mount).matrix)
     state[:, 6:] += drift(data, values)[:, :2]
     return state
 
@@ -212,21 +213,23 @@ def add_power_polynomials(data: Data) -> Data:
 
 
 #: A step that counts as one, over the reference's standard uncertainty.
-STEP = 4.0
+LEAST_STEP = 4.0
 
 
 def add_approach(data: Data) -> Data:
     """With the direction of each axis's last step, the rows in the order of the motion."""
     step = np.diff(data.pose, axis=0, prepend=data.pose[:1])
-    sign = np.where(np.abs(step) > STEP * data.sigma, np.sign(step), 0.0)
+    sign = np.where(np.abs(step) > LEAST_STEP * data.sigma, np.sign(step), 0.0)
     last = np.where(sign != 0, np.arange(len(sign))[:, None], 0)
     latest = np.maximum.accumulate(last, axis=0)
     return data._replace(approach=np.take_along_axis(sign, latest, axis=0))
 
 
-def predicted(sensor: Sensor, data: Data, opening: Floats, values: Floats, state: Floats) -> Floats:
+def predict_readings(
+    sensor: Sensor, data: Data, opening: Floats, values: Floats, state: Floats
+) -> Floats:
     """The readings (n, 9) of perfect detectors at states (n, 8), with each sample's own power."""
-    seen = by_thirds(sensor, data, state, readings)
+    seen = evaluate_turned_mirror(sensor, data, state, readings)
     add_skew(seen, sensor, data, opening, values)
     seen[:, 2::3] *= light_of(data, opening, values)[:, None]
     seen[:, PLACES] += drift(data, values)[:, 2:]
@@ -243,10 +246,10 @@ def add_skew(seen: Floats, sensor: Sensor, data: Data, opening: Floats, values: 
             later[PLACE[DELAY]] += values[PLACE[name]]
             state = states_of(data, opening, later)
             part = slice(3 * k, 3 * k + 3)
-            seen[:, part] = by_thirds(sensor, data, state, readings)[:, part]
+            seen[:, part] = evaluate_turned_mirror(sensor, data, state, readings)[:, part]
 
 
-def by_thirds(
+def evaluate_turned_mirror(
     sensor: Sensor, data: Data, state: Floats, what: Callable[[Sensor, Floats], Floats]
 ) -> Floats:
     """A function of sensor and states, the mirror put on by thirds of a turn."""
@@ -321,26 +324,26 @@ def linear(sensor: Sensor, data: Data, opening: Floats, values: Floats, choice: 
     """The model at some values of `ALL`; a reading that is not there weighs nothing."""
     opening = whole_opening(opening)
     state = states_of(data, opening, values)
-    seen = predicted(sensor, data, opening, values, state)
+    seen = predict_readings(sensor, data, opening, values, state)
     sigma = deviations(sensor, data)
     left = (correct(sensor, data.raw) - seen) / sigma
-    by_state = by_thirds(sensor, data, state, jacobian)
+    by_state = evaluate_turned_mirror(sensor, data, state, jacobian)
     light = light_of(data, opening, values)[:, None, None]
     by_state[:, 2::3] *= light
     pose = pose_of(data, opening, values)
-    turning = Turning.at(pose, seating(data, values[block(MOUNTING)]), state)
+    turning = Turning.from_pose(pose, seating(data, values[block(MOUNTING)]), state)
     own = own_columns(by_state, turning, seen, light[:, 0])
     bent = any(name in SPLINE for name in choice.names)
     every = np.zeros((len(state), 9, len(ALL) if bent else block(SPLINE).start))
     if bent:
         every[:, :, block(SPLINE)] = -spline_slopes(sensor, data.raw)
     every[:, :, : len(GEOMETRY) + len(SHAPE)] = assign_to_mirror(
-        by_thirds(sensor, data, state, by_sensor), (*GEOMETRY, *SHAPE), data
+        evaluate_turned_mirror(sensor, data, state, sensor_derivatives), (*GEOMETRY, *SHAPE), data
     )
     every[:, 2::3, : len(GEOMETRY) + len(SHAPE)] *= light
     every[:, :, block(NAMES)] = -correction_slopes(sensor, data.raw)
     if any(name in EFFECTS for name in choice.names):
-        columns = by_thirds(sensor, data, state, effect_columns(data, choice))
+        columns = evaluate_turned_mirror(sensor, data, state, effect_columns(data, choice))
         every[:, :, block(EFFECTS)] = assign_to_mirror(columns, EFFECTS, data)
         every[:, 2::3, block(EFFECTS)] *= light
     add_mounting(every, data, by_state, turning)
@@ -383,8 +386,8 @@ class Turning(NamedTuple):
     mount: Floats
 
     @classmethod
-    def at(cls, pose: Floats, seat: Seating, state: Floats) -> Turning:
-        turn = turned(pose[:, 3:])
+    def from_pose(cls, pose: Floats, seat: Seating, state: Floats) -> Turning:
+        turn = rotations_of(pose[:, 3:])
         lever = np.einsum("najk,nk->nja", turn.slopes, seat.lever)
         axes = np.linalg.inv(turn_axes(state[:, 3:6]))
         return cls(
@@ -397,7 +400,7 @@ class Turning(NamedTuple):
 
 def own_columns(by_state: Floats, turning: Turning, seen: Floats, light: Floats) -> Floats:
     """The readings by each sample's own unknowns (n, 9, 9), per mm, rad and share."""
-    own = np.zeros((len(by_state), 9, OWN))
+    own = np.zeros((len(by_state), 9, OWN_COUNT))
     own[:, :, :3] = by_state[:, :, :3]
     own[:, :, 3:6] = by_state[:, :, :3] @ turning.lever + by_state[:, :, 3:6] @ turning.angles
     own[:, 2::3, 6] = seen[:, 2::3] / light
@@ -447,16 +450,16 @@ def add_run(every: Floats, data: Data, own: Floats, by_state: Floats) -> None:
 
 def whole_opening(opening: Floats) -> Floats:
     """(n, 9), of poses alone (n, 6) too."""
-    missing = OWN - opening.shape[1]
+    missing = OWN_COUNT - opening.shape[1]
     return opening if not missing else np.pad(opening, ((0, 0), (0, missing)))
 
 
 def residuals(sensor: Sensor, data: Data, opening: Floats, values: Floats) -> Floats:
-    """(n, 9) in standard deviations; 0 where nothing was read, `LOST` where the model has none."""
+    """(n, 9) in standard deviations; 0 without a reading, `MISSING_RESIDUAL` without a model."""
     state = states_of(data, opening, values)
-    seen = predicted(sensor, data, opening, values, state)
+    seen = predict_readings(sensor, data, opening, values, state)
     over: Floats = (correct(sensor, data.raw) - seen) / deviations(sensor, data)
-    over[~np.isfinite(over)] = LOST
+    over[~np.isfinite(over)] = MISSING_RESIDUAL
     over[~np.isfinite(data.raw)] = 0.0
     return over
 
@@ -499,7 +502,7 @@ def eliminate_own_unknowns(
     (6,) of the reference alone, power and beam held.
     """
     opening = whole_opening(opening)
-    known = own_information(np.pad(sigma, (0, OWN - len(sigma))))
+    known = own_information(np.pad(sigma, (0, OWN_COUNT - len(sigma))))
     common, own = found.common * weights[:, :, None], found.own * weights[:, :, None]
     own = own * (known < 1e18)
     left = found.residual * weights

@@ -94,8 +94,8 @@ LIGHT = {
 }
 #: Deviation from a cubic correction of a detector, mm, 1 sigma.
 SPLINE_SIGMA_MM = 1e-2
-#: Standard uncertainty, before a calibration, of second and third order, as a share.
-BEND_SIGMA = 0.03
+#: Prior standard uncertainty of a detector's quadratic and cubic corrections at its edge, mm.
+BEND_SIGMA_MM = 0.03
 #: A reference that is later than this has another fault, s, 1 sigma.
 DELAY_SIGMA_S = 0.01
 #: Time between two channels of a converter, s, 1 sigma.
@@ -113,7 +113,7 @@ def bend_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sig
 
 
 def bends_of_all() -> Sigmas:
-    return {name: size for k in DETECTORS for name, size in bends(k, BEND_SIGMA).items()}
+    return {name: size for k in DETECTORS for name, size in bends(k, BEND_SIGMA_MM).items()}
 
 
 def spline_unknowns(sensor: Sensor, data: Data | None, settings: Calibrate) -> Sigmas:
@@ -211,7 +211,7 @@ def tried_kinds(sensor: Sensor, settings: Calibrate) -> list[str]:
 
 
 def add_candidate(chosen: Choice, one: Candidate) -> Choice:
-    return replace(chosen.and_also(one.sigma), beam=max(chosen.beam, one.effect.beam))
+    return replace(chosen.add_unknowns(one.sigma), beam=max(chosen.beam, one.effect.beam))
 
 
 #: Directions of polarisation from which a fit is begun, rad: half a turn is a whole period.

@@ -23,8 +23,8 @@ from .linear_prediction import (
     Decision,
     best_coating,
     chance_of,
+    cross_validated_error,
     fold_equations,
-    left_out_error,
     predict,
     rank_candidates,
     values_for,
@@ -71,8 +71,8 @@ class SearchState:
     scatter: Scatter
 
     @property
-    def taken(self) -> set[str]:
-        return {key for key, row in self.rows.items() if row.taken}
+    def accepted_keys(self) -> set[str]:
+        return {key for key, row in self.rows.items() if row.accepted}
 
     def fit_again(self) -> Fit:
         """The last fit, continued until it settles, with the present sensor and data."""
@@ -106,7 +106,7 @@ def search(
     """
     noisy = raise_noise(sensor, data, plain)
     state = first_state(sensor, noisy, settings, plain, outliers or [])
-    state = add_requested(state)
+    state = add_requested_effects(state)
     state = add_all(state)
     if noisy is not data:
         state = add_all(use_true_noise(state, data))
@@ -115,7 +115,7 @@ def search(
     settled = state.fit_again()
     plain_equations = fold_equations(sensor, data, plain, plain.choice)
     left_out = predict(plain_equations, plain.choice.names).left_out
-    return EffectSearch(state.sensor, plain, settled, left_out_error(left_out, plain),
+    return EffectSearch(state.sensor, plain, settled, cross_validated_error(left_out, plain),
                   ordered_decisions(state), state.data, state.outliers, state.scatter)  # fmt: skip
 
 
@@ -157,7 +157,7 @@ def first_state(
     return SearchState(sensor, data, settings, every, plain, rows, frozenset(), outliers, NOTHING)
 
 
-def add_requested(state: SearchState) -> SearchState:
+def add_requested_effects(state: SearchState) -> SearchState:
     """Adds the effects that are on in `calibrate.effects`."""
     for one in state.every:
         if state.settings.effects.get(one.key) == "on" and one.key not in state.rows:
@@ -189,15 +189,15 @@ def add_best(state: SearchState) -> tuple[SearchState, bool]:
 
     Expensive ones are tried one by one, after the others.
     """
-    done = state.taken | state.refused
+    done = state.accepted_keys | state.refused
     rest = [one for one in state.every if not one.effect.beam and one.key not in done]
     groups = [[one for one in rest if not one.effect.tried_last]]
     groups += [[one] for one in rest if one.effect.tried_last]
     for group in groups:
         tried = rank_candidates(state.sensor, state.data, state.found, group)
-        rows = state.rows | {row.key: row._replace(taken=False) for row in tried}
+        rows = state.rows | {row.key: row._replace(accepted=False) for row in tried}
         state = replace(state, rows=rows)
-        good = [row for row in tried if row.taken]
+        good = [row for row in tried if row.accepted]
         if good:
             largest = max(row.fall for row in good)
             together = [row for row in good if row.fall > TOGETHER_SHARE * largest]
@@ -232,10 +232,10 @@ def add_candidates(
     for row in rows:
         if gains or row.why == REQUESTED:
             alone = len(rows) == 1
-            decided[row.key] = row._replace(fall=fall if alone else row.fall, taken=True)
+            decided[row.key] = row._replace(fall=fall if alone else row.fall, accepted=True)
         else:
             refused.add(row.key)
-            decided[row.key] = row._replace(fall=fall, taken=False, why="gains nothing in a fit")
+            decided[row.key] = row._replace(fall=fall, accepted=False, why="gains nothing in a fit")
     state = replace(state, rows=decided, refused=frozenset(refused))
     if gains or any(row.why == REQUESTED for row in rows):
         return replace(state, sensor=sensor, found=better)
@@ -255,13 +255,13 @@ def explain_scatter(state: SearchState) -> SearchState:
         state.sensor, state.data, state.found, state.settings.outliers, bool(moving)
     )
     rows = dict(state.rows)
-    for one in (one for one in moving if one.key not in state.taken):
-        taken, why = "beam" in scatter.causes, "nothing is left to explain"
+    for one in (one for one in moving if one.key not in state.accepted_keys):
+        accepted, why = "beam" in scatter.causes, "nothing is left to explain"
         if scatter.causes:
-            why = "the data call for it" if taken else "something else is likelier"
-        count = 2 * len(state.data.raw) * taken
-        fall = state.found.loss - found.loss if taken else 0.0
-        rows[one.key] = Decision(one.key, one.effect.words, count, fall, np.nan, taken, why)
+            why = "the data call for it" if accepted else "something else is likelier"
+        count = 2 * len(state.data.raw) * accepted
+        fall = state.found.loss - found.loss if accepted else 0.0
+        rows[one.key] = Decision(one.key, one.effect.words, count, fall, np.nan, accepted, why)
     return replace(state, data=data, found=found, scatter=scatter, rows=rows)
 
 

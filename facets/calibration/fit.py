@@ -29,7 +29,7 @@ from ..core.units import Floats
 from ..detectors.correction import correct
 from ..estimation.solver import solve
 from .bundle_adjustment import (
-    OWN,
+    OWN_COUNT,
     OWN_UNITS,
     Data,
     Linear,
@@ -47,10 +47,10 @@ from .unknowns import (
     OF_SENSOR,
     PLACE,
     Choice,
-    assigned,
+    assign_values,
     block,
-    by_folding,
-    folded,
+    fold_derivatives,
+    fold_mount,
     values_of,
 )
 
@@ -104,21 +104,21 @@ class Fit:
         return self.every[start : start + 3]
 
     @property
-    def reduced(self) -> float:
+    def reduced_chi_square(self) -> float:
         """Chi-square for each degree of freedom: 1 where model and noise are what they are said
         to be."""
         return self.chi_square / max(self.freedom, 1.0)
 
     @property
     def excess(self) -> float:
-        """By how much `reduced` is above what chance allows (4 standard deviations); 0 if not."""
+        """Excess of `reduced_chi_square` over what chance allows (4 standard deviations), or 0."""
         chance = 4 * float(np.sqrt(2 / max(self.freedom, 1.0)))
-        return max(0.0, self.reduced - 1 - chance)
+        return max(0.0, self.reduced_chi_square - 1 - chance)
 
 
 def solve_open_axes(data: Data, sensor: Sensor) -> Floats:
     """Where the poses are beside the reference, to begin with: what the nominal sensor solves."""
-    opening = np.zeros((len(data.pose), OWN))
+    opening = np.zeros((len(data.pose), OWN_COUNT))
     free = np.isinf(data.sigma)
     if free.any():
         found = solve(sensor, correct(sensor, data.raw), beam="free", covariance=False)
@@ -153,7 +153,7 @@ class Task:
 
     def guess(self, values: Floats, opening: Floats) -> Guess:
         """Raises `InputError` where the values make no sensor."""
-        sensor = assigned(self.nominal, values)
+        sensor = assign_values(self.nominal, values)
         opening = np.where(self.held, 0.0, opening)
         if (opening[:, 6] <= -0.9).any():
             raise InputError("a laser of no power")
@@ -225,21 +225,25 @@ class Task:
                     break
                 damping, growth = max(damping * growth, 0.1), growth * 2
             if better is None:  # rounding ends what the last digits of chi-square can tell
-                return at, steps, "" if worth < 1e-6 * level + 0.1 else self.stuck(worth)
+                return (
+                    at,
+                    steps,
+                    "" if worth < 1e-6 * level + 0.1 else self.describe_deadlock(worth),
+                )
             damping, growth = damping / 10 if damping > 0.1 else 0.0, 10.0
             at, fell = better, level - now
             if fell < 1e-9 * level + enough and worth < 10 * enough:
                 return at, steps, ""
-        return at, most, self.unfinished(matrix, side, worth)
+        return at, most, self.describe_remaining_moves(matrix, side, worth)
 
-    def stuck(self, worth: float) -> str:
+    def describe_deadlock(self, worth: float) -> str:
         return (
             f"no step from here lowers chi-square, though {worth:.3g} could be gained: the model "
             "does not follow these readings; look for a wrong sign, unit, order of detectors or "
             "configuration"
         )
 
-    def unfinished(self, matrix: Floats, side: Floats, worth: float) -> str:
+    def describe_remaining_moves(self, matrix: Floats, side: Floats, worth: float) -> str:
         """Along which unknowns it still moves, and whether that is for want of samples."""
         step = np.linalg.solve(matrix, side)
         large = np.argsort(-np.abs(step) / self.choice.sigma)[:3]
@@ -383,17 +387,17 @@ def calibrated_sensor(task: Task, at: Guess, normal: Normal, covariance: Floats)
     """
     names, values = list(task.choice.names), at.values.copy()
     if np.isinf(task.choice.power):
-        covariance = with_mean_power(task, at, normal, covariance)
+        covariance = add_mean_power(task, at, normal, covariance)
         values[PLACE["beam.power"]] *= 1 + float(at.opening[:, 6].mean())
         names.append("beam.power")
     names, covariance = fold(names, values, covariance)
     kept = [n for n, name in enumerate(names) if name in OF_SENSOR]
     part = covariance[np.ix_(kept, kept)]
     known = Calibration(tuple(names[n] for n in kept), tuple(map(tuple, part.tolist())))
-    return replace(assigned(task.nominal, folded(values)), calibration=known)
+    return replace(assign_values(task.nominal, fold_mount(values)), calibration=known)
 
 
-def with_mean_power(task: Task, at: Guess, normal: Normal, covariance: Floats) -> Floats:
+def add_mean_power(task: Task, at: Guess, normal: Normal, covariance: Floats) -> Floats:
     """(p + 1, p + 1): with the mean over the samples of the laser's power, mW, as the last."""
     size, power = len(covariance), at.values[PLACE["beam.power"]]
     slope = -normal.back[:, 6, :size].mean(axis=0) * OWN_UNITS[6] * power
@@ -409,7 +413,7 @@ def fold(names: list[str], values: Floats, covariance: Floats) -> tuple[list[str
     """Names and covariance once the mirror's turn is part of the facets."""
     if not any(PLACE[name] in range(*_mount()) for name in names):
         return names, covariance
-    facets, given, slope = by_folding(values)
+    facets, given, slope = fold_derivatives(values)
     into = [ALL[n] for n in facets]
     rest = [name for name in names if name not in into]
     whole = np.zeros((len(into) + len(rest), len(names)))

@@ -18,7 +18,7 @@ from ..core.errors import InputError
 from ..core.names import POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from .bundle_adjustment import Data, angles_of, turned
+from .bundle_adjustment import Data, angles_of, rotations_of
 from .fit import NORMAL_MEDIAN, Guess, Task, solve_open_axes
 from .misfit import KINDS, Finding
 from .unknowns import Choice
@@ -54,19 +54,19 @@ def hypotheses() -> Iterator[Hypothesis]:
 
 
 def change_readings(change: Callable[[Floats], None]) -> Change:
-    def changed(data: Data) -> Data:
+    def apply(data: Data) -> Data:
         raw = data.raw.copy()
         change(raw)
         return data._replace(raw=raw)
 
-    return changed
+    return apply
 
 
 def change_pose(change: Callable[[Floats], Floats]) -> Change:
-    def changed(data: Data) -> Data:
+    def apply(data: Data) -> Data:
         return data._replace(pose=change(data.pose.copy()), velocity=None)
 
-    return changed
+    return apply
 
 
 def signs() -> Iterator[Hypothesis]:
@@ -137,7 +137,7 @@ def rotations(pose: Floats, order: str) -> Floats:
     for n in range(3):
         only = np.zeros((len(pose), 3))
         only[:, n] = pose[:, 3 + n]
-        about[:, n] = turned(only).matrix
+        about[:, n] = rotations_of(only).matrix
     whole = np.eye(3)
     for axis in order:
         whole = about[:, "xyz".index(axis)] @ whole
@@ -162,7 +162,7 @@ def orders() -> Iterator[Hypothesis]:
             )
 
     def inverse(pose: Floats) -> Floats:
-        pose[:, 3:] = angles_of(np.swapaxes(turned(pose[:, 3:]).matrix, 1, 2))
+        pose[:, 3:] = angles_of(np.swapaxes(rotations_of(pose[:, 3:]).matrix, 1, 2))
         return pose
 
     yield Hypothesis("the reference gives the inverse rotation", "invert it", change_pose(inverse))

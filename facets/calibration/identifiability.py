@@ -15,7 +15,7 @@ from ..core.names import DETECTORS
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..model.arrays import readings
-from .bundle_adjustment import OWN, OWN_UNITS, Data, eliminate_own_unknowns, linear, own_sigma
+from .bundle_adjustment import OWN_COUNT, OWN_UNITS, Data, eliminate_own_unknowns, linear, own_sigma
 from .fit import solve_open_axes
 from .small_matrices import one_thread
 from .unknowns import ALL, PLACE, Choice, values_of
@@ -43,7 +43,9 @@ def information(sensor: Sensor, data: Data, choice: Choice) -> Floats:
     return scaled
 
 
-def weak(matrix: Floats, choice: Choice, sensor: Sensor, limit: float = 1.0) -> list[Direction]:
+def weak_directions(
+    matrix: Floats, choice: Choice, sensor: Sensor, limit: float = 1.0
+) -> list[Direction]:
     """The directions of which the data say less than `limit` times what was known, least first.
 
     First those that have a name, then what is left, by its parts.
@@ -54,7 +56,7 @@ def weak(matrix: Floats, choice: Choice, sensor: Sensor, limit: float = 1.0) -> 
         scaled = pattern[choice.places] / choice.sigma
         scaled /= np.linalg.norm(scaled) or 1.0
         if np.linalg.norm(space.T @ scaled) > ALIKE:
-            space = without(space, scaled)
+            space = remove_direction(space, scaled)
     found = []
     for words, pattern in patterns(sensor).items():
         scaled = pattern[choice.places] / choice.sigma
@@ -62,12 +64,12 @@ def weak(matrix: Floats, choice: Choice, sensor: Sensor, limit: float = 1.0) -> 
         told = float(scaled @ matrix @ scaled / whole**2) if whole > 0 else np.inf
         if told < limit and inside > ALIKE * whole:
             found.append(Direction(max(told, 0.0), words))
-            space = without(space, scaled / whole)
+            space = remove_direction(space, scaled / whole)
     small = space.T @ matrix @ space
     values, turned = np.linalg.eigh(small)
     rest = (space @ turned).T
     found += [
-        Direction(max(float(told), 0.0), by_parts(direction, choice))
+        Direction(max(float(told), 0.0), describe_direction(direction, choice))
         for told, direction in zip(values, rest, strict=True)
     ]
     return sorted(found)
@@ -84,7 +86,7 @@ def conventions(sensor: Sensor, choice: Choice) -> list[Floats]:
         if axis == "z":
             parts = {f"facet_{letter}.azimuth": -1.0 for letter in DETECTORS}
         else:
-            parts = {key: -value for key, value in tilted(sensor, axis).items()}
+            parts = {key: -value for key, value in facet_tilts(sensor, axis).items()}
         if {name, *parts} <= set(choice.names):
             found.append(change(parts | {name: 1.0}))
     gains = {f"correction_{letter}.power": 1.0 for letter in DETECTORS}
@@ -101,7 +103,7 @@ def change(parts: dict[str, float]) -> Floats:
     return values
 
 
-def without(space: Floats, direction: Floats) -> Floats:
+def remove_direction(space: Floats, direction: Floats) -> Floats:
     """A basis (p, k - 1) of what is left of a space (p, k) beside a direction in it."""
     inside = space.T @ direction
     _, _, rows = np.linalg.svd(inside[None] / np.linalg.norm(inside))
@@ -109,7 +111,7 @@ def without(space: Floats, direction: Floats) -> Floats:
     return rest
 
 
-def by_parts(direction: Floats, choice: Choice) -> str:
+def describe_direction(direction: Floats, choice: Choice) -> str:
     """A direction by its largest parts."""
     order = np.argsort(-np.abs(direction))
     large = [n for n in order if abs(direction[n]) > LARGE][:4]
@@ -135,7 +137,7 @@ def patterns(sensor: Sensor) -> dict[str, Floats]:
     add("all PSDs turned about their upright axes", each("psd", "yaw"))
     add("turning all facets about z, as yaw does", each("facet", "azimuth"))
     for axis, name in (("x", "roll"), ("y", "pitch")):
-        add(f"tilting all facets about {axis}, as {name} does", tilted(sensor, axis))
+        add(f"tilting all facets about {axis}, as {name} does", facet_tilts(sensor, axis))
     add("all facets steeper", each("facet", "inclination"))
     add("all powers larger", each("correction", "power"))
     add("all places scaled along y", each("correction", "y10"))
@@ -153,7 +155,7 @@ def patterns(sensor: Sensor) -> dict[str, Floats]:
     return found
 
 
-def tilted(sensor: Sensor, axis: str) -> dict[str, float]:
+def facet_tilts(sensor: Sensor, axis: str) -> dict[str, float]:
     """How the facets' normals turn about x or y."""
     parts = {}
     for letter, facet in zip(DETECTORS, sensor.facets, strict=True):
@@ -165,14 +167,14 @@ def tilted(sensor: Sensor, axis: str) -> dict[str, float]:
 
 
 @one_thread
-def proposed(
+def choose_poses(
     sensor: Sensor, choice: Choice, sigma: Floats, candidates: Floats, count: int
 ) -> tuple[NDArray[np.int64], Floats]:
     """The poses out of candidates (n, 6) that together tell most (D-optimal, one after another).
 
-    sigma: (6,) of the reference.  Returns their numbers (count,), and `mean_left` after each.
+    sigma: (6,) of the reference.  Returns their numbers (count,), and `mean_reduction` after each.
     """
-    rows = told_by(sensor, choice, sigma, candidates)
+    rows = pose_information(sensor, choice, sigma, candidates)
     size = len(choice.names)
     covariance, chosen, left = np.eye(size), [], []
     for _ in range(count):
@@ -182,21 +184,21 @@ def proposed(
         chosen.append(best)
         gain = covariance @ rows[best].T
         covariance = covariance - gain @ np.linalg.solve(told[best], gain.T)
-        left.append(mean_left(np.linalg.inv(covariance)))
+        left.append(mean_reduction(np.linalg.inv(covariance)))
     return np.array(chosen), np.array(left)
 
 
-def mean_left(matrix: Floats) -> float:
+def mean_reduction(matrix: Floats) -> float:
     """The geometric mean of uncertainties left, over those before. matrix: all information."""
     return float(np.exp(-np.linalg.slogdet(matrix)[1] / 2 / len(matrix)))
 
 
-def told_by(sensor: Sensor, choice: Choice, sigma: Floats, candidates: Floats) -> Floats:
+def pose_information(sensor: Sensor, choice: Choice, sigma: Floats, candidates: Floats) -> Floats:
     """(n, 9, p): what a pose tells, in sigmas for each unit of what is known before."""
     data = Data(np.zeros((len(candidates), 9)), candidates, sigma, np.zeros((len(candidates), 2)))
     states = np.concatenate([candidates, data.beam], axis=1)
     data = data._replace(raw=readings(sensor, states))
-    found = linear(sensor, data, np.zeros((len(candidates), OWN)), values_of(sensor), choice)
+    found = linear(sensor, data, np.zeros((len(candidates), OWN_COUNT)), values_of(sensor), choice)
     own = own_sigma(data, choice)
     spread = np.where(np.isfinite(own), own / OWN_UNITS, 1e5)
     wide = found.own * spread

@@ -64,7 +64,7 @@ def add_slow_drift(data: Data, found: Fit) -> Fit:
     every[PLACE["beam.power"]] *= 1 + ways[0]
     every[block(POWER_DRIFT)] = ways[1:] / (1 + ways[0])
     opening[:, 6] = left / (1 + ways[0])
-    wide = replace(found.choice.and_also(known), power=jitter)
+    wide = replace(found.choice.add_unknowns(known), power=jitter)
     return replace(found, choice=wide, every=every, open=opening)
 
 
@@ -83,5 +83,5 @@ def jitter_likelihoods(task: Task, start: Fit) -> Floats:
     out = np.empty(len(JITTERS))
     for n, jitter in enumerate(JITTERS.tolist()):
         known[6] = (jitter / OWN_UNITS[6]) ** 2
-        out[n] = like.reduced(known, np.zeros(len(NAMES))).unlikely
+        out[n] = like.restrict(known, np.zeros(len(NAMES))).unlikely
     return out

@@ -28,7 +28,7 @@ from .bundle_adjustment import (
 from .candidates import POLARISATIONS, Candidate, add_candidate, add_coating, candidates
 from .fit import Fit, prior_information
 from .outliers import LEAST_WEIGHT
-from .unknowns import PLACE, Choice, assigned, values_of
+from .unknowns import PLACE, Choice, assign_values, values_of
 
 if TYPE_CHECKING:
     from ..core.calibrate import Calibrate
@@ -44,8 +44,8 @@ class Decision(NamedTuple):
     """What became of a candidate.
 
     unknowns: their number.  fall: of chi-square, beside what was accepted before.  error: the
-    cross-validated error of a reading in standard deviations, with the candidate.  taken: whether
-    it is in the fit.  why: the reason in words.
+    cross-validated error of a reading in standard deviations, with the candidate.  accepted:
+    whether it is in the fit.  why: the reason in words.
     """
 
     key: str
@@ -53,7 +53,7 @@ class Decision(NamedTuple):
     unknowns: int
     fall: float
     error: float
-    taken: bool
+    accepted: bool
     why: str
 
 
@@ -76,7 +76,7 @@ class FoldEquations(NamedTuple):
 def fold_equations(sensor: Sensor, data: Data, found: Fit, chosen: Choice) -> FoldEquations:
     """The equations at the values of a fit, by all names of a wider choice."""
     values = values_for(sensor, found)
-    at = assigned(sensor, values)
+    at = assign_values(sensor, values)
     data = data._replace(noise=deviations(sensor, data))
     model, own = linear(at, data, found.open, values, chosen), own_sigma(data, chosen)
     weights, parts = np.sqrt(found.weights), list[Normal]()
@@ -161,7 +161,7 @@ def rank_candidates(
             decide(one, len(choice.names) - len(chosen.names), found, before, there)
             for one, choice, there in zip(remaining, wider, after, strict=True)
         ]
-        good = [n for n, row in enumerate(tried) if row.taken]
+        good = [n for n, row in enumerate(tried) if row.accepted]
         if not good:
             return decisions + tried
         best = max(good, key=lambda n: tried[n].fall / max(tried[n].unknowns, 1) ** 0.5)
@@ -180,7 +180,7 @@ def best_coating(
     return min(tried, key=lambda one: predict(one[1], wide.names).fitted)
 
 
-def left_out_error(chi_square: float, found: Fit) -> float:
+def cross_validated_error(chi_square: float, found: Fit) -> float:
     """The error of a reading that a fit has not seen, over its noise."""
     count = float((found.weights == 1).sum())
     if np.isinf(found.choice.power):
@@ -194,12 +194,12 @@ def decide(
     """count: of its unknowns.  before, after: chi-square without and with it."""
     fall = before.fitted - after.fitted
     chance, gain = chance_of(fall, count), before.left_out - after.left_out
-    row = Decision(one.key, one.effect.words, count, fall, left_out_error(after.left_out, found),
-                   True, "the data call for it")  # fmt: skip
+    error = cross_validated_error(after.left_out, found)
+    row = Decision(one.key, one.effect.words, count, fall, error, True, "the data call for it")
     if chance < CHANCE and gain > LEAST_GAIN:
         return row
     why = "within chance" if chance >= CHANCE else "does not predict what was left out"
-    return row._replace(taken=False, why=why)
+    return row._replace(accepted=False, why=why)
 
 
 def add_cheap_candidates(

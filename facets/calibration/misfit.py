@@ -19,7 +19,7 @@ from ..detectors.calibrated import LIGHT_CENTRE, MISFIT
 from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, deviations, light_of
 from .fit import Fit
-from .outliers import MOST_SHARE, POWER_HOLDS, model_accuracy
+from .outliers import MOST_SHARE, POWER_ACCURACY, model_accuracy
 from .scatter import (
     FAR,
     PLACES,
@@ -189,7 +189,7 @@ def chi_square_finding(found: Fit, data: Data) -> Finding | None:
     sizes = residual_sizes(found, data)
     worst = int(np.argmax(sizes))
     where = f"{KINDS[worst % 3]} of detector {DETECTORS[worst // 3].upper()}"
-    root = float(np.sqrt(found.reduced))
+    root = float(np.sqrt(found.reduced_chi_square))
     if root > WORST:
         return Finding(True, (
             f"The residuals are {root:.3g} times the noise, most in {where} ({sizes[worst]:.3g} "
@@ -328,28 +328,28 @@ def describe_reference(scatter: Scatter) -> str:
 
 def describe_beam(scatter: Scatter) -> str:
     return (
-        f"the beam moved by {1e3 * scatter.of('beam'):.2g} um (r.m.s.) from sample to sample; if "
-        "it moves as much when poses are measured, say so with solve.beam: prior and this as "
+        f"the beam moved by {1e3 * scatter.size_of('beam'):.2g} um (r.m.s.) from sample to sample; "
+        "if it moves as much when poses are measured, say so with solve.beam: prior and this as "
         "beam_sigma_um, since x and y err by as much where the beam is taken as known"
     )
 
 
 def describe_detectors(scatter: Scatter) -> str:
-    places, powers = (float(np.hypot(1.0, scatter.of(name))) for name in (PLACES, POWERS))
+    places, powers = (float(np.hypot(1.0, scatter.size_of(name))) for name in (PLACES, POWERS))
     return (
         f"the detectors' noise is {places:.3g} times the stated one in places and {powers:.3g} "
         "times in powers; measure it with facets noise"
     )
 
 
-#: The chance of a shape in the powers below which it is told; how large it must be beside what the
-#: model of real light holds itself.
-SHAPE, SHAPE_HOLDS = 1e-6, 2.0
+#: A shape in the powers is reported where its chance is below this and its size above this multiple
+#: of the accuracy of the model of real light.
+SHAPE_CHANCE, SHAPE_FACTOR = 1e-6, 2.0
 
 
 def shape_finding(shape: Shape) -> Finding | None:
     """Powers that follow the mirror's x and y in a way that the model does not know."""
-    if shape.chance > SHAPE or shape.size < SHAPE_HOLDS * POWER_HOLDS:
+    if shape.chance > SHAPE_CHANCE or shape.size < SHAPE_FACTOR * POWER_ACCURACY:
         return None
     return Finding(True, (
         "The powers follow the mirror's x and y in a way that no unknown explains (by "
@@ -389,7 +389,7 @@ def model_error(found: Fit, data: Data, sensor: Sensor, scatter: Scatter) -> dic
     stays in the residuals once more.
     """
     sigma = np.nanmedian(deviations(sensor, data), axis=0)
-    more = np.array([scatter.of(PLACES), scatter.of(PLACES), scatter.of(POWERS)] * 3)
+    more = np.array([scatter.size_of(PLACES), scatter.size_of(PLACES), scatter.size_of(POWERS)] * 3)
     missed = sigma * more / np.hypot(1.0, more)  # what the detectors scatter beside their noise
     if is_doubtful(found):
         sizes = residual_sizes(found, data)
@@ -402,8 +402,8 @@ def model_error(found: Fit, data: Data, sensor: Sensor, scatter: Scatter) -> dic
 
 
 #: Shift of the light's middle, over the beam's standard deviation, for each unit of the power that
-#: is not in a Gaussian cross-section: ghosts of 0.1 % beside the beam moved x and y of calibrations
-#: by 0.4 to 0.9 of it, see `python -m facets.experiments.disturbed_rigs`.
+#: is not in a Gaussian cross-section: ghosts of a thousandth moved x and y of calibrations by
+#: 0.4 to 0.9 of it, see `python -m facets.experiments.disturbed_rigs`.
 CENTRE_PER_SHARE = 0.6
 
 
@@ -420,7 +420,7 @@ def centre_sigma(sensor: Sensor, found: Fit, settings: Calibrate) -> float:
     return CENTRE_PER_SHARE * share * beam_sigma
 
 
-def with_unseen_errors(
+def add_unseen_errors(
     sensor: Sensor, found: Fit, missed: dict[str, float], centre: float
 ) -> Sensor:
     """The calibrated sensor whose uncertainty includes what the model misses in readings (`missed`,
@@ -431,7 +431,7 @@ def with_unseen_errors(
         missed = missed | dict.fromkeys(LIGHT_CENTRE, centre)
     if not missed:
         return sensor
-    factor, size = found.reduced if is_doubtful(found) else 1.0, len(known.names)
+    factor, size = found.reduced_chi_square if is_doubtful(found) else 1.0, len(known.names)
     matrix = np.zeros((size + len(missed),) * 2)
     matrix[:size, :size] = factor * np.array(known.covariance)
     matrix[range(size, len(matrix)), range(size, len(matrix))] = np.square(list(missed.values()))

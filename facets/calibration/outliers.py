@@ -18,9 +18,11 @@ from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, deviations
 from .fit import NORMAL_MEDIAN, Fit, fit
 
-#: How well the model of real light holds itself, against rays and propagated fields: of a place,
-#: mm, and of a power, a share. No residual shows it where the unknowns take it up.
-PLACE_HOLDS, POWER_HOLDS = 2e-4, 5e-5
+#: Accuracy of the model of real light against rays and propagated fields, mm. Residuals do not show
+#: it where the unknowns absorb it.
+PLACE_ACCURACY_MM = 2e-4
+#: The same of a power, as a share of the power.
+POWER_ACCURACY = 5e-5
 #: The robust weight below which a reading is none: at 12 standard deviations, with the limit at 3.
 LEAST_WEIGHT = 0.25
 #: The share of samples with an outlier beyond which they are no outliers.
@@ -50,8 +52,8 @@ def find_outliers(
 
 def model_accuracy(data: Data) -> Floats:
     """(9,) how well the model of real light holds the readings: mm and mW."""
-    found = np.full(9, PLACE_HOLDS)
-    found[2::3] = POWER_HOLDS * median(data.raw)[2::3]
+    found = np.full(9, PLACE_ACCURACY_MM)
+    found[2::3] = POWER_ACCURACY * median(data.raw)[2::3]
     return found
 
 

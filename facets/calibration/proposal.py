@@ -9,7 +9,7 @@ import numpy as np
 from ..config import Config
 from ..core.names import STATE_COLUMNS, STATE_UNITS
 from ..core.units import Floats
-from .identifiability import mean_left, proposed, told_by
+from .identifiability import choose_poses, mean_reduction, pose_information
 from .table import choice
 from .tour import short_order, travel
 
@@ -35,8 +35,8 @@ def propose_poses(settings: Config, poses: Floats, count: int) -> Proposal:
     sensor, calibrate = settings.sensor, settings.calibrate
     unknowns = choice(sensor, calibrate)
     sigma = np.array(calibrate.reference)
-    chosen, remaining = proposed(sensor, unknowns, sigma, poses, count)
-    rows = told_by(sensor, unknowns, sigma, poses[:count]).reshape(-1, len(unknowns.names))
+    chosen, remaining = choose_poses(sensor, unknowns, sigma, poses, count)
+    rows = pose_information(sensor, unknowns, sigma, poses[:count]).reshape(-1, len(unknowns.names))
     shares = poses[chosen] / np.maximum(np.abs(poses).max(axis=0), 1e-12)
     rest = np.zeros((1, 6))
     order = short_order(shares, rest[0])
@@ -45,5 +45,5 @@ def propose_poses(settings: Config, poses: Floats, count: int) -> Proposal:
     }
     columns["rank"], columns["mean_left"] = order + 1, remaining[order]
     long, short = (travel(np.vstack([rest, places])) for places in (shares, shares[order]))
-    random_reduction = mean_left(np.eye(rows.shape[1]) + rows.T @ rows)
+    random_reduction = mean_reduction(np.eye(rows.shape[1]) + rows.T @ rows)
     return Proposal(columns, remaining[-1], random_reduction, 1 - short / long)

@@ -23,23 +23,25 @@ from ..estimation.solver import solve
 from ..estimation.table import BEAM_UNCERTAINTIES
 from .bundle_adjustment import Data
 from .fit import fit
-from .samples import without_jumps
-from .table import BEAM, REFERENCE, RUN, choice, gathered, whole_table
+from .samples import remove_jumps
+from .table import BEAM, REFERENCE, RUN, choice, gather_samples, whole_table
 from .unknowns import DELAY, PLACE
 
 if TYPE_CHECKING:
     from ..core.calibrate import Calibrate
 
 
-#: Offsets are tried over this share of the common time, at most so many seconds, in so many steps.
-SHARE, SECONDS, STEPS = 0.25, 2.0, 401
+#: Offsets are tried up to this share of the common time, and up to `LARGEST_OFFSET_S`.
+OFFSET_SHARE, OFFSET_COUNT = 0.25, 401
+#: Largest offset that is tried, s.
+LARGEST_OFFSET_S = 2.0
 #: Of a likeness below this nothing is concluded.
 ALIKE = 0.5
 #: Samples of the fit that finds what is left of the offset.
 FEW = 150
 
 
-class Joined(NamedTuple):
+class JoinedTables(NamedTuple):
     """offset: added to the readings' time to be the reference's, s; 0 where the motion tells none.
     likeness: the share of the reference's motion that the readings explain there."""
 
@@ -83,44 +85,46 @@ def read_track(path: Path, settings: Calibrate) -> Track:
     return Track(time, pose, CubicSpline(time, pose))
 
 
-def read_joined(readings: Path, reference: Path, sensor: Sensor, settings: Calibrate) -> Joined:
+def join_tables(
+    readings: Path, reference: Path, sensor: Sensor, settings: Calibrate
+) -> JoinedTables:
     """Readings and reference of two tables.  Raises `InputError` where they share no time."""
     beside = () if settings.beam == "still" else (*BEAM, *BEAM_UNCERTAINTIES)
     columns = whole_table(readings, ("time_s", *READING_COLUMNS), (*beside, *RUN))
     track = read_track(reference, settings)
     time = columns["time_s"]
     check_overlap(readings, time, reference, track)
-    offset, likeness = found_offset(sensor, columns, track)
+    offset, likeness = find_offset(sensor, columns, track)
     if likeness > ALIKE:
         moving = replace(settings, dwells=False)
-        offset += rest_of_offset(
+        offset += remaining_offset(
             sensor, samples(readings, columns, track, offset, moving), settings
         )
-    return Joined(samples(readings, columns, track, offset, settings), offset, likeness)
+    return JoinedTables(samples(readings, columns, track, offset, settings), offset, likeness)
 
 
 def samples(
     readings: Path, columns: dict[str, Floats], track: Track, offset: float, settings: Calibrate
 ) -> Data:
     """The samples with the reference's poses and velocities at an offset."""
-    whole, velocity = with_reference(columns, track, offset)
-    data = gathered(readings, whole, settings)
+    whole, velocity = add_reference(columns, track, offset)
+    data = gather_samples(readings, whole, settings)
     if settings.dwells:  # at rest
         return data
-    kept = np.isfinite(whole[REFERENCE[0]]) & usable(whole)
+    kept = np.isfinite(whole[REFERENCE[0]]) & usable_rows(whole)
     return data._replace(velocity=velocity[kept])
 
 
-def rest_of_offset(sensor: Sensor, data: Data, settings: Calibrate) -> float:
+def remaining_offset(sensor: Sensor, data: Data, settings: Calibrate) -> float:
     """What a plain fit of some samples says that the offset still lacks, s; 0 where it fails."""
     rows = np.unique(np.linspace(0, len(data.raw) - 1, min(len(data.raw), FEW)).astype(np.int64))
-    wanted = choice(sensor, settings).and_also({DELAY: 0.01})
+    wanted = choice(sensor, settings).add_unknowns({DELAY: 0.01})
     found = fit(sensor, data.part(rows), wanted, settings.outliers)
     return float(found.every[PLACE[DELAY]]) if found.ended else 0.0
 
 
-def usable(columns: dict[str, Floats]) -> NDArray[np.bool_]:
-    """Rows that `gathered` keeps."""
+def usable_rows(columns: dict[str, Floats]) -> NDArray[np.bool_]:
+    """Rows that `gather_samples` keeps."""
     raw = np.column_stack([columns[name] for name in READING_COLUMNS])
     good = np.asarray(np.isfinite(raw).any(axis=1))
     for name in BEAM:
@@ -140,7 +144,7 @@ def check_overlap(readings: Path, time: Floats, reference: Path, track: Track) -
         )
 
 
-def found_offset(sensor: Sensor, columns: dict[str, Floats], track: Track) -> tuple[float, float]:
+def find_offset(sensor: Sensor, columns: dict[str, Floats], track: Track) -> tuple[float, float]:
     """The offset at which the reference moves most like the solved poses, and how alike."""
     time = columns["time_s"]
     some = np.unique(np.linspace(0, len(time) - 1, min(len(time), 3000)).astype(np.int64))
@@ -148,11 +152,11 @@ def found_offset(sensor: Sensor, columns: dict[str, Floats], track: Track) -> tu
     pose = solve(
         sensor, correct(sensor, raw), beam="known", power="unknown", covariance=False
     ).state[:, :6]
-    pose = without_jumps(pose)
+    pose = remove_jumps(pose)
     time = time[some]
     shared = min(np.nanmax(time), track.time[-1]) - max(np.nanmin(time), track.time[0])
-    width = min(SHARE * shared, SECONDS)
-    tried = np.linspace(-width, width, STEPS)
+    width = min(OFFSET_SHARE * shared, LARGEST_OFFSET_S)
+    tried = np.linspace(-width, width, OFFSET_COUNT)
     for _ in range(3):
         marks = np.array([likeness(time, pose, track, offset) for offset in tried])
         best = float(tried[int(np.argmax(marks))])
@@ -182,7 +186,7 @@ def likeness(time: Floats, pose: Floats, track: Track, offset: float) -> float:
     return 1 - float(np.exp(np.log(np.maximum(rest, 1e-12)).mean()))  # the clearest axes decide
 
 
-def with_reference(
+def add_reference(
     columns: dict[str, Floats], track: Track, offset: float
 ) -> tuple[dict[str, Floats], Floats]:
     """The readings' columns with those of the reference at their times, NaN outside its own; and

@@ -12,7 +12,7 @@ from ..core.units import Floats
 from ..detectors.correction import correct
 from ..detectors.noise import standard_deviations, step_variances
 from ..model.arrays import is_near_edge, readings, spot_size
-from .bundle_adjustment import OWN, Data, deviations, states_of
+from .bundle_adjustment import OWN_COUNT, Data, deviations, states_of
 from .dwells import mean
 from .misfit import KINDS, Finding
 from .unknowns import values_of
@@ -32,12 +32,12 @@ FEW = 20
 
 def faults(sensor: Sensor, data: Data) -> list[Finding]:
     """What a look at the columns alone tells."""
-    found = [*stuck(sensor, data), *repeats(data), *still(data), *untimed(sensor, data),
-             *narrow(sensor, data)]  # fmt: skip
+    found = [*stuck_channels(sensor, data), *repeats(data), *still_axes(data),
+             *untimed_channels(sensor, data), *narrow_motion(sensor, data)]  # fmt: skip
     return sorted(found, key=lambda one: not one.bad)
 
 
-def without_jumps(values: Floats) -> Floats:
+def remove_jumps(values: Floats) -> Floats:
     """Columns (n, m), NaN where a value lies further beside the middle nine tenths than these are
     wide: a row that jumped says nothing of how far a motion goes."""
     with np.errstate(invalid="ignore"), catch_warnings():
@@ -50,18 +50,18 @@ def without_jumps(values: Floats) -> Floats:
 
 def spans(values: Floats) -> Floats:
     """How far columns (n, m) go, without jumps: (m,)."""
-    kept = without_jumps(values)
+    kept = remove_jumps(values)
     reach: Floats = np.nanmax(kept, axis=0) - np.nanmin(kept, axis=0)
     return reach
 
 
-def stuck(sensor: Sensor, data: Data) -> list[Finding]:
+def stuck_channels(sensor: Sensor, data: Data) -> list[Finding]:
     """Channels that do not follow the motion."""
-    state = states_of(data, np.zeros((len(data.raw), OWN)), values_of(sensor))
+    state = states_of(data, np.zeros((len(data.raw), OWN_COUNT)), values_of(sensor))
     with np.errstate(invalid="ignore"), catch_warnings():
         simplefilter("ignore")  # a motion in wrong units may leave no reading at all
-        asked = np.nanstd(without_jumps(readings(sensor, state)), axis=0)
-        moved = np.nanstd(without_jumps(correct(sensor, data.raw)), axis=0)
+        asked = np.nanstd(remove_jumps(readings(sensor, state)), axis=0)
+        moved = np.nanstd(remove_jumps(correct(sensor, data.raw)), axis=0)
         noise = np.nanmedian(deviations(sensor, data), axis=0)
     still = np.flatnonzero((moved < STUCK * asked) & (asked > MOVED * noise)).tolist()
     if len({n // 3 for n in still}) > 1:  # not all at once: then the motion is in wrong units
@@ -95,7 +95,7 @@ def repeats(data: Data) -> list[Finding]:
     return found
 
 
-def still(data: Data) -> list[Finding]:
+def still_axes(data: Data) -> list[Finding]:
     """Axes along which the motion does not go."""
     known = np.isfinite(data.sigma)
     span = spans(data.pose)
@@ -108,7 +108,7 @@ def still(data: Data) -> list[Finding]:
     ))]  # fmt: skip
 
 
-def narrow(sensor: Sensor, data: Data) -> list[Finding]:
+def narrow_motion(sensor: Sensor, data: Data) -> list[Finding]:
     """A motion in x and y over which the powers hardly bend."""
     diameter = min(sensor.beam.diameter_x, sensor.beam.diameter_y)
     beside = data.pose[:, :2] - data.beam
@@ -123,7 +123,7 @@ def narrow(sensor: Sensor, data: Data) -> list[Finding]:
     ))]  # fmt: skip
 
 
-def untimed(sensor: Sensor, data: Data) -> list[Finding]:
+def untimed_channels(sensor: Sensor, data: Data) -> list[Finding]:
     """Channels that are read one after the other, in a table that does not tell how fast they
     change."""
     if data.velocity is not None or not any(sensor.light.delays):
@@ -134,7 +134,7 @@ def untimed(sensor: Sensor, data: Data) -> list[Finding]:
     ))]  # fmt: skip
 
 
-def inside(sensor: Sensor, data: Data) -> tuple[Data, list[Finding]]:
+def exclude_edge_readings(sensor: Sensor, data: Data) -> tuple[Data, list[Finding]]:
     """Without what a detector read where its spot lies over the sensitive area's edge.
 
     There light is lost that the model follows only with `sensor.apertures.detectors`. The other
@@ -160,13 +160,13 @@ def inside(sensor: Sensor, data: Data) -> tuple[Data, list[Finding]]:
     return (data._replace(raw=raw).part(there) if found else data), found
 
 
-def distinct(data: Data) -> Data:
+def remove_duplicates(data: Data) -> Data:
     """Each row once."""
     _, first = np.unique(np.column_stack([data.pose, data.raw]), axis=0, return_index=True)
     return data if len(first) == len(data.raw) else data.part(np.sort(first))
 
 
-def averaged(sensor: Sensor, data: Data) -> Data:
+def average_equal_poses(sensor: Sensor, data: Data) -> Data:
     """Readings at one and the same pose as one sample, with the noise of their mean: the reference
     errs in all of them by the same amount."""
     keys = np.column_stack([data.pose, data.beam])

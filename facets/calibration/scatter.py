@@ -39,8 +39,8 @@ NAMES = (*POSE, "power", "beam", PLACES, POWERS)
 OF_COLUMN = np.array([*range(6), 6, 7, 7, *[8] * 6, *[9] * 3])
 #: Causes that are told apart, and what scatters if it is that one. The laser's power always may.
 CAUSES = {"reference": POSE, "beam": ("beam",), "detectors": (PLACES, POWERS)}
-#: What an axis that the reference does not measure may do, in um or urad.
-FREE = 1e4
+#: Standard uncertainty of an axis that the reference does not measure, in `OWN_UNITS`.
+UNMEASURED_SIGMA = 1e4
 #: Steps of the sizes at most, and the fall of -2 log L that is not worth another.
 STEPS, ENOUGH = 40, 0.3
 #: How much less likely than the likeliest, in -2 log L, a cause is that can still not be excluded:
@@ -85,7 +85,7 @@ class Likelihood:
         out[:, range(9), range(9)] += self.noise
         return out
 
-    def reduced(self, known: Floats, sizes: Floats) -> Reduced:
+    def restrict(self, known: Floats, sizes: Floats) -> RestrictedLikelihood:
         """What is left of the likelihood once the common unknowns are free."""
         variance = self.variance(known, sizes)
         inverse: Floats = np.asarray(np.linalg.inv(variance), dtype=float)
@@ -100,9 +100,11 @@ class Likelihood:
             np.linalg.slogdet(variance)[1].sum() + np.linalg.slogdet(matrix)[1]
             + level - side @ step
         )  # fmt: skip
-        return Reduced(float(unlikely), matrix, inverse, weighted, aim - weighted @ step)
+        return RestrictedLikelihood(
+            float(unlikely), matrix, inverse, weighted, aim - weighted @ step
+        )
 
-    def shares(self, at: Reduced, free: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+    def shares(self, at: RestrictedLikelihood, free: NDArray[np.bool_]) -> tuple[Floats, Floats]:
         """Of each free size (10,): what it is by the residuals, and what it should be by the sizes;
         1 of the others."""
         there = np.flatnonzero(free[OF_COLUMN])
@@ -125,22 +127,22 @@ class Likelihood:
         Each step is the multiplication three times at once, or once where that is less likely.
         """
         free = np.array([name in names for name in NAMES])
-        sizes, at = start.copy(), self.reduced(known, start)
+        sizes, at = start.copy(), self.restrict(known, start)
         for _ in range(STEPS):
             square, due = self.shares(at, free)
             factor = np.sqrt(square / due)
             far = sizes * factor**3
-            there = self.reduced(known, far)
+            there = self.restrict(known, far)
             if there.unlikely > at.unlikely:
                 far = sizes * factor
-                there = self.reduced(known, far)
+                there = self.restrict(known, far)
             sizes, at, fall = far, there, at.unlikely - there.unlikely
             if fall < ENOUGH:
                 break
         return Sizes(at.unlikely, sizes)
 
 
-class Reduced(NamedTuple):
+class RestrictedLikelihood(NamedTuple):
     """unlikely: -2 log L, but for a constant.  matrix: of the common unknowns (p, p).  inverse: of
     the variances (n, 9, 9), weighted: that times the common columns (n, 9, p).  pulled: P y."""
 
@@ -171,7 +173,7 @@ class Scatter(NamedTuple):
     others: tuple[str, ...]
     sizes: Floats
 
-    def of(self, name: str) -> float:
+    def size_of(self, name: str) -> float:
         return float(self.sizes[NAMES.index(name)])
 
 
@@ -182,7 +184,7 @@ NOTHING = Scatter((), (), np.zeros(len(NAMES)))
 
 def is_doubtful(found: Fit) -> bool:
     """Whether chi-square is above what chance allows."""
-    return bool(found.reduced - 1 > DOUBT * np.sqrt(2 / max(found.freedom, 1.0)))
+    return bool(found.reduced_chi_square - 1 > DOUBT * np.sqrt(2 / max(found.freedom, 1.0)))
 
 
 def far_unknowns(sensor: Sensor, found: Fit, far: float = FAR) -> list[tuple[str, float]]:
@@ -201,7 +203,7 @@ def prior_variances(data: Data, chosen: Choice) -> Floats:
     own[6] = own[6] if np.isinf(own[6]) else 0.0
     own[7:] = 0.0
     with np.errstate(over="ignore"):
-        variances: Floats = np.minimum((own / OWN_UNITS) ** 2, FREE**2)
+        variances: Floats = np.minimum((own / OWN_UNITS) ** 2, UNMEASURED_SIGMA**2)
     return variances
 
 
@@ -266,12 +268,14 @@ def update_sizes(problem: SizeProblem, one: Scatter) -> Scatter:
 def add_scatter(data: Data, chosen: Choice, one: Scatter) -> tuple[Data, Choice]:
     """Samples and choice with what scatters, as known before a fit."""
     assert data.noise is not None
-    wider = np.ones(9) * np.hypot(1.0, one.of(PLACES))
-    wider[2::3] = np.hypot(1.0, one.of(POWERS))
-    power = one.of("power") if 0 < chosen.power < np.inf else chosen.power
+    wider = np.ones(9) * np.hypot(1.0, one.size_of(PLACES))
+    wider[2::3] = np.hypot(1.0, one.size_of(POWERS))
+    power = one.size_of("power") if 0 < chosen.power < np.inf else chosen.power
     return (
         data._replace(sigma=np.hypot(data.sigma, one.sizes[:6]), noise=data.noise * wider),
-        replace(chosen, power=max(power, LEAST_POWER) if power else power, beam=one.of("beam")),
+        replace(
+            chosen, power=max(power, LEAST_POWER) if power else power, beam=one.size_of("beam")
+        ),
     )
 
 
@@ -293,7 +297,7 @@ def fit_with_scatter(
     """
     if not is_doubtful(found) and not found.choice.beam:
         return data, found, NOTHING
-    if found.reduced > WORST or far_unknowns(sensor, found):
+    if found.reduced_chi_square > WORST or far_unknowns(sensor, found):
         return data, found, NOTHING
     bare, one = data._replace(noise=deviations(sensor, data)), NOTHING
     for n in range(TIMES):
@@ -357,8 +361,10 @@ def shape_of_powers(sensor: Sensor, data: Data, found: Fit, robust: float | None
     task = Task(sensor, data, found.choice, robust)
     like = Likelihood(task, found)
     with np.errstate(over="ignore"):
-        known = np.minimum((own_sigma(task.data, found.choice) / OWN_UNITS) ** 2, FREE**2)
-    at = like.reduced(known, np.zeros(len(NAMES)))
+        known = np.minimum(
+            (own_sigma(task.data, found.choice) / OWN_UNITS) ** 2, UNMEASURED_SIGMA**2
+        )
+    at = like.restrict(known, np.zeros(len(NAMES)))
     place = data.pose[:, :2] + found.open[:, :2]
     place -= np.median(place, axis=0)
     x, y = (place / np.abs(place).max(axis=0).clip(1e-12)).T

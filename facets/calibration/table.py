@@ -45,7 +45,7 @@ def read(path: Path, settings: Calibrate) -> Data:
     measured = [n for n in range(6) if np.isfinite(settings.reference[n])]
     needed = (*READING_COLUMNS, *(REFERENCE[n] for n in measured))
     optional = (*beside, *RUN, *(REFERENCE[n] for n in range(6) if n not in measured))
-    return gathered(path, whole_table(path, needed, optional), settings)
+    return gather_samples(path, whole_table(path, needed, optional), settings)
 
 
 def whole_table(
@@ -88,7 +88,7 @@ def recording_time(host: Floats, board: Floats) -> Floats:
     return found
 
 
-def gathered(path: Path, columns: dict[str, Floats], settings: Calibrate) -> Data:
+def gather_samples(path: Path, columns: dict[str, Floats], settings: Calibrate) -> Data:
     """Samples out of columns, rows without a pose or without any reading left out.
 
     Raises `InputError` where fewer than 10 are left, or a seating is none.
@@ -211,8 +211,8 @@ def choice(sensor: Sensor, settings: Calibrate) -> Choice:
     for name in ("tilt_x", "tilt_y"):
         sigma[f"beam.{name}"] = before.get("beam_tilt_mrad", 0) / 1000
     for letter, psd in zip(DETECTORS, sensor.psds, strict=True):
-        sigma |= of_facet(letter, before) | of_detector(letter, psd, before)
-    sigma |= of_seat("", before)
+        sigma |= facet_sigmas(letter, before) | detector_sigmas(letter, psd, before)
+    sigma |= seat_sigmas("", before)
     kept = {name: value for name, value in sigma.items() if value > 0}
     if not kept:
         raise InputError("every key of calibrate.before is null: nothing is to be found")
@@ -220,14 +220,14 @@ def choice(sensor: Sensor, settings: Calibrate) -> Choice:
     return Choice(tuple(kept), np.array(list(kept.values())), power)
 
 
-def of_facet(letter: str, before: dict[str, float]) -> dict[str, float]:
+def facet_sigmas(letter: str, before: dict[str, float]) -> dict[str, float]:
     return {
         f"facet_{letter}.{name}": before.get("facet_mrad", 0) / 1000
         for name in ("inclination", "azimuth")
     }
 
 
-def of_detector(letter: str, psd: Psd, before: dict[str, float]) -> dict[str, float]:
+def detector_sigmas(letter: str, psd: Psd, before: dict[str, float]) -> dict[str, float]:
     place, scale = before.get("psd_place_mm", 0), before.get("scale_percent", 0) / 100
     sigma = {f"psd_{letter}.{name}": place for name in ("radius", "height")}
     sigma[f"psd_{letter}.azimuth"] = place / psd.radius
@@ -245,7 +245,7 @@ def bends(letter: str, size: float) -> dict[str, float]:
     return {f"correction_{letter}.{axis}{a}{b}": size for a, b in MONOMIALS[2:] for axis in "yz"}
 
 
-def of_seat(prefix: str, before: dict[str, float]) -> dict[str, float]:
+def seat_sigmas(prefix: str, before: dict[str, float]) -> dict[str, float]:
     """Of one seating; the apex's height is a convention in the first, which has no prefix."""
     sigma = {}
     for name in OF_SEAT:
@@ -256,13 +256,13 @@ def of_seat(prefix: str, before: dict[str, float]) -> dict[str, float]:
     return sigma
 
 
-def and_seats(chosen: Choice, data: Data, settings: Calibrate) -> Choice:
+def add_seats(chosen: Choice, data: Data, settings: Calibrate) -> Choice:
     """With where the mirror was in its further seatings."""
     if data.seat is None:
         return chosen
     for seat in range(2, int(data.seat.max()) + 2):
-        sizes = of_seat(f"seat_{seat}.", settings.before)
-        chosen = chosen.and_also({name: size for name, size in sizes.items() if size > 0})
+        sizes = seat_sigmas(f"seat_{seat}.", settings.before)
+        chosen = chosen.add_unknowns({name: size for name, size in sizes.items() if size > 0})
     return chosen
 
 

@@ -33,9 +33,9 @@ def short_order(points: Floats, start: Floats) -> NDArray[np.int64]:
     order = nearest_neighbours(apart)
     least = LEAST * max(float(apart.max()), 1e-300)
     while True:
-        found = with_reversal(apart, order, least)
+        found = reverse_part(apart, order, least)
         if found is None:
-            found = with_move(apart, order, least)
+            found = move_part(apart, order, least)
         if found is None:
             return order[1:] - 1
         order = found
@@ -52,9 +52,7 @@ def nearest_neighbours(apart: Floats) -> NDArray[np.int64]:
     return order
 
 
-def with_reversal(
-    apart: Floats, order: NDArray[np.int64], least: float
-) -> NDArray[np.int64] | None:
+def reverse_part(apart: Floats, order: NDArray[np.int64], least: float) -> NDArray[np.int64] | None:
     """The order with the part reversed that shortens it most; None where none does."""
     steps = apart[np.ix_(order, order)]
     count = len(order)
@@ -72,7 +70,7 @@ def with_reversal(
     return np.concatenate([order[:i], order[i : j + 1][::-1], order[j + 1 :]])
 
 
-def with_move(apart: Floats, order: NDArray[np.int64], least: float) -> NDArray[np.int64] | None:
+def move_part(apart: Floats, order: NDArray[np.int64], least: float) -> NDArray[np.int64] | None:
     """The order with the first few neighbours moved that are better elsewhere; None for none."""
     count = len(order)
     for size in range(1, min(TOGETHER, count - 2) + 1):

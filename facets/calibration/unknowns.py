@@ -26,7 +26,7 @@ from ..model.beam_shape import (
     shape_of,
 )
 from ..optics.parameters import PARAMETERS
-from .spline import SPLINE, with_spline
+from .spline import SPLINE, replace_spline
 
 #: Of one seating: the apex from the reference's pivot; the apex from the beam while the reference
 #: is at zero; how the mirror is turned on the reference.
@@ -79,7 +79,7 @@ class Choice:
     def places(self) -> NDArray[np.int64]:
         return np.array([PLACE[name] for name in self.names], dtype=np.int64)
 
-    def and_also(self, sigma: dict[str, float]) -> Choice:
+    def add_unknowns(self, sigma: dict[str, float]) -> Choice:
         """With further unknowns; one that is here already keeps the wider of both."""
         known = dict(zip(self.names, self.sigma.tolist(), strict=True))
         for name, value in sigma.items():
@@ -103,20 +103,20 @@ def values_of(sensor: Sensor) -> Floats:
     return found
 
 
-def assigned(sensor: Sensor, values: Floats) -> Sensor:
+def assign_values(sensor: Sensor, values: Floats) -> Sensor:
     """A sensor with values of `ALL`.  Raises `InputError` where they make none."""
     geometry = dict(zip(GEOMETRY, values[block(GEOMETRY)].tolist(), strict=True))
     axes = axes_of(values[block(SHAPE)], sensor.beam.rotation)
     geometry |= dict(zip(OF_SHAPE, axes, strict=True))
     made = sensor_with(sensor, [geometry[name] for name in PARAMETERS])
-    made = with_corrections(made, values[block(NAMES)])
+    made = replace_corrections(made, values[block(NAMES)])
     made = replace_effects(made, values[block(EFFECTS)])
-    made = with_spline(made, values[block(SPLINE)])
+    made = replace_spline(made, values[block(SPLINE)])
     a, b, c = values[block(SKEW)].tolist()
     return replace(made, light=replace(made.light, delays=(a, b, c)), calibration=None)
 
 
-def with_corrections(sensor: Sensor, coefficient: Floats) -> Sensor:
+def replace_corrections(sensor: Sensor, coefficient: Floats) -> Sensor:
     """With coefficients in the order of `correction.NAMES`."""
     parts = coefficient.reshape(3, len(NAMES_OF_ONE)).tolist()
     count = len(MONOMIALS)
@@ -132,7 +132,7 @@ def with_corrections(sensor: Sensor, coefficient: Floats) -> Sensor:
 # ---- the derivatives by what belongs to the sensor
 
 
-def by_sensor(sensor: Sensor, states: Floats) -> Floats:
+def sensor_derivatives(sensor: Sensor, states: Floats) -> Floats:
     """The model's derivatives by `GEOMETRY` and `SHAPE`: (n, 9, 30)."""
     whole = arrays.parameter_jacobian(sensor, states)
     out = np.empty((len(states), 9, len(GEOMETRY) + len(SHAPE)))
@@ -164,7 +164,7 @@ def rotation_matrix(angles: Floats) -> Floats:
     return turn
 
 
-def folded(values: Floats) -> Floats:
+def fold_mount(values: Floats) -> Floats:
     """Values of `ALL` whose first mount is zero: the facets take its turn, azimuths follow on.
 
     The mirror's frame is then the one that the reference moves: where that says zero, the angles
@@ -186,8 +186,8 @@ def mount_of(seat: int) -> slice:
     return slice(start, start + 3)
 
 
-def by_folding(values: Floats) -> tuple[list[int], list[int], Floats]:
-    """The derivative of `folded`: places that it changes, places that it depends on, (6, 9)."""
+def fold_derivatives(values: Floats) -> tuple[list[int], list[int], Floats]:
+    """The derivative of `fold_mount`: places that it changes, places that it depends on, (6, 9)."""
     facets = [PLACE[f"facet_{k}.{n}"] for k in DETECTORS for n in ("inclination", "azimuth")]
     mount = mount_of(0)
     given = facets + list(range(mount.start, mount.stop))
@@ -195,5 +195,5 @@ def by_folding(values: Floats) -> tuple[list[int], list[int], Floats]:
     for n, place in enumerate(given):
         step = np.zeros(len(ALL))
         step[place] = 1e-6
-        slope[:, n] = (folded(values + step) - folded(values - step))[facets] / 2e-6
+        slope[:, n] = (fold_mount(values + step) - fold_mount(values - step))[facets] / 2e-6
     return facets, given, slope

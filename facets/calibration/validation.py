@@ -15,14 +15,14 @@ from ..detectors.correction import correct
 from ..estimation.solution import Solution
 from ..estimation.solver import solve
 from ..model.arrays import readings
-from .bundle_adjustment import OWN, Data, add_skew, states_of
+from .bundle_adjustment import OWN_COUNT, Data, add_skew, states_of
 from .fit import NORMAL_MEDIAN, Fit
-from .unknowns import folded, values_of
+from .unknowns import fold_mount, values_of
 
 #: From the axes' units to those in which errors are shown, um and urad.
-FINE = np.array([1e6 if name in ANGLES else 1e3 for name in POSE])
-#: How many standard uncertainties hold 95 %.
-TWO = 1.96
+FINE_FACTORS = np.array([1e6 if name in ANGLES else 1e3 for name in POSE])
+#: Coverage factor of a level of confidence of 0.95.
+COVERAGE_FACTOR = 1.96
 
 
 class Trial(NamedTuple):
@@ -32,10 +32,10 @@ class Trial(NamedTuple):
     uncertainty: Floats
 
     @property
-    def inside(self) -> Floats:
+    def coverage(self) -> Floats:
         """The share of 95 % intervals that held, by axis: (6,)."""
         with np.errstate(invalid="ignore"):
-            hit = np.abs(self.error) <= TWO * self.uncertainty
+            hit = np.abs(self.error) <= COVERAGE_FACTOR * self.uncertainty
         there = np.isfinite(self.error)
         share: Floats = (hit & there).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
         return share
@@ -47,7 +47,7 @@ def trial(sensor: Sensor, held: Data, values: Floats, found: Fit) -> Trial:
     values: of `ALL`, for where the mirror is on the reference.
     """
     data = held if held.seat is None else held.part(held.seat == 0)
-    still, values = np.zeros((len(data.raw), OWN)), folded(values)
+    still, values = np.zeros((len(data.raw), OWN_COUNT)), fold_mount(values)
     truth = states_of(data, still, values)
     exact = readings(sensor, truth)
     seen = exact.copy()
@@ -77,11 +77,11 @@ def validation(nominal: Sensor, found: Fit, held: Data) -> dict[str, NDArray[Any
     start = trial(nominal, held, values_of(nominal), found)
     ended = trial(found.sensor, held, found.every, found)
     columns = {
-        "before": rms(start.error - np.nanmean(start.error, axis=0)) * FINE,
-        "after": rms(ended.error) * FINE,
-        "robust": NORMAL_MEDIAN * np.nanmedian(np.abs(ended.error), axis=0) * FINE,
-        "stated": rms(ended.uncertainty) * FINE,
-        "inside": 100 * ended.inside,
+        "before": rms(start.error - np.nanmean(start.error, axis=0)) * FINE_FACTORS,
+        "after": rms(ended.error) * FINE_FACTORS,
+        "robust": NORMAL_MEDIAN * np.nanmedian(np.abs(ended.error), axis=0) * FINE_FACTORS,
+        "stated": rms(ended.uncertainty) * FINE_FACTORS,
+        "inside": 100 * ended.coverage,
     }
     names: dict[str, NDArray[Any]] = {
         "axis": np.array(POSE),

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..core.sensor import Sensor
 from ..estimation.compiling import compile_for
 from .bundle_adjustment import Data, add_approach, add_power_polynomials
-from .candidates import tried_kinds
+from .candidates import DELAY_SIGMA_S, tried_kinds
 from .effect_search import EffectSearch, search
 from .fit import Fit, fit
 from .hypotheses import find_fault
@@ -24,15 +24,21 @@ from .laser import fit_steady_laser
 from .linear_prediction import reachable_chi_square
 from .misfit import (
     Finding,
+    add_unseen_errors,
     centre_sigma,
     findings,
     model_error,
     outlier_findings,
     pull_findings,
-    with_unseen_errors,
 )
 from .outliers import exclude_outliers, row_numbers
-from .samples import add_converter_steps, averaged, distinct, faults, inside
+from .samples import (
+    add_converter_steps,
+    average_equal_poses,
+    exclude_edge_readings,
+    faults,
+    remove_duplicates,
+)
 from .scatter import shape_of_powers
 from .small_matrices import one_thread
 from .table import split
@@ -55,8 +61,6 @@ LIGHT = 300.0
 ASTRAY = 50.0
 #: Samples that a fit needs.
 LEAST = 10
-#: How late a reference may be, s, before faults of the data are looked for.
-LATE = 0.01
 
 
 @dataclass(frozen=True)
@@ -75,7 +79,7 @@ class Verdict:
     findings: list[Finding]
 
     @property
-    def trusted(self) -> bool:
+    def is_trusted(self) -> bool:
         return self.sensor is not None and not any(one.bad for one in self.findings)
 
 
@@ -84,16 +88,16 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
     """Screens, fits, explains, extends, validates.  Raises `InputError` where there is too little
     to fit."""
     screened = screen(sensor, data, settings)
-    if screened.refused:
+    if screened.is_refused:
         return screened.verdict()
     plain = plain_fit(sensor, screened, chosen, settings)
-    told = explain(sensor, plain, chosen, settings)
-    if told:
-        return plain.verdict(told)
+    reasons = explain(sensor, plain, chosen, settings)
+    if reasons:
+        return plain.verdict(reasons)
     done = extend(sensor, plain, settings)
-    told = doubt(sensor, plain, done, chosen)
-    if told:
-        return plain.verdict(told, done)
+    reasons = doubt(sensor, plain, done, chosen)
+    if reasons:
+        return plain.verdict(reasons, done)
     return validate(sensor, plain, done, settings)
 
 
@@ -110,7 +114,7 @@ class Screened:
     kind: str
 
     @property
-    def refused(self) -> bool:
+    def is_refused(self) -> bool:
         return any(one.bad for one in self.findings)
 
     def verdict(self) -> Verdict:
@@ -121,12 +125,16 @@ def screen(sensor: Sensor, data: Data, settings: Calibrate) -> Screened:
     """Looks at the columns, leaves out what lies over an edge, and holds samples back."""
     kind = "rows" if data.noise is None else "stands"
     early = faults(sensor, data)
-    whole, lost = inside(sensor, distinct(add_approach(add_row_numbers(data))))
+    whole, lost = exclude_edge_readings(
+        sensor, remove_duplicates(add_approach(add_row_numbers(data)))
+    )
     early += lost
     if len(whole.raw) < LEAST:
         early.insert(0, Finding(True, f"{len(whole.raw)} samples are left: too few."))
         return Screened(whole, whole.part(slice(0)), early, kind)
-    averages = add_converter_steps(sensor, averaged(sensor, add_power_polynomials(whole)))
+    averages = add_converter_steps(
+        sensor, average_equal_poses(sensor, add_power_polynomials(whole))
+    )
     fitted, held = split(averages, settings.held_back)
     return Screened(fitted, held, early, kind)
 
@@ -151,9 +159,9 @@ class Plain:
     hopeless: bool
     promising: bool
 
-    def verdict(self, told: list[Finding], done: EffectSearch | None = None) -> Verdict:
+    def verdict(self, reasons: list[Finding], done: EffectSearch | None = None) -> Verdict:
         """One that is not to be trusted."""
-        said = [*told, *self.screened.findings]
+        said = [*reasons, *self.screened.findings]
         found, data = (self.found, self.data) if done is None else (done.found, done.data)
         return Verdict(data, self.screened.held, found, done, None, None, said)
 
@@ -163,21 +171,21 @@ def plain_fit(sensor: Sensor, screened: Screened, chosen: Choice, settings: Cali
     robust = settings.outliers
     compile_for(sensor, "readings", "derivatives", "slopes", kinds=tried_kinds(sensor, settings))
 
-    def fitted(choice: Choice) -> tuple[Data, Fit, list[int]]:
+    def fit_without_outliers(choice: Choice) -> tuple[Data, Fit, list[int]]:
         found = fit(sensor, screened.fitted, choice, robust)
         return exclude_outliers(sensor, screened.fitted, found, robust)
 
-    data, found, gone = fitted(chosen)
+    data, found, gone = fit_without_outliers(chosen)
     hopeless = is_suspicious(sensor, found)
     if screened.fitted.velocity is not None and hopeless:
-        late = fitted(chosen.and_also({DELAY: LATE}))
+        late = fit_without_outliers(chosen.add_unknowns({DELAY: DELAY_SIGMA_S}))
         hopeless = is_suspicious(sensor, late[1])
         if not (hopeless or found.ended):
             data, found, gone = late
     promising = (
         hopeless
         and found.ended
-        and found.reduced < LIGHT
+        and found.reduced_chi_square < LIGHT
         and reachable_chi_square(sensor, data, settings, found) < PROMISING
     )
     return Plain(screened, data, found, gone, hopeless, promising)
@@ -190,8 +198,8 @@ def explain(sensor: Sensor, plain: Plain, chosen: Choice, settings: Calibrate) -
     """A fault of the data that explains a bad fit, or that nothing can be built on it."""
     if not plain.hopeless:
         return []
-    if not plain.promising and (told := find_fault(sensor, plain.data, chosen)):
-        return [told.finding]
+    if not plain.promising and (reasons := find_fault(sensor, plain.data, chosen)):
+        return [reasons.finding]
     astray = [] if plain.found.ended else pull_findings(sensor, plain.found, ASTRAY)
     return [unsettled_finding(plain.found), *astray] if astray else []
 
@@ -207,9 +215,9 @@ def extend(sensor: Sensor, plain: Plain, settings: Calibrate) -> EffectSearch:
 def doubt(sensor: Sensor, plain: Plain, done: EffectSearch, chosen: Choice) -> list[Finding]:
     """A fault of the data that effects of light only promised to explain, or a fit without end."""
     if plain.promising and is_suspicious(done.sensor, done.found) and (
-        told := find_fault(sensor, plain.data, chosen)
+        reasons := find_fault(sensor, plain.data, chosen)
     ):  # fmt: skip
-        return [told.finding]
+        return [reasons.finding]
     if not done.found.ended:
         return [unsettled_finding(done.found), *pull_findings(sensor, done.found)]
     return []
@@ -225,7 +233,7 @@ def validate(sensor: Sensor, plain: Plain, done: EffectSearch, settings: Calibra
     said += [*findings(done.sensor, found, data, done.scatter, shape), *plain.screened.findings]
     missed = model_error(found, data, done.sensor, done.scatter)
     centre = centre_sigma(done.sensor, found, settings)
-    made = with_unseen_errors(found.sensor, found, missed, centre)
+    made = add_unseen_errors(found.sensor, found, missed, centre)
     known = replace(found, sensor=made)
     held = held._replace(sigma=data.sigma) if len(held.raw) else data
     errors = validation(sensor, known, held)

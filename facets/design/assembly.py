@@ -16,7 +16,7 @@ import numpy as np
 from ..calibration.bundle_adjustment import Data
 from ..calibration.fit import Fit, fit
 from ..calibration.table import choice
-from ..calibration.unknowns import MOUNTING, Choice, assigned, folded, values_of
+from ..calibration.unknowns import MOUNTING, Choice, assign_values, fold_mount, values_of
 from ..characterization.ranges import axis_ranges, clearances
 from ..core.errors import InputError
 from ..core.rules import Rules
@@ -67,7 +67,7 @@ class Assembly:
 
     def head(self, z: Floats) -> Sensor:
         """The head there.  Raises `InputError` where that is none."""
-        return assigned(self.sensor, folded(self.values(z)))
+        return assign_values(self.sensor, fold_mount(self.values(z)))
 
 
 def assembly_of(sensor: Sensor, layout: Layout, rules: Rules, known: Calibrate) -> Assembly:

@@ -52,8 +52,8 @@ def test_the_model_reads_what_the_rays_read(bench, light, place, power):
 def test_a_rig_with_every_effect_at_once_is_calibrated():
     """One of the twenty of `experiments/rigs.py --bench`, with fewer samples."""
     one = rigs.try_bench_rig(0, 300, "paper", fresh=300)
-    assert one.verdict.trusted
-    taken = {row.key for row in one.verdict.search.rows if row.taken}
+    assert one.verdict.is_trusted
+    taken = {row.key for row in one.verdict.search.rows if row.accepted}
     assert {"curvature", "diffraction", "strips", "background"} <= taken
     assert (one.over[2:] < 1.35).all()
     assert (one.over[:2] < 3).all()

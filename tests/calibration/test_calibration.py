@@ -15,16 +15,22 @@ import facets
 from facets.calibration import table
 from facets.calibration import unknowns as study
 from facets.calibration.bundle_adjustment import (
-    OWN,
+    OWN_COUNT,
     OWN_UNITS,
     Data,
     eliminate_own_unknowns,
     linear,
-    predicted,
+    predict_readings,
     states_of,
 )
 from facets.calibration.fit import fit
-from facets.calibration.identifiability import information, mean_left, proposed, told_by, weak
+from facets.calibration.identifiability import (
+    choose_poses,
+    information,
+    mean_reduction,
+    pose_information,
+    weak_directions,
+)
 from facets.calibration.unknowns import ALL, PLACE, Choice, block, values_of
 from facets.characterization.resolution import uncertainties
 from facets.core.errors import ConfigError, InputError
@@ -119,7 +125,7 @@ def test_the_mirror_is_carried_as_a_rigid_body():
     values = values_of(NOMINAL)
     values[block(study.OF_SEAT)] = np.concatenate([lever, apex, mount])
     data = Data(np.zeros((20, 9)), pose, np.ones(6), np.zeros((20, 2)))
-    state = states_of(data, np.zeros((20, OWN)), values)
+    state = states_of(data, np.zeros((20, OWN_COUNT)), values)
     turn = Rotation.from_euler("ZYX", pose[:, [5, 4, 3]])
     place = pose[:, :3] + turn.apply(lever) - lever + apex
     np.testing.assert_allclose(state[:, :3], place, atol=1e-13)
@@ -132,9 +138,9 @@ def test_a_mirror_turned_on_its_reference_is_a_mirror_with_other_facets():
     rig, data, _ = some_rig(count=20)
     values = rig.values.copy()
     values[study.mount_of(0)] = [0.01, -0.02, 0.05]
-    turned = states_of(data, np.zeros((20, OWN)), values)
-    other = study.assigned(NOMINAL, study.folded(values))
-    straight = states_of(data, np.zeros((20, OWN)), study.folded(values))
+    turned = states_of(data, np.zeros((20, OWN_COUNT)), values)
+    other = study.assign_values(NOMINAL, study.fold_mount(values))
+    straight = states_of(data, np.zeros((20, OWN_COUNT)), study.fold_mount(values))
     np.testing.assert_allclose(
         facets.readings(other, straight), facets.readings(rig.sensor, turned), atol=1e-10
     )
@@ -159,22 +165,22 @@ def test_derivatives_are_those_of_differences(sensor):
     rng = np.random.default_rng(3)
     values = values_of(sensor)
     values[block(study.OF_SEAT)] += rng.normal(size=9) * [5, 5, 5, 0.02, 0.02, 0, 1e-3, 1e-3, 1e-3]
-    opening = rng.normal(size=(4, OWN)) * [*[1e-3] * 3, *[1e-4] * 3, 0.02, 1e-3, 1e-3]
+    opening = rng.normal(size=(4, OWN_COUNT)) * [*[1e-3] * 3, *[1e-4] * 3, 0.02, 1e-3, 1e-3]
     data = Data(
         np.zeros((4, 9)), rng.uniform(-1, 1, (4, 6)) * rigs.BOX, rigs.REFERENCE, np.zeros((4, 2)),
         velocity=rng.normal(size=(4, 6)) * 0.1, clock=rng.uniform(-1, 1, (4, 2)),
         slow=rng.uniform(-1, 1, (4, 5)),
     )  # fmt: skip
     values[block(study.POWER_DRIFT)] = rng.uniform(-0.02, 0.02, 5)
-    made = study.assigned(sensor, values)
-    raw = predicted(made, data, opening, values, states_of(data, opening, values))
+    made = study.assign_values(sensor, values)
+    raw = predict_readings(made, data, opening, values, states_of(data, opening, values))
     data = data._replace(raw=raw, noise=np.ones((4, 9)))
     found = linear(made, data, opening, values, EVERY)
 
     def seen(values, opening):
-        other = study.assigned(sensor, values)
+        other = study.assign_values(sensor, values)
         state = states_of(data, opening, values)
-        return predicted(other, data, opening, values, state) - correct(other, raw)
+        return predict_readings(other, data, opening, values, state) - correct(other, raw)
 
     for n, name in enumerate(ALL):
         if name.startswith("seat_") or (sensor is NOMINAL and name in study.EFFECTS):
@@ -186,8 +192,8 @@ def test_derivatives_are_those_of_differences(sensor):
         slope = (seen(values + step, opening) - seen(values - step, opening)) / (2 * step[n])
         scale = np.abs(slope).max() + 1
         np.testing.assert_allclose(found.common[:, :, n], slope, atol=5e-5 * scale, err_msg=name)
-    for n in range(OWN):
-        step = np.zeros((4, OWN))
+    for n in range(OWN_COUNT):
+        step = np.zeros((4, OWN_COUNT))
         step[:, n] = 1e-3 * OWN_UNITS[n]
         slope = (seen(values, opening + step) - seen(values, opening - step)) / 2e-3
         scale = np.abs(slope).max()
@@ -200,7 +206,7 @@ def test_elimination_gives_what_the_whole_system_gives():
     data = data._replace(sigma=np.array([1e-4, 1e-4, np.inf, 5e-7, np.inf, 5e-7]))
     choice = rigs.choice()
     values = values_of(NOMINAL)
-    opening = np.zeros((7, OWN))
+    opening = np.zeros((7, OWN_COUNT))
     found = linear(NOMINAL, data, opening, values, choice)
     normal = eliminate_own_unknowns(found, np.ones((7, 9)), opening, data.sigma)
     size = len(choice.names)
@@ -314,7 +320,7 @@ def test_dark_offsets_and_the_laser_s_power_are_found():
     values[ALL.index("beam.power")] *= 0.98
     for k, dark in zip("abc", (3e-4, -3e-4, 1e-4), strict=True):
         values[ALL.index(f"correction_{k}.dark")] = dark
-    rig = rigs.Rig(study.assigned(NOMINAL, values), values)
+    rig = rigs.Rig(study.assign_values(NOMINAL, values), values)
     data, _ = rigs.sample_motion(rig, 400, rng)
     found = fit(NOMINAL, data, Choice(tuple(known), np.array(list(known.values()))))
     off = (found.values - values[found.choice.places]) / found.uncertainty
@@ -330,7 +336,7 @@ def test_bent_detectors_are_straightened():
     values = values_of(NOMINAL)
     for name in bend:
         values[ALL.index(name)] = rng.uniform(-0.03, 0.03)
-    rig = rigs.Rig(study.assigned(NOMINAL, values), values)
+    rig = rigs.Rig(study.assign_values(NOMINAL, values), values)
     data, _ = rigs.sample_motion(rig, 600, rng)
     names = {**rigs.hidden(), **bend}
     found = fit(NOMINAL, data, Choice(tuple(names), np.array(list(names.values()))))
@@ -359,10 +365,12 @@ def test_what_cannot_be_told_is_named(lost, words):
     sigma = rigs.REFERENCE.copy()
     sigma[list(lost)] = np.inf
     choice = rigs.choice()
-    found = weak(information(NOMINAL, data._replace(sigma=sigma), choice), choice, NOMINAL)
+    found = weak_directions(
+        information(NOMINAL, data._replace(sigma=sigma), choice), choice, NOMINAL
+    )
     untold = {direction.words for direction in found if direction.information < 1e-3}
     assert words in untold
-    whole = weak(information(NOMINAL, data, choice), choice, NOMINAL)
+    whole = weak_directions(information(NOMINAL, data, choice), choice, NOMINAL)
     assert words not in {direction.words for direction in whole if direction.information < 1e-3}
 
 
@@ -370,13 +378,19 @@ def test_proposed_poses_tell_more_than_random_ones():
     rng = np.random.default_rng(5)
     poses = rng.uniform(-1, 1, (400, 6)) * rigs.BOX
     choice = rigs.choice()
-    chosen, left = proposed(NOMINAL, choice, rigs.REFERENCE, poses, 10)
+    chosen, left = choose_poses(NOMINAL, choice, rigs.REFERENCE, poses, 10)
     assert (np.diff(left) < 0).all()
     for part in (poses[10 * n : 10 * n + 10] for n in range(5)):
-        rows = told_by(NOMINAL, choice, rigs.REFERENCE, part).reshape(-1, len(choice.names))
-        assert mean_left(np.eye(rows.shape[1]) + rows.T @ rows) > 1.05 * left[-1]
-    rows = told_by(NOMINAL, choice, rigs.REFERENCE, poses[chosen]).reshape(-1, len(choice.names))
-    assert left[-1] == pytest.approx(mean_left(np.eye(rows.shape[1]) + rows.T @ rows), rel=1e-6)
+        rows = pose_information(NOMINAL, choice, rigs.REFERENCE, part).reshape(
+            -1, len(choice.names)
+        )
+        assert mean_reduction(np.eye(rows.shape[1]) + rows.T @ rows) > 1.05 * left[-1]
+    rows = pose_information(NOMINAL, choice, rigs.REFERENCE, poses[chosen]).reshape(
+        -1, len(choice.names)
+    )
+    assert left[-1] == pytest.approx(
+        mean_reduction(np.eye(rows.shape[1]) + rows.T @ rows), rel=1e-6
+    )
 
 
 def test_too_little_is_an_error():
@@ -553,11 +567,11 @@ def test_seatings_by_thirds_part_mirror_from_detectors():
                 thirds=seat)  # fmt: skip
     data = rigs.read(rig._replace(values=values), data, rng)
     asked = facets.load("paper").calibrate
-    wide = table.and_seats(table.choice(NOMINAL, asked), data, asked)
+    wide = table.add_seats(table.choice(NOMINAL, asked), data, asked)
     found = fit(NOMINAL, data, wide)
     once = fit(NOMINAL, data.part(seat == 0), table.choice(NOMINAL, asked))
     assert found.ended
-    assert abs(found.reduced - 1) < 5 * np.sqrt(2 / found.freedom)
+    assert abs(found.reduced_chi_square - 1) < 5 * np.sqrt(2 / found.freedom)
     place = found.choice.names.index("psd_a.azimuth")
     other = once.choice.names.index("psd_a.azimuth")
     assert found.uncertainty[place] < 0.8 * once.uncertainty[other]

@@ -12,7 +12,7 @@ import facets
 from facets.calibration.bundle_adjustment import Data
 from facets.calibration.dwells import dwell_means, stands
 from facets.calibration.samples import add_converter_steps
-from facets.calibration.table import gathered
+from facets.calibration.table import gather_samples
 from facets.core.errors import InputError
 from facets.core.names import READING_COLUMNS, STATE_UNITS
 from facets.detectors.noise import standard_deviations
@@ -128,7 +128,7 @@ def test_a_table_of_stands_becomes_a_sample_each():
     rng = np.random.default_rng(5)
     config, places, columns = columns_of(rng, 12, 100)
     settings = replace(config.calibrate, dwells=True)
-    data = gathered(Path("t.csv"), columns, settings)
+    data = gather_samples(Path("t.csv"), columns, settings)
     np.testing.assert_allclose(data.pose, places, atol=1e-9)
     assert data.velocity is None
     states = np.concatenate([places, np.zeros((12, 2))], axis=1)
@@ -142,4 +142,4 @@ def test_a_reference_that_does_not_stand_still_is_told():
     rng = np.random.default_rng(6)
     config, _, columns = columns_of(rng, 8, 100)
     with pytest.raises(InputError, match=r"stands still 8 times.*Leave out --dwells"):
-        gathered(Path("t.csv"), columns, replace(config.calibrate, dwells=True))
+        gather_samples(Path("t.csv"), columns, replace(config.calibrate, dwells=True))

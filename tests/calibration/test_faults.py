@@ -50,7 +50,7 @@ def with_pose(data, change):
 
 def test_without_a_fault_it_is_trusted(samples):
     found = judged(samples)
-    assert found.trusted
+    assert found.is_trusted
     assert "Probably" not in said(found)
 
 
@@ -102,7 +102,7 @@ def other_order(pose):
 @pytest.mark.slow
 def test_a_fault_of_columns_is_named(samples, of, change, words):
     found = judged(of(samples, change))
-    assert not found.trusted
+    assert not found.is_trusted
     assert words in said(found)
 
 
@@ -111,7 +111,7 @@ def test_a_stuck_detector_is_named(samples):
         raw[:, 4] = raw[0, 4]
 
     found = judged(with_raw(samples, stick))
-    assert not found.trusted
+    assert not found.is_trusted
     assert "zeta of detector B is stuck" in said(found)
 
 
@@ -126,7 +126,7 @@ def test_a_stuck_detector_is_named_also_where_a_row_jumps(samples):
 def test_repeated_poses_are_counted_once(samples):
     same = samples.part(np.arange(COUNT) % 6)
     found = judged(same)
-    assert not found.trusted
+    assert not found.is_trusted
     assert "6 different poses only" in said(found)
 
 
@@ -137,7 +137,7 @@ def test_spikes_are_excluded_and_told(samples):
         raw[rng.random(COUNT) < 0.05, 0] += 0.5
 
     found = judged(with_raw(samples, hit))
-    assert found.trusted
+    assert found.is_trusted
     assert "hold an outlier that no noise makes and were excluded (rows 8, 9, 32" in said(found)
 
 
@@ -161,7 +161,7 @@ def slow(seed=2, late=0.0, count=150):
 @pytest.mark.slow
 def test_a_late_reference_is_found():
     found = judged(slow(late=3e-4))
-    taken = {row.key for row in found.search.rows if row.taken}
+    taken = {row.key for row in found.search.rows if row.accepted}
     assert "delay" in taken
     names = found.found.choice.names
     late = found.found.values[names.index("reference.delay")]
@@ -171,7 +171,7 @@ def test_a_late_reference_is_found():
 @pytest.mark.slow
 def test_a_late_reference_without_a_clock_is_not_trusted():
     found = judged(slow(late=1e-3)._replace(velocity=None, clock=None))
-    assert not found.trusted
+    assert not found.is_trusted
 
 
 @pytest.mark.slow
@@ -183,7 +183,7 @@ def test_a_beam_that_moves_is_told(samples):
     pose = rng.uniform(-1, 1, (COUNT, 6)) * rigs.BOX
     data = rigs.read(rig, samples._replace(pose=pose, beam=moved), rng)
     found = judged(data._replace(beam=np.zeros((COUNT, 2))))
-    assert "The beam moved by" in said(found) or not found.trusted
+    assert "The beam moved by" in said(found) or not found.is_trusted
 
 
 def test_a_power_that_drifts_is_told(samples):
@@ -191,7 +191,7 @@ def test_a_power_that_drifts_is_told(samples):
         raw[:, 2::3] *= np.linspace(0.97, 1.03, COUNT)[:, None]
 
     found = judged(with_raw(samples, drift))
-    assert found.trusted
+    assert found.is_trusted
     assert "The laser's power changed by" in said(found)
 
 
@@ -212,5 +212,5 @@ def test_another_rig_s_configuration_is_not_trusted(samples):
 
     psds = [replace(psd, radius=245.0) for psd in NOMINAL.psds]
     found = judged(samples, replace(NOMINAL, psds=(psds[0], psds[1], psds[2])))
-    assert not found.trusted
+    assert not found.is_trusted
     assert "the configuration is not that of this rig" in said(found)

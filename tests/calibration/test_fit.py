@@ -75,7 +75,7 @@ def test_a_coating_is_found_whatever_the_polarisation(turn):
     _, data = samples(80, light)
     asked = replace(SETTINGS, effects=OFF | {"coating": "auto"}, power_per_sample=False)
     done = search(NOMINAL, data, asked, fit(NOMINAL, data, choice(NOMINAL, asked)))
-    assert [row.taken for row in done.rows] == [True]
+    assert [row.accepted for row in done.rows] == [True]
     found = done.found.every[PLACE["light.polarization"]]
     sigma = done.found.uncertainty[done.found.choice.names.index("light.polarization")]
     off = (found - true + np.pi / 2) % np.pi - np.pi / 2

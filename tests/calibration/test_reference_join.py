@@ -7,7 +7,7 @@ import pytest
 from facets.experiments import rigs
 
 import facets
-from facets.calibration.reference_join import read_joined
+from facets.calibration.reference_join import join_tables
 from facets.calibration.table import REFERENCE, recording_time
 from facets.core.errors import InputError
 from facets.core.names import READING_COLUMNS, STATE_UNITS
@@ -42,7 +42,7 @@ def folder(tmp_path_factory):
 
 
 def test_the_offset_of_the_clocks_is_found(folder):
-    found = read_joined(
+    found = join_tables(
         folder / "readings.csv", folder / "ref.csv", CONFIG.sensor, CONFIG.calibrate
     )
     assert found.offset == pytest.approx(LATE, abs=5e-4)
@@ -59,15 +59,15 @@ def test_a_recording_brings_the_time_of_its_computer(folder, tmp_path):
     text = (folder / "readings.csv").read_text()
     for name in ("host_s", "clock"):
         (tmp_path / f"{name}.csv").write_text(text.replace("time_s", name))
-    wanted = read_joined(
+    wanted = join_tables(
         folder / "readings.csv", folder / "ref.csv", CONFIG.sensor, CONFIG.calibrate
     )
-    found = read_joined(
+    found = join_tables(
         tmp_path / "host_s.csv", folder / "ref.csv", CONFIG.sensor, CONFIG.calibrate
     )
     assert found.offset == wanted.offset
     with pytest.raises(InputError, match=r"clock\.csv: missing columns: time_s"):
-        read_joined(tmp_path / "clock.csv", folder / "ref.csv", CONFIG.sensor, CONFIG.calibrate)
+        join_tables(tmp_path / "clock.csv", folder / "ref.csv", CONFIG.sensor, CONFIG.calibrate)
 
 
 def test_a_busy_machine_does_not_move_the_times_of_a_recording():
@@ -83,11 +83,11 @@ def test_a_busy_machine_does_not_move_the_times_of_a_recording():
 
 def test_tables_that_share_no_time_are_refused(folder):
     with pytest.raises(InputError, match=r"they share no time; .* offset of"):
-        read_joined(folder / "readings.csv", folder / "later.csv", CONFIG.sensor, CONFIG.calibrate)
+        join_tables(folder / "readings.csv", folder / "later.csv", CONFIG.sensor, CONFIG.calibrate)
 
 
 def test_a_reference_without_an_axis_is_refused(folder):
     with pytest.raises(InputError, match="missing columns: ref_tx_mm"):
-        read_joined(
+        join_tables(
             folder / "readings.csv", folder / "readings.csv", CONFIG.sensor, CONFIG.calibrate
         )

@@ -13,7 +13,7 @@ from facets.calibration import scatter
 from facets.calibration.bundle_adjustment import Data, add_power_polynomials, states_of
 from facets.calibration.fit import Task, fit
 from facets.calibration.laser import fit_steady_laser
-from facets.calibration.misfit import centre_sigma, with_unseen_errors
+from facets.calibration.misfit import add_unseen_errors, centre_sigma
 from facets.calibration.outliers import exclude_outliers
 from facets.calibration.scatter import fit_with_scatter, shape_of_powers
 from facets.calibration.table import choice
@@ -70,7 +70,7 @@ def test_the_likelihood_is_that_of_all_readings_together():
         return np.linalg.slogdet(cover)[1] + left @ np.linalg.solve(cover, left)
 
     first, second = rng.uniform(0, 2, (2, len(scatter.NAMES)))
-    change = like.reduced(known, first).unlikely - like.reduced(known, second).unlikely
+    change = like.restrict(known, first).unlikely - like.restrict(known, second).unlikely
     assert change == pytest.approx(dense(first) - dense(second), abs=1e-5)
 
 
@@ -88,8 +88,8 @@ def test_what_scatters_is_found_with_its_size(wrong, cause, name, size):
     data = samples(**wrong)
     _, found, one = fit_with_scatter(NOMINAL, data, plain_fit(data), 3.0, beam=True)
     assert one.causes == (cause,)
-    assert one.of(name) == pytest.approx(size, rel=0.3)
-    assert abs(found.reduced - 1) < 0.2
+    assert one.size_of(name) == pytest.approx(size, rel=0.3)
+    assert abs(found.reduced_chi_square - 1) < 0.2
 
 
 def test_nothing_is_explained_where_nothing_scatters():
@@ -118,7 +118,7 @@ def test_a_beam_that_may_not_be_gaussian_makes_x_and_y_less_certain():
     data = samples().part(slice(0, 20))
     found = plain_fit(samples())
     centre = 2e-4
-    wider = with_unseen_errors(found.sensor, found, {}, centre)
+    wider = add_unseen_errors(found.sensor, found, {}, centre)
     before, after = (
         facets.solve(sensor, data.raw, beam="known", power="unknown").uncertainty ** 2
         for sensor in (found.sensor, wider)
@@ -130,7 +130,7 @@ def test_a_beam_that_may_not_be_gaussian_makes_x_and_y_less_certain():
 def test_how_far_the_lights_middle_may_be_off():
     found = plain_fit(samples())
     assert centre_sigma(NOMINAL, found, SETTINGS) == 0  # ideal light
-    light = replace(found, choice=found.choice.and_also({"light.wavelength": 1e-3}))
+    light = replace(found, choice=found.choice.add_unknowns({"light.wavelength": 1e-3}))
     size = 0.6 * 1e-3 * NOMINAL.beam.diameter_x / 4
     assert centre_sigma(NOMINAL, light, SETTINGS) == pytest.approx(size)
     clean = replace(SETTINGS, before={**SETTINGS.before, "beam_profile_percent": 0.01})
@@ -187,6 +187,6 @@ def test_backlash_is_found_and_told():
     asked = replace(PLAIN, effects=PLAIN.effects | {"backlash": "auto"})
     found = verdict(NOMINAL, data, choice(NOMINAL, asked), asked)
     said = " ".join(one.words for one in found.findings)
-    assert found.trusted
+    assert found.is_trusted
     assert found.found.every[PLACE["backlash.tx"]] == pytest.approx(1e-3, abs=1e-4)
     assert "The reference has backlash (tx 2 um from side to side)" in said

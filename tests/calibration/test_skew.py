@@ -45,15 +45,15 @@ def read_in_turn(count=120, timed=True):
 
 def test_channels_read_in_turn_are_found():
     found = verdict(NOMINAL, read_in_turn(), choice(NOMINAL, SETTINGS), SETTINGS)
-    assert {row.key for row in found.search.rows if row.taken} == {"channel_skew"}
+    assert {row.key for row in found.search.rows if row.accepted} == {"channel_skew"}
     assert found.sensor.light.delays == pytest.approx(DELAYS, abs=1e-5)
-    assert found.trusted
+    assert found.is_trusted
 
 
 def test_a_table_without_time_says_that_it_can_not_tell():
     data = read_in_turn(30, timed=False)
     wanted = choice(NOMINAL, SETTINGS)
     rows = search(NOMINAL, data, SETTINGS, fit(NOMINAL, data, wanted)).rows
-    assert [(row.key, row.taken, row.why) for row in rows] == [
+    assert [(row.key, row.accepted, row.why) for row in rows] == [
         ("channel_skew", False, "no time_s of a motion")
     ]

@@ -11,7 +11,7 @@ from facets.experiments import rigs
 
 import facets
 from facets.calibration.bundle_adjustment import Data, states_of
-from facets.calibration.spline import KNOTS, LEFT, SPLINE, bases, spline_slopes, with_spline
+from facets.calibration.spline import KNOTS, LEFT, SPLINE, bases, replace_spline, spline_slopes
 from facets.calibration.table import choice
 from facets.calibration.verdict import verdict
 from facets.detectors.correction import correct, invert_correction
@@ -40,7 +40,7 @@ def test_what_is_written_into_a_sensor_is_the_spline():
     rng = np.random.default_rng(1)
     coefficients = 1e-3 * rng.normal(size=len(SPLINE))
     raw = rng.uniform(-6, 6, (200, 9))
-    added = correct(with_spline(NOMINAL, coefficients), raw) - raw
+    added = correct(replace_spline(NOMINAL, coefficients), raw) - raw
     np.testing.assert_allclose(added, spline_slopes(NOMINAL, raw) @ coefficients, atol=1e-4)
     assert np.abs(added).max() > 3e-3
 
@@ -77,7 +77,7 @@ def test_waves_beyond_third_order_are_found_and_written(rig, tmp_path):
     data, _ = measured(rig, 160, BOX, np.random.default_rng(5))
     asked = settings(bend="auto", spline="auto")
     with_it = verdict(NOMINAL, data, choice(NOMINAL, asked), asked)
-    assert {row.key for row in with_it.search.rows if row.taken} >= {"spline"}
+    assert {row.key for row in with_it.search.rows if row.accepted} >= {"spline"}
     fine, stated = error(with_it.sensor, rig)
     coarse, _ = error(with_it.search.plain.sensor, rig)
     assert (fine < 0.7 * coarse).all()
@@ -96,4 +96,4 @@ def test_straight_detectors_keep_straight():
     data, _ = rigs.sample_motion(rig, 120, rng)
     asked = settings(bend="on", spline="auto")
     found = verdict(NOMINAL, data, choice(NOMINAL, asked), asked)
-    assert {row.key: row.taken for row in found.search.rows} == {"bend": True, "spline": False}
+    assert {row.key: row.accepted for row in found.search.rows} == {"bend": True, "spline": False}

@@ -52,7 +52,7 @@ def test_what_hangs_over_the_edge_is_left_out(monkeypatch):
     found = judging.verdict(NOMINAL, data, choice(NOMINAL, SETTINGS), SETTINGS)
     words = " ".join(one.words for one in found.findings)
     assert "to the edge of the sensitive area" in words
-    assert found.trusted
+    assert found.is_trusted
     assert worst_ratio(found.sensor, rig) < 1.5
     monkeypatch.setattr(judging, "inside", lambda sensor, data: (data, []))
     without = judging.verdict(NOMINAL, data, choice(NOMINAL, SETTINGS), SETTINGS)
@@ -63,7 +63,7 @@ def test_what_hangs_over_the_edge_is_left_out(monkeypatch):
 def test_a_model_that_knows_the_edge_takes_all(cut):
     _, data, _ = over_the_edge(40)
     sensor = replace(NOMINAL, apertures=facets.Apertures(detectors=cut))
-    kept, said = judging.inside(sensor, data)
+    kept, said = judging.exclude_edge_readings(sensor, data)
     assert bool(said) is not cut
     there = np.isfinite(kept.raw).sum()
     assert (there == np.isfinite(data.raw).sum()) == cut
