@@ -31,8 +31,8 @@ from facets import __version__
 from facets.core.errors import FacetsError, InputError
 
 from . import signals
+from .command import Command
 from .console import BAD_INPUT, INTERRUPTED, Guarded, message
-from .options import Command
 
 #: The commands in the order of the help, and the module that each is in.
 COMMANDS = {

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 import facets
-from facets import live
+from facets import live, pictures
 from facets.core.errors import FacetsError, InputError
 from facets.files.whole import refuse_to_overwrite
 
@@ -24,8 +24,12 @@ from .options import (
     Web,
     filter_option,
     folder_option,
+    require_yaml,
     write_option,
 )
+
+if TYPE_CHECKING:
+    from facets.live.assembly import Show
 
 PortName = Annotated[
     str | None,
@@ -161,15 +165,40 @@ def acquire(
         page_scripts=page_scripts(settings) if web else None,
         tell=tell,
     )
+    run_to_end(run, display(run.live, plain, json, display_rate))
+    check_results(run, write)
+
+
+def page_scripts(settings: facets.Config) -> dict[str, str]:
+    """The scripts by which the page draws the rig."""
+    return pictures.page.scripts.rig_scripts(settings.sensor)
+
+
+def refuse_file(path: Path | None, check_stage: bool) -> None:
+    """Refuse a file for --write that could not be meant, or be written."""
+    if path is None:
+        return
+    if not check_stage:
+        raise InputError("--write needs --check-stage: it writes what the check finds")
+    require_yaml(path)
+    refuse_to_overwrite([path], False)
+
+
+def run_to_end(run: live.Run, screen: AbstractContextManager[Show]) -> None:
+    """Run, and print what came of it: also before the error that ended the reading, if one did."""
     failure: FacetsError | None = None
-    with display(run.live, plain, json, display_rate) as show:
+    with screen as show:
         try:
             run.acquire(show)
-        except FacetsError as error:  # told after what came until then
+        except FacetsError as error:
             failure = error
     report(run)
     if failure:
         raise failure
+
+
+def check_results(run: live.Run, write: Path | None) -> None:
+    """Print what the check of the stage found and why a run is no good one, with status 1 then."""
     for text in run.check_sentences(write):
         typer.echo(text)
     reasons = run.complaints()
@@ -179,24 +208,6 @@ def acquire(
         raise typer.Exit(1)
 
 
-def page_scripts(settings: facets.Config) -> dict[str, str]:
-    """The scripts by which the page draws the rig."""
-    from facets.pictures.page.scripts import rig_scripts
-
-    return rig_scripts(settings.sensor)
-
-
-def refuse_file(path: Path | None, check_stage: bool) -> None:
-    """Refuse a file for --write that could not be meant, or be written."""
-    if path is None:
-        return
-    if not check_stage:
-        raise InputError("--write needs --check-stage: it writes what the check finds")
-    if path.suffix.lower() not in (".yaml", ".yml"):
-        raise InputError(f"{path}: a configuration's name ends in .yaml or .yml")
-    refuse_to_overwrite([path], False)
-
-
 def tell(text: str) -> None:
     """Print to the standard error, which may be gone with its terminal."""
     with suppress(OSError):
@@ -204,9 +215,7 @@ def tell(text: str) -> None:
 
 
 @contextmanager
-def display(
-    state: live.Live, plain: bool, json: bool, rate: float | None
-) -> Iterator[Callable[[live.Live], None]]:
+def display(state: live.Live, plain: bool, json: bool, rate: float | None) -> Iterator[Show]:
     """Show the run in the terminal, or by lines of text or JSON.
 
     Gives a function that is to be called often, and prints a line now and then.

@@ -15,7 +15,7 @@ from . import completion
 from .calibration_files import write_results
 from .calibration_text import show_verdict, show_weak
 from .console import FINDING, load_config
-from .options import ConfigName, Force, Look, Plot, PlotKind, Style, output_option
+from .options import ConfigName, Force, Look, Plot, PlotKind, Style, output_option, require_yaml
 
 if TYPE_CHECKING:
     from facets.calibration.bundle_adjustment import Data
@@ -146,8 +146,7 @@ def fit_rig(
     force: bool,
     accept_misfit: bool,
 ) -> None:
-    if path.suffix.lower() not in (".yaml", ".yml"):
-        raise InputError(f"{path}: a configuration's name ends in .yaml")
+    require_yaml(path)
     paths = result_files(path, plot)
     files.tables.refuse_to_overwrite(paths, force)
     samples, asked = read_samples(settings, data, reference)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -24,39 +26,46 @@ if TYPE_CHECKING:
     from facets.config import Config
 
 
+Motion = Annotated[str, motion_option("the mirror repeats it until the end")]
+Rate = Annotated[float, typer.Option(min=1, max=200_000, help="Samples per second.")]
+Truth = Annotated[
+    bool,
+    typer.Option(
+        "--truth",
+        help="Also write the true state of every sample to FOLDER/truth.bin: 77 bytes per "
+        "sample, 46 MB per minute at 10,000 samples per second.",
+    ),
+]
+FaultRates = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME=NUMBER,...",
+        help="Faults to simulate, such as flip=1e-4,stall=0.1: the probability per sample of "
+        "flip, lose, double and drop; the probability per second of stall, block, saturate, "
+        "unplug, restart, refuse and jam; and jitter_ms, drift_ppm and uptime_s of the "
+        "board's clock.  [default: no faults]",
+    ),
+]
+Firmware = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Shared library compiled from the code of `facets export-c`, with which the board "
+        "also computes poses.  [default: the board sends readings only]",
+    ),
+]
+
+
 def emulate(
     config: ConfigName,
-    motion: Annotated[str, motion_option("the mirror repeats it until the end")],
-    rate: Annotated[float, typer.Option(min=1, max=200_000, help="Samples per second.")] = 10_000,
+    motion: Motion,
+    rate: Rate = 10_000,
     folder: Annotated[Path, folder_option("")] = Path("bench"),
     seconds: Seconds = None,
-    truth: Annotated[
-        bool,
-        typer.Option(
-            "--truth",
-            help="Also write the true state of every sample to FOLDER/truth.bin: 77 bytes per "
-            "sample, 46 MB per minute at 10,000 samples per second.",
-        ),
-    ] = False,
-    faults: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME=NUMBER,...",
-            help="Faults to simulate, such as flip=1e-4,stall=0.1: the probability per sample of "
-            "flip, lose, double and drop; the probability per second of stall, block, saturate, "
-            "unplug, restart, refuse and jam; and jitter_ms, drift_ppm and uptime_s of the "
-            "board's clock.  [default: no faults]",
-        ),
-    ] = "",
+    truth: Truth = False,
+    faults: FaultRates = "",
     seed: Annotated[int, seed_option()] = 1,
-    firmware: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Shared library compiled from the code of `facets export-c`, with which the board "
-            "also computes poses.  [default: the board sends readings only]",
-        ),
-    ] = None,
+    firmware: Firmware = None,
     with_reference: WithReference = False,
 ) -> None:
     """Run a virtual bench: mirror, detectors and stage.
@@ -65,16 +74,12 @@ def emulate(
     prints the numbers of samples and faults and writes them to FOLDER/counts.json, and with
     --with-reference FOLDER/reference.csv. Ctrl-C, SIGTERM and closing the terminal end it.
     """
-    import sys
-    from contextlib import suppress
-
     if sys.platform == "win32":
         raise InputError("facets emulate needs ptys, which this system has not")
     if seconds == 0:
         raise InputError(
             "--seconds 0 would end before it begins; give more, or leave it out to run until ^C"
         )
-
     settings = facets.load(config)
     code = library_of(firmware, settings) if firmware else None
     warm_up(settings)  # before there are ports: who opens them waits for answers
@@ -89,26 +94,34 @@ def emulate(
         with_reference,
         truth,
     )
-    typer.echo(
-        f"board: {bench.board.port.link}   stage: {bench.stage.link} ({settings.stage.driver})"
-    )
-    if truth:
-        typer.echo(f"The true states are written to {folder / 'truth.bin'}, {size_of(rate)}.")
-    typer.echo("running; ^C ends it")
+    announce(bench, settings)
     try:
         bench.run(seconds or float("inf"))
     finally:
-        if bench.reference:
-            columns, about = (
-                bench.reference.columns(),
-                files.provenance.provenance_header(settings, seed),
-            )
-            files.tables.write_table(folder / "reference.csv", columns, about)
+        reference = write_reference(bench, settings, seed)
     with suppress(OSError):  # the terminal may be gone
-        for text in bench.summary():
-            typer.echo(text)
-        if bench.reference:
-            typer.echo(f"The reference's readings were written to {folder / 'reference.csv'}.")
+        typer.echo("\n".join([*bench.summary(), *reference]))
+
+
+def announce(bench: live.virtual.Bench, settings: Config) -> None:
+    """Print where the bench can be reached, and what it writes."""
+    typer.echo(
+        f"board: {bench.board.port.link}   stage: {bench.stage.link} ({settings.stage.driver})"
+    )
+    if bench.truth:
+        path = bench.folder / "truth.bin"
+        typer.echo(f"The true states are written to {path}, {size_of(bench.rate)}.")
+    typer.echo("running; ^C ends it")
+
+
+def write_reference(bench: live.virtual.Bench, settings: Config, seed: int) -> list[str]:
+    """Write what the reference read, if there is one; a sentence about it."""
+    if bench.reference is None:
+        return []
+    path = bench.folder / "reference.csv"
+    about = files.provenance.provenance_header(settings, seed)
+    files.tables.write_table(path, bench.reference.columns(), about)
+    return [f"The reference's readings were written to {path}."]
 
 
 def size_of(rate: float) -> str:
@@ -130,7 +143,5 @@ def library_of(path: Path, settings: Config) -> firmware.library.FirmwareLibrary
 
 
 def warm_up(settings: Config) -> None:
-    import numpy as np
-
     model.rare.prepare()
-    model.arrays.readings(settings.sensor, np.zeros(8))
+    model.arrays.readings(settings.sensor, [0.0] * 8)

@@ -9,10 +9,18 @@ import typer
 
 import facets
 from facets import characterization, files, live, pictures
-from facets.core.errors import InputError
 
 from .console import FINDING, show_progress
-from .options import ConfigOption, Force, Look, RecordingName, Style, folder_option, write_option
+from .options import (
+    ConfigOption,
+    Force,
+    Look,
+    RecordingName,
+    Style,
+    folder_option,
+    require_yaml,
+    write_option,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,8 +49,8 @@ def noise(
     show the noise: the command says why, writes nothing and ends with exit status 1.
     """
     live.recording.reader.meta_of(recording, own=config is None)
-    if write and write.suffix.lower() not in (".yaml", ".yml"):
-        raise InputError(f"{write}: a configuration's name ends in .yaml or .yml")
+    if write:
+        require_yaml(write)
     settings = facets.load(config) if config else live.recording.replay.recorded_config(recording)
     paths = [folder / "noise.html", folder / "noise.csv"] if folder else []
     files.tables.refuse_to_overwrite([*paths, *([write] if write else [])], force)

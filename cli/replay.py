@@ -2,62 +2,64 @@
 
 from __future__ import annotations
 
-from collections import deque
 from contextlib import nullcontext
-from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 import facets
-from facets import live
+from facets import live, pictures
 
 from .console import FINDING
 from .options import ConfigOption, Force, Publish, RecordingName, Web, filter_option, output_option
+
+Output = Annotated[
+    Path | None,
+    output_option(
+        "table of poses, CSV or Parquet, or MCAP",
+        "none is written; with --recover RECORDING/recovered.parquet",
+    ),
+]
+RealTime = Annotated[
+    bool, typer.Option("--real-time", help="Replay at the speed at which it was recorded.")
+]
+Recover = Annotated[
+    bool,
+    typer.Option(
+        "--recover",
+        help="Solve as many bytes of an interrupted or damaged recording as can be read, and "
+        "write the poses to the table of -o.",
+    ),
+]
+Compare = Annotated[
+    bool,
+    typer.Option(
+        "--compare",
+        help="Compare the poses with the recorded ones, bit by bit; exit status 1 if they differ.",
+    ),
+]
+Smooth = Annotated[
+    str | None,
+    typer.Option(
+        metavar="MODEL",
+        help="Also write poses smoothed over the whole recording by a motion whose "
+        "acceleration, speed or place (one of these words) is nearly constant.",
+    ),
+]
+Filter = Annotated[str | None, filter_option("they are written to -o, or sent with --publish")]
 
 
 def replay(
     recording: RecordingName,
     config: ConfigOption = None,
-    output: Annotated[
-        Path | None,
-        output_option(
-            "table of poses, CSV or Parquet, or MCAP",
-            "none is written; with --recover RECORDING/recovered.parquet",
-        ),
-    ] = None,
+    output: Output = None,
     force: Force = False,
-    real_time: Annotated[
-        bool, typer.Option("--real-time", help="Replay at the speed at which it was recorded.")
-    ] = False,
-    recover: Annotated[
-        bool,
-        typer.Option(
-            "--recover",
-            help="Solve as many bytes of an interrupted or damaged recording as can be read, and "
-            "write the poses to the table of -o.",
-        ),
-    ] = False,
-    compare: Annotated[
-        bool,
-        typer.Option(
-            "--compare",
-            help="Compare the poses with the recorded ones, bit by bit; exit status 1 if they "
-            "differ.",
-        ),
-    ] = False,
-    smooth: Annotated[
-        str | None,
-        typer.Option(
-            metavar="MODEL",
-            help="Also write poses smoothed over the whole recording by a motion whose "
-            "acceleration, speed or place (one of these words) is nearly constant.",
-        ),
-    ] = None,
-    filter_by: Annotated[
-        str | None, filter_option("they are written to -o, or sent with --publish")
-    ] = None,
+    real_time: RealTime = False,
+    recover: Recover = False,
+    compare: Compare = False,
+    smooth: Smooth = None,
+    filter_by: Filter = None,
     publish: Publish = None,
     web: Web = None,
 ) -> None:
@@ -76,15 +78,10 @@ def replay(
     if publish:
         poses = playback.publish_poses(poses, publish, filter_by, tell, typer.echo)
     with open_page(playback, web) as page:
-        poses = page.following(poses) if page else poses
-        found = list(poses) if compare or smooth or filter_by else []
-        written = list(playback.write(output, found or poses, smooth, filter_by)) if output else []
-        deque(poses, maxlen=0)  # all are solved, also where nothing needs them
-        compared, is_same = playback.compare(found, config) if compare else ([], True)
-        for text in chain(playback.sentences(), written, compared):
-            typer.echo(text)
-        if recover:
-            typer.echo(f"{output}")
+        found, is_same = playback.finish(
+            page.following(poses) if page else poses, output, smooth, filter_by, compare, config
+        )
+        typer.echo("\n".join([*found, str(output)] if recover else found))
         if page and is_same:
             page.stay(tell)
     if not is_same:
@@ -100,9 +97,7 @@ def open_page(playback: live.Playback, web: str | None) -> live.ReplayPage | nul
     """Open the page of a replay and tell its address; no page where --web is not given."""
     if web is None:
         return nullcontext()
-    from facets.pictures.page.scripts import rig_scripts
-
-    scripts = rig_scripts(playback.config.sensor)
+    scripts = pictures.page.scripts.rig_scripts(playback.config.sensor)
     page = live.ReplayPage(playback.pipeline, playback.folder, web, scripts)
     for text in page.page.greeting():
         tell(text)

@@ -136,25 +136,24 @@ class Run:
         """
         refuse_options(track, check_stage, seconds, publish, filter_by)
         port = require_port(port or config.acquire.port, "--port", "acquire.port")
-        if track or check_stage:
+        moves_stage = track or check_stage
+        if moves_stage:
             refuse_board(config, port)
         if check_stage:  # the readings alone are to say where the beam is
             config = replace(config, solve=replace(config.solve, beam="free"))
         require_packages(publish, web)
         run = cls(config, max_loss, compare)
-        try:
+        with ExitStack() as on_failure:
+            on_failure.callback(run.abandon)
             if record:
                 run.begin_recording(folder)
             if publish or web is not None:
                 run.publish(publish, filter_by, track, web, page_scripts, tell)
-            if track or check_stage:
+            if moves_stage:
                 run.open_stage(stage_port, search, check_stage, tell)
             run.reader = Reader(config, port, reconnect, run.live, tell)
-        except BaseException:
-            run.abandon()
-            raise
-        check = run.check
-        run.ending = Ending(seconds or inf, samples or inf, lambda: bool(check and check.is_over))
+            on_failure.pop_all()
+        run.ending = Ending(seconds or inf, samples or inf, run.is_check_over)
         return run
 
     @property
@@ -162,6 +161,10 @@ class Run:
         """The check of the stage's wiring, if there is one."""
         tracker = self.live.tracker
         return tracker if isinstance(tracker, StageCheck) else None
+
+    def is_check_over(self) -> bool:
+        """Whether there is a check of the stage, and it has moved all that it moves."""
+        return self.check is not None and self.check.is_over
 
     def begin_recording(self, folder: Path | None) -> None:
         """Begin a recording in a new folder."""
@@ -238,11 +241,8 @@ class Run:
             )
         if live.pipeline.tally.misfit.is_mostly_flagged:
             found.append(live.pipeline.tally.misfit.sentence)
-        board = live.pipeline.board
-        if self.compare and not board.compared:
-            found.append("the board sent no pose of its own that could be compared.")
-        elif self.compare and board.trouble():
-            found.append(board.trouble())
+        if self.compare:
+            found += live.pipeline.board.complaints()
         if self.check:
             return found + self.check.faults()
         if live.stage_stop:

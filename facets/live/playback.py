@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -72,6 +73,27 @@ class Playback:
         that are read, and of how many.
         """
         return replay(self.folder, self.pipeline, real_time, self.damage, tell, recover)
+
+    def finish(
+        self,
+        poses: Iterable[Poses],
+        path: Path | None,
+        smooth: str | None,
+        filter_by: str | None,
+        compare: bool,
+        config_name: str | None,
+    ) -> tuple[list[str], bool]:
+        """Solve everything, write the poses to `path`, if any, and compare them, if asked to.
+
+        The other arguments are those of `write` and `compare`. Returns what is to be said, and
+        whether no comparison found a difference.
+        """
+        if compare or smooth or filter_by:
+            poses = list(poses)
+        written = list(self.write(path, poses, smooth, filter_by)) if path else []
+        compared, is_same = self.compare(poses, config_name) if compare else ([], True)
+        deque(poses, maxlen=0)  # all are solved, also where nothing needs them
+        return [*self.sentences(), *written, *compared], is_same
 
     def publish_poses(
         self,
@@ -183,14 +205,14 @@ class Playback:
         if pulses is not None:
             yield f"  {pulses.sentence}"
 
-    def compare(self, poses: list[Poses], config_name: str | None) -> tuple[list[str], bool]:
+    def compare(self, poses: Iterable[Poses], config_name: str | None) -> tuple[list[str], bool]:
         """Compare poses with the recorded ones, bit by bit.
 
         config_name: of the configuration that they are solved with, unless the recording's own.
         Returns what is to be said, and whether everything is the same and whole.
         """
-        new = join_columns([pose_columns(part) for part in poses]) if poses else {}
-        result = compare(recorded_poses(self.folder), new)
+        parts = [pose_columns(part) for part in poses]
+        result = compare(recorded_poses(self.folder), join_columns(parts) if parts else {})
         version = meta_of(self.folder, own=False).get("facets")
         return comparison_sentences(
             result, seal_of(self.folder), self.damage, self.folder, version, config_name
@@ -216,10 +238,9 @@ def refuse_output(
     publish: Sequence[str],
 ) -> None:
     """Raise `InputError` for an output that cannot be written, or options that contradict."""
-    if smooth:
-        require_model("--smooth", smooth)
-    if filter_by:
-        require_model("--filter", filter_by)
+    for option, model in (("--smooth", smooth), ("--filter", filter_by)):
+        if model:
+            require_model(option, model)
     if smooth and filter_by:
         raise InputError("--filter and --smooth are two ways to say more of a pose; give one")
     is_table = path is not None and not is_mcap(path)
@@ -227,9 +248,10 @@ def refuse_output(
         raise InputError("--smooth needs -o, a table for the smoothed poses")
     if filter_by and not publish and not is_table:
         raise InputError("--filter needs -o, a table for the filtered poses, or --publish")
-    if path is not None:
-        if is_mcap(path):
-            require_extra("mcap.writer", str(path))
-        else:
-            tables.ending(path)
-        tables.refuse_to_overwrite([path], force)
+    if path is None:
+        return
+    if is_mcap(path):
+        require_extra("mcap.writer", str(path))
+    else:
+        tables.ending(path)
+    tables.refuse_to_overwrite([path], force)

@@ -9,8 +9,8 @@ import pytest
 import typer
 from commands import command
 from facets.cli import COMMANDS, whole_app
+from facets.cli.command import OPTIONAL_VALUES, RENAMED, why_meaningless
 from facets.cli.manual import commands, context_of
-from facets.cli.options import OPTIONAL_VALUES, RENAMED, why_meaningless
 
 BAD = [
     (("range-map", "paper", "--at", ""), "'--at': it is empty"),

@@ -141,5 +141,11 @@ class BoardPoses:
             "`solve` know more of the beam or its power than the board does?"
         )
 
+    def complaints(self) -> list[str]:
+        """Why a comparison that was asked for is no good one; none where the poses are alike."""
+        if not self.compared:
+            return ["the board sent no pose of its own that could be compared."]
+        return [] if self.alike else [self.trouble()]
+
     def values(self) -> dict[str, Any]:
         return {"came": self.came, "compared": self.compared, "worst_u": self.worst}

@@ -1,0 +1,118 @@
+"""How a command reads its words: it answers old spellings, and refuses odd values."""
+
+from __future__ import annotations
+
+import re
+from math import isfinite
+from typing import Any
+
+import typer
+from typer.core import TyperCommand
+
+from facets.core.plain_numbers import plain_number
+
+#: Options that may stand without a value: what they mean then, and what a value looks like.
+OPTIONAL_VALUES = {"--web": ("0", r"[^-].*"), "--certify": ("20000", r"-?[\d.+e_]+")}
+
+#: Commands whose result is a folder; until version 0.2 they had -o for it, as others for a file.
+FOLDER_COMMANDS = (
+    "simulate", "range-map", "resolution", "jacobian", "tolerances", "acquire", "noise", "export-c",
+    "bench", "reproduce",
+)  # fmt: skip
+#: Options of version 0.2 that are spelt otherwise now, by command: the first part is the new one.
+RENAMED = {
+    **{(name, option): "--folder" for name in FOLDER_COMMANDS for option in ("-o", "--output")},
+    ("explore", "--from"): "--folder",
+    ("range-map", "--tracking"): "--track",
+    ("resolution", "--tracking"): "--track",
+    ("range-map", "--fixed"): "the default without --track",
+    ("resolution", "--fixed"): "the default without --track",
+    ("simulate", "--tracking"): "--track",
+    ("render", "--tracking"): "--track",
+    ("acquire", "--tracking"): "--track",
+    ("simulate", "--reference"): "--with-reference",
+    ("emulate", "--reference"): "--with-reference",
+    ("optimize", "--yield"): "--heads",
+    ("jacobian", "--search"): "--search-worst",
+    ("jacobian", "--no-search"): "--no-search-worst",
+    ("jacobian", "--sampling"): "--uniform for uniform random states, the default for Sobol' ones",
+    ("jacobian", "--table"): "--state-table",
+    ("acquire", "--search"): "--search-mirror",
+    ("acquire", "--no-search"): "--no-search-mirror",
+    ("acquire", "--compare"): "--compare-board",
+    ("acquire", "--rate"): "--display-rate",
+    ("render", "--rate"): "--frame-rate",
+    ("replay", "--smooth-by"): "--smooth MODEL",
+}
+
+
+class Command(TyperCommand):
+    """A command that refuses option values without a meaning, and names new spellings for old ones.
+
+    Without a meaning are an empty value, the same value twice, another option's name, and a number
+    that is infinite or has underscores. OPTIONAL_VALUES may be left out, which typer cannot say.
+    """
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        add_optional_values(args)
+        if reason := name_new_spelling(ctx.info_name, args):
+            raise typer.BadParameter(reason, ctx=ctx)
+        typed, _, _ = self.make_parser(ctx).parse_args(args=list(args))
+        rest: list[str] = super().parse_args(ctx, args)
+        params: list[Any] = self.get_params(ctx)
+        names = [name for param in params for name in (*param.opts, *param.secondary_opts)]
+        options = {name for name in names if name.startswith("-")}  # not those of arguments
+        for param in params:
+            value = typed.get(param.name)
+            texts = value if isinstance(value, list | tuple) else [value]
+            is_number = isinstance(ctx.params.get(param.name), int | float)
+            if reason := why_meaningless(
+                [t for t in texts if isinstance(t, str)], is_number, options
+            ):
+                raise typer.BadParameter(reason, ctx=ctx, param=param)
+        return rest
+
+
+def add_optional_values(args: list[str]) -> None:
+    """Write the value after each option of OPTIONAL_VALUES that stands without one."""
+    for n, text in enumerate(args):
+        if text in OPTIONAL_VALUES:
+            default, form = OPTIONAL_VALUES[text]
+            if not re.fullmatch(form, "".join(args[n + 1 : n + 2])):
+                args[n] = f"{text}={default}"
+
+
+def name_new_spelling(command: str, args: list[str]) -> str:
+    """The message about the first option with an old spelling; "" if there is none."""
+    for text in args:
+        option = text.partition("=")[0]
+        new = RENAMED.get((command, option))
+        if new is not None:
+            return f"{option} is now {new}; see `facets {command} --help`"
+    return ""
+
+
+def why_meaningless(texts: list[str], is_number: bool, options: set[str]) -> str:
+    """Why values of an option, as they were typed, mean nothing; "" where they mean something."""
+    for n, text in enumerate(texts):
+        if not text.strip():
+            return "it is empty; give a value, or leave the option out"
+        if text in options:
+            return f"a value must stand before the option {text}"
+        if text in texts[:n]:
+            return f"{text} is given twice"
+        if is_number and is_odd_number(text):
+            return f"{text!r} is not a plain finite number"
+    return ""
+
+
+def is_odd_number(text: str) -> bool:
+    """Whether Python takes it for a number, and a person would not have typed it as one."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    try:
+        return not isfinite(plain_number(text))
+    except ValueError:
+        return True
