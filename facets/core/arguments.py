@@ -1,8 +1,8 @@
-"""The check of the public functions' arguments: arrays of numbers, and all else by annotations.
+"""Check the arguments of public functions: arrays of numbers by value, all others by annotation.
 
-Python passes on any argument, and NumPy makes numbers of text, of complex numbers, and of values
-that a mask or a table marks as missing. So each public function is decorated with
-`check_arguments`, and each array of numbers comes in by `as_floats`.
+Python accepts any argument, and NumPy converts text, complex numbers and masked or missing values
+to numbers. Therefore each public function is decorated with `check_arguments`, and `as_floats`
+converts each of its arrays.
 """
 
 from __future__ import annotations
@@ -96,7 +96,8 @@ def floats_of_list(values: Sequence[Any]) -> Floats:
 
 
 def is_plain(values: Sequence[Any]) -> bool:
-    """Whether NumPy converts a list correctly: of numbers, of arrays of floats, of such lists."""
+    """Whether NumPy converts a list correctly: one of numbers, of arrays of floats, or of such
+    lists."""
     types = set(map(type, values))
     if types <= PLAIN:
         return True
@@ -157,7 +158,8 @@ class ArgumentCheck:
                 self.is_type_allowed(name, value)
 
     def is_type_allowed(self, name: str, value: Any) -> bool:
-        """Whether all values of this one's type are allowed. Raises `InputError` if this is not."""
+        """Return whether the type alone allows a value; raise `InputError` for a value that is not
+        allowed."""
         hint = hints_of(self.function).get(name, Any)
         if not is_allowed(hint, value):
             raise InputError(refusal(name, hint, value))
@@ -212,7 +214,7 @@ def is_number(value: Any, kind: type) -> bool:
 
 
 def may_be_numbers(value: Any) -> bool:
-    """Whether NumPy might make numbers of a value; `as_floats` finds out."""
+    """Whether NumPy might convert a value to numbers; `as_floats` decides."""
     return not (value is None or isinstance(value, str | bytes | type) or is_dataclass(value))
 
 
@@ -243,7 +245,7 @@ WORDS = {
 
 
 def type_in_words(option: Any) -> str:
-    """A type in the words of a message: "a sequence of 3, each a Psd"."""
+    """Describe a type in a message: "a sequence of 3, each a Psd"."""
     if get_origin(option) is Literal:
         return ", ".join(f'"{word}"' for word in get_args(option))
     if get_origin(option) in SEQUENCES:
@@ -258,7 +260,7 @@ def type_in_words(option: Any) -> str:
 
 
 def describe_value(value: Any) -> str:
-    """A value in a message: "a Config", "the class Sensor", "the str '2'"."""
+    """Describe a value in a message: "a Config", "the class Sensor", "the str '2'"."""
     if value is None:
         return "None"
     if isinstance(value, type):
@@ -274,7 +276,7 @@ def shorten(value: Any) -> str:
 
 
 def refusal(name: str, hint: Any, value: Any) -> str:
-    """The message: what an argument is, what is allowed, and what to pass where that is known."""
+    """Write the message: what an argument is, what is allowed and, where known, what to pass."""
     if isinstance(value, str) and has_words(hint):
         text = f"{name} is {value!r}; allowed: "
     else:
@@ -287,7 +289,7 @@ def refusal(name: str, hint: Any, value: Any) -> str:
 
 
 def suggestion(kind: Any, value: Any) -> str:
-    """Where an object of a kind is found in the value that was passed instead; or ""."""
+    """Where the value that was passed holds an object of the required kind; "" if nowhere."""
     if value is kind:
         return f"an object, as {kind.__name__}() makes it"
     if is_dataclass(value) and not isinstance(value, type):

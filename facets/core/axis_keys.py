@@ -30,7 +30,8 @@ def state_block(
 ) -> KeyBlock:
     """The eight components of a state, Eq. (3), as a tuple.
 
-    bounds: of lengths and of angles.  unit: of all, where it is not that in a component's name.
+    bounds: those of lengths and those of angles.  unit: the unit of all components, if not the one
+    in each component's name.
     """
     keys = []
     for axis, text in zip(STATE, texts, strict=True):

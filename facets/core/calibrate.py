@@ -1,4 +1,4 @@
-"""What a calibration takes: how well its reference and the sensor are known before."""
+"""Settings of a calibration: how well the reference and the sensor are known before it."""
 
 from __future__ import annotations
 
@@ -21,13 +21,14 @@ def _prior_sigma(name: str, default: float | None, most: float, meaning: str) ->
 
 
 def _drop_null(**values: Any) -> dict[str, Any]:
-    """The values of the keys that are not null, in their units."""
+    """Return the values of the keys that are not null, in the units of the code."""
     return {name: value for name, value in values.items() if value is not None}
 
 
 BEFORE = block_of_keys(
     "Before",
-    "Standard uncertainties before, from tolerances; what is null stays as it is.",
+    "Standard uncertainties before the calibration, from tolerances; null: the value is not "
+    "fitted.",
     [
         _prior_sigma(
             "psd_place_mm",
@@ -79,21 +80,21 @@ EFFECTS = block_of_keys(
     [
         Key(name, "auto", meaning, hint=Literal["auto", "on", "off"])
         for name, meaning in {
-            "curvature": "the wavefront's radius, in two axes",
+            "curvature": "curvature of the wavefront, along two axes",
             "diffraction": "diffraction at the facets' edges",
-            "rolloff": "edges of the facets that are rolled off",
-            "strips": "strips along the edges that reflect nothing",
-            "tip": "a mirror's point that is worn flat",
-            "background": "light that reaches a detector otherwise",
-            "coating": "reflectance by incidence and polarisation",
-            "bend": "detectors that are not linear: 2nd and 3rd order",
-            "spline": "what remains of that, as a smooth spline",
-            "beam_moves": "the beam's place, sample by sample",
-            "delay": "a reference that is late, or early",
-            "backlash": "a mirror that lags behind, by the direction of each last step",
-            "channel_skew": "detectors read one after the other",
-            "time_drift": "beam and detectors that drift with time",
-            "temperature_drift": "beam and detectors that drift with temperature_c",
+            "rolloff": "roll-off of the facets at their edges",
+            "strips": "strips along the facets' edges that reflect nothing",
+            "tip": "worn tip of the mirror, which reflects nothing",
+            "background": "background light on the detectors",
+            "coating": "reflectance that depends on incidence and polarisation",
+            "bend": "non-linearity of the detectors, of second and third order",
+            "spline": "remaining non-linearity of the detectors, as a smooth spline",
+            "beam_moves": "position of the beam in each sample",
+            "delay": "delay of the reference's clock",
+            "backlash": "backlash of the reference's axes",
+            "channel_skew": "delay between the detectors, which are read one after the other",
+            "time_drift": "drift of the beam and the detectors with time",
+            "temperature_drift": "drift of the beam and the detectors with temperature_c",
         }.items()
     ],
     dict,
@@ -102,11 +103,12 @@ EFFECTS = block_of_keys(
 
 @dataclass(frozen=True)
 class Calibrate:
-    """What `facets calibrate` takes and finds.
+    """Settings of `facets calibrate`.
 
-    reference: (6,) mm and rad, infinite where an axis is not measured.  before: by key, in its
-    unit; what stays is not there.  power_per_sample: whether the laser's power is an unknown of
-    each.  dwells: whether rows are averaged where the reference stands still.
+    reference: (6,) mm and rad, infinite where an axis is not measured.  before: standard
+    uncertainties by key, in the unit of the key; keys that are null are missing.  power_per_sample:
+    whether the laser's power is an unknown of each sample.  dwells: whether rows are averaged where
+    the reference stands still.
     """
 
     reference: tuple[float, ...] = key(

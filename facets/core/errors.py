@@ -1,4 +1,5 @@
-"""The errors that a user of `facets` can meet. A bad input raises; a bad pose returns a status."""
+"""The errors that a user of `facets` can meet. Bad input raises one; a bad pose returns a
+status."""
 
 
 class FacetsError(Exception):

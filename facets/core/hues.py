@@ -1,7 +1,7 @@
-"""The hues of the project, once: of the detectors A, B, C, of the axes, and of what lies around.
+"""The hues of the detectors A, B and C, of the axes and of the background.
 
 Plots, drawings, pages and the terminal take them from here, so that a detector or an axis looks the
-same wherever it is met. A hue alone never carries a meaning: axes have a mark and a dash beside it
+same wherever it appears. A hue alone never carries a meaning: axes have a mark and a dash beside it
 (`MARKS`, `DASHES`), detectors their letter. Any two hues of one set stay apart for the colour-blind
 (tests/pictures/test_hues.py simulates them), and each stands off its ground by 3 to 1 or more.
 """
@@ -20,9 +20,9 @@ from .names import ANGLES, STATE
 class Hues:
     """One set of hues, "#RRGGBB", and the ground that it is made for.
 
-    ground: behind everything.  ink: text and truth.  soft: text of second rank.  grey: data in the
+    ground: behind everything.  ink: text and truth.  soft: secondary text.  grey: data in the
     background.  rule: grids and thin lines.  detectors: by letter, a, b, c.  axes: by component of
-    the state, Eq. (3).  series: for what is neither, in this order.  alarm: for what needs a look.
+    the state, Eq. (3).  series: for all other data, in this order.  alarm: for warnings.
     """
 
     ground: str
@@ -37,12 +37,12 @@ class Hues:
 
     @property
     def accent(self) -> str:
-        """What the eye should find first, where it is neither a detector nor an axis."""
+        """The most conspicuous hue, for what is neither a detector nor an axis."""
         return self.series[0]
 
     @property
     def css(self) -> str:
-        """The same for a page: custom properties, --ground, --ink, --a, --tx, --series-1 ..."""
+        """The hues as custom properties of a page: --ground, --ink, --a, --tx, --series-1 ..."""
         named = {name: getattr(self, name) for name in ("ground", "ink", "soft", "grey", "rule")}
         named |= {"alarm": self.alarm, **self.detectors, **self.axes}
         named |= {f"series-{n}": hue for n, hue in enumerate(self.series, start=1)}
@@ -82,9 +82,9 @@ DASHES = {name: "--" if name in ANGLES else ":" if name in STATE[6:] else "-" fo
 
 
 def choose_style(name: str) -> None:
-    """From here on pictures are made in this style: paper, screen or dark."""
+    """Choose the style of all later pictures: paper, screen or dark."""
     if name not in THEMES:
-        raise ValueError(f"no style {name}; there are: {', '.join(THEMES)}")
+        raise ValueError(f"no style {name}; allowed: {', '.join(THEMES)}")
     _chosen.set(name)
 
 
@@ -98,7 +98,7 @@ def chosen_hues() -> Hues:
 
 @contextmanager
 def use_style(name: str) -> Iterator[Hues]:
-    """Within it pictures are made in this style."""
+    """Choose the style of the pictures that are made in this context."""
     before = _chosen.get()
     choose_style(name)
     try:

@@ -77,7 +77,8 @@ class Key:
 
 
 def to_code(value: Any, unit: str) -> Any:
-    """Numbers in a key's unit in that of the code; lists become tuples, and all else stays."""
+    """Convert numbers from a key's unit to that of the code; lists become tuples, other values
+    stay."""
     if isinstance(value, list | tuple):
         return tuple(to_code(item, unit) for item in value)
     return KEY_UNITS[unit].to_code(value) if unit else value
@@ -94,9 +95,9 @@ def to_key(value: Any, unit: str) -> Any:
 class FieldSource:
     """The keys that give the value of one field.
 
-    read: the field's value from all values of the block; that of the only key if None.
-    index: which item of the only key's value the field is, if not the whole.
-    write: the values of the keys from that of the field.
+    read: gives the field's value from all values of the block; None: the value of the only key.
+    index: which item of the only key's value the field is, if not the whole. write: gives the
+    values of the keys from that of the field.
     """
 
     keys: tuple[Key, ...]
@@ -125,7 +126,7 @@ def item_of(key: Key, index: int | str) -> Any:
 
 
 def declare(source: FieldSource) -> Any:
-    """A field of a dataclass whose value, and default, some keys give."""
+    """Declare a field of a dataclass whose value and default follow from several keys."""
     metadata = {"source": source}
     if any(one.default is MISSING for one in source.keys):
         return field(metadata=metadata)
@@ -139,9 +140,9 @@ def declare(source: FieldSource) -> Any:
 class KeyBlock:
     """A block of keys.
 
-    sources: where the value of each field comes from.  make: the object of the fields' values.
-    common: keys that only a file has, which hold for all blocks inside that do not say otherwise.
-    partial: whether keys that are left out have a value elsewhere, so that no default is shown.
+    sources: the keys of each field.  make: makes the object from the fields' values.  common: keys
+    that only a file has, which hold for all blocks inside that do not say otherwise.  partial:
+    whether keys that are left out have a value elsewhere, so that no default is shown.
     """
 
     name: str
@@ -158,12 +159,12 @@ class KeyBlock:
         return [*self.common, *own.values()]
 
     def read(self, values: Values) -> Any:
-        """What the values of all keys give; a key that is left out has its default."""
+        """Convert the values of all keys; a key that is left out has its default."""
         values = {**{key.name: key.default for key in self.keys}, **values}
         return self.make(**{name: source.value(values) for name, source in self.sources.items()})
 
     def write(self, values: Values, thing: Any) -> dict[str, Any]:
-        """The values with those changed that give other fields than `thing` has."""
+        """Return the values, changed where a field of `thing` differs from what they give."""
         old, new = self.read(values), dict(values)
         for name, source in self.sources.items():
             value, first = getattr(thing, name), source.keys[0]
@@ -178,7 +179,8 @@ class KeyBlock:
             elif source.write is not None:
                 own = zip(source.keys, source.write(value), strict=True)
                 new |= {key.name: item for key, item in own}
-            elif len(source.keys) == 1:  # else a file gives it, which another command writes
+            # A key without a default is filled in by a file that another command writes.
+            elif len(source.keys) == 1:
                 new[first.name] = first.write(value)
         return new
 

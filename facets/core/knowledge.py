@@ -15,7 +15,7 @@ from .errors import InputError
 @check_arguments
 @dataclass(frozen=True)
 class Prior:
-    """A Gaussian that a quantity has before the reading: its mean and standard uncertainty.
+    """Gaussian knowledge of a quantity before the reading: its mean and standard uncertainty.
 
     For the beam's position: mean (..., 2) and sigma (a number or one each) of bx, by in mm; for its
     power: mean and sigma in mW. sigma 0: known exactly; infinite: not known at all.
@@ -35,7 +35,7 @@ class Prior:
             raise InputError(f"a prior's mean is {self.mean!r}; allowed: finite numbers")
 
 
-#: The forms in which functions take what is known of the beam's position and of its power.
+#: The forms of the arguments `beam` and `power` of public functions.
 BeamKnowledge = Literal["free", "known"] | Prior
 PowerKnowledge = Literal["known", "unknown"] | Prior
 #: What the words mean as a standard uncertainty.

@@ -1,4 +1,4 @@
-"""What a layout is to be found for: the keys of `optimize`."""
+"""The keys of the block `optimize`: what a layout may change, and what it must achieve."""
 
 from __future__ import annotations
 
@@ -15,36 +15,44 @@ Bounds = tuple[float, float]
 
 @dataclass(frozen=True)
 class PsdPart:
-    """A detector that can be had."""
+    """A detector of a catalogue."""
 
-    size: float = key("size_mm", MISSING, "side of its sensitive area", gt=0, le=1000)
+    size: float = key("size_mm", MISSING, "side of the detector's sensitive area", gt=0, le=1000)
     position: float | None = key(
         "position_um",
         None,
-        "its noise, as sensor.noise.position_um, which is the default",
+        "position noise of the detector, as sensor.noise.position_um, which is the default",
         gt=0,
         le=1000,
     )
-    price: float | None = key("price", None, "price of one, in any currency", ge=0, le=1e9)
+    price: float | None = key("price", None, "price of one detector, in any currency", ge=0, le=1e9)
     delivery: float | None = key("delivery_weeks", None, "delivery time", ge=0, le=1000)
 
 
 @dataclass(frozen=True)
 class LaserPart:
-    """A laser that can be had."""
+    """A laser of a catalogue."""
 
     power: float = key("power_mw", MISSING, "laser power", gt=0, le=1000)
-    diameter: float = key("diameter_mm", MISSING, "1/e^2 diameter of its round beam", gt=0, le=1000)
-    price: float | None = key("price", None, "price in the same currency", ge=0, le=1e9)
+    diameter: float = key(
+        "diameter_mm", MISSING, "1/e^2 diameter of the laser's round beam", gt=0, le=1000
+    )
+    price: float | None = key(
+        "price", None, "price of the laser, in the same currency", ge=0, le=1e9
+    )
     delivery: float | None = key("delivery_weeks", None, "delivery time", ge=0, le=1000)
 
 
 @dataclass(frozen=True)
 class AmplifierPart:
-    """Amplifiers and converter that can be had, for all three detectors."""
+    """Amplifiers and converters of a catalogue, for all three detectors."""
 
     power: float = key(
-        "power_uw", MISSING, "noise of a power, as sensor.noise.power_uw", gt=0, le=1e6
+        "power_uw",
+        MISSING,
+        "noise of a power, as sensor.noise.power_uw",
+        gt=0,
+        le=1e6,
     )
     price: float | None = key("price", None, "price of all, in the same currency", ge=0, le=1e9)
     delivery: float | None = key("delivery_weeks", None, "delivery time", ge=0, le=1000)
@@ -63,13 +71,14 @@ def _variables_of_one(kind: str, bounds: dict[str, tuple[float, float]]) -> list
 
 
 def _drop_null(**values: Any) -> dict[str, Any]:
-    """The values of the keys that are not null, in their units."""
+    """Return the values of the keys that are not null, in the units of the code."""
     return {name: value for name, value in values.items() if value is not None}
 
 
 VARIABLES = block_of_keys(
     "Variables",
-    "What may change, from least to most; what is left out stays as it is.",
+    "Variables of the layout, each with its least and largest value; variables that are left out "
+    "stay as they are.",
     [
         _variable("radius_mm", "radius of all detectors", 1, 10_000),
         _variable(
@@ -112,12 +121,17 @@ VARIABLES = block_of_keys(
 PARTS = Key(
     "parts",
     {},
-    "what can be had; size_mm and power_mw come from it",
+    "parts of a catalogue; they replace the variables size_mm and power_mw",
     block=block_of_keys(
         "Parts",
-        "A catalogue: of each kind that is listed, the best is taken.",
+        "Parts that can be bought; from each kind that is listed the search takes the best one.",
         [
-            Key("psds", {}, "name: detector; three of the same", named=block_of(PsdPart)),
+            Key(
+                "psds",
+                {},
+                "detectors by name; three of one kind are used",
+                named=block_of(PsdPart),
+            ),
             Key("lasers", {}, "name: laser", named=block_of(LaserPart)),
             Key("amplifiers", {}, "name: amplifiers", named=block_of(AmplifierPart)),
         ],
@@ -126,16 +140,17 @@ PARTS = Key(
 )
 WEIGHTS = block_of_keys(
     "Weights",
-    "How much each aim counts in `aim: weighted`; those left out do not.",
+    "Weights of the aims, for `aim: weighted`; aims that are left out have the weight 0.",
     [
         Key(name, 0, meaning, hint=float, bounds={"ge": 0, "le": 1e6})
         for name, meaning in {
-            "resolution": "worst uncertainty over its unit",
-            "mean_resolution": "mean uncertainty over its unit",
-            "range": "how many times as large the volume is",
-            "size": "diameter of the head, 100 mm",
+            "resolution": "weight of the largest uncertainty over its unit",
+            "mean_resolution": "weight of the mean uncertainty over its unit",
+            "range": "weight of the factor by which the volume is enlarged",
+            "size": "weight of the head's diameter in units of 100 mm",
             "condition": "worst condition number, decades",
-            "price": "price of the parts, in thousands; none where a price is unknown",
+            "price": "weight of the price of the parts, in thousands; not counted where a price "
+            "is unknown",
         }.items()
     ],
     lambda **values: {name.replace("_", "-"): weight for name, weight in values.items() if weight},
@@ -143,15 +158,17 @@ WEIGHTS = block_of_keys(
 PRODUCTION = Key(
     "production",
     {},
-    "heads as they are built",
+    "requirements that heads keep as they are built",
     block=block_of_keys(
         "Production",
-        "Heads as they are built, with the tolerances that `calibrate.before` states.",
+        "Requirements on heads as they are built, with the tolerances that `calibrate.before` "
+        "states.",
         [
             Key(
                 "yield_percent",
                 None,
-                "share of the heads that must keep spots, light and limits; null: the design",
+                "share of the heads that must keep spots, light and limits; null: only the design "
+                "must keep them",
                 "percent",
                 float | None,
                 {"gt": 0, "lt": 100},
@@ -160,13 +177,14 @@ PRODUCTION = Key(
             Key(
                 "calibrated",
                 True,
-                "whether each head is calibrated, so that `accuracy` holds after that",
+                "whether each head is calibrated, so that `accuracy` holds after the calibration",
                 hint=bool,
             ),
             Key(
                 "poses",
                 60,
-                "poses of a calibration's motion, beside `calibrate.reference`",
+                "number of poses of the calibration's motion, with the uncertainties of "
+                "`calibrate.reference`",
                 hint=int,
                 bounds={"ge": 10, "le": 10_000},
             ),
@@ -178,11 +196,12 @@ PRODUCTION = Key(
 
 @dataclass(frozen=True)
 class Layout:
-    """What `facets optimize` looks for.
+    """Settings of `facets optimize`.
 
-    variables: least and most of each, in the unit of its name.  volume: half widths of the pose and
-    of the beam's offset (8,), mm and rad.  unit, limit, accuracy: (6,) um and urad, infinite where
-    not given.  production: share of the heads that must keep all, 0 where the design alone must.
+    variables: least and largest value of each, in the unit of its name.  volume: half widths of the
+    pose and of the beam's offset (8,), mm and rad.  unit, limit, accuracy: (6,) um and urad,
+    infinite where not given.  production: share of the heads that must keep all requirements, 0
+    where only the design must.
     """
 
     variables: dict[str, Bounds] = key("variables", {}, "what may change", block=VARIABLES)
@@ -198,8 +217,8 @@ class Layout:
     aim: Literal["resolution", "mean-resolution", "range", "size", "condition", "weighted"] = key(
         "aim",
         "resolution",
-        "finest at worst or on average over the volume; the volume as many times as "
-        "large as can be; the smallest head; the best conditioned; or a sum by `weights`",
+        "aim of the search: smallest worst or mean uncertainty in the volume, largest volume, "
+        "smallest head, best condition, or a weighted sum by `weights`",
     )
     weights: dict[str, float] = key(
         "weights", {}, "weights of the aims, for `aim: weighted`", block=WEIGHTS
@@ -207,7 +226,7 @@ class Layout:
     unit: tuple[float, ...] = key(
         "unit",
         {"tz_um": 1, "roll_urad": 5, "pitch_urad": 5, "yaw_urad": 5},
-        "uncertainty of each axis that counts as 1; axes left out do not count",
+        "uncertainty of each axis that counts as 1; axes that are left out do not count",
         block=PER_AXIS,
     )
     limit: tuple[float, ...] = key(
@@ -216,7 +235,7 @@ class Layout:
     accuracy: tuple[float, ...] = key(
         "accuracy",
         {},
-        "largest error of a head as built in the volume, from rest, without noise",
+        "largest error of a head as built in the volume, relative to rest, without noise",
         block=PER_AXIS,
     )
     production: float = item_of(PRODUCTION, "yield_percent")
@@ -236,7 +255,7 @@ class Layout:
     following: bool = key(
         "beam",
         "free",
-        "whether the beam's place is an unknown at rest, or follows the apex",
+        "whether the beam's position at rest is an unknown, or the beam follows the apex",
         words={"free": False, "following": True},
     )
     starts: int = key(
@@ -250,10 +269,10 @@ class Layout:
 
     @property
     def has_parts(self) -> bool:
-        """Whether a catalogue is laid under the search."""
+        """Whether a catalogue of parts is given."""
         return bool(self.psds or self.lasers or self.amplifiers)
 
     @property
     def aims(self) -> dict[str, float]:
-        """What is aimed at, and how much each counts."""
+        """The aims and their weights."""
         return self.weights if self.aim == "weighted" else {self.aim: 1.0}

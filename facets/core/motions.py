@@ -15,7 +15,7 @@ RATE: dict[str, Any] = {"gt": 0, "le": 1e9}
 
 @dataclass(frozen=True)
 class Steps:
-    """Stands still at equally spaced places between two, both included."""
+    """Stands still at equally spaced places from start to stop, both included."""
 
     kind: ClassVar[str] = "steps"
     start: State = key("from", {}, "first place", block=PLACE)
@@ -66,10 +66,16 @@ class Random:
 
 @dataclass(frozen=True)
 class Table:
-    """States from a CSV file: columns tx_mm ... yaw_mrad, and if wanted bx_mm, by_mm, time_s."""
+    """States from a CSV file: columns tx_mm ... yaw_mrad, optionally bx_mm, by_mm and time_s."""
 
     kind: ClassVar[str] = "table"
-    file: Path = key("file", MISSING, "CSV file, path from this file", min_length=1, convert=Path)
+    file: Path = key(
+        "file",
+        MISSING,
+        "CSV file; a relative path starts at this configuration's folder",
+        min_length=1,
+        convert=Path,
+    )
     samples_per_step: int = key(
         "samples_per_step",
         1,

@@ -1,4 +1,4 @@
-"""The names of states and readings, and the units that tables and people see them in."""
+"""The names of states and readings, and their units in tables and messages."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ READING = tuple(f"{name}_{letter}" for letter in DETECTORS for name in ("psi", "
 
 ANGLES = ("roll", "pitch", "yaw")
 
-#: Columns of tables: the same with their units.
+#: Columns of tables: the same names with their units.
 STATE_COLUMNS = tuple(f"{name}_mrad" if name in ANGLES else f"{name}_mm" for name in STATE)
 READING_COLUMNS = tuple(
     f"{name}_mw" if name.startswith("power") else f"{name}_mm" for name in READING
 )
 
-#: What one unit of a state's column is in the units of the code (mm, rad).
+#: One unit of a state's column, in the units of the code (mm, rad).
 STATE_UNITS = tuple(1e-3 if name in ANGLES else 1.0 for name in STATE)
 
-#: What one um or urad is in the units of the code, by component of the state.
+#: One um or urad in the units of the code, by component of the state.
 FINE_UNITS = tuple(1e-6 if name in ANGLES else 1e-3 for name in STATE)
 
 #: Columns of ranges and of standard uncertainties of the pose.

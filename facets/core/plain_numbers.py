@@ -1,4 +1,4 @@
-"""Numbers as people write them, and lists of them by name: on command lines and in tables."""
+"""Numbers as text, and lists of numbers by name: on command lines and in tables."""
 
 from __future__ import annotations
 
@@ -8,18 +8,20 @@ from .errors import InputError
 
 
 def plain_number(text: str) -> float:
-    """The number that a text says. Raises `ValueError` where it says none; unlike `float`, also for
-    digits apart (1_000) and for digits of other scripts."""
+    """Convert text to a number; raise `ValueError` for text that is no number.
+
+    Unlike `float` it refuses grouped digits (1_000) and the digits of other scripts.
+    """
     if "_" in text or not text.isascii():
         raise ValueError(f"could not convert string to float: {text!r}")
     return float(text)
 
 
 def assignments(text: str, option: str, names: Sequence[str], form: str) -> dict[str, str]:
-    """What `NAME=VALUE,NAME=VALUE` says of each name.
+    """Read the value of each name from `NAME=VALUE,NAME=VALUE`.
 
-    option: whose text it is.  form: what is allowed. Raises `InputError` for other names, for a
-    name that is given twice, and for nothing at all.
+    option: name of the option, for messages.  form: the allowed form, for messages. Raises
+    `InputError` for other names, for a name that is given twice, and for empty text.
     """
     found: dict[str, str] = {}
     for part in text.split(","):

@@ -1,4 +1,4 @@
-"""What counts as inside the measurement range."""
+"""The rules that a pose inside the measurement range keeps."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from .keys import key
 @check_arguments
 @dataclass(frozen=True)
 class Rules:
-    """What counts as inside the measurement range.
+    """The rules that a pose inside the measurement range keeps.
 
     whole_spot: the footprint inside the 1/e^2 circle stays on the detector, else the centroid.
     snr: least power of a spot, without other light on its detector, over the noise of a power.
     condition: largest condition number of the Jacobian, columns in um and urad, rows in standard
     deviations.  coarsest: largest standard uncertainty of each axis of the pose, mm and rad.
-    tracking: whether the beam follows the mirror in x and y, else it stands at (0, 0).
+    tracking: whether the beam follows the mirror in x and y; otherwise it stays at (0, 0).
     """
 
     whole_spot: bool = key(
@@ -49,4 +49,6 @@ class Rules:
 
     def __post_init__(self) -> None:
         if len(self.coarsest) != 6:
-            raise InputError(f"coarsest has {len(self.coarsest)} numbers; allowed: 6, one an axis")
+            raise InputError(
+                f"coarsest has {len(self.coarsest)} numbers; allowed: 6, one for each axis"
+            )

@@ -116,16 +116,16 @@ class Facet:
         )
 
 
-#: Powers of y and of z, in half sizes, in what is added to a place that a detector reads.
+#: Powers of y and of z, in half sizes, of the terms that correct a detector's places.
 MONOMIALS = ((1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3))
 
 
 @check_arguments
 @dataclass(frozen=True)
 class Grid:
-    """What is added to a detector's places, as measured on a grid, straight in between; mm.
+    """Measured corrections of a detector's places on a grid, mm; linear interpolation in between.
 
-    y: (n), z: (m) where, going up.  add_y, add_z: (n, m) as nested tuples.
+    y: (n), z: (m) places, ascending.  add_y, add_z: (n, m) as nested tuples.
     """
 
     y: tuple[float, ...]
@@ -137,7 +137,7 @@ class Grid:
         for name in ("y", "z"):
             places = getattr(self, name)
             up = len(places) > 1 and all(a < b for a, b in pairwise(places))
-            _require(up, f"{name} of a grid", places, "two places or more, going up")
+            _require(up, f"{name} of a grid", places, "two places or more, ascending")
         for name in ("add_y", "add_z"):
             rows = getattr(self, name)
             whole = len(rows) == len(self.y) and all(len(row) == len(self.z) for row in rows)
@@ -147,10 +147,11 @@ class Grid:
 @check_arguments
 @dataclass(frozen=True)
 class Correction:
-    """What is added to what a detector reads: y, z, y2, yz, z2, y3, y2z, yz2, z3 in half sizes.
+    """Corrections that are added to a detector's reading; the places enter in half sizes.
 
-    power: share added to the power.  dark: added to it besides, mW.  y, z: coefficients (mm) of
-    `MONOMIALS` added to psi and zeta.  grid: added to both besides, as measured.
+    power: share of the power that is added to it.  dark: constant added to the power, mW.  y, z:
+    coefficients (mm) of `MONOMIALS` (y, z, y2, yz, z2, y3, y2z, yz2, z3) added to psi and zeta.
+    grid: measured corrections, added to both.
     """
 
     power: float = key(
@@ -190,9 +191,9 @@ class Psd:
     """A position-sensitive detector.
 
     radius, azimuth, height: its centre in cylinder coordinates of the world frame, mm, rad, mm.
-    roll, pitch, yaw: its turn, R = Rz(yaw) Ry(pitch) Rx(roll), from the nominal orientation in
-    which x points radially outward, z up and y = z cross x; rad.
-    size_y, size_z: its sensitive area, mm.  correction: of what it reads.
+    roll, pitch, yaw: its rotation, R = Rz(yaw) Ry(pitch) Rx(roll), from the nominal orientation in
+    which x points radially outward, z up and y = z cross x; rad.  size_y, size_z: its sensitive
+    area, mm.  correction: of its readings.
     """
 
     radius: float = key(
@@ -268,14 +269,13 @@ class Electronics:
 
     The noise follows from them in `facets.detectors.noise`.
 
-    kind: of the PSDs: "duo-lateral", "pincushion" or "tetra-lateral".
-    responsivity: A/W.  dark_current: of a PSD, A.  resistance: between electrodes, ohm.
-    transimpedance: of each electrode's amplifier, ohm (V/A); voltage_noise, current_noise: of the
-    amplifier, V and A per root Hz.  bandwidth: Hz.  temperature: K.
-    adc_bits, adc_range: of the converter behind it, V full scale.
-    ambient: background light on a PSD, mW; its mean is taken off, its noise stays.
+    kind: of the PSDs: "duo-lateral", "pincushion" or "tetra-lateral".  responsivity: A/W.
+    dark_current: of a PSD, A.  resistance: between electrodes, ohm.  transimpedance: of each
+    electrode's amplifier, ohm (V/A); voltage_noise, current_noise: of the amplifier, V and A per
+    root Hz.  bandwidth: Hz.  temperature: K.  adc_bits, adc_range: of the converter behind it, V
+    full scale.  ambient: background light on a PSD, mW; its mean is subtracted, its noise stays.
     power_noise: of the laser, relative, from sample to sample.  pointing: jitter of the beam's
-    place in x and y, mm.
+    position in x and y, mm.
     """
 
     kind: Literal["duo-lateral", "pincushion", "tetra-lateral"] = key(
@@ -314,7 +314,7 @@ class Electronics:
     ambient: float = key(
         "ambient_uw",
         0.0,
-        "power of other light on a PSD; its mean is subtracted, its noise stays",
+        "power of background light on a PSD; its mean is subtracted, its noise stays",
         ge=0,
         le=1e6,
     )
@@ -344,15 +344,15 @@ class Electronics:
 @check_arguments
 @dataclass(frozen=True)
 class Apertures:
-    """What cuts the light, beside the facets' edges; off unless given.
+    """Apertures that cut the light, beside the facets' edges; off unless given.
 
     beam: diameter of an aperture in the beam over the beam's 1/e^2 diameter; of the beam's own
-    shape and centred on it, so 1 cuts where the irradiance has fallen to 1/e^2.
-    detectors: whether the light past a PSD's sensitive area is lost. The solver then takes a spot
-    that an edge cuts for out of range: its middle hardly moves while the spot goes on.
-    tip, rim: the mirror reflects from `tip` to `rim` off its axis, counted towards where a facet
-    faces, so that both its flat top and its foot are bounded by straight edges; mm.
-    gap: width of the strip that is lost along each edge, half of it on either facet, mm.
+    shape and centred on it, so 1 cuts where the irradiance has fallen to 1/e^2. detectors: whether
+    the light past a PSD's sensitive area is lost. The solver then treats a spot that an edge cuts
+    as out of range, because its centroid hardly moves any more. tip, rim: the mirror reflects from
+    `tip` to `rim` off its axis, counted towards where a facet faces, so that both its flat top and
+    its foot are bounded by straight edges; mm. gap: width of the strip that is lost along each
+    edge, half of it on either facet, mm.
     """
 
     beam: float = key(
@@ -366,8 +366,8 @@ class Apertures:
     detectors: bool = key(
         "detectors",
         False,
-        "whether light past a PSD's sensitive area is lost; a spot that is cut is then "
-        "out of range for the solver",
+        "whether light past a PSD's sensitive area is lost; the solver then treats a spot that an "
+        "edge cuts as out of range",
     )
     tip: float = key(
         "tip_um",
@@ -379,7 +379,7 @@ class Apertures:
     rim: float = key(
         "rim_mm",
         None,
-        "distance from the mirror's axis at which the facets end below; null: no rim",
+        "distance from the mirror's axis at which the facets end at the foot; null: no rim",
         gt=0,
         le=1000,
         null=math.inf,
@@ -397,18 +397,18 @@ class Apertures:
 
     @property
     def cut(self) -> bool:
-        """Whether anything does."""
+        """Whether any aperture cuts the light."""
         return self != Apertures()
 
 
-#: Where a facet meets an edge, in the order of `BenchLight.rolloff`: facet by facet, first edge and
+#: The ends of facets at edges, in the order of `BenchLight.rolloff`: facet by facet, first edge and
 #: second edge, counter-clockwise seen from above.
 FACET_EDGES = ("edge_ca_a", "edge_ab_a", "edge_ab_b", "edge_bc_b", "edge_bc_c", "edge_ca_c")
-#: The mirror's edges in the order of `BenchLight.strips`: edge number k is where facet k begins.
+#: The mirror's edges in the order of `BenchLight.strips`: facet k begins at edge number k.
 EDGES = ("ca", "ab", "bc")
 
 
-#: Fields of `BenchLight` that do not go with apertures, and what to do about each.
+#: Fields of `BenchLight` that cannot be combined with apertures, and the remedy for each.
 REMEDIES = {
     **dict.fromkeys(
         ("curvature_xx", "curvature_xy", "curvature_yy"),
@@ -424,8 +424,8 @@ REMEDIES = {
 CURVATURE_PER_M = Key(
     "curvature_per_m",
     (0.0, 0.0, 0.0),
-    "curvature of the wavefront, one over its radius: xx, xy, yy along x_w and y_w; "
-    "positive where it spreads",
+    "curvature of the wavefront, one over its radius: xx, xy, yy along x_w and y_w; positive for "
+    "a diverging beam",
     "per_m",
     Three,
     {"ge": -1e3, "le": 1e3},
@@ -442,7 +442,7 @@ POLARIZATION_DEG: dict[str, Any] = {
     **ANGLE_DEG,
 }
 INDEX: dict[str, Any] = {
-    "meaning": "complex refractive index n, k of the coating; null: it reflects all light",
+    "meaning": "complex refractive index n, k of the coating; null: ideal reflection",
     "ge": 0,
     "le": 100,
 }
@@ -450,7 +450,8 @@ DEPTHS_NM: dict[str, Any] = {"hint": Six, "ge": -1e5, "le": 1e5}
 
 
 def background_field(power_meaning: str, place_meaning: str) -> Any:
-    """Other light on the detectors: keys for its power and place, one field for both."""
+    """Declare background light on the detectors: keys for its power and its place, and one field
+    for both."""
     keys = (
         Key("background_uw", (0.0,) * 3, power_meaning, "uw", Three, {"ge": -1e6, "le": 1e6}),
         Key(
@@ -476,20 +477,19 @@ def background_field(power_meaning: str, place_meaning: str) -> Any:
 @check_arguments
 @dataclass(frozen=True)
 class BenchLight:
-    """What the light of a bench does, in the model of every reading; off unless given.
+    """Effects of real light that the model of every reading includes; off unless given.
 
     curvature_xx, curvature_xy, curvature_yy: of the wavefront where the beam passes (bx, by, 0),
-    one over its radius, positive where it spreads, 1/mm; along the world's x and y as the beam's
-    tilt carries them, whatever the rotation of its ellipse.
-    wavelength: for the diffraction at the facets' edges, mm; 0 for none.
-    rolloff: how much lower the surface lies at an edge than its facet's plane, for `FACET_EDGES`,
-    mm.  rolloff_width: of the strip over which it falls evenly, mm, narrow beside the beam.
-    strips: width of the strip that is lost along each of `EDGES`, half of it on either facet, mm.
-    tip: area, square to the mirror's axis, that is lost at a worn apex, mm^2.
-    background: other light on detectors A, B and C: power (mW) and its centroid's y and z (mm).
-    index: complex refractive index (n, k) of the facets' coating, None for one that reflects all.
-    polarization: angle of the light's field from that x axis, rad; None for unpolarised.
-    delays: by how much detectors A, B and C are read later than the stated time, s. They belong to
+    one over its radius, positive where the beam diverges, 1/mm; along the world's x and y as the
+    beam's tilt carries them, whatever the rotation of its ellipse.  wavelength: for the diffraction
+    at the facets' edges, mm; 0 for none.  rolloff: depth of the surface below its facet's plane at
+    an edge, for `FACET_EDGES`, mm.  rolloff_width: width of the strip over which the surface falls
+    linearly, mm, narrow beside the beam.  strips: width of the strip that is lost along each of
+    `EDGES`, half of it on either facet, mm.  tip: area, square to the mirror's axis, that is lost
+    at a worn apex, mm^2.  background: background light on detectors A, B and C: power (mW) and its
+    centroid's y and z (mm).  index: complex refractive index (n, k) of the facets' coating, None
+    for ideal reflection.  polarization: angle of the light's field from that x axis, rad; None for
+    unpolarised.  delays: delays of detectors A, B and C after the stated time, s. They belong to
     recordings, not to single readings (`facets.detectors.skew`).
     """
 
@@ -507,7 +507,7 @@ class BenchLight:
     rolloff_width: float = key(
         "rolloff_width_um",
         0.0,
-        "width of the strip over which a facet falls off, from where a lost strip ends",
+        "width of the strip over which a facet falls off, inside a strip that reflects nothing",
         ge=0,
         le=1000,
     )
@@ -521,13 +521,13 @@ class BenchLight:
     tip: float = key(
         "tip_um2",
         0.0,
-        "area of a worn tip that reflects nothing, beside the strips",
+        "area of a worn tip that reflects nothing, in addition to the strips",
         ge=-1e6,
         le=1e6,
     )
     background: tuple[Three, ...] = background_field(
-        "power of other light on detectors A, B and C",
-        "psi and zeta of the other light's centroid on each detector",
+        "power of background light on detectors A, B and C",
+        "psi and zeta of the background light's centroid on each detector",
     )
     index: Pair | None = key("index", None, **INDEX)
     polarization: float | None = key("polarization_deg", None, **POLARIZATION_DEG)
@@ -557,28 +557,29 @@ class BenchLight:
 
     @cached_property
     def edge_effects(self) -> tuple[str, ...]:
-        """The effects that are given and do not go with apertures: they happen at edges, or bend
-        the light, where these would have to be followed anew."""
+        """The given effects that cannot be combined with apertures: those at the edges, and the
+        wavefront's curvature."""
         ideal = BenchLight()
         return tuple(name for name in REMEDIES if getattr(self, name) != getattr(ideal, name))
 
     @cached_property
     def on(self) -> bool:
-        """Whether readings differ from those of ideal light; found once, since every call asks."""
+        """Whether readings differ from those of ideal light; cached, because every call of the
+        model asks."""
         return replace(self, delays=(0.0, 0.0, 0.0), polarization=None) != BenchLight()
 
 
 @check_arguments
 @dataclass(frozen=True)
 class Imperfections:
-    """What real optics do besides: simulated, and solved as if it were not there.
+    """Imperfections of the optics that are simulated, and that the solver does not know.
 
-    index: complex refractive index (n, k) of the facets' coating, None for one that reflects all.
+    index: complex refractive index (n, k) of the facets' coating, None for ideal reflection.
     polarization: angle of the light's field from the beam's x axis, rad; None for unpolarised.
-    wavefront_radius: of the beam at the mirror, mm, positive where it spreads.
-    wavelength: of the light, mm, for diffraction at the facets' edges; 0 for none.
-    sag: of each facet, mm, positive where its middle bulges out, over the diameter `sag_over`, mm.
-    rolloff, rolloff_width, strips, tip, background: as in `BenchLight`, on top of what that says.
+    wavefront_radius: of the beam at the mirror, mm, positive for a diverging beam. wavelength: of
+    the light, mm, for diffraction at the facets' edges; 0 for none. sag: of each facet, mm,
+    positive where its middle bulges out, over the diameter `sag_over`, mm. rolloff, rolloff_width,
+    strips, tip, background: as in `BenchLight`, in addition to those.
     """
 
     index: Pair | None = key("index", None, **INDEX)
@@ -603,17 +604,21 @@ class Imperfections:
         "sag_over_mm", 5.0, "diameter over which `sag_nm` is measured", gt=0, le=1000
     )
     rolloff: tuple[float, ...] = key(
-        "rolloff_nm", (0.0,) * 6, "roll-off depths as in `light`, added to those", **DEPTHS_NM
+        "rolloff_nm", (0.0,) * 6, "roll-off depths, added to those in `light`", **DEPTHS_NM
     )
     rolloff_width: float = key(
-        "rolloff_width_um", 0.0, "roll-off width as in `light`, instead of that", ge=0, le=1000
+        "rolloff_width_um", 0.0, "roll-off width, which replaces the one in `light`", ge=0, le=1000
     )
     strips: Three = key(
-        "strips_um", (0.0, 0.0, 0.0), "strip widths as in `light`, added to those", ge=0, le=1e3
+        "strips_um",
+        (0.0, 0.0, 0.0),
+        "widths of the strips that reflect nothing, added to those in `light`",
+        ge=0,
+        le=1e3,
     )
-    tip: float = key("tip_um2", 0.0, "tip area as in `light`, added to that", ge=0, le=1e6)
+    tip: float = key("tip_um2", 0.0, "area of a worn tip, added to that in `light`", ge=0, le=1e6)
     background: tuple[Three, ...] = background_field(
-        "power of other light as in `light`, added to that", "its centroid as in `light`"
+        "power of background light, added to that in `light`", "its centroid as in `light`"
     )
 
     def __post_init__(self) -> None:
@@ -625,10 +630,10 @@ class Imperfections:
 @check_arguments
 @dataclass(frozen=True)
 class Calibration:
-    """How well the sensor's parameters are known, after a calibration.
+    """The covariance of the sensor's parameters after a calibration.
 
-    names: of parameters (`facets.PARAMETERS`) and of corrections (`correction.NAMES`).
-    covariance: (n, n) as nested tuples, in mm, rad, mW and shares.
+    names: of parameters (`facets.PARAMETERS`) and of corrections (`correction.NAMES`). covariance:
+    (n, n) as nested tuples, in mm, rad, mW and shares.
     """
 
     names: tuple[str, ...]
@@ -649,13 +654,12 @@ def _equal_thirds(kind: type[Any]) -> tuple[Any, ...]:
 class Sensor:
     """The whole sensor. `facets` and `psds` run A, B, C.
 
-    electronics: if given, noise follows from it instead of from `noise`.
-    calibration: if given, its uncertainty is part of every pose's.
-    imperfections: of the optics, in simulations alone.
-    light: what the light of the bench does, in every reading.
+    electronics: if given, noise follows from it instead of from `noise`. calibration: if given, its
+    uncertainty is part of every pose's uncertainty. imperfections: effects in simulations only.
+    light: effects in the model of every reading.
 
-    Seen from above the facets follow each other counter-clockwise, each within half a turn of the
-    one before: else they are not the sides of a pyramid with its point up.
+    Seen from above the facets follow each other counter-clockwise, each by less than half a turn
+    from the one before; otherwise they do not form a pyramid.
     """
 
     beam: Beam = Beam()

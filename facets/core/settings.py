@@ -23,7 +23,7 @@ Pair = tuple[float, float]
 
 
 def check_line(value: str) -> str:
-    """The name of a line into or out of this machine; raises `ValueError` for any other text."""
+    """Return the name of an input or output line; raise `ValueError` for any other text."""
     kind, colon, place = value.partition(":")
     if value != "board" and not (kind in ("ni", "file") and colon and place):
         raise ValueError(f"must be board, ni:DEVICE/LINE or file:PATH (got {value!r})")
@@ -32,7 +32,7 @@ def check_line(value: str) -> str:
 
 @dataclass(frozen=True)
 class Acquire:
-    """The detector board's stream; how counts become light is in `sensor.electronics`."""
+    """The detector board's stream; `sensor.electronics` says how counts become light."""
 
     port: str | None = key(
         "port",
@@ -44,14 +44,15 @@ class Acquire:
         "format", "frames", "format of the stream; see Formats in the documentation"
     )
     content: Literal["electrodes", "xy-sum"] = key(
-        "content", "electrodes", "numbers in a text line; frames state theirs"
+        "content", "electrodes", "numbers in a line of text; binary frames state theirs"
     )
     dark: float = key("dark_counts", 0.0, "reading of an electrode without light", ge=-1e9, le=1e9)
     timing: Literal["envelope", "arrival"] = key(
         "timing",
         "envelope",
-        "how samples get the host's time: by the soonest arrivals of a minute, which "
-        "know the board's clock best, or each block by its own arrival, as versions before did",
+        "method that gives samples the host's time: `envelope` fits the board's clock to the "
+        "soonest arrivals of a minute; `arrival` gives each block its own arrival time, as "
+        "earlier versions did",
     )
     least_delay: float = key(
         "least_delay_ms",
@@ -70,8 +71,8 @@ class Acquire:
     mark: Literal["trigger", "pps"] = key(
         "mark",
         "trigger",
-        "what the board's marked input is: of no meaning here, or a pulse per second "
-        "at whole seconds of UTC, which then steers `utc_s` of what is published and replayed",
+        "meaning of the board's marked input: none, or one pulse per second at whole seconds of "
+        "UTC, from which `utc_s` of published and replayed samples follows",
     )
     wait: float = key(
         "wait_seconds",
@@ -83,15 +84,15 @@ class Acquire:
     sync: float = key(
         "sync_seconds",
         1.0,
-        "a power failure costs a recording no more than its last so many seconds; "
-        "0: the system writes back when it likes",
+        "longest time between two writes to the disk, which a power failure can cost; 0: the "
+        "operating system decides",
         ge=0,
         le=3600,
     )
     detectors: int = key(
         "detectors",
         3,
-        "2: the same as `solve.accept_unchecked: true`, as older files have it",
+        "2: the same as `solve.accept_unchecked: true`, kept for older files",
         ge=2,
         le=3,
     )
@@ -104,10 +105,11 @@ class Stage:
     driver: Literal["zaber", "pi", "other"] = key(
         "driver",
         "zaber",
-        "Zaber ASCII, PI GCS 2.0, or what the port's name begins with, as kinesis:",
+        "Zaber ASCII, PI GCS 2.0, or another driver by the first part of the port's name, such as "
+        "kinesis:",
     )
     port: str | None = key(
-        "port", None, "device or URL; for `other` a name as kinesis:27000001,27000002"
+        "port", None, "device or URL; for `other` a name such as kinesis:27000001,27000002"
     )
     baud: int = key("baud", 115_200, "baud rate of a serial line", gt=0, le=MAX_BAUD)
     step: float = key("step_um", 0.1, "Zaber: one native unit of position", gt=0, le=1000)
@@ -115,11 +117,11 @@ class Stage:
     low: Pair = key(
         "low_mm",
         (-7.0, -7.0),
-        "soft limits in the stage's own coordinates, as its controller shows them, "
-        "whatever `zero_mm` is",
+        "soft limits in the stage's own coordinates, as its controller shows them; `zero_mm` does "
+        "not shift them",
         **PLACE_MM,
     )
-    high: Pair = key("high_mm", (7.0, 7.0), "upper soft limits, as `low_mm`", **PLACE_MM)
+    high: Pair = key("high_mm", (7.0, 7.0), "upper soft limits, like `low_mm`", **PLACE_MM)
     max_speed: float = key(
         "max_speed_mm_s", 20.0, "largest speed of commanded moves", gt=0, le=10_000
     )
@@ -133,24 +135,26 @@ class Stage:
     law: Literal["proportional", "pi", "feedforward"] = key(
         "law",
         "feedforward",
-        "Eq. (14), the same with an integral, or by the solved place of the apex",
+        "control law: Eq. (14), Eq. (14) with an integral term, or the solved position of the apex",
     )
-    gain: float = key("gain", 0.5, "share of the error that one command takes away", gt=0, le=2)
-    integral: float = key("integral", 0.1, "for `pi`: share of the summed error", ge=0, le=1)
+    gain: float = key("gain", 0.5, "share of the error that one command corrects", gt=0, le=2)
+    integral: float = key(
+        "integral", 0.1, "for `pi`: share of the summed error that one command corrects", ge=0, le=1
+    )
     stale: float = key(
         "stale_ms",
         50.0,
-        "age from which on a pose is not followed; a predicted motion may follow it",
+        "age beyond which a pose is not followed; a predicted motion may follow it",
         gt=0,
         le=10_000,
     )
     bridge: float = key(
         "bridge_ms",
         150.0,
-        "after the last good pose the stage may follow the predicted motion for this "
-        "long, at most; then it stops. 0 turns prediction off. The circle of the virtual bench "
-        "(9.9 mm/s²) leaves its predicted line by 0.11 mm in 150 ms, a third of the range in which "
-        "there are poses",
+        "longest time after the last good pose for which the stage may follow the predicted "
+        "motion before it stops; 0 turns prediction off. The circle of the virtual bench (9.9 "
+        "mm/s²) leaves its predicted line by 0.11 mm in 150 ms, a third of the range in which "
+        "poses are solved",
         ge=0,
         le=1000,
     )
@@ -178,8 +182,8 @@ class Stage:
     resume: Literal["person", "auto"] = key(
         "resume",
         "person",
-        "who ends a stop: a person, or, after a stop for want of good samples, the "
-        "program itself as soon as there are good ones; stops for any other reason need a person",
+        "who ends a stop: `person`: a person; `auto`: the program, as soon as good samples arrive "
+        "after a stop for want of good samples; stops for any other reason need a person",
     )
     resumes_per_hour: int = key(
         "resumes_per_hour", 6, "largest number of stops in an hour that `auto` ends", ge=1, le=3600
@@ -187,22 +191,22 @@ class Stage:
     permit: str | None = key(
         "permit",
         None,
-        "input without which no move is sent: `board` (the flag 8 of its frames), "
+        "input without which no move is sent: `board` (flag 8 of its frames), "
         "`ni:Dev1/port0/line0`, or `file:PATH` of a file that holds 1",
         check=check_line,
     )
     heartbeat: str | None = key(
         "heartbeat",
         None,
-        "where the program sends a sign of life while the stage may move: `board` (its "
-        "port), `ni:Dev1/port0/line1` (toggles), or `file:PATH`",
+        "output for a sign of life while the stage may move: `board` (its port), "
+        "`ni:Dev1/port0/line1` (toggles), or `file:PATH`",
         check=check_line,
     )
     checked: str | None = key(
         "checked",
         None,
-        "date of the check of the wiring, and the driver, port and step of the stage "
-        "that was checked, as `acquire --check-stage` writes them",
+        "date of the wiring check, with the driver, port and step of the checked stage; written "
+        "by `acquire --check-stage`",
         max_length=300,
     )
 
@@ -241,7 +245,9 @@ class Solve:
         "method", "least-squares", "all nine readings, or Newton on eight as in the paper"
     )
     start: Literal["zero", "previous"] = key(
-        "start", "zero", "where each solution starts: from zero or from the sample before"
+        "start",
+        "zero",
+        "initial guess: zero, or the solution of the sample before",
     )
     max_steps: int = key(
         "max_steps",
@@ -253,15 +259,14 @@ class Solve:
     accept_unchecked: bool = key(
         "accept_unchecked",
         False,
-        "whether to give poses that no number is left to check, as those of two detectors",
+        "whether to output poses without any redundant reading, such as those from two detectors",
     )
 
     def knowledge(self, sensor: Sensor, position: Floats | None = None) -> Knowledge:
-        """What these settings say of the beam, as `facets.solve` takes it.
+        """Return the knowledge of the beam that these settings state, as `facets.solve` takes it.
 
-        A beam or a power that is known is known as well as the laser keeps it
-        (`Electronics.pointing`, `power_noise`).
-        position: (n, 2) or (1, 2) of the beam, mm; by default the origin.
+        A known beam or power is known within the laser's own noise (`Electronics.pointing`,
+        `power_noise`). position: (n, 2) or (1, 2) of the beam, mm; by default the origin.
         """
         return Knowledge(beam=self._beam(sensor, position), power=self._power(sensor))
 
@@ -310,10 +315,10 @@ SIMULATE = Key(
 class Config:
     """A checked configuration.
 
-    name: file name without suffix.  path: of the file.
-    electronics: of the detectors, also where the noise does not follow from them.
-    resolved: the same as plain types with every default filled in, in the units of the YAML keys.
-    sha256: of `resolved` as JSON; equal sums mean equal sensors, motions and settings.
+    name: file name without suffix.  path: of the file.  electronics: of the detectors, even if the
+    noise does not follow from them.  resolved: the same as plain types with every default filled
+    in, in the units of the YAML keys.  sha256: of `resolved` as JSON; equal sums mean equal
+    sensors, motions and settings.
     """
 
     name: str

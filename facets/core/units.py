@@ -1,8 +1,8 @@
-"""Units in one place: types of arrays, factors to the code's units, and how a unit is written.
+"""Types of arrays, units with their factors to the units of the code, and how a unit is written.
 
-The code works in mm, rad, mW and s. People see places in mm and mrad, errors in µm and µrad. The
-micro sign is written µ to a person, and u where a name must be ASCII: in columns of tables and in
-the keys of a configuration.
+The code works in mm, rad, mW and s. Output has places in mm and mrad, and errors in µm and µrad.
+The micro sign is µ in text, and u in names that must be ASCII: columns of tables and keys of a
+configuration.
 """
 
 from __future__ import annotations
@@ -24,12 +24,13 @@ Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
 MICRO = "µ"
-#: How many of a unit make one of the code's: of a length mm, of an angle rad, of a power mW.
+#: Values of one unit in the code's unit: mm for lengths, rad for angles, mW for powers.
 UM, MRAD, URAD, UW = 1e3, 1e3, 1e6, 1e3
 
 
 class AxisUnit(NamedTuple):
-    """How an axis is shown: unit and factor of its places, then unit and factor of its errors."""
+    """Output units of an axis: unit and factor of its places, then unit and factor of its
+    errors."""
 
     unit: str
     factor: float
@@ -42,31 +43,31 @@ ANGLE = AxisUnit("mrad", MRAD, f"{MICRO}rad", URAD)
 
 
 def unit_of(name: str) -> AxisUnit:
-    """How a component of the state, Eq. (3), is shown: `unit_of("yaw").unit` is "mrad"."""
+    """Return the output units of a component of the state: `unit_of("yaw").unit` is "mrad"."""
     return ANGLE if name in ANGLES else LENGTH
 
 
 def column_label(column: str) -> str:
-    """A column of a table as an axis of a picture: "range_roll_mrad" is "range roll, mrad"."""
+    """Label a picture's axis by a table's column: "range_roll_mrad" is "range roll, mrad"."""
     words, _, unit = column.rpartition("_")
     return f"{words.replace('_', ' ')}, {write_micro(unit)}"
 
 
 def write_micro(unit: str) -> str:
-    """A unit of a column or a key as a person writes it: "um" is "µm"."""
+    """Write the unit of a column or a key for people: "um" is "µm"."""
     return MICRO + unit[1:] if unit in ("um", "urad", "uw", "uW") else unit
 
 
 def ascii_unit(text: str) -> str:
-    """A text for a table's column or cell: "µm" is "um"."""
+    """Write text for a table's column or cell: "µm" is "um"."""
     return text.replace(MICRO, "u")
 
 
 class KeyUnit(NamedTuple):
-    """A unit of configuration keys, whose names end with it.
+    """A unit with which the names of configuration keys end.
 
-    label: as people write it.  to_code: from this unit to that of the code (mm, rad, mW, s, V, A,
-    ohm, Hz, K).  to_key: the other way.
+    label: as people write it.  to_code: converts from this unit to that of the code (mm, rad, mW,
+    s, V, A, ohm, Hz, K).  to_key: converts back.
     """
 
     label: str
@@ -82,7 +83,7 @@ def _multiply(label: str, factor: float, back: float) -> KeyUnit:
     return KeyUnit(label, lambda value: factor * value, lambda value: back * value)
 
 
-#: Whether a factor divides or multiplies decides on the last bit, and stays as it is: the same file
+#: Whether a factor divides or multiplies decides the last bit; do not change it, so that a file
 #: gives the same sensor in every version.
 KEY_UNITS = {
     "mm": KeyUnit("mm"),
@@ -115,7 +116,7 @@ KEY_UNITS = {
 
 
 def unit_in(key: str) -> str:
-    """The unit that ends a key's name, or nothing: `unit_in("max_speed_mm_s")` is "mm_s"."""
+    """Return the unit at the end of a key's name, or "": `unit_in("max_speed_mm_s")` is "mm_s"."""
     words = key.split("_")[1:]
     endings = ("_".join(words[n:]) for n in range(len(words)))
     return next((ending for ending in endings if ending in KEY_UNITS), "")
