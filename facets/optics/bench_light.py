@@ -60,7 +60,12 @@ def add_background(spot: Plane, power: Number, other: Three) -> Three:
 def reading(
     geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], steps: Three, k: int
 ) -> Three:
-    """Of detector k: (psi, zeta, power), mm and mW. NaN as in `forward.reading`."""
+    """Of detector k: (psi, zeta, power), mm and mW.
+
+    NaN as in `forward.reading`, and where the edges' diffraction would take half of the light or
+    more: `edge_light` is of first order in that share, and there gives a plausible place far inside
+    of the detector for a spot on its edge.
+    """
     following = (k + 1) % 3
     light = geometry.light
     image = detector_image(geometry, at, k)
@@ -83,7 +88,8 @@ def reading(
     total = add_apex_loss(
         geometry, at, back, image, k, (step, after), streaks, scatter, centre, total
     )
-    rest = nan_unless_positive(mass - total.lost, mass - total.lost, mass, ray.facing)
+    rest = mass - total.lost
+    rest = nan_unless_positive(rest, rest - total.lost, mass, ray.facing)
     share = 1 / rest
     spot = centre[0] + total.moment[0] * share, centre[1] + total.moment[1] * share
     bend = combine(centroid[0], light.fan[0], centroid[1], light.fan[1])

@@ -235,6 +235,17 @@ def test_more_lost_than_there_is_reads_nothing(light):
     assert not facets.solve(lit(**light), reading, beam="known").ok
 
 
+def test_a_spot_that_diffraction_all_but_takes_reads_nothing():
+    """At its detector's edge such a spot would be told more than a millimetre inside, where it fits
+    another pose within the noise."""
+    sensor = facets.load("bench-light").sensor
+    inside, at_edge = facets.readings(
+        sensor, [[0.45, 0, height, 0, 0, 0, 0, 0] for height in (5.0, 6.7)]
+    )
+    assert np.isfinite(inside).all()
+    assert np.isnan(at_edge).tolist() == [True] * 3 + [False] * 6
+
+
 def test_a_configuration_of_wide_strips_is_refused(tmp_path):
     file = tmp_path / "wide.yaml"
     file.write_text(
