@@ -125,7 +125,7 @@ def acquire(
     json: AsJson = False,
     display_rate: DisplayRate = None,
     publish: Publish = None,
-    filter_by: Annotated[str | None, filter_option("they are sent with --publish")] = None,
+    filter_by: Annotated[str | None, filter_option("sent with --publish")] = None,
     web: Web = None,
     compare_board: CompareBoard = False,
 ) -> None:

@@ -45,7 +45,7 @@ def bench(
     seed: Annotated[int, seed_option()] = 1,
     look: Style = Look.screen,
 ) -> None:
-    """Measure run times and errors, beside other methods.
+    """Measure run times and errors, and compare with other methods.
 
     All methods run in turn on the paper's sensor; ratios are relative to this package. Writes a
     table for each study, the facts of the machine (machine.json) and three pictures into the

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def write_results(settings: Config, found: Verdict, paths: list[Path]) -> None:
-    """Written beside first and loaded from there, so that no file is left that can not be."""
+    """Written beside first and loaded from there, so that no file is left that cannot be."""
     path, table, covariance, picture = paths
     assert found.found is not None
     assert found.errors is not None

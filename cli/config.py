@@ -36,7 +36,10 @@ def check(
         ),
     ],
 ) -> None:
-    """Check configurations: print a summary of each valid one, and all problems of the others."""
+    """Check configurations.
+
+    Prints a summary of each valid configuration and all problems of the others.
+    """
     failed = False
     for file in files:
         try:
@@ -50,13 +53,19 @@ def check(
 
 @app.command()
 def show(config: ConfigName) -> None:
-    """Print a configuration as YAML with all defaults filled in; the output can be loaded."""
+    """Print a configuration as YAML with all defaults filled in.
+
+    The output is a valid configuration file.
+    """
     sys.stdout.write(configuration.to_yaml(load_config(config)))
 
 
 @app.command()
 def schema() -> None:
-    """Print the JSON Schema of configurations, for editors that check and complete YAML."""
+    """Print the JSON Schema of configurations.
+
+    Editors use it to check and complete YAML.
+    """
     import json
 
     typer.echo(json.dumps(configuration.schema(), indent=2))

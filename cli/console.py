@@ -2,7 +2,7 @@
 
 A command's results are its files. So a standard output that ends before the command does, as under
 `| head -1`, loses nothing: what is printed after that is dropped, and the files are written. A
-standard output that can not be written, as on a full disk, is told on standard error at the end.
+standard output that cannot be written, as on a full disk, is told on standard error at the end.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ def show_progress(
 
 
 class Stream(io.RawIOBase):
-    """A stream that never fails: what can not be written is dropped, and `error` says why."""
+    """A stream that never fails: what cannot be written is dropped, and `error` says why."""
 
     def __init__(self, raw: IO[bytes]) -> None:
         self.raw = raw
@@ -205,4 +205,4 @@ class Guarded:
         error = None if self.out is None else self.out.error
         if error is None or isinstance(error, BrokenPipeError):
             return ""
-        return f"error: the standard output can not be written: {error.strerror}"
+        return f"error: the standard output cannot be written: {error.strerror}"

@@ -71,11 +71,12 @@ def emulate(
     """Run a virtual bench: mirror, detectors and stage.
 
     `facets acquire` connects to its ports FOLDER/board and FOLDER/stage. At the end the command
-    prints the numbers of samples and faults and writes them to FOLDER/counts.json, and with
-    --with-reference FOLDER/reference.csv. Ctrl-C, SIGTERM and closing the terminal end it.
+    prints the numbers of samples and faults and writes them to FOLDER/counts.json. With
+    --with-reference it also writes FOLDER/reference.csv. Ctrl-C, SIGTERM and closing the
+    terminal end the run.
     """
     if sys.platform == "win32":
-        raise InputError("facets emulate needs ptys, which this system has not")
+        raise InputError("facets emulate needs pseudo-terminals, which this system does not have")
     if seconds == 0:
         raise InputError(
             "--seconds 0 would end before it begins; give more, or leave it out to run until ^C"

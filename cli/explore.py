@@ -61,7 +61,7 @@ Every = Annotated[
     bool,
     typer.Option(
         "--every",
-        help="Compute the ranges also of designs that cannot be on the Pareto front.",
+        help="Compute the ranges also for designs that cannot be on the Pareto front.",
     ),
 ]
 Required = Annotated[
@@ -170,8 +170,8 @@ def explore(
     Varies the parameters in `optimize.variables`, and computes the ranges and uncertainties of each
     design and which designs no other one beats in all objectives. The results are written part by
     part: the same command continues an interrupted run, and --force starts again. Ranges, which
-    take most of the time, are not computed of designs that cannot be on the front. Exit status 1 if
-    no design has all objectives.
+    take most of the time, are not computed for designs that cannot be on the front. Exit status 1
+    if no design has all objectives.
     """
     settings = load_config(config)
     design.exploration.require_measures(goals := objective or list(GOALS))
@@ -273,7 +273,7 @@ def require_same(settings: Config, folder: Path, force: bool) -> None:
 def begin(
     space: Space, folder: Path, paths: list[Path], about: dict[str, str], force: bool
 ) -> None:
-    """Refuses what can not be searched or written, before the folder is made."""
+    """Refuses what cannot be searched or written, before the folder is made."""
     paths = [file for file in paths if file.suffix]
     files.tables.refuse_to_overwrite(
         paths, force=True
@@ -381,7 +381,7 @@ def own_measures(space: Space) -> dict[str, float]:
 
 
 def require_page(report: Path | None, force: bool) -> None:
-    """Refuses what can not be written before anything is computed."""
+    """Refuses what cannot be written before anything is computed."""
     if report is None:
         return
     if report.suffix.lower() not in (".html", ".htm"):

@@ -42,5 +42,5 @@ def export_c(
             with Whole(place / path) as temporary:
                 temporary.write_text(text, "utf-8")
     shown = ", ".join(str(path) for path in paths if path.parent == Path())
-    typer.echo(f"{place}/: {shown}, and what is in teensy41/ and callers/")
+    typer.echo(f"{place}/: {shown}, and the files in teensy41/ and callers/")
     typer.echo(f"next: make -C {shlex.quote(str(place))} test")

@@ -74,7 +74,7 @@ Deviations = Annotated[
     float | None,
     typer.Option(
         min=0,
-        help="Prove it for every sensor whose parameters lie within this many standard "
+        help="Prove the uniqueness for every sensor whose parameters lie within this many standard "
         "uncertainties of the calibrated values, or of the nominal values by `calibrate.before`.  "
         "[default: the sensor exactly as configured]",
     ),

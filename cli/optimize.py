@@ -235,7 +235,7 @@ def show_parts(found: Optimum) -> None:
         show_table("parts, the best first", headings, rows[:SHOWN], left=left)
         if len(rows) < found.choices or len(rows) > SHOWN:
             typer.echo(
-                f"{len(rows)} of {found.choices} choices were tried; the others can not be better, "
+                f"{len(rows)} of {found.choices} choices were tried; the others cannot be better, "
                 "or keep not all that is asked for\n"
             )
 

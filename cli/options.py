@@ -81,7 +81,7 @@ def write_option(content: str) -> typer.models.OptionInfo:
     option: typer.models.OptionInfo = typer.Option(
         "--write",
         metavar="FILE.yaml",
-        help=f"YAML file for the configuration with the findings: {content}.",
+        help=f"YAML file to write: the configuration with {content}.",
     )
     return option
 
@@ -122,8 +122,8 @@ def filter_option(places: str) -> typer.models.OptionInfo:
     option: typer.models.OptionInfo = typer.Option(
         "--filter",
         metavar="MODEL",
-        help="Also give poses filtered by a motion whose acceleration, speed or place (one of "
-        f"these words) is nearly constant: {places}.",
+        help="Also filter the poses, by a motion model: MODEL is acceleration, speed or place, "
+        f"whichever is nearly constant. The filtered poses are {places}.",
     )
     return option
 

@@ -50,5 +50,5 @@ def pair_of(text: str) -> tuple[str, str]:
     """'tx,ty' as the names of two axes."""
     names = [name.strip() for name in text.split(",")]
     if len(names) != 2 or len(set(names)) != 2 or not set(names) <= set(POSE):
-        raise InputError(f"--axes is {text!r}; allowed: two of {', '.join(POSE)}, as tx,ty")
+        raise InputError(f"--axes is {text!r}; allowed: two of {', '.join(POSE)}, such as tx,ty")
     return names[0], names[1]

@@ -78,11 +78,19 @@ Larger = Annotated[
 ]
 Width = Annotated[
     int | None,
-    typer.Option(min=200, max=8000, help="Width in pixels.  [default: 1200, or 720 for a film]"),
+    typer.Option(
+        min=200,
+        max=8000,
+        help="Width of the picture in pixels.  [default: 1200, or 720 for a film]",
+    ),
 ]
 Height = Annotated[
     int | None,
-    typer.Option(min=200, max=8000, help="Height in pixels.  [default: 900, or 480 for a film]"),
+    typer.Option(
+        min=200,
+        max=8000,
+        help="Height of the picture in pixels.  [default: 900, or 480 for a film]",
+    ),
 ]
 Show = Annotated[
     bool, typer.Option("--show", help="Show the scene in a window instead of writing a file.")

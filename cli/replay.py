@@ -43,11 +43,11 @@ Smooth = Annotated[
     str | None,
     typer.Option(
         metavar="MODEL",
-        help="Also write poses smoothed over the whole recording by a motion whose "
-        "acceleration, speed or place (one of these words) is nearly constant.",
+        help="Also write poses that are smoothed over the whole recording, by a motion model: "
+        "MODEL is acceleration, speed or place, whichever is nearly constant.",
     ),
 ]
-Filter = Annotated[str | None, filter_option("they are written to -o, or sent with --publish")]
+Filter = Annotated[str | None, filter_option("written to -o, or sent with --publish")]
 
 
 def replay(

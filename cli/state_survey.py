@@ -101,7 +101,7 @@ ANNOUNCED_AFTER_S = 10.0
 
 
 def refuse_too_many(request: SurveyRequest) -> None:
-    """Says how long many states take; raises `InputError` where they can not be done."""
+    """Says how long many states take; raises `InputError` where they cannot be done."""
     if request.states <= characterization.singularity.CHUNK:
         return
     seconds, memory, size = characterization.singularity.cost(

@@ -304,7 +304,7 @@ def read(path: Path) -> dict[str, Any]:
             parse_constant=refuse_number,
         )
     except (OSError, ValueError, RecursionError) as error:
-        raise Refused(f"the file can not be read as JSON: {error}") from None
+        raise Refused(f"the file cannot be read as JSON: {error}") from None
     conform(content, SCHEMA)
     whole: dict[str, Any] = content
     return whole
@@ -329,7 +329,7 @@ def check(path: Path) -> CheckResult:
     except Refused:
         raise
     except Exception as error:
-        raise Refused(f"it can not be checked: {error!r:.200}") from None
+        raise Refused(f"it cannot be checked: {error!r:.200}") from None
 
 
 def check_content(content: dict[str, Any]) -> CheckResult:

@@ -75,7 +75,7 @@ def select_experiments(names: list[str]) -> list[str]:
     unknown = [name for name in names if name not in (*EXPERIMENTS, "all")]
     if unknown:
         raise InputError(
-            f"no experiment {', '.join(unknown)}; there are: {', '.join(EXPERIMENTS)}, all"
+            f"unknown experiment {', '.join(unknown)}; allowed: {', '.join(EXPERIMENTS)}, all"
         )
     if not names or "all" in names:
         return list(EXPERIMENTS)

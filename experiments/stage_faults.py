@@ -581,7 +581,7 @@ def begin(world: World, search: bool, again: bool) -> Tracker | None:
         )  # fmt: skip
     except (StageError, OSError):
         if not world.closed or world.model.sent:
-            raise Broken("a stage that can not be used was moved, or its port left open") from None
+            raise Broken("a stage that cannot be used was moved, or its port left open") from None
         return None
     world.tracker = tracker
     return tracker

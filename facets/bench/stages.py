@@ -45,7 +45,7 @@ def stage_code(formula: Callable[[LaneWriter, Any, tuple[Any, ...]], Iterable[An
 def special(code: LaneWriter, vectors: Geometry, state: tuple[Any, ...]) -> Iterator[Any]:
     """Nothing but the functions of three edges: a Gaussian of the point; of each edge a Gaussian,
     two error functions, a triangle's mass, a root and an arc tangent; of each angle its sine and
-    cosine. What readings can not do without."""
+    cosine. What readings cannot do without."""
     q = state[:2]
     for k in range(3):
         a, h, angle = state[k], state[k + 1], state[3 + k]

@@ -52,7 +52,7 @@ def _missing_file(name_or_path: str, file: Path, names: dict[str, Path]) -> str:
     near = difflib.get_close_matches(file.name, known, n=1, cutoff=0.6)
     what = "no such file" if not bare or file.suffix in SUFFIXES else "no such file or shipped name"
     hint = f"; did you mean {near[0]!r}?" if near else ""
-    return f"{name_or_path}: {what}{hint} (shipped: {', '.join(names)})"
+    return f"{name_or_path}: {what}{hint} (shipped names: {', '.join(names)})"
 
 
 #: Files that one configuration may be laid together from.

@@ -545,7 +545,7 @@ def require_measures(names: list[str]) -> None:
     able = MEASURES[:-1]
     unknown = [name for name in names if name not in able]
     if unknown:
-        raise InputError(f"no measure {', '.join(unknown)}; there are: {', '.join(able)}")
+        raise InputError(f"unknown measure {', '.join(unknown)}; allowed: {', '.join(able)}")
 
 
 def front(table: dict[str, NDArray[Any]], objectives: list[str]) -> Booleans:

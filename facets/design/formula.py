@@ -25,7 +25,7 @@ class Formula:
     """Outputs of layouts at states.
 
     compute: from unknowns (k, n) and states (m, w) to the outputs, each as wide as (k, m) or less.
-    origin (n,): what an unknown must be to make its variable zero, where that can not be negative;
+    origin (n,): what an unknown must be to make its variable zero, where that cannot be negative;
     else NaN.
     """
 

@@ -2,7 +2,7 @@
 
 The largest of what is asked for over the volume is pushed down by a slack variable (minimax). What
 a layout must keep are constraints with names, so that the search can say in words what holds the
-best layout back, or what can not be met.
+best layout back, or what cannot be met.
 
 All of it is the float model on arrays, of many layouts at once (`formula`). A constraint is one
 output at one state; the search holds only those that matter (`search`).
@@ -279,7 +279,7 @@ class StartResult:
 
     x: the variables, in the units of their names.  objective: see `report.objective_text`.
     active_constraints: the multiplier of each group that holds the result back, over the largest.
-    shortfalls: by what share of its limit a group can not be met, where the requirement is
+    shortfalls: by what share of its limit a group cannot be met, where the requirement is
     infeasible.
     """
 
@@ -356,7 +356,7 @@ def require_noise(sensor: Sensor, layout: Layout, command: str) -> None:
         )
     if GAIN in layout.variables and command != "optimize":
         raise InputError(
-            f"facets {command} can not vary {GAIN}: the least light of a range follows from it; "
+            f"facets {command} cannot vary {GAIN}: the least light of a range follows from it; "
             "leave it out of optimize.variables"
         )
     stated = [name for name, part in layout.psds.items() if part.position is not None]

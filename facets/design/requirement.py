@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ..core.layout import Layout
 
 FREE = Knowledge()
-#: The margin of what can not be told, since a spot or its light is not there.
+#: The margin of what cannot be told, since a spot or its light is not there.
 LOST = -1.0
 UNITS = np.array(FINE_UNITS[:6])
 

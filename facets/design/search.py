@@ -124,7 +124,7 @@ def choose(
     """The choices of parts that were tried, the best first, and how many there are in all.
 
     A small catalogue is tried whole, so that all of it can be seen; of a large one those are left
-    out that can not be the best.
+    out that cannot be the best.
     """
     made = dict(choices(sensor, layout))
     if len(made) > TRIED:
@@ -313,7 +313,7 @@ def active_constraints(problem: LayoutProblem, rows: Rows, found: SolverResult) 
 
 
 def shortfalls_of(problem: LayoutProblem, start: Floats) -> dict[str, float]:
-    """Groups that can not all be kept, and by what share of its limit each would have to give."""
+    """Groups that cannot all be kept, and by what share of its limit each would have to give."""
     low, high = problem.bounds()
     count = len(problem.groups)
     guess = np.append(problem.first_guess(start), np.ones(count))
@@ -330,7 +330,7 @@ def shortfalls_of(problem: LayoutProblem, start: Floats) -> dict[str, float]:
 
 
 def objective_at(problem: LayoutProblem) -> float:
-    """The objective of the sensor as it is, its variables held; NaN where it can not be."""
+    """The objective of the sensor as it is, its variables held; NaN where it cannot be."""
     now = present_values(problem.sensor)
     guess = problem.first_guess(np.array([now[name] for name in problem.names]))
     (low, high), count = problem.bounds(), len(problem.names)

@@ -20,7 +20,7 @@ LONGEST, FORBIDDEN = 31, re.compile(r"[\[\]:*?/\\]")
 
 
 def require_writable(path: Path) -> None:
-    """Raises `InputError` where tables of that kind can not be written."""
+    """Raises `InputError` where tables of that kind cannot be written."""
     if path.suffix.lower() not in KINDS:
         raise InputError(f"{path}: tables are written as {' or '.join(KINDS)}")
     if path.suffix.lower() == ".xlsx":

@@ -90,7 +90,7 @@ class Expansion:
 
 @one_thread
 def expand_margins(built: Assembly) -> Expansion:
-    """Raises `InputError` where the design itself can not be asked, or a head is none."""
+    """Raises `InputError` where the design itself cannot be asked, or a head is none."""
     count = len(built.choice.names)
     middle = margins_of(built.asked, built.sensor)
     slopes, bends = np.zeros((2, middle.size, count))

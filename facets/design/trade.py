@@ -95,7 +95,7 @@ def require_smooth(space: Space) -> None:
     unable = [name for name in space.objectives if name not in OBJECTIVES]
     if unable:
         raise InputError(
-            f"--front can not follow {', '.join(unable)}; it knows {', '.join(OBJECTIVES)}"
+            f"--front cannot follow {', '.join(unable)}; it knows {', '.join(OBJECTIVES)}"
         )
     if not 2 <= len(set(space.objectives)) <= 3:
         raise InputError("--front takes two or three objectives: give --objective again")

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 #: Noisy readings at the worst state of each axis, and random states of the volume.
 DRAWS, RANDOM = 5000, 4000
 FREE = Knowledge()
-#: An uncertainty, or how far past an edge, of what can not be told.
+#: An uncertainty, or how far past an edge, of what cannot be told.
 LOST = 1e9
 
 
@@ -63,7 +63,7 @@ def simulate_spread(sensor: Sensor, states: Floats, rng: np.random.Generator) ->
 def performance(
     sensor: Sensor, layout: Layout, rules: Rules, rng: np.random.Generator
 ) -> tuple[dict[str, float], Floats]:
-    """What a sensor does, by name and unit, NaN where it can not; and its worst states (6, 8)."""
+    """What a sensor does, by name and unit, NaN where it cannot; and its worst states (6, 8)."""
     states = worst_states(sensor, layout, rng)
     sigma = uncertainties(sensor, states, FREE)
     found: dict[str, float] = {}

@@ -78,7 +78,7 @@ class Solver:
     def solve(self, reading: ArrayLike) -> Solution:
         """The pose of one reading (9,): psi, zeta (mm), power (mW) of detectors A, B, C.
 
-        Returns a `Solution` without leading shape. A reading that can not be solved gets a status
+        Returns a `Solution` without leading shape. A reading that cannot be solved gets a status
         and NaN. Raises `InputError` for another shape.
         """
         values = as_floats(reading, "reading")
@@ -277,7 +277,7 @@ def find_solver(
 ) -> Solver:
     """A solver from zero for a sensor, made once while no more than a few are asked for.
 
-    It keeps its sensor, so that another can not have its identity.
+    It keeps its sensor, so that another cannot have its identity.
     """
     rest = (method, max_steps, covariance, accept_unchecked)
     key = (id(sensor), beam, power, *rest)

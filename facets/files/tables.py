@@ -56,7 +56,7 @@ def read_chunks(
 ) -> Iterator[Chunk]:
     """The named columns of a table, `rows` at a time; the others are passed over.
 
-    A column that is needed and missing, one that holds words, or a file that can not be read,
+    A column that is needed and missing, one that holds words, or a file that cannot be read,
     raises `InputError`.
     """
     require_table(path)
@@ -84,7 +84,7 @@ def require_table(path: Path) -> None:
         with path.open("rb") as file:
             begin = file.read(4)
     except OSError as error:
-        raise InputError(f"{path}: can not be read: {error.strerror}") from None
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     if ending(path) == ".parquet":
         if begin != PARQUET:
             raise InputError(f"{path}: not a Parquet table; name a table of text .csv")
@@ -194,7 +194,7 @@ def read_numbers(path: Path, names: Sequence[str] = ()) -> tuple[list[str], Floa
             try:
                 rows.append([number(row[place]) for place in places])
             except (ValueError, IndexError):
-                raise InputError(f"{path}:{line}: this row can not be read as numbers") from None
+                raise InputError(f"{path}:{line}: this row cannot be read as numbers") from None
     return use, np.array(rows, dtype=float).reshape(len(rows), len(use))
 
 

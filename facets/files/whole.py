@@ -23,17 +23,17 @@ def refuse_to_overwrite(paths: Sequence[Path], force: bool) -> None:
     """Asks for the places of all results, before any work is done for them.
 
     Raises `OutputError` where one of the paths exists and is not to be replaced, is a folder, or
-    can not be written.
+    cannot be written.
     """
     for path in paths:
         require_writable(path)
     existing = [str(path) for path in paths if path.exists()]
     if existing and not force:
-        raise OutputError(f"{', '.join(existing)}: exists already; --force replaces it")
+        raise OutputError(f"{', '.join(existing)}: exists already; use --force to replace it")
 
 
 def require_writable(path: Path) -> None:
-    """Raises `OutputError` where a file of that name can not be written; leaves nothing behind.
+    """Raises `OutputError` where a file of that name cannot be written; leaves nothing behind.
 
     Tries it, in the folder that is there already: rights, a read-only disk and a full one differ
     from system to system.
@@ -70,7 +70,7 @@ def free_space(path: Path) -> int:
 def cannot_write(path: Path, error: OSError) -> OutputError:
     text = str(path)
     shown = text if len(text) < 200 else f"{text[:80]} ... {text[-40:]}"
-    return OutputError(f"{shown}: can not be written: {reason_of(error)}")
+    return OutputError(f"{shown}: cannot be written: {reason_of(error)}")
 
 
 def reason_of(error: OSError) -> str:

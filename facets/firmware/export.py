@@ -42,7 +42,7 @@ FILES = (
 
 
 def export(sensor: Sensor, about: Provenance) -> dict[Path, str]:
-    """The files of the folder by their paths in it. Raises `InputError` where it can not be."""
+    """The files of the folder by their paths in it. Raises `InputError` where it cannot be."""
     code = write_source(sensor, about)
     found = {
         Path("facets.h"): code.header,

@@ -45,7 +45,7 @@ class FirmwareLibrary:
             size = int(self._code.facets_real_size())
         except (OSError, AttributeError) as error:
             raise InputError(
-                f"{path} can not be used as the exported solver: {error}; "
+                f"{path} cannot be used as the exported solver: {error}; "
                 "make it with `make library` in a folder that `facets export-c` has written"
             ) from None
         self.kind = np.dtype(np.float64 if size == 8 else np.float32)

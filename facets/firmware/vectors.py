@@ -51,7 +51,7 @@ def sample_states(sensor: Sensor, count: int, rng: np.random.Generator) -> Float
 
 
 def unsolvable_readings(reading: Floats, half: Floats) -> Floats:
-    """Readings (6, 9) that can not be solved, or by two detectors only."""
+    """Readings (6, 9) that cannot be solved, or by two detectors only."""
     rows = np.tile(reading, (6, 1))
     rows[0] = 0.0
     rows[1, 2::3] *= 1e-9

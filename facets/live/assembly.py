@@ -281,7 +281,7 @@ def refuse_options(
 def require_port(port: str | None, option: str, key: str) -> str:
     """The port; raises `InputError` where there is none."""
     if not port:
-        raise InputError(f"no port is given: give {option}, or {key} in the configuration")
+        raise InputError(f"no port is given: use {option}, or set {key} in the configuration")
     return port
 
 

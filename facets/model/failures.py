@@ -6,7 +6,7 @@ import threading
 
 
 class Failures(threading.local):
-    """What went wrong in this thread where compiled code has called Python, which can not raise
+    """What went wrong in this thread where compiled code has called Python, which cannot raise
     through it; raised once the compiled code has ended."""
 
     def __init__(self) -> None:

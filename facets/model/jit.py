@@ -161,7 +161,7 @@ class Locator(getattr(numba.core.caching, "UserProvidedCacheLocator", object)): 
     """Where in a folder Numba keeps the machine code of a file, wherever the file lies.
 
     The folder is named after the text, so that checkouts of one text share it. Numba's own ways
-    name it after the file's path, too; versions that can not be told another one go on with that.
+    name it after the file's path, too; versions that cannot be told another one go on with that.
     """
 
     @classmethod

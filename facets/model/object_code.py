@@ -95,7 +95,7 @@ def vector_bits() -> int:
 def host_features() -> str:
     try:
         return llvm.get_host_cpu_features().flatten()  # type: ignore[no-any-return]
-    except RuntimeError:  # where LLVM can not tell them: those that go with the name
+    except RuntimeError:  # where LLVM cannot tell them: those that go with the name
         return ""
 
 
@@ -184,6 +184,6 @@ def read(path: Path) -> bytes | None:
 
 
 def keep(path: Path, code: bytes) -> None:
-    """Keeps an object, whole or not at all; where it can not be kept it is made again."""
+    """Keeps an object, whole or not at all; where it cannot be kept it is made again."""
     with contextlib.suppress(OutputError), Whole(path, alone=True) as temporary:
         temporary.write_bytes(hashlib.sha256(code).digest() + code)

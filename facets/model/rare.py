@@ -96,7 +96,7 @@ def _compiled_function(name: str) -> Any:
 
 
 def prepare() -> None:
-    """Compiles or loads all of them now, for a loop that can not wait when light is lost."""
+    """Compiles or loads all of them now, for a loop that cannot wait when light is lost."""
     for name in NAMES:
         _compiled_function(name)
 

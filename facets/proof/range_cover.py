@@ -248,7 +248,7 @@ def jacobian_at(
 def refuse_wrong_way(
     problem: RangeProblem, pose: Sequence[Interval], around: Sequence[Sequence[Interval]]
 ) -> None:
-    """Raises `NoPose` where a sub-beam can not go from its facet to its detector's area.
+    """Raises `NoPose` where a sub-beam cannot go from its facet to its detector's area.
 
     Takes no quotient, so that it tells of large boxes too: from where the ray leaves to where it
     may land is along the ray.

@@ -18,7 +18,7 @@ def find_motion(config: Config, name: str) -> Motion:
     """The config's motion of that name."""
     if name not in config.motions:
         has = ", ".join(config.motions) or "none"
-        raise InputError(f"{config.path}: no motion {name}; it has: {has}")
+        raise InputError(f"{config.path}: no motion {name}; its motions: {has}")
     return config.motions[name]
 
 
@@ -56,7 +56,7 @@ def read_motion_table(file: Path, rate: float) -> tuple[Floats, Floats]:
             )
         if chunk.unparsable.any():
             line = chunk.lines[chunk.unparsable][0]
-            raise InputError(f"{file}:{line}: this row can not be read as numbers")
+            raise InputError(f"{file}:{line}: this row cannot be read as numbers")
         zero = np.zeros(len(chunk.lines))
         state = np.column_stack([chunk.columns.get(name, zero) for name in STATE_COLUMNS])
         time = chunk.columns.get("time_s", (rows + np.arange(len(state))) / rate)

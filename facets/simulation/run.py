@@ -162,7 +162,7 @@ def simulate(
     unknown = [name for name in names if name not in config.motions]
     if unknown or not names:
         has = ", ".join(config.motions) or "none"
-        raise InputError(f"{config.path}: no motion {', '.join(unknown)}; it has: {has}")
+        raise InputError(f"{config.path}: no motion {', '.join(unknown)}; its motions: {has}")
     if seed is not None and seed < 0:
         raise InputError(f"seed is {seed}; allowed: 0 or more")
     noisy = config.noise if noise is None else noise

@@ -99,7 +99,7 @@ def open_by_package(driver: EntryPoint, name: str, settings: Settings) -> Driver
         raise
     except Exception as error:
         what = f"{driver.value}: {type(error).__name__}: {error}"
-        raise StageError(f"{name}: can not be opened by {what}") from None
+        raise StageError(f"{name}: cannot be opened by {what}") from None
     lacks = [part for part in PARTS if not callable(getattr(found, part, None))]
     if lacks:
         raise StageError(f"{name}: {driver.value} gives no driver: it has no {', '.join(lacks)}")

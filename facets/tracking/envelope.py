@@ -160,7 +160,7 @@ class Envelope:
         if self.heartbeat:
             self.heartbeat.beat(now, not self.latched)
             if self.moving and not self.heartbeat.is_sent:
-                self._require(f"the heartbeat can not be sent ({self.settings.heartbeat})")
+                self._require(f"the heartbeat cannot be sent ({self.settings.heartbeat})")
 
     def _require(self, complaint: str) -> None:
         if complaint and not self.latched:
@@ -282,7 +282,7 @@ class Envelope:
         return True
 
     def reopen(self) -> None:
-        """Opens the line again after a fault; the stage stays stopped. Raises where it can not."""
+        """Opens the line again after a fault; the stage stays stopped. Raises where it cannot."""
         assert self.open_again is not None
         driver = open_driver(self.open_again(), self.settings, self.clock)
         with self.ending:
@@ -347,6 +347,6 @@ class Envelope:
         return answered
 
     def tell(self, name: str, **more: Any) -> None:
-        """An event, for whoever keeps it; one that can not be kept must not keep a stop back."""
+        """An event, for whoever keeps it; one that cannot be kept must not keep a stop back."""
         with suppress(Exception):
             self.say(name, **more)

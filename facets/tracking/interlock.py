@@ -105,7 +105,7 @@ class CardLine:
         except InputError as error:
             raise StageError(str(error)) from None
         except Exception as error:  # the maker's own, also where its driver is not installed
-            raise StageError(f"{name}: can not be opened: {error}") from None
+            raise StageError(f"{name}: cannot be opened: {error}") from None
         self.name, self.high = name, False
 
     def allows_motion(self, now: float) -> bool | None:
@@ -113,7 +113,7 @@ class CardLine:
         try:
             return bool(self.task.read())
         except Exception as error:
-            raise StageError(f"{self.name}: can not be read: {error}") from None
+            raise StageError(f"{self.name}: cannot be read: {error}") from None
 
     def toggle(self) -> bool:
         """An output goes from one level to the other."""
@@ -127,7 +127,7 @@ class CardLine:
 
 
 def open_permit(name: str, stale: float) -> Permit:
-    """The permit of a name. Raises `StageError` where a card can not be had."""
+    """The permit of a name. Raises `StageError` where a card cannot be had."""
     kind, _, place = name.partition(":")
     if kind == "board":
         return BoardPermit(stale)

@@ -46,7 +46,7 @@ def open_kinesis(name: str, settings: Settings) -> Kinesis:
     except Exception as error:
         for motor in motors:
             motor.close()
-        raise StageError(f"{name}: can not be opened: {error}") from None
+        raise StageError(f"{name}: cannot be opened: {error}") from None
     axes = (
         [(motors[0], 1), (motors[1], 1)] if len(motors) == 2 else [(motors[0], 1), (motors[0], 2)]
     )
@@ -72,8 +72,8 @@ class Kinesis:
             for (motor, channel), name in zip(self.axes, "xy", strict=True):
                 if motor.get_scale_units() == "internal":
                     raise StageError(
-                        f"pylablib does not know the controller of {name} and can not tell its "
-                        "speed: it can not be bounded"
+                        f"pylablib does not know the controller of {name} and cannot tell its "
+                        "speed: it cannot be bounded"
                     )
                 if not motor.is_homed(channel=channel):
                     raise StageError(f"the axis {name} has no reference: home it by Kinesis")

@@ -40,7 +40,7 @@ class Pi:
         lines = self.answers(patience)
         code = lines[-1].strip()
         if len(lines) != 1 or not code.lstrip("-").isdigit():
-            raise StageError(f"the stage's answer can not be understood: {lines}")
+            raise StageError(f"the stage's answer cannot be understood: {lines}")
         if code in (UNKNOWN_COMMAND, STOPPED) and self.cries > self.forgiven:
             self.forgiven = self.cries
         elif code not in ("0", *allowed):
@@ -67,7 +67,7 @@ class Pi:
         except (ValueError, KeyError):
             place = np.full(2, np.nan)
         if not np.isfinite(place).all():
-            raise StageError(f"the stage's place can not be understood: {lines}")
+            raise StageError(f"the stage's place cannot be understood: {lines}")
         there: Floats = self.zero + place
         return there
 

@@ -13,7 +13,7 @@ from ..core.units import Floats
 
 
 class StageError(FacetsError):
-    """The stage refused a command, does not answer, or says what can not be understood."""
+    """The stage refused a command, does not answer, or says what cannot be understood."""
 
 
 class StageModel:

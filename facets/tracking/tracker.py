@@ -79,7 +79,7 @@ class Tracker:
         open_again: Callable[[], Any] | None = None,
     ) -> None:
         """port: of the stage, open, or its name; open_again: gives it once more; see `Envelope`.
-        Raises StageError where the stage can not be used."""
+        Raises StageError where the stage cannot be used."""
         self.settings, self.law, self.clock = settings, law, clock
         self.envelope = Envelope(port, settings, say, clock, open_again)
         self.tell = self.envelope.tell

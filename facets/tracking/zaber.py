@@ -59,7 +59,7 @@ class Zaber:
             words = body.split()
             sound = not told or told == checksum(body[1:])
             if not (sound and reply[:1] == "@" and len(words) >= 7 and words[2].isdigit()):
-                raise StageError(f"the stage's answer can not be understood: {reply!r}")
+                raise StageError(f"the stage's answer cannot be understood: {reply!r}")
             if words[2] == number:
                 return self.data(words, command)
             if self.line.clock() > until:
@@ -87,7 +87,7 @@ class Zaber:
         except ValueError:
             found = np.zeros(0)
         if found.shape != (2,) or not np.isfinite(found).all():
-            raise StageError(f"the stage's answer to {command!r} can not be understood: {data}")
+            raise StageError(f"the stage's answer to {command!r} cannot be understood: {data}")
         return found
 
     def prepare(self) -> None:

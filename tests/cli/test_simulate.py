@@ -55,7 +55,7 @@ def test_old_results_are_kept(folder):
     before = (folder / "results" / "paper" / "poses.csv").read_text()
     done = command("simulate", "paper", cwd=folder)
     assert done.returncode == 2
-    assert "exists already; --force replaces it" in done.stderr
+    assert "exists already; use --force to replace it" in done.stderr
     assert "Traceback" not in done.stderr
     assert (folder / "results" / "paper" / "poses.csv").read_text() == before
 

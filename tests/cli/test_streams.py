@@ -48,7 +48,7 @@ def test_an_output_that_is_full_is_told_and_loses_nothing(tmp_path):
     with Path("/dev/full").open("w") as full:
         done = run(WAY, tmp_path, full)
     assert done.returncode == 2
-    assert "standard output can not be written: No space left" in done.stderr
+    assert "standard output cannot be written: No space left" in done.stderr
     assert "Traceback" not in done.stderr
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == FILES
 
@@ -93,7 +93,7 @@ def test_numbers_and_names_are_whole_at_any_width(tmp_path, columns):
 def test_a_file_that_can_not_be_finished_is_not_there(tmp_path, words, name):
     done = command(*words, cwd=tmp_path, limit=8192)
     assert done.returncode == 2, done.stderr
-    assert "can not be written" in done.stderr
+    assert "cannot be written" in done.stderr
     assert "Traceback" not in done.stderr
     path = tmp_path / name
     left = list(path.iterdir() if path.is_dir() else tmp_path.iterdir())

@@ -124,7 +124,7 @@ def test_what_is_required_holds_on_the_front():
 @pytest.mark.parametrize(
     ("objectives", "words"),
     [
-        (("u_roll_urad", "condition"), "can not follow condition"),
+        (("u_roll_urad", "condition"), "cannot follow condition"),
         (("u_roll_urad",), "two or three"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Layouts: the symbols are the model; optima are optima; what can not be met is named."""
+"""Layouts: the symbols are the model; optima are optima; what cannot be met is named."""
 
 from __future__ import annotations
 

@@ -145,7 +145,7 @@ def test_no_readings_give_no_solutions():
     ],
 )
 def test_a_bad_detector_gives_a_status_and_never_a_number(place, value, status):
-    """Six readings can not tell eight unknowns."""
+    """Six readings cannot tell eight unknowns."""
     reading = facets.readings(SENSOR, np.zeros(8))
     reading[place] = value
     solution = facets.solve(SENSOR, reading)

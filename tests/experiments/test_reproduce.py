@@ -99,7 +99,7 @@ def test_what_is_not_there_is_an_error(run, tmp_path):
     _, folder = run
     result = command("reproduce", "fig5", cwd=tmp_path)
     assert result.returncode == 2
-    assert "no experiment fig5; there are: table1, fig4" in result.stderr
+    assert "unknown experiment fig5; allowed: table1, fig4" in result.stderr
     again = command("reproduce", "table1", "-d", str(folder), cwd=tmp_path)
     assert again.returncode == 2
     assert "--force" in again.stderr

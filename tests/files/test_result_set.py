@@ -131,7 +131,7 @@ def test_a_full_disk_leaves_no_folder_behind(tmp_path):
     result = command("simulate", "paper", "--motion", "yaw-sweep", "-d", "deep/out", cwd=tmp_path,
                      limit=20_000)  # fmt: skip
     assert result.returncode == 2
-    assert "can not be written" in result.stderr
+    assert "cannot be written" in result.stderr
     assert tree(tmp_path) == {}
 
 
@@ -206,7 +206,7 @@ def failed() -> None:
 def test_a_set_that_fails_in_itself_is_said(tmp_path, monkeypatch, call):
     failing(monkeypatch, "os.fsync", 1 if call == "Whole" else 2, FULL)
     with (
-        pytest.raises(OutputError, match="can not be written: No space left"),
+        pytest.raises(OutputError, match="cannot be written: No space left"),
         ResultSet(),
         whole.Whole(tmp_path / "a") as temporary,
     ):

@@ -203,14 +203,14 @@ def test_a_failure_leaves_the_old_file_and_no_other(tmp_path):
 
 def test_an_unwritable_place_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="can not be written"):
+    with pytest.raises(OutputError, match="cannot be written"):
         tables.write_table(tmp_path / "file" / "t.csv", {"a": [1.0]}, {})
 
 
 def test_existing_files_are_kept_unless_forced(tmp_path):
     path = tmp_path / "t.csv"
     path.write_text("old")
-    with pytest.raises(OutputError, match="exists already; --force"):
+    with pytest.raises(OutputError, match="exists already; use --force"):
         tables.refuse_to_overwrite([path], force=False)
     tables.refuse_to_overwrite([path], force=True)
 

@@ -207,7 +207,7 @@ def test_a_pose_that_nothing_checks_is_given_on_request_only(
 @needs_compiler
 @pytest.mark.parametrize("case", CASES, ids=lambda c: c.name)
 def test_statuses_are_those_of_facets(folders: dict[str, Path], case) -> None:  # type: ignore[no-untyped-def]
-    """Far, noisy and spoilt readings, and those that can not be solved: none converges wrongly."""
+    """Far, noisy and spoilt readings, and those that cannot be solved: none converges wrongly."""
     sensor, rng = facets.Sensor(), np.random.default_rng(7)
     truth = states(case, 800, rng)
     readings, start = facets.readings(sensor, truth), starts(case, truth, rng)

@@ -123,7 +123,7 @@ def test_a_recording_that_was_killed_is_replayed_and_says_that_its_count_is_unkn
         ("bytes.bin", "lose", "rec/bytes.bin: is missing"),
         ("index.bin", "swap", "rec/index.bin: none of its 10 rows agrees with rec/bytes.bin"),
         ("index.bin", "lose", "rec/index.bin: is missing; `facets replay rec --recover`"),
-        ("index.bin", "folder", "rec/index.bin: can not be read"),
+        ("index.bin", "folder", "rec/index.bin: cannot be read"),
     ],
 )
 def test_a_file_that_is_wrong_is_named_in_one_sentence(place, name, what, words):

@@ -311,16 +311,16 @@ def test_messages_say_what_to_do(tmp_path):
     cases = [
         (("acquire", "bench"), "give --port, or acquire.port"),
         (("acquire", "hasty.yaml", "--port", "/dev/nothing"), "is it plugged in?"),
-        (("acquire", "bench", "--port", "file:none.bin"), "can not be read"),
+        (("acquire", "bench", "--port", "file:none.bin"), "cannot be read"),
         (("acquire", "bench", *here, "--seconds", "0"), "end before it begins"),
         (("acquire", "bench", *here, "--plain", "--json"), "give one of them"),
-        (("acquire", "bench", "--port", "file:none.bin", "--web"), "can not be read"),
+        (("acquire", "bench", "--port", "file:none.bin", "--web"), "cannot be read"),
         (("acquire", "bench", *here, "-d", "file"), "is a file"),
-        (("acquire", "bench", *here, "-d", "file/deeper"), "can not be written"),
+        (("acquire", "bench", *here, "-d", "file/deeper"), "cannot be written"),
         (("replay", "nothing"), "no such folder"),
         (("replay", "nothing", "--recover"), "no such folder"),
         (("recover", "rec"), "no command recover; give `facets replay RECORDING --recover`"),
-        (("emulate", "bench", "--motion", "cirkel"), "no motion cirkel; it has: "),
+        (("emulate", "bench", "--motion", "cirkel"), "no motion cirkel; its motions: "),
         (("emulate", "bench", "--motion", "circle", "--seconds", "0"), "end before it begins"),
         (("emulate", "bench", "--motion", "circle", "--folder", "file"), "no folder to write in"),
     ]
@@ -379,7 +379,7 @@ def test_a_full_disk_is_told_and_the_stream_is_read_to_its_end(tmp_path):
     )  # fmt: skip
     assert result.returncode == 1, result.stderr
     assert "5000 samples, 0.0000 % lost" in result.stdout
-    assert "can not be written on: File too large" in result.stderr
+    assert "cannot be written on: File too large" in result.stderr
     assert "bytes that came are not recorded" in result.stderr
     assert "Traceback" not in result.stderr
     replay = command("replay", "rec", "--compare", cwd=tmp_path)

@@ -120,7 +120,7 @@ def test_a_disk_that_can_not_sync_is_told_and_goes_on(tmp_path):
         recording.add_block(block)
         recording.sync()
     recording.close()
-    assert "can not be synced: Input/output error" in recording.trouble
+    assert "cannot be synced: Input/output error" in recording.trouble
     assert recording.lost == 0
     assert not disk.handles
 
@@ -167,7 +167,7 @@ def test_a_recording_needs_a_new_folder(tmp_path):
     for name, words in (("old", "not empty"), ("old/thing", "is a file")):
         with pytest.raises(InputError, match=words):
             Recording(tmp_path / name, "", CONFIG.resolved)
-    with pytest.raises(DiskError, match="can not be written"):
+    with pytest.raises(DiskError, match="cannot be written"):
         Recording(tmp_path / "old" / "thing" / "deeper", "", CONFIG.resolved)
     with pytest.raises(InputError, match="no recording"):
         list(blocks(tmp_path / "old"))

@@ -1,4 +1,4 @@
-"""The page of a rig: its numbers are the model's, and what it can not know it says so."""
+"""The page of a rig: its numbers are the model's, and what it cannot know it says so."""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def test_a_moving_beam_can_be_known(tmp_path, beam):
 
 
 def test_motions_that_are_not_there_are_named():
-    with pytest.raises(InputError, match="no motion jump; it has: x-steps"):
+    with pytest.raises(InputError, match="no motion jump; its motions: x-steps"):
         simulate(facets.load("paper"), ["jump"])
 
 

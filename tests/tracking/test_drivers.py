@@ -85,7 +85,7 @@ def test_kinesis_keeps_the_contract(bench, name):
     ("name", "value", "words"),
     [
         ("homed", False, "axis x has no reference"),
-        ("units", "internal", "can not be bounded"),
+        ("units", "internal", "cannot be bounded"),
         ("keeps", makers.Velocity(0.0, 1.0, 1e3), "keeps a speed of 1000 mm/s"),
         ("keeps", makers.Velocity(0.0, 0.0, 1.0), "acceleration of 0 mm/s2"),
     ],

@@ -26,7 +26,7 @@ class Disk:
         os.ftruncate(handle, size)
 
     def sync(self, handle: int) -> None:
-        """Waits until a file is where a power failure can not take it."""
+        """Waits until a file is where a power failure cannot take it."""
         os.fsync(handle)
 
     def sync_folder(self, folder: Path) -> None:

@@ -139,7 +139,7 @@ def read_index(folder: Path, salvage: bool) -> bytes:
 def missing_file(path: Path, error: OSError, remedy: str) -> InputError:
     if isinstance(error, FileNotFoundError):
         return InputError(f"{path}: is missing; {remedy}")
-    return InputError(f"{path}: can not be read: {error.strerror}; {remedy}")
+    return InputError(f"{path}: cannot be read: {error.strerror}; {remedy}")
 
 
 def contiguous(rows: Any) -> int:
@@ -188,13 +188,13 @@ def meta_of(folder: Path, own: bool = True) -> dict[str, Any]:
     if not path.is_file():
         if (folder / "bytes.bin").is_file():
             raise InputError(f"{path}: is missing; {remedy}")
-        what = "it has no meta.yaml" if folder.is_dir() else "there is no such folder"
-        raise InputError(f"{folder}: is no recording of `facets acquire`: {what}")
+        what = "it has no meta.yaml" if folder.is_dir() else "the folder does not exist"
+        raise InputError(f"{folder}: is not a recording of `facets acquire`: {what}")
     try:
         data = path.read_bytes()
         found = YAML(typ="safe").load(data.decode())
     except OSError as error:
-        raise InputError(f"{path}: can not be read: {error.strerror}") from None
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     except (YAMLError, ValueError, RecursionError):
         found = None
     if not isinstance(found, dict) or not isinstance(found.get("resolved"), dict):

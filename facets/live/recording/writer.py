@@ -40,7 +40,7 @@ RETRY_INTERVAL_S = 1.0
 
 
 class DiskError(FacetsError):
-    """A recording that can not be begun."""
+    """A recording that cannot be begun."""
 
 
 class Recording(Sink):
@@ -64,7 +64,7 @@ class Recording(Sink):
         """Begins with the whole configuration, and what files it names about the sensor.
 
         sync: s, 0 for never. Raises `InputError` for a folder that is not new, `DiskError` where it
-        can not be written.
+        cannot be written.
         """
         self.folder, self.disk = folder, disk or Disk()
         self.lost = 0
@@ -81,7 +81,7 @@ class Recording(Sink):
                 raise InputError(f"{folder}: {what}; a recording begins in a new folder")
             self.begin(meta, resolved)
         except OSError as error:
-            raise DiskError(f"{folder}: can not be written: {error.strerror}") from None
+            raise DiskError(f"{folder}: cannot be written: {error.strerror}") from None
         import pyarrow as pa
 
         pa.RecordBatch.from_pydict({"": np.zeros(1)})  # loads what it needs before poses come
@@ -144,7 +144,7 @@ class Recording(Sink):
         self.refused = True
         self.retry = time.monotonic() + RETRY_INTERVAL_S
         self.trouble = self.trouble or (
-            f"{self.folder / name}: can not be written on: {error.strerror}"
+            f"{self.folder / name}: cannot be written on: {error.strerror}"
         )
 
     def add_block(self, block: Block) -> None:
@@ -201,7 +201,7 @@ class Recording(Sink):
                 self.disk.sync(self.files[name])
             except OSError as error:
                 self.trouble = self.trouble or (
-                    f"{self.folder / name}: can not be synced: {error.strerror}"
+                    f"{self.folder / name}: cannot be synced: {error.strerror}"
                 )
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""When poses can not be believed, or are not there: what a person should see while it lasts."""
+"""When poses cannot be believed, or are not there: what a person should see while it lasts."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Doubts:
         if self.share(BEYOND) > NOTICED:
             found.append(
                 f"{self.percent(BEYOND)} of the newest poses have a residual beyond chance: they "
-                "can not be believed"
+                "cannot be believed"
             )
         if self.share(FULL) > NOTICED:
             found.append(

@@ -1,4 +1,4 @@
-"""Poses filtered as they come: the forward half of `smoothing`, for those who can not wait.
+"""Poses filtered as they come: the forward half of `smoothing`, for those who cannot wait.
 
 The motion's model is that of `smoothing`, and so is the noise of each sample; an estimate is made
 from the samples until then. It is never sooner than the motion: what a mirror does suddenly is

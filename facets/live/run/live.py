@@ -73,7 +73,7 @@ class Live:
         for sink in self.sinks:
             found += sink.messages()
         if not self.pipeline.doubts.said and self.pipeline.tally.misfit.is_mostly_flagged:
-            found.append("most poses have a residual beyond chance: they can not be believed")
+            found.append("most poses have a residual beyond chance: they cannot be believed")
         found += self.pipeline.doubts.said
         if self.pipeline.board.trouble():
             found.append(self.pipeline.board.trouble())

@@ -21,9 +21,9 @@ def poses(
     config: of the sensor and the stream; its `pipeline` is warm before the port is opened.  port:
     its own if left out.  ended: is asked at each read whether to end, for programs with threads.
     Ends with the stream, of a file, or where the loop is left; the port is then closed. Raises
-    `PortError` where the port can not be opened, or goes away.
+    `PortError` where the port cannot be opened, or goes away.
 
-    A sample that can not be solved has a status and NaN, as `facets.solve` has it. A loop that is
+    A sample that cannot be solved has a status and NaN, as `facets.solve` has it. A loop that is
     slower than the stream loses samples in the system's buffers; `seq` tells.
     """
     pipeline = Pipeline(config)
@@ -32,7 +32,7 @@ def poses(
     if not name:
         from ...core.errors import InputError
 
-        raise InputError("no port is given, and acquire.port of the configuration is none")
+        raise InputError("no port is given: pass one, or set acquire.port in the configuration")
     source = await_port(name, config.acquire.baud, config.acquire.wait)
     try:
         while not (source.ended or ended()):

@@ -96,7 +96,7 @@ class Card(ClosedAtExit):
             self.close()
             code = getattr(error, "error_code", None)
             kind = PortInUse if code == RESERVED else PortError
-            raise kind(f"{name}: can not be opened: {error}") from None
+            raise kind(f"{name}: cannot be opened: {error}") from None
         if count != CHANNELS:
             self.close()
             raise PortInUse(f"{name}: names {count} channels, not {CHANNELS}: four a detector")

@@ -83,7 +83,7 @@ class DatagramPort(ClosedAtExit):
         except OSError as error:
             self.line.close()
             kind = PortInUse if error.errno == errno.EADDRINUSE else PortError
-            raise kind(f"{name}: can not be opened: {error.strerror or error}") from None
+            raise kind(f"{name}: cannot be opened: {error.strerror or error}") from None
         self.name = name
         self.sender: Any = None
         self.line.settimeout(POLL_S)
@@ -127,14 +127,14 @@ class FilePort(ClosedAtExit):
         try:
             self.file = path.open("rb")
         except OSError as error:
-            raise PortError(f"{path}: can not be read: {error.strerror}") from None
+            raise PortError(f"{path}: cannot be read: {error.strerror}") from None
         self.path, self.ended = path, False
 
     def read(self) -> bytes:
         try:
             block = self.file.read(MAX_READ_BYTES)
         except OSError as error:
-            raise PortError(f"{self.path}: can not be read: {error.strerror}") from None
+            raise PortError(f"{self.path}: cannot be read: {error.strerror}") from None
         self.ended = not block
         return block
 
@@ -155,7 +155,7 @@ def open_line(name: str, baud: int, timeout: float) -> Any:
     except Exception as error:  # pyserial lets termios' errors, which are no OSError, pass
         reason = advice(str(error))
         kind = PortInUse if reason == IN_USE else PortError
-        raise kind(f"{name}: can not be opened: {reason}") from None
+        raise kind(f"{name}: cannot be opened: {reason}") from None
 
 
 def advice(reason: str) -> str:
@@ -171,7 +171,7 @@ def advice(reason: str) -> str:
 
 
 def open_port(name: str, baud: int) -> Source:
-    """The port of a name, now; raises `PortError` where it can not be opened."""
+    """The port of a name, now; raises `PortError` where it cannot be opened."""
     if name.startswith("file:"):
         return FilePort(name)
     if name.startswith("udp://"):
@@ -198,7 +198,7 @@ def open_by_package(source: EntryPoint, name: str, baud: int) -> Source:
         raise
     except Exception as error:
         what = f"{source.value}: {type(error).__name__}: {error}"
-        raise PortError(f"{name}: can not be opened by {what}") from None
+        raise PortError(f"{name}: cannot be opened by {what}") from None
     lacks = [part for part in ("read", "close", "ended", "waits") if not hasattr(port, part)]
     if lacks:
         raise PortInUse(f"{name}: {source.value} gives no port: it has no {', '.join(lacks)}")

@@ -49,7 +49,7 @@ class Heads(ClosedAtExit):
                 self.heads.append(Thorlabs.KinesisQuadDetector(number))
         except Exception as error:
             self.close()
-            raise PortError(f"{name}: can not be opened: {error}") from None
+            raise PortError(f"{name}: cannot be opened: {error}") from None
         self.made, self.due = 0, time.monotonic()
 
     def read(self) -> bytes:

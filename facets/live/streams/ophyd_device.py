@@ -68,7 +68,7 @@ class PoseSensor(
 ):
     """Poses with their standard uncertainties, of one sensor.
 
-    A sample that can not be solved has its status in words and NaN for what is not known, as
+    A sample that cannot be solved has its status in words and NaN for what is not known, as
     everywhere. The port is open from `stage`, or the first `trigger` or `kickoff`, to `unstage`.
     """
 
@@ -79,8 +79,7 @@ class PoseSensor(
         self._address = address or config.acquire.port or ""
         if not self._address:
             raise InputError(
-                "no port is given, and acquire.port of the configuration is none; give one to "
-                "PoseSensor"
+                "no port is given: pass one to PoseSensor, or set acquire.port in the configuration"
             )
         self._stream: RowStream | None = None
         self._interval = Interval()

@@ -60,14 +60,14 @@ class Publication:
 
     given: samples that were to be published.  sent: that were given away; where nobody answers, as
     by UDP, that says nothing of their arrival.  dropped: that were not, since nobody took them in
-    time.  receivers: that take them now, None where it can not be known.  trouble: why nothing is
+    time.  receivers: that take them now, None where it cannot be known.  trouble: why nothing is
     published any more, or nothing.  note: why there are no filtered poses.  filter: what it says.
     """
 
     def __init__(
         self, address: str, about: dict[str, Any], patient: bool = False, config: bytes = b""
     ) -> None:
-        """Raises `InputError` where there is no such address, or it can not be used.
+        """Raises `InputError` where there is no such address, or it cannot be used.
 
         about: what receivers are told of the samples.  patient: wait for receivers; for replays,
         which lose nothing by it.  config: pickled, where its `filter` needs one.
@@ -231,7 +231,7 @@ class Publications(Sink):
         filter_by: str | None = None,
         carried: bool = False,
     ) -> None:
-        """Raises `InputError` for an address that can not be used; none is then open.
+        """Raises `InputError` for an address that cannot be used; none is then open.
 
         filter_by: model of a filter, whose poses go beside the raw ones.  carried: whether a stage
         carries the beam.

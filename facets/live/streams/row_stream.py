@@ -75,7 +75,7 @@ class RowStream:
 
     def __init__(self, config: Config, address: str) -> None:
         """address: a board's port, `file:PATH`; `zmq://HOST:PORT` of a publication.
-        Raises `FacetsError` where a publication can not be opened; a port's error
+        Raises `FacetsError` where a publication cannot be opened; a port's error
         comes by `check`.
         """
         self.config, self.address = config, address

@@ -26,7 +26,7 @@ class Pty:
             self.link.unlink(missing_ok=True)
             self.link.symlink_to(self.name)
         except OSError as error:
-            raise OutputError(f"{self.link}: can not be made: {error.strerror}") from None
+            raise OutputError(f"{self.link}: cannot be made: {error.strerror}") from None
 
     def close(self) -> None:
         self.link.unlink(missing_ok=True)

@@ -53,7 +53,7 @@ class WebPage(Publication):
         patient: bool = False,
         drawn: dict[str, str] | None = None,
     ) -> None:
-        """Raises `InputError` where `web`, [HOST:]PORT, is no address or can not be used.
+        """Raises `InputError` where `web`, [HOST:]PORT, is no address or cannot be used.
 
         more: what the page is to know beside the configuration.  drawn: scripts for the drawing in
         three dimensions, by their names, in the order in which they are to be loaded.

@@ -253,7 +253,7 @@ def say(words: dict[str, Any]) -> None:
 
 
 def listening(host: str, port: int) -> socket.socket:
-    """A socket at an address. Raises `InputError` where that can not be had."""
+    """A socket at an address. Raises `InputError` where that cannot be had."""
     try:
         family, kind, _, _, where = socket.getaddrinfo(
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
