@@ -193,13 +193,8 @@ def run_app() -> int:
         if code == INTERRUPTED:  # which typer makes of it without a word
             print("interrupted", file=sys.stderr)
         return code
-    except FacetsError as error:
+    except (FacetsError, OSError, MemoryError) as error:
         print(message(error), file=sys.stderr)
-    except OSError as error:  # a file that went or filled up in the middle of a command
-        about = f"{error.filename}: " if error.filename else ""
-        print(f"error: {about}{error.strerror or error}", file=sys.stderr)
-    except MemoryError:
-        print("error: not enough memory; ask for less at once", file=sys.stderr)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return INTERRUPTED

@@ -19,7 +19,6 @@ import typer
 
 import facets
 from facets import config as configuration
-from facets.core.errors import FacetsError
 from facets.files.whole import remove_older
 
 if TYPE_CHECKING:
@@ -34,9 +33,15 @@ PLAIN = {"µ": "u", "±": "+-", "²": "^2", "·": "*", "\u00d7": "x", "\u2212": 
 PLAIN_ASCII = "facets-ascii"
 
 
-def message(error: FacetsError) -> str:
+def message(error: Exception) -> str:
     """`error: ...`, further lines set below the first."""
-    return "error: " + str(error).replace("\n", "\n       ")
+    text = str(error)
+    if isinstance(error, MemoryError):
+        text = "not enough memory; ask for less at once"
+    elif isinstance(error, OSError):  # a file that went or filled up in the middle of a command
+        about = f"{error.filename}: " if error.filename else ""
+        text = f"{about}{error.strerror or error}"
+    return "error: " + text.replace("\n", "\n       ")
 
 
 def load_config(name: str) -> Config:

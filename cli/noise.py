@@ -48,13 +48,12 @@ def noise(
     If the mirror moved or drifted, or if detectors were saturated or dark, the recording does not
     show the noise: the command says why, writes nothing and ends with exit status 1.
     """
-    live.recording.reader.meta_of(recording, own=config is None)
+    playback = live.Playback(recording, facets.load(config) if config else None)
     if write:
         require_yaml(write)
-    settings = facets.load(config) if config else live.recording.replay.recorded_config(recording)
     paths = [folder / "noise.html", folder / "noise.csv"] if folder else []
-    files.tables.refuse_to_overwrite([*paths, *([write] if write else [])], force)
-    columns = solve_recording(recording, settings)
+    files.tables.refuse_to_overwrite([*paths, write] if write else paths, force)
+    columns, settings = solve_recording(playback), playback.config
     faults = characterization.rest.reading_faults(columns, settings) if columns else []
     if faults:
         refuse(recording, faults, paths, write)
@@ -70,18 +69,14 @@ def noise(
     if report.faults and write:
         refuse(recording, report.faults, paths, write)
     write_results(report, settings, f"Noise of {recording.name}", paths, write)
-    if folder:
-        typer.echo(f"{folder}/")
     if report.faults:
         refuse(recording, report.faults, [], None)
-    if write:
-        typer.echo(f"{write}")
 
 
 def write_results(
     report: NoiseReport, settings: Config, title: str, paths: list[Path], write: Path | None
 ) -> None:
-    """Write the page and the table, and the configuration with this noise, where asked for."""
+    """Write and name the page with the table, and the configuration with this noise, if asked."""
     about = files.provenance.provenance_header(settings)
     with files.tables.ResultSet():
         if paths:
@@ -97,11 +92,14 @@ def write_results(
                 temporary.write_text(
                     files.provenance.configuration(settings, block, about), "utf-8"
                 )
+    if paths:
+        typer.echo(f"{paths[0].parent}/")
+    if write:
+        typer.echo(f"{write}")
 
 
-def solve_recording(recording: Path, settings: Config) -> Columns:
+def solve_recording(playback: live.Playback) -> Columns:
     """The poses of a recording as columns, with a bar; says what of it is damaged."""
-    playback = live.Playback(recording, settings)
     parts: list[Columns] = []
 
     def run(done: Callable[[int, int], None]) -> None:

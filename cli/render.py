@@ -128,8 +128,7 @@ def render(
     check_ending(path, is_flat, is_film)
     files.tables.refuse_to_overwrite([] if show else [path], force)
     state = state_of(at)
-    usual = (720, 480) if is_film else (1200, 900)
-    form = PictureForm(view.value, (width or usual[0], height or usual[1]), style.value)
+    form = PictureForm(view.value, size_of(width, height, is_film), style.value)
     if is_flat:
         draw_flat(settings, state, spots, path)
     elif is_film:
@@ -154,6 +153,12 @@ def refuse_together(
         raise InputError("--view trail draws the path of a motion: give --motion or --recording")
     if moves and view in (View.cutaway, View.exploded, View.range):
         raise InputError(f"--view {view.value} shows the rig at rest; a film needs another view")
+
+
+def size_of(width: int | None, height: int | None, is_film: bool) -> tuple[int, int]:
+    """The width and height in pixels, by default smaller for a film."""
+    usual = (720, 480) if is_film else (1200, 900)
+    return width or usual[0], height or usual[1]
 
 
 def name_of(spots: bool, plan: bool, film: bool, view: View) -> str:

@@ -71,6 +71,8 @@ def range_box(sensor: Sensor, rules: Rules) -> StateBox:
     return StateBox(low, np.array([axis.high for axis in ranges]))
 
 
+#: How a side of a box is given on the command line.
+BOX_FORM = "NAME=HALF or NAME=LOW:HIGH"
 #: What the quotient of a least share can be rounded up by.
 ROUNDING_SHARE = 1e-12
 
@@ -87,22 +89,29 @@ def least_share(sensor: Sensor, rules: Rules, power_off: float = 0.0) -> float:
 def parse_box(text: str) -> StateBox:
     """'tx_mm=1,yaw_mrad=-2:5' as a box: half widths about zero or both ends; else no width."""
     low, high = np.zeros(8), np.zeros(8)
-    form = "NAME=HALF or NAME=LOW:HIGH"
-    for name, value in assignments(text, "--box", COLUMNS, form).items():
-        number, has = COLUMNS.index(name), f"--box has '{name}={value}'; allowed: "
+    for name, value in assignments(text, "--box", COLUMNS, BOX_FORM).items():
+        number = COLUMNS.index(name)
         try:
-            ends = [plain_number(end) for end in value.split(":")]
-        except ValueError:
-            raise InputError(f"{has}{form}, of {', '.join(COLUMNS)}") from None
-        if len(ends) > 2 or (len(ends) == 1 and ends[0] < 0):
-            raise InputError(f"{has}a half width, or LOW:HIGH")
-        most = np.pi if UNITS[number] < 1 else MAX_LENGTH_MM
-        if not all(abs(end) * UNITS[number] <= most for end in ends):
-            raise InputError(f"{has}up to {most / UNITS[number]:.5g} either way")
-        exact = [Fraction(end.strip()) / round(1 / UNITS[number]) for end in value.split(":")]
-        first, last = (-exact[0], exact[0]) if len(exact) == 1 else exact
-        low[number], high[number] = 0.0 - float_above(-first), float_above(last)
+            low[number], high[number] = parse_ends(value.split(":"), UNITS[number])
+        except InputError as error:
+            raise InputError(f"--box has '{name}={value}'; allowed: {error}") from None
     return StateBox(low, high)
+
+
+def parse_ends(texts: list[str], unit: float) -> tuple[float, float]:
+    """A half width or both ends in a unit, rounded outwards; `InputError` says what is allowed."""
+    try:
+        ends = [plain_number(text) for text in texts]
+    except ValueError:
+        raise InputError(f"{BOX_FORM}, of {', '.join(COLUMNS)}") from None
+    if len(ends) > 2 or (len(ends) == 1 and ends[0] < 0):
+        raise InputError("a half width, or LOW:HIGH")
+    most = np.pi if unit < 1 else MAX_LENGTH_MM
+    if not all(abs(end) * unit <= most for end in ends):
+        raise InputError(f"up to {most / unit:.5g} either way")
+    exact = [Fraction(text.strip()) / round(1 / unit) for text in texts]
+    first, last = (-exact[0], exact[0]) if len(exact) == 1 else exact
+    return 0.0 - float_above(-first), float_above(last)
 
 
 def float_above(exact: Fraction) -> float:

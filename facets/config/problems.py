@@ -88,12 +88,13 @@ def _reason(value: Any, node: dict[str, Any], may: str) -> str:
 def _reason_of_number(value: Any, may: str) -> str:
     if isinstance(value, str):
         return "must be a number, not text" + _advice(value)
-    if isinstance(value, list) and "two" not in may and "list" not in may:
-        return "must be one number, not a list"
-    if isinstance(value, list) or (is_number(value) and "list" in may):
-        return f"must be {_count_in_words(may)}"
+    if isinstance(value, list):
+        takes_list = "two" in may or "list" in may
+        return f"must be {_count_in_words(may) if takes_list else 'one number, not a list'}"
     if not is_number(value):
         return "must be a number"
+    if "list" in may:
+        return f"must be {_count_in_words(may)}"
     if not math.isfinite(value):
         return "must be a finite number"
     if "whole" in may and isinstance(value, float):

@@ -57,14 +57,19 @@ def as_floats(values: ArrayLike, what: str) -> Floats:
         raise InputError(f"{what} {fault}; needed: numbers, all rows of one length") from None
 
 
+def unmask(values: Any) -> Any:
+    """The values of a masked array: NaN or, in lists, None for what is masked."""
+    if values.dtype.kind in "fiu":
+        return np.asarray(np.ma.filled(values.astype(np.float64), np.nan))
+    return values.tolist() if values.dtype.kind == "O" else values
+
+
 def floats_of(values: Any) -> Floats:
     """Convert values as `as_floats` does, but raise `NotNumbersError`."""
+    if isinstance(values, np.ma.MaskedArray):
+        values = unmask(values)
     if isinstance(values, list | tuple):
         return floats_of_list(values)
-    if isinstance(values, np.ma.MaskedArray) and values.dtype.kind in "fiu":
-        return np.asarray(np.ma.filled(values.astype(np.float64), np.nan))
-    if isinstance(values, np.ma.MaskedArray) and values.dtype.kind == "O":
-        return floats_of(values.tolist())  # None for what is masked
     try:
         array = np.asarray(values)
         if array.dtype.kind in "fiu":

@@ -7,6 +7,7 @@ Every object is frozen and checks itself; a `Sensor` is plain data and knows no 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
@@ -37,6 +38,10 @@ def _require_finite(thing: object) -> None:
         value = getattr(thing, field.name)
         if isinstance(value, int | float):
             _require(math.isfinite(value), field.name, value, "a finite number")
+
+
+def _are_finite(values: Sequence[float], count: int) -> bool:
+    return len(values) == count and all(map(math.isfinite, values))
 
 
 DIAMETER_MM = Key(
@@ -545,14 +550,12 @@ class BenchLight:
         _require(self.rolloff_width >= 0, "rolloff_width", self.rolloff_width, "0 or more, mm")
         for name, count in (("rolloff", 6), ("strips", 3), ("delays", 3)):
             values = getattr(self, name)
-            sound = len(values) == count and all(math.isfinite(value) for value in values)
-            _require(sound, name, values, f"{count} finite numbers")
-        rows = [value for row in self.background for value in row]
-        sound = [len(row) for row in self.background] == [3, 3, 3] and all(map(math.isfinite, rows))
+            _require(_are_finite(values, count), name, values, f"{count} finite numbers")
+        sound = len(self.background) == 3 and all(_are_finite(row, 3) for row in self.background)
         _require(sound, "background", self.background, "power, y and z of three detectors")
         if self.index is not None:
             n, k = self.index
-            sound = math.isfinite(n) and math.isfinite(k) and n > 0 and (n, k) != (1, 0)
+            sound = _are_finite(self.index, 2) and n > 0 and (n, k) != (1, 0)
             _require(sound, "index", self.index, "n above 0, and k, but not those of air")
 
     @cached_property

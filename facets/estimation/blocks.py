@@ -128,12 +128,18 @@ def estimate(
             rows[whole:] = part[: len(rows[whole:])]
     results.steps[:], results.status[:], results.used[:] = steps, CONVERGED, True
     left, stalled = (lanes_of(bits, n) for bits in ends)
-    if len(stalled):
-        results.status[stalled] = STALLED
-        for rows in (results.states, results.residuals, results.covariances):
-            if len(rows):
-                rows[stalled] = np.nan
+    give_up(results, stalled)
     return left
+
+
+def give_up(results: Results, which: Array) -> None:
+    """Gives some readings the status STALLED, and NaN for what was found."""
+    if not len(which):
+        return
+    results.status[which] = STALLED
+    for rows in (results.states, results.residuals, results.covariances):
+        if len(rows):
+            rows[which] = np.nan
 
 
 def estimate_some(

@@ -275,13 +275,11 @@ def numbers(rows: list[list[str]], places: list[int], width: int) -> tuple[Float
         with suppress(ValueError):
             return np.array(cells, dtype=float).reshape(len(rows), len(places)), bad
     values = np.full((len(rows), len(places)), np.nan)
-    for n, row in enumerate(rows):
-        if bad[n]:
-            continue
+    for n in np.flatnonzero(~bad):
         try:
-            values[n] = [number(row[i]) for i in places]
+            values[n] = [number(rows[n][i]) for i in places]
         except ValueError:
-            values[n], bad[n] = np.nan, True
+            bad[n] = True
     return values, bad
 
 

@@ -133,6 +133,13 @@ class Whole:
         """Where the older file of that name waits while a set is published."""
         return self.temporary.with_name(f"{self.temporary.name}.old")
 
+    def restore(self) -> None:
+        """Puts the older file of that name back; without one there is none again."""
+        if self.backup.exists():
+            self.backup.replace(self.path)
+        elif not (self.removes or self.temporary.exists()):
+            self.path.unlink(missing_ok=True)
+
     def discard(self) -> None:
         """Takes away what was written so far, and the folders that were made for it."""
         with hold_signals():
@@ -198,10 +205,7 @@ class ResultSet:
                 sync_to_disk(folder)
         except BaseException:
             for file in files:
-                if file.backup.exists():
-                    file.backup.replace(file.path)
-                elif not (file.removes or file.temporary.exists()):
-                    file.path.unlink(missing_ok=True)
+                file.restore()
             raise
 
 

@@ -230,6 +230,16 @@ def is_mcap(path: Path | None) -> bool:
     return path is not None and path.suffix.lower() == ".mcap"
 
 
+def refuse_models(smooth: str | None, filter_by: str | None) -> None:
+    """Raise `InputError` for a model of a motion that is none, and for two of them."""
+    if smooth:
+        require_model("--smooth", smooth)
+    if filter_by:
+        require_model("--filter", filter_by)
+    if smooth and filter_by:
+        raise InputError("--filter and --smooth are two ways to say more of a pose; give one")
+
+
 def refuse_output(
     path: Path | None,
     force: bool,
@@ -238,11 +248,7 @@ def refuse_output(
     publish: Sequence[str],
 ) -> None:
     """Raise `InputError` for an output that cannot be written, or options that contradict."""
-    for option, model in (("--smooth", smooth), ("--filter", filter_by)):
-        if model:
-            require_model(option, model)
-    if smooth and filter_by:
-        raise InputError("--filter and --smooth are two ways to say more of a pose; give one")
+    refuse_models(smooth, filter_by)
     is_table = path is not None and not is_mcap(path)
     if smooth and not is_table:
         raise InputError("--smooth needs -o, a table for the smoothed poses")

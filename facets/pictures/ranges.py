@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 #: Dashes by cause, in the order of `ranges.CAUSES`, beside their hues.
 DASHES = ("-", (0, (5, 1.5)), (0, (1.2, 1.2)), (0, (6, 1.5, 1.2, 1.5)))
+#: Height of a panel in its widths, by how many stand beside each other.
+PANEL_HEIGHTS = {1: 0.8, 2: 0.85, 3: 0.92}
 
 
 def ranges_picture(boundaries: Sequence[Boundary], inside: Sequence[Any] = ()) -> Figure:
@@ -27,27 +29,30 @@ def ranges_picture(boundaries: Sequence[Boundary], inside: Sequence[Any] = ()) -
 
     inside: for each, (x, y, values, label) of what is drawn within, mm or rad; or nothing at all.
     """
-    from matplotlib.lines import Line2D
-
     columns = min(len(boundaries), 2 if inside else 3)
     rows = -(-len(boundaries) // columns)
     width = style.SINGLE if columns == 1 else style.FULL
     with style.style_context():
-        tall = width / columns * (0.8 if columns == 1 else 0.92 if columns == 3 else 0.85)
-        picture = style.figure(width, tall * rows + 0.5)
-        panels = picture.subplots(rows, columns, squeeze=False)
-        for panel in panels.ravel()[len(boundaries) :]:
+        picture = style.figure(width, width / columns * PANEL_HEIGHTS[columns] * rows + 0.5)
+        panels = picture.subplots(rows, columns, squeeze=False).ravel()
+        for panel in panels[len(boundaries) :]:
             panel.set_visible(False)
         for number, boundary in enumerate(boundaries):
-            panel = panels.ravel()[number]
             if inside:
-                values(picture, panel, boundary, *inside[number])
-            outline(panel, boundary, filled=not inside)
-        seen = sorted({int(cause) for b in boundaries for cause in b.causes})
-        lines = [Line2D([], [], **line_of(cause)) for cause in seen]
-        texts = [CAUSES[cause] if cause >= 0 else "end of the box" for cause in seen]
-        style.legend_below(picture, lines, texts, 3 if columns > 1 else 2)
+                values(picture, panels[number], boundary, *inside[number])
+            outline(panels[number], boundary, filled=not inside)
+        add_legend(picture, boundaries, 3 if columns > 1 else 2)
     return picture
+
+
+def add_legend(picture: Figure, boundaries: Sequence[Boundary], columns: int) -> None:
+    """Name the causes of all outlines, below them."""
+    from matplotlib.lines import Line2D
+
+    seen = sorted({int(cause) for b in boundaries for cause in b.causes})
+    lines = [Line2D([], [], **line_of(cause)) for cause in seen]
+    texts = [CAUSES[cause] if cause >= 0 else "end of the box" for cause in seen]
+    style.legend_below(picture, lines, texts, columns)
 
 
 def line_of(cause: int) -> dict[str, Any]:

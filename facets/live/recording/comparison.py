@@ -109,25 +109,26 @@ def comparison_sentences(
     config_name: of the configuration that solved it again, unless the recording's own.
     """
     lost = max(0, seal.poses - result.recorded) if seal else 0
+    was_refused = bool(seal and seal.refused_bytes and not damage.words)
+    losses = {
+        f"  {result.skipped} samples were skipped in the run, and are solved now": result.skipped,
+        f"  {folder / 'poses.arrows'}: {lost} poses are missing or damaged": lost,
+        f"  {result.absent} were recorded {absence_reason(was_refused, damage)}": result.absent,
+        unrecorded_sentence(result, seal, lost): result.unrecorded,
+    }
+    found = [verdict(result, seal, lost), *(text for text, count in losses.items() if count)]
+    found += difference_sentences(result, damage, version, config_name)
+    refused_poses = seal.refused_poses if seal else 0
+    has_all = not lost and (was_refused or not result.absent)
+    return found, has_all and bool(refused_poses or not result.unrecorded) and result.is_same
+
+
+def verdict(result: PoseComparison, seal: Seal | None, lost: int) -> str:
+    """How many poses were compared, and whether they are the same.  lost: of those recorded."""
     count = result.recorded - result.skipped - result.absent
     of_all = f" of {seal.poses}" if seal and lost else ""
-    verdict = "identical" if result.is_same else f"NOT the same in {result.different} samples"
-    found = [f"{count}{of_all} recorded poses: {verdict if count else 'nothing can be compared'}"]
-    if result.skipped:
-        found.append(f"  {result.skipped} samples were skipped in the run, and are solved now")
-    if lost:
-        found.append(f"  {folder / 'poses.arrows'}: {lost} poses are missing or damaged")
-    has_reason = bool(seal and seal.refused_bytes and not damage.words)
-    if result.absent:
-        reason = absence_reason(has_reason, damage)
-        found.append(f"  {result.absent} were recorded {reason}")
-    is_whole = not lost and (not result.absent or has_reason)
-    if result.unrecorded:
-        found.append(unrecorded_sentence(result, seal, lost))
-        is_whole &= bool(seal and seal.refused_poses)
-    if result.different:
-        found += difference_sentences(result, damage, version, config_name)
-    return found, is_whole and result.is_same
+    text = "identical" if result.is_same else f"NOT the same in {result.different} samples"
+    return f"{count}{of_all} recorded poses: {text if count else 'nothing can be compared'}"
 
 
 def absence_reason(was_refused: bool, damage: Damage) -> str:
@@ -156,7 +157,9 @@ def unrecorded_sentence(result: PoseComparison, seal: Seal | None, lost: int) ->
 def difference_sentences(
     result: PoseComparison, damage: Damage, version: str | None, config_name: str | None
 ) -> Iterator[str]:
-    """In what recorded and new poses differ, and the cause if it is known."""
+    """In what recorded and new poses differ, if they do, and the cause if it is known."""
+    if result.is_same:
+        return
     names = ", ".join(result.columns[:8]) + (", ..." if len(result.columns) > 8 else "")
     yield f"  they differ in {names}"
     if any(name in result.columns for name in STATE_COLUMNS):

@@ -58,12 +58,7 @@ def blocks(folder: Path, damage: Damage | None = None, salvage: bool = False) ->
     if not proven:
         count = contiguous(rows)
         rows, damage.rows = rows[:count], len(rows) - count
-    path = folder / "bytes.bin"
-    try:
-        file = path.open("rb")
-    except OSError as error:
-        raise missing_file(path, error, "a recording cannot be solved without its bytes") from None
-    with file:
+    with open_bytes(folder) as file:
         if proven and not any_agrees(rows, file):
             if seal and not salvage:
                 raise foreign_index(folder, seal, size, len(rows))
@@ -78,6 +73,15 @@ def blocks(folder: Path, damage: Damage | None = None, salvage: bool = False) ->
         damage.unproven += len(rest)
         if rest:
             yield Block(rest, float("nan"), nowhere, doubtful=True)
+
+
+def open_bytes(folder: Path) -> BinaryIO:
+    """The received bytes; raises `InputError` where they cannot be opened."""
+    path = folder / "bytes.bin"
+    try:
+        return path.open("rb")
+    except OSError as error:
+        raise missing_file(path, error, "a recording cannot be solved without its bytes") from None
 
 
 def foreign_index(folder: Path, seal: Seal, size: int, rows: int) -> InputError:

@@ -114,25 +114,31 @@ class Filter:
         """
         count, self.width = poses.shape
         found = Filtered(*(np.full(poses.shape, np.nan) for _ in range(3)))
-        there: Booleans = np.asarray(np.isfinite(poses).all(axis=1))
-        if not np.isfinite(noise).all():
-            there[:] = False
-        for n in range(count):
-            if there[n]:
-                self.recent.append((float(time[n]), poses[n], noise))
+        there: Booleans = np.asarray(np.isfinite(poses).all(axis=1) & np.isfinite(noise).all())
+        self.recent.extend((float(time[n]), poses[n], noise) for n in np.flatnonzero(there))
         self.waited += int(there.sum())
+        if self.can_step():
+            for n in range(count):
+                if self.begun:
+                    self.step(float(time[n]), poses[n], bool(there[n]), noise, found, n)
+                elif there[n]:
+                    self.begin(float(time[n]), poses[n], noise)
+                    self.tell(found, n)
+        return found
+
+    def can_step(self) -> bool:
+        """Whether the strength and the usual step of time are known; learns what can be learnt."""
         if self.strength is None and len(self.recent) < LEARNT_FROM:
-            return found
+            return False
         if self.strength is None or (self.is_beyond_chance and self.waited > LEARNT_FROM):
             self.learn()
-            return found
-        if not np.isfinite(self.period):
-            if len(self.recent) < 3:
-                return found
-            self.period = usual_step(np.array([row[0] for row in self.recent]))
-        for n in range(count):
-            self.step(float(time[n]), poses[n], bool(there[n]), noise, found, n)
-        return found
+            return False
+        if np.isfinite(self.period):
+            return True
+        if len(self.recent) < 3:
+            return False
+        self.period = usual_step(np.array([row[0] for row in self.recent]))
+        return True
 
     def learn(self) -> None:
         """The likeliest strength of the samples that came last; begins anew with it."""
@@ -189,17 +195,12 @@ class Filter:
     def step(
         self, time: float, pose: Floats, there: bool, noise: Floats, found: Filtered, n: int
     ) -> None:
-        """One sample: what was expected of it, and what it changes."""
-        if not self.begun:
-            if there:
-                self.begin(time, pose, noise)
-                self.tell(found, n)
-            return
+        """A sample after the first: what was expected of it, and what it changes."""
         passed = (time - self.last) / self.period
         if not passed > 0:
             return
         self.last = time
-        usual = abs(passed - 1) < USUAL
+        steady = abs(passed - 1) < USUAL and there
         move, shake = motion(
             self.moves, float(round(passed, 6)), self.order, self.width, self.shaken
         )
@@ -207,8 +208,8 @@ class Filter:
         if there and noise is not self.newest:
             self.newest = noise
             self.take_noise(noise)
-        if not (self.settled and usual and there):
-            self.settled = self.update(move, shake, there) and usual and there
+        if not (self.settled and steady):
+            self.settled = self.update(move, shake, there) and steady
         if there:
             apart = pose / self.units - self.mean[self.places]
             white = self.whiten @ apart

@@ -103,17 +103,19 @@ def json_line(live: Live) -> str:
     return json.dumps(values(live))
 
 
+def pose_in_words(now: dict[str, Any]) -> str:
+    """The newest pose of `values`, or the status that it has instead."""
+    if now.get("status") != Status.CONVERGED.label:
+        return str(now.get("status", "no pose"))
+    places = " ".join(f"{now[f'{n}_mm']:+.4f}" for n in STATE[:3])
+    angles = " ".join(f"{now[f'{n}_mrad']:+.4f}" for n in ANGLES)
+    return f"{places} mm {angles} mrad"
+
+
 def plain_line(live: Live) -> str:
     now = values(live)
-    pose = "no pose"
-    if now.get("status") == Status.CONVERGED.label:
-        places = " ".join(f"{now[f'{n}_mm']:+.4f}" for n in STATE[:3])
-        angles = " ".join(f"{now[f'{n}_mrad']:+.4f}" for n in ANGLES)
-        pose = f"{places} mm {angles} mrad"
-    elif "status" in now:
-        pose = now["status"]
-    text = f"{now['seconds']:.1f} s  {pose}  {now['rate_hz']:.0f}/s  lost {now['lost']}"
-    text += f"  corrupt {now['corrupt']}  unsolved {now['unsolved']}"
+    text = f"{now['seconds']:.1f} s  {pose_in_words(now)}  {now['rate_hz']:.0f}/s"
+    text += f"  lost {now['lost']}  corrupt {now['corrupt']}  unsolved {now['unsolved']}"
     if now["late"] or now["skipped"]:
         text += f"  late {now['late']}  skipped {now['skipped']}"
     if now["latency_p99_ms"] is not None:

@@ -211,11 +211,17 @@ class Sequence:
         were_kept = self.explains_samples(step, whole)
         if has_host and not self.agrees_with_host(whole, gap, first, were_kept):
             return None
-        if step == 1:
-            return whole if has_host else None
+        goes_on = has_host if step == 1 else self.may_miss(step, were_kept, has_host and first)
+        return whole if goes_on else None
+
+    def may_miss(self, step: int, were_kept: bool, late: bool) -> bool:
+        """Whether the samples before this one, step - 1, may be missing, and nothing else is wrong.
+
+        were_kept: see `explains_samples`.  late: whether the host's clock says that all are late.
+        """
         is_plausible = were_kept or self.period == 0
-        is_near = step <= self.AHEAD or (self.period > 0 and has_host and first)
-        return whole if is_plausible and is_near else None
+        is_near = step <= self.AHEAD or (self.period > 0 and late)
+        return is_plausible and is_near
 
     def explains_samples(self, step: int, whole: float) -> bool:
         """Whether a time, us, is one in which the missing samples can have been taken."""

@@ -50,6 +50,7 @@ OPERATORS: dict[type, str] = {
     ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "===", ast.NotEq: "!==",
     ast.And: "&&", ast.Or: "||", ast.USub: "-", ast.Not: "!",
 }  # fmt: skip
+NOT_FINITE = {"nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}
 #: Words that JavaScript keeps to itself.
 RESERVED = {"default", "delete", "function", "in", "new", "this", "typeof", "var", "void", "with"}
 
@@ -84,12 +85,8 @@ def literal(value: Any) -> str:
     if value is None:
         return "null"
     if isinstance(value, int | float | np.number):
-        number = float(value)
-        if math.isnan(number):
-            return "NaN"
-        if math.isinf(number):
-            return "Infinity" if number > 0 else "-Infinity"
-        return repr(value) if isinstance(value, int) else repr(number)
+        text = repr(value if isinstance(value, int) else float(value))
+        return NOT_FINITE.get(text, text)
     raise TypeError(f"{value!r} has no place in JavaScript")
 
 
@@ -211,28 +208,29 @@ class Function:
             ]
         if isinstance(node, ast.For):
             return [self.loop(node), *self.inner_block(node.body, depth, pad), "}"]
-        return self.simple_statement(node)
-
-    def simple_statement(self, node: ast.stmt) -> list[str]:
-        """The line of a statement that has no block in it."""
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             return []  # a docstring
-        if isinstance(node, ast.Expr):
-            return [f"{self.expression(node.value)};"]
-        if isinstance(node, ast.Return):
-            return [f"return {self.expression(node.value)};" if node.value else "return;"]
-        if isinstance(node, ast.Assign):
-            value = self.expression(node.value)
-            for target in reversed(node.targets):
-                value = f"{self.target(target)} = {value}"
-            return [f"{value};"]
-        if isinstance(node, ast.AnnAssign) and node.value:
-            return [f"{self.target(node.target)} = {self.expression(node.value)};"]
-        if isinstance(node, ast.AugAssign):
-            place = self.target(node.target)
-            return [f"{place} = {self.binary(node.op, place, self.expression(node.value), node)};"]
-        if isinstance(node, ast.Continue | ast.Break | ast.Pass):
-            return ["" if isinstance(node, ast.Pass) else f"{ast.unparse(node)};"]
+        return ["" if isinstance(node, ast.Pass) else f"{self.simple_statement(node)};"]
+
+    def simple_statement(self, node: ast.stmt) -> str:
+        """A statement that has no block in it, without its semicolon."""
+        match node:
+            case ast.Expr():
+                return self.expression(node.value)
+            case ast.Return():
+                return f"return {self.expression(node.value)}" if node.value else "return"
+            case ast.Assign():
+                value = self.expression(node.value)
+                for target in reversed(node.targets):
+                    value = f"{self.target(target)} = {value}"
+                return value
+            case ast.AnnAssign(value=ast.expr() as value):
+                return f"{self.target(node.target)} = {self.expression(value)}"
+            case ast.AugAssign():
+                place = self.target(node.target)
+                return f"{place} = {self.binary(node.op, place, self.expression(node.value), node)}"
+            case ast.Continue() | ast.Break():
+                return ast.unparse(node)
         raise self.refuse(node)
 
     def inner_block(self, body: list[ast.stmt], depth: int, pad: str) -> list[str]:
@@ -274,36 +272,35 @@ class Function:
 
     def expression(self, node: ast.expr) -> str:
         """An expression; brackets keep the order that Python has."""
-        if isinstance(node, ast.Constant) and isinstance(node.value, bool | int | float):
-            return literal(node.value)
-        if isinstance(node, ast.Name):
-            return self.name(node)
-        if isinstance(node, ast.Tuple | ast.List):
-            return "[" + ", ".join(map(self.expression, node.elts)) + "]"
-        if isinstance(node, ast.Starred):
-            return f"...{self.expression(node.value)}"
-        if isinstance(node, ast.Attribute):
-            return self.attribute(node)
-        if isinstance(node, ast.Subscript):
-            return self.subscript(node)
-        if isinstance(node, ast.BinOp):
-            return self.binary(
-                node.op, self.expression(node.left), self.expression(node.right), node
-            )
-        if isinstance(node, ast.UnaryOp) and type(node.op) in OPERATORS:
-            return f"({OPERATORS[type(node.op)]}{self.expression(node.operand)})"
-        if isinstance(node, ast.BoolOp):
-            return (
-                "(" + f" {OPERATORS[type(node.op)]} ".join(map(self.expression, node.values)) + ")"
-            )
-        if isinstance(node, ast.Compare):
-            return self.comparison(node)
-        if isinstance(node, ast.IfExp):
-            parts = map(self.expression, (node.test, node.body, node.orelse))
-            return "({} ? {} : {})".format(*parts)
-        if isinstance(node, ast.Call):
-            return self.call(node)
-        raise self.refuse(node)
+        if type(node) not in EXPRESSIONS:
+            raise self.refuse(node)
+        return EXPRESSIONS[type(node)](self, node)
+
+    def constant(self, node: ast.Constant) -> str:
+        if not isinstance(node.value, bool | int | float):
+            raise self.refuse(node)
+        return literal(node.value)
+
+    def sequence(self, node: ast.Tuple | ast.List) -> str:
+        return "[" + ", ".join(map(self.expression, node.elts)) + "]"
+
+    def spread(self, node: ast.Starred) -> str:
+        return f"...{self.expression(node.value)}"
+
+    def unary(self, node: ast.UnaryOp) -> str:
+        if type(node.op) not in OPERATORS:
+            raise self.refuse(node)
+        return f"({OPERATORS[type(node.op)]}{self.expression(node.operand)})"
+
+    def arithmetic(self, node: ast.BinOp) -> str:
+        return self.binary(node.op, self.expression(node.left), self.expression(node.right), node)
+
+    def logic(self, node: ast.BoolOp) -> str:
+        return "(" + f" {OPERATORS[type(node.op)]} ".join(map(self.expression, node.values)) + ")"
+
+    def choice(self, node: ast.IfExp) -> str:
+        parts = map(self.expression, (node.test, node.body, node.orelse))
+        return "({} ? {} : {})".format(*parts)
 
     def binary(self, operator: ast.operator, left: str, right: str, node: ast.AST) -> str:
         if isinstance(operator, ast.FloorDiv):
@@ -401,6 +398,24 @@ class Function:
         if isinstance(value, BuiltinFunctionType) and value in KNOWN:
             return KNOWN[value]
         raise self.refuse(node)
+
+
+#: What writes an expression, by its kind.
+EXPRESSIONS: dict[type, Callable[[Function, Any], str]] = {
+    ast.Constant: Function.constant,
+    ast.Name: Function.name,
+    ast.Tuple: Function.sequence,
+    ast.List: Function.sequence,
+    ast.Starred: Function.spread,
+    ast.Attribute: Function.attribute,
+    ast.Subscript: Function.subscript,
+    ast.BinOp: Function.arithmetic,
+    ast.UnaryOp: Function.unary,
+    ast.BoolOp: Function.logic,
+    ast.Compare: Function.comparison,
+    ast.IfExp: Function.choice,
+    ast.Call: Function.call,
+}
 
 
 def _local_names(definition: ast.FunctionDef) -> set[str]:
