@@ -1,8 +1,7 @@
-"""A formula of layouts at states: values of many layouts at once, and slopes by their differences.
+"""A formula of layouts at states: values of many layouts at once, and derivatives by differences.
 
-The formula is the float model on arrays, with its closed Jacobian. Slopes by what is varied of a
-layout are central differences between layouts beside it, which all go through the model in one
-call.
+The formula is the float model on arrays, with its closed Jacobian. Derivatives by what is varied of
+a layout are differences between layouts beside it, which all go through the model in one call.
 """
 
 from __future__ import annotations
@@ -21,6 +20,41 @@ STEP = 1e-4
 
 
 @dataclass(frozen=True)
+class Differences:
+    """Values at a place and at places beside it, from which the derivatives there follow.
+
+    steps (n,): of the unknowns.  values (1 + 2 n + n (n - 1) / 2, ...): at `neighbours_of`.
+    """
+
+    steps: Floats
+    values: Floats
+
+    @staticmethod
+    def neighbours_of(x: Floats, steps: Floats) -> Floats:
+        """The place (n,), one step of each unknown ahead and behind, and steps of two at once."""
+        moves = np.diag(steps)
+        first, second = np.triu_indices(len(x), 1)
+        return np.concatenate([x[None], x + moves, x - moves, x + moves[first] + moves[second]])
+
+    def slopes(self) -> Floats:
+        """(..., n)."""
+        n = len(self.steps)
+        rise = np.moveaxis(self.values[1 : n + 1] - self.values[n + 1 : 2 * n + 1], 0, -1)
+        slopes: Floats = rise / (2 * self.steps)
+        return slopes
+
+    def hessian(self) -> Floats:
+        """(n, n), of values that are single numbers."""
+        n, middle = len(self.steps), self.values[0]
+        ahead, behind, both = np.split(self.values[1:], [n, 2 * n])
+        found = np.diag(ahead + behind - 2 * middle)
+        first, second = np.triu_indices(n, 1)
+        found[first, second] = found[second, first] = both - ahead[first] - ahead[second] + middle
+        hessian: Floats = found / np.outer(self.steps, self.steps)
+        return hessian
+
+
+@dataclass(frozen=True)
 class Formula:
     """Outputs of layouts at states.
 
@@ -32,19 +66,10 @@ class Formula:
     compute: Callable[[Floats, Floats], list[Any]]
     origin: Floats
 
-    def __call__(self, x: Floats, states: Floats, slopes: bool = False) -> Floats:
-        """Outputs of one layout (n,) at states (m, w): (m, outputs, 1), or with the slopes by the
-        unknowns (m, outputs, 1 + n)."""
-        if not slopes:
-            values: Floats = self.outputs(x[None], states)[0, :, :, None]
-            return values
+    def expand(self, x: Floats, states: Floats) -> Differences:
+        """Outputs of layouts at and beside one (n,) at states (m, w): (..., m, outputs)."""
         steps = STEP * np.fmin(1.0, np.abs(x - self.origin))
-        moves = np.diag(steps)
-        found = self.outputs(np.concatenate([x[None], x + moves, x - moves]), states)
-        ahead, behind = found[1 : 1 + len(x)], found[1 + len(x) :]
-        slope = (ahead - behind) / (2 * steps[:, None, None])
-        result: Floats = np.concatenate([found[:1], slope]).transpose(1, 2, 0)
-        return result
+        return Differences(steps, self.outputs(Differences.neighbours_of(x, steps), states))
 
     def outputs(self, x: Floats, states: Floats) -> Floats:
         """Of layouts (k, n) at states (m, w): (k, m, outputs)."""

@@ -11,7 +11,7 @@ What is found is measured again by `exploration.measure_design`, as the designs 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..core.units import Floats
 from .exploration import MEASURES, NO_RIVALS, Space, front, measure_design
-from .search import active_constraints, active_rows, settle, solve
+from .search import active_constraints, active_rows, solve
 from .trade import Trade, trade_of
 
 #: Starts for the least of each objective; and every which point is looked for from elsewhere, too.
@@ -85,8 +85,7 @@ class Walk:
         problem = replace(trade.problem, aims={trade.objectives[objective]: 1.0})
         low, high = trade.bounds(most)
         guess, known = (start.unknowns, start.rows) if isinstance(start, End) else (start, None)
-        problem, rows, found = solve(problem, guess, low, high, known=known, steps=STEPS)
-        problem, unknowns = settle(problem, found.x)
+        problem, rows, found, unknowns = solve(problem, guess, low, high, known=known, steps=STEPS)
         costs = trade.costs(unknowns)
         kept = problem.values(unknowns).min() > -1e-7
         if not found.success or not kept or not (costs <= most + BETTER).all():
@@ -117,45 +116,47 @@ class Walk:
         return best
 
     def follow(self, bounds: Floats, ends: list[End], tell: Tell) -> list[End | None]:
-        """The best of the first objective for each row of bounds."""
+        """The best of the first objective for each row of bounds.
+
+        What has no design has none with tighter bounds either, unless a neighbour's leads there.
+        """
         found: list[End | None] = [None] * len(bounds)
-        sources: list[Floats | End] = list(ends)
+        empty: list[Floats] = []
         for n, most in enumerate(bounds):
             tell(n, 2 * len(bounds))
-            near = found[n - 1] if n and found[n - 1] is not None else None
-            starts = [near] if near is not None else sources
-            found[n] = best_of([self.least(self.first, most, s) for s in starts], self.first)
-        new = True
+            near = found[n - 1] if n else None
+            if near is None and any((most <= none).all() for none in empty):
+                continue
+            found[n] = self.improve(None, n, most, ends if near is None else [near])
+            if found[n] is None:
+                empty.append(most)
         for sweep in range(SWEEPS):
             order = range(len(bounds)) if sweep % 2 else range(len(bounds) - 1, -1, -1)
-            step = -1 if sweep % 2 else 1
             new = False
             for count, n in enumerate(order):
                 tell(min(len(bounds) + count, 2 * len(bounds)), 2 * len(bounds))
-                new |= self.from_neighbour(found, bounds, n, n + step, sweep == 0)
+                other = n + (-1 if sweep % 2 else 1)
+                near = found[other] if 0 <= other < len(bounds) else None
+                starts: list[Floats | End] = [] if near is None else [near]
+                if sweep == 0 and n % AGAIN == AGAIN // 2:
+                    starts.append(self.anywhere())
+                better = self.improve(found[n], n, bounds[n], starts)
+                new, found[n] = new or better is not found[n], better
             if sweep > 0 and not new:
                 break
         return found
 
-    def from_neighbour(
-        self, found: list[End | None], bounds: Floats, n: int, other: int, look: bool
-    ) -> bool:
-        """Looks for point n from its neighbour's end; whether that is better than what was found.
-
-        look: whether some points are looked for from elsewhere, too.
-        """
-        near = found[other] if 0 <= other < len(found) else None
-        starts: list[Floats | End] = []
-        if near is not None and (n, near.unknowns.tobytes()) not in self.asked:
-            self.asked.add((n, near.unknowns.tobytes()))
-            starts.append(near)
-        if look and n % AGAIN == AGAIN // 2:
-            starts.append(self.anywhere())
-        tried = [self.least(self.first, bounds[n], start) for start in starts]
-        best = best_of([found[n], *tried], self.first)
-        new = best is not found[n]
-        found[n] = best
-        return new
+    def improve(
+        self, known: End | None, n: int, most: Floats, starts: Sequence[Floats | End]
+    ) -> End | None:
+        """The best end for point n that is known, or that new ones of the starts lead to."""
+        tried = [known]
+        for start in starts:
+            key = n, (start.unknowns if isinstance(start, End) else start).tobytes()
+            if key not in self.asked:
+                self.asked.add(key)
+                tried.append(self.least(self.first, most, start))
+        return best_of(tried, self.first)
 
 
 def best_of(ends: list[End | None], objective: int) -> End | None:

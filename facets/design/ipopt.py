@@ -1,7 +1,4 @@
-"""IPOPT, as casadi brings it, for problems whose values and slopes are computed here.
-
-Its Hessian is the one that it gathers from the slopes of its steps (limited memory): the best
-layout lies where constraints meet, so that their slopes say nearly all.
+"""IPOPT, as casadi brings it, for problems whose values and derivatives are computed here.
 
 Importing this imports casadi.
 """
@@ -17,6 +14,7 @@ import numpy as np
 
 from ..core.units import Floats
 from .interruption import run_solver
+from .problem import QuadraticModel
 
 #: IPOPT's own tolerance.
 TOLERANCE = 1e-8
@@ -35,11 +33,11 @@ class Nonlinear(Protocol):
     @property
     def constraints(self) -> int: ...
 
-    def objective(self, x: Floats) -> tuple[float, Floats]:
-        """Value and slopes (n,)."""
+    def objective(self, x: Floats) -> QuadraticModel:
+        """What is made small, one value."""
 
-    def constraint_values(self, x: Floats) -> tuple[Floats, Floats]:
-        """Values (m,) and slopes (m, n)."""
+    def limits(self, x: Floats) -> QuadraticModel:
+        """The constraints' values (m,)."""
 
 
 @dataclass(frozen=True)
@@ -99,28 +97,36 @@ class Pieces:
         self.problem = problem
         self.where: bytes = b""
         n, m = problem.unknowns, problem.constraints
-        one, all_ = ca.Sparsity.dense(1, 1), ca.Sparsity.dense
-        self.both = ArrayFunction("both", [n], [one, all_(m, 1)], self.values)
-        self.slope = ArrayFunction("slope", [n, 0], [one, all_(1, n)], self.gradient)
-        self.slopes = ArrayFunction("slopes", [n, 0], [all_(m, 1), all_(m, n)], self.jacobian)
+        one, dense = ca.Sparsity.dense(1, 1), ca.Sparsity.dense
+        self.both = ArrayFunction("both", [n], [one, dense(m, 1)], self.values)
+        self.slope = ArrayFunction("slope", [n, 0], [one, dense(1, n)], self.gradient)
+        self.slopes = ArrayFunction("slopes", [n, 0], [dense(m, 1), dense(m, n)], self.jacobian)
+        triangle = [ca.Sparsity.upper(n)]
+        self.curvature = ArrayFunction("curvature", [n, 0, 1, m], triangle, self.hessian)
 
     def compute(self, x: Floats) -> None:
         if (where := x.tobytes()) != self.where:
             self.cost = self.problem.objective(x)
-            self.limits = self.problem.constraint_values(x)
+            self.limits = self.problem.limits(x)
             self.where = where
 
     def values(self, x: Floats) -> list[Any]:
         self.compute(x)
-        return [self.cost[0], self.limits[0]]
+        return [self.cost.values, self.limits.values]
 
     def gradient(self, x: Floats, _: Floats) -> list[Any]:
         self.compute(x)
-        return [self.cost[0], self.cost[1]]
+        return [self.cost.values, self.cost.slopes[0]]
 
     def jacobian(self, x: Floats, _: Floats) -> list[Any]:
         self.compute(x)
-        return [self.limits[0], self.limits[1].T.ravel()]
+        return [self.limits.values, self.limits.slopes.T.ravel()]
+
+    def hessian(self, x: Floats, _: Floats, weight: Floats, multipliers: Floats) -> list[Any]:
+        """Of the Lagrangian: its upper triangle by columns."""
+        self.compute(x)
+        found = self.cost.curvature(weight) + self.limits.curvature(multipliers)
+        return [found[np.tril_indices(len(x))]]  # by rows of a symmetric matrix's lower triangle
 
 
 def minimise(
@@ -141,8 +147,8 @@ def minimise(
     options: dict[str, Any] = {
         "ipopt.print_level": 0, "print_time": False, "ipopt.sb": "yes", "ipopt.tol": TOLERANCE,
         "ipopt.max_iter": steps, "ipopt.bound_relax_factor": 0.0, "error_on_fail": False,
-        "ipopt.hessian_approximation": "limited-memory", "no_nlp_grad": True,
-        "grad_f": pieces.slope, "jac_g": pieces.slopes,
+        "no_nlp_grad": True, "grad_f": pieces.slope, "jac_g": pieces.slopes,
+        "hess_lag": pieces.curvature,
     }  # fmt: skip
     if near:
         options |= {"ipopt.mu_init": NEAR, "ipopt.bound_push": 1e-8, "ipopt.bound_frac": 1e-8}

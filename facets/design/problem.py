@@ -10,7 +10,7 @@ output at one state; the search holds only those that matter (`search`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -23,7 +23,7 @@ from ..core.names import POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..optics.forward import build_geometry
-from .formula import Formula
+from .formula import Differences, Formula
 from .variables import (
     GAIN,
     Outcome,
@@ -94,6 +94,15 @@ class Rows:
             np.concatenate([self.slack, more.slack]),
             spare,
         )
+
+
+class QuadraticModel(NamedTuple):
+    """Values (r,) at a place, their slopes (r, unknowns), and the Hessian (unknowns, unknowns) of
+    their sum with weights (r,)."""
+
+    values: Floats
+    slopes: Floats
+    curvature: Callable[[Floats], Floats]
 
 
 @dataclass(frozen=True)
@@ -168,8 +177,8 @@ class LayoutProblem:
 
     def values(self, unknowns: Floats) -> Floats:
         """What all constraints are; those that are kept are not below zero."""
-        found = self.formula(unknowns[self.places], self.states)[
-            self.rows.state, self.rows.output, 0
+        found = self.formula.outputs(unknowns[None, self.places], self.states)[
+            0, self.rows.state, self.rows.output
         ]
         values: Floats = found + np.where(self.rows.slack >= 0, unknowns[self.rows.slack], 0.0)
         return values if self.rows.spare is None else values - self.rows.spare
@@ -188,8 +197,8 @@ class LayoutProblem:
         within = np.isclose(shares @ span, self.states).all(axis=1)
 
         def values(some: Floats) -> Floats:
-            found = self.formula(unknowns[self.places], some @ span)[:, self.inside, 0]
-            margins: Floats = found + eased
+            found = self.formula.outputs(unknowns[None, self.places], some @ span)[0]
+            margins: Floats = found[:, self.inside] + eased
             return margins
 
         places, which = worst_places(values, shares[within], np.asarray(span.any(axis=1)))
@@ -227,50 +236,64 @@ class LayoutProblem:
             found[n] = self.rows.spare[mine[away.argmin()]]
         return found
 
-    def linearize(self, unknowns: Floats, rows: Rows) -> tuple[Floats, Floats]:
-        """Values (r,) of some rows, and their slopes (r, count)."""
+    def expand(self, unknowns: Floats, rows: Rows) -> QuadraticModel:
+        """Some rows, with their slopes and curvatures."""
         which, place = np.unique(rows.state, return_inverse=True)
-        found = self.formula(unknowns[self.places], self.states[which], True)[place, rows.output]
-        values, slopes = self.expand(found)
+        around = self.formula.expand(unknowns[self.places], self.states[which])
+        some = Differences(around.steps, around.values[:, place, rows.output])
+        found = self.quadratic_model(some)
         bound = rows.slack >= 0
-        values += np.where(bound, unknowns[rows.slack], 0.0)
+        values = found.values + np.where(bound, unknowns[rows.slack], 0.0)
         if rows.spare is not None:
             values -= rows.spare
-        slopes[np.flatnonzero(bound), rows.slack[bound]] = 1.0
-        return values, slopes
+        found.slopes[np.flatnonzero(bound), rows.slack[bound]] = 1.0
+        return found._replace(values=values)
 
-    def expand(self, found: Floats) -> tuple[Floats, Floats]:
-        """Outputs of the formula with their slopes (r, 1 + n), as values and slopes by all of the
-        unknowns."""
-        slopes = np.zeros((len(found), self.count))
-        slopes[:, self.places] = found[:, 1:]
-        return found[:, 0].copy(), slopes
+    def quadratic_model(self, found: Differences) -> QuadraticModel:
+        """Differences by the formula's unknowns as an expansion by all of the unknowns."""
+        slopes = np.zeros((found.values.shape[1], self.count))
+        slopes[:, self.places] = found.slopes()
 
-    def objective(self, unknowns: Floats) -> tuple[float, Floats]:
-        """What is made small, and its slopes."""
+        def curvature(weights: Floats) -> Floats:
+            hessian = np.zeros((self.count, self.count))
+            of_sum = Differences(found.steps, found.values @ weights)
+            hessian[np.ix_(self.places, self.places)] = of_sum.hessian()
+            return hessian
+
+        return QuadraticModel(found.values[0], slopes, curvature)
+
+    def objective(self, unknowns: Floats) -> float:
+        """What is made small."""
+        return float(self.expand_objective(unknowns).values[0])
+
+    def expand_objective(self, unknowns: Floats) -> QuadraticModel:
+        """What is made small, with its slopes and curvatures."""
         value, slopes = self.constant, np.zeros(self.count)
+        hessian = np.zeros((self.count, self.count))
         for aim, weight in self.aims.items():
-            cost, slope = self.cost(aim, unknowns)
+            cost, slope, curvature = self.cost(aim, unknowns)
             if self.weighted and aim in ("resolution", "mean-resolution"):
                 # what is added up is uncertainty, not variance
                 cost = np.sqrt(max(cost, 1e-300))
                 slope = slope / (2 * cost)
+                curvature = (curvature / 2 - np.outer(slope, slope)) / cost
             value += weight * cost
             slopes += weight * slope
-        return value, slopes
+            hessian += weight * curvature
+        return QuadraticModel(np.array([value]), slopes[None], lambda weights: weights[0] * hessian)
 
-    def cost(self, aim: str, unknowns: Floats) -> tuple[float, Floats]:
-        """What one aim makes small, and its slopes."""
+    def cost(self, aim: str, unknowns: Floats) -> tuple[float, Floats, Floats]:
+        """What one aim makes small, its slopes and its Hessian."""
         if aim == "mean-resolution":
-            states = self.states[: self.stated]
-            found = self.formula(unknowns[self.places], states, True)[:, self.averaged]
-            value, slopes = self.expand(found.mean(axis=(0, 1))[None])
-            return float(value[0]), slopes[0]
+            around = self.formula.expand(unknowns[self.places], self.states[: self.stated])
+            means = around.values[:, :, self.averaged].mean(axis=(1, 2))
+            found = self.quadratic_model(Differences(around.steps, means[:, None]))
+            return float(found.values[0]), found.slopes[0], found.curvature(np.ones(1))
         place = len(self.names) + self.extras.index(aim)
         sign = -1.0 if aim.startswith("range") else 1.0
         slope = np.zeros(self.count)
         slope[place] = sign
-        return sign * float(unknowns[place]), slope
+        return sign * float(unknowns[place]), slope, np.zeros((self.count, self.count))
 
 
 @dataclass

@@ -91,7 +91,7 @@ def solve_with_value(
     low[n] = high[n] = guess[n] = share
     free = low[: len(problem.names)] < high[: len(problem.names)]
     if free.any() or "range" in problem.extras:
-        problem, _, found = solve(problem, problem.fill_slacks(guess), low, high)
+        problem, _, found, _ = solve(problem, problem.fill_slacks(guess), low, high)
         guess = np.clip(found.x, low, high)
     problem, guess = settle(problem, guess)
     return guess if problem.values(guess).min() > -SLACK else None
@@ -107,7 +107,7 @@ def objective_of(problem: LayoutProblem, x: Floats, slack: float = SLACK) -> flo
     problem, guess = settle(problem, guess)
     if not problem.values(guess).min() > -slack:
         return float("nan")
-    return problem.objective(guess)[0]
+    return problem.objective(guess)
 
 
 def costs_of(problem: LayoutProblem, x: Floats, steps: Floats, objective: float) -> Floats:

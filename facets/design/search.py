@@ -21,7 +21,7 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from .branching import best_parts, price_term
 from .catalogue import PartsChoice, choices, replace_parts
-from .problem import TRIED, LayoutProblem, Rows, StartResult, problem_of
+from .problem import TRIED, LayoutProblem, QuadraticModel, Rows, StartResult, problem_of
 from .variables import present_values
 
 if TYPE_CHECKING:
@@ -34,6 +34,8 @@ ACTIVE = 1e-4
 SLACK = 1e-6
 #: By how much a constraint that IPOPT does not know may be broken before it is told.
 UNNOTICED = 1e-9
+#: IPOPT's word for bounds that exclude one another.
+INFEASIBLE = "infeasible problem detected"
 #: Constraints of a group that IPOPT is given at first, and each time; and how many times at most.
 NEAREST, ROUNDS = 3, 40
 
@@ -179,19 +181,24 @@ class Held:
     def constraints(self) -> int:
         return len(self.rows)
 
-    def objective(self, x: Floats) -> tuple[float, Floats]:
+    def objective(self, x: Floats) -> QuadraticModel:
+        n, size = self.problem.count, len(x)
         if not self.elastic:
-            return self.problem.objective(x)
-        n = self.problem.count
-        return float(x[n:].sum()), np.concatenate([np.zeros(n), np.ones(len(x) - n)])
+            return self.problem.expand_objective(x)
+        slopes = np.append(np.zeros(n), np.ones(size - n))
+        return QuadraticModel(x[n:].sum()[None], slopes[None], lambda _: np.zeros((size, size)))
 
-    def constraint_values(self, x: Floats) -> tuple[Floats, Floats]:
-        n = self.problem.count
-        values, slopes = self.problem.linearize(x[:n], self.rows)
+    def limits(self, x: Floats) -> QuadraticModel:
+        n, more = self.problem.count, len(x) - self.problem.count
+        found = self.problem.expand(x[:n], self.rows)
         if not self.elastic:
-            return values, slopes
-        own = np.arange(len(x) - n) == self.rows.group[:, None]
-        return values + x[n:][self.rows.group], np.hstack([slopes, own])
+            return found
+        own = np.arange(more) == self.rows.group[:, None]
+        return QuadraticModel(
+            found.values + x[n:][self.rows.group],
+            np.hstack([found.slopes, own]),
+            lambda weights: np.pad(found.curvature(weights), (0, more)),
+        )
 
     def values(self, x: Floats) -> Floats:
         """Of all constraints of the problem."""
@@ -213,12 +220,13 @@ class SolverEnd(NamedTuple):
     """Where IPOPT ended.
 
     problem: that was solved, with the places of the volume that were added.  rows: numbers of the
-    constraints that IPOPT was given.
+    constraints that IPOPT was given.  unknowns: with slacks as small as they can be.
     """
 
     problem: LayoutProblem
     rows: NDArray[np.int64]
     result: SolverResult
+    unknowns: Floats
 
 
 def solve(
@@ -241,27 +249,28 @@ def solve(
     rows = nearest(problem, problem.values(guess[:n]), NEAREST)
     if known is not None:
         rows = np.union1d(rows, known[known < len(problem.rows)])
-    for _ in range(ROUNDS):
+    for turn in range(ROUNDS + 1):
+        if turn == ROUNDS:
+            rows, near = np.arange(len(problem.rows)), False
         held = Held(problem, problem.rows.subset(rows), elastic)
         found = minimise(held, guess, low, high, near, steps)
-        if not found.success and near:
+        if near and not found.success and found.status != INFEASIBLE:
             found = minimise(held, guess, low, high, steps=steps)
+        if not found.success:
+            break
         values = held.values(found.x)
         broken = np.flatnonzero(~(values > -UNNOTICED))
-        worst = nearest(problem, values, NEAREST)
-        new = np.setdiff1d(np.intersect1d(worst, broken), rows)
-        if found.success and not len(new):  # is any broken between the states that are asked?
+        new = np.setdiff1d(np.intersect1d(nearest(problem, values, NEAREST), broken), rows)
+        if not len(new):  # is any broken between the states that are asked?
             wider = problem.add_worst_places(found.x[:n])
             new = np.arange(len(problem.rows), len(wider.rows))
             problem = wider
-        if not len(new) or not found.success:
-            return SolverEnd(problem, rows, found)
+        if not len(new):
+            break
         rows = np.concatenate([rows, new])
         guess, near = found.x.copy(), True
         guess[:n] = problem.fill_slacks(found.x[:n])
-    held = Held(problem, problem.rows, elastic)
-    found = minimise(held, guess, low, high, steps=steps)
-    return SolverEnd(problem, np.arange(len(problem.rows)), found)
+    return SolverEnd(problem, rows, found, problem.fill_slacks(found.x[:n], spare=1.0))
 
 
 def settle(problem: LayoutProblem, unknowns: Floats) -> tuple[LayoutProblem, Floats]:
@@ -285,13 +294,12 @@ def solve_from(problem: LayoutProblem, start: Floats) -> StartResult:
     """Where a start (in the units of the variables' names) ends."""
     begin = time.perf_counter()
     guess, (low, high) = problem.first_guess(start), problem.bounds()
-    problem, rows, found = solve(problem, guess, low, high)
-    problem, exact = settle(problem, found.x)
+    problem, rows, found, exact = solve(problem, guess, low, high)
     values = problem.values(exact)
     return StartResult(
         start=start,
         x=problem.values_at(exact),
-        objective=problem.objective(exact)[0],
+        objective=problem.objective(exact),
         found=found.success and bool(values.min() > -SLACK),
         status=found.status,
         seconds=time.perf_counter() - begin,
@@ -317,10 +325,10 @@ def shortfalls_of(problem: LayoutProblem, start: Floats) -> dict[str, float]:
     low, high = problem.bounds()
     count = len(problem.groups)
     guess = np.append(problem.first_guess(start), np.ones(count))
-    _, _, found = solve(
+    found = solve(
         problem, guess, np.append(low, np.zeros(count)), np.append(high, np.full(count, np.inf)),
         elastic=True,
-    )  # fmt: skip
+    ).result  # fmt: skip
     shares = {}
     for group, gap in zip(problem.groups, found.x[-count:].tolist(), strict=True):
         squared = group.startswith("uncertainty")  # which is kept by its square
@@ -340,4 +348,4 @@ def objective_at(problem: LayoutProblem) -> float:
     problem, unknowns = settle(problem, guess)
     if not problem.values(unknowns).min() > -SLACK:
         return float("nan")
-    return problem.objective(unknowns)[0]
+    return problem.objective(unknowns)

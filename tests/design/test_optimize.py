@@ -64,23 +64,33 @@ def test_an_outcome_is_that_of_other_commands(name):
     assert (found[Outcome.CLEARANCES] > room - 1.0).all()
 
 
-@pytest.mark.parametrize("aim", ["resolution", "mean-resolution", "condition", "range"])
-def test_slopes_are_those_of_values(aim):
+@pytest.mark.parametrize("aim", ["resolution", "mean-resolution", "condition", "range", "weighted"])
+def test_derivatives_are_those_of_values(aim):
     """Beside differences with other steps, at layouts within and at the ends of the bounds."""
-    layout = replace(CONFIG.layout, aim=aim, weights={})
-    problem = problem_of(CONFIG.sensor, layout)
+    weights = {"mean-resolution": 1.0, "resolution": 0.5, "size": 2.0} if aim == "weighted" else {}
+    problem = problem_of(CONFIG.sensor, replace(CONFIG.layout, aim=aim, weights=weights))
     rng = np.random.default_rng(1)
     for shares in (rng.random(5), np.zeros(5), np.ones(5)):
         unknowns = problem.first_guess(problem.low + (problem.high - problem.low) * shares)
         way = rng.normal(size=problem.count)
-        values, slopes = problem.linearize(unknowns, problem.rows)
-        np.testing.assert_array_equal(values, problem.values(unknowns))
-        ahead, behind = (problem.values(unknowns + s * 3e-5 * way) for s in (1, -1))
-        expected = (ahead - behind) / 6e-5
-        size = np.abs(expected).max()
-        np.testing.assert_allclose(slopes @ way, expected, rtol=1e-5, atol=1e-6 * size)
-        (high, _), (low, _) = (problem.objective(unknowns + s * 3e-5 * way) for s in (1, -1))
-        assert problem.objective(unknowns)[1] @ way == pytest.approx((high - low) / 6e-5, rel=1e-5)
+        np.testing.assert_array_equal(
+            problem.expand(unknowns, problem.rows).values, problem.values(unknowns)
+        )
+        some = problem.rows.subset(rng.permutation(len(problem.rows))[:40])
+        for expand, weights in (
+            (lambda x, some=some: problem.expand(x, some), rng.random(40)),
+            (problem.expand_objective, np.full(1, 0.7)),
+        ):
+            here = expand(unknowns)
+            ahead, behind = (expand(unknowns + s * 3e-5 * way) for s in (1, -1))
+            expected = (ahead.values - behind.values) / 6e-5
+            size = np.abs(expected).max()
+            np.testing.assert_allclose(here.slopes @ way, expected, rtol=1e-5, atol=1e-6 * size)
+            expected = weights @ (ahead.slopes - behind.slopes) / 6e-5
+            size = np.abs(expected).max()
+            hessian = here.curvature(weights)
+            np.testing.assert_array_equal(hessian, hessian.T)
+            np.testing.assert_allclose(hessian @ way, expected, rtol=3e-3, atol=1e-3 * size)
 
 
 def worst(x, names, layout=CONFIG.layout):
