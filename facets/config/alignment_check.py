@@ -1,7 +1,7 @@
-"""Does every sub-beam of a configured sensor find its detector, with the mirror at rest at zero?
+"""Check that every sub-beam of a configured sensor hits its detector with the mirror at rest.
 
-If not, some key is wrong. The key blamed is the one of the user's own file without which the spot
-comes closest to the middle of its detector.
+If one does not, some key is wrong. The key that is blamed is the one of the user's own file without
+which the spot comes closest to the middle of its detector.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Resolve = Callable[[Marked], dict[str, Any]]
 
 
 class Landing(NamedTuple):
-    """Where a sub-beam lands, mm, in its detector's frame; on its area or not."""
+    """Where a sub-beam lands in its detector's frame, mm, and whether on the sensitive area."""
 
     psi: float
     zeta: float
@@ -37,8 +37,11 @@ class Landing(NamedTuple):
 
 
 def problems(keys: dict[str, Any], tree: Marked, resolve: Resolve) -> list[str]:
-    """A line for each key of the resolved `sensor` block that makes a sub-beam miss, or leaves it
-    without light.  resolve: gives the block of another tree."""
+    """Return a line for each key of the resolved `sensor` block that makes a sub-beam miss its
+    detector or leaves it dark.
+
+    resolve: resolves the block of another tree.
+    """
     sensor = build.sensor(keys)
     lost = [k for k, landing in enumerate(landings(sensor)) if not landing.on]
     if not lost:
@@ -57,7 +60,7 @@ def _miss_of(resolve: Resolve, k: int, tree: Marked) -> float:
 def _dark_detectors(
     keys: dict[str, Any], sensor: Sensor, tree: Marked, resolve: Resolve
 ) -> list[str]:
-    """What cuts the light may leave a detector none."""
+    """Return a line for each aperture that leaves a detector without light."""
     dark = [k for k, power in enumerate(_powers(sensor)) if not power > 0]
     if not dark:
         return []
@@ -69,7 +72,8 @@ def _dark_detectors(
 
 
 def _powers(sensor: Sensor) -> list[float]:
-    """Of the three sub-beams at the nominal pose, mW; where nothing cuts light, more than none."""
+    """The powers of the three sub-beams at the nominal pose, mW; positive where nothing cuts the
+    light."""
     if sensor.apertures == Apertures() and sensor.light == BenchLight():
         return [sensor.beam.power] * 3
     found: list[float] = model_readings(sensor, np.zeros(8))[2::3].tolist()
@@ -77,14 +81,14 @@ def _powers(sensor: Sensor) -> list[float]:
 
 
 def _darkness(keys: dict[str, Any]) -> float:
-    """0 where all detectors have light at the nominal pose."""
+    """Return 0 if all detectors have light at the nominal pose."""
     sensor = build.sensor(keys)
     on = all(landing.on for landing in landings(sensor))
     return 0.0 if on and all(power > 0 for power in _powers(sensor)) else math.inf
 
 
 def disorder(mirror: dict[str, Any], tree: Marked) -> list[str]:
-    """Facets that do not make a pyramid: a, b, c must go round once, counter-clockwise."""
+    """Check that the facets form a pyramid: a, b, c go round once, counter-clockwise."""
     azimuths = [mirror[name]["azimuth_deg"] for name in DETECTORS]
     gaps = [(azimuths[(k + 1) % 3] - azimuths[k]) % 360 for k in range(3)]
     if all(0 < gap < 180 for gap in gaps):
@@ -99,10 +103,10 @@ def disorder(mirror: dict[str, Any], tree: Marked) -> list[str]:
 
 
 def landings(sensor: Sensor) -> list[Landing]:
-    """Of the three sub-beams at the nominal pose; NaN where one never meets its detector."""
+    """The landings of the three sub-beams at the nominal pose; NaN where one misses its plane."""
     try:
         spots = readings(geometry_of(sensor), ZERO)
-    except ZeroDivisionError:  # a ray exactly along a plane
+    except ZeroDivisionError:  # A ray may run exactly along a plane.
         return [Landing(math.nan, math.nan, False)] * 3
     on = is_on_detector(sensor, [number for spot in spots for number in spot])
     return [Landing(spots[k][0], spots[k][1], bool(on[k])) for k in range(3)]
@@ -121,7 +125,7 @@ def _replace_value(keys: dict[str, Any], path: Path_, value: Any) -> dict[str, A
 
 
 def _miss(keys: dict[str, Any], k: int) -> float:
-    """How far spot k lies from the middle of its detector, in half-sizes."""
+    """Distance of spot k from the middle of its detector, in half-sizes."""
     sensor = build.sensor(keys)
     spot, psd = landings(sensor)[k], sensor.psds[k]
     miss = max(abs(spot.psi) / psd.size_y, abs(spot.zeta) / psd.size_z) * 2
@@ -149,16 +153,16 @@ def _miss_message(
 
 
 def _advise_default(tree: Marked, paths: Sequence[Path_], resolve: Resolve, k: int) -> str:
-    """What would stand there if the key were left out, which would cure it."""
+    """Advise the default value of a key, if that would bring the spot back."""
     if len(paths) > 1:
-        return "; more than one key does it"
+        return "; more than one key causes this"
     (_, *path) = paths[0]
     value: Any = resolve(remove_keys(tree, paths))
     if path and path[0] in ("mirror", "psd") and path[1] not in DETECTORS:
         path.insert(1, DETECTORS[k])
     for key in path:
         value = value[key]
-    return f"; {_format_value(value)} would bring it back"
+    return f"; {_format_value(value)} would correct it"
 
 
 def _place_in_words(sensor: Sensor, k: int) -> str:
@@ -166,7 +170,7 @@ def _place_in_words(sensor: Sensor, k: int) -> str:
     if math.isnan(spot.psi):
         return _reason_of_no_landing(sensor, k)
     beyond = max(abs(spot.psi) - psd.size_y / 2, abs(spot.zeta) - psd.size_z / 2)
-    psi, zeta = round(spot.psi, 1) + 0.0, round(spot.zeta, 1) + 0.0  # + 0.0: no -0.0
+    psi, zeta = round(spot.psi, 1) + 0.0, round(spot.zeta, 1) + 0.0  # Adding 0.0 avoids -0.0.
     return f"lands at psi {psi:g}, zeta {zeta:g} mm, {beyond:.1f} mm beyond the edge"
 
 
@@ -175,14 +179,14 @@ def _reason_of_no_landing(sensor: Sensor, k: int) -> str:
     try:
         ray = path(geometry, scene(geometry, ZERO), k)
     except ZeroDivisionError:
-        return "grazes a plane and lands nowhere"
+        return "grazes a plane and does not land"
     if ray.incidence >= 0:
         return "is turned away from the beam"
     return "never meets the plane of its PSD, or only its back"
 
 
 def _advise_height(keys: dict[str, Any], culprit: Path_, lost: list[int]) -> str:
-    """Where detectors that a facet's inclination leaves behind would have to be."""
+    """Advise the height of detectors that miss the spots because of a facet's inclination."""
     k = lost[0]
     height: Path_ = ("psd", DETECTORS[k], "height_mm")
     zeta = landings(build.sensor(keys))[k].zeta
@@ -196,7 +200,7 @@ def _advise_height(keys: dict[str, Any], culprit: Path_, lost: list[int]) -> str
 
 
 def _format_value(value: Any) -> str:
-    """45 for 45.0, [0, 0] for [0.0, 0.0]."""
+    """Format a value: 45 for 45.0, [0, 0] for [0.0, 0.0]."""
     if isinstance(value, list | tuple):
         return f"[{', '.join(_format_value(item) for item in value)}]"
     return f"{value:g}" if is_number(value) else quote_value(value)

@@ -1,7 +1,7 @@
-"""Which keys a problem that arises from several of them is put down to, and where those stand.
+"""Find the keys that cause a problem, and the lines where they stand.
 
-A user can change the file that was asked for, so its keys are named where any of them takes part,
-and those of the files that it extends only where none does.
+A user can change the file that was asked for, so its keys are named if any of them takes part, and
+keys of the files that it extends only otherwise.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ Misses = Callable[[Marked], float]
 
 
 def message(tree: Marked, paths: Sequence[Path_], reason: str) -> str:
-    """`FILE:LINE: key.path: reason`, of the first of some keys that the user's own file sets, else
-    of the first that any file sets; the others that are set stand behind the reason."""
+    """Write `FILE:LINE: key.path: reason`, for the first key that the user's own file sets, else
+    for the first that any file sets; the other keys follow the reason."""
     found = [(*tree.find(path), path) for path in paths]
     known = [(mark, path) for mark, at, path in found if at == path]
     known.sort(key=lambda one: one[0].file != tree.file)
@@ -27,7 +27,7 @@ def message(tree: Marked, paths: Sequence[Path_], reason: str) -> str:
 
 
 def leaves(mark: Marked, path: Path_ = ()) -> Iterator[tuple[Path_, Marked]]:
-    """The values of a tree that are no blocks of keys, with their paths."""
+    """The values of a tree that are not blocks of keys, with their paths."""
     if isinstance(mark.value, dict):
         for key, child in mark.value.items():
             yield from leaves(child, (*path, key))
@@ -36,7 +36,7 @@ def leaves(mark: Marked, path: Path_ = ()) -> Iterator[tuple[Path_, Marked]]:
 
 
 def remove_keys(tree: Marked, paths: Sequence[Path_]) -> Marked:
-    """The tree as it would be if the files that say them left some keys out."""
+    """Return the tree without the keys at some paths."""
     for path in paths:
         tree = _remove_key(tree, path)
     return tree
@@ -55,10 +55,11 @@ def _remove_key(mark: Marked, path: Path_) -> Marked:
 
 
 def culprits(tree: Marked, block: Path_, misses: Misses) -> list[Path_]:
-    """The keys of a block that make it fail: left out, it would not.
+    """The keys of a block that make it fail.
 
-    misses: by how much a tree fails, up to 1 where it does not. One key of the user's own file
-    where that is enough; else the fewest of that file, then of all files.
+    misses: measures the failure of a tree; up to 1 where it does not fail. The result is one key of
+    the user's own file if that suffices, else the fewest of that file, else the fewest of all
+    files.
     """
     every = [(path, mark) for path, mark in leaves(tree.find(block)[0], block) if path]
     own = [path for path, mark in every if mark.file == tree.file]
@@ -72,7 +73,8 @@ def culprits(tree: Marked, block: Path_, misses: Misses) -> list[Path_]:
 
 
 def smallest_set(tree: Marked, paths: list[Path_], misses: Misses) -> list[Path_]:
-    """Those of some keys without which the others would not do, one after the other."""
+    """The smallest subset of keys whose removal suffices, found by restoring them one after the
+    other."""
     chosen = list(paths)
     for path in paths:
         fewer = [one for one in chosen if one != path]

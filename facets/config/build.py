@@ -1,4 +1,4 @@
-"""From checked keys to plain resolved types, and from those to what the code works with."""
+"""Convert checked keys to plain resolved types, and these to the objects of the code."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from .sensor_keys import SENSOR
 
 
 def resolve(document: Any) -> dict[str, Any]:
-    """Every key with its value, per detector, as plain types; loads again to the same."""
+    """Return every key with its value, per detector, as plain types; they load to the same
+    configuration."""
     plain: dict[str, Any] = document.model_dump(mode="json", by_alias=True, exclude={"extends"})
     plain["sensor"]["mirror"] = _single_blocks(document.sensor.mirror)
     plain["sensor"]["psd"] = _single_blocks(document.sensor.psd)
@@ -21,7 +22,8 @@ def resolve(document: Any) -> dict[str, Any]:
 
 
 def _single_blocks(common: Any) -> dict[str, Any]:
-    """a, b and c in full: their own keys, else the common ones, else the nominal azimuth."""
+    """The blocks a, b and c with all keys: their own, else the common ones, else the nominal
+    azimuth."""
     shared = common.model_dump(mode="json", exclude=set(DETECTORS))
     return {
         name: _overlay(
@@ -33,7 +35,7 @@ def _single_blocks(common: Any) -> dict[str, Any]:
 
 
 def _overlay(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """`above` over `below`, key by key, block by block."""
+    """Return `below` with the keys of `above` laid over it, block by block."""
     blocks = {
         key: _overlay(below[key], value) if isinstance(value, dict) else value
         for key, value in above.items()

@@ -1,4 +1,4 @@
-"""The covariance of calibrated parameters as a file: a column a parameter, under its name."""
+"""Read the covariance of calibrated parameters from a file with one column for each parameter."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from ..files.tables import read_numbers
 
 
 def read(path: Path) -> Calibration:
-    """Raises `InputError` where the file holds no square table of numbers."""
+    """Read a covariance; raise `InputError` if the file holds no square table of numbers."""
     names, rows = read_numbers(path)
     unknown = [name for name in names if name not in KNOWN]
     if unknown:
-        raise InputError(f"{path}: not a parameter of the sensor: {', '.join(unknown)}")
+        raise InputError(f"{path}: unknown parameter of the sensor: {', '.join(unknown)}")
     try:
         return Calibration(tuple(names), tuple(map(tuple, rows.tolist())))
     except InputError as error:
@@ -23,5 +23,5 @@ def read(path: Path) -> Calibration:
 
 
 def columns(known: Calibration) -> dict[str, list[float]]:
-    """The same as columns of a table."""
+    """Return a covariance as columns of a table."""
     return {name: [row[n] for row in known.covariance] for n, name in enumerate(known.names)}

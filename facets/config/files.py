@@ -1,4 +1,4 @@
-"""Finding configuration files and following `extends` from one to the next."""
+"""Find configuration files, and follow `extends` from one to the next."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def shipped() -> dict[str, Path]:
 
 
 def find(name_or_path: str | Path, base: Path | None = None) -> Path:
-    """The file that a bare shipped name or a path stands for; relative paths start at `base`.
+    """Return the file of a shipped name or a path; relative paths start at `base`.
 
     Raises ConfigError without file and line, which only the caller knows.
     """
@@ -55,17 +55,17 @@ def _missing_file(name_or_path: str, file: Path, names: dict[str, Path]) -> str:
     return f"{name_or_path}: {what}{hint} (shipped names: {', '.join(names)})"
 
 
-#: Files that one configuration may be laid together from.
+#: Largest number of files of one configuration.
 MOST_FILES = 50
 
 
 def gather(file: Path) -> Marked:
-    """A file merged over all that it extends; each value keeps the file and line it came from."""
+    """Merge a file over all files that it extends; each value keeps its file and line."""
     return _gather_files(file, (), {})
 
 
 def _gather_files(file: Path, children: tuple[Path, ...], known: dict[Path, Marked]) -> Marked:
-    """known: what has been gathered already; a file that is extended twice is read once."""
+    """Merge a file; known: files that have been merged already, so that each is read once."""
     if file in known:
         return known[file]
     tree = read(file)
@@ -79,10 +79,12 @@ def _gather_files(file: Path, children: tuple[Path, ...], known: dict[Path, Mark
         parent = _find_parent(link)
         if parent in chain:
             circle = " -> ".join(path_text(f) for f in (*chain[chain.index(parent) :], parent))
-            raise ConfigError(f"{link.place}: extends: goes round in a circle: {circle}")
+            raise ConfigError(
+                f"{link.place}: extends: the files extend each other in a circle: {circle}"
+            )
         if len(known) + len(chain) > MOST_FILES:
             raise ConfigError(
-                f"{link.place}: extends: more than {MOST_FILES} files in all; lay some together"
+                f"{link.place}: extends: more than {MOST_FILES} files in all; combine some of them"
             )
         below = _gather_files(parent, chain, known)
         laid = below if laid is None else merge(laid, below)
@@ -103,10 +105,10 @@ def _find_parent(link: Marked) -> Path:
 
 
 def merge(parent: Marked, child: Marked, path: tuple[str, ...] = ()) -> Marked:
-    """`child` laid over `parent`, key by key; lists and single values are replaced whole.
+    """Lay `child` over `parent`, key by key; lists and single values are replaced as a whole.
 
-    A motion that changes `kind` replaces the inherited one, whose keys would mean nothing to it;
-    a motion or a part without a value (`x-steps:`) takes the inherited one away.
+    A motion that changes `kind` replaces the inherited one. A motion or a part without a value
+    (`x-steps:`) removes the inherited one.
     """
     if not isinstance(parent.value, dict):
         return replace(child, below=parent)

@@ -15,7 +15,8 @@ COLUMNS = ("psi_mm", "zeta_mm", "add_psi_um", "add_zeta_um")
 
 
 def read(path: Path) -> Grid:
-    """Rows in any order, one for each crossing of a grid. Raises `InputError` where one is not."""
+    """Read a grid, its rows in any order; raise `InputError` if a crossing is missing or no
+    number."""
     _, rows = read_numbers(path, COLUMNS)
     y, z = np.unique(rows[:, 0]), np.unique(rows[:, 1])
     crossings = len(np.unique(rows[:, :2], axis=0))
@@ -35,7 +36,7 @@ def read(path: Path) -> Grid:
 
 
 def columns(grid: Grid) -> dict[str, Any]:
-    """The same as columns of a table."""
+    """Return a grid as columns of a table."""
     y, z = np.meshgrid(grid.y, grid.z, indexing="ij")
     added = (1e3 * np.array(values) for values in (grid.add_y, grid.add_z))
     parts = (part.ravel() for part in (y, z, *added))

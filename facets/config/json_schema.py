@@ -1,4 +1,4 @@
-"""The JSON Schema of a configuration, for editors, and what it says about one key."""
+"""The JSON Schema of a configuration, for editors, and what it says about each key."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .yaml_positions import Path_
 
 
 class _Untitled(GenerateJsonSchema):
-    """Without titles, which would only repeat the keys."""
+    """A generator that leaves out titles, which would only repeat the keys."""
 
     def field_title_should_be_set(self, schema: Any) -> bool:
         return False
@@ -24,15 +24,15 @@ class _Untitled(GenerateJsonSchema):
 
 @cache
 def document() -> dict[str, Any]:
-    """The schema of a complete configuration, nothing inherited."""
+    """The schema of a complete configuration without inherited keys."""
     return Document.model_json_schema(by_alias=True, schema_generator=_Untitled)
 
 
 def schema() -> dict[str, Any]:
     """JSON Schema, draft 2020-12, of a configuration file, for editors.
 
-    Laxer than `load` where a file alone cannot tell: a motion may leave out what it inherits, and
-    be empty to take the inherited one away. A block may be empty.
+    It accepts more than `load` where a single file cannot decide: a motion may leave out inherited
+    keys, be empty to remove an inherited motion, and a block may be empty.
     """
     body = copy.deepcopy(document())
     for block in body["$defs"].values():
@@ -48,7 +48,7 @@ def schema() -> dict[str, Any]:
 
 
 def entry(path: Path_, plain: Any = None) -> dict[str, Any] | None:
-    """What the schema says about the key at `path`; None where it knows no such key.
+    """Return the schema of the key at `path`; None for an unknown key.
 
     plain: the document's values, which tell the kind of each motion.
     """
@@ -77,11 +77,12 @@ def _entry_below(node: dict[str, Any], key: str | int, plain: Any) -> dict[str, 
     kind = plain.get("kind") if isinstance(plain, dict) else None
     if isinstance(kind, str) and kind in kinds:
         return _follow_reference({"$ref": kinds[kind]})
-    return {"type": "object", "properties": {"kind": {"enum": list(kinds)}}}  # the rest depends
+    # The other keys depend on the kind.
+    return {"type": "object", "properties": {"kind": {"enum": list(kinds)}}}
 
 
 def _entry_of_item(node: dict[str, Any], place: int) -> dict[str, Any] | None:
-    """What a list may hold at a place."""
+    """The allowed item of a list at a place."""
     for option in (node, *node.get("anyOf", [])):
         if place < len(option.get("prefixItems", [])):
             found: dict[str, Any] = option["prefixItems"][place]
@@ -99,7 +100,7 @@ def _follow_reference(node: dict[str, Any]) -> dict[str, Any]:
 
 
 def unit(path: Path_) -> str:
-    """The unit in a key's name, or nothing; axes of `cycles` and `phase_deg` have the block's."""
+    """The unit in a key's name, or ""; axes of `cycles` and `phase_deg` have the block's unit."""
     keys = [key for key in path if isinstance(key, str)]
     if path[0] == "motions" and len(keys) == 4 and keys[2] in ("cycles", "phase_deg"):
         keys.pop()
@@ -108,7 +109,7 @@ def unit(path: Path_) -> str:
 
 
 def allowed_values(path: Path_, plain: Any = None) -> str:
-    """What a key may hold, in words: 'a number above 0, up to 1000 mm'."""
+    """The allowed values of a key in words: 'a number above 0, up to 1000 mm'."""
     found = entry(path, plain)
     if found is None:
         return ""
@@ -149,7 +150,7 @@ COUNTS = {2: "two", 3: "three", 6: "six"}
 
 
 def _list_in_words(node: dict[str, Any]) -> str:
-    """'a list of two numbers from 0 to 100', 'a list of three pairs of numbers'."""
+    """The allowed list in words: 'a list of two numbers from 0 to 100'."""
     inner = node["items"] if "items" in node else node["prefixItems"][0]
     count = node.get("minItems", "")
     many = COUNTS.get(count, str(count))
@@ -176,13 +177,13 @@ def key_names(path: Path_, plain: Any = None) -> list[str]:
 
 
 def suggest_name(wrong: str, right: list[str]) -> str:
-    """'did you mean ...?', or nothing where no name is near."""
+    """Suggest the nearest right name: 'did you mean ...?', or "" if none is near."""
     near = difflib.get_close_matches(wrong, right, n=1, cutoff=0.55)
     return f"did you mean {near[0]!r}?" if near else ""
 
 
 def suggestion(path: Path_, plain: Any = None) -> str:
-    """For an unknown key: the nearest right name here, or where this name belongs."""
+    """Suggest the nearest right name for an unknown key, or the block to which it belongs."""
     *block, wrong = path
     here = key_names(tuple(block), plain)
     if near := suggest_name(str(wrong), here):

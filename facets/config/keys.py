@@ -1,6 +1,7 @@
 """The check of a whole configuration file, made from the declarations of its keys.
 
-Defaults are the rig of Park & Cho, Table 1; R_PSD, lost there, follows from the ranges of Table 2.
+Defaults are the rig of Park & Cho, Table 1; R_PSD, which is missing there, follows from the ranges
+of Table 2.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The way from a file's name to a checked configuration."""
+"""Load a configuration: from a file's name to a checked `Config`."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def load(name_or_path: str | Path) -> Config:
     tree = gather(file)
     resolved = _resolve(tree)
     settings = {name: one.value(resolved) for name, one in block_of(Config).sources.items()}
-    if settings["acquire"].detectors == 2:  # as older files say it
+    if settings["acquire"].detectors == 2:  # Older files write it this way.
         settings["solve"] = replace(settings["solve"], accept_unchecked=True)
     return Config(
         name=file.stem,
@@ -80,7 +80,7 @@ def _resolve(tree: Marked) -> dict[str, Any]:
     except ValidationError as error:
         raise ConfigError("\n".join(messages(error, tree))) from None
     if lost := _locate_measured_files(tree, resolved["sensor"]):
-        raise ConfigError("\n".join(lost))  # without it there is no sensor to look at
+        raise ConfigError("\n".join(lost))  # Without a sound tree there is no sensor to check.
     problems = [
         *(
             _aperture_conflicts(tree, resolved["sensor"])
@@ -102,14 +102,14 @@ def _resolve(tree: Marked) -> dict[str, Any]:
 
 
 def _sensor_keys(tree: Marked) -> dict[str, Any]:
-    """The `sensor` block of a tree that differs from a sound one in what it leaves out."""
+    """The `sensor` block of a tree, completed by the keys of a sound one."""
     found: dict[str, Any] = build.resolve(Document.model_validate(tree.plain()))["sensor"]
     _locate_measured_files(tree, found)
     return found
 
 
 def _refusals(tree: Marked, sensor: dict[str, Any]) -> list[str]:
-    """What the sensor itself refuses."""
+    """The problems that the sensor itself reports."""
 
     def refusal(keys: dict[str, Any]) -> str:
         try:
@@ -125,7 +125,7 @@ def _refusals(tree: Marked, sensor: dict[str, Any]) -> list[str]:
 
 
 def _locate_tables(tree: Marked, motions: dict[str, Any]) -> list[str]:
-    """Makes the paths of motion tables absolute, from the file that names them."""
+    """Make the paths of motion tables absolute, relative to the file that names them."""
     problems = []
     for name, keys in motions.items():
         if keys["kind"] != "table":
@@ -141,7 +141,7 @@ def _locate_tables(tree: Marked, motions: dict[str, Any]) -> list[str]:
     return problems
 
 
-#: Files of what was measured of a sensor: where their key may stand, and that of their sum.
+#: Keys that name files of measurements, and the keys of their checksums.
 MEASURED: dict[str, tuple[list[tuple[str, ...]], str]] = {
     "calibration": ([("calibration", "file")], "sha256"),
     **{
@@ -155,7 +155,8 @@ MEASURED: dict[str, tuple[list[tuple[str, ...]], str]] = {
 
 
 def measured_files(resolved: dict[str, Any]) -> list[tuple[dict[str, Any], str, str]]:
-    """Blocks of a resolved configuration that name a file on the sensor, the key, and its sum."""
+    """The files of measurements that a resolved configuration names: block, key, and key of the
+    checksum."""
     found = []
     for block, (places, total) in MEASURED.items():
         keys, name = _block(resolved["sensor"], block), places[0][-1]
@@ -165,14 +166,14 @@ def measured_files(resolved: dict[str, Any]) -> list[tuple[dict[str, Any], str, 
 
 
 def _block(keys: dict[str, Any], dotted: str) -> dict[str, Any]:
-    """A block, empty where an older version had none."""
+    """A block, empty if an older version did not have it."""
     for part in dotted.split("."):
         keys = keys.get(part, {})
     return keys
 
 
 def _locate_measured_files(tree: Marked, sensor: dict[str, Any]) -> list[str]:
-    """Makes the paths of files about the sensor absolute, and holds the files to their sums."""
+    """Make the paths of files about the sensor absolute, and verify the files' checksums."""
     problems = []
     for block, (places, total) in MEASURED.items():
         keys, name = _block(sensor, block), places[0][-1]
@@ -189,13 +190,16 @@ def _locate_measured_files(tree: Marked, sensor: dict[str, Any]) -> list[str]:
             continue
         summed = hashlib.sha256(file.read_bytes()).hexdigest()
         if keys[total] not in (None, summed):
-            problems.append(f"{where}{path_text(file)} has changed: its sha256 is {summed}")
+            problems.append(
+                f"{where}{path_text(file)} has changed: its sha256 is {summed}; "
+                "calibrate again, or correct the checksum"
+            )
         keys[name], keys[total] = str(file.resolve()), summed
-    return list(dict.fromkeys(problems))  # three detectors may share a key
+    return list(dict.fromkeys(problems))  # Three detectors may share a key.
 
 
 def _aperture_conflicts(tree: Marked, sensor: dict[str, Any]) -> list[str]:
-    """The facets begin at the tip and end at the rim."""
+    """Check that the facets begin at the tip and end at the rim, not the other way round."""
     tip, rim = sensor["apertures"]["tip_um"], sensor["apertures"]["rim_mm"]
     if rim is None or 1000 * rim > tip:
         return []
@@ -209,7 +213,7 @@ def _aperture_conflicts(tree: Marked, sensor: dict[str, Any]) -> list[str]:
     ]
 
 
-#: Keys of `sensor.light` of which the model knows nothing where light is cut, and what to do.
+#: Keys of `sensor.light` that the model cannot combine with apertures, and the remedy for each.
 EDGE_LIGHT = {
     "curvature_per_m": "cut light is modelled as collimated only",
     "wavelength_nm": "an aperture's own edge would diffract too, which is not modelled",
@@ -220,7 +224,7 @@ EDGE_LIGHT = {
 
 
 def _light_conflicts(tree: Marked, sensor: dict[str, Any]) -> list[str]:
-    """What happens at the facets' edges does not go with what cuts the light."""
+    """Check that effects at the facets' edges are not combined with apertures."""
     cuts = [name for name, value in sensor["apertures"].items() if value]
     if not cuts:
         return []
@@ -229,14 +233,16 @@ def _light_conflicts(tree: Marked, sensor: dict[str, Any]) -> list[str]:
         value = sensor["light"][name]
         if any(value) if isinstance(value, list | tuple) else value:
             paths = [("sensor", "light", name), ("sensor", "apertures", cuts[0])]
-            reason = f"sensor.light.{name} does not go with sensor.apertures.{cuts[0]}: {remedy}"
+            reason = (
+                f"sensor.light.{name} cannot be combined with sensor.apertures.{cuts[0]}: {remedy}"
+            )
             problems.append(message(tree, paths, f"{reason}; leave one of the two out"))
     return problems
 
 
 def _wide_edges(tree: Marked, sensor: dict[str, Any]) -> list[str]:
-    """What is lost or rolls off at edges and tip is narrow beside the beam: the model has its first
-    orders."""
+    """Check that losses and roll-off at edges and tip are small beside the beam: the model is of
+    first order."""
     diameter = sensor["beam"]["diameter_mm"]
     narrow = 1e3 * (min(diameter) if isinstance(diameter, list | tuple) else diameter)
     light = sensor["light"]
@@ -257,7 +263,7 @@ def _wide_edges(tree: Marked, sensor: dict[str, Any]) -> list[str]:
 
 
 def _gained_strips(tree: Marked, sensor: dict[str, Any]) -> list[str]:
-    """What an edge or the tip loses is no less than nothing, but for an estimate of nothing."""
+    """Check that an edge or the tip loses no negative area, unless the value is an estimate."""
     if sensor["calibration"]["file"] is not None:
         return []
     problems = []
@@ -276,7 +282,7 @@ def _gained_strips(tree: Marked, sensor: dict[str, Any]) -> list[str]:
 
 
 def _empty_bounds(tree: Marked, variables: dict[str, Any]) -> list[str]:
-    """Between the least and the most there is something."""
+    """Check that the least value of each variable is below its largest."""
     return [
         f"{tree.find(('optimize', 'variables', name))[0].place}: optimize.variables.{name}: "
         f"the least must be below the most (got {quote_value(list(pair))})"
@@ -286,7 +292,7 @@ def _empty_bounds(tree: Marked, variables: dict[str, Any]) -> list[str]:
 
 
 def _layout_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:
-    """What parts decide does not vary; a weighted aim has weights."""
+    """Check that parts decide no variable, and that a weighted aim has weights."""
     problems = [
         message(
             tree,
@@ -304,9 +310,9 @@ def _layout_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:
 
 
 def _method_conflicts(tree: Marked, keys: dict[str, Any]) -> list[str]:
-    """The paper's inversion has one way to treat the beam and the power.
+    """Check the beam and power for the paper's inversion, which allows one way only.
 
-    A power that is not said is taken as known there, whatever the default.
+    A power that is not given counts as known there, whatever the default.
     """
     if keys["method"] != "paper":
         return []

@@ -35,12 +35,12 @@ def single_to_pair(value: Any) -> Any:
 
 
 def none_to_block(value: Any) -> Any:
-    """A block in which all keys are commented out."""
+    """Return {} for a block in which all keys are commented out."""
     return {} if value is None else value
 
 
 class StrictModel(BaseModel):
-    """A block of keys. An empty block, all its keys commented out, takes the defaults."""
+    """A block of keys; an empty block takes the defaults."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
@@ -56,14 +56,15 @@ def remove_defaults(schema: dict[str, Any]) -> None:
 
 
 class PartialModel(StrictModel):
-    """A block whose missing keys take their values from another block: no defaults are shown."""
+    """A block whose missing keys take their values from another block, so that no defaults are
+    shown."""
 
     model_config = ConfigDict(json_schema_extra=remove_defaults)
 
 
 @cache
 def model_of(block: KeyBlock, **constants: str) -> Any:
-    """The check of a block of keys.
+    """Make the check of a block of keys.
 
     constants: keys that must have one word, before all others.
     """
@@ -82,7 +83,7 @@ def field_of(key: Key) -> Any:
 
 
 def type_of(key: Key) -> Any:
-    """The type that a value in a file must have, with its bounds."""
+    """The allowed type of a value in a file, with its bounds."""
     hint: Any
     if key.words is not None:
         return Literal[tuple(key.words)]
@@ -102,7 +103,7 @@ def type_of(key: Key) -> Any:
 
 
 def bounded_type(hint: Any, key: Key) -> Any:
-    """A field's type as pydantic checks it, each number and text within the key's bounds."""
+    """A field's type for pydantic, each number and text within the key's bounds."""
     kind, inner = get_origin(hint), get_args(hint)
     if kind in (Union, UnionType):
         return Union[tuple(bounded_type(one, key) for one in inner)]  # noqa: UP007

@@ -1,4 +1,4 @@
-"""What pydantic found wrong, told as `FILE:LINE: key.path: reason (got VALUE; allowed ...)`."""
+"""Write pydantic's findings as `FILE:LINE: key.path: reason (got VALUE; allowed ...)`."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _message_at(details: ErrorDetails, tree: Marked, plain: Any) -> tuple[str, M
         )
     elif kind == "value_error":
         reason = details["msg"].removeprefix("Value error, ")
-    elif found != path and not isinstance(mark.value, dict):  # one number given for two
+    elif found != path and not isinstance(mark.value, dict):  # A single number may stand for two.
         path, reason = found, _wrong_value(found, mark, plain)
     elif found != path:
         reason = _missing_key(path, plain)
@@ -44,7 +44,7 @@ def _message_at(details: ErrorDetails, tree: Marked, plain: Any) -> tuple[str, M
 
 
 def _path_in_file(details: ErrorDetails, plain: Any) -> Path_:
-    """The path in the file: without the kind that pydantic adds inside a motion."""
+    """The path in the file, without the kind that pydantic adds inside a motion."""
     path = details["loc"]
     if path[0] == "motions" and len(path) > 2:
         path = path[:2] + path[3:] if path[2] != "[key]" else path[:2]
@@ -103,7 +103,7 @@ def _reason_of_number(value: Any, may: str) -> str:
 
 
 def _count_in_words(may: str) -> str:
-    """Out of 'a list of 9 numbers from ...'."""
+    """Find the number of items in 'a list of 9 numbers from ...'."""
     found = re.search(r"(?:list of|one or) (\w+ (?:pairs of )?numbers)", may)
     return found[1] if found else "two numbers"
 
@@ -113,18 +113,18 @@ def is_number(value: Any) -> bool:
 
 
 def _advice(text: str) -> str:
-    """How to make a number of a text that nearly is one."""
+    """Advise how to turn text into a number, where the text nearly is one."""
     if re.fullmatch(r"\s*[-+]?\d+,\d+\s*", text):
         return "; write the decimals after a point"
     if re.match(r"\s*[-+]?[\d.]+\s*[a-zA-Z]+\s*$", text):
-        return "; leave the unit out, the key names it"
+        return "; leave the unit out, because the key names it"
     if re.fullmatch(r"\s*[-+]?[\d.]+([eE][-+]?\d+)?\s*", text):
-        return "; take the quotes away"
+        return "; remove the quotes"
     return ""
 
 
 def quote_value(value: Any) -> str:
-    """A value as it would stand in YAML, cut short where long."""
+    """Write a value as YAML, shortened if long."""
     if isinstance(value, float) and not math.isfinite(value):
         return ".nan" if math.isnan(value) else ".inf" if value > 0 else "-.inf"
     if value is None:

@@ -1,4 +1,5 @@
-"""The block `sensor` of a configuration: the keys of its parts, the way to a `Sensor`, and back."""
+"""The block `sensor` of a configuration: the keys of its parts, and the conversion to and from a
+`Sensor`."""
 
 from __future__ import annotations
 
@@ -46,7 +47,7 @@ def _read_grid(values: Values) -> Grid | None:
 def _three_of(
     name: str, meaning: str, single: KeyBlock, single_meaning: str, what: str
 ) -> KeyBlock:
-    """Blocks for a, b and c beside the keys that they have in common: all but the azimuth."""
+    """Blocks for a, b and c and their common keys: all but the azimuth."""
     sources = {field: one for field, one in single.sources.items() if field != "azimuth"}
     common = replace(single, sources=sources).keys
     part = KeyBlock(
@@ -86,7 +87,7 @@ PSD = replace(
                 Key(
                     "correction",
                     {},
-                    "correction of the detector's readings, written by `facets calibrate`",
+                    "correction of the detector's readings; `facets calibrate` writes it",
                     block=CORRECTION,
                 ),
             )
@@ -104,7 +105,7 @@ NOISE = block_of(Noise)
 NOISE_MODEL = Key(
     "model",
     "simple",
-    "noise by the numbers here, or from the block `electronics`",
+    "source of the noise: the numbers of this block, or the block `electronics`",
     hint=Literal["simple", "electronics"],
 )
 NOISE = KeyBlock(
@@ -121,7 +122,7 @@ APERTURES = replace(
 
 
 def _read_calibration(file: str | None, sha256: str | None) -> Calibration | None:
-    del sha256  # held to by the search for the file
+    del sha256  # The search for the file verifies the checksum.
     return None if file is None else covariance.read(Path(file))
 
 
@@ -158,7 +159,7 @@ SENSOR = KeyBlock(
                 "electronics from which the noise follows, for `noise.model: electronics`",
                 block_of(Electronics),
             ),
-            ("apertures", "apertures", "what cuts the light; off unless given", APERTURES),
+            ("apertures", "apertures", "apertures that cut the light; off unless given", APERTURES),
             (
                 "imperfections",
                 "imperfections",
@@ -168,13 +169,13 @@ SENSOR = KeyBlock(
             (
                 "light",
                 "light",
-                "effects of the bench's light, known to the model; off unless given",
+                "effects of real light in the model; off unless given",
                 block_of(BenchLight),
             ),
             (
                 "calibration",
                 "calibration",
-                "uncertainty of calibrated parameters, written by `facets calibrate`",
+                "uncertainty of calibrated parameters; `facets calibrate` writes it",
                 CALIBRATION,
             ),
         )
@@ -184,10 +185,10 @@ SENSOR = KeyBlock(
 
 
 def write_sensor(keys: dict[str, Any], sensor: Sensor) -> dict[str, Any]:
-    """The resolved `sensor` block with the sensor's geometry and light.
+    """Return the resolved `sensor` block with the sensor's geometry and light.
 
-    Values that give the same as in the sensor stay as they are written. Noise, electronics,
-    apertures and calibration stay those of the block.
+    Values that give the same as in the sensor keep their spelling. Noise, electronics, apertures
+    and calibration stay those of the block.
     """
     new = deepcopy(keys)
     new["beam"] = block_of(Beam).write(keys["beam"], sensor.beam)

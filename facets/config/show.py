@@ -1,4 +1,4 @@
-"""A configuration written out as YAML in full, each key with what it means."""
+"""Write a configuration as YAML in full, each key with its meaning."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ COLUMN = 34
 
 
 def to_yaml(config: Config) -> str:
-    """YAML that loads to the same configuration: nothing inherited, no default left out."""
+    """Write YAML that loads to the same configuration, without inheritance and with all
+    defaults."""
     head = f"# {config.name}, as resolved; sha256 {config.sha256}"
     return "\n".join([head, *_block_lines(config.resolved, (), config.resolved)]) + "\n"
 
@@ -38,7 +39,7 @@ def _block_lines(keys: dict[str, Any], path: Path_, document: dict[str, Any]) ->
 
 
 def _key_line(text: str, path: Path_, document: dict[str, Any]) -> str:
-    """With the key's meaning and range, told once and not for each detector and motion again."""
+    """Write a line with the key's meaning and range, once for all detectors and motions."""
     if {"b", "c"} & set(path) or path[0] == "motions":
         return text
     meaning = (entry(path, document) or {}).get("description", "")
@@ -51,14 +52,14 @@ def _is_place(value: dict[str, Any]) -> bool:
 
 
 def _place_lines(indent: str, key: str, value: dict[str, Any]) -> Iterator[str]:
-    """The eight axes of a place in two lines instead of eight."""
+    """Write the eight axes of a place in two lines instead of eight."""
     items = [f"{axis}: {scalar(number)}" for axis, number in value.items()]
     yield f"{indent}{key}: {{{', '.join(items[:3])},"
     yield f"{indent}  {', '.join(items[3:])}}}"
 
 
 def scalar(value: Any) -> str:
-    """A value in YAML, exact for numbers."""
+    """Write a value in YAML, exact for numbers."""
     if isinstance(value, list):
         return f"[{', '.join(scalar(item) for item in value)}]"
     if isinstance(value, str):

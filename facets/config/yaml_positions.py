@@ -1,4 +1,4 @@
-"""YAML read so that every value still knows the file and line that it came from."""
+"""Read YAML so that every value keeps the file and line that it came from."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from ..core.errors import ConfigError
 
 Path_ = tuple[str | int, ...]
 
-#: A configuration is some hundred values. What is larger by far is no configuration, and aliases
-#: that stand for one another can multiply a few lines to more than a memory holds.
+#: Largest size and number of values of a configuration, which usually has some hundred values.
+#: Aliases that refer to each other could multiply a few lines until the memory is full.
 MOST_VALUES = 20_000
 MOST_BYTES = 1_000_000
 
@@ -26,8 +26,8 @@ MOST_BYTES = 1_000_000
 class Marked:
     """A YAML value. `value`: a scalar, a list of Marked, or a dict of Marked by key.
 
-    line: of the key, for an entry of a mapping, so that an unknown key is pointed at itself.
-    below: what stands there in the files that this one extends; None for nothing.
+    line: that of the key for an entry of a mapping. below: the value at this place in the files
+    that this one extends, or None.
     """
 
     value: Any
@@ -40,7 +40,7 @@ class Marked:
         return f"{path_text(self.file)}:{self.line}"
 
     def plain(self) -> Any:
-        """The value as YAML would have it, without marks."""
+        """The value as YAML gives it, without positions."""
         if isinstance(self.value, dict):
             return {key: child.plain() for key, child in self.value.items()}
         if isinstance(self.value, list):
@@ -48,7 +48,7 @@ class Marked:
         return self.value
 
     def find(self, path: Path_) -> tuple[Marked, Path_]:
-        """The value at a path, or what stands closest above it, and the path to that."""
+        """The value at a path, or the closest value above it, and the path of the result."""
         found: Marked = self
         for depth, key in enumerate(path):
             inside = found.value
@@ -60,7 +60,7 @@ class Marked:
 
 
 def path_text(file: Path) -> str:
-    """A path as a person would write it from here."""
+    """Write a path relative to the working directory, if shorter."""
     try:
         return str(file.relative_to(Path.cwd()))
     except (ValueError, OSError):
@@ -68,7 +68,8 @@ def path_text(file: Path) -> str:
 
 
 def read(file: Path) -> Marked:
-    """One YAML file. Raises ConfigError with file and line for what is not YAML, or read twice."""
+    """Read one YAML file; raise `ConfigError` with file and line if it is no YAML or cannot be
+    read."""
     text = _read_text(file)
     yaml = YAML(typ="safe", pure=True)
     try:
@@ -79,7 +80,7 @@ def read(file: Path) -> Marked:
         tree = reader.mark(root, root.start_mark.line + 1, ())
     except YAMLError as error:
         raise ConfigError(_syntax_message(file, error, text)) from None
-    except (ValueError, OverflowError) as error:  # of the library, at a value that is none
+    except (ValueError, OverflowError) as error:  # ruamel fails at a value that is none.
         raise ConfigError(f"{path_text(file)}: not valid YAML: {error}") from None
     except RecursionError:
         raise ConfigError(f"{path_text(file)}: nested too deeply") from None
@@ -95,8 +96,7 @@ def _read_text(file: Path) -> str:
         size = file.stat().st_size
         if size > MOST_BYTES:
             raise ConfigError(
-                f"{path_text(file)}: is {size:,} bytes, which no configuration is "
-                f"(allowed: {MOST_BYTES:,})"
+                f"{path_text(file)}: has {size} bytes; a configuration has at most {MOST_BYTES}"
             )
         return file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
@@ -107,7 +107,7 @@ def _read_text(file: Path) -> str:
         raise ConfigError(f"{path_text(file)}: cannot be read: {reason}") from None
 
 
-#: What ruamel says, and what most often has to be done about it.
+#: Messages of ruamel, and the most frequent remedy for each.
 ADVICE = {
     "expected <block end>": "check the indentation",
     "inconsistent indentation": "check the indentation",
@@ -138,7 +138,7 @@ def _syntax_message(file: Path, error: YAMLError, text: str) -> str:
 
 
 class _Reader:
-    """Turns ruamel's nodes into Marked values and collects what is wrong on the way."""
+    """Convert ruamel's nodes to `Marked` values and collect the problems on the way."""
 
     def __init__(self, file: Path, yaml: YAML) -> None:
         self.file = file
@@ -167,7 +167,7 @@ class _Reader:
         return Marked(value, self.file, line)
 
     def _count_value(self) -> None:
-        """Raises ConfigError where a file holds more values than any configuration does."""
+        """Raise `ConfigError` if a file holds more values than any configuration."""
         self.count += 1
         if self.count > MOST_VALUES:
             key, line = self.block
@@ -179,7 +179,8 @@ class _Reader:
     def _scalar(self, node: ScalarNode, line: int, path: Path_) -> Any:
         try:
             value = self.constructor.construct_object(node)
-        except (ValueError, OverflowError) as error:  # a date that is none, a number of miles
+        # Examples are an impossible date or a number of miles.
+        except (ValueError, OverflowError) as error:
             self._problem(line, path, f"not a value: {str(error).partition(';')[0]}")
             return None
         if isinstance(value, int | float) and "_" in node.value:
@@ -199,7 +200,7 @@ class _Reader:
             if key == "<<":
                 self._problem(line, (*path, key), "merge keys are not supported; use `extends`")
             elif key in lines:
-                twice = f"given twice, before in line {lines[key]}; keep one"
+                twice = f"given twice, first in line {lines[key]}; keep one"
                 self._problem(line, (*path, key), twice)
             else:
                 lines[key] = line
@@ -211,7 +212,7 @@ class _Reader:
 
 
 def dotted_path(path: Path_) -> str:
-    """sensor.beam.tilt_mrad[1]"""
+    """Write a path with dots: sensor.beam.tilt_mrad[1]."""
     text = ""
     for key in path:
         text += f"[{key}]" if isinstance(key, int) else f".{key}" if text else str(key)

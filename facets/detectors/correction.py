@@ -1,8 +1,7 @@
-"""What detectors read, corrected: unequal gains, and places that are not linear.
+"""Corrections of detectors' readings: unequal gains and non-linear places.
 
-The model's readings are those of perfect detectors. What real ones read comes to it by way of
-`correct`; a simulation goes the other way. Corrections are linear in their coefficients; a grid
-that the maker or the user has measured comes on top.
+The model's readings are those of perfect detectors. `correct` converts raw readings to these; a
+simulation inverts it. Corrections are linear in their coefficients; a measured grid is added.
 """
 
 from __future__ import annotations
@@ -14,9 +13,9 @@ from ..core.sensor import MONOMIALS, Correction, Grid, Sensor
 from ..core.units import Floats
 from ..model.arrays import half_sizes
 
-#: Of one detector: what is added to the power, then the coefficients of psi and of zeta.
+#: Names for one detector: the corrections of the power, then the coefficients of psi and of zeta.
 NAMES_OF_ONE = ("power", "dark", *(f"{axis}{a}{b}" for axis in "yz" for a, b in MONOMIALS))
-#: Of all: "correction_a.power", "correction_a.y10", ...
+#: Names for all detectors: "correction_a.power", "correction_a.y10", ...
 NAMES = tuple(f"correction_{letter}.{name}" for letter in DETECTORS for name in NAMES_OF_ONE)
 
 
@@ -29,7 +28,7 @@ def is_corrected(sensor: Sensor) -> bool:
 
 
 def coefficients(sensor: Sensor) -> Floats:
-    """(60,) in the order of `NAMES`: shares, mW and mm."""
+    """The coefficients of all corrections (60,) in the order of `NAMES`: shares, mW and mm."""
     parts = [
         (p.correction.power, p.correction.dark, *p.correction.y, *p.correction.z)
         for p in sensor.psds
@@ -38,7 +37,7 @@ def coefficients(sensor: Sensor) -> Floats:
 
 
 def correction_slopes(sensor: Sensor, raw: Floats) -> Floats:
-    """What each coefficient adds to raw readings (n, 9), per unit: (n, 9, 60)."""
+    """The derivatives of the corrections of raw readings (n, 9) by each coefficient: (n, 9, 60)."""
     out = np.zeros((len(raw), 9, len(NAMES)))
     count = len(MONOMIALS)
     for k, half in enumerate(half_sizes(sensor)):
@@ -53,10 +52,10 @@ def correction_slopes(sensor: Sensor, raw: Floats) -> Floats:
 
 
 def correct(sensor: Sensor, raw: Floats) -> Floats:
-    """Readings (n, 9) as perfect detectors would give them."""
+    """Correct raw readings (n, 9) to those of perfect detectors."""
     if not is_corrected(sensor):
         return raw
-    with np.errstate(over="ignore", invalid="ignore"):  # a spoilt reading can be anything
+    with np.errstate(over="ignore", invalid="ignore"):  # A spoilt reading can be any number.
         fixed: Floats = raw + correction_slopes(sensor, raw) @ coefficients(sensor)
     for k, psd in enumerate(sensor.psds):
         if psd.correction.grid is not None:
@@ -67,9 +66,9 @@ def correct(sensor: Sensor, raw: Floats) -> Floats:
 
 
 def interpolate_grid(grid: Grid, places: Floats) -> Floats:
-    """What a grid adds at places (n, 2), mm; past its edge what it adds there.
+    """The corrections of a grid at places (n, 2), mm; beyond its edge those at the edge.
 
-    Anything finite where a place is NaN, which stays NaN when that is added to it.
+    Where a place is NaN the correction is finite, so that the sum stays NaN.
     """
     from scipy.interpolate import RegularGridInterpolator
 
@@ -80,10 +79,10 @@ def interpolate_grid(grid: Grid, places: Floats) -> Floats:
 
 
 def invert_correction(sensor: Sensor, exact: Floats) -> Floats:
-    """What the detectors read (n, 9) where perfect ones would give `exact`."""
+    """The raw readings (n, 9) of detectors where perfect ones would give `exact`."""
     if not is_corrected(sensor):
         return exact
     raw = exact.copy()
-    for _ in range(30):  # corrections of some per cent: two digits a step
+    for _ in range(30):  # Corrections of some per cent: each step gains two digits.
         raw -= correct(sensor, raw) - exact
     return raw

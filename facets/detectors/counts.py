@@ -1,4 +1,4 @@
-"""Counts of a detector board to readings, and back for a virtual one.
+"""Convert counts of a detector board to readings, and back for a virtual board.
 
 A count is a step of the converter behind an electrode's transimpedance amplifier. A board that
 divides by itself sends X, Y and SUM: X / SUM is the place in half sizes, SUM the photocurrent.
@@ -15,10 +15,10 @@ from ..model.arrays import half_sizes, mask_missed_spots
 from . import electrodes
 from .noise import current_variances, electrode_currents, has_two_layers
 
-#: What is wrong with a sample, as bits: a converter at its end; the sums along y and z of a
-#: duo-lateral PSD, which see the same light, apart by more than MISMATCH.
+#: Flags of a faulty sample: a converter at its end; or the sums along y and z of a duo-lateral PSD,
+#: which measure the same light, differ by more than MISMATCH.
 SATURATED, UNEQUAL = 1, 2
-#: Largest part of the photocurrent that the two sums may differ by.
+#: Largest allowed difference of the two sums, as a share of the photocurrent.
 MISMATCH = 0.02
 
 
@@ -30,9 +30,9 @@ def counts_per_ampere(electronics: Electronics) -> float:
 def readings_to_counts(
     sensor: Sensor, electronics: Electronics, exact: Floats, rng: np.random.Generator | None = None
 ) -> NDArray[np.int32]:
-    """What the converters say to exact readings (n, 9), with noise if rng is given: (n, 12).
+    """The converters' counts (n, 12) for exact readings (n, 9), with noise if rng is given.
 
-    A spot past its detector's edge makes no current, nor does what is NaN.
+    A spot past its detector's edge and a reading that is NaN make no current.
     """
     light = mask_missed_spots(sensor, exact, exact).reshape(-1, 3, 3)
     currents = np.nan_to_num(electrode_currents(sensor, electronics, light))
@@ -45,7 +45,7 @@ def readings_to_counts(
 
 
 def counts_to_xy_sum(electronics: Electronics, counts: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Electrode counts (n, 12) as X, Y, SUM and a spare of each detector (n, 12).
+    """Convert electrode counts (n, 12) to X, Y, SUM and a spare number of each detector (n, 12).
 
     X and Y are scaled so that X / SUM is the place in half sizes.
     """
@@ -63,7 +63,7 @@ def counts_to_xy_sum(electronics: Electronics, counts: NDArray[np.int32]) -> NDA
 def counts_to_readings(
     sensor: Sensor, electronics: Electronics, counts: NDArray[np.int32], xy_sum: bool, dark: Floats
 ) -> tuple[Floats, NDArray[np.uint8]]:
-    """Readings (n, 9) in mm and mW, and what is wrong with them (n,), of counts (n, 12).
+    """Convert counts (n, 12) to readings (n, 9) in mm and mW, with their flags (n,).
 
     dark: (12,) counts without light. A detector whose converter is at its end reads NaN.
     """
@@ -94,7 +94,7 @@ def counts_to_readings(
 
 
 def places_of_quotients(kind: str, ratios: Floats, half: Floats) -> Floats:
-    """Places (n, 3, 2) from quotients (n, 3, 2), which are those of the kind's formula."""
+    """Places (n, 3, 2) from the quotients (n, 3, 2) of the kind's formula."""
     if kind != "tetra-lateral":
         return ratios
     places = [

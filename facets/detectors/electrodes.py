@@ -24,7 +24,7 @@ ENOUGH, MOST = 40.0, 700.0
 
 
 def fractions(kind: str, y: Floats, z: Floats, aspect: float = 1.0) -> Floats:
-    """Of the photocurrent, what flows into each electrode: (..., 4).
+    """The shares of the photocurrent that flow into the electrodes: (..., 4).
 
     y, z: (...). aspect: height over width of the area, for tetra-lateral. Duo-lateral and
     tetra-lateral: at -y, +y, -z, +z; pincushion: at (-,-), (+,-), (-,+), (+,+). They add up to 1;
@@ -58,7 +58,8 @@ def side_potential(towards: Floats, along: Floats, aspect: float) -> Floats:
     rate = np.pi / (2 * aspect)
     potential = np.zeros(np.broadcast(distance, along).shape)
     for image in range(1 + int(np.ceil(ENOUGH / (4 * rate)))):
-        there = distance + 4 * image  # of this image, and of the one of the other sign behind it
+        # The sum of this image and of the image of opposite sign behind it.
+        there = distance + 4 * image
         for sign, away in ((1, there), (-1, there + 2 * (1 - distance) + 2)):
             depth = np.sinh(np.minimum(rate * away, MOST))
             potential += sign * 2 / np.pi * np.arctan2(height, depth)
@@ -66,7 +67,7 @@ def side_potential(towards: Floats, along: Floats, aspect: float) -> Floats:
 
 
 def ratios(kind: str, currents: Floats) -> Floats:
-    """The two coordinates that the electrodes' currents (..., 4) give by the kind's formula."""
+    """The two coordinates that the kind's formula gives for the electrodes' currents (..., 4)."""
     low_y, high_y, low_z, high_z = (currents[..., k] for k in range(4))
     if kind == "pincushion":
         a, b, c, d = low_y, high_y, low_z, high_z
@@ -84,7 +85,7 @@ def total(kind: str, currents: Floats) -> Floats:
 
 
 def places(kind: str, currents: Floats, aspect: float = 1.0) -> Floats:
-    """Where the light's centroid is, from the electrodes' currents (..., 4): (..., 2).
+    """The light's centroid (..., 2) from the electrodes' currents (..., 4).
 
     NaN where a tetra-lateral's currents fit no place on the area.
     """
@@ -95,7 +96,7 @@ def places(kind: str, currents: Floats, aspect: float = 1.0) -> Floats:
 def tetra_lateral_places(measured: Floats, aspect: float) -> Floats:
     """The places (..., 2) where a tetra-lateral gives ratios (..., 2), iterated.
 
-    Each is found by itself, whatever stands beside it; NaN where there is none.
+    The result of each does not depend on the others; NaN where there is no place.
     """
     wanted = measured.reshape(-1, 2)
     found, open_ = wanted.copy(), np.arange(len(wanted))

@@ -1,4 +1,4 @@
-"""Noise of readings: how large, from which source, and drawn as the electrodes see it.
+"""Noise of readings: its size by source, and random samples in the electrodes' currents.
 
 Simple form: one position noise at a stated power, growing as 1/power, and one power noise. With
 `Sensor.electronics`, from the electrodes' currents I_k (A), bandwidth B:
@@ -31,7 +31,7 @@ ELECTRIC = ("shot noise", "dark and ambient", "resistance", "amplifier", "ADC")
 
 
 def sources(sensor: Sensor) -> tuple[str, ...]:
-    """What the noise of a reading is made of."""
+    """The names of the sources of a reading's noise."""
     return SIMPLE if sensor.electronics is None else ELECTRIC
 
 
@@ -84,7 +84,7 @@ def split_detectors(exact: Floats) -> Floats:
 
 
 def power_floor(sensor: Sensor) -> float:
-    """The standard deviation of a power, mW, where there is no light."""
+    """The standard deviation of a power reading without light, mW."""
     if sensor.electronics is None:
         return sensor.noise.power
     var = current_variances(sensor.electronics, np.zeros(4)).sum()
@@ -93,16 +93,15 @@ def power_floor(sensor: Sensor) -> float:
 
 
 #: A detector with less light than this, in standard deviations of its power, is left out: the noise
-#: of its spot's place, which goes as 1 / power, is then no Gaussian that a weight could stand for.
+#: of its spot's place, which is proportional to 1 / power, is then not Gaussian.
 FAINTEST = 10.0
-#: Nor one whose spot has less than this share of the other light that falls on it: its reading is
-#: that of the other light, and several poses fit it.
+#: A detector whose spot has less than this share of the background light is left out too: its
+#: reading is that of the background, and several poses fit it.
 LEAST_SHARE = 0.05
 
 
 def least_light(sensor: Sensor, ratio: float = FAINTEST) -> Floats:
-    """The least power at which a detector's reading counts, mW: (3,); with the other light that
-    falls on it.
+    """The least power, background included, at which a detector's reading counts, mW: (3,).
 
     ratio: of the spot's own power to the standard deviation of a power without light.
     """
@@ -111,13 +110,13 @@ def least_light(sensor: Sensor, ratio: float = FAINTEST) -> Floats:
 
 
 def other_light(sensor: Sensor) -> Floats:
-    """The power that falls on each detector beside its spot, mW: (3,)."""
+    """The power of the background light on each detector, mW: (3,)."""
     return np.array([power for power, _, _ in sensor.light.background])
 
 
-@np.errstate(divide="ignore", invalid="ignore", over="ignore")  # a reading can be anything
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")  # A reading can be any number.
 def variances(sensor: Sensor, reading: ArrayLike) -> Floats:
-    """Of each number of readings (..., 9), by source: (..., 9, n), mm^2 and mW^2."""
+    """The variance of each number of readings (..., 9) by source: (..., 9, n), mm^2 and mW^2."""
     exact = np.asarray(reading, dtype=float)
     if sensor.electronics is None:
         out = np.zeros((*exact.shape, 2))
@@ -130,7 +129,8 @@ def variances(sensor: Sensor, reading: ArrayLike) -> Floats:
 
 
 def current_variances(electronics: Electronics, currents: Floats, together: bool = False) -> Floats:
-    """Of the electrodes' currents (..., 4), A: by source (..., 4, 5), or their sum (..., 4, 1)."""
+    """The variances of the electrodes' currents (..., 4), A^2: by source (..., 4, 5), or their sum
+    (..., 4, 1)."""
     e, band = electronics, electronics.bandwidth
     dark = (e.dark_current + 1e-3 * e.responsivity * e.ambient) / (2 if has_two_layers(e) else 4)
     thermal = 4 * BOLTZMANN * e.temperature * band
@@ -159,13 +159,13 @@ def has_two_layers(electronics: Electronics) -> bool:
 def electrode_currents(sensor: Sensor, electronics: Electronics, exact: Floats) -> Floats:
     """The electrodes' currents (..., 3, 4), A, of the detectors' light (..., 3, 3) alone.
 
-    A place past a detector's edge counts as on the edge, where noise is asked for the size it has;
-    who makes readings of currents leaves such spots out by `mask_missed_spots`.
+    A place past a detector's edge counts as on the edge, so that its noise has a size; callers that
+    make readings exclude such spots by `mask_missed_spots`.
     """
     half = half_sizes(sensor)
     place = np.clip(exact[..., :2] / half, -1, 1)
     light = 1e-3 * electronics.responsivity * exact[..., 2]
-    if electronics.kind == "tetra-lateral":  # each detector has a shape of its own
+    if electronics.kind == "tetra-lateral":  # Each detector has its own shape.
         share = np.stack([
             electrodes.fractions(electronics.kind, place[..., k, 0], place[..., k, 1], tall)
             for k, tall in enumerate(half[:, 1] / half[:, 0])
@@ -189,7 +189,8 @@ def electric_variances(
 def reading_variances(
     sensor: Sensor, electronics: Electronics, exact: Floats, currents: Floats, var: Floats
 ) -> Floats:
-    """Variances of currents (..., 3, 4, m) as those of psi, zeta and power (..., 3, 3, m)."""
+    """Propagate variances of currents (..., 3, 4, m) to psi, zeta and power of each detector (...,
+    3, 3, m)."""
     kind, half = electronics.kind, half_sizes(sensor)
     out = np.empty((*exact.shape, var.shape[-1]))
     flow, noise = end_sums(kind, currents[..., None]), end_sums(kind, var)
@@ -208,12 +209,12 @@ def reading_variances(
 
 
 def step_variances(sensor: Sensor, reading: ArrayLike, share: ArrayLike = 1.0) -> Floats:
-    """What a converter's steps leave in the mean of many readings at one state: (..., 9), mm^2 and
-    mW^2; 0 without electronics.
+    """Variance of the converter's steps that the mean of many readings at one state keeps: (...,
+    9), mm^2 and mW^2; 0 without electronics.
 
-    share: (...) of the noise's variance that there is, over what the electronics should have. With
-    noise of standard deviation s in steps of q, the mean is off by a function of its place between
-    two steps, whose k-th harmonic is (q / pi k) exp(-2 (pi k s / q)^2).
+    share: (...) of the actual noise's variance over that of the electronics. With noise of standard
+    deviation s in steps of q, the mean is off by a function of its place between two steps, whose
+    k-th harmonic is (q / pi k) exp(-2 (pi k s / q)^2).
     """
     exact = np.asarray(reading, dtype=float)
     if sensor.electronics is None:
@@ -236,7 +237,7 @@ HARMONICS = 60
 
 
 def summed_variances(sensor: Sensor, electronics: Electronics, exact: Floats) -> Floats:
-    """Variances of psi, zeta and power of each detector, (..., 3, 3), of all sources together."""
+    """The summed variances of psi, zeta and power of each detector, (..., 3, 3), of all sources."""
     return electric_variances(sensor, electronics, exact, together=True)[..., 0]
 
 
@@ -252,7 +253,7 @@ def two_layer_variances(sensor: Sensor, electronics: Electronics, exact: Floats)
     shot = 2 * CHARGE * electronics.bandwidth
     even = current_variances(electronics, np.zeros(1), together=True).item()
     square, amount = np.clip(exact[..., :2] / half, -1, 1) ** 2, np.abs(light)
-    inverse = amount / (light * light)  # no number where there is no light
+    inverse = amount / (light * light)  # There is no number without light.
     out = np.empty(exact.shape)
     out[..., :2] = half**2 * (
         (shot * inverse)[..., None] * (1 - square)
@@ -263,8 +264,8 @@ def two_layer_variances(sensor: Sensor, electronics: Electronics, exact: Floats)
 
 
 def end_sums(kind: str, parts: Floats) -> Floats:
-    """Sums of the electrodes' parts (..., 4, m) over those that light moves away from, and towards,
-    along y and along z: (..., 2, 2, m)."""
+    """Sum the electrodes' parts (..., 4, m) over those that light moves away from, and those it
+    moves towards, along y and along z: (..., 2, 2, m)."""
     shape = (*parts.shape[:-2], 2, 2, parts.shape[-1])
     if kind != "pincushion":
         return parts.reshape(shape)
@@ -324,9 +325,10 @@ def add_noise(sensor: Sensor, reading: ArrayLike, rng: np.random.Generator) -> F
 def sample_detector(
     electronics: Electronics, half: Floats, currents: Floats, rng: np.random.Generator
 ) -> Floats:
-    """(..., 3): psi, zeta, power of a detector of half size (2,) from its sampled currents."""
+    """Psi, zeta and power (..., 3) of a detector of half size (2,) from its sampled currents."""
     kind = electronics.kind
-    var = current_variances(electronics, currents)[..., :-1].sum(axis=-1)  # all but the ADC
+    # All sources but the ADC.
+    var = current_variances(electronics, currents)[..., :-1].sum(axis=-1)
     drawn = currents + np.sqrt(var) * rng.standard_normal(currents.shape)
     full = electronics.adc_range / electronics.transimpedance
     step = full / 2**electronics.adc_bits

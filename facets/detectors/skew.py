@@ -1,4 +1,4 @@
-"""Detectors that are read one after the other: their readings brought to one instant, and back.
+"""Convert the readings of detectors that are read one after the other to one instant, and back.
 
 A converter's channels may be read some microseconds apart. At 10 mm/s and 0.1 rad/s, 10 us is ten
 times the noise in x and y where the beam is known.
@@ -16,16 +16,15 @@ from ..core.units import Floats
 
 Times = NDArray[np.floating[Any]]
 
-#: A pause of this many usual steps parts a recording: no slope is taken over it.
+#: A pause of this many usual steps separates recordings: no derivative is taken across it.
 LONGEST_PAUSE = 10.0
 
 
 def slopes(time: Times, values: Floats) -> Floats:
     """Derivatives by time (s) of rows of values (n, m): (n, m), per s.
 
-    The mean of those to the row before and to the row after; one of them where the other is
-    unknown; 0 where both are, beside values that are not finite, pauses, and time that stands
-    still.
+    The mean of the difference quotients to the rows before and after; one of them if the other is
+    unknown; 0 if both are, because of a value that is not finite, a pause or equal times.
     """
     out = np.zeros_like(values)
     if len(time) < 2:
@@ -44,10 +43,10 @@ def slopes(time: Times, values: Floats) -> Floats:
 
 
 def align(sensor: Sensor, time: Times, readings: Floats) -> Floats:
-    """Readings (n, 9) of which each detector's came later than `time` (n,), s, by its delay
-    (`sensor.light.delays`), as they would have been at `time`.
+    """Convert readings (n, 9) to those at `time` (n,), s; each detector's came later by its delay
+    (`sensor.light.delays`).
 
-    The readings run in time; a single one is left as it is.
+    The readings run in time; a single one is unchanged.
     """
     delays = np.repeat(sensor.light.delays, 3)
     if not delays.any():
@@ -57,6 +56,6 @@ def align(sensor: Sensor, time: Times, readings: Floats) -> Floats:
 
 
 def delay_states(time: Times, states: Floats, delay: float) -> Floats:
-    """States (n, 8) of a motion so much later, s."""
+    """States (n, 8) of a motion, later by `delay`, s."""
     moved: Floats = states + delay * slopes(time, states)
     return moved

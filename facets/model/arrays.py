@@ -51,12 +51,13 @@ def geometry_of(sensor: Sensor) -> Geometry:
     return build_geometry(parameters(sensor), openings(sensor), light)
 
 
-#: Nearer to the edge of a detector, mm, what diffraction loses there is told as at this distance.
+#: Distance to the edge of a detector, mm, below which the loss by diffraction is that at this
+#: distance.
 MIN_EDGE_DISTANCE_MM = 0.1
 
 
 def options(sensor: Sensor) -> LightOptions:
-    """What of the light is not varied; on, whether or not there is any."""
+    """The options of the light that do not vary, whether or not any effect is on."""
     y, z = half_sizes(sensor).T.tolist()
     halves: Any = tuple(zip(y, z, strict=True))
     light = sensor.light
@@ -66,7 +67,7 @@ def options(sensor: Sensor) -> LightOptions:
 
 
 def light_effects(sensor: Sensor) -> LightEffects:
-    """The light of the bench as the optics takes it."""
+    """The effects of real light in the form that the optics takes."""
     return LightEffects(tuple(effects(sensor).tolist()), options(sensor))
 
 
@@ -96,9 +97,9 @@ def effects(sensor: Sensor) -> Floats:
 
 
 def replace_effects(sensor: Sensor, values: Sequence[float] | Floats) -> Sensor:
-    """The sensor with other numbers of its light, in the order of `EFFECTS`.
+    """Return the sensor with other numbers of its light, in the order of `EFFECTS`.
 
-    What reflects all, or is unpolarised, stays so. Raises `InputError` where one is impossible.
+    An ideal coating and unpolarised light stay so. Raises `InputError` for an impossible number.
     """
     v = [float(value) for value in values]
     if len(v) != len(EFFECTS):
@@ -121,16 +122,16 @@ def replace_effects(sensor: Sensor, values: Sequence[float] | Floats) -> Sensor:
 
 
 def varying(values: Sequence[float] | Floats, which: Sequence[int] | None = None) -> Any:
-    """Numbers that carry their slopes by some of themselves, or by all."""
+    """Numbers that carry their derivatives with respect to some of themselves, or to all."""
     seeds = np.eye(len(values))
     if which is not None:
         seeds = seeds[:, list(which)]
     return tuple(Dual(float(value), seed) for value, seed in zip(values, seeds, strict=True))
 
 
-#: Readings and poses of light that is cut know coating and background; a calibration does not.
+#: The model of cut light includes coating and background, but not their derivatives.
 CUT_LIGHT = (
-    "no derivatives by a sensor's parameters are known where sensor.apertures cut the light and "
+    "derivatives by a sensor's parameters are not known where sensor.apertures cut the light and "
     "sensor.light has effects; leave one of the two out to calibrate, or to use a calibration"
 )
 
@@ -138,11 +139,11 @@ CUT_LIGHT = (
 def effect_jacobian(sensor: Sensor, state: ArrayLike, names: Sequence[str] | None = None) -> Floats:
     """The derivatives of the readings by the numbers of the bench's light, closed.
 
-    state: (..., 8). Returns (..., 9, 27), columns in the order of `EFFECTS`; mm and mW per each
-    number's unit, right also where the light is ideal. names: which columns are wanted, since each
-    costs its time; the others are zero. Zero by what an index of a coating that reflects all, or a
-    polarisation of light that is not polarised, would be. NaN as in `jacobian`.
-    Raises `InputError` for a sensor with apertures.
+    state: (..., 8). Returns (..., 9, 27), columns in the order of `EFFECTS`; mm and mW per unit of
+    each number, also for ideal light. names: the columns to compute, since each takes its time; the
+    others are zero. The derivatives by the index of an ideal coating and by the polarisation of
+    unpolarised light are zero. NaN as in `jacobian`. Raises `InputError` for a sensor with
+    apertures.
     """
     rows, shape = as_rows(state, 8, "state")
     if sensor.apertures.cut:
@@ -165,8 +166,8 @@ def slopes_at(
 ) -> Floats:
     """The derivatives of the readings at states (n, 8), nothing cut: (n, 9, count).
 
-    name: of a kernel of `blocks.slopes`.  moved: the sensor's vectors, which carry their slopes by
-    as many things, or how they answer to the parameters.  varied: the same as an array.
+    name: of a kernel of `blocks.slopes`.  moved: the sensor's vectors with their derivatives by the
+    `count` variables.  varied: the same as an array.
     """
     plain, found = packing.pack(vectors), np.empty((len(states), 9, count))
     if len(states) == 0:
@@ -184,7 +185,7 @@ def slopes_at(
 
 
 def openings(sensor: Sensor) -> Openings:
-    """The sensor's apertures as the optics takes them."""
+    """The sensor's apertures in the form that the optics takes."""
     given = sensor.apertures
     y, z = half_sizes(sensor).T if given.detectors else np.full((2, 3), np.inf)
     halves = tuple(zip(y.tolist(), z.tolist(), strict=True))
@@ -192,7 +193,7 @@ def openings(sensor: Sensor) -> Openings:
 
 
 def packed_vectors(sensor: Sensor) -> Floats:
-    """The sensor's vectors as one array for the kernels, made once a sensor and process."""
+    """The sensor's vectors as one array for the kernels, made once per sensor and process."""
     known: Floats | None = sensor.__dict__.get("_packed")
     if known is None or not packing.is_of_this_process(known):
         known = sensor.__dict__["_packed"] = packing.pack(geometry_of(sensor))
@@ -200,13 +201,13 @@ def packed_vectors(sensor: Sensor) -> Floats:
 
 
 def dual_geometry(sensor: Sensor) -> Geometry:
-    """The sensor's vectors, which carry their slopes by its parameters."""
+    """The sensor's vectors with their derivatives by its parameters."""
     light = light_effects(sensor) if sensor.light.on else None
     return build_geometry(varying(parameters(sensor)), openings(sensor), light)
 
 
 def as_vectors(values: ArrayLike, width: int, what: str) -> Floats:
-    """Numbers as an (..., width) array."""
+    """Convert numbers to an (..., width) array."""
     array = as_floats(values, what)
     if array.shape[-1:] != (width,):
         raise InputError(f"{what} has shape {array.shape}; needed: (..., {width})")
@@ -214,7 +215,7 @@ def as_vectors(values: ArrayLike, width: int, what: str) -> Floats:
 
 
 def as_rows(values: ArrayLike, width: int, what: str) -> tuple[Floats, tuple[int, ...]]:
-    """An (..., width) array as (n, width) rows, and the leading shape to give back."""
+    """Convert an (..., width) array to (n, width) rows, and return the leading shape."""
     array = as_vectors(values, width, what)
     return np.ascontiguousarray(array).reshape(-1, width), array.shape[:-1]
 
@@ -280,8 +281,8 @@ def readings(
 
 
 def kernel_name(sensor: Sensor, name: str) -> str | None:
-    """What `blocks.kernel` has for "readings", "derivatives", "approximate_derivatives" or
-    "footprints" of a sensor; None where blocks do not know it."""
+    """Return the kernel's name in `blocks.kernel` for a sensor; None if blocks do not support
+    it."""
     kind = block_kind(sensor)
     if name == "footprints":
         return None if sensor.light.on else name
@@ -291,9 +292,9 @@ def kernel_name(sensor: Sensor, name: str) -> str | None:
 
 
 def evaluate_one(sensor: Sensor, name: str, state: ArrayLike, threads: int) -> Floats | None:
-    """What a block gives at a single state (8,), at once: a loop asks for one after the other.
+    """Evaluate a single state (8,) by a block, for loops that need one state at a time.
 
-    None where it is no such state, or leaves its block.
+    Returns None for a state that is not finite or that the block cannot compute.
     """
     one = as_floats(state, "state")
     kernel = kernel_name(sensor, name)
@@ -310,15 +311,16 @@ def block_evaluator(
     out: Floats,
     one_by_one: Callable[[str, Floats, Floats, Floats], None] = evaluators.fill,
 ) -> Callable[[slice], None]:
-    """Fills a part of `out` for states (n, 8), by blocks where there are any for a sensor.
+    """Return the function that fills a part of `out` for states (n, 8), by blocks where these
+    support the sensor.
 
     name: of the block's results, see `blocks.kernel`, or None.  model: of `evaluators`, by which
-    `one_by_one` fills the rest, but for a few states that Python can do sooner.
+    `one_by_one` fills the rest, except for a few states that Python computes sooner.
     """
     vectors = packed_vectors(sensor)
     if name is None:
         return lambda part: one_by_one(model, vectors, states[part], out[part])
-    blocks.kernel(name)  # compiled once, before threads ask for it
+    blocks.kernel(name)  # Compile once, before threads need the kernel.
 
     def run(part: slice) -> None:
         rows, found = states[part], out[part]
@@ -374,8 +376,7 @@ def jacobian(sensor: Sensor, state: ArrayLike, threads: int = 1) -> Floats:
 def derivatives(sensor: Sensor, states: Floats, threads: int = 1, near: bool = True) -> Floats:
     """The Jacobian (n, 9, 8) at states (n, 8).
 
-    near: what `evaluators.approximate_linearisation` gives, which is the same where the light is
-    ideal.
+    near: use `evaluators.approximate_linearisation`, which is exact for ideal light.
     """
     out = np.empty((len(states), 9, 8))
     name = kernel_name(sensor, "approximate_derivatives" if near else "derivatives")
@@ -384,7 +385,7 @@ def derivatives(sensor: Sensor, states: Floats, threads: int = 1, near: bool = T
     return out
 
 
-#: Where the beam's power is among a sensor's packed vectors: behind the beam's direction.
+#: Index of the beam's power in a sensor's packed vectors: behind the beam's direction.
 POWER = 3
 
 
@@ -442,22 +443,22 @@ def parameter_jacobian(sensor: Sensor, state: ArrayLike) -> Floats:
 
 
 def half_sizes(sensor: Sensor) -> Floats:
-    """From the middles of the detectors' sensitive areas to their edges along y and z: (3, 2)."""
+    """Half sizes of the detectors' sensitive areas along y and z: (3, 2)."""
     return np.array([[psd.size_y / 2, psd.size_z / 2] for psd in sensor.psds])
 
 
 def spot_size(sensor: Sensor) -> float:
-    """No spot is wider at 1/e^2, mm."""
+    """Upper bound of the width of a spot at 1/e^2, mm."""
     return max(sensor.beam.diameter_x, sensor.beam.diameter_y)
 
 
 def is_near_edge(sensor: Sensor, reading: ArrayLike) -> NDArray[np.bool_]:
     """Which spots of readings (..., 9) are nearer than their own size to an edge: (..., 3).
 
-    There light is lost that the model follows only with `Apertures.detectors`. What diffraction
-    loses it tells only where the light of the mirror's edges, which may fall half a spot beside the
-    spot, is further than MIN_EDGE_DISTANCE_MM from the detector's. False where a detector has no
-    reading.
+    There light is lost that the model includes only with `Apertures.detectors`. It includes the
+    loss by diffraction only where the light of the mirror's edges, which may fall half a spot
+    beside the spot, is farther than MIN_EDGE_DISTANCE_MM from the detector's edge. False where a
+    detector has no reading.
     """
     array, size = np.asarray(reading, dtype=np.float64), spot_size(sensor)
     told = 1.5 * size + MIN_EDGE_DISTANCE_MM if sensor.light.wavelength > 0 else size
@@ -591,7 +592,7 @@ def centroids_as_ends(reading: Floats) -> Floats:
 
 
 def edge_limits(halves: Floats, rim: float) -> Floats:
-    """From the middle to the limits of a spot, in the order of `margins`: (..., 3, 5) mm.
+    """Distances from the middle to the limits of a spot, in the order of `margins`: (..., 3, 5) mm.
 
     halves: (..., 3, 2) of the detectors along y and z, mm.  rim: the mirror's radius, mm.
     """

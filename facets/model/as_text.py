@@ -1,7 +1,7 @@
-"""The model at single states as Python runs its text, where they are too few to compile code for.
+"""The model at single states as interpreted Python, where compiling would take longer.
 
-That takes most of a second, once; a state takes a millisecond. The bits are those of `row_code`,
-which has the same operations and the same C library.
+The first state takes most of a second, each further one a millisecond. The bits are those of
+`row_code`, which has the same operations and the same C library.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from .packing import carry_slopes
 
 State = tuple[float, ...]
 
-#: Time for which a process runs the text before it compiles code; the text of a slow state takes a
-#: hundredth of a second.
+#: Time for which a process interprets the text before it compiles code; the text of a slow state
+#: takes a hundredth of a second.
 MAX_TEXT_S = 1.0
 #: Most states, and most slow states, that are computed by text in one call.
 MAX_TEXT_STATES, MAX_SLOW_STATES = 300, 30
@@ -41,13 +41,13 @@ def readings(geometry: Geometry, state: State) -> list[float]:
 
 
 def derivatives(geometry: Geometry, state: State) -> list[Sequence[float]]:
-    """NaN where there is no reading."""
+    """Return the Jacobian at a state; NaN where there is no reading."""
     text = bench_gradient if geometry.light.options.on else gradient
     return rows_of(text.linearise(geometry, state))
 
 
 def approximate_derivatives(geometry: Geometry, state: State) -> list[Sequence[float]]:
-    """Under the light of a bench, what `bench_gradient.linearise_nearly` gives."""
+    """Under real light, return what `bench_gradient.linearise_nearly` gives."""
     return rows_of(bench_gradient.linearise_nearly(geometry, state))
 
 
@@ -71,30 +71,32 @@ FORMULAS: dict[str, Callable[[Geometry, State], Any]] = {
 
 
 def has_time() -> bool:
-    """Whether this process has not yet run text for so long that compiling were better."""
+    """Whether this process has interpreted text for less time than compiling would take."""
     return _spent < MAX_TEXT_S
 
 
 def is_text_faster(model: str, count: int, few: int = MAX_TEXT_STATES) -> bool:
-    """Whether the text has done so many states sooner than one of `evaluators` is compiled."""
+    """Whether interpreting these states takes less time than compiling one of `evaluators`."""
     return count <= few and has_time() and not evaluators.is_ready(model)
 
 
 @contextmanager
 def count_text_time() -> Iterator[None]:
-    """Within it text runs, and raises where compiled code gives NaN; its time is counted."""
+    """Count the time of a context that interprets text; raise where compiled code would give
+    NaN."""
     global _spent
     begin = time.thread_time()
     try:
-        with np.errstate(all="raise", under="ignore"):  # of the text's tables
+        # The first call builds the tables of the text.
+        with np.errstate(all="raise", under="ignore"):
             yield
     finally:
         _spent += time.thread_time() - begin
 
 
 def fill_each(formula: Callable[[State], Any], states: Floats, found: Floats, which: Any) -> Any:
-    """Fills some rows of `found` for states (n, 8); returns the numbers of those that are left: at
-    which the text divides by zero, or a function of the C library has no result."""
+    """Fill some rows of `found` for states (n, 8) and return the numbers of the rows that remain:
+    those at which the text divides by zero or a C function has no result."""
     left = []
     for n in which.tolist():
         try:
@@ -108,7 +110,7 @@ def fill_each(formula: Callable[[State], Any], states: Floats, found: Floats, wh
 def fill(
     name: str, model: str, geometry: Geometry, states: Floats, found: Floats, which: Any
 ) -> Any:
-    """`fill_each` of a block's kernel; all are left where the model of `evaluators` is sooner."""
+    """Run `fill_each` for a kernel of blocks; all rows remain where `evaluators` is faster."""
     if not is_text_faster(model, len(which)):
         return which
     formula = FORMULAS[task_of(name)]
@@ -118,9 +120,9 @@ def fill(
 def fill_slopes(
     name: str, vectors: Geometry, moved: Any, states: Floats, found: Floats, which: Any
 ) -> Any:
-    """The same of the kernels of `blocks.slopes`.
+    """Run `fill_each` for the kernels of `blocks.slopes`.
 
-    moved: the vectors, which carry their slopes; or, of "slopes_by_parameters", `parameters.Axes`.
+    moved: the vectors with their derivatives; for "slopes_by_parameters", `parameters.Axes`.
     """
     if not is_text_faster(name, len(which), MAX_SLOW_STATES):
         return which

@@ -1,7 +1,7 @@
 """The beam's cross-section as a covariance, and the readings' derivatives by it.
 
-Two diameters and an angle have no derivative where the beam is round, since its angle does nothing
-there; three elements of a symmetric matrix always have.
+Diameters and rotation have no derivative where the beam is round, because the rotation has no
+effect there; the three elements of a symmetric matrix always have one.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from ..core.units import Floats
 from ..optics.parameters import PARAMETERS
 from .arrays import parameter_jacobian
 
-#: The irradiance's covariance in the beam's cross-section, mm^2; an angle has no direction where
-#: the beam is round, so these are found in place of two diameters and an angle.
+#: The irradiance's covariance in the beam's cross-section, mm^2, which is fitted instead of two
+#: diameters and a rotation, because a round beam has no rotation.
 SHAPE = ("beam.sigma_xx", "beam.sigma_yy", "beam.sigma_xy")
 OF_SHAPE = ("beam.diameter_x", "beam.diameter_y", "beam.rotation")
 
@@ -53,8 +53,9 @@ def axes_of(shape: Floats, near: float = 0.0) -> tuple[float, float, float]:
 def shape_derivatives(sensor: Sensor, states: Floats, whole: Floats) -> Floats:
     """The derivatives by `SHAPE` (n, 9, 3), from those by the 30 parameters.
 
-    In the axes of the ellipse a change of the covariance is one of two variances and a turn; the
-    turn of a round beam does nothing, there axes at 45 degrees tell the same by two variances.
+    In the axes of the ellipse a change of the covariance is a change of two variances and a
+    rotation. For a round beam the off-diagonal element is a change of two variances along axes at
+    45 degrees.
     """
     x, y, turn = (PARAMETERS.index(name) for name in OF_SHAPE)
     beam = sensor.beam

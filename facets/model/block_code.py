@@ -1,6 +1,6 @@
-"""What writes the machine code of blocks: the model with a lane for each pose.
+"""Writers of the machine code of blocks: the model with one lane for each pose.
 
-Imported only where the code is not kept.
+Imported only if no compiled code is stored.
 """
 
 from __future__ import annotations
@@ -24,11 +24,13 @@ from ..scalars.tracing import Value
 from .kinds import LIT
 from .packing import AXES, PACKED, PARALLEL, carry_slopes, is_ideal, vectors_at, vectors_of
 
-#: Writes what a block of poses needs: with the sensor's vectors, from and to memory by pointers.
+#: Writes the computation of a block of poses: from the sensor's vectors, with pointers to the input
+#: and the output.
 Formula = Callable[[LaneWriter, Geometry, Any, Any], None]
 
 
-#: Writes a function's instructions with an `llvmlite` builder, of its arguments, for so many lanes.
+#: Writes a function's instructions with an `llvmlite` builder, from its arguments, for a number of
+#: lanes.
 LaneWrite = Callable[[Any, Sequence[Any], int], None]
 
 #: Loads a sensor's vectors.
@@ -36,9 +38,9 @@ Load = Callable[[LaneWriter, Any], Geometry]
 
 
 def each_block(formula: Formula, load: Load, found: int) -> LaneWrite:
-    """Writes the code of a formula of states, block after block, as `blocks.kernel` gives it.
+    """Write the loop over blocks for a formula of states, as `blocks.kernel` needs it.
 
-    load: the vectors that the formula takes.  found: how many numbers a state gives.
+    load: loads the vectors that the formula takes.  found: how many numbers a state gives.
     """
 
     def write(builder: Any, arguments: Sequence[Any], lanes: int) -> None:
@@ -61,16 +63,17 @@ def pointers_to(builder: Any, addresses: Sequence[Any]) -> list[Any]:
 
 
 def write_readings(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
-    """found: a row of nine readings for each row of eight numbers of a state."""
+    """Write nine readings to a row of `found` for each row of eight numbers of a state."""
     state = code.load_rows(states, 8, 8)
     text = readings_uncut if is_ideal(vectors) else bench_light.readings
     code.store_rows(list(leaves(text(vectors, tuple(state)))), found, 9)
 
 
 def write_derivatives(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
-    """found: nine rows of eight derivatives for each state; NaN where there is no reading.
+    """Write nine rows of eight derivatives to `found` for each state; NaN where there is no
+    reading.
 
-    Under the light of a bench those of `bench_gradient.linearise_nearly`.
+    Under real light they are those of `bench_gradient.linearise_nearly`.
     """
     state = code.load_rows(states, 8, 8)
     text = gradient.linearise if is_ideal(vectors) else bench_gradient.linearise_nearly
@@ -85,7 +88,7 @@ def power_derivative(vectors: Geometry, values: Any, k: int, i: int) -> Any:
 
 
 def lit_rows(code: MachineWriter, detectors: Any) -> list[Value]:
-    """The derivatives of readings, one row after the other; NaN where there is no reading."""
+    """The derivatives of the readings in order; NaN where there is no reading."""
     derivatives: list[Value] = []
     for values, rows in detectors:
         for value, row in zip(values, rows, strict=True):
@@ -95,12 +98,13 @@ def lit_rows(code: MachineWriter, detectors: Any) -> list[Value]:
 
 
 def write_footprints(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
-    """found: a row of fifteen numbers for each state, of which `footprint` gives five a spot."""
+    """Write fifteen numbers to a row of `found` for each state, five of `footprint` for each
+    spot."""
     at = dark_scene(vectors, tuple(code.load_rows(states, 8, 8)))
     ends: list[Any] = []
     for k in range(3):
         *edges, out = footprint(vectors, at, k, collimated_slopes(vectors, at, k))
-        landed = code.compare("==", edges[0], edges[0])  # lanes take x - x for zero, NaN or not
+        landed = code.compare("==", edges[0], edges[0])  # Lanes subtract x - x to get zero, or NaN.
         ends += [*edges, code.select(landed, out, nan)]
     code.store_rows(ends, found, 15)
 
@@ -109,8 +113,11 @@ def write_footprints(code: LaneWriter, vectors: Geometry, states: Any, found: An
 def each_component(
     code: LaneWriter, vectors: Geometry, state: Sequence[Value], at: Scene, count: int
 ) -> Iterator[tuple[Any, list[Value]]]:
-    """A loop over the first components of the state: each with the readings' exact derivatives by
-    it, under the light of a bench. at: from `bench_light.scene`."""
+    """Write a loop over the first components of the state, with the exact derivatives by each under
+    real light.
+
+    at: from `bench_light.scene`.
+    """
     with code.loop(ir.Constant(LONG, count)) as component:
         moved = []
         for c, number in enumerate(state):
@@ -121,7 +128,7 @@ def each_component(
 
 
 def write_slopes_by_state(code: LaneWriter, vectors: Geometry, states: Any, found: Any) -> None:
-    """found: the exact derivatives under the light of a bench, one component after the other."""
+    """Write the exact derivatives under real light, one component after the other."""
     state = code.load_rows(states, 8, 8)
     at = bench_light.scene(vectors, tuple(state))
     with each_component(code, vectors, state, at, 8) as (component, slopes):
@@ -144,14 +151,15 @@ def linearise_exactly(
     return [(values[k], rows[3 * k : 3 * k + 3]) for k in range(3)]
 
 
-#: Writes derivatives: with the sensor's vectors, a state, pointers to what is varied and to
-#: results, and the count of copies.
+#: Writes derivatives: from the sensor's vectors, a state, pointers to the varied vectors and to the
+#: results, and the number of copies.
 SlopesFormula = Callable[[LaneWriter, Geometry, tuple[Value, ...], Any, Any, Any], None]
 
 
 def each_block_of_slopes(formula: SlopesFormula, kind: str) -> LaneWrite:
-    """Writes the code of `blocks.slopes`: a function of the addresses of a sensor's vectors, of
-    what is varied, of states, results and bits; and of how many copies there are, and blocks."""
+    """Write the code of `blocks.slopes`: a function of the addresses of a sensor's vectors, of the
+    varied vectors, of states, results and bits, of the number of copies, and of the number of
+    blocks."""
 
     def write(builder: Any, arguments: Sequence[Any], lanes: int) -> None:
         packed, varied, states, found = pointers_to(builder, arguments[:4])
@@ -171,7 +179,7 @@ def each_block_of_slopes(formula: SlopesFormula, kind: str) -> LaneWrite:
 
 
 def slopes_by_copies(kind: str) -> LaneWrite:
-    """By what is varied in copies of a sensor, under the light of a bench."""
+    """Write derivatives by differences of complex copies of a sensor, under real light."""
 
     def formula(
         code: LaneWriter, vectors: Geometry, state: Any, varied: Any, found: Any, copies: Any
@@ -189,7 +197,8 @@ def slopes_by_copies(kind: str) -> LaneWrite:
 def write_slopes_by_parameters(
     code: LaneWriter, vectors: Geometry, state: Any, axes: Any, found: Any, _: Any
 ) -> None:
-    """By the thirty parameters, of ideal light.  axes: pointer to `parameters.Axes`."""
+    """Write derivatives by the thirty parameters, of ideal light.  axes: pointer to
+    `parameters.Axes`."""
     own = vectors_at(code, axes, AXES)
     derivatives = lit_rows(code, parameters.linearise(vectors, own, state))
     code.store_rows(derivatives, found, len(derivatives))

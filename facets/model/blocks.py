@@ -1,9 +1,9 @@
 """The model at many states, a block of them at a time, by machine code of `block_code`.
 
-Each lane of the processor has a pose (`scalars.lanes`). What does not fit a block, because a facet
-is faint, the apex far off the beam or the mirror far turned, is left, and computed by
-`evaluators`, one state at a time. What a pose gives does not depend on the others in its block, nor
-on how many there are.
+Each lane of the processor computes one pose (`scalars.lanes`). Poses that a block cannot compute,
+because a facet is faint, the apex far off the beam or the mirror turned far, are left to
+`evaluators`, which computes one state at a time. The result of a pose does not depend on the others
+in its block, nor on their number.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ if TYPE_CHECKING:
     from .block_code import LaneWrite
     from .object_code import Write
 
-#: The files that blocks are made of, beside the optics.
+#: The files from which blocks are made, beside the optics.
 CODE = tuple(
     Path(__file__).parent / name
     for name in ("blocks.py", "block_code.py", "packing.py", "kinds.py")
 )
 
 
-#: Lanes of code for one pose at a time: each more takes its time.
+#: Number of lanes for one pose at a time: each additional lane takes time.
 SINGLE = 2
 
 
 @cache
 def lanes() -> int:
-    """Poses in a block of many: as many as the processor's registers have room for."""
+    """Number of poses in a block: as many as the processor's registers hold."""
     from .object_code import vector_bits
 
     return vector_bits() // 64
@@ -44,7 +44,7 @@ def lanes() -> int:
 def lane_code(
     name: str, width: int, count: int, write: Callable[[], LaneWrite], *files: str | Path | None
 ) -> Callable[..., None]:
-    """`object_code.function` of code for so many lanes."""
+    """Compile `object_code.function` for a number of lanes."""
     from .object_code import function
 
     def make_writer() -> Write:
@@ -55,17 +55,17 @@ def lane_code(
 
 
 def task_of(name: str) -> str:
-    """What a kernel computes, by its name without that of the light's kind."""
+    """The task of a kernel: its name without the kind of light."""
     return name.partition("_of_")[0]
 
 
 @once
 def kernel(name: str, width: int | None = None) -> Callable[..., None]:
-    """One of `block_code.LOOPS`, compiled now if need be: a function of the addresses of a sensor's
-    vectors, of states, of where results go and of where a 64-bit integer for each block tells by
-    its bits which lanes are left; and of how many blocks there are.
+    """Return one of `block_code.LOOPS`, compiled if needed.
 
-    width: of a block; `lanes()` unless given.
+    It is a function of the addresses of a sensor's vectors, of states, of the results, and of a
+    64-bit integer for each block whose bits tell which lanes are left over; and of the number of
+    blocks. width: of a block; `lanes()` unless given.
     """
     return load_code(name, 5, width)
 
@@ -83,13 +83,13 @@ def load_code(name: str, count: int, width: int | None = None) -> Callable[..., 
 
 @once
 def slopes_kernel(name: str) -> Callable[..., None]:
-    """That of `slopes`, see `block_code.each_block_of_slopes`."""
+    """Return a kernel of `slopes`, see `block_code.each_block_of_slopes`."""
     return load_code(name, 7)
 
 
 def slopes(name: str, vectors: Floats, varied: Floats, states: Floats, found: Floats) -> Any:
     """Fills found (n, 9, m): the derivatives of the readings at states (n, 8) by m parameters of a
-    sensor; returns the numbers of those that are left.
+    sensor; return the numbers of the states that are left over.
 
     name: of a kernel: "slopes_of_KIND", KIND of `kinds.LIT`, where `varied` (m, ...) is how much
     each number of `vectors` answers to a parameter; or "slopes_by_parameters", where it is
@@ -109,7 +109,7 @@ def slopes(name: str, vectors: Floats, varied: Floats, states: Floats, found: Fl
 
 
 class BlockMemory:
-    """Memory for one block: of a single state, or of the last states of a batch, padded.
+    """Memory for one block: a single state, or the last states of a batch with padding.
 
     One of `SINGLES` or `RESTS` serves one call at a time.
     """
@@ -139,7 +139,8 @@ class BlockMemory:
 
 
 def run_rest(name: str, vectors: Floats, states: Floats, found: Floats) -> int:
-    """Fills `found` for less than a block of states; returns a bit for each that is left."""
+    """Fill `found` for less than a block of states; return a bit for each state that is left
+    over."""
     memory, short = RESTS.take(), len(states)
     memory.rows[:short] = states
     memory.rows[short:] = states[-1]
@@ -151,7 +152,7 @@ def run_rest(name: str, vectors: Floats, states: Floats, found: Floats) -> int:
 
 
 def run_one(name: str, vectors: Floats, state: Floats) -> Floats | None:
-    """Results at one state (8,); None where it is left."""
+    """Return the results at one state (8,); None if the block leaves it over."""
     memory = SINGLES.take()
     memory.rows[:] = state
     kernel(name, SINGLE)(memory.address_of_vectors(vectors), *memory.addresses, 1)
@@ -161,7 +162,7 @@ def run_one(name: str, vectors: Floats, state: Floats) -> Floats | None:
 
 
 def run(name: str, vectors: Floats, states: Floats, found: Floats) -> Any:
-    """Fills `found` for states (n, 8); returns the numbers of those that are left."""
+    """Fill `found` for states (n, 8); return the numbers of the states that are left over."""
     whole, short = divmod(len(states), lanes())
     left = np.zeros(whole + 1, np.int64)
     if whole:
@@ -172,16 +173,16 @@ def run(name: str, vectors: Floats, states: Floats, found: Floats) -> Any:
 
 
 def lanes_of(bits: Any, count: int) -> Any:
-    """The numbers of the lanes whose bits are set, of those that are not padding."""
+    """The numbers of the lanes whose bits are set, without padding."""
     if not bits.any():
         return np.empty(0, np.intp)
     return np.flatnonzero(((bits[:, None] >> np.arange(lanes())) & 1).ravel()[:count])
 
 
 def address_of(array: Any) -> int:
-    """Where the numbers of a contiguous array are."""
+    """The address of the numbers of a contiguous array."""
     if not array.flags.c_contiguous:
-        raise ValueError("compiled code takes contiguous arrays only")
+        raise ValueError("compiled code takes only contiguous arrays")
     return array.__array_interface__["data"][0]  # type: ignore[no-any-return]
 
 

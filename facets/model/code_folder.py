@@ -1,4 +1,4 @@
-"""Where machine code is kept: in a folder that is named after the text it is made of."""
+"""The folder of compiled machine code, named after the text that the code is made from."""
 
 from __future__ import annotations
 
@@ -25,10 +25,11 @@ def text_of(files: tuple[Path, ...]) -> Iterator[Path]:
 
 
 def code_folder(maker: str, *files: str | Path | None) -> tuple[Path, object]:
-    """Where the machine code made of these files and of the optics is kept.
+    """Return the folder of the machine code made from these files and the optics, and the temporary
+    folder that owns it.
 
-    maker: what makes it, and in which version.  The user's cache, else a folder that goes with this
-    process. The second is what keeps that folder.
+    maker: name and version of the compiler. The folder is in the user's cache or, if that cannot be
+    written, a temporary one of this process.
     """
     text = hashlib.sha256(maker.encode())
     for file in text_of(tuple(Path(file) for file in files if file)):
@@ -50,9 +51,9 @@ _told = False
 
 
 def tell(passing: object) -> None:
-    """Says on the standard error, once a process, that code has to be compiled.
+    """Print on the standard error, once per process, that code is compiled.
 
-    passing: what `code_folder` gives.  A worker of `multiprocessing` leaves it to its parent.
+    passing: from `code_folder`. A worker of `multiprocessing` leaves the message to its parent.
     """
     global _told
     with _TELLING:

@@ -1,6 +1,6 @@
-"""The model of light that is cut, at one state after the other. Importing this imports Numba.
+"""The model of cut light, for one state after the other. Importing this imports Numba.
 
-Its text has loops over the sides of outlines, which Numba compiles as it stands.
+Numba compiles this text because of its loops over the sides of outlines.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ def put_readings(found: Any, detectors: Any) -> None:
 
 @compilable
 def put_linearisation(found: Any, detectors: Any) -> None:
-    """Values in the first row of found (10, 10), then each one's derivatives but that by power."""
+    """Put the values in the first row of found (10, 10), then each one's derivatives except that by
+    power."""
     for k in range(3):
         values, derivatives = detectors[k]
         for i in range(3):
@@ -45,14 +46,15 @@ def put_linearisation(found: Any, detectors: Any) -> None:
 
 @compilable
 def put_by_power(found: Any, power: float) -> None:
-    """The derivatives by the beam's power, in the last column: a place does not answer to it."""
+    """Put the derivatives by the beam's power in the last column: a place does not depend on it."""
     for row in range(9):
         found[1 + row, 8] = found[0, row] / power if row % 3 == 2 else 0.0
 
 
 @compilable
 def put_light(found: Any, vectors: Any, detectors: Any) -> None:
-    """`put_linearisation`, and the derivatives by the beam's power, to which places answer too."""
+    """Run `put_linearisation`, and put the derivatives by the beam's power, on which places depend
+    too."""
     put_linearisation(found, detectors)
     for k in range(3):
         for i in range(3):
@@ -61,8 +63,11 @@ def put_light(found: Any, vectors: Any, detectors: Any) -> None:
 
 @compilable
 def put_nothing(found: Any) -> None:
-    """NaN for each result. Dividing complex numbers by zero, as where a facet has no light at all,
-    is an error even in compiled code, which could not pass it on to who has called."""
+    """Put NaN for each result.
+
+    A facet without light would divide complex numbers by zero, which is an error even in compiled
+    code that cannot report it.
+    """
     found[:] = np.nan
 
 
@@ -134,7 +139,7 @@ _KIND = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 5)
 
 
 def model(name: str) -> Callable[..., None]:
-    """One of `MODELS`, compiled now if need be, as `evaluators.model` has it."""
+    """Return one of `MODELS`, compiled if needed, for `evaluators.model`."""
     compiled = callback(__file__, MODELS[name], kernels, packing, signature=MODEL)
     start = _KIND(compiled.address)
     start.keeps = compiled  # type: ignore[attr-defined]

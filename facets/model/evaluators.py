@@ -1,9 +1,9 @@
-"""The model at one state after the other, as functions with an address.
+"""The model at one state after the other, as compiled functions with an address.
 
-What a block of poses leaves comes here, and what cuts the light. A model takes five integers: the
-addresses of a sensor's vectors, of rows of what is given, of rows of what is found, and of memory;
-and how many rows there are. llvmlite makes models (`row_code`), but for those of light that is cut,
-whose text has loops and is for Numba (`cut_code`). Each is made when it is first asked for.
+They compute the states that blocks leave over, and cut light. A model takes five integers: the
+addresses of a sensor's vectors, of the input rows, of the output rows and of memory, and the number
+of rows. llvmlite compiles the models of `row_code`; Numba compiles those of `cut_code`, whose text
+has loops. Each is compiled at its first use.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .failures import raise_failure
 from .kinds import LIT, kind_of
 from .threads import once
 
-#: The files that these are made of, beside the optics.
+#: The files from which these are made, beside the optics.
 CODE = tuple(
     Path(__file__).parent / name
     for name in (
@@ -38,12 +38,12 @@ CODE = tuple(
 )
 
 
-#: The models that this process has made or loaded.
+#: The models that this process has compiled or loaded.
 _LOADED: set[str] = set()
 
 
 def is_ready(name: str) -> bool:
-    """Whether a model of `row_code` is loaded, or was kept when that was first asked."""
+    """Whether a model of `row_code` is loaded, or was stored when this was first asked."""
     return name in _LOADED or _was_kept(name)
 
 
@@ -70,7 +70,7 @@ def load_code(name: str, count: int) -> Callable[..., None]:
 
 @once
 def model(name: str) -> Callable[..., None]:
-    """One of `row_code.LOOPS` or `cut_code.MODELS`, compiled now if need be."""
+    """Return one of `row_code.LOOPS` or `cut_code.MODELS`, compiled if needed."""
     if "_of_cut" in name:
         from . import cut_code
 
@@ -79,13 +79,13 @@ def model(name: str) -> Callable[..., None]:
 
 
 def address(name: str) -> int:
-    """Where the compiled function is in this process."""
+    """The address of the compiled function in this process."""
     code: Any = model(name)
     return ctypes.cast(code, ctypes.c_void_p).value or 0
 
 
 def fill(name: str, vectors: Floats, inputs: Floats, found: Floats) -> None:
-    """Fills rows of `found` for rows of `inputs` by one of the models."""
+    """Fill rows of `found` for rows of `inputs` by one of the models."""
     memory = np.empty((3, MOST_SIDES, COLUMNS))
     model(name)(*map(address_of, (vectors, inputs, found, memory)), len(inputs))
     raise_failure()
@@ -93,12 +93,12 @@ def fill(name: str, vectors: Floats, inputs: Floats, found: Floats) -> None:
 
 @once
 def slopes_model(name: str) -> Callable[..., None]:
-    """See `row_code.each_row_of_slopes`."""
+    """Return a model of derivatives, see `row_code.each_row_of_slopes`."""
     return load_code(name, 6)
 
 
 def slopes(name: str, vectors: Floats, varied: Floats, states: Floats, found: Floats) -> None:
-    """Fills found (n, 9, m): what `blocks.slopes` gives."""
+    """Fill found (n, 9, m) with the derivatives that `blocks.slopes` gives."""
     where = map(address_of, (vectors, states, found, varied))
     slopes_model(name)(*where, len(states), found.shape[2])
     raise_failure()
@@ -121,6 +121,6 @@ def linearisation(sensor: Sensor) -> str:
 
 
 def approximate_linearisation(sensor: Sensor) -> str:
-    """The same, for steps of an iteration and for uncertainties: under the light of a bench the
-    derivatives leave out what is slow to compute and counts for little."""
+    """The approximate model for steps of an iteration and for uncertainties: under real light its
+    derivatives leave out terms that are slow to compute and small."""
     return f"approximate_linearisation_of_{kind_of(sensor)}"

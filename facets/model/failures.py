@@ -1,4 +1,4 @@
-"""Exceptions of Python that compiled code has called, which cannot pass through it."""
+"""Exceptions of Python functions that compiled code has called; they cannot pass through it."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import threading
 
 
 class Failures(threading.local):
-    """What went wrong in this thread where compiled code has called Python, which cannot raise
-    through it; raised once the compiled code has ended."""
+    """The exceptions of this thread that compiled code could not raise; raised once that code has
+    ended."""
 
     def __init__(self) -> None:
         self.raised: list[BaseException] = []
@@ -17,7 +17,7 @@ FAILURES = Failures()
 
 
 def raise_failure() -> None:
-    """Raises what went wrong in Python while compiled code ran."""
+    """Raise the exception that Python raised while compiled code ran."""
     if FAILURES.raised:
         failure = FAILURES.raised[0]
         FAILURES.raised.clear()

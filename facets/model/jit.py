@@ -52,7 +52,7 @@ def is_complex(kind: Any) -> bool:
 
 TWINS: dict[Callable[..., Any], Callable[..., Any]] = {
     dispatch.exp: lambda x: lambda x: math.exp(x),
-    # what carries a derivative in its imaginary part needs no more than the first order
+    # A number that carries a derivative in its imaginary part needs only the first order.
     dispatch.sqrt: lambda x: (
         (lambda x: complex(math.sqrt(x.real), x.imag / (2 * math.sqrt(x.real))))
         if is_complex(x)
@@ -96,15 +96,17 @@ TEXT = (
     detected,
     cut_light,
 )
-#: Text is called by compiled code alone: without the wrappers that Python or C would need, which
-#: take a quarter of the time of compiling.
+#: Compiled code alone calls this text, so the wrappers for Python and C, a quarter of the compile
+#: time, are left out.
 BARE: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-#: What is left to be called, because it is long and called from many places, or seldom.
+#: Functions that are called and not inlined, because they are long and called from many places, or
+#: rarely.
 LONG = (tail_quadrature,)
 
 
 def twin(function: Callable[..., Any], make: Callable[..., Any]) -> None:
-    """Lets compiled code have what `make` gives of types in place of a function of text."""
+    """Let compiled code use the function that `make` gives for its argument types, in place of a
+    function of text."""
     TWINS[function] = make
     overload(function, jit_options=BARE)(make)
 
@@ -112,7 +114,8 @@ def twin(function: Callable[..., Any], make: Callable[..., Any]) -> None:
 def register(module: ModuleType, inline: bool = True) -> None:
     """Lets Numba compile the functions of a module of text where a compiled function calls them.
 
-    inline: into their callers, as formulas need; loops do without, and compile sooner.
+    inline: whether callers contain the functions, as formulas need; loops do not, and compile
+    faster.
     """
     for function in vars(module).values():
         if not isinstance(function, FunctionType) or function.__module__ != module.__name__:
@@ -123,12 +126,12 @@ def register(module: ModuleType, inline: bool = True) -> None:
 
 
 def compilable(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Marks a function as one that compiled functions may call."""
+    """Mark a function as one that compiled functions may call."""
     return register_jitable(forceinline=True, **BARE)(function)
 
 
 def cache_folder(*files: str | None) -> tuple[Path, object]:
-    """Where machine code is kept that Numba makes of these files and of the optics."""
+    """The folder of the machine code that Numba makes from these files and the optics."""
     return code_folder(f"numba {numba.__version__}", __file__, *files)
 
 
@@ -158,10 +161,10 @@ def compiler(
 
 
 class Locator(getattr(numba.core.caching, "UserProvidedCacheLocator", object)):  # type: ignore[misc]
-    """Where in a folder Numba keeps the machine code of a file, wherever the file lies.
+    """Tells Numba the folder in which it stores the machine code of a file.
 
-    The folder is named after the text, so that checkouts of one text share it. Numba's own ways
-    name it after the file's path, too; versions that cannot be told another one go on with that.
+    The folder is named after the text, so that checkouts of one text share it. Numba's own locators
+    also use the file's path; versions of Numba that accept no other locator use those.
     """
 
     @classmethod
@@ -172,12 +175,12 @@ class Locator(getattr(numba.core.caching, "UserProvidedCacheLocator", object)): 
         return Path(self.get_cache_path()).parent.name
 
 
-#: Numba's configuration is one for all threads.
+#: Numba's configuration is shared by all threads.
 _CONFIGURING = threading.RLock()
 
 
 def _compile_in_folder(folder: Path, make: Callable[[], Any]) -> Any:
-    """What `make` compiles, with its machine code kept in a folder."""
+    """Compile by `make`, and store the machine code in a folder."""
     with _CONFIGURING:
         return _call_with_cache(folder, make)
 
@@ -200,12 +203,12 @@ def _is_in(folder: Path, function: Callable[..., Any]) -> bool:
 
 
 def is_kept(file: str, function: Callable[..., Any], *modules: ModuleType) -> bool:
-    """Whether machine code is kept of what `callback` would compile of these."""
+    """Whether the machine code of a function is stored."""
     return _is_in(cache_folder(file, *(module.__file__ for module in modules))[0], function)
 
 
 def _tell(folder: Path, passing: object, function: Callable[..., Any]) -> None:
-    """Says on the standard error that a function has to be compiled, where that is so."""
+    """Print on the standard error that a function is compiled, if so."""
     if not _is_in(folder, function):
         tell(passing)
 
@@ -213,7 +216,7 @@ def _tell(folder: Path, passing: object, function: Callable[..., Any]) -> None:
 def _cached_function(
     function: Callable[..., Any], folder: Path, passing: object
 ) -> Callable[..., Any]:
-    """The compiled `function`; says so on the standard error when it has to be compiled first."""
+    """Return the compiled `function`; print a message if it has to be compiled first."""
     make = numba.njit(cache=True, nogil=True, error_model="numpy")
     dispatcher = _compile_in_folder(folder, lambda: make(function))
     called = False
@@ -234,9 +237,9 @@ def _cached_function(
 
 
 _NUMBERS = types.CPointer(types.float64)  # type: ignore[no-untyped-call]
-#: What is given, and what is found.
+#: The arrays of input and output.
 TWO_POINTERS = types.void(_NUMBERS, _NUMBERS)
-#: A sensor's vectors, rows of what is given and of what is found, memory; and how many rows.
+#: The arrays of a sensor's vectors, of input rows, output rows and memory, and the number of rows.
 MODEL = types.void(_NUMBERS, _NUMBERS, _NUMBERS, _NUMBERS, types.int64)
 _TASK = types.void(types.CPointer(types.int64))  # type: ignore[no-untyped-call]
 
@@ -244,8 +247,8 @@ _TASK = types.void(types.CPointer(types.int64))  # type: ignore[no-untyped-call]
 def callback(file: str, function: Callable[..., Any], *modules: ModuleType, signature: Any) -> Any:
     """`function`, compiled now for a signature; `.address` is what kernels call.
 
-    file: where it is written.  modules: other files that it is made of.  Kernels do not contain
-    what they call by its address (`call_address`), so that it is compiled once for all of them.
+    file: where it is written.  modules: other files that it is made of. Kernels call it by its
+    address (`call_address`), so that it is compiled once for all of them.
     """
     folder, passing = cache_folder(file, *(module.__file__ for module in modules))
     _tell(folder, passing, function)
@@ -258,9 +261,9 @@ def callback(file: str, function: Callable[..., Any], *modules: ModuleType, sign
 def task(file: str, function: Callable[..., Any], *modules: ModuleType) -> Callable[[int], None]:
     """`function` of a pointer to 64-bit integers, compiled now, to be called with their address.
 
-    In those it finds the addresses of its arrays, and counts. Python hands over one number, where
-    checking and unwrapping an array costs a fifth of a microsecond. The interpreter's lock is let
-    go.
+    These integers are the addresses and lengths of its arrays. Passing one number is faster than
+    passing arrays, each of which costs a fifth of a microsecond. The interpreter's lock is
+    released.
     """
     for module in modules:
         register(module, inline=False)
@@ -276,7 +279,7 @@ def task(file: str, function: Callable[..., Any], *modules: ModuleType) -> Calla
 
 
 def _pointer_to(kind: Any) -> Any:
-    """The function for compiled code that makes an address a pointer to numbers of a kind."""
+    """Compile a function that converts an address to a pointer to numbers of a kind."""
 
     def pointer_at(typing: Any, address: Any) -> tuple[Any, Any]:
         def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
@@ -296,7 +299,7 @@ bytes_at = _pointer_to(types.int8)
 def _call_address(
     typing: Any, address: Any, first: Any, second: Any, third: Any, fourth: Any
 ) -> tuple[Any, Any]:
-    """Calls a function of `MODEL` for one row, with the numbers of four contiguous arrays."""
+    """Call a function of `MODEL` for one row, with the numbers of four contiguous arrays."""
     arrays = (first, second, third, fourth)
 
     def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:

@@ -1,7 +1,7 @@
-"""A compiled loop over states whose light is cut, and what such loops need. Imports Numba.
+"""A compiled loop over states with cut light, and its tools. Imports Numba.
 
-Arrays in, arrays out: a sensor is its geometry's numbers (`packing.pack`), states are (n, 8),
-readings (n, 9). Each state or reading is computed alone, so results do not depend on the batch.
+Arrays in, arrays out: a sensor is its packed vectors (`packing.pack`), states are (n, 8), readings
+(n, 9). Each state is computed alone, so results do not depend on the batch.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ Array = Any
 compiled = compiler(__file__)
 
 
-#: Whose numbers are plain, whatever carries a derivative beside them.
+#: Types whose numbers are plain, even if other numbers carry a derivative.
 PLAIN = (Openings, LightOptions)
 
 
 def expression(part: Any, numbers: Iterator[int], plain: bool = False) -> str:
-    """The text that makes tuples like `part` of the numbers a[0], a[1], ..."""
+    """The text that makes tuples like `part` from the numbers a[0], a[1], ..."""
     if isinstance(part, tuple):
         plain = plain or isinstance(part, PLAIN)
         inner = "".join(f"{expression(each, numbers, plain)}, " for each in part)
@@ -44,9 +44,9 @@ def expression(part: Any, numbers: Iterator[int], plain: bool = False) -> str:
 
 
 def unpacking(example: Geometry) -> Callable[[Array], Geometry]:
-    """The function that takes what `packing.pack` makes apart, in straight text for Numba.
+    """Make the function that unpacks the array of `packing.pack`, as straight text for Numba.
 
-    example: a sensor's vectors, with None for the last ones where these are not wanted.
+    example: a sensor's vectors, with None for last ones that are not needed.
     """
     names = {kind.__name__: kind for kind in (Geometry, Light, Openings, LightOptions)}
     exec(f"def unpack(a):\n    return {expression(example, count())}", names)
@@ -71,7 +71,7 @@ def state_of(states: Array, n: int) -> Any:
 
 @compiled
 def differentiate_cut(packed: Array, varied: Array, states: Array, out: Array) -> None:
-    """Overwrites out (n, 9, 30) with the derivatives of those sub-beams that are cut.
+    """Overwrite out (n, 9, 30) with the derivatives of the sub-beams that are cut.
 
     varied: (30, ...) the sensor with each parameter varied, see `optics.cut_parameters`.
     """

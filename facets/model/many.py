@@ -1,8 +1,7 @@
-"""The model of many sensors, each at states of its own, in one call.
+"""The model of many sensors, each at its own states, in one call.
 
-For ideal light that nothing cuts, since the code of blocks takes any such sensor's vectors
-(`blocks`). Sensors are rows of their 30 parameters, which `vectors_of` turns into vectors all at
-once; what a sensor gives at a state is the same bits as from `arrays`.
+For ideal light that nothing cuts. Sensors are rows of their 30 parameters, which `vectors_of`
+converts to vectors all at once; the results have the same bits as those of `arrays`.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from .arrays import fill_derivatives
 from .blocks import address_of, kernel, lanes
 from .packing import EXAMPLE
 
-#: The shape of what a kernel finds at a state, and the model for states that leave their block.
+#: The shape of a kernel's result at a state, and the model for states that blocks leave over.
 SHAPES = {"readings": (9,), "derivatives": (9, 8), "footprints": (3, 5)}
 MODELS = {
     "readings": "readings_of_plain",
@@ -32,13 +31,13 @@ def vectors_of(parameters: Floats) -> Floats:
     return pack_all(build_geometry(columns), len(parameters))
 
 
-#: What follows the parts of a geometry that depend on the 30 parameters, in packed vectors.
+#: The parts of packed vectors that follow those that depend on the 30 parameters.
 VARIED = 7
 REST = np.array([*(number + 0.0 for number in leaves(EXAMPLE[VARIED:])), rare.ADDRESS.item()])
 
 
 def pack_all(vectors: Geometry, count: int) -> Floats:
-    """`packing.pack` of so many sensors (n, m), whose vectors are floats or columns (n, 1)."""
+    """`packing.pack` of several sensors (n, m), whose vectors are floats or columns (n, 1)."""
     numbers = list(leaves(vectors[:VARIED]))
     packed = np.empty((count, len(numbers) + len(REST)))
     for i, number in enumerate(numbers):
@@ -59,7 +58,8 @@ def evaluate(name: str, vectors: Floats, owner: Integers, states: Floats) -> Flo
     some = np.flatnonzero(counts)
     begins, blocks = (np.cumsum(counts) - counts)[some], -(-counts[some] // width)
     first = np.cumsum(blocks) - blocks
-    # a sensor's last block reaches into the next one's states, whose own block comes after it
+    # The last block of a sensor reaches into the next one's states, whose own block overwrites
+    # them.
     rows = np.concatenate([states, np.zeros((width, 8))])
     found = np.empty((len(rows), *SHAPES[name]))
     bits = np.zeros(int(blocks.sum()), np.int64)
@@ -84,7 +84,7 @@ def evaluate(name: str, vectors: Floats, owner: Integers, states: Floats) -> Flo
 def fill_unfit(
     name: str, vectors: Floats, owner: Integers, states: Floats, unfit: Booleans, found: Floats
 ) -> None:
-    """Fills rows of `found` for states that no block takes, because a facet is faint there."""
+    """Fill rows of `found` for states that no block computes, because a facet is faint there."""
     fill = fill_derivatives if name == "derivatives" else evaluators.fill
     numbers = np.flatnonzero(unfit)
     if not len(numbers):

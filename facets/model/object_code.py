@@ -1,8 +1,8 @@
-"""Machine code of straight text that llvmlite makes and keeps, and that Python calls.
+"""Machine code of straight text, compiled and stored by llvmlite, and called from Python.
 
-Numba is not needed for it, and not imported: that takes longer than most commands have to compute.
-Code is made for the processor that runs it, as Numba does, whose environment variables
-NUMBA_CPU_NAME and NUMBA_CPU_FEATURES are heeded here, too.
+It does not need Numba, whose import takes longer than most commands. Code is compiled for the
+processor that runs it; the environment variables NUMBA_CPU_NAME and NUMBA_CPU_FEATURES apply as for
+Numba.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from ..core.errors import OutputError
 from ..files.whole import Whole
 from .code_folder import code_folder, tell
 
-#: Writes a function's instructions with an `llvmlite` builder, of its arguments.
+#: Writes a function's instructions with an `llvmlite` builder, from its arguments.
 Write = Callable[[Any, Sequence[Any]], None]
-#: In front of an object stands its SHA-256, so that what a disk has spoilt is made anew.
+#: A stored object begins with its SHA-256 checksum, so that a damaged one is compiled again.
 DIGEST_BYTES = 32
 MAKER = f"llvmlite {llvmlite.__version__}"
 ADDITION = """define void @add(<8 x double>* %place) {
@@ -35,17 +35,17 @@ ADDITION = """define void @add(<8 x double>* %place) {
     store <8 x double> %sums, <8 x double>* %place
     ret void
 }"""
-#: For each object, so that threads make different ones side by side, and none twice.
+#: A lock for each object, so that threads compile different ones at once, and none twice.
 _LOCKS: dict[str, threading.Lock] = {}
 
 
 def function(
     name: str, count: int, write: Callable[[], Write], *files: str | Path | None
 ) -> Callable[..., None]:
-    """A function of `count` 64-bit integers, made now if it is not kept, to be called with them.
+    """Return a function of `count` 64-bit integers, compiled if it is not stored.
 
-    write: gives what writes it; only asked where it is made.  files: that this is made of, beside
-    the optics and the scalars.  The interpreter's lock is let go.
+    write: returns the writer of the code; only called to compile.  files: the files from which the
+    code is made, beside the optics and the scalars. The interpreter's lock is released.
     """
     folder, passing = code_folder(MAKER, __file__, *files)
     path = path_of(name, folder)
@@ -62,7 +62,7 @@ def function(
 
 
 def is_kept(name: str, *files: str | Path | None) -> bool:
-    """Whether there is such an object, of these files."""
+    """Whether an object made from these files is stored."""
     return path_of(name, code_folder(MAKER, __file__, *files)[0]).exists()
 
 
@@ -72,7 +72,7 @@ def path_of(name: str, folder: Path) -> Path:
 
 @cache
 def processor() -> tuple[str, str, str]:
-    """The processor's name and features as LLVM has them, and a short name for both."""
+    """The processor's name and features in LLVM's words, and a short name for both."""
     name = os.environ.get("NUMBA_CPU_NAME") or "host"
     features = os.environ.get("NUMBA_CPU_FEATURES")
     if features is None:
@@ -83,8 +83,8 @@ def processor() -> tuple[str, str, str]:
 
 @cache
 def vector_bits() -> int:
-    """How wide the registers are in which LLVM adds numbers: 512, 256 or 128, as the code of an
-    addition of eight shows."""
+    """The width of the registers in which LLVM adds numbers: 512, 256 or 128 bits, from the code of
+    an addition of eight."""
     machine = new_machine()
     module = llvm.parse_assembly(ADDITION)
     module.triple = machine.triple
@@ -95,12 +95,12 @@ def vector_bits() -> int:
 def host_features() -> str:
     try:
         return llvm.get_host_cpu_features().flatten()  # type: ignore[no-any-return]
-    except RuntimeError:  # where LLVM cannot tell them: those that go with the name
+    except RuntimeError:  # If LLVM cannot tell the features: those that belong to the name.
         return ""
 
 
 def new_machine() -> Any:
-    """What makes code for this processor; an engine that is given it owns it."""
+    """Make the target machine for this processor; an engine takes ownership of it."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     name, features, _ = processor()
@@ -112,7 +112,7 @@ def new_machine() -> Any:
 
 
 def load_code(name: str, count: int, write: Write) -> bytes:
-    """The object with the function that `write` writes."""
+    """Return the object with the function that `write` writes."""
     from ..scalars.machine import count_loops
 
     machine, module = new_machine(), module_of(name, count, write)
@@ -126,7 +126,7 @@ def load_code(name: str, count: int, write: Write) -> bytes:
 
 
 def module_of(name: str, count: int, write: Write) -> Any:
-    """The function that `write` writes, in a module of its own, whose string is LLVM's text."""
+    """The module with the function that `write` writes; its string is LLVM's text."""
     from llvmlite import ir
 
     module, machine = ir.Module(name), new_machine()
@@ -140,18 +140,20 @@ def module_of(name: str, count: int, write: Write) -> Any:
 
 
 def optimise(module: Any, machine: Any) -> None:
-    """All that LLVM can do, which pays where a loop is in a loop: what does not change in it is
-    computed before it."""
+    """Run all of LLVM's optimisations, which pay for nested loops: invariant code moves out."""
     options = llvm.create_pipeline_tuning_options(speed_level=3)
-    options.loop_vectorization = options.slp_vectorization = False  # it is vectors already
+    # The code is vectorised already.
+    options.loop_vectorization = options.slp_vectorization = False
     passes = llvm.create_pass_builder(machine, options)
     passes.getModulePassManager().run(module, passes)
 
 
 def keep_in_registers(module: Any, machine: Any) -> None:
-    """What is left to do of straight code: `scalars.tracing` has folded constants and written
-    nothing twice. The rest of `optimise` would take a third of the time of compiling for code that
-    is no faster. The oldest llvmlite that is allowed has only all of it."""
+    """Run only the optimisations that straight code needs.
+
+    `scalars.tracing` has folded constants and removed duplicates; the rest of `optimise` would take
+    a third of the compile time without faster code. The oldest supported llvmlite runs all of it.
+    """
     manager = llvm.create_new_function_pass_manager()
     if not hasattr(manager, "add_sroa_pass"):
         optimise(module, machine)
@@ -164,7 +166,7 @@ def keep_in_registers(module: Any, machine: Any) -> None:
 
 
 def load_object(code: bytes) -> Any:
-    """What keeps an object in memory and knows its functions' addresses."""
+    """The engine that holds an object in memory and knows its functions' addresses."""
     machine, empty = new_machine(), llvm.parse_assembly("")
     empty.triple = machine.triple
     engine = llvm.create_mcjit_compiler(empty, machine)
@@ -174,7 +176,7 @@ def load_object(code: bytes) -> Any:
 
 
 def read(path: Path) -> bytes | None:
-    """An object that was kept, or None."""
+    """Read a stored object, or return None."""
     try:
         kept = path.read_bytes()
     except OSError:
@@ -184,6 +186,6 @@ def read(path: Path) -> bytes | None:
 
 
 def keep(path: Path, code: bytes) -> None:
-    """Keeps an object, whole or not at all; where it cannot be kept it is made again."""
+    """Store an object in one step; if that fails it will be compiled again."""
     with contextlib.suppress(OutputError), Whole(path, alone=True) as temporary:
         temporary.write_bytes(hashlib.sha256(code).digest() + code)

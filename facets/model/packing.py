@@ -1,4 +1,4 @@
-"""A sensor's vectors as one array of numbers, for compiled code."""
+"""A sensor's vectors as one array of numbers for compiled code."""
 
 from __future__ import annotations
 
@@ -16,45 +16,45 @@ from ..scalars.nesting import leaves, nest
 from . import rare
 from .kinds import LIT
 
-#: A sensor's vectors, for their arrangement alone.
+#: An example of a sensor's vectors, for their arrangement.
 EXAMPLE = build_geometry((1.0,) * 30)
 #: The address of `rare.TABLE`, as a float.
 HERE = rare.ADDRESS.item()
-#: How many numbers `pack` makes of a sensor, before the address.
+#: The number of numbers that `pack` makes from a sensor, before the address.
 PACKED = len(list(leaves(EXAMPLE)))
-#: How these answer to the parameters, likewise.
+#: The same for the vectors' derivatives by the parameters.
 AXES = parameter_axes((1.0,) * 30)
-#: How many numbers a row of what is given has: a state, or that and the beam's power.
+#: The number of numbers in an input row: of a state, or of a state and the beam's power.
 STATE, WITH_POWER = 8, 9
-#: The arrangement where nothing cuts the light and rays are parallel, and where rays are parallel.
+#: The arrangement without apertures for parallel rays, and for any rays.
 PLAIN = EXAMPLE._replace(openings=None, light=None)  # type: ignore[arg-type]
 PARALLEL = EXAMPLE._replace(light=None)  # type: ignore[arg-type]
 
 
 def pack(vectors: Geometry) -> np.ndarray:
-    """A sensor's vectors as one array, behind which comes the address of `rare.TABLE`.
+    """Pack a sensor's vectors into one array, followed by the address of `rare.TABLE`.
 
-    The address holds for this process.
+    The address is valid in this process.
     """
     numbers = np.array([number + 0.0 for number in leaves(vectors)])
     return np.concatenate([numbers, rare.ADDRESS])
 
 
 def pack_slopes(vectors: Geometry) -> np.ndarray:
-    """The slopes that a sensor's vectors carry by m things: (m, ...), each row as from `pack`."""
+    """Pack the derivatives of a sensor's vectors by m variables: (m, ...), each row like `pack`."""
     slopes = [value_and_slope(number)[1] for number in leaves(vectors)]
     count = max(np.size(slope) for slope in slopes)
     return np.array([np.broadcast_to(slope, count) for slope in slopes]).T.copy()
 
 
 def carry(vectors: Geometry, moved: Geometry) -> np.ndarray:
-    """Copies of a sensor (m, ...), whose numbers carry their slopes times STEP in imaginary parts,
-    for what Numba compiles."""
+    """Copies of a sensor (m, ...) whose imaginary parts are their derivatives times STEP, for
+    Numba."""
     return pack(vectors)[:-1] + 1j * STEP * pack_slopes(moved)
 
 
 def is_of_this_process(packed: np.ndarray) -> bool:
-    """Whether the address behind a sensor's vectors holds; a copy from elsewhere has another.
+    """Whether the address behind a sensor's vectors is that of this process.
 
     As a float an address is a very small number, never NaN.
     """
@@ -62,7 +62,8 @@ def is_of_this_process(packed: np.ndarray) -> bool:
 
 
 def vectors_of(writer: Any, pointer: Any, kind: str) -> Geometry:
-    """`vectors_at` of those that formulas for a kind of light take: "plain", or one of LIT."""
+    """The vectors in memory (`vectors_at`) that formulas for a kind of light take: "plain", or one
+    of LIT."""
     if kind not in LIT:
         return vectors_at(writer, pointer, PLAIN)  # type: ignore[no-any-return]
     whole = vectors_at(writer, pointer, EXAMPLE)
@@ -73,12 +74,12 @@ def vectors_of(writer: Any, pointer: Any, kind: str) -> Geometry:
 
 
 def is_ideal(vectors: Any) -> bool:
-    """Whether the vectors are those that formulas for ideal light take."""
+    """Whether formulas for ideal light take these vectors."""
     return vectors.light is None
 
 
 def carry_slopes(values: Any, slopes: Any) -> Any:
-    """Vectors that carry their slopes along; whose numbers are always plain stay so."""
+    """Give vectors their derivatives; numbers that are always plain stay so."""
     if isinstance(values, LightOptions) or values is None:
         return values
     if not isinstance(values, tuple):
@@ -88,10 +89,10 @@ def carry_slopes(values: Any, slopes: Any) -> Any:
 
 
 def vectors_at(writer: Any, pointer: Any, example: Any) -> Any:
-    """A sensor's vectors as code that is being written finds them in memory.
+    """A sensor's vectors in memory, for code that is being written.
 
-    writer: a `scalars.machine.MachineWriter`.
-    example: their arrangement; None for what is not wanted.
+    writer: a `scalars.machine.MachineWriter`. example: their arrangement, with None for vectors
+    that are not needed.
     """
     places = count()
     vectors = [

@@ -1,10 +1,10 @@
-"""What the code for one pose calls, and is compiled when it turns out not to be so seldom.
+"""Functions that the code for one pose rarely calls, compiled only after many calls.
 
-It calls these functions by addresses that it finds in a table. At first these lead back to Python,
-which runs the text with its floats. That gives the same bits, since all functions in it are those
-of the C library either way, and takes some hundredths of a millisecond, where importing Numba and
-compiling take seconds. Past a second of that, Numba compiles the function, or loads what it has
-kept, Python puts its address into the table, and from then on the way is direct.
+The code calls them by addresses in a table. At first these lead to Python, which runs the text with
+its floats. That gives the same bits, because all functions in it are those of the C library, and
+takes some hundredths of a millisecond, whereas importing Numba and compiling take seconds. After a
+second of that, Numba compiles the function or loads its stored code, and Python puts its address
+into the table.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ _COMPILED: dict[str, Any] = {}
 _COMPILING = threading.RLock()
 
 
-#: For so long, s, the functions run as text before their machine code is loaded, if it is kept, or
-#: else compiled, which takes several times that.
+#: Time, s, for which the functions run as text before their machine code is loaded if it is stored,
+#: or else compiled, which takes several times as long.
 LOAD_AFTER_S, MAX_TEXT_S = 0.2, 1.0
 _spent = 0.0
 
@@ -75,17 +75,17 @@ def _is_kept(name: str) -> bool:
 
 
 def _runs_as_text(name: str) -> bool:
-    """Whether a function is still too seldom called to be worth its machine code."""
+    """Whether a function has run too briefly for its machine code to pay."""
     if name in _COMPILED or _spent >= MAX_TEXT_S:
         return False
     return _spent < LOAD_AFTER_S or not _is_kept(name)
 
 
 def _compiled_function(name: str) -> Any:
-    """What calls the compiled function, compiled or loaded now if need be."""
+    """The compiled function, compiled or loaded if needed."""
     from . import jit
 
-    with _COMPILING:  # another thread's would be lost, and its address with it
+    with _COMPILING:  # Another thread's function would be lost, and its address with it.
         if name not in _COMPILED:
             for part in (put_side, put_moments):
                 jit.compilable(part)
@@ -96,25 +96,27 @@ def _compiled_function(name: str) -> Any:
 
 
 def prepare() -> None:
-    """Compiles or loads all of them now, for a loop that cannot wait when light is lost."""
+    """Compile or load all of them now, for a loop that cannot wait when light is lost."""
     for name in NAMES:
         _compiled_function(name)
 
 
 def _call(name: str, *pointers: Any) -> None:
-    """Where the table leads at first."""
+    """The function to which the table first leads."""
     function, results = FUNCTIONS[name]
     try:
         if not (_runs_as_text(name) and _ran_as_text(function, pointers)):
             _compiled_function(name)(*pointers)
-    except BaseException as failure:  # ^C for instance; until it is raised there are no numbers
+    # An example is Ctrl-C; until it is raised there are no results.
+    except BaseException as failure:
         FAILURES.raised.append(failure)
         for n in range(results):
             pointers[1][n] = float("nan")
 
 
 def _ran_as_text(function: Callable[..., None], pointers: Any) -> bool:
-    """Whether it could: Python's floats refuse to divide by zero and to overflow."""
+    """Run the text and return whether it succeeded: Python's floats raise for a division by zero
+    and an overflow."""
     global _spent
     begin = time.thread_time()
     try:
@@ -127,16 +129,16 @@ def _ran_as_text(function: Callable[..., None], pointers: Any) -> bool:
     return True
 
 
-#: What the table leads to at first, kept for as long as the process lives.
+#: The functions to which the table first leads, kept for as long as the process lives.
 _FIRST = [KIND(partial(_call, name)) for name in NAMES]
 
 
 def address_of_first(number: int) -> int:
-    """Where the way through Python to one of the functions begins."""
+    """The address of the Python callback of one function."""
     return ctypes.cast(_FIRST[number], ctypes.c_void_p).value or 0
 
 
 TABLE = np.array([address_of_first(number) for number in range(len(NAMES))], dtype=np.intp)
 
-#: The table's address, as a float of the same bits, to be put beside a sensor's numbers.
+#: The table's address as a float of the same bits, for storing behind a sensor's numbers.
 ADDRESS = np.array([TABLE.ctypes.data], dtype=np.int64).view(np.float64)

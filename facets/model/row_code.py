@@ -1,6 +1,6 @@
-"""What writes the machine code of the model at one state after the other, nothing cut.
+"""Writers of the machine code of the model at one state after the other, without apertures.
 
-Imported only where the code is not kept.
+Imported only if no compiled code is stored.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ from .packing import (
     vectors_of,
 )
 
-#: Writes what is found at a state, with the sensor's vectors, from and to memory by pointers.
+#: Writes the computation at a state: from the sensor's vectors, with pointers to the input and the
+#: output.
 Formula = Callable[[RowWriter, Geometry, Any, Any], None]
 
 
@@ -46,21 +47,22 @@ Load = Callable[[RowWriter, Any], Geometry]
 
 
 def writer_of(builder: Any, packed: Any) -> RowWriter:
-    """packed: pointer to a sensor's vectors, behind which `rare.TABLE` has its address."""
+    """Make a writer. packed: pointer to a sensor's vectors, followed by the address of
+    `rare.TABLE`."""
     at = builder.gep(packed, [ir.Constant(LONG, PACKED)])
     address = builder.load(builder.bitcast(at, ir.PointerType(LONG)))
     return RowWriter(builder, builder.inttoptr(address, ir.PointerType(LONG)), rare.NAMES)
 
 
 def row_at(builder: Any, pointer: Any, index: Any, numbers: Any) -> Any:
-    """Where a row of so many numbers begins."""
+    """The address of a row of `numbers` numbers."""
     return builder.gep(pointer, [builder.mul(index, numbers)])
 
 
 def each_row(formula: Formula, load: Load, inputs: int, found: int) -> Write:
-    """Writes the code of a formula as `evaluators` has it.
+    """Write the loop over rows for a formula, as `evaluators` needs it.
 
-    load: the vectors that the formula takes.  inputs, found: how many numbers a row has.
+    load: loads the vectors that the formula takes.  inputs, found: how many numbers a row has.
     """
 
     def write(builder: Any, arguments: Sequence[Any]) -> None:
@@ -89,10 +91,10 @@ def write_readings(code: RowWriter, vectors: Geometry, inputs: Any, found: Any) 
 
 
 def write_linearisation(code: RowWriter, vectors: Geometry, inputs: Any, found: Any) -> None:
-    """Of a state and the beam's power; found (10, 10): the readings, then their derivatives by each
-    of these, a reading a row; the last column is not used.
+    """Write readings and derivatives at a state and the beam's power; found (10, 10): the readings,
+    then their derivatives by each of these, one reading per row; the last column is not used.
 
-    Under the light of a bench those of `bench_gradient.linearise_nearly`.
+    Under real light the derivatives are those of `bench_gradient.linearise_nearly`.
     """
     x = numbers_at(code, inputs, WITH_POWER)
     powered, state = replace_power(vectors, x[8]), tuple(x[:8])
@@ -107,7 +109,7 @@ def write_linearisation(code: RowWriter, vectors: Geometry, inputs: Any, found: 
 
 
 def write_exact_linearisation(code: RowWriter, vectors: Geometry, inputs: Any, found: Any) -> None:
-    """The same under the light of a bench, with nothing left out."""
+    """Write the same under real light without approximations."""
     x = numbers_at(code, inputs, WITH_POWER)
     powered, state = replace_power(vectors, x[8]), tuple(x[:8])
     at = bench_light.scene(powered, state)
@@ -129,7 +131,7 @@ def write_exact_linearisation(code: RowWriter, vectors: Geometry, inputs: Any, f
 
 
 def write_footprints(code: RowWriter, vectors: Geometry, inputs: Any, found: Any) -> None:
-    """found (3, 5): the footprints of the spots."""
+    """Write the footprints of the spots to found (3, 5)."""
     at, spread = (
         dark_scene(vectors, tuple(numbers_at(code, inputs, STATE))),
         collimated_slopes,
@@ -140,14 +142,14 @@ def write_footprints(code: RowWriter, vectors: Geometry, inputs: Any, found: Any
         store(code, footprint(vectors, at, k, spread(vectors, at, k)), found, 5 * k)
 
 
-#: Writes derivatives: with the sensor's vectors, a state, pointers to what is varied and to
-#: results, and the count of copies.
+#: Writes derivatives: from the sensor's vectors, a state, pointers to the varied vectors and to the
+#: results, and the number of copies.
 SlopesFormula = Callable[[RowWriter, Geometry, tuple[Value, ...], Any, Any, Any], None]
 
 
 def each_row_of_slopes(formula: SlopesFormula, kind: str) -> Write:
-    """Writes the code of `evaluators.slopes`: a function of the addresses of a sensor's vectors, of
-    states, results, and what is varied; and of how many states there are, and copies."""
+    """Write the code of `evaluators.slopes`: a function of the addresses of a sensor's vectors, of
+    states, results and varied vectors, and of the numbers of states and copies."""
 
     def write(builder: Any, arguments: Sequence[Any]) -> None:
         packed, states, results, varied = pointers_to(builder, arguments[:4])
@@ -164,7 +166,7 @@ def each_row_of_slopes(formula: SlopesFormula, kind: str) -> Write:
 
 
 def slopes_by_copies(kind: str) -> Write:
-    """By what is varied in copies of a sensor, under the light of a bench."""
+    """Write derivatives by differences of complex copies of a sensor, under real light."""
 
     def formula(
         code: RowWriter, vectors: Geometry, state: Any, varied: Any, found: Any, copies: Any
@@ -184,7 +186,8 @@ def slopes_by_copies(kind: str) -> Write:
 def write_slopes_by_parameters(
     code: RowWriter, vectors: Geometry, state: Any, axes: Any, found: Any, _: Any
 ) -> None:
-    """By the thirty parameters, of ideal light.  axes: pointer to `parameters.Axes`."""
+    """Write derivatives by the thirty parameters, of ideal light.  axes: pointer to
+    `parameters.Axes`."""
     own = vectors_at(code, axes, AXES)
     store(code, lit_rows(code, parameters.linearise(vectors, own, state)), found)
 

@@ -1,6 +1,6 @@
-"""Rows shared among threads, and memory that they do not share.
+"""Share rows among threads, and give each thread its own memory.
 
-Compiled kernels let go of the interpreter's lock.
+Compiled kernels release the interpreter's lock.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ T = TypeVar("T")
 class Pool(Generic[T]):
     """Memory that compiled code works in, each piece for one call at a time.
 
-    A call takes one out and puts it back, or drops it where it fails. Both are single steps of the
-    interpreter, so that no two calls have the same one: neither of threads, nor of a signal's
-    handler and what it interrupts, nor after a fork.
+    A call takes a piece out and puts it back, or drops it if it fails. Both are single steps of the
+    interpreter, so that no two calls share a piece: neither two threads, nor a signal's handler and
+    the code that it interrupts, nor a forked process.
     """
 
     def __init__(self, make: Callable[[], T]) -> None:
@@ -39,10 +39,9 @@ class Pool(Generic[T]):
 
 
 def once(make: Callable[..., T]) -> Callable[..., T]:
-    """`make`, whose result for each arguments is made once, while other threads that ask for the
-    same wait for it.
+    """Cache `make` by its arguments, and let other threads wait while one computes a result.
 
-    `functools.cache` alone lets each of them make its own.
+    `functools.cache` would let each thread compute its own.
     """
     kept: dict[tuple[Any, ...], T] = {}
     locks: dict[tuple[Any, ...], Any] = {}
@@ -59,18 +58,20 @@ def once(make: Callable[..., T]) -> Callable[..., T]:
 
 
 def run_side_by_side(makers: Iterable[Callable[[], Any]]) -> None:
-    """Calls functions that compile, in two threads: while one has LLVM's code made, for which
-    llvmlite lets one thread in at a time, the other writes its text."""
+    """Run functions that compile in two threads.
+
+    llvmlite lets one thread in at a time, so one writes text while LLVM compiles for the other.
+    """
     with ThreadPoolExecutor(2) as pool:
         list(pool.map(lambda make: make(), makers))
 
 
-#: Fewest rows whose work is worth the start of a thread.
+#: Fewest rows for which a thread pays.
 MIN_ROWS_PER_THREAD = 1000
 
 
 def cores() -> int:
-    """The processor cores this process may use."""
+    """The number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -91,5 +92,6 @@ def share(run: Callable[[slice], Any], rows: int, threads: int) -> None:
 
 
 def part_of(array: Any, part: Any, rows: int) -> Any:
-    """The rows of an array that has one a sample; an array that all samples share as it is."""
+    """The given rows of an array with one row per sample; an array that all samples share
+    unchanged."""
     return array[part] if len(array) == rows else array

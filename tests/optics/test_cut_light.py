@@ -113,7 +113,7 @@ def test_a_configuration_is_told_where(tmp_path):
     with pytest.raises(ConfigError) as error:
         facets.load(file)
     told = str(error.value)
-    assert f"{file}:6: sensor.light.wavelength_nm does not go with sensor.apertures.gap_um" in told
+    assert ":6: sensor.light.wavelength_nm cannot be combined with sensor.apertures.gap_um" in told
     assert f"{file}:7: sensor.light.strips_um" in told
     assert "apertures.gap_um alone" in told
 
