@@ -1,8 +1,8 @@
 """Derivatives of the readings, carried along through the text of the readings (`scalars.dual`).
 
-Under the light of a bench these derivatives are exact. The text of the light on a facet is for
-plain numbers; its derivatives are closed formulas (`light_with_slope`). An iteration can use a
-faster Jacobian, which neglects how the edges' effects change (`linearise_nearly`).
+Under real light these derivatives are exact. The text of the light on a facet takes plain numbers;
+its derivatives are closed formulas (`light_with_slope`). An iteration can use a faster Jacobian,
+which neglects changes of the edges' effects (`linearise_nearly`).
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from .wedge import Moments, closed_moments, turn_derivative
 #: A number's derivatives by the eight components of a state.
 Row = tuple[Any, ...]
 
-#: With less light than this on a facet, how its covariance changes is lost to rounding, and counts
-#: for nothing.
+#: With less light than this on a facet, the change of its covariance is lost to rounding and set to
+#: zero.
 DIM = 0.01
 
 
 def side_with_slope(q: Plane, u: Plane, side: Side) -> Side:
-    """What `wedge.side` gives, with the derivative that q and u carry along.
+    """The result of `wedge.side` with the derivatives that q and u carry.
 
     With a = q.u and h = q x u: dL = -f da - h L dh, dK = -L da - h K dh, dJ = -2 K da - h J dh.
     """
@@ -47,7 +47,7 @@ def side_with_slope(q: Plane, u: Plane, side: Side) -> Side:
 
 
 def angle_slope(u: Plane) -> Number:
-    """By how much a unit vector that carries a derivative turns."""
+    """The angle by which a unit vector that carries a derivative turns."""
     return u[0].real * u[1].imag - u[1].real * u[0].imag
 
 
@@ -55,7 +55,8 @@ def moments_with_slope(
     q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side, real1: Side, real2: Side,
     moments: Moments,
 ) -> Moments:  # fmt: skip
-    """What `wedge.wedge` gives, likewise. side1, side2: carried; real1, real2, moments: plain."""
+    """The result of `wedge.wedge` with derivatives. side1, side2 carry derivatives; real1, real2,
+    moments are plain."""
     mass, (cx, cy), (pxx, pxy, pyy), from_point = moments
     qx, qy, turn1, turn2 = q[0].imag, q[1].imag, angle_slope(u1), angle_slope(u2)
     mass1, (x1, y1) = turn_derivative((u1[0].real, u1[1].real), real1, mass, from_point)
@@ -72,8 +73,8 @@ def moments_with_slope(
 def covariance_slope(
     q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side, whole: Number
 ) -> Three:
-    """How one less the light's covariance changes, as xx, xy, yy; 0 where there is less light than
-    DIM."""
+    """The change of one less the light's covariance, as xx, xy, yy; 0 where there is less light
+    than DIM."""
     lit = whole.real > DIM
     in_code = hasattr(lit, "writer")
     if not (in_code or lit):
@@ -86,7 +87,7 @@ def covariance_slope(
 
 
 def light_with_slope(to: Scene, at: Scene) -> Scene:
-    """The scene `to`, of numbers that carry a derivative along, with its light.
+    """The scene `to`, whose numbers carry derivatives, with its light.
 
     at: the same with plain numbers, in which the light has been found.
     """
@@ -101,7 +102,7 @@ def light_with_slope(to: Scene, at: Scene) -> Scene:
 def reading_slopes(
     geometry: Geometry, state: tuple[Any, ...], at: Scene
 ) -> tuple[Three, Three, Three]:
-    """The readings' derivatives by what geometry or state carry along.
+    """The readings' derivatives by the variables of which geometry or state carry derivatives.
 
     at: the plain scene with its light, from `bench_light.scene`.
     """
@@ -133,10 +134,11 @@ def linearise(
 def linearise_nearly(
     geometry: Geometry, state: tuple[Any, ...]
 ) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
-    """Readings, exact, and a Jacobian that leaves out how what happens at the edges changes.
+    """Exact readings, and a Jacobian that neglects changes of the edges' effects.
 
-    For steps of an iteration and for uncertainties, some ten times faster than `linearise`: right
-    for a curved wavefront, and to some per cent where spots are near the edge of a detector.
+    For steps of an iteration and for uncertainties, some ten times faster than `linearise`: exact
+    for a curved wavefront, and accurate to some per cent where spots are near the edge of a
+    detector.
     """
     at = scene(geometry, state)
     back = back_projection(geometry, at)
@@ -154,7 +156,7 @@ def linearise_nearly(
 def apparent_axes(
     geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any]
 ) -> tuple[Vector, Vector]:
-    """What multiplies a small step of the apex to give that of q, in sigmas, and an edge to give
+    """The matrices that convert a small step of the apex to that of q, in sigmas, and an edge to
     its direction as the light sees it."""
     bent = apply(geometry.light.bend, at.q)
     x = combine(1, geometry.whitening[0], -bent[0], geometry.direction)
@@ -169,7 +171,7 @@ def parallel_beam(
     spread: tuple[Vector, Vector],
     whitening: tuple[Vector, Vector],
 ) -> Geometry:
-    """The sensor under a beam whose rays are parallel to one of its own."""
+    """The sensor under a beam whose rays are all parallel to one ray of its own."""
     return Geometry(
         direction,
         power,
@@ -225,7 +227,8 @@ def add_background_to_rows(
 ) -> Three:
     """The eight derivatives of each of a detector's readings, from those of its spot alone.
 
-    values: (psi, zeta, power) as read, with the other light in them.  other: its power and place.
+    values: (psi, zeta, power) including the background light.  other: power and place of the
+    background.
     """
     whole = values[2]
     share = 1 / whole
@@ -239,7 +242,7 @@ def add_background_to_rows(
 
 
 def add_background_to_row(of_place: Row, of_power: Row, own: Number, lever: Number) -> Row:
-    """own: the spot's part of the power.  lever: what more of its power does to the place."""
+    """own: the spot's share of the power.  lever: change of the place per power of the spot."""
     a, b, c, d, e, f, g, h = of_place
     p, q, r, s, t, u, v, w = of_power
     return (

@@ -1,9 +1,9 @@
-"""Readings under the light of a bench, for any number type whose `moments` a scene holds.
+"""Readings under real light, for any number type whose `moments` a scene holds.
 
-Its wavefront may be curved (`curved_light`); the mirror's edges diffract, roll off or are lost, and
-its tip is worn (`edge_light`); a coating reflects by incidence; other light comes from elsewhere.
-Where more light is lost than there is, or the numbers are so large that first orders say so, the
-readings are NaN.
+The wavefront may be curved (`curved_light`); the mirror's edges diffract, roll off or reflect
+nothing, and its tip is worn (`edge_light`); a coating reflects by incidence; background light is
+added. Where the losses exceed the light, or the effects are too large for first order, the readings
+are NaN.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ from .vectors import Plane, Vector, add, combine, cross, dot
 
 
 def reflectance(geometry: Geometry, normal: Vector, direction: Vector) -> Number:
-    """What a facet reflects, over what it does of unpolarised light at 45 degrees; by Fresnel."""
+    """The reflectance of a facet, relative to that of unpolarised light at 45 degrees; by
+    Fresnel."""
     light = geometry.light
     if not light.options.coated:
         return direction[0] * 0 + 1
@@ -47,7 +48,7 @@ def reflectance(geometry: Geometry, normal: Vector, direction: Vector) -> Number
 
 
 def add_background(spot: Plane, power: Number, other: Three) -> Three:
-    """(psi, zeta, power) of a spot and other light, of given power and place."""
+    """The reading (psi, zeta, power) of a spot and background light of given power and place."""
     whole = power + other[0]
     inverse = 1 / whole
     return (

@@ -1,8 +1,8 @@
 """The light along a side near the beam's centre, as polynomials: no branch, no loop.
 
-What `wedge.side_near` computes with the library's functions and a series of no fixed length, for
-code that has several poses at once. With A = a^2, H = h^2 and r^2 = A + H = |q|^2, the mass that a
-side sweeps over is
+The result of `wedge.side_near` without library functions and with a series of fixed length, for
+code that computes several poses at once. With A = a^2, H = h^2 and r^2 = A + H = |q|^2, the mass
+that a side sweeps over is
 
     erf(h / sqrt 2) / 4 - a h / 4 pi  int_0^1 D((H + A u^2) / 2) du,   D(z) = (1 - exp(-z)) / z,
 
@@ -21,8 +21,8 @@ from .vectors import Plane
 
 Side = tuple[Any, Any, Any, Any]
 
-#: How far the point may be from the beam's centre, sigmas, squared. Beyond, one of the facets of a
-#: mirror like the paper's is faint.
+#: Largest distance of the point from the beam's centre, sigmas, squared. Beyond it one of the
+#: facets of a mirror like the paper's is faint.
 CENTRAL_SQUARED = 4.0
 
 

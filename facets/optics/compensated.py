@@ -8,7 +8,7 @@ Plane = tuple[float, float]
 
 
 def product(a: float, b: float) -> tuple[float, float]:
-    """a b exactly: the rounded product, and what it misses (Dekker)."""
+    """The product a b exactly: the rounded product and its error (Dekker)."""
     rounded = a * b
     big_a, big_b = 134217729.0 * a, 134217729.0 * b  # 2^27 + 1 splits a float in two halves
     high_a, high_b = big_a - (big_a - a), big_b - (big_b - b)
@@ -18,7 +18,7 @@ def product(a: float, b: float) -> tuple[float, float]:
 
 
 def sum_of_products(a: float, b: float, c: float, d: float) -> tuple[float, float]:
-    """a b + c d to twice a float's precision: a float, and what it misses."""
+    """The sum a b + c d to twice a float's precision: a float and its error."""
     first, first_missing = product(a, b)
     second, second_missing = product(c, d)
     total = first + second
@@ -29,7 +29,7 @@ def sum_of_products(a: float, b: float, c: float, d: float) -> tuple[float, floa
 
 
 def normalise(q: Plane, u: Plane) -> tuple[float, float, float]:
-    """(q . u, q x u, what the latter misses) for u made a unit vector beyond its own rounding."""
+    """Return (q . u, q x u, the error of the latter) for u normalised beyond its own rounding."""
     square, missing = sum_of_products(u[0], u[0], u[1], u[1])
     excess = ((square - 1) + missing) / 2
     a, _ = sum_of_products(q[0], u[0], q[1], u[1])

@@ -1,7 +1,7 @@
 """Light with a curved wavefront, seen from its source and on a detector's image.
 
-Seen from the source, the mirror's edges are straight too, so that mass and centroid of the light on
-a facet stay those of a wedge (`apparent_scene`). The ray through the centroid is followed to the
+Seen from the source, the mirror's edges are straight, so that mass and centroid of the light on a
+facet are those of a wedge (`apparent_scene`). The ray through the centroid is followed to the
 detector's image in the facet (`detector_image`). Its landing point is a ratio of two linear
 functions of the place in the beam; half its second derivative, contracted with the light's
 covariance, moves the centroid from there (`curvature_shift`). For any number type.
@@ -18,7 +18,8 @@ from .vectors import Matrix, Plane, Vector, add, combine, dot, dot2, rotate, sub
 
 
 def back_projection(geometry: Geometry, at: Scene) -> tuple[Any, Any, Any, Any]:
-    """What carries vectors across the beam at the apex's height back to the height of its place."""
+    """The matrix that projects vectors across the beam from the apex's height back to the height of
+    its place."""
     xx, xy, yx, yy = geometry.light.bend
     height = dot(subtract(at.apex, at.place), geometry.direction)
     a, b, c, d = height * xx + 1, height * xy, height * yx, height * yy + 1
@@ -31,7 +32,7 @@ def apply(matrix: tuple[Any, Any, Any, Any], x: Plane) -> Plane:
 
 
 def apparent_scene(geometry: Geometry, at: Scene) -> Scene:
-    """The scene with apex and edges as seen from where a curved wavefront's light comes from."""
+    """The scene with apex and edges as seen from the source of a curved wavefront."""
     back = back_projection(geometry, at)
     q = apply(back, at.q)
     bent = apply(geometry.light.bend, q)
@@ -59,7 +60,7 @@ class DetectorImage(NamedTuple):
     and z, from its centre; mm.
 
     axes: of the image, in the world.  halves: of its sensitive area.  start: the beam's place.
-    direction: of the beam.  spread, fan: as in geometry and light.  path: from the apex on.
+    direction: of the beam.  spread, fan: as in geometry and light.  path: length from the apex.
     """
 
     axes: Matrix
@@ -74,7 +75,8 @@ class DetectorImage(NamedTuple):
 def detector_image(geometry: Geometry, at: Scene, k: int) -> DetectorImage:
     normal, (x, y, z) = at.normals[k], geometry.axes[k]
     axes = reflect(x, normal), reflect(y, normal), reflect(z, normal)
-    apex = reflect(subtract(at.apex, geometry.centres[k]), normal)  # from the image's centre
+    # Measured from the image's centre.
+    apex = reflect(subtract(at.apex, geometry.centres[k]), normal)
     direction = rotate(axes, geometry.direction)
     spread, fan = geometry.spread, geometry.light.fan
     return DetectorImage(
@@ -89,9 +91,9 @@ def detector_image(geometry: Geometry, at: Scene, k: int) -> DetectorImage:
 
 
 class Ray(NamedTuple):
-    """One ray, straight on to a detector's image: how far it starts in front of the image's plane,
-    its direction along the plane's normal, the slopes with which it meets the plane, and where:
-    (psi, zeta), mm."""
+    """One ray to a detector's image: the distance of its start from the image's plane, its
+    direction along the plane's normal, its slopes at the plane, and its landing point (psi, zeta),
+    mm."""
 
     height: Number
     facing: Number
@@ -111,7 +113,7 @@ def trace_ray(image: DetectorImage, x: Plane) -> Ray:
 
 
 def curvature_shift(image: DetectorImage, ray: Ray, shift: tuple[Any, Any, Any]) -> Plane:
-    """How far the light's mean landing point lies from the landing point of its mean, mm.
+    """The distance between the light's mean landing point and the landing point of its mean, mm.
 
     shift: one less the light's covariance, in sigmas, as xx, xy, yy.
     """

@@ -1,8 +1,8 @@
-"""One sub-beam that is cut by its `limits` or the beam's aperture: its light and its derivatives.
+"""Light and derivatives of one sub-beam that is cut by its `limits` or the beam's aperture.
 
-How the power and the centroid of a cut spot answer to a motion follows from how fast the outline's
-sides advance: a side that moves outward at v sweeps v f ds of light over itself, and v is linear
-along the side. For floats.
+The derivatives of a cut spot's power and centroid follow from the speeds of the outline's sides: a
+side that moves outward at v sweeps v f ds of light over itself, and v is linear along the side. For
+floats.
 """
 
 from __future__ import annotations
@@ -29,17 +29,18 @@ from .vectors import Matrix, Vector, add, combine, cross, dot, scale, subtract
 
 
 def is_always_cut(geometry: Geometry) -> bool:
-    """Whether every sub-beam is cut, wherever the mirror stands: the uncut light is not needed."""
+    """Whether every sub-beam is cut at every state, so that the uncut light is not needed."""
     openings = geometry.openings
     return openings.gap > 0 or openings.radius * openings.radius < 2 * NEGLIGIBLE_EXPONENT
 
 
 def passing_light(geometry: Geometry, at: Scene, k: int, sides: Array) -> tuple[int, Any]:
-    """The light that gets from facet k to its detector: how many `sides` cut it, and its moments.
+    """The light from facet k that reaches its detector: the number of `sides` that cut it, and its
+    moments.
 
-    at: with the uncut light, unless `is_always_cut`.
-    sides: (limits.MOST, limits.COLUMNS), filled. 0 where nothing that shows is missing: then the
-    moments are those of the scene, else only mass and centroid are known.
+    at: with the uncut light, unless `is_always_cut`. sides: (limits.MOST, limits.COLUMNS), filled.
+    If no visible light is cut, the number is 0 and the moments are those of the scene; otherwise
+    only mass and centroid are computed.
     """
     openings = geometry.openings
     depth = relevant_depth(DIM if is_always_cut(geometry) else at.moments[k][0])
@@ -55,7 +56,8 @@ def passing_light(geometry: Geometry, at: Scene, k: int, sides: Array) -> tuple[
 
 
 class Response(NamedTuple):
-    """How a reading answers to a motion of the apex, a turn of the mirror, a motion of the beam."""
+    """The derivatives of a reading by a motion of the apex, a rotation of the mirror, and a motion
+    of the beam."""
 
     apex: Vector
     turn: Vector
@@ -65,7 +67,8 @@ class Response(NamedTuple):
 def response_of_landing(
     geometry: Geometry, at: Scene, k: int, ray: Path, along: Vector
 ) -> Response:
-    """Of a landing coordinate with the slanted axis `along`, the centroid in the beam held."""
+    """The response of the landing coordinate with the slanted axis `along`, at a constant centroid
+    in the beam."""
     beam, normal = geometry.direction, at.normals[k]
     lever = subtract(at.apex, ray.start)
     of_normal = gradient_of_normal(along, beam, normal, lever, ray.length)
@@ -134,7 +137,7 @@ def linearise_cut(
         on = limit_turn_gradient(geometry, at, k, of, (distance * nx - ny, distance * ny + nx))
         turns = foot, subtract(on, foot)
         dx, dy = distance * nx - centroid[0], distance * ny - centroid[1]
-        # what light at s counts for a centroid: even + rise s
+        # The weight of light at s in the centroid is even + rise s.
         even = (to_psi[0] * dx + to_psi[1] * dy) / mass
         rise = (to_psi[1] * nx - to_psi[0] * ny) / mass
         psi = add_side_response(

@@ -1,8 +1,8 @@
-"""Readings of light that is cut, falls on a coating and on detectors that see other light.
+"""Readings of cut light on coated facets and on detectors with background light.
 
-Collimated light falls on all of a flat facet under one angle, so that a coating takes a share of a
-spot's power, whatever is cut, and leaves its place; other light is added at the detector. What else
-`edge_light` knows happens at edges, which apertures move or hide, and does not go with them.
+All rays of collimated light meet a flat facet at one angle, so that a coating reduces the power of
+a spot and does not move it; background light is added at the detector. The other effects of
+`edge_light` happen at edges, which apertures move or hide, and cannot be combined with them.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ def readings(
 
 
 def read_spot(geometry: Geometry, at: Scene, k: int, values: Three) -> Three:
-    """What detector k reads of a spot of (psi, zeta, power) before coating and other light."""
+    """The reading of detector k from the spot's (psi, zeta, power), with coating and background
+    light."""
     power = values[2] * reflectance(geometry, at.normals[k], geometry.direction)
     return add_background((values[0], values[1]), power, geometry.light.background[k])
 
@@ -54,7 +55,7 @@ def linearise(
 def linearise_detector(
     geometry: Geometry, at: Scene, k: int, axes: Three, values: Three, rows: Three
 ) -> tuple[Three, Three]:
-    """The same of one detector, whose bare spot has `values` and, by the state, `rows`."""
+    """Readings and Jacobian of one detector. values, rows: those of its spot alone."""
     share = reflectance(geometry, at.normals[k], geometry.direction)
     roll, pitch, yaw = axes
     turns = (
@@ -81,7 +82,7 @@ def linearise_detector(
 
 
 def reflectance_slope(geometry: Geometry, normal: Vector, axis: Vector) -> float:
-    """How much more a facet reflects, per radian that it turns about an axis."""
+    """The derivative of a facet's reflectance by its rotation about an axis, per radian."""
     x, y, z = cross(axis, normal)
     carries = (
         complex(normal[0], STEP * x),

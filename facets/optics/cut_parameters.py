@@ -1,9 +1,9 @@
-"""How the reading of a cut sub-beam answers to the sensor's parameters.
+"""The derivatives of a cut sub-beam's reading by the sensor's parameters.
 
-Each parameter has a copy of the sensor in which it carries an imaginary part h. What lies in the
-imaginary part of a length computed with that copy is then h times the length's derivative, to the
-last digit, because nothing is subtracted. Lengths are all that is needed: how far each side of the
-outline moves (as in `cut`), and where the centroid's ray lands.
+For each parameter a copy of the sensor carries an imaginary part h in it. The imaginary part of a
+length that is computed with this copy is h times the length's derivative, without cancellation. The
+lengths are the displacements of the outline's sides (as in `cut`) and of the centroid's landing
+point.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from .vectors import Plane, Vector, add, combine, dot, subtract
 
 
 def incidence(geometry: Geometry, at: Scene, k: int, x: Plane) -> Vector:
-    """Where the ray through x, in sigmas, meets facet k."""
+    """The point at which the ray through x, in sigmas, meets facet k."""
     offset = combine(x[0], geometry.spread[0], x[1], geometry.spread[1])
     return hit(add(at.place, offset), geometry.direction, at.apex, at.normals[k])
 
 
 def landing(geometry: Geometry, at: Scene, k: int, x: Plane) -> tuple[Number, Number]:
-    """Where the ray through x lands on detector k: (psi, zeta), mm."""
+    """The point at which the ray through x lands on detector k: (psi, zeta), mm."""
     start, leaving = incidence(geometry, at, k, x), reflect(geometry.direction, at.normals[k])
     length = flight(start, leaving, geometry.centres[k], geometry.axes[k])
     return land(start, leaving, length, geometry.centres[k], geometry.axes[k])
 
 
 def clearance(geometry: Geometry, at: Scene, k: int, kind: int, x: Plane) -> Number:
-    """By how much the ray through x clears a limit, mm, but for a constant."""
+    """The distance of the ray through x from a limit, mm, up to a constant."""
     if kind <= RIM:
         point = subtract(incidence(geometry, at, k, x), at.apex)
         return dot(point, limit_direction(geometry, at, k, kind))

@@ -1,4 +1,4 @@
-"""What the detectors read of any sensor: plain where nothing is cut, else detector by detector.
+"""Readings of any sensor: in one step where nothing is cut, else detector by detector.
 
 `workspace`, (3, limits.MOST, limits.COLUMNS), is memory for the sides of the three outlines.
 """
@@ -19,7 +19,8 @@ from .vectors import Matrix, rotation_axes
 def cut_scene(
     geometry: Geometry, state: tuple[Any, ...], workspace: Array
 ) -> tuple[Scene, tuple[int, int, int]]:
-    """A sensor at a state with the light as cut, and how many sides cut each sub-beam."""
+    """The scene of a sensor at a state with cut light, and the number of sides that cut each
+    sub-beam."""
     at = dark_scene(geometry, state)
     if not is_always_cut(geometry):
         at = illuminate(at)
@@ -30,7 +31,7 @@ def cut_scene(
 
 
 def scene(geometry: Geometry, state: tuple[Any, ...], workspace: Array) -> Scene:
-    """A sensor at a state, with the light that reaches the detectors."""
+    """The scene of a sensor at a state, with the light that reaches the detectors."""
     if geometry.openings.cut:
         return cut_scene(geometry, state, workspace)[0]
     return uncut_scene(geometry, state)

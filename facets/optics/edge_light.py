@@ -30,12 +30,12 @@ from .vectors import Plane, Vector, combine, cross, cross2, dot, dot2, rotate, s
 class EdgeStep(NamedTuple):
     """A step of one mm across an edge, into the facet that begins there, and the edge's own light.
 
-    world: the step.  away: how far it leads away from the edge as the light sees it, in sigmas.
-    sine: between beam and edge.  light: that the step sweeps over, a share of the beam's, 1/mm.
-    far, middle: of the edge's own light, from the apex and its place, in sigmas.  along, fan: a
-    sigma along the edge, mm, and by how much a ray's direction changes over it; in the world.
-    spread: the variance of the edge's light along it, in sigmas squared.  blur: 1 - a f / L, that
-    of the waves that make it up (`edge_streak`).
+    world: the step.  away: its distance from the edge as the light sees it, in sigmas.  sine: sine
+    of the angle between beam and edge.  light: the share of the beam's light that the step sweeps
+    over, 1/mm.  far, middle: of the edge's own light, from the apex and its place, in sigmas.
+    along, fan: a sigma along the edge, mm, and by how much a ray's direction changes over it; in
+    the world.  spread: the variance of the edge's light along it, in sigmas squared.  blur: 1 - a f
+    / L, that of the waves that make it up (`edge_streak`).
     """
 
     world: Vector
@@ -82,8 +82,8 @@ def edge_step(
 def light_after_wear(
     geometry: Geometry, at: Scene, back: tuple[Any, Any, Any, Any], steps: Three, k: int
 ) -> tuple[Number, Plane, Plane]:
-    """Mass and centroid of the light on facet k less what strips along its edges and the tip lose,
-    and by how much the strips move its point, in sigmas.
+    """Mass and centroid of the light on facet k without the strips along its edges and the tip, and
+    the shift of its point by the strips, in sigmas.
 
     A strip moves an edge inward by w, and both move the facet's point by d:
     mass (1 - C.d - (d.P d - (C.d)^2) / 2) and C + P d, with centroid C and P one less the
@@ -121,8 +121,8 @@ def tip_loss(
 ) -> tuple[Number, Plane]:
     """The share of the beam that facet k loses at the worn tip, and its centroid in sigmas.
 
-    It gets of the tip's area what lies between its edges, seen along the mirror's axis; its light
-    is told by the density at the apex and its slope there.
+    Its part of the tip's area lies between its edges, seen along the mirror's axis; its light
+    follows from the density at the apex and the density's slope.
     """
     light = geometry.light
     length, first, _, _ = at.integrals[k]
@@ -136,8 +136,8 @@ def tip_loss(
 
 
 class EdgeEffects(NamedTuple):
-    """What the edges add up to: light lost beyond the detector (a share of the beam), what that and
-    the light's unequal spread do to the first moment of place, and roll-off's part of it."""
+    """The summed effects of the edges: the light lost beyond the detector (a share of the beam),
+    its effect on the first moment of place, and the effect of the roll-off on that moment."""
 
     lost: Number
     moment: Plane
@@ -146,8 +146,8 @@ class EdgeEffects(NamedTuple):
 class EdgeStreak(NamedTuple):
     """The light that an edge spreads to both sides, as it lies on a detector's image.
 
-    share: a, of the a / s^2 at s steps across the edge; mm.  spot: where the edge's own light
-    lands.  v: a step.  wide: the standard deviation of the light along the edge; mm.
+    share: a in the density a / s^2 at s steps across the edge; mm.  spot: landing point of the
+    edge's own light.  v: a step.  wide: the standard deviation of the light along the edge; mm.
     """
 
     share: Number
@@ -157,19 +157,18 @@ class EdgeStreak(NamedTuple):
 
 
 def step_on_image(ray: Ray, image: DetectorImage, v: Vector) -> Plane:
-    """What a step v across the light, in the world, is on the image."""
+    """The image on the detector of a step v across the light, in the world."""
     level, across, up = rotate(image.axes, v)
     return across - level * ray.slopes[0], up - level * ray.slopes[1]
 
 
 def edge_streak(image: DetectorImage, step: EdgeStep, scatter: Number) -> EdgeStreak:
-    """What an edge spreads. scatter: wavelength x path / 4 pi^2, mm^2.
+    """The light that an edge spreads. scatter: wavelength x path / 4 pi^2, mm^2.
 
-    The light along an edge lands where its rays do, and each part of it is as wide as the waves
-    make it that such a short piece lets through: their variances add up. That of a piece which ends
-    at the apex has no bound, since its ends diffract; `add_apex_loss` has these, and the rest is
-    Hadamard's finite part, (wavelength x path / 4 pi sigma)^2 (1 - a f / L), with the density f at
-    the apex.
+    The variance of the light along an edge is the sum of those of its rays' landing points and of
+    the diffraction of each short piece. The latter diverges for a piece that ends at the apex;
+    `add_apex_loss` includes the diffraction of the ends, and the rest is Hadamard's finite part,
+    (wavelength x path / 4 pi sigma)^2 (1 - a f / L), with the density f at the apex.
     """
     ray = trace_ray(image, step.middle)
     own, landed = dot(step.along, step.along), combine(1, step.along, image.path, step.fan)
@@ -188,7 +187,7 @@ def edge_streak(image: DetectorImage, step: EdgeStep, scatter: Number) -> EdgeSt
 def add_streak_loss(
     geometry: Geometry, image: DetectorImage, light: EdgeStreak, centre: Plane, total: EdgeEffects
 ) -> EdgeEffects:
-    """`total` and what a streak loses beyond the detector's sensitive area.
+    """Add the light of a streak beyond the detector's sensitive area to `total`.
 
     It counts as two lines, one standard deviation to both sides of its middle.  centre: the spot's,
     mm.
@@ -221,7 +220,7 @@ def add_apex_loss(
     centre: Plane,
     total: EdgeEffects,
 ) -> EdgeEffects:
-    """`total` and what facet k's point loses beyond the detector, where both edges end.
+    """Add the light from facet k's point, where both edges end, beyond the detector to `total`.
 
     With s and t steps of the two streaks from where the apex's own ray lands, the point's waves are
     A / s^2 t^2 on an area of ds dt, A = (wavelength x path / 4 pi^2)^2 x density at the apex / sine
@@ -258,8 +257,8 @@ def finite_part(
             - sum over sides of alpha beta / gamma^2 [ln |t / s|]
         first moments: - sum over sides of (beta v1 + alpha v2) / gamma [ln |t / s|]
 
-    with [] from a side's one end to its other. A streak that runs through a corner is as wide there
-    as it is.
+    with [] from one end of a side to the other. The width of a streak keeps its contribution finite
+    where it runs through a corner.
     """
     one, other = streaks
     v, w = one.v, other.v
@@ -279,7 +278,7 @@ def finite_part(
     y0, z0 = maximum(-y0, least), maximum(-z0, least)
     level, upright = y1 * y0, z1 * z0
     each = 1 / (2 * level * upright)
-    # half of one over the distance of each side
+    # Half of the reciprocal distance of each side.
     right, left = y0 * upright * each, y1 * upright * each
     top, bottom = z0 * level * each, z1 * level * each
     on_right, on_top, on_left = right * up, top * over, left * down
@@ -315,10 +314,10 @@ def add_rolloff(
     moved: Plane,
     total: EdgeEffects,
 ) -> EdgeEffects:
-    """`total` and where an edge of facet k that rolls off sends its light.
+    """Add the light from an edge of facet k that rolls off to `total`.
 
-    depth: mm, positive for the facet that begins at the edge where it falls off; its negative for
-    the one that ends there.  moved: by how much lost strips move the facet's point, in sigmas.
+    depth: mm, positive for the facet that begins at the edge where it falls off; negative for the
+    one that ends there.  moved: shift of the facet's point by lost strips, in sigmas.
     """
     facing = -dot(geometry.direction, at.normals[k])
     width = geometry.light.rolloff_width * facing / step.sine
@@ -332,10 +331,10 @@ def add_rolloff(
 def strip_mean(at: Scene, k: int, edge: int, step: EdgeStep, moved: Plane, width: Number) -> Number:
     """The light along a strip of facet k beside its edge, over the light along the edge itself.
 
-    moved: where the strip begins, from the apex, in sigmas.  width: of the strip, across the beam,
-    mm.  With D from there to where its inner side begins, along the other edge, and the light
-    L(a, h) along a line from q, a = q.u, h = q x u: the mean of 1 + (dL.x + x.d2L x / 2) / L over x
-    from `moved` to `moved` + D.
+    moved: start of the strip, from the apex, in sigmas.  width: of the strip, across the beam, mm.
+    With D from there to the start of its inner side, along the other edge, and the light L(a, h)
+    along a line from q, a = q.u, h = q x u: the mean of 1 + (dL.x + x.d2L x / 2) / L over x from
+    `moved` to `moved` + D.
     """
     u = at.sides[edge]
     if edge == k:
@@ -356,12 +355,13 @@ def strip_mean(at: Scene, k: int, edge: int, step: EdgeStep, moved: Plane, width
 
 
 def edge_rates(spot: Plane, v: Plane, halves: Plane, nearest: Number) -> tuple[Number, Number]:
-    """One over how many steps v lead from a spot to the window's edge, ahead and behind."""
+    """The reciprocals of the numbers of steps v from a spot to the window's edge, ahead and
+    behind."""
     least = nearest + spot[0] * 0
     right, left = maximum(halves[0] - spot[0], least), maximum(halves[0] + spot[0], least)
     above, below = maximum(halves[1] - spot[1], least), maximum(halves[1] + spot[1], least)
     level, upright = right * left, above * below
-    whole = 1 / (level * upright)  # one division for all four
+    whole = 1 / (level * upright)  # One division serves all four.
     x, y = v[0] * upright * whole, v[1] * level * whole
     return (
         maximum(maximum(x * left, -x * right), maximum(y * below, -y * above)),

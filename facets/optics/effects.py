@@ -1,4 +1,4 @@
-"""Deviations of a bench's light from the ideal: their numbers, and the vectors made of them.
+"""Deviations of real light from the ideal: their numbers, and the vectors made from them.
 
 `LightEffects` holds the numbers, `EFFECTS` their names and order. `Light` is the form that the
 optics uses; `build_light` makes it once a sensor. Lengths in mm, powers in mW.
@@ -30,13 +30,13 @@ EFFECTS = (
 
 
 class LightOptions(NamedTuple):
-    """What is not varied: plain floats and truth values, whatever the type of the numbers.
+    """Constants: plain floats and truth values for all types of number.
 
-    on: whether any of it counts; else the ideal light's own formulas hold.
-    coated: whether the facets reflect by incidence.  polarised: whether the light is.
-    halves: of each detector's sensitive area along y and z, mm: the window in which light counts.
-    nearest: the least distance from a spot to the window's edge for which diffraction is told, mm:
-    its formula has a pole at the edge, where the spot's own size matters.
+    on: whether any effect is on; otherwise the formulas of ideal light apply.  coated: whether the
+    facets reflect by incidence.  polarised: whether the light is polarised.  halves: of each
+    detector's sensitive area along y and z, mm: the window in which light counts.  nearest: the
+    least distance from a spot to the window's edge in the formula of diffraction, mm, which has a
+    pole at the edge.
     """
 
     on: bool
@@ -47,24 +47,25 @@ class LightOptions(NamedTuple):
 
 
 class LightEffects(NamedTuple):
-    """values: in the order of `EFFECTS`."""
+    """The numbers of the effects.
+
+    values: in the order of `EFFECTS`.
+    """
 
     values: tuple[Any, ...]
     options: LightOptions
 
 
 class Light(NamedTuple):
-    """The same as the optics takes it.
+    """The effects in the form that the optics takes.
 
-    bend: the wavefront's curvature as it acts on vectors in sigmas: xx, xy, yx, yy; 1/mm.
-    fan: by how much a ray's direction changes a sigma along the beam's two axes, in the world.
-    density: of a place's share of the beam, one over the area of a square of one sigma, 1/mm^2.
-    rolloff: of the first and the second edge of each facet.
-    tip_shares: how the facets share what is lost at the tip.  tip_offsets: from the apex to the
-    middle of each share, in the mirror's frame.
-    background: power and place on each detector.
-    coating: its refractive index, n and k.  plain: what it reflects of unpolarised light at 45
-    degrees, twice.  field: of polarised light, in the world.
+    bend: the wavefront's curvature as it acts on vectors in sigmas: xx, xy, yx, yy; 1/mm.  fan:
+    change of a ray's direction per sigma along the beam's two axes, in the world.  density: one
+    over the area of a square of one sigma, 1/mm^2.  rolloff: of the first and the second edge of
+    each facet.  tip_shares: shares of the facets in the loss at the tip.  tip_offsets: from the
+    apex to the middle of each share, in the mirror's frame.  background: power and place on each
+    detector.  coating: its refractive index, n and k.  plain: twice its reflectance of unpolarised
+    light at 45 degrees.  field: direction of polarised light, in the world.
     """
 
     options: LightOptions
@@ -107,8 +108,8 @@ IDEAL = Light(
 
 
 def sector_centroid(first: Vector, second: Vector, opening: Number, radius: Number) -> Vector:
-    """From the middle of a disc to the centroid of its sector between two edges, seen along the
-    mirror's axis, in the mirror's frame; mm."""
+    """The vector from the middle of a disc to the centroid of its sector between two edges, seen
+    along the mirror's axis, in the mirror's frame; mm."""
     one = sqrt(first[0] * first[0] + first[1] * first[1])
     other = sqrt(second[0] * second[0] + second[1] * second[1])
     far = 2 * radius / (3 * opening)
@@ -120,7 +121,8 @@ def sector_centroid(first: Vector, second: Vector, opening: Number, radius: Numb
 
 
 def reflectances(index: tuple[Any, Any], cosine: Number) -> tuple[Number, Number]:
-    """Of light across and along the plane of incidence (s, p), of a metal of index n + i k."""
+    """The reflectances across and along the plane of incidence (s, p) of a metal of index n + i
+    k."""
     n, k = index
     square = 1 - cosine * cosine
     level = n * n - k * k - square
@@ -134,7 +136,7 @@ def reflectances(index: tuple[Any, Any], cosine: Number) -> tuple[Number, Number
 
 
 def ray_turn(effects: tuple[Any, ...], x: Vector, y: Vector, v: Vector) -> Vector:
-    """By how much a ray's direction changes over a step v across the beam."""
+    """The change of a ray's direction over a step v across the beam."""
     xx, xy, yy = effects[:3]
     right, up = dot(v, x), dot(v, y)
     return combine(xx * right + xy * up, x, xy * right + yy * up, y)
@@ -147,13 +149,13 @@ def build_light(
     spread: tuple[Vector, Vector],
     whitening: tuple[Vector, Vector],
 ) -> Light:
-    """What the optics takes of `effects`.
+    """Convert `effects` to the form that the optics takes.
 
     edges: of the mirror, in its frame.  axes: the world's x and y as the beam's tilt carries them,
     in which curvature and polarisation are given.  spread, whitening: as in `Geometry`.
     """
     x, y = axes
-    flat = [(x, y) for x, y, _ in edges]  # seen along the mirror's axis
+    flat = [(x, y) for x, y, _ in edges]  # These are seen along the mirror's axis.
     shares = tuple(angle_between(flat[k], flat[(k + 1) % 3]) for k in range(3))
     whole = 2 * pi(shares[0])
     area = effects.values[13]

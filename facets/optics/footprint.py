@@ -1,5 +1,5 @@
-"""How far a spot reaches: the image of the light on a facet inside the beam's 1/e^2 circle, or
-inside the beam's aperture where that is smaller.
+"""Footprint of a spot: the image of the light on a facet inside the beam's 1/e^2 circle, or inside
+the beam's aperture if that is smaller.
 
 The light on a facet is a wedge of the beam; cut at the circle it is a piece of pie, and a landing
 coordinate is linear over it. So its extremes lie at the pie's corners, or where the arc runs along
@@ -22,7 +22,7 @@ FOOTPRINT_RADIUS_SIGMAS = 2.0
 
 
 def reach(slope: Plane, q: Plane, u1: Plane, u2: Plane, radius: Number) -> Number:
-    """The largest slope . x over the wedge inside the circle; -inf where that is empty."""
+    """The largest slope . x over the wedge inside the circle; -inf if that is empty."""
     square = radius * radius
     most = select(q[0] * q[0] + q[1] * q[1] <= square, slope[0] * q[0] + slope[1] * q[1], -inf)
     for u in (u1, u2):
@@ -44,7 +44,7 @@ def extent(
 ) -> tuple[Number, Number]:
     """The least and largest of one length over the footprint of facet k, mm.
 
-    slope: the length's change a sigma across the beam; centre: its value for the beam's central
+    slope: the length's change per sigma across the beam; centre: its value for the beam's central
     ray. NaN where no light inside the circle meets the facet.
     """
     q, u1, u2, opening = at.q, at.sides[k], at.sides[(k + 1) % 3], geometry.openings.radius
@@ -56,7 +56,7 @@ def extent(
 
 
 def curved_slopes(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, Plane]:
-    """How psi and zeta change a sigma across a beam whose wavefront is curved, mm."""
+    """The changes of psi and zeta per sigma across a beam with a curved wavefront, mm."""
     image = detector_image(geometry, at, k)
     middle = trace_ray(image, (0.0, 0.0)).spot
     right, up = (
@@ -70,7 +70,7 @@ def curved_slopes(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, Plane]:
 
 
 def collimated_slopes(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, Plane]:
-    """How psi and zeta change a sigma across a collimated beam, mm."""
+    """The changes of psi and zeta per sigma across a collimated beam, mm."""
     beam, normal = geometry.direction, at.normals[k]
     x, y, z = geometry.axes[k]
     leaving = reflect(beam, normal)
@@ -84,8 +84,9 @@ def collimated_slopes(geometry: Geometry, at: Scene, k: int) -> tuple[Plane, Pla
 def footprint(
     geometry: Geometry, at: Scene, k: int, across: tuple[Plane, Plane]
 ) -> tuple[Number, Number, Number, Number, Number]:
-    """(least psi, largest psi, least zeta, largest zeta) of the spot on detector k, and how far
-    from the mirror's axis its light meets facet k at most; mm. NaN as `extent` and `reading`.
+    """(least psi, largest psi, least zeta, largest zeta) of the spot on detector k, and the largest
+    distance from the mirror's axis at which its light meets facet k; mm. NaN as `extent` and
+    `reading`.
 
     across: from `collimated_slopes`, or from `curved_slopes` where the wavefront is curved.
     """
@@ -97,4 +98,4 @@ def footprint(
     _, out = extent(
         geometry, at, k, gradient_per_sigma(geometry, away), dot(subtract(at.place, at.apex), away)
     )
-    return left, right, low, high, out + (psi - psi)  # NaN where psi is
+    return left, right, low, high, out + (psi - psi)  # It is NaN where psi is.

@@ -36,7 +36,7 @@ Three = tuple[Any, Any, Any]
 
 
 class Openings(NamedTuple):
-    """What lets the light through; nothing takes any away where `cut` is false.
+    """The apertures; they cut nothing where `cut` is false.
 
     radius: of the beam's aperture, in sigmas.  tip, rim: of the mirror, from its axis, mm.
     gap: lost along each edge, mm.  halves: of each detector's area along y and z, mm.
@@ -56,12 +56,11 @@ OPEN = Openings(False, inf, 0.0, inf, 0.0, ((inf, inf), (inf, inf), (inf, inf)))
 class Geometry(NamedTuple):
     """A sensor at rest, as vectors; from `build_geometry`.
 
-    direction: of the beam.  power: mW.
-    spread: the beam's two cross-section axes times their sigma, mm.
-    whitening: the same axes divided by sigma, so that whitening . r is in sigmas, 1/mm.
-    normals: of the facets, in the mirror's frame.
-    centres: of the detectors, mm.  axes: of each detector, its x, y and z in the world.
-    openings: what cuts the light.  light: what it does beside the ideal.
+    direction: of the beam.  power: mW.  spread: the beam's two cross-section axes times their
+    sigma, mm.  whitening: the same axes divided by sigma, so that whitening . r is in sigmas, 1/mm.
+    normals: of the facets, in the mirror's frame.  centres: of the detectors, mm.  axes: of each
+    detector, its x, y and z in the world.  openings: the apertures.  light: the deviations from
+    ideal light.
     """
 
     direction: Vector
@@ -76,7 +75,7 @@ class Geometry(NamedTuple):
 
 
 def beam_axes(rotation_about_beam: Number, tilt_x: Number, tilt_y: Number) -> Matrix:
-    """The beam's cross-section axes and the way back to the laser, in the world."""
+    """The beam's cross-section axes and the direction back to the laser, in the world."""
     tilted = columns(rotation(tilt_x, tilt_y, tilt_x * 0))
     c, s = cos(rotation_about_beam), sin(rotation_about_beam)
     return combine(c, tilted[0], s, tilted[1]), combine(c, tilted[1], -s, tilted[0]), tilted[2]
@@ -92,7 +91,7 @@ def psd_centre(radius: Number, azimuth: Number, height: Number) -> Vector:
 
 
 def psd_axes(azimuth: Number, roll: Number, pitch: Number, yaw: Number) -> Matrix:
-    """A detector's x, y and z axes: outward, sideways and up, then turned."""
+    """A detector's x, y and z axes: outward, sideways and up, then rotated."""
     return columns(rotation(roll, pitch, azimuth + yaw))
 
 
@@ -101,7 +100,7 @@ def build_geometry(
 ) -> Geometry:
     """The vectors of a sensor from its 30 parameters, in the order of `facets.PARAMETERS`.
 
-    effects: what the light does beside the ideal; None for nothing.
+    effects: the deviations from ideal light; None for none.
     """
     power, diameter_x, diameter_y, turn, tilt_x, tilt_y = parameters[:6]
     facets = [parameters[k : k + 2] for k in (6, 8, 10)]
@@ -131,7 +130,7 @@ def build_geometry(
 
 
 def replace_power(geometry: Geometry, power: Number) -> Geometry:
-    """The same sensor with another power of its beam, mW."""
+    """The same sensor with another beam power, mW."""
     return Geometry(
         geometry.direction,
         power,
@@ -148,8 +147,8 @@ def replace_power(geometry: Geometry, power: Number) -> Geometry:
 def power_derivative(geometry: Geometry, values: Three, k: int, i: int) -> Number:
     """The derivative of number i of detector k's (psi, zeta, power), `values`, by the beam's power.
 
-    A place answers to it where other light falls on the detector: of power B at c_B it weighs the
-    less, d psi / dP = (psi - c_B) B / (power P).
+    A place depends on it where background light of power B at c_B falls on the detector: d psi / dP
+    = (psi - c_B) B / (power P).
     """
     other = geometry.light.background[k]
     if i == 2:
@@ -180,7 +179,7 @@ def unit_vector(v: Plane) -> Plane:
 
 
 class Scene(NamedTuple):
-    """A sensor at a state of Eq. (3): where its mirror stands and how the facets share the beam.
+    """A sensor at a state of Eq. (3): the pose of its mirror and the light on its facets.
 
     apex, place: of the mirror and of the beam's centre at z = 0, mm.
     turn: the mirror's rotation, by rows.
@@ -206,7 +205,7 @@ def scene(geometry: Geometry, state: tuple[Any, ...]) -> Scene:
 
 
 def dark_scene(geometry: Geometry, state: tuple[Any, ...]) -> Scene:
-    """The scene with the light left out: its integrals and moments are zero."""
+    """The scene without light: its integrals and moments are zero."""
     tx, ty, tz, roll, pitch, yaw, bx, by = state
     apex, place = (tx, ty, tz), (bx, by, bx * 0)
     turn = rotation(roll, pitch, yaw)
@@ -225,7 +224,7 @@ def dark_scene(geometry: Geometry, state: tuple[Any, ...]) -> Scene:
 
 
 def illuminate(at: Scene) -> Scene:
-    """The scene with the light in it, nothing cut."""
+    """The scene with its light, without apertures."""
     q, (u0, u1, u2) = at.q, at.sides
     s0, s1, s2 = side(q, u0), side(q, u1), side(q, u2)
     on_a = wedge(q, u0, u1, s0, s1)
@@ -253,7 +252,7 @@ class Path(NamedTuple):
 
 
 def path(geometry: Geometry, at: Scene, k: int) -> Path:
-    """The ray that carries the centroid of the light on facet k to its detector."""
+    """The path of the ray that carries the centroid of the light on facet k to its detector."""
     centroid = at.moments[k][1]
     normal, axes = at.normals[k], geometry.axes[k]
     offset = combine(centroid[0], geometry.spread[0], centroid[1], geometry.spread[1])

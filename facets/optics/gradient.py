@@ -1,10 +1,10 @@
 """The derivatives of the readings, closed, beside the readings themselves.
 
-Each reading has a few raw gradients (`Gradient`): how it answers to the ray, the facet, the apex
-seen along the beam, and the angles of the facet's two edges. The derivatives with respect to the
-state (`linearise`) and to the parameters (`parameters.linearise`) are dot products with these.
-A small turn of a vector v about an axis w is w x v, so a gradient g with respect to v contributes
-(v x g) . w.
+Each reading has a few raw gradients (`Gradient`): by the ray, the facet, the apex seen along the
+beam, and the angles of the facet's two edges. The derivatives with respect to the state
+(`linearise`) and to the parameters (`parameters.linearise`) are dot products with these. A small
+turn of a vector v about an axis w is w x v, so a gradient g with respect to v contributes (v x g) .
+w.
 """
 
 from __future__ import annotations
@@ -19,12 +19,13 @@ from .wedge import turn_derivative
 
 
 class Gradient(NamedTuple):
-    """How one reading changes with what it is made of.
+    """The gradients of one reading.
 
-    mirror, normal: with respect to the apex and the facet's normal, the ray held.
-    origin: with respect to the ray's origin.  centroid: to the centroid in the beam, in sigmas.
-    q: to the apex seen along the beam, in sigmas, the ray following the centroid.
-    first, second: to the angles of the edges where the facet begins and ends, likewise.
+    mirror, normal: with respect to the apex and the facet's normal, at a constant ray.  origin:
+    with respect to the ray's origin.  centroid: with respect to the centroid in the beam, in
+    sigmas.  q: with respect to the apex seen along the beam, in sigmas, the ray following the
+    centroid.  first, second: with respect to the angles of the edges where the facet begins and
+    ends, the ray following the centroid.
     """
 
     mirror: Vector
@@ -39,7 +40,7 @@ class Gradient(NamedTuple):
 def landing_gradient(
     geometry: Geometry, at: Scene, k: int, ray: Path, along: Vector, first: Plane, second: Plane
 ) -> Gradient:
-    """Of the landing coordinate of detector k with the slanted axis `along`.
+    """The gradient of the landing coordinate of detector k with the slanted axis `along`.
 
     first, second: the centroid's derivatives with respect to the angles of the facet's edges.
     """
@@ -62,7 +63,7 @@ def landing_gradient(
 def power_gradient(
     geometry: Geometry, at: Scene, k: int, first: Number, second: Number
 ) -> Gradient:
-    """Of the power of detector k. first, second: the mass's derivatives, as above."""
+    """The gradient of the power of detector k. first, second: the mass's derivatives, as above."""
     mass, centroid, _, _ = at.moments[k]
     zero = mass * 0
     nothing = (zero, zero, zero)
@@ -81,12 +82,12 @@ def power_gradient(
 def gradients(
     geometry: Geometry, at: Scene, k: int, ray: Path
 ) -> tuple[Gradient, Gradient, Gradient]:
-    """Of psi, zeta and power of detector k."""
+    """The gradients of psi, zeta and power of detector k."""
     following = (k + 1) % 3
     mass, _, _, from_point = at.moments[k]
     mass1, (x1, y1) = turn_derivative(at.sides[k], at.integrals[k], mass, from_point)
     mass2, second = turn_derivative(at.sides[following], at.integrals[following], mass, from_point)
-    first = (-x1, -y1)  # the first edge turns counter-clockwise: the facet closes
+    first = (-x1, -y1)  # Turning the first edge counter-clockwise narrows the facet.
     x, y, z = geometry.axes[k]
     along_y, along_z = slant(y, ray.leaving, x), slant(z, ray.leaving, x)
     return (
@@ -97,14 +98,16 @@ def gradients(
 
 
 def gradient_of_angle(geometry: Geometry, edge: Vector) -> Vector:
-    """Of an edge's angle, seen along the beam in sigmas, with respect to the edge."""
+    """Convert a gradient with respect to an edge's angle, seen along the beam in sigmas, to one
+    with respect to the edge."""
     x, y = project_to_sigmas(geometry, edge)
     square = x * x + y * y
     return combine(x / square, geometry.whitening[1], -y / square, geometry.whitening[0])
 
 
 def gradient_in_world(geometry: Geometry, gradient: Plane) -> Vector:
-    """A gradient with respect to a place in sigmas, as one with respect to it in mm."""
+    """Convert a gradient with respect to a place in sigmas to one with respect to the place in
+    mm."""
     return combine(gradient[0], geometry.whitening[0], gradient[1], geometry.whitening[1])
 
 
@@ -117,8 +120,8 @@ def state_row(
 ) -> tuple[Any, ...]:
     """One reading's derivatives with respect to the eight components of the state.
 
-    turns: how the angles of the facet's two edges answer to a turn of the mirror.
-    axes: the world axes of roll, pitch and yaw.
+    turns: derivatives of the angles of the facet's two edges by a rotation of the mirror. axes: the
+    world axes of roll, pitch and yaw.
     """
     seen = gradient_in_world(geometry, gradient.q)
     apex = add(gradient.mirror, seen)
@@ -138,7 +141,8 @@ def state_row(
 
 
 def edge_turns(geometry: Geometry, at: Scene) -> tuple[Vector, Vector, Vector]:
-    """How the angle of each edge, seen along the beam, answers to a turn of the mirror."""
+    """The derivative of the angle of each edge, seen along the beam, by a rotation of the
+    mirror."""
     return (
         cross(at.edges[0], gradient_of_angle(geometry, at.edges[0])),
         cross(at.edges[1], gradient_of_angle(geometry, at.edges[1])),
@@ -149,7 +153,7 @@ def edge_turns(geometry: Geometry, at: Scene) -> tuple[Vector, Vector, Vector]:
 def linearise_detector(
     geometry: Geometry, at: Scene, k: int, turns: tuple[Vector, Vector, Vector], axes: Matrix
 ) -> tuple[Three, Three]:
-    """(psi, zeta, power) of detector k, and the eight derivatives of each.
+    """Return (psi, zeta, power) of detector k and the eight derivatives of each.
 
     turns: from `edge_turns`.  axes: the world axes of roll, pitch and yaw.
     """

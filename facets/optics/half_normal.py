@@ -5,8 +5,8 @@ With a >= 0 the distance that the half-line starts beyond the foot of the distri
     I_n(a) = int_0^inf s^n exp(-s^2/2 - a s) ds,  n = 0, 1, 2.
 
 I_0 is the Mills ratio. The recurrence from it, I_1 = 1 - a I_0 and I_2 = I_0 - a I_1, cancels for
-large a; the way back from I_2 does not: I_0 = (I_2 + a) / (1 + a^2) and I_1 = (1 - a I_2) /
-(1 + a^2). So only I_2 is tabulated, by tests/optics/references/make_half_normal.py. For floats.
+large a; the recurrence from I_2 does not: I_0 = (I_2 + a) / (1 + a^2) and I_1 = (1 - a I_2) / (1 +
+a^2). So only I_2 is tabulated, by tests/optics/references/make_half_normal.py. For floats.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Where light ends: a facet's edges, tip and rim and a detector's edges, as sides in the beam.
+"""Limits of the light: a facet's edges, tip and rim and a detector's edges, as sides in the beam.
 
 Each limit is a length that is positive where light passes, and that is linear over the beam's
 cross-section, because facets and detectors are flat and the rays of a sub-beam parallel. On a facet
@@ -26,20 +26,20 @@ from .rays import (
 from .region import DISTANCE, NORMAL, Array
 from .vectors import Plane, Vector, add, combine, cross, dot, rotate, scale, subtract
 
-#: The column that says which limit a side is; `region` has the others.
+#: The column that holds the limit's kind; `region` has the other columns.
 KIND, COLUMNS = 10, 11
-#: A facet's first and second edge, tip and rim, and its detector's edges.
+#: The limits: a facet's first and second edge, tip and rim, and its detector's edges.
 FIRST_EDGE, SECOND_EDGE, TIP, RIM, AT_MINUS_Y, AT_PLUS_Y, AT_MINUS_Z, AT_PLUS_Z = range(8)
 MOST_SIDES = 8
 
-#: A side past which the beam has less than exp(-FAR) of the facet's light cuts nothing: 4e-18.
+#: A side beyond which the beam has less than exp(-FAR) of the facet's light cuts nothing: 4e-18.
 NEGLIGIBLE_EXPONENT = 40.0
 SMALLEST_FLOAT = 5e-324
 HAIR = 1e-300
 
 
 def relevant_depth(mass: float) -> float:
-    """The square of the distance from the beam's centre, in sigmas, past which nothing shows
+    """The squared distance from the beam's centre, in sigmas, beyond which light is invisible
     beside a facet's own `mass`."""
     return 2 * (NEGLIGIBLE_EXPONENT - log(max(mass, SMALLEST_FLOAT)))
 
@@ -52,16 +52,17 @@ def gradient_per_sigma(geometry: Geometry, origin: Vector) -> Plane:
 def add_side(
     sides: Array, count: int, kind: int, value: float, slope: Plane, sense: float, depth: float
 ) -> int:
-    """Writes the side where value + sense slope . x = 0 if it is nearer than `depth`.
+    """Write the side where value + sense slope . x = 0 if it is nearer than `depth`, and return the
+    number of sides.
 
-    value: of the limit at the beam's centre, mm.  Returns how many sides there are now.
+    value: of the limit at the beam's centre, mm.
     """
     square = slope[0] * slope[0] + slope[1] * slope[1]
     if value > 0 and value * value > depth * square:
         return count
     size = sqrt(square)
     distance = value / size
-    # the centre lies a hair inside, so that on a corner it does for both sides
+    # The centre counts as slightly inside, so that on a corner it does so for both sides.
     sides[count, DISTANCE] = distance if distance != 0 else HAIR
     sides[count, NORMAL] = -sense * slope[0] / size
     sides[count, NORMAL + 1] = -sense * slope[1] / size
@@ -72,7 +73,7 @@ def add_side(
 def gather_mirror(
     geometry: Geometry, at: Scene, k: int, depth: float, sides: Array, count: int
 ) -> int:
-    """Adds tip and rim where they cut."""
+    """Add tip and rim if they cut."""
     tip, rim = geometry.openings.tip, geometry.openings.rim
     if tip == 0 and rim == inf:
         return count
@@ -87,8 +88,8 @@ def gather_mirror(
 
 
 def central_landing(geometry: Geometry, at: Scene, k: int) -> tuple[Vector, Plane]:
-    """Of the beam's central ray, as if facet k had no end: its direction after the facet, and where
-    it lands on detector k, mm; NaN where it never gets there."""
+    """The direction of the beam's central ray after an unbounded facet k, and its landing point on
+    detector k, mm; NaN if it never gets there."""
     beam, normal, centre, axes = (
         geometry.direction,
         at.normals[k],
@@ -106,7 +107,7 @@ def central_landing(geometry: Geometry, at: Scene, k: int) -> tuple[Vector, Plan
 def gather_detector(
     geometry: Geometry, at: Scene, k: int, depth: float, sides: Array, count: int
 ) -> int:
-    """Adds the edges of detector k where they cut."""
+    """Add the edges of detector k if they cut."""
     half_y, half_z = geometry.openings.halves[k]
     if half_y == inf:
         return count
@@ -125,7 +126,7 @@ def gather_detector(
 
 
 def gather_edges(geometry: Geometry, at: Scene, k: int, sides: Array, count: int) -> int:
-    """Adds the facet's two edges, less half the gap."""
+    """Add the facet's two edges, reduced by half the gap."""
     gap = geometry.openings.gap / 2
     for kind in (FIRST_EDGE, SECOND_EDGE):
         edge, sense = (k, 1.0) if kind == FIRST_EDGE else ((k + 1) % 3, -1.0)
@@ -145,14 +146,15 @@ def gather_edges(geometry: Geometry, at: Scene, k: int, sides: Array, count: int
 
 
 def outward_direction(geometry: Geometry, at: Scene, k: int) -> Vector:
-    """Square to the mirror's axis, away from it in the direction that facet k faces."""
+    """The direction perpendicular to the mirror's axis in which facet k faces."""
     x, y, z = geometry.normals[k]
     size = sqrt(x * x + y * y)
     return rotate(at.turn, (x / size, y / size, z * 0))
 
 
 def limit_direction(geometry: Geometry, at: Scene, k: int, kind: int) -> Vector:
-    """The direction along which a limit on facet k counts; a unit vector that turns with it."""
+    """The direction along which a limit on facet k is measured; a unit vector that turns with the
+    facet."""
     if kind == FIRST_EDGE:
         edge = at.edges[k]
         return scale(1 / sqrt(dot(edge, edge)), cross(at.normals[k], edge))
@@ -163,7 +165,7 @@ def limit_direction(geometry: Geometry, at: Scene, k: int, kind: int) -> Vector:
 
 
 class Limit(NamedTuple):
-    """How one limit answers to a motion of what carries it.
+    """The gradients of one limit.
 
     along: its gradient with respect to the point on the facet, or to the spot, slanted along the
     ray.  origin: with respect to the ray's origin.  apex: with respect to the apex.

@@ -21,15 +21,15 @@ from .vectors import Vector, add, dot
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(32)
 PANELS = 4
-#: Radius, in sigmas about the beam's image, past which the light left out is under 1e-17.
+#: Radius, in sigmas about the beam's image, beyond which the neglected light is below 1e-17.
 EDGE = 9.0
 
 
 class SubBeamImage(NamedTuple):
-    """What is seen on a detector's plane: (y, z), mm, in the detector's frame.
+    """The image on a detector's plane: (y, z), mm, in the detector's frame.
 
-    apex: Q of Fig. 2.  beam: S.  edges: directions of the images of the two edges.
-    leaving: the sub-beam's direction in the detector's frame, x first.
+    apex: Q of Fig. 2.  beam: S.  edges: directions of the images of the two edges.  leaving: the
+    sub-beam's direction in the detector's frame, x first.
     """
 
     apex: Floats
@@ -100,7 +100,7 @@ def paper_readings(geometry: Geometry, states: Floats) -> Floats:
     """Readings (n, 9) at states (n, 8) by the paper's irradiance; NaN as for the exact ones."""
     sigma_x, sigma_y = (np.sqrt(dot(axis, axis)) for axis in geometry.spread)
     if not np.isclose(sigma_x, sigma_y, rtol=1e-12):
-        raise InputError("the paper's irradiance has a round beam; make both diameters equal")
+        raise InputError("the paper's irradiance needs a round beam; make both diameters equal")
     out = np.full((len(states), 9), np.nan)
     for n, state in enumerate(states):
         at = scene(geometry, tuple(state.tolist()))

@@ -35,12 +35,12 @@ PARAMETERS = (
 
 
 class Axes(NamedTuple):
-    """How the sensor's vectors answer to its parameters.
+    """The derivatives of the sensor's vectors by its parameters.
 
     diameters: of the beam, mm.  tilts: the axes about which its two tilts turn it, in the world.
-    facets: of each, how its normal answers to inclination and azimuth, in the mirror's frame.
-    psds: of each, how its centre answers to radius and azimuth, and the axes of roll, pitch and
-    yaw about it, in the world.
+    facets: for each, the derivatives of its normal by inclination and azimuth, in the mirror's
+    frame.  psds: for each, the derivatives of its centre by radius and azimuth, and the axes of its
+    roll, pitch and yaw, in the world.
     """
 
     diameters: tuple[Any, Any]
@@ -81,7 +81,7 @@ def beam_turn_gradient(
     aim = gradient_of_beam(along, geometry.direction, at.normals[k], reach, ray.length)
     offset, apex = subtract(ray.origin, at.place), subtract(at.apex, at.place)
     turn = add(cross(geometry.direction, aim), cross(offset, gradient.origin))
-    # turning the beam's axes turns what is seen along it the other way
+    # Rotating the beam's axes rotates everything seen along it in the opposite direction.
     turn = add(turn, cross(gradient_in_world(geometry, gradient.q), apex))
     return subtract(turn, edge_turn_gradient(geometry, at, k, gradient))
 
@@ -203,7 +203,7 @@ def parameter_row(
 
 
 def linearise_detector(geometry: Geometry, axes: Axes, at: Scene, k: int) -> tuple[Three, Three]:
-    """(psi, zeta, power) of detector k, and the thirty derivatives of each."""
+    """Return (psi, zeta, power) of detector k and the thirty derivatives of each."""
     ray = path(geometry, at, k)
     psi, zeta, power = reading(geometry, at, k, ray)
     of_psi, of_zeta, of_power = gradients(geometry, at, k, ray)
@@ -223,8 +223,8 @@ def linearise_detector(geometry: Geometry, axes: Axes, at: Scene, k: int) -> tup
 def linearise(
     geometry: Geometry, axes: Axes, state: tuple[Any, ...]
 ) -> tuple[tuple[Three, Three], tuple[Three, Three], tuple[Three, Three]]:
-    """Readings at a state, and their derivatives by the parameters, for detectors A, B and C; of
-    ideal light that nothing cuts."""
+    """Readings at a state and their derivatives by the parameters, for detectors A, B and C; for
+    ideal light without apertures."""
     at = scene(geometry, state)
     return (
         linearise_detector(geometry, axes, at, 0),

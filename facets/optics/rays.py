@@ -1,4 +1,5 @@
-"""One ray: reflected at a facet, landing on a detector, and how the landing point moves.
+"""One ray: its reflection at a facet, its landing on a detector, and the derivatives of the landing
+point.
 
 Vectors are tuples in the world frame, mm. Any number type.
 """
@@ -15,7 +16,8 @@ def reflect(direction: Vector, normal: Vector) -> Vector:
 
 
 def hit(origin: Vector, direction: Vector, point: Vector, normal: Vector) -> Vector:
-    """Where a ray meets the plane through `point`. Undefined where the ray runs along the plane."""
+    """The point where a ray meets the plane through `point`; undefined for a ray parallel to the
+    plane."""
     reach = dot(subtract(point, origin), normal) / dot(direction, normal)
     return add(origin, scale(reach, direction))
 
@@ -28,7 +30,7 @@ def flight(start: Vector, direction: Vector, centre: Vector, axes: Matrix) -> Nu
 def land(
     start: Vector, direction: Vector, length: Number, centre: Vector, axes: Matrix
 ) -> tuple[Number, Number]:
-    """Where a ray meets a detector: (psi, zeta), mm, in the detector's frame.
+    """The point where a ray meets a detector: (psi, zeta), mm, in the detector's frame.
 
     length: what `flight` gives. axes: the detector's x (its normal, away from the source), y and z
     in the world. Undefined where direction . x <= 0: the ray never gets there.
@@ -40,7 +42,7 @@ def land(
 def slant(axis: Vector, direction: Vector, normal: Vector) -> Vector:
     """The gradient of the coordinate along `axis` when the ray is shifted as a whole.
 
-    The projection along the ray: a shift along the ray itself changes nothing.
+    It is the projection along the ray, since a shift along the ray itself changes nothing.
     """
     return combine(1, axis, -dot(direction, axis) / dot(direction, normal), normal)
 

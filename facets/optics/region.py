@@ -27,19 +27,20 @@ from .wedge import swept_series
 
 Array = Any
 
-#: A side's line: its outward unit normal (two columns), and how far the beam's centre is inside it.
+#: A side's line: its outward unit normal (two columns), and the distance of the beam's centre
+#: inside it.
 NORMAL, DISTANCE = 0, 2
-#: What its span contributes: the moments of f along it of order 0, 1 and 2, ...
+#: Contributions of a side's span: the moments of f along it of order 0, 1 and 2, ...
 LENGTH, FIRST, SECOND = 3, 4, 5
-#: ... the excess of f over its value on the disc's rim, what it sweeps over, and where it ends.
+#: ... the excess of f over its value on the disc's rim, the swept mass, and the ends of the span.
 EXCESS, SWEPT, LOW, HIGH = 6, 7, 8, 9
 
-#: The share of the beam below which a cut region has no place: by then nine digits of it are lost.
+#: The share of the beam below which a cut region has no place, because nine digits of it are lost.
 DIM = 1e-7
 
 
 def span_ends(sides: Array, count: int, j: int, radius: float) -> tuple[float, float]:
-    """From where to where side j bounds the region; equal where it does not."""
+    """The ends of the span on which side j bounds the region; equal if it does not."""
     x, y, distance = sides[j, NORMAL], sides[j, NORMAL + 1], sides[j, DISTANCE]
     low, high = -inf, inf
     if radius < inf:
@@ -57,13 +58,14 @@ def span_ends(sides: Array, count: int, j: int, radius: float) -> tuple[float, f
             high = min(high, rest / rate)
         elif rate < 0:
             low = max(low, rest / rate)
-        elif rest < 0 or (rest == 0 and i < j):  # beyond a parallel side, or the same side twice
+        # The line lies beyond a parallel side, or the same side occurs twice.
+        elif rest < 0 or (rest == 0 and i < j):
             return 0.0, 0.0
     return (low, high) if low < high else (0.0, 0.0)
 
 
 def erf_between(low: float, high: float) -> float:
-    """erf(high / sqrt 2) - erf(low / sqrt 2), without cancelling in the tails."""
+    """erf(high / sqrt 2) - erf(low / sqrt 2) without cancellation in the tails."""
     root = sqrt(2.0)
     if low > 0:
         return erfc(low / root) - erfc(high / root)
@@ -73,7 +75,7 @@ def erf_between(low: float, high: float) -> float:
 
 
 def measure_sides(sides: Array, count: int, radius: float) -> None:
-    """Fills the columns from LENGTH on for the first `count` sides."""
+    """Fill the columns from LENGTH on for the first `count` sides."""
     for j in range(count):
         low, high = span_ends(sides, count, j, radius)
         if low == high:

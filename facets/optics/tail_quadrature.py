@@ -1,7 +1,7 @@
-"""A normal distribution over a wedge that holds little of it: no term cancels, for floats.
+"""A normal distribution over a wedge that holds little of it, without cancellation, for floats.
 
-Slower than the divergence theorem, and asked only where that has lost digits: in the tail of the
-beam and for narrow wedges. Two ways, both sums of positive terms.
+It is slower than the divergence theorem and used only where that has lost digits: in the tail of
+the beam and for narrow wedges. There are two methods, both sums of positive terms.
 
 `slices`, for wedges as a mirror has them: the wedge is cut parallel to its brighter side, the
 integrals along a slice are closed (`half_normal`), and one Gauss-Legendre rule of fixed length runs
@@ -78,11 +78,11 @@ SLICES = np.array(
 )
 #: Slices with less than exp(-ENOUGH) of the brightest one's light are left out: 3e-17.
 ENOUGH = 38.0
-#: `slices` takes openings, rad, between these; a wider one is halved first.
+#: Openings of `slices`, rad, lie between these; a wider wedge is halved first.
 NARROW_RAD, WIDE_RAD = 1.0, 2.3
 #: A ray that points away from the light by more than this takes the continued fraction.
 AWAY_SIGMAS = 1.5
-#: More pieces than this have never been needed: a bound, so that no input can hang the loop.
+#: Upper bound of the number of pieces, so that no input can hang the loop.
 PIECES = 5000
 
 
@@ -117,7 +117,7 @@ def brighter_side(q: Plane, u1: Plane, u2: Plane) -> BrighterSide:
 
 
 def other_side(q: Plane, side: BrighterSide, u1: Plane, u2: Plane) -> BrighterSide:
-    """The darker side in the units of the brighter one, where moments count from q."""
+    """The darker side in the units of the brighter one, with moments about q."""
     u = u2 if side.sense > 0 else u1
     a, h, _ = normalise(q, u)
     return BrighterSide(a, h, u, -side.sense, False, side.light, side.scale)
@@ -130,7 +130,7 @@ def tail_integrals(a: float) -> tuple[float, float, float]:
     recurrence I_n+1 = n I_n-1 - a I_n would cancel; and I1 + a I0 = 1.
     """
     last = int(30 + 260 / (a * a))
-    ratio = (sqrt(a * a + 4 * last) - a) / 2  # what it is for large n
+    ratio = (sqrt(a * a + 4 * last) - a) / 2  # This is its value for large n.
     for n in range(last, 3, -1):
         ratio = n / (a + ratio)
     ratio3 = 3 / (a + ratio)
@@ -163,7 +163,7 @@ def ray_integrals(side: BrighterSide, angle: float) -> Sums:
         w = (a * u[0], a * u[1]) if side.near else (0.0, 0.0)
         return moments(side.light * i1, side.light * i2, side.light * i3, (ux, uy), w)
     if side.near:
-        # differences from the side itself, each small where the light is
+        # These are differences from the side itself, each small where the light is.
         rise, tip = a * s - 2 * h * s_half * s_half, 2 * s_half * s_half
         across = exp(-rise * (rise + 2 * h) / 2)
         dx, dy = -tip * u[0] - s * u[1], -tip * u[1] + s * u[0]
@@ -188,7 +188,7 @@ def add_sums(a: Sums, b: Sums, weight: float) -> Sums:
 
 
 def panel_sums(side: BrighterSide, start: float, stop: float) -> Sums:
-    """The six sums over a range of angles, by one Gauss-Legendre rule."""
+    """The six sums over a range of angles by one Gauss-Legendre rule."""
     middle, half = (start + stop) / 2, (stop - start) / 2
     total = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for k in range(12):
@@ -199,9 +199,9 @@ def panel_sums(side: BrighterSide, start: float, stop: float) -> Sums:
 
 
 def sums_agree(coarse: Sums, fine: Sums, total: Sums) -> bool:
-    """Whether a piece and its halves agree in mass and spread, within what is summed so far.
+    """Whether a piece and its halves agree in mass and spread, relative to the sum so far.
 
-    Agreement to 2e-14 leaves an error 2^-24 times smaller; finer, rounding would decide.
+    Agreement to 2e-14 leaves an error 2^-24 times smaller; a finer limit would test rounding.
     """
     spread, known = fine[3] + fine[5], total[3] + total[5]
     return abs(fine[0] - coarse[0]) <= 2e-14 * (fine[0] + total[0]) and abs(
@@ -210,10 +210,10 @@ def sums_agree(coarse: Sums, fine: Sums, total: Sums) -> bool:
 
 
 def integrate(side: BrighterSide, opening: float) -> Sums:
-    """The six sums over the wedge, each piece halved until it agrees with its two halves."""
+    """The six sums over the wedge; each piece is halved until it agrees with its two halves."""
     total = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     width = opening
-    depth = index = 0  # the piece in hand: number `index` of the 2^depth equal pieces
+    depth = index = 0  # The current piece is number `index` of the 2^depth equal pieces.
     coarse = panel_sums(side, 0.0, opening)
     for _ in range(PIECES):
         start = index * width
@@ -238,15 +238,15 @@ def integrate(side: BrighterSide, opening: float) -> Sums:
 
 
 def far_end(a: float, h: float, a2: float, c: float, s: float) -> float:
-    """How far along the darker side the slices have light, in sigmas; for `slices_from_point`.
+    """The end of the light of the slices along the darker side, in sigmas; for `slices_from_point`.
 
-    a, a2: of the brighter and the darker side.  h: how far the brighter side's line passes from the
+    a, a2: of the brighter and the darker side.  h: distance of the brighter side's line from the
     beam's centre, positive where the wedge lies beyond it.  c, s: cosine and sine of the opening.
     """
     end = 2 * ENOUGH / (sqrt(a2 * a2 + 2 * ENOUGH) + a2)
     if a + end * c >= 0:
         return end
-    # past the place where the slices begin beside the centre, the light falls with h alone
+    # Past the start of the slices beside the centre, the light falls with h alone.
     beside = (sqrt(h * h + 2 * ENOUGH + a * a) - h) / s
     return max(beside, min(end, -a / c))
 
@@ -320,7 +320,7 @@ def slices(side: BrighterSide, c: float, s: float) -> Sums:
 
 
 def shift_sums(sums: Sums, x: float, y: float) -> Sums:
-    """The sums counted from another point: x, y are where the old one is, seen from the new."""
+    """The sums about another point: x, y are the old point relative to the new one."""
     mass, px, py, xx, xy, yy = sums
     return (
         mass,
@@ -333,12 +333,13 @@ def shift_sums(sums: Sums, x: float, y: float) -> Sums:
 
 
 def wedge_sums(q: Plane, side: BrighterSide, u1: Plane, u2: Plane, opening: float) -> Sums:
-    """The six sums over a wedge, by whichever way suits its opening; from where `side` counts."""
+    """The six sums over a wedge by the method that suits its opening, about the origin of
+    `side`."""
     if opening < NARROW_RAD or (side.near and side.sense * side.h > 0):
         return integrate(side, opening)
     if opening <= WIDE_RAD:
         return slices(side, cos(opening), sin(opening))
-    # each half counts from its own side, because the rounding of an angle near pi would show
+    # Each half counts from its own side, because rounding of an angle near pi would show.
     c, s = cos(opening / 2), sin(opening / 2)
     rest = slices(other_side(q, side, u1, u2), c, s)
     if side.near:
@@ -354,11 +355,12 @@ def no_light() -> tuple[float, Plane, tuple[float, float, float], Plane]:
 def wedge_by_quadrature(
     q: Plane, u1: Plane, u2: Plane
 ) -> tuple[float, Plane, tuple[float, float, float], Plane]:
-    """What `wedge` gives, for a wedge of small mass; NaN centroid where no light is left at all."""
+    """The result of `wedge` for a wedge of small mass; NaN centroid if no light is left."""
     cross, _ = sum_of_products(u1[0], u2[1], -u1[1], u2[0])
     opening = atan2(cross, u1[0] * u2[0] + u1[1] * u2[1])
     side = brighter_side(q, u1, u2)
-    if not (side.scale > 0 and opening > 0):  # too far, or a facet seen from behind
+    # The point is too far, or the facet is seen from behind.
+    if not (side.scale > 0 and opening > 0):
         return no_light()
     light, x, y, xx, xy, yy = wedge_sums(q, side, u1, u2, opening)
     mass = side.scale * light

@@ -52,7 +52,8 @@ def side(q: Plane, u: Plane) -> Side:
     return length, *moments_along(a, density, length), swept_mass(a, h)
 
 
-#: Past this many sigmas the rounding of q . u and q x u shows in the Gaussian: squared.
+#: Square of the distance, in sigmas, beyond which the rounding of q . u and q x u shows in the
+#: Gaussian.
 FAR_SQUARED = 30.0
 
 
@@ -62,7 +63,7 @@ def side_float(q: Plane, u: Plane, a: float, h: float) -> Side:
 
 
 def side_code(q: Plane, u: Plane, a: Number, h: Number) -> Side:
-    """`side_float` where machine code is written; of several poses at once near the centre only."""
+    """`side_float` for machine code; for several poses at once near the centre only."""
     code, like = a.writer, (a, a, a, a)
     if code.lanes > 1:
         code.leave(~(q[0] * q[0] + q[1] * q[1] < CENTRAL_SQUARED))
@@ -80,7 +81,7 @@ def side_near(a: float, h: float) -> Side:
 
 
 def side_far(q: Plane, u: Plane, a: float) -> Side:
-    """a: q . u with its rounding."""
+    """`side` far from the beam's centre. a: q . u with its rounding."""
     along = exp(-a * a / 2)
     exact, h, missing = normalise(q, u)
     return side_of(exact, h, along, gauss(h, missing), gauss_of_point(q))
@@ -95,7 +96,7 @@ def side_of(a: float, h: float, along: float, across: float, density: float) -> 
 
 
 def moments_along_float(a: float, density: float, length: float) -> tuple[float, float]:
-    """K and J where the side points away from the light, too: there the differences cancel."""
+    """K and J without cancellation where the side points away from the light."""
     if a > AWAY_SIGMAS:
         _, first, second = half_normal(a)
         return density * first, density * second
@@ -110,7 +111,7 @@ def moments_along(a: Number, density: Number, length: Number) -> tuple[Number, N
 
 def swept_mass(a: Number, h: Number) -> Number:
     """The mass that a side sweeps over while its end moves straight from the beam's centre to q;
-    for floats see `swept_series`.
+    `swept_series` is for floats.
 
     h int_0^1 L(k a, k h) dk, positive where the centre lies to the left of the side.
     """
@@ -142,7 +143,7 @@ def swept_series(
         return 0.0
     x = larger * larger / 2
     t = smaller / larger
-    if x > 40:  # P = 1 to 1e-17, and the series is that of the arc tangent
+    if x > 40:  # P = 1 to 1e-17, so the series is that of the arc tangent.
         total = atan2(t, 1.0)
     else:
         minus_t2 = -t * t
@@ -178,11 +179,12 @@ def wedge(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
 
 
 #: Where the mass is less than this, times 1 + |q|, the closed form has lost two digits to
-#: cancellation, and `wedge_by_quadrature` takes over.
+#: cancellation, and `wedge_by_quadrature` is used.
 FAINT_MASS = 0.01
-#: Above this mass nothing cancels, however far the point.
+#: Above this mass nothing cancels at any distance.
 BRIGHT_MASS = 0.3
-#: Further off, sigmas, a wedge that holds less is dark: only a solver's lost steps get there.
+#: At larger distances, in sigmas, a wedge with less mass is dark; only wrong steps of a solver get
+#: there.
 DARK_SIGMAS = 1000.0
 
 
@@ -194,7 +196,7 @@ def wedge_float(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Mom
 
 
 def wedge_code(q: Plane, u1: Plane, u2: Plane, side1: Side, side2: Side) -> Moments:
-    """`wedge_float` where machine code is written."""
+    """`wedge_float` for machine code."""
     mass = closed_mass(u1, u2, side1, side2)
     code, like = mass.writer, (mass, (mass, mass), (mass, mass, mass), (mass, mass))
     return code.choose(  # type: ignore[no-any-return]
@@ -235,7 +237,8 @@ def closed_moments(
 
 
 def turn_derivative(u: Plane, ray: Side, mass: Number, from_point: Plane) -> tuple[Number, Plane]:
-    """How mass and centroid change when side `ray` turns so that the wedge opens, per radian.
+    """The derivatives of mass and centroid by the angle of side `ray`, in the direction that opens
+    the wedge, per radian.
 
     from_point: the centroid less the wedge's point.
     """
