@@ -10,10 +10,11 @@ other motions. For each: whether the result is trusted; the r.m.s. error of solv
 of a rig that is known perfectly, the worse of x and y and the worst of the other axes, the beam
 known; the share of 95 % intervals that held; what was said.
 
-A case is wrong where its trusted results' intervals hold less than 90 %, in x and y or in the other
-axes, in the mean over its rigs: what a calibration errs by in x and y is common to all poses of a
-rig, so that of one rig a few more or fewer intervals hold. A fault is named where one of the words
-is said that stand beside its name here.
+A rig is trusted and wrong where its errors are more than 1.5 times those of a perfectly known rig
+in x or y, or 1.2 times in another axis, or less than 90 % of its intervals hold, and its r.m.s.
+error in that axis is more than twice what is stated, too: what a calibration errs by in x and y is
+common to all poses of a rig, so that of one rig a few more or fewer intervals hold. A fault is
+named where one of the words is said that stand beside its name here.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from facets.core.units import Floats
+from facets.detectors.electrodes import tetra_lateral_ratios
 
 from .bench_rays import RayBench
 from .rigs import REFERENCE, BenchTrial, Disturbance, Rng, try_bench_rig
@@ -173,6 +175,60 @@ def moving() -> list[Case]:
     ]  # fmt: skip
 
 
+# ---- something that is loose, and jumps after three fifths of the rows
+
+
+def rows_before(count: int) -> slice:
+    return slice(0, 3 * count // 5)
+
+
+def loose_detector(k: int, along_psi: float, along_zeta: float) -> Disturbance:
+    """A detector that stood elsewhere before, in mm."""
+
+    def displace(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+        raw[rows_before(len(raw)), 3 * k : 3 * k + 2] -= [along_psi, along_zeta]
+        return raw
+
+    return Disturbance(readings=displace)
+
+
+def loose() -> list[Case]:
+    def change_gain(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+        raw[rows_before(len(raw)), 2] *= 0.995
+        return raw
+
+    def drift(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+        raw[:, 3:5] += np.linspace(-5e-3, 0, len(raw))[:, None]
+        return raw
+
+    def displace_mirror(pose: Floats, rng: Rng) -> Floats:
+        out = pose.copy()
+        out[rows_before(len(pose)), :3] -= [2e-3, -1e-3, 3e-3]
+        return out
+
+    def displace_beam(count: int, rng: Rng) -> Floats:
+        out = np.zeros((count, 2))
+        out[rows_before(count)] = [3e-3, -2e-3]
+        return out
+
+    return [
+        Case("loose", "detector B slips by 20 um", loose_detector(1, 0.02, 0.01),
+             ("detector B jumped",)),
+        Case("loose", "detector C slips by 5 um", loose_detector(2, -0.003, 0.004),
+             ("detector C jumped",)),
+        Case("loose", "detector A slips by 1 mm", loose_detector(0, 0.9, -0.5),
+             ("detector A jumped",)),
+        Case("loose", "gain of A jumps by 0.5 %", Disturbance(readings=change_gain),
+             ("gain of detector A jumped",)),
+        Case("loose", "beam jumps by 3.6 um", Disturbance(beam=displace_beam),
+             ("the beam jumped",)),
+        Case("loose", "mirror slips by 3.7 um", Disturbance(mirror=displace_mirror),
+             ("the mirror on the reference jumped",)),
+        Case("loose", "detector B drifts by 5 um", Disturbance(readings=drift),
+             ("detector B drifted",)),
+    ]  # fmt: skip
+
+
 # ---- light that the model does not have
 
 
@@ -197,19 +253,50 @@ def chip_tip(bench: RayBench) -> RayBench:
     return bench._replace(chip=0.03)
 
 
+def window_fringes(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+    """Of detector B's window: its power follows the spot's place, by 0.5 % over 0.7 mm."""
+    raw[:, 5] *= 1 + 0.005 * np.cos(2 * np.pi * raw[:, 4] / 0.7)
+    return raw
+
+
+def round_places(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+    """A converter of 12 bits over 13 mm."""
+    for n in (0, 1):
+        raw[:, n::3] = np.round(raw[:, n::3] / (13 / 4096)) * (13 / 4096)
+    return raw
+
+
+def mixture() -> Disturbance:
+    """A little of many: other modes, fringes, a ghost, a beam that trembles, a few wild rows."""
+    of_ghost = ghost(0.0005)
+
+    def factor(x: Floats, y: Floats) -> Floats:
+        mode = 1 + 0.005 * ((1 - (x * x + y * y) / 2) ** 2 - 1)
+        fringes = 1 + 0.001 * np.cos(2 * np.pi * 0.2125 * (x + y / 3) / 0.3)
+        out: Floats = of_ghost(x, y) * mode * fringes
+        return out
+
+    return profile(factor)._replace(beam=tremble(1e-4), readings=jumps(0.005, 50, "rows"))
+
+
 def light() -> list[Case]:
-    shape = ("not that of the model",)
+    modes, fringes = ("other modes",), ("fringes across",)
     return [
         Case("light", "3 % LG10",
-             profile(lambda x, y: 0.97 + 0.03 * (1 - (x * x + y * y) / 2) ** 2), shape),
-        Case("light", "2 % HG10", profile(lambda x, y: 0.98 + 0.02 * x * x), shape),
+             profile(lambda x, y: 0.97 + 0.03 * (1 - (x * x + y * y) / 2) ** 2), modes),
+        Case("light", "2 % HG10", profile(lambda x, y: 0.98 + 0.02 * x * x)),
         Case("light", "1 % HG10", profile(lambda x, y: 0.99 + 0.01 * x * x)),
         Case("light", "fringes of 1 %, 0.3 mm",
              profile(lambda x, y: 1 + 0.01 * np.cos(2 * np.pi * 0.2125 * (x + y / 3) / 0.3)),
-             shape),
-        Case("light", "ghost of 0.5 %", profile(ghost(0.005)), shape),
+             fringes),
+        Case("light", "fringes of a window of 0.5 %, 0.7 mm", Disturbance(readings=window_fringes),
+             ("fringes of the window of detector B",)),
+        Case("light", "ghost of 0.5 %", profile(ghost(0.005)), ("a second reflex",)),
         Case("light", "ghost of 0.1 %", profile(ghost(0.001))),
-        Case("light", "tip chipped off two facets", Disturbance(light=chip_tip), shape),
+        Case("light", "tip chipped off two facets", Disturbance(light=chip_tip),
+             ("tip is chipped",)),
+        Case("light", "a little of many", mixture()),
+        Case("light", "12 bits", Disturbance(readings=round_places)),
     ]  # fmt: skip
 
 
@@ -235,6 +322,26 @@ def sign(*columns: int) -> Callable[[Floats, Floats, Rng], Floats]:
     return change_sign
 
 
+def bend_places(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+    """Of tetra-lateral detectors, taken for duo-lateral ones."""
+    for k in range(3):
+        raw[:, 3 * k : 3 * k + 2] = HALF_MM * tetra_lateral_ratios(
+            raw[:, 3 * k : 3 * k + 2] / HALF_MM, 1.0
+        )
+    return raw
+
+
+def mix_kinds(raw: Floats, sigma: Floats, rng: Rng) -> Floats:
+    """Of pincushion detectors, whose currents were converted as a duo-lateral's."""
+    raw[:, 1::3] = raw[:, 0::3] + 1e-4 * rng.standard_normal((len(raw), 3))
+    raw[:, 2::3] /= 2
+    return raw
+
+
+#: Half of the side of the paper's detectors.
+HALF_MM = 6.5
+
+
 def columns() -> list[Case]:
     def alter(change: Callable[[Floats, Floats, Rng], Floats]) -> Disturbance:
         return Disturbance(readings=change)
@@ -248,6 +355,8 @@ def columns() -> list[Case]:
         return said
 
     return [
+        Case("columns", "tetra-lateral, not straightened", alter(bend_places), ("tetra-lateral",)),
+        Case("columns", "pincushion, taken for duo-lateral", alter(mix_kinds), ("pincushion",)),
         Case("columns", "sign of psi of A", alter(sign(0)), ("sign of psi of detector A",)),
         Case("columns", "sign of psi of all", alter(sign(0, 3, 6)), ("sign of psi of all",)),
         Case("columns", "sign of zeta of C", alter(sign(7)), ("sign of zeta of detector C",)),
@@ -274,19 +383,22 @@ def columns() -> list[Case]:
 
 
 def cases() -> list[Case]:
-    return [Case("nothing", "nothing", Disturbance()), *outliers(), *moving(), *light(),
-            *columns()]  # fmt: skip
+    return [Case("nothing", "nothing", Disturbance()), *outliers(), *moving(), *loose(),
+            *light(), *columns()]  # fmt: skip
 
 
 # ---- what came of it
 
 
 class Result(NamedTuple):
-    """over, inside: (2,) of x and y, and of the other axes: the worst ratio, the mean share."""
+    """over, inside: (2,) of x and y, and of the other axes: the worst ratio, the mean share.
+    wrong: whether it is trusted and wrong."""
 
     trusted: bool
     over: Floats
     inside: Floats
+    beyond: Floats
+    wrong: bool
     named: bool | None
     seconds: float
     words: str
@@ -298,16 +410,23 @@ def result(case: Case, trial: BenchTrial) -> Result:
         trial.verdict.is_trusted,
         np.array([trial.over[:2].max(), trial.over[2:].max()]),
         np.array([trial.inside[:2].mean(), trial.inside[2:].mean()]),
+        np.array([trial.beyond[:2].max(), trial.beyond[2:].max()]),
+        trial.verdict.is_trusted and is_wrong(trial),
         any(word in said for word in case.words) if case.words else None,
         trial.seconds,
         said,
     )
 
 
-def wrong(results: list[Result]) -> bool:
-    """Whether the trusted of a case's results hold less than they state."""
-    trusted = [one.inside for one in results if one.trusted]
-    return bool(trusted) and bool((np.mean(trusted, axis=0) < 0.9).any())
+#: What a calibration may cost: errors over those of a perfectly known rig, in x and y and in the
+#: other axes; the least share of 95 % intervals that has to hold; errors over what is stated.
+MOST_OVER, LEAST_INSIDE, MOST_BEYOND = np.array([1.5] * 2 + [1.2] * 4), 0.9, 2.0
+
+
+def is_wrong(trial: BenchTrial) -> bool:
+    """Whether errors of an axis are neither small nor covered by what is stated."""
+    is_small = (trial.over <= MOST_OVER) & (trial.inside >= LEAST_INSIDE)
+    return bool((~is_small & (trial.beyond > MOST_BEYOND)).any())
 
 
 def main() -> None:
@@ -319,28 +438,29 @@ def main() -> None:
     parser.add_argument("--config", default="paper")
     parser.add_argument("--brief", action="store_true", help="leave out what is said")
     options = parser.parse_args()
-    print("trusted  x, y  others  95 % held: x, y  others  named  time, s")
+    print(
+        "trusted  x, y  others  95 % held: x, y  others  over stated: x, y  others  named  time, s"
+    )
     every, bad = list[Result](), list[str]()
     for case in cases():
         if options.only not in f"{case.group}: {case.name}":
             continue
-        results = list[Result]()
         for seed in range(options.first, options.first + options.draws):
             trial = try_bench_rig(seed, options.samples, options.config, wrong=case.wrong)
-            results.append(result(case, trial))
-            print(line(case, results[-1]), flush=True)
+            one = result(case, trial)
+            every.append(one)
+            print(line(case, one), flush=True)
             if not options.brief:
                 for finding in trial.verdict.findings:
                     print(f"    {'!' if finding.bad else '-'} {finding.words}", flush=True)
-        if wrong(results):
-            bad.append(case.name)
-            print("    WRONG: intervals of the trusted results hold less than 90 %", flush=True)
-        every += results
+            if one.wrong:
+                bad.append(case.name)
+                print("    TRUSTED AND WRONG", flush=True)
     asked = [one for one in every if one.named is not None]
     print(
         f"{len(every)} calibrations: {sum(one.trusted for one in every)} trusted; "
         f"{sum(bool(one.named) for one in asked)} of {len(asked)} faults named; "
-        f"{len(bad)} cases trusted and wrong{': ' * bool(bad)}{', '.join(bad)}"
+        f"{len(bad)} rigs trusted and wrong{': ' * bool(bad)}{', '.join(bad)}"
     )
 
 
@@ -348,7 +468,8 @@ def line(case: Case, one: Result) -> str:
     named = {None: "", True: "yes", False: "no"}[one.named]
     return (
         f"{'yes' if one.trusted else 'no':7} {one.over[0]:5.2f} {one.over[1]:7.2f} "
-        f"{100 * one.inside[0]:15.0f} {100 * one.inside[1]:7.0f}  {named:5} "
+        f"{100 * one.inside[0]:15.0f} {100 * one.inside[1]:7.0f} {one.beyond[0]:18.2f} "
+        f"{one.beyond[1]:7.2f}  {named:5} "
         f"{one.seconds:7.1f}  {case.name}"
     )
 

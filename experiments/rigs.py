@@ -231,11 +231,13 @@ def poses_on_bench(rig: Rig, count: int, rng: np.random.Generator, box: Floats =
 
 class BenchTrial(NamedTuple):
     """over: errors on other motions over those of a rig that is known perfectly (6,).
-    inside: the share of 95 % intervals that held (6,).  seconds: of processor time."""
+    inside: the share of 95 % intervals that held (6,).  beyond: r.m.s. errors over stated standard
+    uncertainties (6,).  seconds: of processor time."""
 
     verdict: Verdict
     over: Floats
     inside: Floats
+    beyond: Floats
     seconds: float
 
 
@@ -262,7 +264,7 @@ def try_bench_rig(
     found = verdict(settings.sensor, data, choice_of(settings.sensor, asked), asked)
     seconds = time.process_time() - start
     if found.sensor is None:
-        return BenchTrial(found, np.full(6, np.inf), np.zeros(6), seconds)
+        return BenchTrial(found, np.full(6, np.inf), np.zeros(6), np.full(6, np.inf), seconds)
     other, state = sample_bench_motion(real, fresh, rng)
     solved = facets.solve(
         found.sensor, correct(found.sensor, other.raw), beam="known", power="unknown", threads=0
@@ -274,7 +276,8 @@ def try_bench_rig(
         inside = np.abs(error) < 1.96 * solved.uncertainty[:, :6]
     there = np.isfinite(error).sum(axis=0)  # a converter at its end leaves no pose
     over = rms(error) / rms((perfect.state - state)[:, :6])
-    return BenchTrial(found, over, inside.sum(axis=0) / there, seconds)
+    beyond = rms(error) / rms(solved.uncertainty[:, :6])
+    return BenchTrial(found, over, inside.sum(axis=0) / there, beyond, seconds)
 
 
 def try_bench_rigs(rigs: int, samples: int, config: str, reach: float) -> None:

@@ -56,6 +56,8 @@ from .unknowns import (
 
 #: Steps at most; the fall of chi-square that is no longer worth a step; damping that leads nowhere.
 STEPS, ENOUGH, STUCK = 60, 1e-3, 1e10
+#: The size of most residuals over the noise from which on a fit misses something.
+MISFIT = 1.3
 #: The detectors' gains.
 GAINS = tuple(f"correction_{letter}.power" for letter in DETECTORS)
 #: From the median of absolute residuals to a standard deviation.
@@ -234,7 +236,7 @@ class Task:
             at, fell = better, level - now
             if fell < 1e-9 * level + enough and worth < 10 * enough:
                 return at, steps, ""
-        return at, most, self.describe_remaining_moves(matrix, side, worth)
+        return at, most, self.describe_remaining_moves(at, matrix, side, worth)
 
     def describe_deadlock(self, worth: float) -> str:
         return (
@@ -243,20 +245,31 @@ class Task:
             "configuration"
         )
 
-    def describe_remaining_moves(self, matrix: Floats, side: Floats, worth: float) -> str:
-        """Along which unknowns it still moves, and whether that is for want of samples."""
+    def describe_remaining_moves(
+        self, at: Guess, matrix: Floats, side: Floats, worth: float
+    ) -> str:
+        """Along which unknowns it still moves, and whether that is for want of samples.
+
+        A fit whose residuals are larger than the noise creeps along any unknown that the samples
+        hardly determine, and the cause is another: then none of these is to be held.
+        """
+        size = self.limit(at) / self.robust if self.robust else 1.0
         step = np.linalg.solve(matrix, side)
         large = np.argsort(-np.abs(step) / self.choice.sigma)[:3]
         names = ", ".join(self.choice.names[n] for n in large)
         known, whole = step @ self.prior @ step, step @ matrix @ step
-        remedy = (
-            "the samples hardly tell these; take samples that move more, or hold them as they are "
-            "(null in calibrate.before)"
-            if known > whole / 2
-            else "the samples tell these well, so it is not they that are wrong: the model does "
-            "not follow these readings; look for a wrong column, for outliers, or for something "
-            "that moved"
-        )
+        if size > MISFIT:
+            remedy = (
+                f"the residuals are {size:.3g} times the noise, so the model does not follow these "
+                "readings; look for a wrong column, for outliers, or for something that moved"
+            )
+        elif known > whole / 2:
+            remedy = (
+                "the samples hardly tell these; take samples that move more, or hold them as they "
+                "are (null in calibrate.before)"
+            )
+        else:
+            remedy = "take samples that move more"
         return f"chi-square still falls by {worth:.3g} a step, mostly along {names}: {remedy}"
 
     def conclusion(self, at: Guess, steps: int, cause: str) -> Fit:

@@ -18,10 +18,14 @@ from ..core.errors import InputError
 from ..core.names import POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
+from ..detectors.electrodes import tetra_lateral_places, tetra_lateral_ratios
 from .bundle_adjustment import Data, angles_of, rotations_of
-from .fit import NORMAL_MEDIAN, Guess, Task, solve_open_axes
+from .fit import NORMAL_MEDIAN, Fit, Guess, Task, solve_open_axes
 from .misfit import KINDS, Finding
+from .outliers import row_numbers
 from .unknowns import Choice
+from .unmodelled import Remainder, Trace, find_steps, undo_step
+from .unmodelled_findings import step_size
 
 Change = Callable[[Data], Data]
 
@@ -29,10 +33,14 @@ Change = Callable[[Data], Data]
 SAMPLES, STEPS, FINAL = (30, 120), (4, 12), 4
 #: How many of the best may be one of two faults.
 PARTNERS = 6
+#: How many moves of something loose are tried, and the limit of residuals that shows them.
+STEPS_TRIED, ROBUST = 3, 3.0
 #: A hypothesis explains a fit where it lowers chi-square by this factor, and leaves residuals of so
 #: many times the noise at most; or more, which real light leaves, but chi-square lower by a factor
 #: than the next best.
 FACTOR, GOOD, GAP = 0.4, 5.0, 3.0
+#: A fault that leaves chi-square within this factor of the best one's cannot be told from it.
+ALIKE = 1.5
 #: Residuals over the noise that no light of a bench leaves.
 WORST = 17.0
 
@@ -45,12 +53,13 @@ class Hypothesis(NamedTuple):
     change: Change
 
 
-def hypotheses() -> Iterator[Hypothesis]:
+def hypotheses(sensor: Sensor) -> Iterator[Hypothesis]:
     yield from signs()
     yield from exchanges()
     yield from orders()
     yield from axes()
     yield from units()
+    yield from detector_kinds(sensor)
 
 
 def change_readings(change: Callable[[Floats], None]) -> Change:
@@ -243,6 +252,53 @@ def units() -> Iterator[Hypothesis]:
         )
 
 
+def detector_kinds(sensor: Sensor) -> Iterator[Hypothesis]:
+    """Currents that were converted for another kind of detector: straightened or not."""
+
+    def straighten(raw: Floats) -> None:
+        convert_places(sensor, raw, tetra_lateral_places)
+
+    def bend(raw: Floats) -> None:
+        convert_places(sensor, raw, tetra_lateral_ratios)
+
+    for words, change, kind in (
+        ("a tetra-lateral's and were not straightened", straighten, "tetra-lateral"),
+        ("straightened as a tetra-lateral's and are none", bend, "duo-lateral or pincushion"),
+    ):
+        yield Hypothesis(
+            f"the places on the detectors are {words}",
+            f"set sensor.electronics.kind to {kind} and convert the recorded currents again",
+            change_readings(change),
+        )
+
+
+def convert_places(sensor: Sensor, raw: Floats, convert: Callable[[Floats, float], Floats]) -> None:
+    """Places (mm) in readings (n, 9) by a function of places in half sizes and of the aspect."""
+    for k, psd in enumerate(sensor.psds):
+        half = np.array([psd.size_y, psd.size_z]) / 2
+        columns = slice(3 * k, 3 * k + 2)
+        raw[:, columns] = convert(raw[:, columns] / half, psd.size_z / psd.size_y) * half
+
+
+def moves(sensor: Sensor, data: Data, found: Fit) -> Iterator[Hypothesis]:
+    """What jumped at a time that nobody knows, by the residuals of a fit."""
+    try:
+        steps = find_steps(Remainder(sensor, data, found, ROBUST))
+    except (InputError, np.linalg.LinAlgError):
+        return
+    for step in steps[:STEPS_TRIED]:
+        row = int(row_numbers(data)[int(step.at)])
+
+        def undo_it(changed: Data, step: Trace = step, row: int = row) -> Data:
+            return undo_step(changed, step, row)
+
+        yield Hypothesis(
+            f"{step.cause} jumped at row {row}, by {step_size(step)}",
+            "fasten it, or take the rows behind it alone",
+            undo_it,
+        )
+
+
 # ---- trying them
 
 
@@ -282,25 +338,30 @@ def mean_square(task: Task, at: Guess) -> float:
 
 class Explanation(NamedTuple):
     """faults: one, or two at once.  before, after: the residuals over the noise, as the data are
-    and with the faults undone."""
+    and with the faults undone.  others: faults that explain the data as well."""
 
     faults: tuple[Hypothesis, ...]
     before: float
     after: float
+    others: tuple[tuple[Hypothesis, ...], ...]
 
     @property
     def finding(self) -> Finding:
         what = ", and ".join(one.words for one in self.faults)
         two = len(self.faults) > 1
-        remedies = "; ".join(one.remedy for one in self.faults).capitalize()
+        remedies = "; ".join(one.remedy for one in self.faults)
+        others = " or that ".join(
+            " and ".join(one.words for one in faults) for faults in self.others
+        )
+        rest = f" It could be that {others} as well: these samples cannot tell." if others else ""
         return Finding(True, (
             f"Probably {'two faults at once: ' if two else ''}{what}: with that undone, the "
             f"residuals fall from {self.before:.3g} to {self.after:.3g} times the noise. "
-            f"{remedies}, and calibrate again."
+            f"{remedies[:1].upper()}{remedies[1:]}, and calibrate again.{rest}"
         ))  # fmt: skip
 
 
-def find_fault(sensor: Sensor, data: Data, chosen: Choice) -> Explanation | None:
+def find_fault(sensor: Sensor, data: Data, chosen: Choice, found: Fit) -> Explanation | None:
     """The fault that explains a bad fit best, or the two; None where none does.
 
     Single faults are tried first; two at once only where no single one leaves residuals as small as
@@ -310,20 +371,22 @@ def find_fault(sensor: Sensor, data: Data, chosen: Choice) -> Explanation | None
         sensor, chosen, subsample(sensor, data, SAMPLES[0]), subsample(sensor, data, SAMPLES[1])
     )
     before = trials.last(())
-    single = trials.rank([(one,) for one in hypotheses()])
+    every = [*hypotheses(sensor), *moves(sensor, data, found)]
+    single = trials.rank([(one,) for one in every])
     explains = single.explains(before)
     small = before <= GOOD**2 or (explains and single.levels[0] <= GOOD**2)
     if not small:
-        double = trials.rank(pairs_of(single.partners))
+        double = trials.rank(pairs_of(single.partners, every))
         if double.explains(min(before, single.levels[0])):
             return double.explanation(before)
     return single.explanation(before) if explains else None
 
 
-def pairs_of(partners: list[tuple[Hypothesis, ...]]) -> list[tuple[Hypothesis, ...]]:
+def pairs_of(
+    partners: list[tuple[Hypothesis, ...]], every: list[Hypothesis]
+) -> list[tuple[Hypothesis, ...]]:
     """Each of the partners with every other hypothesis, each pair once."""
     words = {one.words for (one,) in partners}
-    every = list(hypotheses())
     return [
         (one, other)
         for (one,) in partners
@@ -379,4 +442,7 @@ class Ranking(NamedTuple):
         return best < FACTOR * before and clear
 
     def explanation(self, before: float) -> Explanation:
-        return Explanation(self.faults[0], float(before**0.5), float(self.levels[0] ** 0.5))
+        alike = [faults for level, faults in zip(self.levels[1:], self.faults[1:], strict=True)
+                 if level < ALIKE * self.levels[0]]  # fmt: skip
+        best = float(self.levels[0] ** 0.5)
+        return Explanation(self.faults[0], float(before**0.5), best, tuple(alike))

@@ -19,13 +19,12 @@ from ..detectors.calibrated import LIGHT_CENTRE, MISFIT
 from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, deviations, light_of
 from .fit import Fit
-from .outliers import MOST_SHARE, POWER_ACCURACY, model_accuracy
+from .outliers import MOST_SHARE, model_accuracy
 from .scatter import (
     FAR,
     PLACES,
     POWERS,
     Scatter,
-    Shape,
     far_unknowns,
     is_doubtful,
 )
@@ -167,15 +166,12 @@ def cause_of(one: Pattern) -> str:
 # ---- findings
 
 
-def findings(
-    sensor: Sensor, found: Fit, data: Data, scatter: Scatter, shape: Shape
-) -> list[Finding]:
+def findings(sensor: Sensor, found: Fit, data: Data, scatter: Scatter) -> list[Finding]:
     """All that is to be said of a fit that has settled, what forbids its use first."""
     every = [chi_square_finding(found, data), spike_finding(found), *pull_findings(sensor, found)]
     every += [pattern_finding(one) for one in patterns(found, data)[:3]]
     every += [
         scatter_finding(scatter),
-        shape_finding(shape),
         backlash_finding(found),
         power_finding(found, data),
     ]
@@ -340,25 +336,6 @@ def describe_detectors(scatter: Scatter) -> str:
         f"the detectors' noise is {places:.3g} times the stated one in places and {powers:.3g} "
         "times in powers; measure it with facets noise"
     )
-
-
-#: A shape in the powers is reported where its chance is below this and its size above this multiple
-#: of the accuracy of the model of real light.
-SHAPE_CHANCE, SHAPE_FACTOR = 1e-6, 2.0
-
-
-def shape_finding(shape: Shape) -> Finding | None:
-    """Powers that follow the mirror's x and y in a way that the model does not know."""
-    if shape.chance > SHAPE_CHANCE or shape.size < SHAPE_FACTOR * POWER_ACCURACY:
-        return None
-    return Finding(True, (
-        "The powers follow the mirror's x and y in a way that no unknown explains (by "
-        f"{100 * shape.size:.2g} % of a power, r.m.s.; chi-square falls by {shape.fall:.0f} with "
-        f"{shape.polynomials} polynomials): the light's cross-section is not that of the model. "
-        "Perhaps the beam is not Gaussian (other modes, a second reflex, fringes) or the mirror's "
-        "tip is chipped. x and y may be off by several times what is stated; look at the beam with "
-        "a camera, clean it with a pinhole or a fibre."
-    ))  # fmt: skip
 
 
 def outlier_findings(rows: list[int], total: int, kind: str) -> list[Finding]:

@@ -20,6 +20,8 @@ from .unknowns import values_of
 #: A channel is stuck where it moves by less than this share of what the motion asks of it, and that
 #: is many times its noise.
 STUCK, MOVED = 0.02, 20.0
+#: Two places are the same where they differ by less than this share of how far they move.
+SAME_PLACE = 0.01
 #: An axis counts as moved where its range is so many times the reference's own uncertainty.
 RANGE = 30.0
 #: How far a motion goes in x and y, in diameters of the beam: less is told, more is advised.
@@ -74,6 +76,26 @@ def stuck_channels(sensor: Sensor, data: Data) -> list[Finding]:
         ))
         for n in still
     ]  # fmt: skip
+
+
+def mixed_kinds(data: Data) -> list[Finding]:
+    """Currents of one kind of detector that were converted by the formula of the other: then both
+    places of each detector are the same, or one is zero."""
+    psi, zeta = (remove_jumps(data.raw[:, n::3]) for n in (0, 1))
+    with np.errstate(invalid="ignore"), catch_warnings():
+        simplefilter("ignore")
+        size, other, apart = (np.nanstd(values, axis=0) for values in (psi, zeta, zeta - psi))
+    for words, kind, is_so in (
+        ("psi and zeta are the same", "pincushion", apart < SAME_PLACE * size),
+        ("zeta does not move", "duo-lateral", other < SAME_PLACE * size),
+    ):
+        if is_so.all():
+            return [Finding(True, (
+                f"On all detectors {words}: probably the currents of {kind} detectors were "
+                f"converted as those of another kind. Set sensor.electronics.kind to {kind} and "
+                "convert the recorded currents again."
+            ))]  # fmt: skip
+    return []
 
 
 def repeats(data: Data) -> list[Finding]:

@@ -39,10 +39,11 @@ from .samples import (
     faults,
     remove_duplicates,
 )
-from .scatter import shape_of_powers
 from .small_matrices import one_thread
 from .table import split
 from .unknowns import DELAY, Choice
+from .unmodelled import Remainder, find_changes, find_unmodelled
+from .unmodelled_findings import change_findings, unmodelled_findings
 from .validation import validation
 
 if TYPE_CHECKING:
@@ -95,7 +96,7 @@ def verdict(sensor: Sensor, data: Data, chosen: Choice, settings: Calibrate) -> 
     if reasons:
         return plain.verdict(reasons)
     done = extend(sensor, plain, settings)
-    reasons = doubt(sensor, plain, done, chosen)
+    reasons = doubt(sensor, plain, done, chosen, settings)
     if reasons:
         return plain.verdict(reasons, done)
     return validate(sensor, plain, done, settings)
@@ -198,7 +199,7 @@ def explain(sensor: Sensor, plain: Plain, chosen: Choice, settings: Calibrate) -
     """A fault of the data that explains a bad fit, or that nothing can be built on it."""
     if not plain.hopeless:
         return []
-    if not plain.promising and (reasons := find_fault(sensor, plain.data, chosen)):
+    if not plain.promising and (reasons := find_fault(sensor, plain.data, chosen, plain.found)):
         return [reasons.finding]
     astray = [] if plain.found.ended else pull_findings(sensor, plain.found, ASTRAY)
     return [unsettled_finding(plain.found), *astray] if astray else []
@@ -212,14 +213,19 @@ def extend(sensor: Sensor, plain: Plain, settings: Calibrate) -> EffectSearch:
     return search(sensor, plain.data, settings, steady, plain.outliers)
 
 
-def doubt(sensor: Sensor, plain: Plain, done: EffectSearch, chosen: Choice) -> list[Finding]:
+def doubt(
+    sensor: Sensor, plain: Plain, done: EffectSearch, chosen: Choice, settings: Calibrate
+) -> list[Finding]:
     """A fault of the data that effects of light only promised to explain, or a fit without end."""
     if plain.promising and is_suspicious(done.sensor, done.found) and (
-        reasons := find_fault(sensor, plain.data, chosen)
+        reasons := find_fault(sensor, plain.data, chosen, plain.found)
     ):  # fmt: skip
         return [reasons.finding]
     if not done.found.ended:
-        return [unsettled_finding(done.found), *pull_findings(sensor, done.found)]
+        remainder = Remainder(done.sensor, done.data, done.found, settings.outliers)
+        changes = change_findings(find_changes(remainder), row_numbers(done.data))
+        return [*changes, unsettled_finding(done.found),
+                *pull_findings(sensor, done.found)]  # fmt: skip
     return []
 
 
@@ -228,9 +234,10 @@ def doubt(sensor: Sensor, plain: Plain, done: EffectSearch, chosen: Choice) -> l
 
 def validate(sensor: Sensor, plain: Plain, done: EffectSearch, settings: Calibrate) -> Verdict:
     found, data, held = done.found, done.data, plain.screened.held
-    shape = shape_of_powers(done.sensor, data, found, settings.outliers)
+    unmodelled = find_unmodelled(done.sensor, data, found, settings.outliers)
     said = outlier_findings(done.outliers, len(plain.screened.fitted.raw), plain.screened.kind)
-    said += [*findings(done.sensor, found, data, done.scatter, shape), *plain.screened.findings]
+    said += [*unmodelled_findings(unmodelled), *findings(done.sensor, found, data, done.scatter)]
+    said += plain.screened.findings
     missed = model_error(found, data, done.sensor, done.scatter)
     centre = centre_sigma(done.sensor, found, settings)
     made = add_unseen_errors(found.sensor, found, missed, centre)

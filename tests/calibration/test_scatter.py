@@ -15,9 +15,10 @@ from facets.calibration.fit import Task, fit
 from facets.calibration.laser import fit_steady_laser
 from facets.calibration.misfit import add_unseen_errors, centre_sigma
 from facets.calibration.outliers import exclude_outliers
-from facets.calibration.scatter import fit_with_scatter, shape_of_powers
+from facets.calibration.scatter import fit_with_scatter
 from facets.calibration.table import choice
 from facets.calibration.unknowns import PLACE
+from facets.calibration.unmodelled import Remainder, shape_of_powers
 from facets.calibration.verdict import verdict
 from facets.detectors.correction import invert_correction
 from facets.detectors.noise import add_noise
@@ -106,8 +107,8 @@ def test_a_power_that_follows_the_place_is_no_scatter():
     for wrong, there in (({"mirror": 3e-4}, False), ({"profile": 0.01}, True)):
         data = samples(**wrong)
         data, found, _ = fit_with_scatter(NOMINAL, data, plain_fit(data), 3.0, beam=True)
-        shape = shape_of_powers(NOMINAL, data, found, 3.0)
-        assert (shape.chance < 1e-6) == there
+        shape = shape_of_powers(Remainder(NOMINAL, data, found, 3.0))
+        assert (shape.log_chance < np.log(1e-6)) == there
 
 
 # ---- light that is not Gaussian, which no residual shows

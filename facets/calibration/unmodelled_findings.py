@@ -1,0 +1,128 @@
+"""What is said of causes that a fit has no unknowns for, see `unmodelled`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.names import ANGLES, DETECTORS, POSE
+from .misfit import KINDS, Finding
+from .outliers import POWER_ACCURACY
+from .unmodelled import (
+    APART_CHANCE,
+    BEAM,
+    CHIP,
+    FRINGES,
+    GHOST,
+    LEAST_CHANCE,
+    MODES,
+    SEAT,
+    SHAPE,
+    Trace,
+    Unmodelled,
+)
+
+#: What light does is reported where its size is above this multiple of the accuracy of the model of
+#: real light: by polynomials that fit anything, and by the columns of one cause.
+SHAPE_FACTOR, CAUSE_FACTOR = 2.0, 1.0
+
+
+def unmodelled_findings(unmodelled: Unmodelled) -> list[Finding]:
+    """What forbids the use of a fit whose model lacks something."""
+    changes = change_findings(unmodelled.changes, unmodelled.rows)
+    light = light_finding(unmodelled)
+    return [*changes, light] if light else changes
+
+
+def light_finding(unmodelled: Unmodelled) -> Finding | None:
+    """Light that is not that of the model, and the likeliest cause."""
+    likely = [
+        one for one in unmodelled.light
+        if one.log_chance < np.log(LEAST_CHANCE) and one.size / unmodelled.powers
+        > POWER_ACCURACY * (SHAPE_FACTOR if one.cause == SHAPE else CAUSE_FACTOR)
+    ]  # fmt: skip
+    if not likely:
+        return None
+    best = likely[0]
+    effect = (
+        "The powers follow the mirror's place in a way that no unknown explains (by "
+        f"{100 * best.size / unmodelled.powers:.2g} % of a power, r.m.s.): the light's "
+        "cross-section is not that of the model. "
+    )
+    causes = (
+        "Perhaps the beam is not Gaussian (other modes, a second reflex, fringes) or the mirror's "
+        "tip is chipped."
+        if best.cause == SHAPE
+        else f"The likeliest cause: {describe_light(best)}.{alternatives(likely, describe_light)}"
+    )
+    return Finding(True, (
+        f"{effect}{causes} x and y may be off by several times what is stated; look at the tip "
+        "with a microscope and at the beam with a camera, clean it with a pinhole or a fibre, and "
+        "tilt windows that reflect."
+    ))  # fmt: skip
+
+
+def alternatives(likely: list[Trace], describe: Callable[[Trace], str]) -> str:
+    """A sentence on the causes that cannot be told apart from the first, if there are any."""
+    limit = likely[0].log_chance + np.log(APART_CHANCE)
+    others = [one for one in likely[1:] if one.cause != SHAPE and one.log_chance < limit]
+    if not others:
+        return ""
+    words = " or ".join(describe(one) for one in others)
+    return f" It could be {words} as well: these samples cannot tell."
+
+
+def describe_light(one: Trace) -> str:
+    if one.cause == CHIP:
+        parts = [k.upper() for k, area in zip(DETECTORS, one.amounts, strict=True)
+                 if abs(area) > 0.4 * np.abs(one.amounts).max()]  # fmt: skip
+        facets = f"facet {parts[0]}" if len(parts) == 1 else f"facets {' and '.join(parts)}"
+        return f"the mirror's tip is chipped on {facets}"
+    if one.cause == GHOST:
+        return "a second reflex beside the beam, or a beam that is not symmetric"
+    if one.cause == MODES:
+        return "a beam with other modes beside the Gaussian one"
+    if one.cause == FRINGES:
+        return f"fringes across the beam, {one.at:.2g} mm apart"
+    return (
+        f"fringes of the window of detector {one.cause[-1].upper()}, {one.at:.2g} mm apart in the "
+        "spot's place or in z"
+    )
+
+
+def change_findings(changes: list[Trace], rows: NDArray[np.int64]) -> list[Finding]:
+    """What jumped or drifted during the motion, and when.  rows: numbers of the samples."""
+    if not changes:
+        return []
+    first = changes[0]
+    others = alternatives(
+        changes, lambda one: f"{one.cause} that {'jumped' if one.at else 'drifted'}"
+    )
+    if not first.at:
+        return [Finding(False, (
+            f"Probably {first.cause} drifted during the motion: the residuals follow the rows' "
+            f"order as they would then.{others} Give time_s, or let it warm up before."
+        ))]  # fmt: skip
+    before, after = rows[int(first.at) - 1 : int(first.at) + 1]
+    return [Finding(True, (
+        f"Between rows {before} and {after} {first.cause} jumped, by {step_size(first)}: "
+        f"something is loose or was touched.{others} Fasten it and calibrate again, or calibrate "
+        "with the rows behind it alone."
+    ))]  # fmt: skip
+
+
+def step_size(one: Trace) -> str:
+    if "gain" in one.cause:
+        return f"{100 * one.amounts[0]:.3g} %"
+    if one.cause == SEAT:
+        sizes = [
+            f"{factor * size:.3g} {unit} in {name}"
+            for name, size in zip(POSE, one.amounts, strict=True)
+            for factor, unit in [(1e6, "urad") if name in ANGLES else (1e3, "um")]
+        ]
+        return ", ".join(sizes)
+    axes = ("x", "y") if one.cause == BEAM else KINDS[:2]
+    parts = zip(axes, one.amounts, strict=True)
+    return " and ".join(f"{1e3 * size:.3g} um along {name}" for name, size in parts)
