@@ -273,11 +273,14 @@ def detector_kinds(sensor: Sensor) -> Iterator[Hypothesis]:
 
 
 def convert_places(sensor: Sensor, raw: Floats, convert: Callable[[Floats, float], Floats]) -> None:
-    """Places (mm) in readings (n, 9) by a function of places in half sizes and of the aspect."""
+    """Places (mm) in readings (n, 9) by a function of places in half sizes and of the aspect; as
+    they were on a detector with a place beyond its edge, where the unit is another."""
     for k, psd in enumerate(sensor.psds):
         half = np.array([psd.size_y, psd.size_z]) / 2
         columns = slice(3 * k, 3 * k + 2)
-        raw[:, columns] = convert(raw[:, columns] / half, psd.size_z / psd.size_y) * half
+        places = raw[:, columns] / half
+        if not (np.abs(places) >= 1).any():
+            raw[:, columns] = convert(places, psd.size_z / psd.size_y) * half
 
 
 def moves(sensor: Sensor, data: Data, found: Fit) -> Iterator[Hypothesis]:
