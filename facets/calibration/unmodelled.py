@@ -392,7 +392,7 @@ class Unmodelled(NamedTuple):
 
 
 @one_thread
-def find_unmodelled(sensor: Sensor, data: Data, found: Fit, robust: float | None) -> Unmodelled:
+def find_causes(sensor: Sensor, data: Data, found: Fit, robust: float | None) -> Unmodelled:
     """What the residuals of a fit follow that it has no unknowns for."""
     remainder = Remainder(sensor, data, found, robust)
     light = list[Trace]()

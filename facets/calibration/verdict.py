@@ -42,7 +42,7 @@ from .samples import (
 from .small_matrices import one_thread
 from .table import split
 from .unknowns import DELAY, Choice
-from .unmodelled import Remainder, find_changes, find_unmodelled
+from .unmodelled import Remainder, find_changes, find_causes
 from .unmodelled_findings import change_findings, unmodelled_findings
 from .validation import validation
 
@@ -234,7 +234,7 @@ def doubt(
 
 def validate(sensor: Sensor, plain: Plain, done: EffectSearch, settings: Calibrate) -> Verdict:
     found, data, held = done.found, done.data, plain.screened.held
-    unmodelled = find_unmodelled(done.sensor, data, found, settings.outliers)
+    unmodelled = find_causes(done.sensor, data, found, settings.outliers)
     said = outlier_findings(done.outliers, len(plain.screened.fitted.raw), plain.screened.kind)
     said += [*unmodelled_findings(unmodelled), *findings(done.sensor, found, data, done.scatter)]
     said += plain.screened.findings

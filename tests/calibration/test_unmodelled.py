@@ -25,7 +25,7 @@ from facets.calibration.unmodelled import (
     GHOST,
     SEAT,
     Remainder,
-    find_unmodelled,
+    find_causes,
     log_chance,
     moments_of,
     undo_step,
@@ -62,7 +62,7 @@ def samples(alter=None, beam=None, mirror=None):
 
 def unmodelled(data):
     free = fit(NOMINAL, data, choice(NOMINAL, PLAIN))
-    return find_unmodelled(NOMINAL, data, fit_steady_laser(NOMINAL, data, free, 3.0), 3.0)
+    return find_causes(NOMINAL, data, fit_steady_laser(NOMINAL, data, free, 3.0), 3.0)
 
 
 def test_the_fall_is_that_of_the_whole_likelihood():
