@@ -42,7 +42,7 @@ from .samples import (
 from .small_matrices import one_thread
 from .table import split
 from .unknowns import DELAY, Choice
-from .unmodelled import Remainder, find_changes, find_causes
+from .unmodelled import Remainder, find_causes, find_changes
 from .unmodelled_findings import change_findings, unmodelled_findings
 from .validation import validation
 
