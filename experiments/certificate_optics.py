@@ -97,14 +97,16 @@ def rotation_by(roll: Any, pitch: Any, yaw: Any) -> Any:
     return rotation((roll, pitch, yaw), arb(1))
 
 
+def values_within(value: float, off: float) -> Any:
+    """All numbers that are no further off."""
+    return arb(value) if off == 0 else (arb(value) - off).lower().union((arb(value) + off).upper())
+
+
 class IntervalSensor:
     """All sensors whose 30 parameters, in the order of `facets.PARAMETERS`, are off so much."""
 
     def __init__(self, parameters: list[float], tolerances: list[float]) -> None:
-        p = [
-            arb(value) if off == 0 else (arb(value) - off).lower().union((arb(value) + off).upper())
-            for value, off in zip(parameters, tolerances, strict=True)
-        ]
+        p = [values_within(*pair) for pair in zip(parameters, tolerances, strict=True)]
         self.power = p[0]
         tilt = rotation_by(p[4], p[5], arb(0))
         x, y, back = ([row[i] for row in tilt] for i in range(3))

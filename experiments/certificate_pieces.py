@@ -187,6 +187,11 @@ class CertifiedAffine:
         ]  # fmt: skip
 
 
+def sum_of(one: list[list[Any]], other: list[list[Any]]) -> list[list[Any]]:
+    """Of two matrices."""
+    return [[x + y for x, y in zip(*pair, strict=True)] for pair in zip(one, other, strict=True)]
+
+
 def check_middles(
     rig: IntervalSensor, jacobians: list[Jacobian], content: dict[str, Any], found: CheckResult
 ) -> None:
@@ -201,9 +206,7 @@ def check_middles(
         refuse_unless(done <= MOST, "L(middle) + the hull of J - L may be singular near"
                       f" {[float(a.mid()) for a, _ in part]}")  # fmt: skip
         near = affine.evaluate([span(a, b) for a, b in part])
-        rows = [
-            [x + y for x, y in zip(*pair, strict=True)] for pair in zip(near, rest, strict=True)
-        ]
+        rows = sum_of(near, rest)
         margin, inverse = margin_by_itself(rows)
         if margin <= 0 or (margin < enough and depth < DEPTH):
             todo += [(half, depth + 1) for half in cut_in_two(part, affine.slopes, rows)]

@@ -181,35 +181,54 @@ def farthest_centroid(least: float) -> Any:
 def cannot_land(
     rig: IntervalSensor, part: Sides, points: list[list[Any]], sizes: list[list[float]]
 ) -> bool:
-    """Whether at no pose of a part the three rays can land on their detectors' areas.
-
-    Where a ray lands is taken times what it goes towards the detector in a unit of its way, so that
-    nothing is divided by what may be zero.
-    """
+    """Whether at no pose of a part the three rays can land on their detectors' areas."""
     pose = [span(*side) for side in part]
     turn = rotation_by(*pose[3:])
-    for k in range(3):
-        normal = [inner_product(row, rig.normals[k]) for row in turn]
-        down = inner_product(normal, rig.down)
-        if down >= 0:
+    return any(misses_detector(rig, k, pose[:3], turn, points[k], sizes[k]) for k in range(3))
+
+
+def misses_detector(
+    rig: IntervalSensor, k: int, apex: list[Any], turn: Any, point: list[Any], size: list[float]
+) -> bool:
+    """Whether at no pose a facet has light from the front whose ray lands on the detector."""
+    normal = [inner_product(row, rig.normals[k]) for row in turn]
+    down = inner_product(normal, rig.down)
+    if down >= 0:
+        return True
+    if not down < 0:
+        return False
+    beside = [sum(point[i] * rig.sigma[i] * rig.across[i][c] for i in range(2)) for c in range(3)]
+    drop = -inner_product(normal, beside) / down
+    away = [rig.down[c] - 2 * down * normal[c] for c in range(3)]
+    start = [apex[c] + beside[c] + drop * rig.down[c] - rig.centres[k][c] for c in range(3)]
+    return leads_beside(start, away, rig.axes[k], size)
+
+
+def leads_beside(start: list[Any], away: list[Any], axes: list[Any], size: list[float]) -> bool:
+    """Whether no ray of a bundle lands on an area of half sizes `size` across the first axis.
+
+    Where a ray lands is taken times what it goes towards the area in a unit of its way, so that
+    nothing is divided by what may be zero.
+    """
+    x, *across = axes
+    facing, gap = inner_product(away, x), -inner_product(start, x)
+    if (facing > 0 and gap < 0) or (facing < 0 and gap > 0):
+        return True
+    for axis, half in zip(across, size, strict=True):
+        landing = inner_product(start, axis) * facing + gap * inner_product(away, axis)
+        if not (landing + span(-half, half) * facing).contains(arb(0)):
             return True
-        if not down < 0:
-            continue
-        beside = [
-            sum(points[k][i] * rig.sigma[i] * rig.across[i][c] for i in range(2)) for c in range(3)
-        ]
-        drop = -inner_product(normal, beside) / down
-        away = [rig.down[c] - 2 * down * normal[c] for c in range(3)]
-        start = [pose[c] + beside[c] + drop * rig.down[c] - rig.centres[k][c] for c in range(3)]
-        x, *across = rig.axes[k]
-        facing, gap = inner_product(away, x), -inner_product(start, x)
-        if (facing > 0 and gap < 0) or (facing < 0 and gap > 0):
-            return True
-        for axis, half in zip(across, sizes[k], strict=True):
-            landing = inner_product(start, axis) * facing + gap * inner_product(away, axis)
-            if not (landing + span(-half, half) * facing).contains(arb(0)):
-                return True
     return False
+
+
+def spots_near(
+    rig: IntervalSensor, middle: list[Any], pose: list[Any], points: list[list[Any]]
+) -> tuple[Any, list[Any]]:
+    """Slopes of G at the middle place and all angles of a part, and G in its middle."""
+    light = {"from_point": [[(p.lower(), p.upper()) for p in row] for row in points],
+             "turns": [[[(0, 0)] * 3] * 2] * 3}  # fmt: skip
+    slopes = arb_mat([spot.slope for spot in spots(rig, [*middle[:3], *pose[3:]], light)])
+    return slopes, [spot.value for spot in spots(rig, middle, light)]
 
 
 def contract(
@@ -222,10 +241,7 @@ def contract(
     """
     middle = [((a + b) / 2).mid() for a, b in part]
     pose = [span(*side) for side in part]
-    light = {"from_point": [[(p.lower(), p.upper()) for p in row] for row in points],
-             "turns": [[[(0, 0)] * 3] * 2] * 3}  # fmt: skip
-    slopes = arb_mat([spot.slope for spot in spots(rig, [*middle[:3], *pose[3:]], light)])
-    places = [spot.value for spot in spots(rig, middle, light)]
+    slopes, places = spots_near(rig, middle, pose, points)
     near = arb_mat(approximate_inverse(slopes))
     limits = [span(-half, half) for size in sizes for half in size]
     step = near * arb_mat([[a - b] for a, b in zip(limits, places, strict=True)])

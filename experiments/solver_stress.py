@@ -257,6 +257,15 @@ def readings_at_power(sensor: facets.Sensor, truth: Floats, share: Floats) -> Fl
     return exact
 
 
+def knowledge_of(sensor: facets.Sensor, place: float | None, light: float | None) -> dict[str, Any]:
+    """Knowledge for `solve`, by standard uncertainties of the beam's place, mm, and of its power."""
+    power = sensor.beam.power
+    return {
+        "beam": "free" if place is None else facets.Prior((0.0, 0.0), place),
+        "power": "unknown" if light is None else facets.Prior(power, light * power),
+    }
+
+
 def count_outcomes(
     trouble: Trouble, sensor: facets.Sensor, known: str, count: int, rng: np.random.Generator
 ) -> Counter[str]:
@@ -275,12 +284,7 @@ def count_outcomes(
     )
     with np.errstate(invalid="ignore"):
         readings, spoilt = trouble.spoil(sensor, facets.add_noise(real, exact, rng), rng)
-    knowledge: dict[str, Any] = {
-        "beam": "free" if place is None else facets.Prior((0.0, 0.0), place),
-        "power": "unknown"
-        if light is None
-        else facets.Prior(sensor.beam.power, light * sensor.beam.power),
-    }
+    knowledge = knowledge_of(sensor, place, light)
     solver = real if trouble.aware else sensor
     solution = facets.solve(solver, readings, threads=0, **knowledge)
     pose = solution.converged
@@ -318,8 +322,18 @@ def main() -> None:
             [add_bench_light(sensor, n % 2 == 0) for n, sensor in enumerate(sensors)]
             for sensors in (asymmetric, every)
         )
+    stress_cases(asymmetric, options.draws, rng)
+    rows = stress_troubles(every, options.draws, rng)
+    if options.output:
+        columns = {key: [row.get(key, 0) for row in rows] for key in rows[0]}
+        about = {"facets": facets.__version__, "seed": str(options.seed)}
+        write_table(options.output, columns, about)
+
+
+def stress_cases(asymmetric: list[facets.Sensor], draws: int, rng: np.random.Generator) -> None:
+    """Print what becomes of exact readings."""
     for case in CASES:
-        each = int(options.draws * case.share / len(asymmetric))
+        each = int(draws * case.share / len(asymmetric))
         found = [stress(case, sensor, each, rng) for sensor in asymmetric]
         total = {key: sum(row[key] for row in found) for key in found[0]}
         worst = max(row["worst_condition"] for row in found)
@@ -327,10 +341,16 @@ def main() -> None:
             f"{case.name:40} {total['draws']:8d} drawn, {total['converged']:8d} ok, "
             f"{total['wrong']} wrong, {total['edge']} near an edge; condition to {worst:.1g}"
         )
+
+
+def stress_troubles(
+    every: list[facets.Sensor], draws: int, rng: np.random.Generator
+) -> list[dict[str, Any]]:
+    """Print what becomes of readings with a trouble, by what is known beside them; a row each."""
     rows = []
     for trouble in TROUBLES:
         for known in KNOWLEDGE:
-            counts = spread_over_sensors(trouble, known, options.draws, every, rng)
+            counts = spread_over_sensors(trouble, known, draws, every, rng)
             rows.append({"trouble": trouble.name, "knowledge": known, **counts})
             print(
                 f"{trouble.name:34} {known:38} {counts['draws']:7d} drawn, {counts['poses']:7d} "
@@ -338,10 +358,7 @@ def main() -> None:
                 f"{counts['unseen']}, edge {counts['edge']}, nothing {counts['nothing']}",
                 flush=True,
             )
-    if options.output:
-        columns = {key: [row.get(key, 0) for row in rows] for key in rows[0]}
-        about = {"facets": facets.__version__, "seed": str(options.seed)}
-        write_table(options.output, columns, about)
+    return rows
 
 
 def spread_over_sensors(

@@ -422,8 +422,8 @@ class World:
         known = np.isfinite(powers).all() or (searching and not np.isnan(powers).any())
         return bool(known and needs and abs(self.now - taken) <= self.settings.stale)
 
-    def check_standstill(self) -> None:
-        """Whether the stage stands still that has to."""
+    def last_motion(self) -> float:
+        """Until when the stage may move, s."""
         s = self.settings
         bound = stopping_time(s)
         allowed = min(max(self.followable, 10.0), self.barred) + bound
@@ -436,7 +436,11 @@ class World:
                 allowed = max(allowed, fault.begin + FOREIGN_MM / self.settings.max_speed + bound)
             if fault.kind == "tenfold" and fault.begin <= self.barred < np.inf:
                 allowed = max(allowed, self.barred + 10 * self.model.reach / s.max_speed + bound)
-        moved = self.model.moved
+        return allowed
+
+    def check_standstill(self) -> None:
+        """Whether the stage stands still that has to."""
+        moved, allowed, bound = self.model.moved, self.last_motion(), stopping_time(self.settings)
         if moved > allowed + TICK_S:
             raise Broken(f"moved at {moved:.3f} s, {moved - allowed + bound:.3f} s after the end")
         if self.followable > 10.0:
@@ -452,6 +456,19 @@ class World:
             if not is_permitted or self.now - taken > self.settings.stale + 2 * MAX_PLACE_AGE_S:
                 raise Broken("sent without a permit")
 
+    def note_errors(self, begun: float) -> tuple[float, float]:
+        """How far the stage is from where it is thought to be, and the beam from where the readings
+        have it, mm; notes since when that has to be found out."""
+        assert self.tracker is not None
+        away = float(np.abs(self.model.place - self.model.shadow.place).max())
+        if self.tracker.searching:  # what the readings say of the beam is followed from then on
+            self.offset, self.wrong = self.beam - self.model.place, np.inf
+        split = float(np.hypot(*(self.beam - self.model.place - self.offset)))
+        self.parted = min(self.parted, begun) if away > FOUND_OUT_MM else np.inf
+        good = self.good and begun - self.good[-1][0] <= self.settings.stale / 2
+        self.wrong = min(self.wrong, begun) if split > FOUND_OUT_MM and good else np.inf
+        return away, split
+
     def check_step(self, begun: float, flag: tuple[float, bool]) -> None:
         """Whether the stage is stopped that must be, after a step of the loop.
 
@@ -459,13 +476,7 @@ class World:
         """
         assert self.tracker is not None
         s, patience = self.settings, settling_time(self.settings) + 0.15
-        away = float(np.abs(self.model.place - self.model.shadow.place).max())
-        if self.tracker.searching:  # what the readings say of the beam is followed from then on
-            self.offset, self.wrong = self.beam - self.model.place, np.inf
-        split = float(np.hypot(*(self.beam - self.model.place - self.offset)))
-        self.parted = min(self.parted, begun) if away > FOUND_OUT_MM else np.inf
-        good = self.good and begun - self.good[-1][0] <= s.stale / 2
-        self.wrong = min(self.wrong, begun) if split > FOUND_OUT_MM and good else np.inf
+        away, split = self.note_errors(begun)
         if self.is_stopped:
             return
         if self.tracker.moves and begun - self.followable > max(s.stale, s.bridge) + 2 * TICK_S:

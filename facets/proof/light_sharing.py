@@ -14,6 +14,7 @@ of this takes but exp and erfc of each edge. docs/uniqueness.md has the theorem 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -210,15 +211,14 @@ def hull_of_bounds(pieces: list[SharingBounds]) -> SharingBounds:
     """What holds over all of some boxes."""
     if not pieces:
         raise LightNotShared
-    return SharingBounds(
-        [[hull(p.from_point[k][i] for p in pieces) for i in range(2)] for k in range(3)],
-        [
-            [[hull(p.turns[k][i][j] for p in pieces) for j in range(3)] for i in range(2)]
-            for k in range(3)
-        ],
-        [hull(p.offset[i] for p in pieces) for i in range(2)],
-        hull(p.slope for p in pieces),
-    )
+    return SharingBounds(*map(hull_of_each, zip(*pieces, strict=True)))
+
+
+def hull_of_each(several: Sequence[Any]) -> Any:
+    """The hull of intervals; of lists of one shape, the hulls of what stands at the same places."""
+    if isinstance(several[0], list):
+        return [hull_of_each(parts) for parts in zip(*several, strict=True)]
+    return hull(several)
 
 
 def edge_angle(geometry: Geometry, edge: Vector) -> Interval:
@@ -244,11 +244,11 @@ def opening(first: Interval, second: Interval) -> Interval:
     return second - first - 2 * arb.pi() * turns
 
 
-def bounds_near(edges: FacetEdges, lights: list[FacetLight], q: Plane) -> SharingBounds:
-    """`bounds_at_fixed_shares` for a small box of q."""
-    u = [direction_at(angle) for angle in edges.angles]
-    sides = [half_line(q, side) for side in u]
-    alpha = [cross_product(u[(e + 1) % 3], u[(e + 2) % 3]) for e in range(3)]
+def offset_moves(
+    edges: FacetEdges, sides: list[HalfLine], alpha: list[Interval]
+) -> list[list[Interval]]:
+    """dq (2, 3) with roll, pitch and yaw that holds the shares.  alpha: weights of the edges."""
+    u = [side.u for side in sides]
     resistance = sum(alpha[e] / sides[e].light for e in range(3))
     dq = [[arb(0)] * 3, [arb(0)] * 3]
     for j in range(3):
@@ -256,6 +256,15 @@ def bounds_near(edges: FacetEdges, lights: list[FacetLight], q: Plane) -> Sharin
         w = [swept / sides[e].light - sides[e].mean * edges.turns[e][j] for e in range(2)]
         for i in range(2):
             dq[i][j] = (w[0] * u[1][i] - w[1] * u[0][i]) / cross_product(u[0], u[1])
+    return dq
+
+
+def bounds_near(edges: FacetEdges, lights: list[FacetLight], q: Plane) -> SharingBounds:
+    """`bounds_at_fixed_shares` for a small box of q."""
+    u = [direction_at(angle) for angle in edges.angles]
+    sides = [half_line(q, side) for side in u]
+    alpha = [cross_product(u[(e + 1) % 3], u[(e + 2) % 3]) for e in range(3)]
+    dq = offset_moves(edges, sides, alpha)
     moved = [centroid_moves(dq, sides, lights[k], edges.turns, k) for k in range(3)]
     on = [side.light for side in sides]
     slope = sum(

@@ -155,16 +155,18 @@ def centred_jacobian(
     place = [arb(float(x)) for x in (low + high) / 2]
     half = [side - middle for side, middle in zip(pose, place, strict=True)]
     middle = spot_jacobian(geometry, shares, place)
-    one, none = arb(1), arb(0)
-    angles = [
-        Sloped(pose[3 + j], tuple(one if i == j else none for i in range(3))) for j in range(3)
-    ]
+    angles = [Sloped(pose[3 + j], unit_slope(j)) for j in range(3)]
     spot_jacobian(geometry, shares, pose)  # is every facet in it facing?
     carried = spot_jacobian(geometry, shares, [*place[:3], *angles])
     by_angles = [[[slope_along(x, j) for x in row] for row in carried] for j in range(3)]
-    by_apex = [[[none] * 3 + [by_angles[j][i][m] for j in range(3)] for i in range(6)]
+    by_apex = [[[arb(0)] * 3 + [by_angles[j][i][m] for j in range(3)] for i in range(6)]
                for m in range(3)]  # fmt: skip
     return Centred(place, half, middle, [*by_apex, *by_angles])
+
+
+def unit_slope(axis: int) -> tuple[Interval, ...]:
+    """The slope of an angle itself, by the three angles."""
+    return tuple(arb(int(i == axis)) for i in range(3))
 
 
 def slope_along(x: Any, axis: int) -> Interval:

@@ -217,8 +217,7 @@ def prove_pieces(
         found.work += 1
         late = found.work >= work or time.perf_counter() > deadline
         if not (least > 0 or depth == MOST_CUTS or late):
-            levers = share_levers(found.box) if jacobian is None else jacobian.levers()
-            todo += [(a, b, depth + 1) for a, b in cut_in_two(low, high, levers)]
+            todo += [(a, b, depth + 1) for a, b in halves_of(low, high, jacobian, found.box)]
             continue
         piece = ProvedPiece(tuple(low.tolist()), tuple(high.tolist()), least)
         if jacobian is not None and least > 0:
@@ -232,6 +231,14 @@ def prove_pieces(
             found.reason = "singular states may be in the pieces listed, and in others"
             break
     return jacobians
+
+
+def halves_of(
+    low: Floats, high: Floats, jacobian: Centred | None, box: StateBox
+) -> list[tuple[Floats, Floats]]:
+    """A piece cut across the axis that moves its Jacobian most, or else the light's shares."""
+    levers = share_levers(box) if jacobian is None else jacobian.levers()
+    return cut_in_two(low, high, levers)
 
 
 def examine_piece(
