@@ -62,23 +62,30 @@ def evaluate_model(model: CompiledModel, x: Array, found: Array, outlines: Array
     model.address(x, found)
 
 
+def detector_fault(k: int, psi: float, zeta: float, power: float, limits: ScreeningLimits) -> int:
+    """What is wrong with the numbers of a detector; CONVERGED where nothing is.
+
+    They are not finite, the power is under the least that counts, or the place is past the edge,
+    where there can be no light.
+    """
+    if not (isfinite(psi) and isfinite(zeta) and isfinite(power)):
+        return NON_FINITE
+    if not power > limits.light[0, k]:
+        return NO_LIGHT
+    if abs(psi) > limits.half_sizes[k, 0] or abs(zeta) > limits.half_sizes[k, 1]:
+        return OUT_OF_RANGE
+    return CONVERGED
+
+
 def screen_reading(values: Array, limits: ScreeningLimits, weights: Array, used: Array) -> int:
     """Fills weights (9,) = 1/sigma and used (3,) for one reading; returns what is wrong, if any.
 
-    A detector is left out, with weight 0, where a number of it is not finite, where its power is
-    under the least that counts, and where its place is past its edge, where there can be
-    no light.
+    A detector with a fault is left out, with weight 0.
     """
     status = CONVERGED
     for k in range(3):
-        psi, zeta, power = values[3 * k], values[3 * k + 1], values[3 * k + 2]
-        fault = CONVERGED
-        if not (isfinite(psi) and isfinite(zeta) and isfinite(power)):
-            fault = NON_FINITE
-        elif not power > limits.light[0, k]:
-            fault = NO_LIGHT
-        elif abs(psi) > limits.half_sizes[k, 0] or abs(zeta) > limits.half_sizes[k, 1]:
-            fault = OUT_OF_RANGE
+        power = values[3 * k + 2]
+        fault = detector_fault(k, values[3 * k], values[3 * k + 1], power, limits)
         used[k] = fault == CONVERGED
         place = power / (limits.noise[0] * limits.noise[1]) if used[k] else 0.0
         weights[3 * k] = weights[3 * k + 1] = place
