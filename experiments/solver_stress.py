@@ -258,7 +258,7 @@ def readings_at_power(sensor: facets.Sensor, truth: Floats, share: Floats) -> Fl
 
 
 def knowledge_of(sensor: facets.Sensor, place: float | None, light: float | None) -> dict[str, Any]:
-    """Knowledge for `solve`, by standard uncertainties of the beam's place, mm, and of its power."""
+    """Knowledge for `solve`: standard uncertainties of the beam's place, mm, and of its power."""
     power = sensor.beam.power
     return {
         "beam": "free" if place is None else facets.Prior((0.0, 0.0), place),
