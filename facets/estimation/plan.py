@@ -13,7 +13,7 @@ from ..core.knowledge import Knowledge, Prior
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import least_light, other_light, power_floor, standard_deviations
-from ..model.arrays import as_vectors, half_sizes, spot_size
+from ..model.arrays import as_vectors, half_sizes, readings, spot_size
 from . import problem
 from .chance import Chance, count_checks, widening_of
 
@@ -124,11 +124,12 @@ def is_plain(known: object, count: int) -> bool:
 
 
 def start_states(
-    start: str | ArrayLike, todo: Plan, values: Floats, shape: tuple[int, ...]
+    sensor: Sensor, start: str | ArrayLike, todo: Plan, values: Floats, shape: tuple[int, ...]
 ) -> Floats:
     """Where the estimates start: (1 or n, 9), with the means of what is known.
 
-    An unknown power starts from the light that is seen.
+    An unknown power starts from the light that is seen. A given state at which diffraction leaves
+    the model without a reading, so that no step leads away from it, is replaced by zero.
     """
     unknown_power = todo.weights[2] == 0 and todo.free[-1] == 8
     if not isinstance(start, str):
@@ -140,6 +141,11 @@ def start_states(
                 raise InputError(f"start does not fit the readings: {error}") from None
         starts = np.empty((len(values), 9))
         starts[:, :8] = states.reshape(-1, 8)
+        if sensor.light.wavelength > 0:
+            here = starts[:, :8]
+            blind = np.isfinite(here).all(axis=1) & np.isnan(readings(sensor, here)).any(axis=1)
+            starts[blind, :8] = 0.0
+            starts[blind, :2] = todo.means[blind if len(todo.means) > 1 else 0, :2]
         starts[:, 8] = todo.means[:, 2]
         if len(todo.free) < 8 or todo.free[7] != 7 or todo.free[6] != 6:
             starts[:, 6:8] = todo.means[:, :2]

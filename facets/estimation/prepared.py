@@ -104,7 +104,7 @@ class Solver:
         """Where `facets.solve` starts for one reading (9,); None for zero."""
         if isinstance(start, str) and start in ("zero", "previous"):
             return None
-        return start_states(start, self._plan, values[None], ())
+        return start_states(self._asked[0], start, self._plan, values[None], ())
 
 
 class _Previous(threading.local):
@@ -133,7 +133,7 @@ class PreparedEstimate:
     ) -> None:
         self._sensor, self._plan = sensor, todo
         self._values, self._found = np.empty((1, 9)), problem.empty_results(1, covariance)
-        self._zero = start_states("zero", self._plan, np.zeros((1, 9)), ())
+        self._zero = start_states(sensor, "zero", self._plan, np.zeros((1, 9)), ())
         self._unknown_power = bool(self._plan.weights[2] == 0 and self._plan.free[-1] == 8)
         self._starts, self._sigmas = self._zero.copy(), np.empty((0, 9))
         if sensor.electronics is not None:
@@ -195,7 +195,7 @@ class PreparedEstimate:
 
     def _from_zero(self) -> Floats:
         if self._unknown_power:
-            return start_states("zero", self._plan, self._values, ())
+            return start_states(self._sensor, "zero", self._plan, self._values, ())
         return self._zero
 
     def _estimate(self, model: str) -> None:

@@ -51,7 +51,8 @@ def solve(
         What is known of the laser's power: "known" as the sensor's, "unknown", or a `Prior` in mW.
     start
         Where the search begins: "zero" (with the apex where the beam is thought to be), "previous"
-        (the last converged sample before), or states (..., 8).
+        (the last converged sample before), or states (..., 8); one at which diffraction leaves
+        no reading counts as zero.
     method
         "paper" is Newton's method on eight readings, without the power of C (section 2.3 of the
         paper): no weights, no damping, the beam free and its power known. Nothing checks its
@@ -107,7 +108,7 @@ def solve(
         return solver.solve_from(given, solver.start_state(start, given))
     values, shape = as_rows(given, 9, "readings")
     todo = find_plan(sensor, Knowledge(beam=beam, power=power), method, shape)
-    starts = start_states(start, todo, values, shape)
+    starts = start_states(sensor, start, todo, values, shape)
     asked = make_problem(todo, starts, start, method, max_steps, accept_unchecked)
     rows = problem.Readings(values, sigmas_of(sensor, values))
     found = solve_rows(sensor, rows, todo, asked, covariance, threads)
@@ -118,7 +119,7 @@ def local_solution(sensor: Sensor, reading: Floats, start: Floats) -> tuple[Floa
     """The state (8,) to which a reading (9,) leads from a start (8,), the beam free, and the
     residual there; NaN where it leads to none. Another state may give the same reading."""
     todo, values = find_plan(sensor, Knowledge(), "least-squares", ()), reading[None].copy()
-    starts = start_states(start, todo, values, ())
+    starts = start_states(sensor, start, todo, values, ())
     asked = make_problem(todo, starts, start, "least-squares", 50, False)
     found = problem.empty_results(1, False)
     estimate(sensor, problem.Readings(values, sigmas_of(sensor, values)), todo.limits, asked, found)

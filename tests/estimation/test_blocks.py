@@ -48,7 +48,7 @@ def one_by_one(sensor, readings, beam="free", power="known", start="zero", max_s
         todo.limits,
         problem.FitProblem(
             todo.means, todo.weights, todo.free,
-            plan.start_states(start, todo, readings, shape), False, max_steps, True,
+            plan.start_states(sensor, start, todo, readings, shape), False, max_steps, True,
             accept_unchecked,
         ),
         found,
@@ -116,8 +116,8 @@ def test_most_readings_stay_in_their_blocks():
     readings = facets.readings(SENSOR, seen(SENSOR, 200, 3, 0.15))
     todo = plan.make_plan(SENSOR, facets.Knowledge())
     asked = problem.FitProblem(
-        todo.means, todo.weights, todo.free, plan.start_states("zero", todo, readings, (200,)),
-        False, 50, True, False,
+        todo.means, todo.weights, todo.free,
+        plan.start_states(SENSOR, "zero", todo, readings, (200,)), False, 50, True, False,
     )  # fmt: skip
     given = problem.Readings(readings, np.empty((0, 9)))
     found = problem.empty_results(200, True)

@@ -246,6 +246,14 @@ def test_a_spot_that_diffraction_all_but_takes_reads_nothing():
     assert np.isnan(at_edge).tolist() == [True] * 3 + [False] * 6
 
 
+@pytest.mark.parametrize("count", [(), (3,)])
+def test_a_start_without_a_reading_counts_as_zero(count):
+    sensor = facets.load("bench-light").sensor
+    reading = facets.readings(sensor, np.zeros((*count, 8)))
+    blind = [0.45, 0, 6.7, 0, 0, 0, 0, 0]
+    assert facets.solve(sensor, reading, start=blind).ok.all()
+
+
 def test_a_configuration_of_wide_strips_is_refused(tmp_path):
     file = tmp_path / "wide.yaml"
     file.write_text(
