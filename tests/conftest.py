@@ -31,7 +31,7 @@ LONG = (
     "design/test_optimize.py",
     "optics/test_bench_light.py",
     "experiments/test_reproduce.py",
-    "design/test_explore.py",
+    "design/test_exploration.py",
     "proof/test_check_certificate.py",
     "live/test_live.py",
     "cli/test_streams.py",

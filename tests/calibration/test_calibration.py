@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from sensors import SENSORS
 
 import facets
+from facets import ConfigError, InputError, Knowledge, uncertainties
 from facets.calibration import table
 from facets.calibration import unknowns as study
 from facets.calibration.bundle_adjustment import (
@@ -32,9 +33,6 @@ from facets.calibration.identifiability import (
     weak_directions,
 )
 from facets.calibration.unknowns import ALL, PLACE, Choice, block, values_of
-from facets.characterization.resolution import uncertainties
-from facets.core.errors import ConfigError, InputError
-from facets.core.knowledge import Knowledge
 from facets.core.motions import Table
 from facets.detectors.calibrated import KNOWN
 from facets.detectors.correction import coefficients, correct, correction_slopes, invert_correction

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 import facets
+from facets import InputError, standard_deviations
 from facets.calibration.bundle_adjustment import Data
 from facets.calibration.dwells import dwell_means, stands
 from facets.calibration.samples import add_converter_steps
 from facets.calibration.table import gather_samples
-from facets.core.errors import InputError
 from facets.core.names import READING_COLUMNS, STATE_UNITS
-from facets.detectors.noise import standard_deviations
 
 SIGMA = np.array([1e-3, 2e-3])
 

@@ -9,6 +9,7 @@ import pytest
 from facets.experiments import rigs
 
 import facets
+from facets import add_noise
 from facets.calibration.bundle_adjustment import Data, add_power_polynomials, states_of
 from facets.calibration.effect_search import search
 from facets.calibration.fit import fit
@@ -16,7 +17,6 @@ from facets.calibration.laser import fit_steady_laser
 from facets.calibration.table import choice
 from facets.calibration.unknowns import PLACE
 from facets.detectors.correction import invert_correction
-from facets.detectors.noise import add_noise
 
 CONFIG = facets.load("paper")
 NOMINAL, SETTINGS = CONFIG.sensor, CONFIG.calibrate

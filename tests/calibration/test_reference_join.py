@@ -7,9 +7,9 @@ import pytest
 from facets.experiments import rigs
 
 import facets
+from facets import InputError
 from facets.calibration.reference_join import join_tables
 from facets.calibration.table import REFERENCE, recording_time
-from facets.core.errors import InputError
 from facets.core.names import READING_COLUMNS, STATE_UNITS
 from facets.files import tables
 

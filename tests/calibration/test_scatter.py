@@ -9,6 +9,7 @@ import pytest
 from facets.experiments import disturbed_rigs, rigs
 
 import facets
+from facets import add_noise
 from facets.calibration import scatter
 from facets.calibration.bundle_adjustment import Data, add_power_polynomials, states_of
 from facets.calibration.fit import Task, fit
@@ -21,7 +22,6 @@ from facets.calibration.unknowns import PLACE
 from facets.calibration.unmodelled import Remainder, shape_of_powers
 from facets.calibration.verdict import verdict
 from facets.detectors.correction import invert_correction
-from facets.detectors.noise import add_noise
 
 CONFIG = facets.load("paper")
 NOMINAL = CONFIG.sensor

@@ -9,13 +9,13 @@ import pytest
 from facets.experiments import rigs
 
 import facets
+from facets import add_noise
 from facets.calibration.bundle_adjustment import Data, states_of
 from facets.calibration.effect_search import search
 from facets.calibration.fit import fit
 from facets.calibration.table import choice, velocities
 from facets.calibration.verdict import verdict
 from facets.detectors.correction import invert_correction
-from facets.detectors.noise import add_noise
 
 CONFIG = facets.load("paper")
 NOMINAL = CONFIG.sensor

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 import facets
+from facets import POSE, InputError, Rules
 from facets.characterization import outlines
 from facets.characterization.ranges import find_exits
-from facets.core.errors import InputError
-from facets.core.names import POSE
-from facets.core.rules import Rules
 
 SENSOR = facets.Sensor()
 REST = np.zeros(6)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import facets
+from facets import CAUSES, Rules
 from facets.characterization import ranges
-from facets.characterization.ranges import CAUSES, LIGHT, PSD
-from facets.core.rules import Rules
+from facets.characterization.ranges import LIGHT, PSD
 
 SENSOR = facets.Sensor()
 REST = np.zeros(6)

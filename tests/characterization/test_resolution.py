@@ -8,17 +8,8 @@ from scipy import stats
 from sensors import SENSORS
 
 import facets
-from facets import Knowledge
-from facets.characterization.resolution import (
-    Estimator,
-    budgets,
-    estimators,
-    resolve,
-    sources,
-    uncertainties,
-)
-from facets.core.rules import Rules
-from facets.detectors.noise import add_noise
+from facets import Estimator, Knowledge, Rules, add_noise, budgets, uncertainties
+from facets.characterization.resolution import estimators, resolve, sources
 
 SENSOR = facets.Sensor()
 PLACES = np.zeros((5, 8))

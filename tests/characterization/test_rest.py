@@ -10,10 +10,11 @@ import pytest
 from colours import flicker
 
 import facets
+from facets import STATE
 from facets.characterization.noise_model import fit_noise
 from facets.characterization.noise_report import longest_section
 from facets.characterization.rest import find_faults, reading_faults
-from facets.core.names import READING_COLUMNS, STATE
+from facets.core.names import READING_COLUMNS
 from facets.detectors.counts import SATURATED
 
 COUNT, RATE = 8_000, 1_000.0

@@ -7,6 +7,7 @@ import pytest
 from sensors import SENSORS, states
 
 import facets
+from facets import InputError
 from facets.characterization.ambiguity import find_ambiguous_pair
 from facets.characterization.ranges import scaled_jacobian
 from facets.characterization.singularity import (
@@ -18,7 +19,6 @@ from facets.characterization.singularity import (
     weakest_direction,
 )
 from facets.characterization.state_box import AXES, apex_offset, parse_box, range_box
-from facets.core.errors import InputError
 
 PAPER = SENSORS["paper"]
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from facets import ConfigError, Correction, Sensor
 from facets.config import (
     Random,
     Sine,
@@ -24,8 +25,6 @@ from facets.config import (
 from facets.config.alignment_check import landings
 from facets.config.json_schema import key_names
 from facets.config.sensor_keys import write_sensor
-from facets.core.errors import ConfigError
-from facets.core.sensor import Correction, Sensor
 
 pytestmark = pytest.mark.installed
 

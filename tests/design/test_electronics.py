@@ -9,13 +9,10 @@ import pytest
 from commands import command
 
 import facets
-from facets.characterization.resolution import uncertainties
-from facets.core.errors import InputError
-from facets.core.knowledge import Knowledge
+from facets import InputError, Knowledge, optimize, uncertainties
 from facets.core.layout import AmplifierPart, PsdPart
 from facets.design.exploration import Space, measure_design
 from facets.design.front import pareto_front
-from facets.design.search import optimize
 from facets.design.variables import (
     Outcome,
     columns_of_states,

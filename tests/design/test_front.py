@@ -9,9 +9,7 @@ import pytest
 from commands import command
 
 import facets
-from facets.characterization.resolution import uncertainties
-from facets.core.errors import InputError
-from facets.core.knowledge import Knowledge
+from facets import InputError, Knowledge, uncertainties
 from facets.design.exploration import MEASURES, NO_RIVALS, Space, part_of
 from facets.design.front import columns, compare_with_designs, is_objective, pareto_front
 from facets.design.trade import trade_of

@@ -12,17 +12,14 @@ from scipy.optimize import minimize
 from sensors import SENSORS, states
 
 import facets
-from facets.characterization.resolution import uncertainties
+from facets import BenchLight, ConfigError, InputError, Knowledge, optimize, uncertainties
 from facets.characterization.singularity import measures
-from facets.core.errors import ConfigError, InputError
-from facets.core.knowledge import Knowledge
 from facets.core.layout import LaserPart, PsdPart
-from facets.core.sensor import BenchLight
 from facets.design.exploration import meets
 from facets.design.problem import problem_of
 from facets.design.report import worst_over
 from facets.design.rounding import round_design, step_of
-from facets.design.search import optimize, solve_from, starts_of
+from facets.design.search import solve_from, starts_of
 from facets.design.variables import (
     Outcome,
     columns_of_states,

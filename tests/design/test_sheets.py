@@ -7,7 +7,7 @@ import re
 import pytest
 from commands import command
 
-from facets.core.errors import InputError
+from facets import InputError
 from facets.design.sheets import require_writable, write_sheets
 
 TABLES = {

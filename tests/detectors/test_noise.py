@@ -7,19 +7,18 @@ import pytest
 from scipy import stats
 
 import facets
-from facets import Electronics
-from facets.characterization.resolution import budgets, sources, uncertainties
-from facets.core.errors import InputError
-from facets.core.knowledge import Knowledge
-from facets.detectors import electrodes
-from facets.detectors.noise import (
-    ELECTRIC,
+from facets import (
+    Electronics,
+    InputError,
+    Knowledge,
     add_noise,
-    power_floor,
+    budgets,
     standard_deviations,
-    step_variances,
-    variances,
+    uncertainties,
 )
+from facets.characterization.resolution import sources
+from facets.detectors import electrodes
+from facets.detectors.noise import ELECTRIC, power_floor, step_variances, variances
 
 #: Loud enough that no source hides behind the converter's steps.
 LOUD = Electronics(

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 import facets
-from facets.core.sensor import BenchLight
+from facets import BenchLight, simulate
 from facets.detectors.skew import align, delay_states, slopes
-from facets.simulation.run import simulate
 
 LATE = replace(facets.Sensor(), light=BenchLight(delays=(0.0, 5e-6, 1e-5)))
 

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from pkgutil import resolve_name
 
 import pytest
 from pages import LINK, PAGES, ROOT, name_of, prose
@@ -121,3 +122,17 @@ def test_a_name_that_does_not_exist_is_found() -> None:
         "electrode_pairs", "a", "b", "f",
     }  # fmt: skip
     assert "electrode_pairs" not in all_names()
+
+
+def test_the_names_of_the_reference_can_be_imported():
+    """The build of the documentation would find this too, a quarter of an hour later."""
+    text = (ROOT / "docs/api.md").read_text("utf-8")
+    names = re.findall(r"^::: (\S+)", text, flags=re.MULTILINE)
+    assert len(names) > 20
+    missing = []
+    for name in names:
+        try:
+            resolve_name(name)
+        except (ImportError, AttributeError):
+            missing.append(name)
+    assert missing == []

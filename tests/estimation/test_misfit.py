@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import chi2
 
 import facets
-from facets.detectors.noise import add_noise
+from facets import add_noise
 from facets.estimation.chance import FALSE_ALARM_RATE, LIMITS
 from facets.estimation.misfit import MAX_EXAMPLES, Misfit
 from facets.estimation.table import StatusCounts, solve_readings

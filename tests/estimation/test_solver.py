@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import facets
-from facets import Prior, Status
-from facets.core.errors import InputError
+from facets import InputError, Prior, Status
 from facets.estimation import problem
 from facets.estimation.least_squares import back_substitute, triangularise
 from facets.estimation.normal_equations import (

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from facets.core.errors import InputError, OutputError
+from facets import InputError, OutputError
 from facets.files import tables
 
 pytestmark = pytest.mark.installed

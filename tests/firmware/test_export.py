@@ -13,9 +13,7 @@ from facets.experiments.sensors import SENSORS
 from facets.experiments.solver_stress import CASES, starts, states
 
 import facets
-from facets import Status
-from facets.core.errors import InputError
-from facets.core.sensor import BenchLight, Correction, Grid
+from facets import BenchLight, Correction, Grid, InputError, Status
 from facets.detectors.correction import correct
 from facets.detectors.counts import counts_to_readings, counts_to_xy_sum, readings_to_counts
 from facets.firmware import export as export_module

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from facets.characterization.outlines import Boundary
+from facets import POSE, Boundary
 from facets.characterization.sensitivity import Index
-from facets.core.names import POSE, RANGE_COLUMNS, READING_COLUMNS, STATE_COLUMNS
+from facets.core.names import RANGE_COLUMNS, READING_COLUMNS, STATE_COLUMNS
 
 
 def rng() -> np.random.Generator:

@@ -3,7 +3,7 @@
 import numpy as np
 from facets.experiments.sensors import SENSORS as SENSORS
 
-from facets.core.sensor import BenchLight
+from facets import BenchLight
 
 #: How far the mirror's edges roll off, mm.
 DEPTHS = (6e-5, 3e-5, 5e-5, 7e-5, 2e-5, 4e-5)

@@ -13,7 +13,7 @@ from recorded import BLOCKS, EACH, record
 from ruamel.yaml import YAML
 
 import facets
-from facets.config.loading import fingerprint
+from facets.config import fingerprint
 
 
 @pytest.fixture(scope="module")

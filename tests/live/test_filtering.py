@@ -12,16 +12,16 @@ from commands import command
 
 import facets
 from facets.detectors.counts import readings_to_counts
+from facets.live import Subscription, smooth
 from facets.live.run import filtering as module
 from facets.live.run.filtering import Filter, PoseFilter
 from facets.live.run.pipeline import Pipeline
-from facets.live.run.smoothing import MODELS, process_noise, smooth, transition
+from facets.live.run.smoothing import MODELS, process_noise, transition
 from facets.live.sources.frames import Samples, pack
 from facets.live.streams.filtered_rows import FILTERED, WIDE, RowFilter
 from facets.live.streams.json_rows import json_of
 from facets.live.streams.publication import Publications
 from facets.live.streams.sample_rows import SAMPLE, rows_of
-from facets.live.streams.subscription import Subscription
 
 AXES = 2
 NOISE = np.array([[1.0, 0.6], [0.6, 2.0]])

@@ -19,7 +19,7 @@ from facets.experiments.soak import soak
 from programs import Program, count_lines, size_of
 
 import facets
-from facets.core.errors import InputError
+from facets import InputError
 from facets.live.recording.pose_table import join_columns, pose_columns, recorded_poses
 from facets.live.recording.reader import blocks
 from facets.live.recording.replay import recorded_config, replay

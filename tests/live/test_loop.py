@@ -9,11 +9,11 @@ import pytest
 from facets.experiments.kills import stream
 
 import facets
-from facets.estimation.solution import Status
+from facets import Status
+from facets.live import Live
 from facets.live.recording.comparison import compare
 from facets.live.recording.pose_table import join_columns, pose_columns
 from facets.live.run import loop as module
-from facets.live.run.live import Live
 from facets.live.run.loop import Ending, Loop
 from facets.live.run.pipeline import FULL, SKIPPED, TWO_DETECTORS, Pipeline
 from facets.live.run.sink import Sink

@@ -13,9 +13,9 @@ from facets.experiments.kills import stream
 from programs import Program
 
 import facets
-from facets.core.errors import InputError
+from facets import InputError
+from facets.live import poses
 from facets.live.run.pipeline import LABELS, Pipeline
-from facets.live.run.poses import poses
 from facets.live.sources.frames import SIZE
 from facets.live.streams import row_stream
 from facets.live.streams.publication import Publications
@@ -30,7 +30,8 @@ from bluesky.preprocessors import run_decorator, stage_decorator  # noqa: E402
 from bluesky.run_engine import RunEngine  # noqa: E402
 from bluesky.utils import FailedStatus  # noqa: E402
 
-from facets.live.streams.ophyd_device import COLUMNS, Interval, PoseSensor  # noqa: E402
+from facets.live import PoseSensor  # noqa: E402
+from facets.live.streams.ophyd_device import COLUMNS, Interval  # noqa: E402
 
 pytestmark = pytest.mark.installed
 

@@ -11,7 +11,7 @@ import pytest
 from power_cut import Log, image
 
 import facets
-from facets.core.errors import InputError
+from facets import InputError
 from facets.detectors.counts import readings_to_counts
 from facets.files.provenance import run_record
 from facets.live.recording.index import Damage

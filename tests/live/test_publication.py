@@ -14,7 +14,7 @@ from facets.experiments.kills import stream
 from programs import GUARD, Program, await_true
 
 import facets
-from facets.core.errors import InputError
+from facets import InputError
 from facets.live import Subscription
 from facets.live.recording.pose_table import join_columns, pose_columns
 from facets.live.run.pipeline import Pipeline

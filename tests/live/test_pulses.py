@@ -10,11 +10,11 @@ from commands import command
 from facets.experiments.kills import stream
 
 import facets
+from facets.live import Subscription
 from facets.live.run.pipeline import Pipeline
 from facets.live.run.pulses import PulseClock
 from facets.live.sources.frames import FRAME, MARK, SIZE, FixedFrames, pack
 from facets.live.streams.publication import Publications
-from facets.live.streams.subscription import Subscription
 
 START = 1_800_000_000.3  # UTC of the board's zero
 

@@ -12,7 +12,8 @@ import pytest
 from facets.experiments.kills import stream
 
 import facets
-from facets.core.errors import InputError
+from facets import InputError
+from facets.live import Live
 from facets.live.recording.disk import Disk
 from facets.live.recording.index import Damage
 from facets.live.recording.pose_table import recorded_poses
@@ -20,7 +21,6 @@ from facets.live.recording.reader import blocks
 from facets.live.recording.replay import replay
 from facets.live.recording.writer import DiskError, Recording
 from facets.live.run import loop as module
-from facets.live.run.live import Live
 from facets.live.run.loop import Ending, acquire
 from facets.live.run.pipeline import Pipeline
 from facets.live.run.reader import Reader

@@ -10,13 +10,13 @@ from commands import command
 
 import facets
 from facets.detectors.counts import readings_to_counts
+from facets.live import smooth
 from facets.live.run import smoothing as module
 from facets.live.run.smoothing import (
     MODELS,
     dynamic_error,
     noise_covariance,
     process_noise,
-    smooth,
     transition,
 )
 from facets.live.sources.frames import Samples, pack

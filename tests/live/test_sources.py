@@ -10,8 +10,8 @@ import pytest
 from facets.experiments.kills import stream
 
 import facets
+from facets.live import poses
 from facets.live.run.pipeline import Pipeline
-from facets.live.run.poses import poses
 from facets.live.sources import check_source
 from facets.live.sources import ports as module
 from facets.live.sources.frames import SIZE

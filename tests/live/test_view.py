@@ -13,8 +13,8 @@ from rich.console import Console
 
 import facets
 from facets.core.hues import DARK, LIGHT
+from facets.live import Live
 from facets.live.run import view
-from facets.live.run.live import Live
 from facets.live.run.pipeline import Pipeline
 
 CONFIG = facets.load("bench")

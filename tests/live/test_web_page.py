@@ -12,8 +12,8 @@ from facets.experiments.kills import stream
 from programs import Program, await_true
 
 import facets
+from facets.live import Live
 from facets.live.recording.pose_table import recorded_poses
-from facets.live.run.live import Live
 from facets.live.run.pipeline import Pipeline
 from facets.live.streams.sample_rows import SAMPLE
 from facets.live.web.page import WebPage

@@ -14,8 +14,8 @@ from commands import command
 from programs import GUARD, await_true
 
 import facets
-from facets.core.errors import InputError
-from facets.live.run.live import Live
+from facets import InputError
+from facets.live import Live
 from facets.live.run.pipeline import Pipeline
 from facets.live.streams.sample_rows import SAMPLE
 from facets.live.web import page as module

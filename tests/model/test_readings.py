@@ -7,7 +7,7 @@ from scipy.integrate import dblquad
 from sensors import SENSORS, states
 
 import facets
-from facets.core.errors import InputError
+from facets import InputError
 from facets.model.arrays import geometry_of
 from facets.optics.forward import readings as plain_readings
 

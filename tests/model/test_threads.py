@@ -8,7 +8,7 @@ from llvmlite import ir
 from sensors import SENSORS, states
 
 import facets
-from facets.core.errors import InputError
+from facets import InputError
 from facets.model import object_code
 from facets.model.threads import cores, once, part_of, run_side_by_side, share
 

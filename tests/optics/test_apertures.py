@@ -8,8 +8,7 @@ import pytest
 from sensors import SENSORS, states
 
 import facets
-from facets import Apertures
-from facets.core.errors import InputError
+from facets import Apertures, InputError
 from facets.model import evaluators
 from facets.model.arrays import packed_vectors, parameters
 from facets.optics.parameters import BEAM, FACET, PSD

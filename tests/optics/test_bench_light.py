@@ -16,8 +16,7 @@ from hypothesis.strategies import floats, integers, lists
 from sensors import ALL, DEPTHS, SENSORS, states
 
 import facets
-from facets.core.errors import ConfigError, InputError
-from facets.core.sensor import BenchLight
+from facets import BenchLight, ConfigError, InputError
 from facets.model.arrays import (
     EFFECTS,
     effect_jacobian,

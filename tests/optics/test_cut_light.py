@@ -8,9 +8,7 @@ import pytest
 from sensors import SENSORS, states
 
 import facets
-from facets import Apertures
-from facets.core.errors import ConfigError, InputError
-from facets.core.sensor import BenchLight
+from facets import Apertures, BenchLight, ConfigError, InputError
 
 CUTS = {
     "beam": Apertures(beam=0.7),

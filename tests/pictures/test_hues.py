@@ -7,8 +7,9 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from facets import STATE
 from facets.core.hues import DARK, DASHES, LIGHT, MARKS, THEMES, Hues
-from facets.core.names import ANGLES, DETECTORS, STATE
+from facets.core.names import ANGLES, DETECTORS
 
 #: Machado, Oliveira and Fernandes, IEEE TVCG 15 (2009) 1291, severity 1; in linear sRGB.
 EYES = {

@@ -12,7 +12,7 @@ import pytest
 from commands import command
 from figures import ALL, texts_of
 
-from facets.core.errors import InputError
+from facets import InputError
 from facets.core.hues import THEMES, choose_style, chosen_style, use_style
 from facets.pictures import style
 from facets.pictures.motion import motion_picture

@@ -15,9 +15,8 @@ from commands import command
 from sensors import SENSORS, states
 
 import facets
-from facets.core.errors import InputError
+from facets import BenchLight, InputError
 from facets.core.names import STATE_COLUMNS, STATE_UNITS
-from facets.core.sensor import BenchLight
 from facets.pictures import scene
 from facets.pictures.page.javascript import javascript
 from facets.pictures.page.model import model

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from facets.core.errors import InputError
+from facets import InputError
 from facets.core.motions import Random, Sine, Steps, Sweep, Table
 from facets.simulation.motion import states
 

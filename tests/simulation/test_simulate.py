@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 import facets
-from facets.core.errors import InputError
-from facets.detectors.noise import add_noise
-from facets.simulation.run import axes, pose_table, reading_table, simulate, statuses
+from facets import InputError, add_noise, simulate
+from facets.simulation.run import axes, pose_table, reading_table, statuses
 
 
 def config(tmp_path, text: str) -> facets.Config:

@@ -11,12 +11,11 @@ import pytest
 from commands import command
 
 import facets
-from facets.core.errors import InputError
+from facets import InputError, optimize
 from facets.design.assembly import assembly_of
 from facets.design.problem import problem_of
 from facets.design.production import count_passes, interval, simulate_heads
 from facets.design.robust import robust_layout
-from facets.design.search import optimize
 from facets.design.tolerancing import draw_heads, expand_margins, key_of, sensitivities, shares
 from facets.design.variables import sensor_of
 from facets.design.volume import states_of

@@ -10,8 +10,7 @@ from facets.experiments.neglected import closed_form_shifts, diffraction_shifts
 from sensors import SENSORS, states
 
 import facets
-from facets.core.errors import InputError
-from facets.core.sensor import Apertures, BenchLight, Imperfections
+from facets import Apertures, BenchLight, Imperfections, InputError
 from facets.model.arrays import geometry_of
 from facets.optics.forward import dark_scene
 from facets.simulation.imperfect_optics import (
@@ -108,7 +107,7 @@ def test_diffraction_is_that_of_a_propagated_field(offset):
 
 
 def test_simulations_have_it_and_the_solver_does_not():
-    from facets.simulation.run import simulate
+    from facets import simulate
 
     ideal = facets.load("paper")
     short = replace(ideal.motions["multi-axis"], samples=40)

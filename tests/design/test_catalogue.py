@@ -7,9 +7,10 @@ from dataclasses import replace
 import pytest
 
 import facets
+from facets import optimize
 from facets.design.branching import best_parts, relax_parts, whole
 from facets.design.catalogue import choices
-from facets.design.search import optimize, solve_from_present
+from facets.design.search import solve_from_present
 
 CONFIG = facets.load("layout")
 MARKET = facets.load("market").layout

@@ -8,7 +8,7 @@ from bad_inputs import recorded
 from commands import command
 
 import facets
-from facets.core.errors import InputError
+from facets import InputError
 from facets.design.exploration import Space, part_table
 from facets.files import provenance, tables
 

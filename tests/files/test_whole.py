@@ -14,7 +14,7 @@ import pytest
 from commands import command
 from facets.cli import main
 
-from facets.core.errors import OutputError
+from facets import OutputError
 from facets.files import whole
 from facets.files.whole import ResultSet, Whole, readable_path, remove_older
 

@@ -19,8 +19,7 @@ from nursery import nursery
 from programs import GUARD, Program, await_true
 
 import facets
-from facets.characterization.ranges import axis_ranges
-from facets.core.errors import InputError, OutputError
+from facets import InputError, OutputError, axis_ranges
 from facets.design import exploration as study
 from facets.design.exploration import (
     MEASURES,
