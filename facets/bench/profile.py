@@ -10,6 +10,7 @@ import numpy as np
 from ..core.units import Floats
 from ..estimation.solver import solve
 from ..model.arrays import packed_vectors, readings
+from ..optics.wedge import swept_mass
 from . import rivals, stages
 from .clock import Contender, alternate
 
@@ -96,8 +97,6 @@ def quadrature(nodes: int, points: Floats, out: Floats) -> None:
 def reference(points: Floats) -> Any:
     """From the definition, at 30 digits."""
     import mpmath as mp
-
-    from ..optics.wedge import swept_mass
 
     with mp.workdps(30):
         return np.array([swept_mass(mp.mpf(float(a)), mp.mpf(float(h))) for a, h in points])

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..core.sensor import Sensor
 from ..core.units import Floats
+from ..model.arrays import reaches
 
 Moments = Callable[[Floats, float, float], tuple[float, float, float]]
 
@@ -191,8 +192,6 @@ def sobol_points(count: int, seed: int) -> Floats:
 
 def states_in_range(count: int, seed: int) -> Floats:
     """Random states whose three spots lie on their detectors."""
-    from ..model.arrays import reaches
-
     half = np.array([0.1, 0.1, 6.0, 12e-3, 12e-3, 24e-3, 0.05, 0.05])
     rng = np.random.default_rng(seed)
     kept: list[Floats] = []

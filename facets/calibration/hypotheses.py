@@ -19,6 +19,8 @@ from ..core.names import POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.electrodes import tetra_lateral_places, tetra_lateral_ratios
+from ..detectors.noise import standard_deviations
+from ..model.arrays import readings
 from .bundle_adjustment import Data, angles_of, rotations_of
 from .fit import NORMAL_MEDIAN, Fit, Guess, Task, solve_open_axes
 from .misfit import KINDS, Finding
@@ -308,9 +310,6 @@ def moves(sensor: Sensor, data: Data, found: Fit) -> Iterator[Hypothesis]:
 def subsample(sensor: Sensor, data: Data, count: int) -> Data:
     """Some samples, all over the motion, with the noise of the mirror at rest: a fault in the
     powers would change it, and what is compared with it."""
-    from ..detectors.noise import standard_deviations
-    from ..model.arrays import readings
-
     rows = np.linspace(0, len(data.raw) - 1, min(count, len(data.raw))).astype(np.int64)
     part = data.part(np.unique(rows))
     noise = standard_deviations(sensor, readings(sensor, np.zeros(8)))

@@ -17,6 +17,7 @@ from ..files import tables
 from ..model.arrays import EFFECTS
 from ..model.beam_shape import SHAPE
 from .bundle_adjustment import Data
+from .dwells import FEWEST, WITHIN, dwell_means
 from .fit import Fit
 from .unknowns import BACKLASH, DRIFTS, MOUNTING, OF_SEAT, POWER_DRIFT, SKEW, Choice, values_of
 
@@ -45,7 +46,16 @@ def read(path: Path, settings: Calibrate) -> Data:
     measured = [n for n in range(6) if np.isfinite(settings.reference[n])]
     needed = (*READING_COLUMNS, *(REFERENCE[n] for n in measured))
     optional = (*beside, *RUN, *(REFERENCE[n] for n in range(6) if n not in measured))
-    return gather_samples(path, whole_table(path, needed, optional), settings)
+    try:
+        columns = whole_table(path, needed, optional)
+    except tables.MissingColumnsError as error:
+        if set(error.names).isdisjoint(REFERENCE):
+            raise
+        raise InputError(
+            f"{error}. These are the reference's poses: write them beside the readings, or give "
+            "their own table with --reference"
+        ) from None
+    return gather_samples(path, columns, settings)
 
 
 def whole_table(
@@ -133,8 +143,6 @@ def averaged_columns(
 
     Raises `InputError` where it does not stand still ten times.
     """
-    from .dwells import FEWEST, WITHIN, dwell_means
-
     measured = [n for n in range(6) if np.isfinite(settings.reference[n])]
     pose = np.column_stack([columns[REFERENCE[n]] * STATE_UNITS[n] for n in measured])
     found = dwell_means(columns, pose, np.array(settings.reference)[measured])
@@ -273,31 +281,35 @@ def split(data: Data, share: float) -> tuple[Data, Data]:
     return data.part(~held), data.part(held)
 
 
+#: In which parameters are shown, and how many of those make one of the code's: by the whole name,
+#: or else by what stands after its last dot.
+UNITS = {
+    **dict.fromkeys(EFFECTS, ("", 1.0)),
+    **dict.fromkeys(POWER_DRIFT, ("%", 100.0)),
+    **dict.fromkeys((*DRIFTS, *BACKLASH), ("um", 1e3)),
+    **{name: ("mrad", 1e3) if "mount" in name else ("mm", 1.0) for name in MOUNTING},
+    **dict.fromkeys(SKEW, ("us", 1e6)),
+    "beam.power": ("mW", 1.0),
+}
+UNITS_OF_PARTS = {
+    "delay": ("ms", 1e3),
+    "radius": ("mm", 1.0),
+    "height": ("mm", 1.0),
+    "power": ("%", 100.0),
+    "dark": ("uW", 1e3),
+}
+
+
 def unit_of(name: str, sensor: Sensor) -> tuple[str, float]:
     """In which a parameter is shown, and how many of those make one of the code's."""
     head, _, part = name.rpartition(".")
     if name in SHAPE:
         return "%", 1600.0 / (sensor.beam.diameter_x * sensor.beam.diameter_y)
-    if name in SKEW:
-        return "us", 1e6
-    if part == "delay":
-        return "ms", 1e3
-    if name in MOUNTING:
-        return ("mrad", 1e3) if "mount" in name else ("mm", 1.0)
-    if name in DRIFTS:
-        return "um", 1e3
-    if name in BACKLASH:
-        return ("urad", 1e6) if part in ANGLES else ("um", 1e3)
-    if name in POWER_DRIFT:
-        return "%", 100.0
-    if name in EFFECTS:
-        return "", 1.0
-    if part in ("radius", "height"):
-        return "mm", 1.0
-    if part == "power":
-        return ("mW", 1.0) if head == "beam" else ("%", 100.0)
-    if part == "dark":
-        return "uW", 1e3
+    if name in BACKLASH and part in ANGLES:
+        return "urad", 1e6
+    known = UNITS.get(name) or UNITS_OF_PARTS.get(part)
+    if known is not None:
+        return known
     return ("um", 1e3) if head.startswith(("correction", "spline")) else ("mrad", 1e3)
 
 

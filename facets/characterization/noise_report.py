@@ -11,6 +11,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.names import READING_COLUMNS, STATE_COLUMNS
 from ..core.units import Floats
+from ..detectors.noise import standard_deviations
 from .allan import Allan, allan
 from .noise_model import MIN_SAMPLES, NoiseModel, fit_noise
 from .rest import Columns, RecordingSection, find_faults
@@ -131,8 +132,6 @@ def longest_section(columns: Columns, name: str) -> RecordingSection:
 
 def configured_deviation(name: str, columns: Columns, rows: slice, config: Config) -> float:
     """The standard deviation of one sample that the configuration states, in the column's unit."""
-    from ..detectors.noise import standard_deviations
-
     if name in READING_COLUMNS:
         readings = np.stack([columns[column][rows] for column in READING_COLUMNS], axis=1)
         whole = np.isfinite(readings).all(axis=1)

@@ -28,6 +28,10 @@ from numpy.typing import NDArray
 
 from ..core.names import DETECTORS, POSE, READING_COLUMNS
 from ..core.units import ANGLE, LENGTH, Floats
+from ..detectors.counts import SATURATED
+from ..detectors.noise import least_light
+from ..estimation.solver import solve
+from ..model.arrays import jacobian
 from .allan import allan
 from .noise_model import NoiseModel, fill, find_spikes, fit_noise, line_matrix
 
@@ -117,9 +121,6 @@ def find_faults(
 
 def reading_faults(columns: Columns, config: Config) -> list[str]:
     """Why readings do not show the noise at all, in sentences: saturated, dark, or too coarse."""
-    from ..detectors.counts import SATURATED
-    from ..detectors.noise import least_light
-
     least = least_light(config.sensor)
     full = columns["flags"] & SATURATED > 0
     found = []
@@ -314,9 +315,6 @@ class Steady:
 
     def jacobian(self) -> Floats:
         """Of the channels by the state, (9, 8), at the mean readings' pose, else at rest."""
-        from ..estimation.solver import solve
-        from ..model.arrays import jacobian
-
         sensor = self.config.sensor
         solution = solve(sensor, self.mean, beam="known", power="unknown")
         state = solution.state if bool(solution.converged) else np.zeros(8)

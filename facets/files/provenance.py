@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError
 from ..core.version import __version__
+from .crate import write_crate
 from .tables import Whole
 
 if TYPE_CHECKING:
@@ -108,8 +109,6 @@ def write_record(
 
     files: the results, the record among them; those that exist are described.
     """
-    from .crate import write_crate
-
     with Whole(path) as temporary:
         temporary.write_text(run_record(config, seed, seconds, results), "utf-8")
     write_crate(path.parent, files, provenance_header(config, seed), seconds)

@@ -96,6 +96,14 @@ def require_table(path: Path) -> None:
             raise InputError(f"{path}: is {what}")
 
 
+class MissingColumnsError(InputError):
+    """A table lacks columns: `names`."""
+
+    def __init__(self, text: str, names: Sequence[str]) -> None:
+        super().__init__(text)
+        self.names = names
+
+
 def columns_to_read(
     path: Path, names: Sequence[str], needed: Sequence[str], optional: Sequence[str]
 ) -> list[str]:
@@ -104,7 +112,7 @@ def columns_to_read(
         near = [difflib.get_close_matches(name, names, 1, 0.7) for name in missing]
         hints = [f"{name} (found: {close[0]})" if close else name
                  for name, close in zip(missing, near, strict=True)]  # fmt: skip
-        raise InputError(f"{path}: missing columns: {', '.join(hints)}")
+        raise MissingColumnsError(f"{path}: missing columns: {', '.join(hints)}", missing)
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise InputError(f"{path}: columns that appear twice: {', '.join(twice)}")

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError
 from ..core.units import Floats
+from ..model.arrays import readings
 
 if TYPE_CHECKING:
     from ..core.sensor import Sensor
@@ -71,8 +72,6 @@ class FirmwareLibrary:
 
     def is_of(self, sensor: Sensor) -> bool:
         """Whether it was exported for this sensor: whether it has its readings at a few states."""
-        from ..model.arrays import readings
-
         states = SPREAD * np.random.default_rng(1).uniform(-1, 1, (4, 8))
         close = np.isclose(self.readings(states), readings(sensor, states), 1e-4, SAME_READING_MM)
         return bool(close.all())

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..characterization.noise_model import fill
+from ..characterization.rest import NOT_NOISE
 from ..core.hues import DASHES, chosen_hues
 from ..core.names import ANGLES, DETECTORS, POSE
 from ..core.units import Floats, write_micro
@@ -63,8 +65,6 @@ def faults(sentences: list[str]) -> str:
     """What speaks against a mirror at rest, if anything does."""
     if not sentences:
         return ""
-    from ..characterization.rest import NOT_NOISE
-
     items = "".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
     return f"<p><strong>{NOT_NOISE.capitalize()}:</strong></p><ul>{items}</ul>"
 
@@ -132,8 +132,6 @@ def spectra(title: str, groups: dict[str, list[Channel]]) -> str:
 def spectrum(panel: Axes, one: Channel) -> None:
     """What was measured, as a band in columns; the fitted noise; and what is configured, dashed."""
     from scipy.signal import welch
-
-    from ..characterization.noise_model import fill
 
     rate, hue = one.model.rate, hue_of(one.name)
     signal = fill(one.signal) - one.model.mean

@@ -488,6 +488,7 @@ def test_the_command_proposes_poses(run):
         (("paper",), "DATA is missing"),
         (("paper", "nowhere.csv"), "no such file"),
         (("paper", "trial.csv", "-o", "new.yaml"), "missing columns: psi_a_mm"),
+        (("paper", "trial.csv", "-o", "new.yaml"), "give their own table with --reference"),
         (("paper", "rig/readings.csv", "-o", "mine.yaml"), "--force"),
         (("paper", "rig/readings.csv", "-o", "mine.txt"), "ends in .yaml"),
     ],

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
+from ...core.errors import InputError
 from ..sources.ports import await_port
 from .pipeline import Pipeline, Poses
 
@@ -30,8 +31,6 @@ def poses(
     pipeline.warm_up()
     name = port or config.acquire.port
     if not name:
-        from ...core.errors import InputError
-
         raise InputError("no port is given: pass one, or set acquire.port in the configuration")
     source = await_port(name, config.acquire.baud, config.acquire.wait)
     try:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ...detectors.noise import least_light
 from ..run.filtering import PoseFilter
 from .sample_rows import SAMPLE
 
@@ -27,8 +28,6 @@ class RowFilter:
     """Puts what a filter says beside each row."""
 
     def __init__(self, config: Config, model: str, carried: bool = False) -> None:
-        from ...detectors.noise import least_light
-
         self.filter = PoseFilter(config, model, carried)
         self.floor = least_light(config.sensor)
 

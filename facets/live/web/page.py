@@ -14,6 +14,7 @@ from ...core.names import ANGLES, DETECTORS, STATE
 from ...detectors.counts import SATURATED
 from ...detectors.noise import least_light
 from ...model.arrays import half_sizes
+from ..run.pipeline import LABELS
 from ..streams.publication import MAX_WAITING_BYTES, Publication
 from .guard import is_local, parse_address, place
 
@@ -137,8 +138,6 @@ class WebPage(Publication):
 
 def description_of(config: Config) -> dict[str, Any]:
     """What a page must know of a configuration, beside the units of the columns."""
-    from ..run.pipeline import LABELS
-
     sensor = config.sensor
     free = config.solve.beam == "free"
     return {
