@@ -56,7 +56,7 @@ from .unknowns import (
 
 #: Steps at most; the fall of chi-square that is no longer worth a step; damping that leads nowhere.
 STEPS, ENOUGH, STUCK = 60, 1e-3, 1e10
-#: The size of most residuals over the noise from which on a fit misses something.
+#: The r.m.s. of residuals over the noise from which on a fit misses something.
 MISFIT = 1.3
 #: The detectors' gains.
 GAINS = tuple(f"correction_{letter}.power" for letter in DETECTORS)
@@ -253,23 +253,22 @@ class Task:
         A fit whose residuals are larger than the noise creeps along any unknown that the samples
         hardly determine, and the cause is another: then none of these is to be held.
         """
-        size = self.limit(at) / self.robust if self.robust else 1.0
+        size = float(np.sqrt(np.mean(at.residual[np.isfinite(self.data.raw)] ** 2)))
         step = np.linalg.solve(matrix, side)
         large = np.argsort(-np.abs(step) / self.choice.sigma)[:3]
         names = ", ".join(self.choice.names[n] for n in large)
         known, whole = step @ self.prior @ step, step @ matrix @ step
-        if size > MISFIT:
-            remedy = (
-                f"the residuals are {size:.3g} times the noise, so the model does not follow these "
-                "readings; look for a wrong column, for outliers, or for something that moved"
-            )
-        elif known > whole / 2:
+        if known > whole / 2 and size < MISFIT:
             remedy = (
                 "the samples hardly tell these; take samples that move more, or hold them as they "
                 "are (null in calibrate.before)"
             )
         else:
-            remedy = "take samples that move more"
+            remedy = (
+                f"it is not these that are wrong (the residuals are {size:.3g} times the noise): "
+                "the model does not follow these readings; look for a wrong column, for outliers, "
+                "or for something that moved"
+            )
         return f"chi-square still falls by {worth:.3g} a step, mostly along {names}: {remedy}"
 
     def conclusion(self, at: Guess, steps: int, cause: str) -> Fit:

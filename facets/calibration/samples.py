@@ -34,7 +34,7 @@ FEW = 20
 
 def faults(sensor: Sensor, data: Data) -> list[Finding]:
     """What a look at the columns alone tells."""
-    found = [*stuck_channels(sensor, data), *repeats(data), *still_axes(data),
+    found = [*stuck_channels(sensor, data), *mixed_kinds(data), *repeats(data), *still_axes(data),
              *untimed_channels(sensor, data), *narrow_motion(sensor, data)]  # fmt: skip
     return sorted(found, key=lambda one: not one.bad)
 

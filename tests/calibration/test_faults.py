@@ -11,6 +11,7 @@ import facets
 from facets.calibration.bundle_adjustment import Data
 from facets.calibration.table import choice, velocities
 from facets.calibration.verdict import verdict
+from facets.detectors.electrodes import tetra_lateral_ratios
 
 CONFIG = facets.load("paper")
 NOMINAL, SETTINGS = CONFIG.sensor, CONFIG.calibrate
@@ -77,6 +78,19 @@ def two_at_once(rows):
     rows[:] = rows[:, [0, 1, 8, 3, 4, 5, 6, 7, 2]]
 
 
+def not_straightened(raw):
+    """Currents of tetra-lateral detectors, converted as a duo-lateral's."""
+    for k in range(3):
+        place = raw[:, 3 * k : 3 * k + 2]
+        place[:] = 6.5 * tetra_lateral_ratios(place / 6.5, 1.0)
+
+
+def other_kind(raw):
+    """Currents of pincushion detectors, converted as a duo-lateral's: both places are the same."""
+    raw[:, 1::3] = raw[:, ::3]
+    raw[:, 2::3] /= 2
+
+
 def other_order(pose):
     turn = Rotation.from_euler("ZYX", pose[:, [5, 4, 3]])
     pose[:, 3:] = turn.as_euler("XYZ")
@@ -90,6 +104,8 @@ def other_order(pose):
         (with_raw, columns(0, 1, 5, 3, 4, 2, 6, 7, 8), "powers of detectors A and B are exch"),
         (with_raw, columns(0, 1, 2, 6, 4, 5, 3, 7, 8), "psi of detectors B and C are exch"),
         (with_raw, two_at_once, "two faults at once"),
+        (with_raw, not_straightened, "sensor.electronics.kind to tetra-lateral"),
+        (with_raw, other_kind, "sensor.electronics.kind to pincushion"),
         (with_pose, other_order, "angles are taken in another order"),
         (with_pose, times([3, 4, 5], 1e3), "in urad"),
         (with_pose, times([3, 4, 5], 1 / (np.pi / 180 * 1000)), "in degrees"),
@@ -97,7 +113,21 @@ def other_order(pose):
         (with_raw, times([2, 5, 8], 1e3), "powers are in uW"),
         (with_pose, times([5], -1), "sign of the reference's yaw"),
     ],
-    ids=["sign", "exchange", "powers", "psi", "two", "order", "urad", "degrees", "um", "uW", "yaw"],
+    ids=[
+        "sign",
+        "exchange",
+        "powers",
+        "psi",
+        "two",
+        "tetra",
+        "pincushion",
+        "order",
+        "urad",
+        "degrees",
+        "um",
+        "uW",
+        "yaw",
+    ],
 )
 @pytest.mark.slow
 def test_a_fault_of_columns_is_named(samples, of, change, words):

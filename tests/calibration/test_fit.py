@@ -96,3 +96,13 @@ def test_a_laser_s_steadiness_is_taken_from_the_readings(jitter):
     if not jitter:
         place = found.choice.names.index("apex.x")
         assert found.uncertainty[place] < 0.5 * free.uncertainty[free.choice.names.index("apex.x")]
+
+
+def test_a_fit_that_misses_something_does_not_advise_to_hold_what_it_creeps_along():
+    _, data = samples(40)
+    wrong = data.raw.copy()
+    wrong[:, 3] *= -1
+    found = fit(NOMINAL, data._replace(raw=wrong), rigs.choice(), most=3)
+    assert not found.ended
+    assert "the model does not follow these readings" in found.cause
+    assert "hold" not in found.cause
