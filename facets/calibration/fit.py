@@ -56,8 +56,11 @@ from .unknowns import (
 
 #: Steps at most; the fall of chi-square that is no longer worth a step; damping that leads nowhere.
 STEPS, ENOUGH, STUCK = 60, 1e-3, 1e10
-#: The r.m.s. of residuals over the noise from which on a fit misses something.
+#: Residuals over the noise, as a root mean square, from which on a fit misses something.
 MISFIT = 1.3
+#: Unknowns that cannot be negative, and where a fit holds them, mm: a roll-off without a width has
+#: no derivative.
+LOWER_BOUNDS_MM = {"rolloff.width": 1e-3, "light.wavelength": 0.0}
 #: The detectors' gains.
 GAINS = tuple(f"correction_{letter}.power" for letter in DETECTORS)
 #: From the median of absolute residuals to a standard deviation.
@@ -150,6 +153,7 @@ class Task:
         self.nominal, self.choice, self.robust = sensor, choice, robust
         self.start = values_of(sensor)
         self.prior = prior_information(choice)
+        self.bounds = np.array([LOWER_BOUNDS_MM.get(name, -np.inf) for name in choice.names])
         self.own = own_sigma(data, choice)
         self.held = self.own == 0
 
@@ -193,12 +197,23 @@ class Task:
 
     def take_step(self, at: Guess, normal: Normal, step: Floats) -> Guess | None:
         """The guess a step further; None where that makes no sensor."""
-        values = at.values.copy()
-        values[self.choice.places] += step
+        values, places = at.values.copy(), self.choice.places
+        is_beyond = values[places] + step < self.bounds
+        if is_beyond.any():
+            step = np.where(is_beyond, self.bounds - values[places], step)
+        values[places] = np.where(is_beyond, self.bounds, values[places] + step)
         own = normal.back[:, :, -1] - normal.back[:, :, :-1] @ step
         with suppress(InputError):
             return self.guess(values, at.opening + own * OWN_UNITS)
         return None
+
+    def hold_at_bounds(self, at: Guess, matrix: Floats, side: Floats) -> tuple[Floats, Floats]:
+        """The normal equations without the unknowns that would leave their bounds."""
+        held = (at.values[self.choice.places] <= self.bounds) & (side < 0)
+        if not held.any():
+            return matrix, side
+        free = ~held
+        return np.where(free[:, None] & free, matrix, np.diag(np.diag(matrix))), side * free
 
     def settle(
         self, at: Guess, most: int = STEPS, enough: float = ENOUGH
@@ -213,7 +228,7 @@ class Task:
         for steps in range(1, most + 1):
             limit = self.limit(at)
             _, _, normal = self.linearise(at, limit)
-            matrix, side = self.add_prior(at, normal)
+            matrix, side = self.hold_at_bounds(at, *self.add_prior(at, normal))
             worth = float(side @ np.linalg.solve(matrix, side))
             if worth < enough and normal.fall < enough * len(self.data.raw):
                 return at, steps - 1, ""

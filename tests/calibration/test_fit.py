@@ -12,7 +12,7 @@ import facets
 from facets import add_noise
 from facets.calibration.bundle_adjustment import Data, add_power_polynomials, states_of
 from facets.calibration.effect_search import search
-from facets.calibration.fit import fit
+from facets.calibration.fit import LOWER_BOUNDS_MM, Task, fit
 from facets.calibration.laser import fit_steady_laser
 from facets.calibration.table import choice
 from facets.calibration.unknowns import PLACE
@@ -106,3 +106,22 @@ def test_a_fit_that_misses_something_does_not_advise_to_hold_what_it_creeps_alon
     assert not found.ended
     assert "the model does not follow these readings" in found.cause
     assert "hold" not in found.cause
+
+
+def test_an_unknown_at_its_bound_stops_no_other():
+    """A width of rolled-off edges that would become negative stays where it has a derivative."""
+    _, data = samples(40)
+    chosen = rigs.choice().add_unknowns({"rolloff.width": 0.05})
+    task = Task(NOMINAL, data, chosen, None)
+    start = task.start.copy()
+    start[PLACE["rolloff.width"]] = 0.03
+    at = task.guess(start, np.zeros((40, 9)))
+    _, _, normal = task.linearise(at, np.inf)
+    step = np.where(np.array(chosen.names) == "rolloff.width", -1.0, 1e-4)
+    there = task.take_step(at, normal, step)
+    assert there is not None
+    assert there.values[PLACE["rolloff.width"]] == LOWER_BOUNDS_MM["rolloff.width"]
+    others = there.values[chosen.places][:-1] - at.values[chosen.places][:-1]
+    assert others == pytest.approx(1e-4)
+    matrix, side = task.hold_at_bounds(there, *task.add_prior(there, normal))
+    assert np.linalg.solve(matrix, side)[-1] >= 0
