@@ -91,6 +91,7 @@ class Remainder:
                 (own_sigma(task.data, found.choice) / OWN_UNITS) ** 2, UNMEASURED_SIGMA**2
             )
         self.restricted = self.likelihood.restrict(known, np.zeros(len(NAMES)))
+        self.covariance = np.linalg.inv(self.restricted.matrix)
         self.is_read = (self.likelihood.own != 0).any(axis=2)
         self.sensor = assign_values(sensor, found.every)
         self.state = states_of(task.data, found.open, found.every)
@@ -102,7 +103,7 @@ class Remainder:
         flat, at = columns.reshape(-1, columns.shape[2]), self.restricted
         across = at.weighted.reshape(len(flat), -1).T @ flat
         whole = flat.T @ (at.inverse @ columns).reshape(flat.shape)
-        matrix = whole - across.T @ np.linalg.solve(at.matrix, across)
+        matrix = whole - across.T @ self.covariance @ across
         side = flat.T @ at.pulled.ravel()
         fall, amounts, count = falls_of(whole[None], matrix[None], side[None])
         return Trace(cause, float(fall[0]), int(count[0]), amounts[0],
@@ -120,17 +121,17 @@ class Remainder:
         count, size = waves.shape[1], 2 * len(powers)
         sides, across = np.empty((count, size)), np.empty((count, at.matrix.shape[0], size))
         whole = np.empty((count, size, size))
+        each, flat = np.ascontiguousarray(np.swapaxes(waves, 0, 1)), waves.reshape(len(waves), -1)
+        turned = np.swapaxes(each, 1, 2)
         for i, one in enumerate(chosen):
             part = slice(2 * i, 2 * i + 2)
-            sides[:, part] = np.einsum("nma,n->ma", waves, light[:, i] * at.pulled[:, one])
+            sides[:, part] = turned @ (light[:, i] * at.pulled[:, one])
             weighted = at.weighted[:, one] * light[:, i : i + 1]
-            flat = waves.reshape(len(waves), -1)
             across[:, :, part] = np.moveaxis((weighted.T @ flat).reshape(-1, count, 2), 0, 1)
             for j, other in enumerate(chosen):
                 weight = light[:, i] * light[:, j] * at.inverse[:, one, other]
-                product = np.einsum("nma,nmb->mab", waves * weight[:, None, None], waves)
-                whole[:, part, 2 * j : 2 * j + 2] = product
-        matrix = whole - np.swapaxes(across, 1, 2) @ np.linalg.solve(at.matrix, across)
+                whole[:, part, 2 * j : 2 * j + 2] = (turned * weight) @ each
+        matrix = whole - np.swapaxes(across, 1, 2) @ self.covariance @ across
         fall, amounts, columns = falls_of(whole, matrix, sides)
         best = int(np.argmax(fall))
         return Trace(cause, float(fall[best]), int(columns[best]), amounts[best],
@@ -147,7 +148,7 @@ class Remainder:
         sides = sum_behind((turned @ at.pulled[:, :, None])[:, :, 0])
         whole = sum_behind(turned @ at.inverse @ columns)
         across = np.swapaxes(sum_behind(turned @ at.weighted), 1, 2)
-        matrix = whole - np.swapaxes(across, 1, 2) @ np.linalg.solve(at.matrix, across)
+        matrix = whole - np.swapaxes(across, 1, 2) @ self.covariance @ across
         fall, amounts, count = falls_of(whole, matrix, sides)
         best = int(np.argmax(fall))
         size = self.size(fall[best] - count[best])
