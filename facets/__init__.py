@@ -56,6 +56,8 @@ _HOMES = {
     "Solution": "estimation.solution",
     "Status": "estimation.solution",
     "solve": "estimation.solver",
+    "difference_uncertainty": "estimation.differences",
+    "mean_uncertainty": "estimation.differences",
     "unseen_errors": "estimation.reliability",
     "AxisRange": "characterization.ranges",
     "Boundary": "characterization.outlines",
@@ -109,6 +111,8 @@ if TYPE_CHECKING:
     from .design.search import optimize as optimize
     from .detectors.noise import add_noise as add_noise
     from .detectors.noise import standard_deviations as standard_deviations
+    from .estimation.differences import difference_uncertainty as difference_uncertainty
+    from .estimation.differences import mean_uncertainty as mean_uncertainty
     from .estimation.prepared import Solver as Solver
     from .estimation.reliability import unseen_errors as unseen_errors
     from .estimation.solution import Solution as Solution

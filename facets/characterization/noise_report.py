@@ -139,7 +139,8 @@ def configured_deviation(name: str, columns: Columns, rows: slice, config: Confi
             return float("nan")
         every = standard_deviations(config.sensor, readings[whole].mean(axis=0))
         return float(every[READING_COLUMNS.index(name)])
-    known = columns[f"u_{name}"][rows]
+    whole_of = columns[f"u_{name}"]  # at rest the calibration's part does not scatter
+    known = columns.get(f"u_noise_{name}", whole_of)[rows]
     return float(np.nanmean(known)) if np.isfinite(known).any() else float("nan")
 
 

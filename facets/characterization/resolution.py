@@ -24,8 +24,8 @@ from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.noise import sources as noise_sources
 from ..detectors.noise import variances
-from ..estimation.calibration_uncertainty import parameter_derivatives
 from ..estimation.compiling import compile_for
+from ..estimation.uncertainty_parts import parameter_derivatives
 from ..model.arrays import as_rows, jacobian, readings
 from .ranges import axis_ranges, states_of
 

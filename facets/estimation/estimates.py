@@ -14,17 +14,19 @@ from ..model.arrays import packed_vectors
 from ..model.kinds import block_kind, lit_kind
 from . import as_text, blocks, problem
 from .block_task import Form
-from .calibration_uncertainty import covariances as calibration_covariances
 from .plan import Plan, make_plan
 from .solution import Status
+from .uncertainty_parts import UncertaintyParts, uncertainty_parts
 
 
-def add_calibration(sensor: Sensor, todo: Plan, found: problem.Results) -> None:
-    """Adds to the covariances what the parameters' own, `Sensor.calibration`, is worth."""
-    if sensor.calibration is not None and len(found.covariances) > 0:
-        found.covariances[:] += calibration_covariances(
-            sensor, sensor.calibration, found.states[:, :8], found.used, todo.free, todo.weights
-        )
+def add_calibration(sensor: Sensor, todo: Plan, found: problem.Results) -> UncertaintyParts | None:
+    """Adds to the covariances what the parameters' own, `Sensor.calibration`, is worth; returns
+    what they consist of, None without a calibration or covariances."""
+    if sensor.calibration is None or len(found.covariances) == 0:
+        return None
+    parts = uncertainty_parts(sensor, found.states[:, :8], found.used, todo.free, todo.weights)
+    found.covariances[:] += parts.calibration
+    return parts
 
 
 def estimate(

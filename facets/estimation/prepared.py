@@ -177,10 +177,10 @@ class PreparedEstimate:
 
     def _block_solution(self) -> Solution:
         """What the block has found, in an array of its own."""
-        numbers = self._block.numbers.copy()
+        numbers, parts = self._block.numbers.copy(), None
         if self._sensor.calibration is not None:
-            add_calibration(self._sensor, self._plan, results_of(numbers))
-        return SolutionOfOne.from_numbers(numbers)
+            parts = add_calibration(self._sensor, self._plan, results_of(numbers))
+        return SolutionOfOne.from_numbers(numbers, parts)
 
     def _row_solution(self, warm: bool) -> Solution:
         """What was found without a block, in arrays of its own."""
@@ -190,8 +190,7 @@ class PreparedEstimate:
             )
         if warm:
             self.end = self._found.states[0].copy() if self._has_converged() else None
-        add_calibration(self._sensor, self._plan, self._found)
-        return self._first.solution()
+        return self._first.solution(add_calibration(self._sensor, self._plan, self._found))
 
     def _from_zero(self) -> Floats:
         if self._unknown_power:

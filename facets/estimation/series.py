@@ -56,4 +56,6 @@ def beam_at(beam: BeamKnowledge, which: NDArray[np.intp]) -> BeamKnowledge:
 def put(found: Solution, which: NDArray[np.intp], again: Solution) -> None:
     """Puts what was found again in the places of some readings."""
     for field in fields(Solution):
-        getattr(found, field.name)[which] = getattr(again, field.name)
+        array = getattr(found, field.name)
+        if array is not None:  # covariances may be left out
+            array[which] = getattr(again, field.name)

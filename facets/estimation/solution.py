@@ -14,6 +14,7 @@ from ..core.errors import InputError
 from ..core.units import Floats
 from . import problem
 from .chance import Chance
+from .uncertainty_parts import UncertaintyParts
 
 
 class Status(IntEnum):
@@ -43,14 +44,50 @@ class Status(IntEnum):
 class Solution:
     """Estimated states, one for each reading; (...) is the leading shape of the readings.
 
-    state: (..., 8) mm, rad, NaN where not converged.  status: (...) of `Status`.
-    power: (...) of the beam, mW.  used: (..., 3) the detectors that took part.
-    iterations: (...).  residual: (...) root of the weighted sum of squares left, in sigmas.
-    checks: (...) by how many numbers, those of the detectors used and the priors, exceed the
-    unknowns; 0 where nothing checks the pose.  limit: (...) the residual that noise alone exceeds
-    once in 10,000; infinite without checks.
-    covariance: (..., 8, 8) of the state, or None where not asked for; zero for what was known.
-    With `Sensor.calibration` that of the parameters is in it, the same in every sample.
+    Attributes
+    ----------
+    state
+        (..., 8) mm, rad, NaN where not converged.
+    status
+        (...) of `Status`.
+    power
+        (...) of the beam, mW.
+    used
+        (..., 3) the detectors that took part.
+    iterations
+        (...) steps of the estimate.
+    residual
+        (...) root of the weighted sum of squares left, in sigmas.
+    checks
+        (...) by how many numbers, those of the detectors used and the priors, exceed the unknowns;
+        0 where nothing checks the pose.
+    limit
+        (...) the residual that noise alone exceeds once in 10,000; infinite without checks.
+    covariance
+        (..., 8, 8) of the state, or None where it was not requested; zero for what was known.
+        It holds the noise of the readings, the priors of beam and power, and the calibration.
+    noise_covariance
+        (..., 8, 8) the part of `covariance` by the noise of the readings; None where the sensor has
+        no calibration covariance (`Sensor.calibration`).
+    calibration_covariance
+        (..., 8, 8) the part of `covariance` by the calibration; None likewise.
+
+    Notes
+    -----
+    Noise differs from sample to sample, so that a mean over n samples of one pose has 1 / n of its
+    variance. The calibration errs by the same in every sample, so that a mean keeps its part, and
+    likewise that of the priors, which is `covariance` less the two parts. A difference of two poses
+    has far less of the calibration's part: see `facets.difference_uncertainty`.
+
+    Examples
+    --------
+    >>> import numpy as np, facets
+    >>> known = facets.Calibration(("psd_a.height",), ((1e-6,),))  # 1 um, as a standard uncertainty
+    >>> sensor = facets.Sensor(calibration=known)
+    >>> solution = facets.solve(sensor, facets.readings(sensor, np.zeros(8)), beam="known")
+    >>> parts = solution.noise_uncertainty, solution.calibration_uncertainty, solution.uncertainty
+    >>> [f"{1e3 * part[2]:.2f} um of z" for part in parts]
+    ['1.50 um of z', '0.33 um of z', '1.54 um of z']
     """
 
     state: Floats
@@ -62,6 +99,8 @@ class Solution:
     checks: NDArray[np.int8]
     limit: Floats
     covariance: Floats | None
+    noise_covariance: Floats | None = None
+    calibration_covariance: Floats | None = None
 
     @property
     def converged(self) -> NDArray[np.bool_]:
@@ -89,14 +128,51 @@ class Solution:
 
     @property
     def uncertainty(self) -> Floats:
-        """Standard uncertainty of each component of the state: (..., 8), mm and rad."""
+        """Combined standard uncertainty of each component of the state: (..., 8), mm and rad."""
         if self.covariance is None:
             raise InputError("no covariance: it was left out by solve(..., covariance=False)")
-        root: Floats = np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))
-        return root
+        return root_of_diagonal(self.covariance)
+
+    @property
+    def noise_uncertainty(self) -> Floats:
+        """The part of `uncertainty` by the noise of the readings: (..., 8), mm and rad.
+
+        A mean over n samples of one pose has 1 / sqrt(n) of it. Raises `InputError` where the
+        sensor has no calibration covariance.
+        """
+        return root_of_diagonal(self.require_part(self.noise_covariance))
+
+    @property
+    def calibration_uncertainty(self) -> Floats:
+        """The part of `uncertainty` by the calibration: (..., 8), mm and rad.
+
+        A mean over samples keeps it. Raises `InputError` where the sensor has no calibration
+        covariance.
+        """
+        return root_of_diagonal(self.require_part(self.calibration_covariance))
+
+    def require_part(self, covariance: Floats | None) -> Floats:
+        if covariance is None:
+            raise InputError(
+                "the uncertainty has no parts: the sensor has no calibration covariance, or solve "
+                "was called with covariance=False; facets.mean_uncertainty and "
+                "facets.difference_uncertainty take a sensor without one, too"
+            )
+        return covariance
 
 
-def solution(found: problem.Results, shape: tuple[int, ...], chance: Chance) -> Solution:
+def root_of_diagonal(covariance: Floats) -> Floats:
+    """Standard uncertainties (..., m) of a covariance (..., m, m)."""
+    root: Floats = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+    return root
+
+
+def solution(
+    found: problem.Results,
+    shape: tuple[int, ...],
+    chance: Chance,
+    parts: UncertaintyParts | None = None,
+) -> Solution:
     """What was found, in the leading shape of the readings."""
     checks = chance.checks(found.used)
     return Solution(
@@ -109,6 +185,8 @@ def solution(found: problem.Results, shape: tuple[int, ...], chance: Chance) -> 
         checks=checks.reshape(shape),
         limit=chance.limits(checks).reshape(shape),
         covariance=found.covariances.reshape(*shape, 8, 8) if found.covariances.size else None,
+        noise_covariance=None if parts is None else parts.noise.reshape(*shape, 8, 8),
+        calibration_covariance=None if parts is None else parts.calibration.reshape(*shape, 8, 8),
     )
 
 
@@ -125,13 +203,16 @@ class FirstRow:
         self.views = found.states[0, :8], status, power, found.used[0], steps, residual
         self.covariance = found.covariances[0] if len(found.covariances) else None
 
-    def solution(self) -> Solution:
-        """In arrays of its own."""
+    def solution(self, parts: UncertaintyParts | None = None) -> Solution:
+        """In arrays of its own.  parts: arrays of its own."""
         covariance = None if self.covariance is None else self.covariance.copy()
         state, status, power, used, steps, residual = (view.copy() for view in self.views)
         checks = self.chance.checks(used)
         limit = self.chance.limits(checks)
-        return Solution(state, status, power, used, steps, residual, checks, limit, covariance)
+        both = () if parts is None else (parts.noise[0], parts.calibration[0])
+        return Solution(
+            state, status, power, used, steps, residual, checks, limit, covariance, *both
+        )
 
 
 #: Where the numbers of `SolutionOfOne` are: the state and the power, then steps and what is left,
@@ -149,6 +230,8 @@ FIELDS: dict[str, Callable[[Floats], Any]] = {
     "covariance": lambda numbers: (
         numbers[COVARIANCE:].reshape(8, 8) if len(numbers) > COVARIANCE else None
     ),
+    "noise_covariance": lambda numbers: None,
+    "calibration_covariance": lambda numbers: None,
 }
 
 
@@ -174,10 +257,13 @@ class SolutionOfOne(Solution):
     """
 
     @classmethod
-    def from_numbers(cls, numbers: Floats) -> SolutionOfOne:
-        """numbers: its own."""
+    def from_numbers(cls, numbers: Floats, parts: UncertaintyParts | None = None) -> SolutionOfOne:
+        """numbers, parts: its own."""
         found = object.__new__(cls)
         found.__dict__["_numbers"] = numbers
+        if parts is not None:
+            found.__dict__["noise_covariance"] = parts.noise[0]
+            found.__dict__["calibration_covariance"] = parts.calibration[0]
         return found
 
     def __getattr__(self, name: str) -> Any:

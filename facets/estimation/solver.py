@@ -112,7 +112,7 @@ def solve(
     asked = make_problem(todo, starts, start, method, max_steps, accept_unchecked)
     rows = problem.Readings(values, sigmas_of(sensor, values))
     found = solve_rows(sensor, rows, todo, asked, covariance, threads)
-    return solution(found, shape, chance_of(sensor, todo))
+    return solution(found, shape, chance_of(sensor, todo), add_calibration(sensor, todo, found))
 
 
 def local_solution(sensor: Sensor, reading: Floats, start: Floats) -> tuple[Floats, float]:
@@ -134,7 +134,7 @@ def solve_rows(
     covariance: bool,
     threads: int = 1,
 ) -> problem.Results:
-    """`solve` of readings that are checked."""
+    """`solve` of readings that are checked, without what the calibration adds to covariances."""
     n = len(readings.values)
     found = problem.empty_results(n, covariance)
     block_code(sensor, request)  # compiled once, before threads ask for it
@@ -155,6 +155,4 @@ def solve_rows(
             return results
 
         withdraw_doubtful(sensor, todo.free, chance_of(sensor, todo), found, again)
-    if covariance:
-        add_calibration(sensor, todo, found)
     return found

@@ -193,9 +193,26 @@ def pose_columns(solution: Solution, status: Any) -> dict[str, Any]:
     columns["used"] = used[solution.used @ np.array([4, 2, 1])]
     columns["residual"] = solution.residual
     columns["power_mw"] = solution.power
-    for i, name in enumerate(STATE_COLUMNS):
-        columns[f"u_{name}"] = solution.uncertainty[:, i] / STATE_UNITS[i]
-    return columns
+    return columns | uncertainty_columns(solution)
+
+
+#: The parts of an uncertainty that a table has beside the whole where a calibration is known.
+UNCERTAINTY_PARTS = ("noise", "calibration")
+
+
+def uncertainty_columns(solution: Solution) -> dict[str, Floats]:
+    """Standard uncertainties of a solution as columns: u_tx_mm, ...; with a calibration also the
+    parts of these, u_noise_tx_mm, ... and u_calibration_tx_mm, ..."""
+    sizes = {"": solution.uncertainty}
+    if solution.calibration_covariance is not None:
+        sizes |= {
+            f"{part}_": getattr(solution, f"{part}_uncertainty") for part in UNCERTAINTY_PARTS
+        }
+    return {
+        f"u_{part}{name}": size[:, i] / STATE_UNITS[i]
+        for part, size in sizes.items()
+        for i, name in enumerate(STATE_COLUMNS)
+    }
 
 
 #: For a table of poses that is solved with a known beam.

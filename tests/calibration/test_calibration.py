@@ -450,6 +450,8 @@ def test_every_command_takes_the_calibrated_rig(run):
     for name in ("tz_mm", "roll_mrad", "yaw_mrad"):
         off = (found[name] - truth[f"true_{name}"]) / found[f"u_{name}"]
         assert 0.8 < np.sqrt((off**2).mean()) < 1.3
+        parts = found[f"u_noise_{name}"] ** 2 + found[f"u_calibration_{name}"] ** 2
+        np.testing.assert_allclose(parts, found[f"u_{name}"] ** 2, rtol=0.01)
     again = command("simulate", "mine.yaml", "--motion", "x-steps", "--folder", "again", cwd=folder)
     assert again.returncode == 0, again.stderr
     fine = command("resolution", "mine.yaml", "--folder", "fine", cwd=folder)

@@ -25,7 +25,7 @@ ELSEWHERE = {
 #: Columns that the code puts together.
 COLUMNS = {
     f"{what}_{name}"
-    for what in ("ref", "u", "smooth", "filtered", "u_filtered")
+    for what in ("ref", "u", "u_noise", "u_calibration", "smooth", "filtered", "u_filtered")
     for name in (*STATE_COLUMNS, "")
 } | {f"{what}_{letter}" for what in ("psi", "zeta", "power") for letter in "abc"}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from queue import Empty
 
 import numpy as np
@@ -15,7 +16,7 @@ from facets.live.recording.comparison import compare
 from facets.live.recording.pose_table import join_columns, pose_columns
 from facets.live.run import loop as module
 from facets.live.run.loop import Ending, Loop
-from facets.live.run.pipeline import FULL, SKIPPED, TWO_DETECTORS, Pipeline
+from facets.live.run.pipeline import FULL, SKIPPED, TWO_DETECTORS, Pipeline, join_poses
 from facets.live.run.sink import Sink
 from facets.live.sources import Block
 from facets.live.sources.frames import SIZE
@@ -170,6 +171,23 @@ def test_a_comparison_knows_what_it_can_not_compare():
     part["tx_mm"][100] = np.nan
     assert compare(part, whole).worst == np.inf
     assert compare({}, whole).is_same
+
+
+def test_poses_of_a_calibrated_rig_have_the_parts_of_their_uncertainty():
+    """Also where samples were skipped; a recording of before, without the parts, compares."""
+    known = facets.Calibration(("psd_a.height",), ((1e-6,),))
+    pipeline = Pipeline(replace(CONFIG, sensor=replace(CONFIG.sensor, calibration=known)))
+    batches = pipeline.take(stream(40), 1_000.0)
+    poses = [pipeline.solve(batches[0]), pipeline.skip(batches[0])]
+    columns = pose_columns(join_poses(poses))
+    whole = columns["u_noise_tz_mm"] ** 2 + columns["u_calibration_tz_mm"] ** 2
+    np.testing.assert_allclose(whole[:40], columns["u_tz_mm"][:40] ** 2, rtol=1e-3)
+    assert (columns["u_calibration_tz_mm"][:40] > 1e-4).all()
+    assert np.isnan(whole[40:]).all()
+    columns = {name: column[:40] for name, column in columns.items()}
+    before = {name: column for name, column in columns.items() if "u_noise" not in name}
+    before["tx_mm"] = before["tx_mm"] + columns["u_tx_mm"]
+    assert compare(before, columns).worst == pytest.approx(1)
 
 
 def test_a_terminal_that_is_gone_ends_the_view_and_not_the_loop(monkeypatch):

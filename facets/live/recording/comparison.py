@@ -60,7 +60,7 @@ def compare(old: Columns, new: Columns) -> PoseComparison:
     solved = there & ~skipped
     rows = np.searchsorted(new["seq"], old["seq"][solved])
     apart, columns = np.zeros(len(rows), bool), []
-    for name in old if len(rows) else ():
+    for name in [name for name in old if name in new] if len(rows) else ():
         one, other = old[name][solved], new[name][rows]
         if name == "status":
             other = np.where((one == Status.NON_FINITE) & (other == FULL), one, other)
@@ -86,7 +86,7 @@ def is_nan(values: Any) -> Any:
 def largest_difference(old: Columns, new: Columns, rows: Any, others: Any) -> float:
     """The largest difference of a pose, in standard uncertainties."""
     worst = 0.0
-    for name in (name for name in old if name.startswith("u_")):
+    for name in (f"u_{name}" for name in STATE_COLUMNS if f"u_{name}" in old):
         one, other = old[name[2:]][rows], new[name[2:]][others]
         only_one = np.isnan(one) != np.isnan(other)
         sigma = np.where(old[name][rows] > 0, old[name][rows], 1.0)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.names import READING_COLUMNS, STATE_COLUMNS, STATE_UNITS
+from ...estimation.table import uncertainty_columns
 from ..run.pipeline import Poses
 
 Columns = dict[str, NDArray[Any]]
@@ -22,7 +23,6 @@ CRC = "crc"
 def pose_columns(poses: Poses) -> Columns:
     """Poses as columns of a table, with the readings that they are from."""
     solution = poses.solution
-    uncertainty = solution.uncertainty
     columns: Columns = {
         "seq": poses.seq,
         "board_us": poses.time,
@@ -33,8 +33,7 @@ def pose_columns(poses: Poses) -> Columns:
     columns |= {name: poses.readings[:, i] for i, name in enumerate(READING_COLUMNS)}
     for i, name in enumerate(STATE_COLUMNS):
         columns[name] = solution.state[:, i] / STATE_UNITS[i]
-    for i, name in enumerate(STATE_COLUMNS):
-        columns[f"u_{name}"] = uncertainty[:, i] / STATE_UNITS[i]
+    columns |= uncertainty_columns(solution)
     columns["residual"] = solution.residual
     return columns
 

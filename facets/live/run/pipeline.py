@@ -269,6 +269,8 @@ class Pipeline:
     def skip(self, batch: Batch) -> Poses:
         """The batch without poses, for want of time."""
         n = len(batch)
+        unknown = np.full((n, 8, 8), np.nan)
+        part = None if self.config.sensor.calibration is None else unknown
         empty = Solution(
             state=np.full((n, 8), np.nan),
             status=np.full(n, SKIPPED, np.int8),
@@ -278,7 +280,9 @@ class Pipeline:
             residual=np.full(n, np.nan),
             checks=np.zeros(n, np.int8),
             limit=np.full(n, np.inf),
-            covariance=np.full((n, 8, 8), np.nan),
+            covariance=unknown,
+            noise_covariance=part,
+            calibration_covariance=part,
         )
         return self.finish(batch, empty)
 
@@ -335,6 +339,7 @@ def join_poses(parts: list[Poses]) -> Poses:
     joined = {
         f.name: np.concatenate([getattr(part.solution, f.name) for part in parts])
         for f in fields(Solution)
+        if getattr(parts[0].solution, f.name) is not None
     }
     columns = {
         name: np.concatenate([getattr(part, name) for part in parts])

@@ -20,8 +20,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.names import ANGLES, FINE_UNITS, POSE
+from ...core.names import ANGLES, POSE
 from ...core.units import Booleans, Floats
+from ...estimation.uncertainty_parts import parts_of, propagate
 
 if TYPE_CHECKING:
     from ...core.settings import Config
@@ -298,10 +299,6 @@ def innovation_tests(whitened: list[Floats]) -> tuple[float, float]:
     return squares, memory
 
 
-#: Samples whose covariance is parted at once.
-PART = 2_000
-
-
 def noise_covariance(config: Config, solution: Solution, carried: bool) -> Floats:
     """What of the poses' covariance (n, 6, 6) is noise, other from sample to sample; mm, rad.
 
@@ -309,40 +306,26 @@ def noise_covariance(config: Config, solution: Solution, carried: bool) -> Float
     the same in each sample, and no smoothing takes it away.  carried: whether a stage carried the
     beam, whose place is then known by its encoder.
     """
+    if solution.noise_covariance is not None:
+        return solution.noise_covariance[:, :6, :6]
     parts = [
-        noise_of_part(config, solution.state[n : n + PART], solution.used[n : n + PART], carried)
-        for n in range(0, len(solution.state), PART)
+        noise_of_part(config, solution.state[part], solution.used[part], carried)
+        for part in parts_of(len(solution.state))
     ]
     return np.concatenate(parts)
 
 
 def noise_of_part(config: Config, states: Floats, used: Booleans, carried: bool) -> Floats:
-    from ...detectors.noise import standard_deviations
-    from ...model.arrays import jacobian, readings
-
+    """`noise_covariance` of states (n, 8) by the detectors used (n, 3)."""
     sensor, options = config.sensor, config.solve
-    seen = readings(sensor, states)
-    weigh = np.repeat(used, 3, axis=1) / standard_deviations(sensor, seen)
-    rows = np.zeros((len(states), 9, 9))
-    rows[:, :, :8] = jacobian(sensor, states)
-    rows[:, 2::3, 8] = seen[:, 2::3] / sensor.beam.power
-    units = np.array([*FINE_UNITS, 1e-3])
-    rows = np.nan_to_num(rows * weigh[:, :, None]) * units
-    before = np.zeros(9)
-    beam = config.stage.accuracy if carried else options.beam_sigma
-    if options.beam != "free":
-        before[6:8] = units[6] / beam
+    weights, beam_exact = np.zeros(3), options.beam == "known" and not carried
+    if options.beam != "free" and not beam_exact:
+        weights[:2] = 1 / (config.stage.accuracy if carried else options.beam_sigma)
     if options.power == "prior":
-        before[8] = units[8] / (options.power_sigma * sensor.beam.power)
-    exact = (options.beam == "known" and not carried, options.power == "known")
-    free = np.flatnonzero(~np.array([False] * 6 + [exact[0]] * 2 + [exact[1]]))
-    rows = rows[:, :, free]
-    inner = np.swapaxes(rows, 1, 2) @ rows
-    good = np.isfinite(states).all(axis=1)
-    out = np.full((len(states), 6, 6), np.nan)
-    whole = np.linalg.inv(inner[good] + np.diag(before[free] ** 2))
-    out[good] = (whole @ inner[good] @ whole)[:, :6, :6] * np.outer(units[:6], units[:6])
-    return out
+        weights[2] = 1 / (options.power_sigma * sensor.beam.power)
+    exact = [*[False] * 6, *[beam_exact] * 2, options.power == "known"]
+    free = np.flatnonzero(~np.array(exact))
+    return propagate(sensor, None, states, used, free, weights).noise[:, :6, :6]
 
 
 def dynamic_error(config: Config, time: Floats, states: Floats) -> Floats:

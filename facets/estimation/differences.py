@@ -1,0 +1,192 @@
+"""How uncertain the mean of several samples is, and the difference of two poses.
+
+With N the covariance of one sample's noise, P that of the priors of beam and power, C that of the
+calibrated parameters and G the derivatives of a solved state by these, a mean over n samples has
+the covariance
+
+    N / n + P + G C G'
+
+and the difference of two such means, at the states 1 and 2,
+
+    N_1 / n_1 + N_2 / n_2 + P_1 + P_2 + (G_2 - G_1) C (G_2 - G_1)'
+
+The parameters are off by the same at both states; the priors' errors are taken to be independent.
+What the model misses in the readings (`MISFIT`) differs from place to place: it has no covariance
+from one state to another, so that a difference has it twice.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..core.arguments import check_arguments
+from ..core.errors import InputError
+from ..core.knowledge import BeamKnowledge, Knowledge, PowerKnowledge
+from ..core.sensor import Sensor
+from ..core.units import Floats
+from ..detectors.calibrated import MISFIT
+from ..model.arrays import as_rows, as_vectors
+from .plan import Plan, make_plan
+from .solution import root_of_diagonal
+from .uncertainty_parts import Propagation, carry_over, parts_of, propagate
+
+if TYPE_CHECKING:
+    from ..core.sensor import Calibration
+
+
+@check_arguments
+def mean_uncertainty(
+    sensor: Sensor,
+    states: ArrayLike,
+    samples: int,
+    *,
+    beam: BeamKnowledge = "free",
+    power: PowerKnowledge = "known",
+) -> Floats:
+    """Compute the standard uncertainty of the mean of several samples at one pose.
+
+    Parameters
+    ----------
+    sensor
+        The sensor; with `Sensor.calibration` the calibration's part is in the result.
+    states
+        States, (..., 8); mm and rad, world frame: the means, such as those of `Solution.state`.
+    samples
+        Number of samples in each mean, 1 or more. Their noise must be independent: samples that
+        come faster than the electronics' bandwidth allows count as fewer.
+    beam, power
+        What was known of them, as for `facets.solve`; of a `Prior` its sigma alone counts.
+
+    Returns
+    -------
+    ndarray
+        (..., 8), mm and rad: one standard deviation. NaN where a state is not finite or a detector
+        has no reading.
+
+    Raises
+    ------
+    InputError
+        If an argument has a wrong shape or value.
+
+    Notes
+    -----
+    The variance is that of the noise over the number of samples, and those of the priors and of the
+    calibration, which stay. All three detectors are taken to have light.
+
+    Examples
+    --------
+    >>> import numpy as np, facets
+    >>> known = facets.Calibration(("psd_a.height",), ((1e-6,),))  # 1 um, as a standard uncertainty
+    >>> sensor = facets.Sensor(calibration=known)
+    >>> sizes = [facets.mean_uncertainty(sensor, np.zeros(8), n, beam="known") for n in (1, 10_000)]
+    >>> [f"{1e3 * size[2]:.2f} um of z" for size in sizes]
+    ['1.54 um of z', '0.33 um of z']
+    """
+    if samples < 1:
+        raise InputError(f"samples is {samples}; allowed: 1 or more")
+    rows, shape = as_rows(states, 8, "states")
+    plan = make_plan(sensor, Knowledge(beam=beam, power=power), shape=shape)
+    out = np.empty((len(rows), 8))
+    for part in parts_of(len(rows)):
+        found = propagate_lit(sensor, rows[part], plan)
+        whole = covariance_of_mean(found, samples)
+        if sensor.calibration is not None:
+            whole += carry_over(sensor.calibration, found.slopes)
+        out[part] = root_of_diagonal(whole)
+    return out.reshape(*shape, 8)
+
+
+@check_arguments
+def difference_uncertainty(
+    sensor: Sensor,
+    first: ArrayLike,
+    second: ArrayLike,
+    samples: int = 1,
+    *,
+    beam: BeamKnowledge = "free",
+    power: PowerKnowledge = "known",
+) -> Floats:
+    """Compute the standard uncertainty of the step from one pose to another.
+
+    Parameters
+    ----------
+    sensor
+        The sensor; with `Sensor.calibration` the calibration's part is in the result.
+    first, second
+        States, (..., 8) each; mm and rad, world frame: where the step began and where it ended.
+    samples
+        Number of samples whose mean each of the two poses is, 1 or more; see `mean_uncertainty`.
+    beam, power
+        What was known of them, as for `facets.solve`; of a `Prior` its sigma alone counts. A prior
+        is taken to have independent errors at the two poses: for a beam that stood still meanwhile,
+        say "known".
+
+    Returns
+    -------
+    ndarray
+        (..., 8), mm and rad: one standard deviation of `second` less `first`. NaN where a state is
+        not finite or a detector has no reading.
+
+    Raises
+    ------
+    InputError
+        If an argument has a wrong shape or value.
+
+    Notes
+    -----
+    The parameters of the sensor are off by the same at both poses. What they do to the difference
+    is the difference of what they do to the poses, which is small for a small step: the two poses'
+    stated uncertainties say nothing of it. All three detectors are taken to have light.
+
+    Examples
+    --------
+    >>> import numpy as np, facets
+    >>> known = facets.Calibration(("psd_a.height",), ((1e-6,),))  # 1 um, as a standard uncertainty
+    >>> sensor, start, end = facets.Sensor(calibration=known), np.zeros(8), np.zeros(8)
+    >>> end[2] = 0.1
+    >>> step = facets.difference_uncertainty(sensor, start, end, 10_000, beam="known")
+    >>> f"{1e3 * step[2]:.3f} um of z"
+    '0.021 um of z'
+    """
+    if samples < 1:
+        raise InputError(f"samples is {samples}; allowed: 1 or more")
+    try:
+        both = np.broadcast_arrays(as_vectors(first, 8, "first"), as_vectors(second, 8, "second"))
+    except ValueError as error:
+        raise InputError(f"first and second do not fit each other: {error}") from None
+    (before, shape), (after, _) = (as_rows(states, 8, "states") for states in both)
+    plan = make_plan(sensor, Knowledge(beam=beam, power=power), shape=shape)
+    out = np.empty((len(before), 8))
+    for part in parts_of(len(before)):
+        one, other = (propagate_lit(sensor, states[part], plan) for states in (before, after))
+        whole = covariance_of_mean(one, samples) + covariance_of_mean(other, samples)
+        if sensor.calibration is not None:
+            whole += covariance_of_difference(sensor.calibration, one, other)
+        out[part] = root_of_diagonal(whole)
+    return out.reshape(*shape, 8)
+
+
+def propagate_lit(sensor: Sensor, states: Floats, plan: Plan) -> Propagation:
+    """`propagate` of states (n, 8) with light on all three detectors."""
+    used = np.ones((len(states), 3), dtype=bool)
+    return propagate(sensor, sensor.calibration, states, used, plan.free, plan.weights)
+
+
+def covariance_of_mean(found: Propagation, samples: int) -> Floats:
+    """(n, 8, 8) by noise and priors: the noise of a mean is smaller, the priors stay."""
+    whole: Floats = found.noise / samples + (found.statistical - found.noise)
+    return whole
+
+
+def covariance_of_difference(known: Calibration, one: Propagation, other: Propagation) -> Floats:
+    """(n, 8, 8) by the calibration, of states less others."""
+    assert one.slopes is not None
+    assert other.slopes is not None
+    common = np.array([name not in MISFIT for name in known.names])
+    whole = carry_over(known, (other.slopes - one.slopes) * common)
+    for slopes in (one.slopes, other.slopes):
+        whole += carry_over(known, slopes * ~common)
+    return whole

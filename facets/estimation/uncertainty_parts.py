@@ -1,0 +1,158 @@
+"""What the uncertainty of a pose consists of: noise, and what noise is not.
+
+The noise of the readings differs from sample to sample, so that a mean over n samples has 1 / n of
+its variance. The calibrated parameters are off by the same amount in every sample: a mean keeps
+their part, and a difference of two poses has that of the difference between their derivatives. What
+is known of beam and power beforehand (a prior) stays in a mean, too.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.names import FINE_UNITS
+from ..core.units import Floats
+from ..detectors.calibrated import LIGHT_CENTRE, MISFIT
+from ..detectors.correction import NAMES, correction_slopes
+from ..detectors.noise import standard_deviations
+from ..model.arrays import EFFECTS, effect_jacobian, jacobian, parameter_jacobian, readings
+from ..model.beam_shape import SHAPE, shape_derivatives
+from ..optics.parameters import PARAMETERS
+
+if TYPE_CHECKING:
+    from ..core.sensor import Calibration, Sensor
+
+
+#: How many samples at once: 5 kB each.
+PART_SAMPLES = 2000
+
+
+def parts_of(count: int) -> list[slice]:
+    """Slices of some samples, each few enough to be propagated at once."""
+    return [slice(first, first + PART_SAMPLES) for first in range(0, count, PART_SAMPLES)]
+
+
+class Propagation(NamedTuple):
+    """How solved states (n, 8) follow what is not known; NaN where a state is not finite.
+
+    noise: (n, 8, 8) covariance by the readings' noise.  statistical: that by the priors of beam
+    and power included.  slopes: (n, 8, p) derivatives by the calibrated parameters, or None without
+    a calibration.  readings: (n, 9) of the model.
+    """
+
+    noise: Floats
+    statistical: Floats
+    slopes: Floats | None
+    readings: Floats
+
+
+class UncertaintyParts(NamedTuple):
+    """Covariances (n, 8, 8) of states by the readings' noise and by the calibration; NaN where a
+    state is not finite."""
+
+    noise: Floats
+    calibration: Floats
+
+
+def uncertainty_parts(
+    sensor: Sensor,
+    states: Floats,
+    used: NDArray[np.bool_],
+    free: NDArray[np.int64],
+    weights: Floats,
+) -> UncertaintyParts:
+    """Of states (n, 8) of a sensor with a calibration; other arguments as of `propagate`."""
+    assert sensor.calibration is not None
+    noise, calibration = np.empty((len(states), 8, 8)), np.empty((len(states), 8, 8))
+    for part in parts_of(len(states)):
+        found = propagate(sensor, sensor.calibration, states[part], used[part], free, weights)
+        noise[part] = found.noise
+        calibration[part] = carry_over(sensor.calibration, found.slopes)
+    return UncertaintyParts(noise, calibration)
+
+
+def carry_over(known: Calibration, slopes: Floats | None) -> Floats:
+    """The covariance (n, 8, 8) of states whose derivatives by the parameters are (n, 8, p)."""
+    assert slopes is not None
+    covariance: Floats = slopes @ np.array(known.covariance) @ np.swapaxes(slopes, 1, 2)
+    return covariance
+
+
+def propagate(
+    sensor: Sensor,
+    known: Calibration | None,
+    states: Floats,
+    used: NDArray[np.bool_],
+    free: NDArray[np.int64],
+    weights: Floats,
+) -> Propagation:
+    """How solved states (n, 8) follow noise, priors and the parameters that are `known`.
+
+    used: (n, 3) detectors.  free, weights: the unknowns that were solved for, out of the state
+    and the power, and one over the sigmas of what was known of bx, by and the power.
+    """
+    seen = readings(sensor, states)
+    weigh = np.repeat(used, 3, axis=1) / standard_deviations(sensor, seen)
+    by_state = np.zeros((len(states), 9, 9))
+    by_state[:, :, :8] = jacobian(sensor, states)
+    by_state[:, 2::3, 8] = seen[:, 2::3] / sensor.beam.power
+    rows = np.nan_to_num(by_state[:, :, free] * weigh[:, :, None])
+    before = np.zeros(9)
+    before[6:] = weights**2
+    units = np.array([*FINE_UNITS, 1e-3])[free]
+    rows *= units
+    across = np.swapaxes(rows, 1, 2)
+    information = across @ rows
+    inner = information + np.diag(before[free] * units**2)
+    good = np.isfinite(states).all(axis=1)
+    inner[~good] = np.eye(len(free))
+    inverse = np.linalg.inv(inner)
+    scale = np.outer(units, units)
+
+    def of_state(part: Any, places: tuple[Any, ...], shape: tuple[int, ...]) -> Floats:
+        """Rows or rows and columns of the unknowns as those of the state; 0 of what is known."""
+        whole = np.zeros((len(states), *shape))
+        whole[(slice(None), *places)] = part
+        whole[~good] = np.nan
+        return whole[:, :8]
+
+    square, both = (9, 9), np.ix_(free, free)
+    noise = of_state(inverse @ information @ inverse * scale, both, square)
+    statistical = of_state(inverse * scale, both, square)
+    slopes = None
+    if known is not None:
+        off = parameter_derivatives(sensor, known, states, seen)
+        off = np.nan_to_num(off * weigh[:, :, None])
+        moved = np.linalg.solve(inner, across @ off) * units[:, None]
+        slopes = of_state(moved, (free,), (9, off.shape[2]))
+    return Propagation(noise[:, :, :8], statistical[:, :, :8], slopes, seen)
+
+
+def parameter_derivatives(
+    sensor: Sensor, known: Calibration, states: Floats, seen: Floats
+) -> Floats:
+    """How far model and reading part for each unit of what was calibrated: (n, 9, p)."""
+    whole = parameter_jacobian(sensor, states)
+    blocks = {
+        PARAMETERS: whole,
+        NAMES: -correction_slopes(sensor, seen),
+        MISFIT: misfit(len(states)),
+    }
+    if any(name in SHAPE for name in known.names):
+        blocks[SHAPE] = shape_derivatives(sensor, states, whole)
+    if any(name in LIGHT_CENTRE for name in known.names):
+        blocks[LIGHT_CENTRE] = jacobian(sensor, states)[:, :, 6:]
+    if any(name in EFFECTS for name in known.names):
+        blocks[EFFECTS] = effect_jacobian(sensor, states)
+    names = [name for block in blocks for name in block]
+    every = np.concatenate(list(blocks.values()), axis=2)
+    parted: Floats = every[:, :, [names.index(name) for name in known.names]]
+    return parted
+
+
+def misfit(count: int) -> Floats:
+    """The derivative of `MISFIT`: each adds to its own reading. (n, 9, 9)"""
+    return np.broadcast_to(np.eye(9), (count, 9, 9))
