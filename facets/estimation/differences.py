@@ -31,7 +31,7 @@ from ..detectors.calibrated import MISFIT
 from ..model.arrays import as_rows, as_vectors
 from .plan import Plan, make_plan
 from .solution import root_of_diagonal
-from .uncertainty_parts import Propagation, carry_over, parts_of, propagate
+from .uncertainty_parts import Propagation, carry_over, propagate, slices_of
 
 if TYPE_CHECKING:
     from ..core.sensor import Calibration
@@ -90,8 +90,8 @@ def mean_uncertainty(
     rows, shape = as_rows(states, 8, "states")
     plan = make_plan(sensor, Knowledge(beam=beam, power=power), shape=shape)
     out = np.empty((len(rows), 8))
-    for part in parts_of(len(rows)):
-        found = propagate_lit(sensor, rows[part], plan)
+    for part in slices_of(len(rows)):
+        found = propagate_in_light(sensor, rows[part], plan)
         whole = covariance_of_mean(found, samples)
         if sensor.calibration is not None:
             whole += carry_over(sensor.calibration, found.slopes)
@@ -160,8 +160,8 @@ def difference_uncertainty(
     (before, shape), (after, _) = (as_rows(states, 8, "states") for states in both)
     plan = make_plan(sensor, Knowledge(beam=beam, power=power), shape=shape)
     out = np.empty((len(before), 8))
-    for part in parts_of(len(before)):
-        one, other = (propagate_lit(sensor, states[part], plan) for states in (before, after))
+    for part in slices_of(len(before)):
+        one, other = (propagate_in_light(sensor, states[part], plan) for states in (before, after))
         whole = covariance_of_mean(one, samples) + covariance_of_mean(other, samples)
         if sensor.calibration is not None:
             whole += covariance_of_difference(sensor.calibration, one, other)
@@ -169,7 +169,7 @@ def difference_uncertainty(
     return out.reshape(*shape, 8)
 
 
-def propagate_lit(sensor: Sensor, states: Floats, plan: Plan) -> Propagation:
+def propagate_in_light(sensor: Sensor, states: Floats, plan: Plan) -> Propagation:
     """`propagate` of states (n, 8) with light on all three detectors."""
     used = np.ones((len(states), 3), dtype=bool)
     return propagate(sensor, sensor.calibration, states, used, plan.free, plan.weights)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 PART_SAMPLES = 2000
 
 
-def parts_of(count: int) -> list[slice]:
+def slices_of(count: int) -> list[slice]:
     """Slices of some samples, each few enough to be propagated at once."""
     return [slice(first, first + PART_SAMPLES) for first in range(0, count, PART_SAMPLES)]
 
@@ -67,7 +67,7 @@ def uncertainty_parts(
     """Of states (n, 8) of a sensor with a calibration; other arguments as of `propagate`."""
     assert sensor.calibration is not None
     noise, calibration = np.empty((len(states), 8, 8)), np.empty((len(states), 8, 8))
-    for part in parts_of(len(states)):
+    for part in slices_of(len(states)):
         found = propagate(sensor, sensor.calibration, states[part], used[part], free, weights)
         noise[part] = found.noise
         calibration[part] = carry_over(sensor.calibration, found.slopes)
@@ -112,7 +112,7 @@ def propagate(
     inverse = np.linalg.inv(inner)
     scale = np.outer(units, units)
 
-    def of_state(part: Any, places: tuple[Any, ...], shape: tuple[int, ...]) -> Floats:
+    def state_part(part: Any, places: tuple[Any, ...], shape: tuple[int, ...]) -> Floats:
         """Rows or rows and columns of the unknowns as those of the state; 0 of what is known."""
         whole = np.zeros((len(states), *shape))
         whole[(slice(None), *places)] = part
@@ -120,14 +120,14 @@ def propagate(
         return whole[:, :8]
 
     square, both = (9, 9), np.ix_(free, free)
-    noise = of_state(inverse @ information @ inverse * scale, both, square)
-    statistical = of_state(inverse * scale, both, square)
+    noise = state_part(inverse @ information @ inverse * scale, both, square)
+    statistical = state_part(inverse * scale, both, square)
     slopes = None
     if known is not None:
         off = parameter_derivatives(sensor, known, states, seen)
         off = np.nan_to_num(off * weigh[:, :, None])
         moved = np.linalg.solve(inner, across @ off) * units[:, None]
-        slopes = of_state(moved, (free,), (9, off.shape[2]))
+        slopes = state_part(moved, (free,), (9, off.shape[2]))
     return Propagation(noise[:, :, :8], statistical[:, :, :8], slopes, seen)
 
 

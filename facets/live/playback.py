@@ -20,10 +20,10 @@ from .recording.replay import label, recorded_config, replay
 from .run.pipeline import Pipeline, Poses, join_poses
 from .run.pulses import PulseClock, pulse_columns
 from .run.smoothing import require_model, smoothed_columns
-from .streams.filtered_rows import WIDE, RowFilter
+from .streams.filtered_rows import FILTER_COLUMNS, RowFilter
 from .streams.mcap_file import McapFile
 from .streams.publication import Publications
-from .streams.sample_rows import SAMPLE, rows_of
+from .streams.sample_rows import rows_of
 
 if TYPE_CHECKING:
     from ..core.settings import Config
@@ -163,7 +163,7 @@ class Playback:
         refuse_nothing(path, poses)
         rows = RowFilter(self.config, model, self.pipeline.tally.misfit.carried)
         wide = np.concatenate([rows.widen(rows_of(part, 0.0)) for part in poses])
-        columns = {name: wide[name] for name in (WIDE.names or ())[len(SAMPLE.names or ()) :]}
+        columns = {name: wide[name] for name in FILTER_COLUMNS}
         about = about | {"filtered": f"constant {model}"}
         tables.write_table(path, {**label(join_poses(poses)), **columns}, about)
         return f"  filtered by constant {model}; {rows.sentence}"

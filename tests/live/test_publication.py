@@ -6,6 +6,7 @@ import json
 import signal
 import socket
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,11 +21,15 @@ from facets.live.recording.pose_table import join_columns, pose_columns
 from facets.live.run.pipeline import Pipeline
 from facets.live.streams import publication as module
 from facets.live.streams import zeromq
+from facets.live.streams.filtered_rows import RowFilter
 from facets.live.streams.json_rows import json_of
 from facets.live.streams.publication import Publication, Publications
-from facets.live.streams.sample_rows import SAMPLE, description, rows_of
+from facets.live.streams.row_stream import same_columns
+from facets.live.streams.sample_rows import CALIBRATED_SAMPLE, SAMPLE, description, rows_of
 from facets.live.streams.senders import Udp
 from facets.live.streams.zeromq import ZmqSender
+from facets.live.web.hub import Hub
+from facets.live.web.page import description_of
 
 CONFIG = facets.load("bench")
 
@@ -131,6 +136,37 @@ def test_json_says_what_the_rows_say():
         for group, names in (("reading", ["psi_a_mm"]), ("u", ["u_tx_mm"]), ("pose", ["by_mm"])):
             for name in names:
                 assert found[group][name] == pytest.approx(row[name], rel=1e-8)
+
+
+def test_a_calibrated_sensor_publishes_the_parts_of_its_uncertainty():
+    """By ZeroMQ, in JSON and with filtered poses; a reader of the plain columns gets these."""
+    known = facets.Calibration(("psd_a.height",), ((1e-6,),))
+    config = replace(CONFIG, sensor=replace(CONFIG.sensor, calibration=known))
+    pipeline = Pipeline(config)
+    (part,) = (pipeline.solve(batch) for batch in pipeline.take(stream(200), 1_000.0))
+    columns, rows = pose_columns(part), rows_of(part, 5.0)
+    assert rows.dtype == CALIBRATED_SAMPLE
+    for name, column in columns.items():
+        np.testing.assert_array_equal(rows[name], column)
+    wide = RowFilter(config, "speed").widen(rows)
+    for some in (rows, wide):
+        found = json.loads(json_of(some)[0])
+        for name in ("noise", "calibration"):
+            key = f"u_{name}_tz_mm"
+            assert found[f"u_{name}"][key] == pytest.approx(rows[key][0], rel=1e-8)
+        assert ("filtered" in found) == (some is wide)
+    assert same_columns(rows).dtype == SAMPLE
+    with (
+        Publications(["zmq://127.0.0.1:0"], config, True, utc_offset=5.0) as publications,
+        Subscription(publications.places()[0]) as samples,
+    ):
+        publications.add_poses(part)
+        came = next(iter(samples))
+    np.testing.assert_array_equal(came, rows[: len(came)])
+    hub = Hub(description_of(config) | {"kind": "acquire"})
+    hub.take(rows)
+    assert hub.newest["parts"]["noise"][2] == rows["u_noise_tz_mm"][-1]
+    assert samples.about["units"]["u_noise_yaw_mrad"] == "mrad"
 
 
 def test_two_local_subscribers_get_every_sample_at_full_rate():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -44,6 +45,22 @@ def test_all_three_detectors_are_seen_on_any_terminal(wide, high):
     if wide >= 45:
         assert sum(line.count("µW") for line in lines) == 3
         assert len(lines) <= high
+
+
+def test_the_parts_of_an_uncertainty_are_seen_where_there_is_space():
+    known = facets.Calibration(("psd_a.height",), ((1e-6,),))
+    config = replace(CONFIG, sensor=replace(CONFIG.sensor, calibration=known))
+    now = Live(Pipeline(config))
+    now.newest = now.pipeline.feed(stream(60), 1.0)
+    values = view.values(now)
+    whole = values["u_noise_tz_um"] ** 2 + values["u_calibration_tz_um"] ** 2
+    assert whole == pytest.approx(values["u_tz_um"] ** 2, rel=1e-3)
+    for wide in (30, 62, 90, 120):
+        lines = drawn(now, wide)
+        assert max(map(len, lines)) <= wide
+        assert ("calibration" in "".join(lines)) == (wide >= 90)
+        assert sum(line.count("●") for line in lines) == 3
+    assert "calibration" not in "".join(drawn(live(), 120))
 
 
 def test_no_light_is_called_so():

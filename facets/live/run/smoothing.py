@@ -22,7 +22,7 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.names import ANGLES, POSE
 from ...core.units import Booleans, Floats
-from ...estimation.uncertainty_parts import parts_of, propagate
+from ...estimation.uncertainty_parts import propagate, slices_of
 
 if TYPE_CHECKING:
     from ...core.settings import Config
@@ -310,7 +310,7 @@ def noise_covariance(config: Config, solution: Solution, carried: bool) -> Float
         return solution.noise_covariance[:, :6, :6]
     parts = [
         noise_of_part(config, solution.state[part], solution.used[part], carried)
-        for part in parts_of(len(solution.state))
+        for part in slices_of(len(solution.state))
     ]
     return np.concatenate(parts)
 

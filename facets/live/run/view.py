@@ -15,6 +15,7 @@ from ...core.names import ANGLES, DETECTORS, STATE
 from ...detectors.counts import SATURATED
 from ...detectors.noise import least_light
 from ...estimation.solution import Status
+from ...estimation.table import UNCERTAINTY_PARTS
 from ...model.arrays import half_sizes
 from ...tracking.control import tracking_error
 from .live import Live
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 WIDE, HIGH = (33, 5), (13, 3)
 #: Columns from which on the counts of the stream stand beside the pose.
 BESIDE = 62
+#: Columns from which on the parts of the uncertainties are there, too.
+BESIDE_PARTS = 90
 #: Lines of the view beside the faces: the table of the pose, borders, the stream and messages.
 OTHERS = 16
 
@@ -80,14 +83,19 @@ def sample(live: Live) -> dict[str, Any]:
     poses = live.newest
     assert poses is not None
     solution, reading = poses.solution, poses.readings[-1]
-    state, sigma = solution.state[-1], solution.uncertainty[-1]
+    state, sizes = solution.state[-1], {"": solution.uncertainty[-1]}
+    if solution.calibration_covariance is not None:
+        sizes |= {
+            f"{part}_": getattr(solution, f"{part}_uncertainty")[-1] for part in UNCERTAINTY_PARTS
+        }
     found: dict[str, Any] = {"status": LABELS[int(solution.status[-1])]}
     for i, name in enumerate(STATE):
         angle = name in ANGLES
         key = f"{name}_mrad" if angle else f"{name}_mm"
         found[key] = round_digits(state[i] * (1e3 if angle else 1))
         fine = "urad" if angle else "um"
-        found[f"u_{name}_{fine}"] = round_digits(sigma[i] * (1e6 if angle else 1e3))
+        for part, size in sizes.items():
+            found[f"u_{part}{name}_{fine}"] = round_digits(size[i] * (1e6 if angle else 1e3))
     found["spots_mm"] = [[round_digits(x) for x in reading[3 * k : 3 * k + 2]] for k in range(3)]
     found["powers_uw"] = [round_digits(1e3 * power) for power in reading[2::3]]
     found["tracking_error"] = [round_digits(x) for x in tracking_error(reading[2::3])]
@@ -216,7 +224,8 @@ class Screen:
         now, beside = values(self.live), options.max_width >= BESIDE
         if beside:
             top = Table.grid(padding=(0, 3))
-            top.add_row(pose_table(now), counts_table(now))
+            has_parts = options.max_width >= BESIDE_PARTS
+            top.add_row(pose_table(now, has_parts), counts_table(now))
             yield top
         else:
             yield pose_table(now)
@@ -239,21 +248,27 @@ def odd_within(size: int, ends: tuple[int, int]) -> int:
     return max(ends[1], min(ends[0], size - 1 + size % 2))
 
 
-def pose_table(now: dict[str, Any]) -> Any:
-    """A line an axis, with a bar of its hue before its name."""
+def pose_table(now: dict[str, Any], has_parts: bool = False) -> Any:
+    """A line an axis, with a bar of its hue before its name.
+
+    has_parts: whether the parts of the uncertainties are shown, where the sample has them.
+    """
     from rich.table import Table
     from rich.text import Text
 
     hues = terminal_hues()
     table = Table(box=None, title_justify="left", pad_edge=False)
-    for heading in ("", "value", "u (1 sigma)"):
+    parts = [part for part in UNCERTAINTY_PARTS if has_parts and f"u_{part}_tx_um" in now]
+    for heading in ("", "value", "u (1 sigma)", *parts):
         table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
     for name in STATE:
         unit, fine = ("mrad", "urad") if name in ANGLES else ("mm", "um")
-        value, sigma = now.get(f"{name}_{unit}"), now.get(f"u_{name}_{fine}")
+        value = now.get(f"{name}_{unit}")
         shown = "-" if value is None else f"{value:+.5f} {unit}"
         marked = Text.assemble(("▌", hues.axes[name]), name)
-        table.add_row(marked, shown, "-" if sigma is None else f"{sigma:.3g} µ{fine[1:]}")
+        sizes = [now.get(f"u_{part}{name}_{fine}") for part in ("", *(f"{p}_" for p in parts))]
+        written = ["-" if size is None else f"{size:.3g} µ{fine[1:]}" for size in sizes]
+        table.add_row(marked, shown, *written)
     return table
 
 

@@ -16,12 +16,17 @@ if TYPE_CHECKING:
     from ...core.settings import Config
 
 FILTERED = tuple(f"filtered_{name}" for name in STATE_COLUMNS[:6])
-#: A row: that of SAMPLE, then the filtered pose and its standard uncertainties; 338 bytes.
-WIDE = np.dtype([
-    *SAMPLE.descr,
-    *((name, "<f8") for name in FILTERED),
-    *((f"u_{name}", "<f8") for name in FILTERED),
-])  # fmt: skip
+#: The filtered pose and its standard uncertainties.
+FILTER_COLUMNS = (*FILTERED, *(f"u_{name}" for name in FILTERED))
+
+
+def widen_dtype(dtype: np.dtype[np.void]) -> np.dtype[np.void]:
+    """Of rows with the filtered pose and its standard uncertainties at their end."""
+    return np.dtype([*dtype.descr, *((name, "<f8") for name in FILTER_COLUMNS)])
+
+
+#: A row: that of SAMPLE, then `FILTER_COLUMNS`; 338 bytes.
+WIDE = widen_dtype(SAMPLE)
 
 
 class RowFilter:
@@ -32,9 +37,9 @@ class RowFilter:
         self.floor = least_light(config.sensor)
 
     def widen(self, rows: NDArray[np.void]) -> NDArray[np.void]:
-        """Rows of WIDE; NaN where there is no filtered pose."""
-        found = np.empty(len(rows), WIDE)
-        for name in SAMPLE.names or ():
+        """Rows with `FILTER_COLUMNS`; NaN where there is no filtered pose."""
+        found = np.empty(len(rows), widen_dtype(rows.dtype))
+        for name in rows.dtype.names or ():
             found[name] = rows[name]
         states = np.column_stack([rows[name] for name in STATE_COLUMNS]) * STATE_UNITS
         sigma = np.column_stack([rows[f"u_{name}"] for name in STATE_COLUMNS]) * STATE_UNITS

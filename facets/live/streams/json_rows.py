@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.names import READING_COLUMNS, STATE_COLUMNS
+from ...estimation.table import UNCERTAINTY_PARTS
 from .sample_rows import HEAD as HEAD_COLUMNS
-from .sample_rows import NUMBERS
 
 Rows = NDArray[np.void]
 
@@ -17,6 +18,9 @@ GROUPS = {
     "reading": READING_COLUMNS,
     "pose": STATE_COLUMNS,
     "u": tuple(f"u_{name}" for name in STATE_COLUMNS),
+}
+PART_GROUPS = {
+    f"u_{part}": tuple(f"u_{part}_{name}" for name in STATE_COLUMNS) for part in UNCERTAINTY_PARTS
 }
 FILTER_GROUPS = {
     "filtered": STATE_COLUMNS[:6],
@@ -33,15 +37,25 @@ def json_template(groups: dict[str, tuple[str, ...]]) -> str:
 
 
 HEAD = '"timestamp":%.9f,"seq":%d,"status":%d,"flags":%d'
-TEMPLATE = "{" + ",".join([HEAD, json_template(GROUPS), '"residual":%.9g']) + "}"
-WIDE_TEMPLATE = TEMPLATE[:-1] + "," + json_template(FILTER_GROUPS) + "}"
+
+
+@cache
+def template_of(names: tuple[str, ...]) -> str:
+    """The text of a sample with these columns."""
+    parts = [HEAD, json_template(GROUPS), '"residual":%.9g']
+    parts += [
+        json_template(groups)
+        for groups, first in ((PART_GROUPS, "u_noise_tx_mm"), (FILTER_GROUPS, "filtered_tx_mm"))
+        if first in names
+    ]
+    return "{" + ",".join(parts) + "}"
 
 
 def json_of(rows: Rows) -> list[str]:
     """A text for each sample, without the numbers that are not known: JSON has no word for them."""
     heads = rows[["utc_s", "seq", "status", "flags"]].tolist()
     names = numbers_of(rows.dtype)
-    template = TEMPLATE if len(names) == len(NUMBERS) else WIDE_TEMPLATE
+    template = template_of(names)
     numbers = np.column_stack([rows[name] for name in names])
     whole = np.isfinite(numbers).all(axis=1)
     return [

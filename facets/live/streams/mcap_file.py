@@ -15,7 +15,7 @@ import numpy as np
 
 from ...core.extras import require_extra
 from ...core.names import READING_COLUMNS, STATE_COLUMNS
-from .json_rows import json_of
+from .json_rows import PART_GROUPS, json_of
 from .sample_rows import rows_of, unit_of
 
 if TYPE_CHECKING:
@@ -108,6 +108,7 @@ def sample_schema() -> dict[str, Any]:
             "reading": numbers(tuple(READING_COLUMNS)),
             "pose": numbers(tuple(STATE_COLUMNS)),
             "u": numbers(tuple(f"u_{name}" for name in STATE_COLUMNS)),
+            **{group: numbers(names) for group, names in PART_GROUPS.items()},
             "residual": {"type": "number", "description": "sigma"},
         },
     }

@@ -28,7 +28,7 @@ from ..run.pulses import PulseClock, pulse_columns
 from ..run.sink import Sink
 from .addresses import check_address
 from .lots import LENGTH
-from .sample_rows import SAMPLE, description, rows_of
+from .sample_rows import description, rows_of, sample_dtype
 
 if TYPE_CHECKING:
     from ...core.settings import Config
@@ -73,6 +73,7 @@ class Publication:
         which lose nothing by it.  config: pickled, where its `filter` needs one.
         """
         self.address, self.patient = address, patient
+        self.itemsize = sample_dtype(about).itemsize
         self.given = self.unplaced = self.sent = self.refused = self.lost = 0
         self.receivers: int | None = None
         self.trouble = self.note = self.filter = ""
@@ -130,8 +131,11 @@ class Publication:
         self.process.stdin.flush()
 
     def send(self, data: bytes) -> None:
-        """Rows of SAMPLE, which are published as soon as can be. Waits only where it is patient."""
-        count = len(data) // SAMPLE.itemsize
+        """Publish rows of the dtype of `sample_dtype` as soon as can be.
+
+        Waits only where it is patient.
+        """
+        count = len(data) // self.itemsize
         with self.news:
             self.given += count
             while self.patient and self.waiting > MAX_WAITING_BYTES and not self.trouble:
@@ -241,6 +245,7 @@ class Publications(Sink):
             "config_sha256": config.sha256,
             "facets": __version__,
             "statuses": {str(number): words for number, words in LABELS.items()},
+            "uncertainty_parts": config.sensor.calibration is not None,
         }
         pickled = b""
         if filter_by is not None:

@@ -105,7 +105,7 @@ class RowStream:
             return self.ending.is_set()
 
         for part in poses(self.config, self.address, is_over):
-            yield rows_of(part, offset)
+            yield same_columns(rows_of(part, offset))
 
     def run(self) -> None:
         try:
@@ -195,7 +195,7 @@ class RowStream:
 
 
 def same_columns(rows: Rows) -> Rows:
-    """Rows of a publication, as this version has them. Raises where a column is missing."""
+    """Rows with the columns of SAMPLE. Raises `FacetsError` where one is missing."""
     if rows.dtype == SAMPLE:
         return rows
     names = SAMPLE.names or ()

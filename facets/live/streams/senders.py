@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 from ...core.errors import FacetsError, InputError
 from ...core.extras import require_extra
 from .addresses import check_address, options_of
-from .filtered_rows import WIDE, RowFilter
+from .filtered_rows import RowFilter, widen_dtype
 from .json_rows import json_of
 from .lots import lots
 from .sample_rows import HEAD as HEAD_COLUMNS
-from .sample_rows import NUMBERS, SAMPLE, unit_of
+from .sample_rows import NUMBERS, SAMPLE, columns_of, sample_dtype, unit_of
 from .zeromq import ZmqSender
 
 #: The parent is told what became of the samples this often, s.
@@ -191,8 +191,16 @@ def open_sender(address: str, about: dict[str, Any], wait: float) -> Sender:
         raise InputError(f"--publish {address}: {error.strerror or error}") from None
 
 
-def serve(sender: Sender, stream: BinaryIO, tell: Callable[[dict[str, Any]], None]) -> None:
-    """Gives away what comes on the stream until it ends; tells every now and then how it goes."""
+def serve(
+    sender: Sender,
+    stream: BinaryIO,
+    dtype: np.dtype[np.void],
+    tell: Callable[[dict[str, Any]], None],
+) -> None:
+    """Gives away what comes on the stream until it ends; tells every now and then how it goes.
+
+    dtype: of the rows.
+    """
     sent = dropped = 0
     ended = threading.Event()
 
@@ -211,7 +219,7 @@ def serve(sender: Sender, stream: BinaryIO, tell: Callable[[dict[str, Any]], Non
     reporter.start()
     try:
         for data in lots(stream):
-            rows = np.frombuffer(data, SAMPLE)
+            rows = np.frombuffer(data, dtype)
             count = sender.send(rows)
             sent, dropped = sent + count, dropped + len(rows) - count
     finally:
@@ -234,8 +242,7 @@ def filter_of(about: dict[str, Any], pickled: bytes) -> RowFilter:
     for name in NUMBERS:
         nobody[name] = 0.1
     RowFilter(config, told["model"]).widen(nobody)
-    about["dtype"] = [list(pair) for pair in WIDE.descr]
-    about["units"] = {name: unit_of(name) for name in WIDE.names or () if unit_of(name)}
+    about |= columns_of(widen_dtype(sample_dtype(about)))
     return rows
 
 
@@ -257,7 +264,7 @@ def main() -> None:
     port = sender.port if isinstance(sender, ZmqSender) else None
     sender = FilteringSender(sender, rows) if rows else sender
     tell({"ready": True, "port": port})
-    serve(sender, stream, tell)
+    serve(sender, stream, sample_dtype(about), tell)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...core.names import READING_COLUMNS, STATE_COLUMNS
+from ...estimation.table import UNCERTAINTY_PARTS
 from .bins import COLUMNS, AllBins, Bins, Rows
 
 #: Width of the bins of the last two minutes, s.
@@ -104,6 +105,11 @@ class Hub:
             "flags": int(row["flags"]),
             "state": [number(row[name]) for name in STATE_COLUMNS],
             "u": [number(row[f"u_{name}"]) for name in STATE_COLUMNS],
+            "parts": {
+                part: [number(row[f"u_{part}_{name}"]) for name in STATE_COLUMNS]
+                for part in UNCERTAINTY_PARTS
+                if self.about.get("uncertainty_parts")
+            },
             "reading": [number(row[name]) for name in READING_COLUMNS],
             "residual": number(row["residual"]),
         }

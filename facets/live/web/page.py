@@ -144,6 +144,7 @@ def description_of(config: Config) -> dict[str, Any]:
         "config": config.name,
         "config_sha256": config.sha256,
         "statuses": {str(number): words for number, words in LABELS.items()},
+        "uncertainty_parts": sensor.calibration is not None,
         "components": [
             {
                 "name": name,

@@ -25,7 +25,7 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.extras import require_extra
 from ..streams.lots import lots
-from ..streams.sample_rows import SAMPLE
+from ..streams.sample_rows import sample_dtype
 from .guard import Guard, place
 from .hub import Hub, Page
 
@@ -56,8 +56,9 @@ TYPES = {
 class Inbox:
     """What came and is not looked at yet; a thread fills it and waits where it is full."""
 
-    def __init__(self, stream: BinaryIO) -> None:
-        self.stream = stream
+    def __init__(self, stream: BinaryIO, dtype: np.dtype[np.void]) -> None:
+        """dtype: of the rows."""
+        self.stream, self.dtype = stream, dtype
         self.lots: deque[bytes] = deque()
         self.waiting = self.samples = 0
         self.ended = False
@@ -82,11 +83,11 @@ class Inbox:
                 self.news.notify_all()
             if data[:1] == b"S":
                 parts.append(data[1:])
-                count += (len(data) - 1) // SAMPLE.itemsize
+                count += (len(data) - 1) // self.dtype.itemsize
             else:
                 told.append(json.loads(data[1:]))
         self.samples += count
-        return np.frombuffer(b"".join(parts), SAMPLE), told
+        return np.frombuffer(b"".join(parts), self.dtype), told
 
 
 def assets() -> dict[str, Path]:
@@ -303,7 +304,7 @@ def main() -> None:
         say({"error": str(error)})
         return
     with suppress(TimeoutError):
-        asyncio.run(serve(Hub(about), own, line, Inbox(stream)))
+        asyncio.run(serve(Hub(about), own, line, Inbox(stream, sample_dtype(about))))
 
 
 if __name__ == "__main__":

@@ -150,6 +150,8 @@ export class Strips {
       number.textContent = value === null ? "no pose" : `${signed(value, decimals(u))} ${component.unit}`;
       number.dataset.value = value === null ? "" : value;
       below.textContent = value === null ? why : u === null ? "u unknown" : `u ${fine(u, component.unit)}`;
+      for (const [part, sizes] of Object.entries(value === null ? {} : sample.parts ?? {}))
+        if (sizes[i] !== null) below.textContent += ` · ${part} ${fine(sizes[i], component.unit)}`;
       below.title = below.textContent;
     }
   }
