@@ -15,7 +15,7 @@ import numpy as np
 from ..core.names import ANGLES, DETECTORS, POSE
 from ..core.sensor import Calibration, Sensor
 from ..core.units import Floats
-from ..detectors.calibrated import LIGHT_CENTRE, MISFIT
+from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
 from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, deviations, light_of
 from .fit import Fit
@@ -358,8 +358,10 @@ LISTED = 12
 
 
 def model_error(found: Fit, data: Data, sensor: Sensor, scatter: Scatter) -> dict[str, float]:
-    """Standard deviations of what the model misses, by `MISFIT`, mm and mW; none within chance
-    where the light is ideal.
+    """Standard deviations of what the model misses in the readings, by name, mm and mW.
+
+    MISFIT: what the residuals show beyond chance, of a cause that is not known.  MODEL_ERROR: how
+    exact the model of real light and a detector's spline are themselves; none with ideal light.
 
     The unknowns take up a part of it, as they do of the noise, and a larger one, since what a model
     misses changes smoothly from pose to pose: what is seen is put up by the share of noise that
@@ -372,10 +374,11 @@ def model_error(found: Fit, data: Data, sensor: Sensor, scatter: Scatter) -> dic
         sizes = residual_sizes(found, data)
         share = float(found.redundancy[np.isfinite(data.raw)].mean())
         missed = np.hypot(missed, sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(share, 0.1)))
+    exact = spline_error(sensor, data.raw, found.choice.names, found.covariance)
     if any(name in EFFECTS for name in found.choice.names):
-        missed = np.hypot(missed, model_accuracy(data))
-    missed = np.hypot(missed, spline_error(sensor, data.raw, found.choice.names, found.covariance))
-    return {name: float(size) for name, size in zip(MISFIT, missed, strict=True) if size > 0}
+        exact = np.hypot(exact, model_accuracy(data))
+    sizes = zip((*MISFIT, *MODEL_ERROR), (*missed, *exact), strict=True)
+    return {name: float(size) for name, size in sizes if size > 0}
 
 
 #: Shift of the light's middle, over the beam's standard deviation, for each unit of the power that

@@ -8,8 +8,12 @@ from ..model.beam_shape import SHAPE
 from ..optics.parameters import PARAMETERS
 from .correction import NAMES
 
-#: Errors of the model in each reading, mm and mW, which differ from place to place.
-MISFIT = tuple(f"misfit_{k}.{kind}" for k in DETECTORS for kind in ("psi", "zeta", "power"))
+_READINGS = tuple(f"{k}.{kind}" for k in DETECTORS for kind in ("psi", "zeta", "power"))
+#: Errors of the model that the residuals show in each reading, mm and mW: their cause is unknown.
+MISFIT = tuple(f"misfit_{name}" for name in _READINGS)
+#: How exact the model itself is in each reading, mm and mW: its errors differ from place to place,
+#: but hardly between places that are near each other.
+MODEL_ERROR = tuple(f"model_{name}" for name in _READINGS)
 #: Offset of the light's centre from the beam's position, mm, the same in every sample.
 LIGHT_CENTRE = ("light.centre_x", "light.centre_y")
-KNOWN = (*PARAMETERS, *SHAPE, *NAMES, *EFFECTS, *MISFIT, *LIGHT_CENTRE)
+KNOWN = (*PARAMETERS, *SHAPE, *NAMES, *EFFECTS, *MISFIT, *MODEL_ERROR, *LIGHT_CENTRE)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from ..detectors.calibrated import MISFIT
+from ..detectors.calibrated import MISFIT, MODEL_ERROR
 from ..detectors.noise import standard_deviations
 from ..model.arrays import readings
 
@@ -66,7 +66,7 @@ class Chance(NamedTuple):
 def widening_of(sensor: Sensor) -> float:
     """By how much residuals of this sensor are larger than the noise, as its calibration says."""
     known = sensor.calibration
-    if known is None or not any(name in MISFIT for name in known.names):
+    if known is None or not any(name in (*MISFIT, *MODEL_ERROR) for name in known.names):
         return 1.0
     kept: float | None = sensor.__dict__.get("_widening")
     if kept is None:
@@ -78,5 +78,8 @@ def measure_widening(sensor: Sensor) -> float:
     assert sensor.calibration is not None
     noise, known = standard_deviations(sensor, readings(sensor, np.zeros(8))), sensor.calibration
     missed = {name: known.covariance[n][n] for n, name in enumerate(known.names)}
-    over = [missed.get(name, 0.0) / s**2 for name, s in zip(MISFIT, noise, strict=True)]
+    over = [
+        sum(missed.get(name, 0.0) for name in names) / s**2
+        for *names, s in zip(MISFIT, MODEL_ERROR, noise, strict=True)
+    ]
     return float(np.sqrt(1 + np.nanmax(over)))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..core.names import FINE_UNITS
 from ..core.units import Floats
-from ..detectors.calibrated import LIGHT_CENTRE, MISFIT
+from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
 from ..detectors.correction import NAMES, correction_slopes
 from ..detectors.noise import standard_deviations
 from ..model.arrays import EFFECTS, effect_jacobian, jacobian, parameter_jacobian, readings
@@ -136,10 +136,12 @@ def parameter_derivatives(
 ) -> Floats:
     """How far model and reading part for each unit of what was calibrated: (n, 9, p)."""
     whole = parameter_jacobian(sensor, states)
+    identity = np.broadcast_to(np.eye(9), (len(states), 9, 9))  # each adds to its own reading
     blocks = {
         PARAMETERS: whole,
         NAMES: -correction_slopes(sensor, seen),
-        MISFIT: misfit(len(states)),
+        MISFIT: identity,
+        MODEL_ERROR: identity,
     }
     if any(name in SHAPE for name in known.names):
         blocks[SHAPE] = shape_derivatives(sensor, states, whole)
@@ -151,8 +153,3 @@ def parameter_derivatives(
     every = np.concatenate(list(blocks.values()), axis=2)
     parted: Floats = every[:, :, [names.index(name) for name in known.names]]
     return parted
-
-
-def misfit(count: int) -> Floats:
-    """The derivative of `MISFIT`: each adds to its own reading. (n, 9, 9)"""
-    return np.broadcast_to(np.eye(9), (count, 9, 9))

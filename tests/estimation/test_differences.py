@@ -8,7 +8,7 @@ from pages import DOCS, blocks
 
 import facets
 from facets.calibration.unknowns import ALL, assign_values, values_of
-from facets.detectors.calibrated import MISFIT
+from facets.detectors.calibrated import MISFIT, MODEL_ERROR
 
 #: A calibration that knows less than a good one, so that its part counts beside the noise.
 SIGMAS = {
@@ -117,6 +117,20 @@ def test_a_step_to_the_same_pose_has_no_part_of_the_parameters_but_twice_that_of
     part = facets.solve(missed, facets.readings(missed, START), **KNOWN).calibration_uncertainty
     step = facets.difference_uncertainty(missed, START, START, 10**12, **KNOWN)
     np.testing.assert_allclose(step, np.sqrt(2) * part, rtol=1e-4)
+
+
+def test_the_model_errs_by_the_same_at_poses_that_are_near_each_other():
+    """A misfit of an unknown cause counts twice in any step; the model's own error, in a long one
+    only, and in none to the same pose."""
+    sizes = {}
+    for name in (MISFIT[1], MODEL_ERROR[1]):
+        sensor = replace(calibrated(), calibration=facets.Calibration((name,), ((1e-6,),)))
+        ways = [START + part * (END - START) for part in (0, 0.01, 0.1, 1)]
+        steps = facets.difference_uncertainty(sensor, START, np.stack(ways), 10**12, **KNOWN)
+        sizes[name] = steps[:, 2] / facets.mean_uncertainty(sensor, START, 10**12, **KNOWN)[2]
+    np.testing.assert_allclose(sizes[MISFIT[1]], np.sqrt(2), rtol=0.06)
+    same, short, middle, long = sizes[MODEL_ERROR[1]]
+    assert same < 1e-3 < short < 0.1 < middle < 1 < long < 1.5
 
 
 def test_many_states_and_bad_arguments():
