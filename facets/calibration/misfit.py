@@ -19,7 +19,7 @@ from ..detectors.calibrated import LIGHT_CENTRE, MISFIT, MODEL_ERROR
 from ..model.arrays import EFFECTS
 from .bundle_adjustment import Data, deviations, light_of
 from .fit import Fit
-from .outliers import MOST_SHARE, model_accuracy
+from .outliers import MOST_SHARE, PLACE_SIGMA_MM, model_accuracy
 from .scatter import (
     FAR,
     PLACES,
@@ -30,6 +30,7 @@ from .scatter import (
 )
 from .spline import spline_error
 from .unknowns import BACKLASH
+from .unmodelled import Remainder, uneven_share
 
 if TYPE_CHECKING:
     from ..core.calibrate import Calibrate
@@ -360,8 +361,8 @@ LISTED = 12
 def model_error(found: Fit, data: Data, sensor: Sensor, scatter: Scatter) -> dict[str, float]:
     """Standard deviations of what the model misses in the readings, by name, mm and mW.
 
-    MISFIT: what the residuals show beyond chance, of a cause that is not known.  MODEL_ERROR: how
-    exact the model of real light and a detector's spline are themselves; none with ideal light.
+    MISFIT: what the residuals show beyond chance, of a cause that is not known, and what a
+    detector's spline leaves open.  MODEL_ERROR: of the model of real light itself.
 
     The unknowns take up a part of it, as they do of the noise, and a larger one, since what a model
     misses changes smoothly from pose to pose: what is seen is put up by the share of noise that
@@ -374,28 +375,31 @@ def model_error(found: Fit, data: Data, sensor: Sensor, scatter: Scatter) -> dic
         sizes = residual_sizes(found, data)
         share = float(found.redundancy[np.isfinite(data.raw)].mean())
         missed = np.hypot(missed, sigma * np.sqrt(np.maximum(sizes**2 - 1, 0.0) / max(share, 0.1)))
-    exact = spline_error(sensor, data.raw, found.choice.names, found.covariance)
+    missed = np.hypot(missed, spline_error(sensor, data.raw, found.choice.names, found.covariance))
+    exact = np.zeros(9)
     if any(name in EFFECTS for name in found.choice.names):
-        exact = np.hypot(exact, model_accuracy(data))
-    sizes = zip((*MISFIT, *MODEL_ERROR), (*missed, *exact), strict=True)
-    return {name: float(size) for name, size in sizes if size > 0}
+        exact = model_accuracy(data, PLACE_SIGMA_MM)
+    named = zip((*MISFIT, *MODEL_ERROR), (*missed, *exact), strict=True)
+    return {name: float(size) for name, size in named if size > 0}
 
 
-#: Shift of the light's middle, over the beam's standard deviation, for each unit of the power that
-#: is not in a Gaussian cross-section: ghosts of a thousandth moved x and y of calibrations by
-#: 0.4 to 0.9 of it, see `python -m facets.experiments.disturbed_rigs`.
-CENTRE_PER_SHARE = 0.6
+#: Shift of the light's middle, over the beam's standard deviation, for each unit of the share that
+#: `uneven_share` gives. Of ghosts of a thousandth it gives 0.3 to 0.6, and they moved x and y of
+#: calibrations by 0.5 to 1.4 of their share (`python -m facets.experiments.disturbed_rigs`).
+CENTRE_PER_SHARE = 1.5
 
 
-def centre_sigma(sensor: Sensor, found: Fit, settings: Calibrate) -> float:
+def centre_sigma(sensor: Sensor, remainder: Remainder, settings: Calibrate) -> float:
     """Standard uncertainty of the light's middle in each direction, mm.
 
-    The fit takes a small deviation from a Gaussian cross-section for another position of the apex,
-    so that no residual shows it. Light without any effect of a bench is taken to be Gaussian.
+    The fit takes a small deviation from a Gaussian cross-section for another position of the apex;
+    the residuals show little of it, and bound it. Light without any effect of a bench is taken to
+    be Gaussian.
     """
-    if not any(name in EFFECTS for name in found.choice.names):
-        return 0.0
     share = settings.before.get("beam_profile_percent", 0.0) / 100
+    if not share or not any(name in EFFECTS for name in remainder.found.choice.names):
+        return 0.0
+    share = uneven_share(remainder, share)
     beam_sigma = float(np.sqrt(sensor.beam.diameter_x * sensor.beam.diameter_y)) / 4
     return CENTRE_PER_SHARE * share * beam_sigma
 

@@ -99,15 +99,27 @@ class Remainder:
 
     def test(self, cause: str, columns: Floats) -> Trace:
         """The fall that columns (n, 9, q) bring, in standard deviations of the readings."""
+        whole, matrix, side = self.equations(columns)
+        fall, amounts, count = falls_of(whole[None], matrix[None], side[None])
+        return Trace(cause, float(fall[0]), int(count[0]), amounts[0],
+                     self.size(fall[0] - count[0]))  # fmt: skip
+
+    def second_moment(self, columns: Floats, sigma: float) -> float:
+        """The expectation of the sum of squares of columns' amounts, of which each was known to be
+        zero within `sigma` before the samples."""
+        _, matrix, side = self.equations(columns)
+        covariance = np.linalg.inv(matrix + np.eye(len(matrix)) / sigma**2)
+        amounts = covariance @ side
+        return float(amounts @ amounts + np.trace(covariance))
+
+    def equations(self, columns: Floats) -> tuple[Floats, Floats, Floats]:
+        """The squares of columns (n, 9, q), the same beside the unknowns, and s: see above."""
         columns = np.nan_to_num(columns) * self.is_read[:, :, None]
         flat, at = columns.reshape(-1, columns.shape[2]), self.restricted
         across = at.weighted.reshape(len(flat), -1).T @ flat
         whole = flat.T @ (at.inverse @ columns).reshape(flat.shape)
         matrix = whole - across.T @ self.covariance @ across
-        side = flat.T @ at.pulled.ravel()
-        fall, amounts, count = falls_of(whole[None], matrix[None], side[None])
-        return Trace(cause, float(fall[0]), int(count[0]), amounts[0],
-                     self.size(fall[0] - count[0]))  # fmt: skip
+        return whole, matrix, flat.T @ at.pulled.ravel()
 
     def size(self, excess: float) -> float:
         """R.m.s. over the powers, in their standard deviations, of what lowers chi-square so."""
@@ -270,6 +282,23 @@ def moments_of(reading: Floats) -> Floats:
     return found
 
 
+#: The root of the sum of squares of the third-order Hermite numbers that a second beam has, 1.5
+#: and 1 standard deviations beside the first, for each unit of its share of the power.
+ORDER_3_PER_SHARE = 1.45
+
+
+@one_thread
+def uneven_share(remainder: Remainder, share: float) -> float:
+    """The share of the power that a second beam beside the first may have, r.m.s.
+
+    share: what was known before the samples. The uneven part of the profile, of third order, tells
+    of such a beam; that of first order would be another position of the whole beam.
+    """
+    sigma = ORDER_3_PER_SHARE * share / 2  # each of four numbers
+    square = remainder.second_moment(profile_columns(remainder, 3), sigma)
+    return float(np.sqrt(square)) / ORDER_3_PER_SHARE
+
+
 def find_fringes(remainder: Remainder) -> Trace:
     """Fringes that stand in the beam: the light at the apex follows the mirror's place in it."""
     sensor = remainder.sensor
@@ -393,9 +422,8 @@ class Unmodelled(NamedTuple):
 
 
 @one_thread
-def find_causes(sensor: Sensor, data: Data, found: Fit, robust: float | None) -> Unmodelled:
+def find_causes(remainder: Remainder) -> Unmodelled:
     """What the residuals of a fit follow that it has no unknowns for."""
-    remainder = Remainder(sensor, data, found, robust)
     light = list[Trace]()
     for test in LIGHT_TESTS:
         try:
@@ -407,5 +435,5 @@ def find_causes(sensor: Sensor, data: Data, found: Fit, robust: float | None) ->
         sorted(light, key=lambda one: one.log_chance),
         float(np.median(powers)) if powers.size else 1.0,
         find_changes(remainder),
-        row_numbers(data),
+        row_numbers(remainder.data),
     )

@@ -234,12 +234,13 @@ def doubt(
 
 def validate(sensor: Sensor, plain: Plain, done: EffectSearch, settings: Calibrate) -> Verdict:
     found, data, held = done.found, done.data, plain.screened.held
-    unmodelled = find_causes(done.sensor, data, found, settings.outliers)
+    remainder = Remainder(done.sensor, data, found, settings.outliers)
+    unmodelled = find_causes(remainder)
     said = outlier_findings(done.outliers, len(plain.screened.fitted.raw), plain.screened.kind)
     said += [*unmodelled_findings(unmodelled), *findings(done.sensor, found, data, done.scatter)]
     said += plain.screened.findings
     missed = model_error(found, data, done.sensor, done.scatter)
-    centre = centre_sigma(done.sensor, found, settings)
+    centre = centre_sigma(done.sensor, remainder, settings)
     made = add_unseen_errors(found.sensor, found, missed, centre)
     known = replace(found, sensor=made)
     held = held._replace(sigma=data.sigma) if len(held.raw) else data

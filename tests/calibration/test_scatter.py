@@ -14,7 +14,7 @@ from facets.calibration import scatter
 from facets.calibration.bundle_adjustment import Data, add_power_polynomials, states_of
 from facets.calibration.fit import Task, fit
 from facets.calibration.laser import fit_steady_laser
-from facets.calibration.misfit import add_unseen_errors, centre_sigma
+from facets.calibration.misfit import add_unseen_errors
 from facets.calibration.outliers import exclude_outliers
 from facets.calibration.scatter import fit_with_scatter
 from facets.calibration.table import choice
@@ -126,16 +126,6 @@ def test_a_beam_that_may_not_be_gaussian_makes_x_and_y_less_certain():
     )
     assert np.sqrt((after - before)[:, :2]) == pytest.approx(centre, rel=1e-2)
     assert np.sqrt(after[:, 2:6] / before[:, 2:6]).max() < 1.01
-
-
-def test_how_far_the_lights_middle_may_be_off():
-    found = plain_fit(samples())
-    assert centre_sigma(NOMINAL, found, SETTINGS) == 0  # ideal light
-    light = replace(found, choice=found.choice.add_unknowns({"light.wavelength": 1e-3}))
-    size = 0.6 * 1e-3 * NOMINAL.beam.diameter_x / 4
-    assert centre_sigma(NOMINAL, light, SETTINGS) == pytest.approx(size)
-    clean = replace(SETTINGS, before={**SETTINGS.before, "beam_profile_percent": 0.01})
-    assert centre_sigma(NOMINAL, light, clean) == pytest.approx(size / 10)
 
 
 # ---- samples that no noise makes

@@ -16,6 +16,7 @@ from facets.calibration.bundle_adjustment import (
 )
 from facets.calibration.fit import fit
 from facets.calibration.laser import fit_steady_laser
+from facets.calibration.misfit import centre_sigma
 from facets.calibration.scatter import NAMES, prior_variances
 from facets.calibration.table import choice
 from facets.calibration.unmodelled import (
@@ -29,6 +30,7 @@ from facets.calibration.unmodelled import (
     log_chance,
     moments_of,
     undo_step,
+    uneven_share,
 )
 from facets.calibration.unmodelled_findings import unmodelled_findings
 from facets.detectors.correction import invert_correction
@@ -60,9 +62,13 @@ def samples(alter=None, beam=None, mirror=None):
     return add_power_polynomials(data._replace(raw=raw, pose=said, beam=np.zeros((COUNT, 2))))
 
 
-def unmodelled(data):
+def remainder_of(data):
     free = fit(NOMINAL, data, choice(NOMINAL, PLAIN))
-    return find_causes(NOMINAL, data, fit_steady_laser(NOMINAL, data, free, 3.0), 3.0)
+    return Remainder(NOMINAL, data, fit_steady_laser(NOMINAL, data, free, 3.0), 3.0)
+
+
+def unmodelled(data):
+    return find_causes(remainder_of(data))
 
 
 def test_the_fall_is_that_of_the_whole_likelihood():
@@ -212,3 +218,19 @@ def test_a_slow_drift_is_no_jump():
     found = unmodelled(samples(drift))
     assert found.changes[0].cause == "detector B"
     assert "Probably detector B drifted" in unmodelled_findings(found)[0].words
+
+
+# ---- what the samples bound, and do not show
+
+
+def test_how_far_the_lights_middle_may_be_off():
+    """Samples of a Gaussian beam bound what was thought possible; those of a second beam beside it
+    do not."""
+    clean, bound = remainder_of(samples()), 0.6 * 2e-3
+    assert centre_sigma(NOMINAL, clean, CONFIG.calibrate) == 0  # ideal light
+    assert uneven_share(clean, 1e-9) == pytest.approx(1e-9, rel=1e-3)
+    assert uneven_share(clean, 2e-3) < bound < uneven_share(remainder_of(samples(reflex)), 2e-3)
+    choice = clean.found.choice.add_unknowns({"light.wavelength": 1e-3})
+    clean.found = replace(clean.found, choice=choice)
+    size = 1.5 * SIGMA * uneven_share(clean, 1e-3)
+    assert centre_sigma(NOMINAL, clean, CONFIG.calibrate) == pytest.approx(size)
