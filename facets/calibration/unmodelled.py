@@ -282,8 +282,8 @@ def moments_of(reading: Floats) -> Floats:
     return found
 
 
-#: The root of the sum of squares of the third-order Hermite numbers that a second beam has, 1.5
-#: and 1 standard deviations beside the first, for each unit of its share of the power.
+#: The root of the sum of squares of the third-order Hermite numbers of another beam, for each unit
+#: of its share of the power, where it is nearly two standard deviations aside.
 ORDER_3_PER_SHARE = 1.45
 
 

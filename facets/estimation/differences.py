@@ -166,15 +166,22 @@ def difference_uncertainty(
         raise InputError(f"first and second do not fit each other: {error}") from None
     (before, shape), (after, _) = (as_rows(states, 8, "states") for states in both)
     plan = make_plan(sensor, Knowledge(beam=beam, power=power), shape=shape)
-    out = np.empty((len(before), 8))
-    for part in slices_of(len(before)):
-        states = before[part], after[part]
-        one, other = (propagate_in_light(sensor, some, plan) for some in states)
+    return step_uncertainties(sensor, (before, after), plan, samples).reshape(*shape, 8)
+
+
+def step_uncertainties(
+    sensor: Sensor, states: tuple[Floats, Floats], plan: Plan, samples: int
+) -> Floats:
+    """`difference_uncertainty` of states (n, 8) and others: (n, 8)."""
+    out = np.empty((len(states[0]), 8))
+    for part in slices_of(len(out)):
+        some = states[0][part], states[1][part]
+        one, other = (propagate_in_light(sensor, ends, plan) for ends in some)
         whole = covariance_of_mean(one, samples) + covariance_of_mean(other, samples)
         if sensor.calibration is not None:
-            whole += covariance_of_difference(sensor.calibration, (one, other), states)
+            whole += covariance_of_difference(sensor.calibration, (one, other), some)
         out[part] = root_of_diagonal(whole)
-    return out.reshape(*shape, 8)
+    return out
 
 
 def propagate_in_light(sensor: Sensor, states: Floats, plan: Plan) -> Propagation:
