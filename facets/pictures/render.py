@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..core.closing import ClosedAtExit
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..files.whole import Whole
@@ -35,7 +36,7 @@ VIEWS: dict[str, Callable[..., views.SceneView]] = {
 }
 
 
-class Picture:
+class Picture(ClosedAtExit):
     """The sensor as a view has it, at a state that can be changed.
 
     size: pixels.  title: begins the caption.  sharpness: samples a side of each pixel.  more: what
@@ -73,12 +74,6 @@ class Picture:
 
     def close(self) -> None:
         self.view.close()
-
-    def __enter__(self) -> Picture:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 # --- scenes that can be turned: bodies of light beside the parts ---------------------------------

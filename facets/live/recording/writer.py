@@ -17,12 +17,12 @@ import time
 import zlib
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from ...config.loading import measured_files
+from ...core.closing import ClosedAtExit
 from ...core.errors import FacetsError, InputError
 from ..run.pipeline import Poses, join_poses
 from ..run.sink import Sink
@@ -43,7 +43,7 @@ class DiskError(FacetsError):
     """A recording that cannot be begun."""
 
 
-class Recording(Sink):
+class Recording(ClosedAtExit, Sink):
     """Writes one, and says what it could not write.
 
     Bytes go to the system at once, so that the end of the program takes none of them; a thread of
@@ -113,14 +113,6 @@ class Recording(Sink):
             self.disk.sync(handle)
         finally:
             self.disk.close(handle)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
-    ) -> None:
-        self.close()
 
     def put(self, name: str, *parts: bytes) -> bool:
         """All of the parts at a file's end, or nothing of them; whether that was possible."""

@@ -16,11 +16,12 @@ from urllib.parse import parse_qsl
 
 import numpy as np
 
+from ...core.closing import ClosedAtExit
 from ...core.errors import InputError
 from ...core.extras import require_extra
 from ...core.units import Floats
 from .frames import ELECTRODES, Samples, pack
-from .source import POLL_S, ClosedAtExit, PortError, PortInUse
+from .source import POLL_S, PortError, PortInUse
 
 CHANNELS = 12
 #: Length of the driver's buffer for each channel, s: samples are lost if nobody reads for longer.

@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from .source import MAX_READ_BYTES, POLL_S, ClosedAtExit, PortError, PortInUse, Source
+from ...core.closing import ClosedAtExit
+from .source import MAX_READ_BYTES, POLL_S, PortError, PortInUse, Source
 
 #: Of the entry points by which other packages bring ports.
 GROUP = "facets.sources"

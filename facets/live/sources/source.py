@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from types import TracebackType
-from typing import NamedTuple, Protocol, Self
+from typing import NamedTuple, Protocol
 
 from ...core.errors import FacetsError
 from ...tracking.encoder import Encoder
@@ -62,17 +61,3 @@ class Source(Protocol):
     def close(self) -> None:
         """Release the source. Nothing is read afterwards; a second call does nothing."""
         ...
-
-
-class ClosedAtExit:
-    """Closes a source at the end of a `with` statement."""
-
-    def close(self) -> None: ...
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
-    ) -> None:
-        self.close()

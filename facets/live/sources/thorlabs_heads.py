@@ -16,11 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from ...core.closing import ClosedAtExit
 from ...core.errors import InputError
 from ...core.extras import require_extra
 from .frames import XY_SUM
 from .ni_card import counts_of_volts, frames_of, numbers_of
-from .source import ClosedAtExit, PortError, PortInUse
+from .source import PortError, PortInUse
 
 
 class Heads(ClosedAtExit):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...core.closing import ClosedAtExit
 from ...core.extras import require_extra
 from ...core.names import READING_COLUMNS, STATE_COLUMNS
 from .json_rows import PART_GROUPS, json_of
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 NANO = 1_000_000_000
 
 
-class McapFile:
+class McapFile(ClosedAtExit):
     """Appends poses; closed at the end of a `with` statement. Raises `InputError` without mcap."""
 
     def __init__(self, path: Path, about: dict[str, str], utc_offset: float) -> None:
@@ -57,12 +58,6 @@ class McapFile:
     def close(self) -> None:
         self.writer.finish()
         self.file.close()
-
-    def __enter__(self) -> McapFile:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 def pose_messages(poses: Poses, times: list[int]) -> list[dict[str, Any]]:

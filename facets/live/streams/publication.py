@@ -16,10 +16,11 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...core.closing import ClosedAtExit
 from ...core.errors import InputError
 from ...core.extras import require_extra
 from ...core.version import __version__
@@ -220,7 +221,7 @@ class Publication:
                     stream.close()
 
 
-class Publications(Sink):
+class Publications(ClosedAtExit, Sink):
     """All the addresses that samples go to; in a `with` statement they are closed at its end.
 
     utc_offset: of the wall clock over the host's monotonic one, s; now, if it is not given.
@@ -284,12 +285,6 @@ class Publications(Sink):
     def close(self) -> None:
         for publication in self.all:
             publication.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def messages(self) -> list[str]:
         found = []

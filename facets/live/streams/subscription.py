@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import suppress
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import zmq
 from numpy.typing import NDArray
 
+from ...core.closing import ClosedAtExit
 from ...core.errors import InputError
 from .addresses import zmq_endpoint
 from .zeromq import ABOUT, LOST, SAMPLES, new_socket
@@ -19,7 +20,7 @@ from .zeromq import ABOUT, LOST, SAMPLES, new_socket
 POLL_MS = 100
 
 
-class Subscription:
+class Subscription(ClosedAtExit):
     """Samples of a publication as arrays, from now on, until it ends.
 
     Any number of programs may subscribe, on this machine or, where the publication's host is not
@@ -109,9 +110,3 @@ class Subscription:
         self.monitor.close()
         self.socket.close()
         self.context.term()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()

@@ -1,0 +1,17 @@
+"""What is closed at the end of a `with` statement."""
+
+from __future__ import annotations
+
+from typing import Self
+
+
+class ClosedAtExit:
+    """Closes itself at the end of a `with` statement."""
+
+    def close(self) -> None: ...
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
