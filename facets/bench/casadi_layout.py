@@ -14,15 +14,16 @@ from ..core.layout import Layout
 from ..core.names import FINE_UNITS
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from ..design.variables import Outcome, clearances_of, heads_of, layout_parameters, present_values
+from ..design.spots import ellipse_clearances
+from ..design.variables import heads_of, layout_parameters, present_values
 from ..design.volume import states_of
-from ..optics.forward import build_geometry
+from ..optics.forward import build_geometry, dark_scene
 from ..optics.gradient import linearise
 
 
 def outcome(sensor: Sensor) -> Any:
-    """The casadi function (parameters (30), sizes (3), state (8)) -> `variables.Outcome` (22), for
-    simple noise.  sizes: of the detectors, square, mm."""
+    """The casadi function (parameters (30), sizes (3), state (8)) -> variances (6), powers (3) and
+    `ellipse_clearances` (12), for simple noise.  sizes: of the detectors, square, mm."""
     import casadi as ca
 
     p, sizes, s = (ca.SX.sym(name, count) for name, count in (("p", 30), ("d", 3), ("s", 8)))
@@ -38,9 +39,8 @@ def outcome(sensor: Sensor) -> Any:
     information = ca.mtimes(matrix.T, matrix)
     inverse = ca.solve(information, ca.SX.eye(8))
     variances, powers = [inverse[i, i] for i in range(6)], [values[2] for values, _ in detectors]
-    condition = ca.trace(information) * ca.trace(inverse)
-    found = [*variances, *powers, *clearances_of(fixed, state, [sizes[k] for k in range(3)])]
-    return ca.Function("outcome", [p, sizes, s], [ca.vertcat(*found, condition)])
+    spots = ellipse_clearances(fixed, dark_scene(fixed, state), [sizes[k] for k in range(3)])
+    return ca.Function("outcome", [p, sizes, s], [ca.vertcat(*variances, *powers, *spots)])
 
 
 class CasadiLayout:
@@ -61,8 +61,8 @@ class CasadiLayout:
             ca.repmat(ca.vertcat(*sizes), 1, states.shape[1]), states,
         )  # fmt: skip
         half = float(np.mean([psd.size_z for psd in sensor.psds])) / 2
-        kept = [ca.vec(found[Outcome.POWERS, :] / layout.least_power - 1)]
-        kept.append(ca.vec(found[Outcome.CLEARANCES, :] / half))
+        kept = [ca.vec(found[6:9, :] / layout.least_power - 1)]
+        kept.append(ca.vec(found[9:, :] / half))
         kept.append(1 - ca.vertcat(*heads_of(parameters)) / layout.head)
         kept += [unknown[count] - found[i, :].T / layout.unit[i] ** 2 for i in range(6)]
         options: dict[str, Any] = {

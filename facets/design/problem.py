@@ -10,7 +10,7 @@ output at one state; the search holds only those that matter (`search`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -22,8 +22,10 @@ from ..core.extras import require_extra
 from ..core.names import POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
-from ..optics.forward import build_geometry
+from ..optics.forward import build_geometry, dark_scene
 from .formula import Differences, Formula
+from .requirement import Constraint, limits_of
+from .spots import ellipse_clearances, rim_clearances
 from .variables import (
     GAIN,
     Outcome,
@@ -32,7 +34,6 @@ from .variables import (
     heads_of,
     layout_parameters,
     outcome_of,
-    rim_clearances,
 )
 from .volume import span_of, states_of, worst_places
 
@@ -40,26 +41,11 @@ if TYPE_CHECKING:
     from ..core.layout import Layout
 
 
-EDGES = ("-y", "+y", "-z", "+z")
 #: What the slack of an aim, or the scale of the volume, starts from; for an aim that needs one.
 GUESS = {"resolution": 100.0, "condition": 10.0, "size": 100.0, "range": 0.3}
 Integers = NDArray[np.int64]
 #: By how much a constraint may be broken between the states that are asked.
 BROKEN = 1e-8
-
-
-class Constraint(NamedTuple):
-    """One output of the formula that must not fall below zero, or below that less a slack.
-
-    group: what it is about.  value: an array as wide as (layouts, states) or less.  slack: the aim
-    whose unknown is added, "" for none.  states: at which of the problem's states, by their
-    numbers; None for all.
-    """
-
-    group: str
-    value: Any
-    slack: str = ""
-    states: Sequence[int] | None = None
 
 
 @dataclass(frozen=True)
@@ -413,14 +399,19 @@ def problem_of(sensor: Sensor, layout: Layout, constant: float = 0.0) -> LayoutP
         x = list((low + (high - low) * unknowns[:, : len(names)]).T[:, :, None])
         scale = unknowns[:, len(names), None, None] if "range" in extras else 1.0
         parameters, sizes = layout_parameters(sensor, names, x)
-        state = columns_of_states(states * scale)
-        found = outcome_of(sensor, parameters, sizes, state, gain_of(sensor, names, x))
-        heads, rims = heads_of(parameters), []
-        if np.isfinite(sensor.apertures.rim):
-            rims = rim_clearances(build_geometry(tuple(parameters)), state, sensor.apertures.rim)
-        constraints = requirements(layout, found, heads, sizes, rims) + objective_constraints(
-            layout, found, heads
-        )
+        fixed, state = build_geometry(tuple(parameters)), columns_of_states(states * scale)
+        found = outcome_of(sensor, fixed, sizes, state, gain_of(sensor, names, x))
+        at, rim = dark_scene(fixed, state), sensor.apertures.rim
+        half = half_of(sizes)
+        spots = [each / half for each in ellipse_clearances(fixed, at, sizes)]
+        rims = rim_clearances(fixed, at, rim) if np.isfinite(rim) else []
+        heads = heads_of(parameters)
+        constraints = [
+            *limits_of(layout, found.powers, spots, np.sqrt(found.variances), rims),
+            *headrooms(found),
+            *head_limits(layout, heads),
+            *objective_constraints(layout, found, heads),
+        ]
         means = variances_over_units(layout, found) if "mean-resolution" in layout.aims else {}
         return constraints, list(means.values())
 
@@ -477,43 +468,20 @@ def rows_of(
     return Rows(*np.array(rows, dtype=np.int64).T)
 
 
-def requirements(
-    layout: Layout, found: list[Any], heads: list[Any], sizes: list[Any], rims: list[Any]
-) -> list[Constraint]:
-    """What every layout must keep: each value at least zero, all of order one.
-
-    The first of them are those of `requirement.margins_of`, in that order.
-    """
-    kept = [
-        Constraint("power on a detector", power / layout.least_power - 1)
-        for power in found[Outcome.POWERS]
-    ]
-    half = half_of(sizes)
-    for k, letter in enumerate("ABC"):
-        for e, edge in enumerate(EDGES):
-            clearance = found[Outcome.CLEARANCES.start + 4 * k + e] / half
-            kept.append(Constraint(f"spot on PSD {letter}, {edge} edge", clearance))
-    for i, name in enumerate(POSE):
-        limit = layout.limit[i]
-        if np.isfinite(limit):
-            kept.append(Constraint(f"uncertainty of {name}", 1 - found[i] / limit**2))
-    kept += [
-        Constraint(f"light on facet {k}, rim", each) for k, each in zip("ABC", rims, strict=False)
-    ]
-    kept += headrooms(found)
-    # a head whose radius is given keeps its size, whatever is sought: it holds nothing back
-    wide = [head for head in heads if not isinstance(head, float) or head > layout.head]
+def head_limits(layout: Layout, heads: list[Any]) -> list[Constraint]:
+    """The largest head, of detectors whose radius varies or is too large: a head that keeps its
+    size, whatever is sought, holds nothing back."""
     if np.isinf(layout.head):
-        return kept
-    kept += [Constraint("size of the head", 1 - head / layout.head, states=(0,)) for head in wide]
-    return kept
+        return []
+    wide = [head for head in heads if not isinstance(head, float) or head > layout.head]
+    return [Constraint("size of the head", 1 - head / layout.head, states=(0,)) for head in wide]
 
 
-def headrooms(found: list[Any]) -> list[Constraint]:
+def headrooms(found: Outcome) -> list[Constraint]:
     """Of the amplifiers, where the noise follows from electronics."""
     return [
         Constraint(f"full scale of PSD {'ABC'[n // 4]}'s amplifiers", each)
-        for n, each in enumerate(found[Outcome.HEADROOM])
+        for n, each in enumerate(found.headrooms)
     ]
 
 
@@ -522,7 +490,7 @@ def half_of(sizes: list[Any]) -> float:
     return float(np.mean([size for size in sizes if isinstance(size, float)] or [1.0])) / 2
 
 
-def objective_constraints(layout: Layout, found: list[Any], heads: list[Any]) -> list[Constraint]:
+def objective_constraints(layout: Layout, found: Outcome, heads: list[Any]) -> list[Constraint]:
     """What must stay below the slack of each aim."""
     below = []
     if "resolution" in layout.aims:
@@ -533,12 +501,12 @@ def objective_constraints(layout: Layout, found: list[Any], heads: list[Any]) ->
         what = "size of the head as low as it can be"
         below += [Constraint(what, -head / 100, "size", states=(0,)) for head in heads]
     if "condition" in layout.aims:
-        decades = np.log10(found[Outcome.CONDITION.start]) / 2
+        decades = np.log10(found.condition) / 2
         below.append(Constraint("conditioning as good as it can be", -decades, "condition"))
     return below
 
 
-def variances_over_units(layout: Layout, found: list[Any]) -> dict[int, Any]:
+def variances_over_units(layout: Layout, found: Outcome) -> dict[int, Any]:
     """By axis of the pose, its variance over the square of the unit asked for."""
     axes = [i for i in range(6) if np.isfinite(layout.unit[i])]
-    return {i: found[i] / layout.unit[i] ** 2 for i in axes}
+    return {i: found.variances[i] / layout.unit[i] ** 2 for i in axes}

@@ -1,26 +1,26 @@
-"""What a head must keep over the volume, as margins by the float model: each at least zero.
+"""What a layout must keep over the volume, as margins by the float model: each at least zero.
 
-The optimiser asks nearly the same of a layout (`problem.requirements`). Here it is asked of a
-head as it was built, whose detectors and facets each stand a little elsewhere, and besides, how far
-its poses are off because the solver thinks of another head than this one.
+The search asks it of layouts (`problem`, `trade`). Here it is asked of a head as it was built,
+whose detectors and facets each stand a little elsewhere, and besides, how far its poses are off
+because the solver thinks of another head than this one.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..characterization.resolution import uncertainties
 from ..core.knowledge import Knowledge
-from ..core.names import DETECTORS, FINE_UNITS, POSE
+from ..core.names import FINE_UNITS, POSE
 from ..core.sensor import Sensor
 from ..core.units import Floats
 from ..detectors.correction import correct, invert_correction
 from ..estimation.solver import solve
 from ..model.arrays import half_sizes, margins, readings
-from .problem import EDGES
 from .volume import shares_of_volume, span_of, states_of, wide_axes, worst_places
 
 if TYPE_CHECKING:
@@ -30,6 +30,47 @@ FREE = Knowledge()
 #: The margin of what cannot be told, since a spot or its light is not there.
 LOST = -1.0
 UNITS = np.array(FINE_UNITS[:6])
+EDGES = ("-y", "+y", "-z", "+z")
+
+
+class Constraint(NamedTuple):
+    """A value that must not fall below zero, or below that less a slack.
+
+    group: what it is about.  value: an array as wide as (layouts, states) or less.  slack: the aim
+    whose unknown is added, "" for none.  states: at which of the states that are asked, by their
+    numbers; None for all.
+    """
+
+    group: str
+    value: Any
+    slack: str = ""
+    states: Sequence[int] | None = None
+
+
+def limits_of(
+    layout: Layout, powers: Any, spots: Any, sigmas: Any, rims: Any = ()
+) -> list[Constraint]:
+    """What a layout asks for at every state of its volume, all of order one.
+
+    powers: 3, mW.  spots: from each detector's edges, 12, over half a detector.  sigmas: standard
+    uncertainties of the pose, 6, um and urad.  rims: from the mirror's rim, 3, over it, if any.
+    """
+    return [
+        *(Constraint("power on a detector", power / layout.least_power - 1) for power in powers),
+        *(
+            Constraint(f"spot on PSD {'ABC'[n // 4]}, {EDGES[n % 4]} edge", spot)
+            for n, spot in enumerate(spots)
+        ),
+        *(
+            Constraint(f"uncertainty of {name}", 1 - sigma / limit)
+            for name, sigma, limit in zip(POSE, sigmas, layout.limit, strict=True)
+            if np.isfinite(limit)
+        ),
+        *(
+            Constraint(f"light on facet {letter}, rim", rim)
+            for letter, rim in zip("ABC", rims, strict=False)
+        ),
+    ]
 
 
 @dataclass(frozen=True)
@@ -46,11 +87,6 @@ class Requirement:
     rim: bool = False
 
     @property
-    def limited_axes(self) -> list[int]:
-        """Axes whose uncertainty has a limit."""
-        return [i for i in range(6) if np.isfinite(self.layout.limit[i])]
-
-    @property
     def accuracy_axes(self) -> list[int]:
         """Axes whose error has a limit."""
         return [i for i in range(6) if np.isfinite(self.layout.accuracy[i])]
@@ -58,10 +94,9 @@ class Requirement:
     @property
     def groups(self) -> list[str]:
         """Names of the margins of one state, in the order of `margins_of`."""
-        spots = [f"spot on PSD {k.upper()}, {edge} edge" for k in DETECTORS for edge in EDGES]
-        fine = [f"uncertainty of {POSE[i]}" for i in self.limited_axes]
-        rims = [f"light on facet {k.upper()}, rim" for k in DETECTORS] if self.rim else []
-        return ["power on a detector"] * 3 + spots + fine + rims
+        ones = np.ones(12)
+        asked = limits_of(self.layout, ones[:3], ones, ones[:6], ones[: 3 * self.rim])
+        return [each.group for each in asked]
 
     @property
     def error_groups(self) -> list[str]:
@@ -94,18 +129,16 @@ def worst_places_of(requirement: Requirement, sensor: Sensor) -> Floats:
 
 def margins_of(requirement: Requirement, sensor: Sensor) -> Floats:
     """(m, groups): powers and spots over what they need, uncertainties over their limits."""
-    layout, states = requirement.layout, requirement.states
-    powers = readings(sensor, states)[:, 2::3] / layout.least_power - 1
+    states, limited = requirement.states, np.isfinite(requirement.layout.limit).any()
     halves = np.repeat(half_sizes(sensor), 2, axis=1)
     room = margins(sensor, states)
-    clear = (room[:, :, :4] / halves).reshape(len(states), 12)
-    parts = [powers, clear]
-    if axes := requirement.limited_axes:
-        sigma = uncertainties(sensor, states, FREE)[:, axes] / UNITS[axes]
-        parts.append(1 - sigma / np.array(layout.limit)[axes])
-    if requirement.rim:
-        parts.append(room[:, :, 4] / sensor.apertures.rim)
-    found: Floats = np.nan_to_num(np.concatenate(parts, axis=1), nan=LOST)
+    spots = (room[:, :, :4] / halves).reshape(len(states), 12)
+    sigmas = uncertainties(sensor, states, FREE) / UNITS if limited else np.full((1, 6), np.nan)
+    rims = (room[:, :, 4] / sensor.apertures.rim).T if requirement.rim else ()
+    asked = limits_of(
+        requirement.layout, readings(sensor, states)[:, 2::3].T, spots.T, sigmas.T, rims
+    )
+    found: Floats = np.nan_to_num(np.stack([each.value for each in asked], axis=1), nan=LOST)
     return found
 
 

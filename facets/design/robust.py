@@ -127,13 +127,10 @@ def spare_of(problem: LayoutProblem, found: Expansion, factor: float) -> Floats:
 
 def own_units(problem: LayoutProblem, built: Assembly, spread: Floats) -> Floats:
     """Spreads of `requirement.margins_of` in the units of the problem's constraints, which keep
-    variances instead of uncertainties, and clearances over another length."""
+    clearances over another length."""
     own = spread.copy()
     psds = built.sensor.psds
     for k, psd in enumerate(psds):
         halves = np.array([psd.size_y, psd.size_y, psd.size_z, psd.size_z]) / 2
         own[:, 3 + 4 * k : 7 + 4 * k] *= halves / problem.half
-    last = 15 + len(built.asked.limited_axes)
-    fine = np.minimum(spread[:, 15:last], 1.0)
-    own[:, 15:last] = 2 * fine - fine**2
     return own

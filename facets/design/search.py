@@ -331,9 +331,8 @@ def shortfalls_of(problem: LayoutProblem, start: Floats) -> dict[str, float]:
     ).result  # fmt: skip
     shares = {}
     for group, gap in zip(problem.groups, found.x[-count:].tolist(), strict=True):
-        squared = group.startswith("uncertainty")  # which is kept by its square
         if gap > 1e-4:
-            shares[group] = np.sqrt(1 + gap) - 1 if squared else gap
+            shares[group] = gap
     return shares
 
 

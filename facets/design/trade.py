@@ -14,31 +14,24 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.extras import require_extra
-from ..core.names import FINE_COLUMNS, POSE, RANGE_COLUMNS
+from ..core.names import FINE_COLUMNS, FINE_UNITS, POSE, RANGE_COLUMNS
 from ..core.units import Floats
 from ..detectors.noise import power_floor
-from ..optics.forward import build_geometry
+from ..optics.forward import build_geometry, dark_scene
 from .exploration import FAR, MEASURES, NO_RIVALS, Space, measure_design
-from .footprint import edge_clearances, tip_clearance
 from .formula import Formula
 from .problem import (
-    EDGES,
-    Constraint,
     LayoutProblem,
+    head_limits,
     headrooms,
     origin_of,
     outputs_at,
     refuse_unknown_effects,
     rows_of,
 )
-from .variables import (
-    Outcome,
-    heads_of,
-    layout_parameters,
-    outcome_of,
-    present_values,
-    rim_clearances,
-)
+from .requirement import EDGES, Constraint, limits_of
+from .spots import corner_clearances, rim_clearances, tip_clearance
+from .variables import Outcome, heads_of, layout_parameters, outcome_of, present_values
 from .volume import span_of
 
 #: What can be traded: what has slopes.
@@ -190,60 +183,71 @@ def trade_constraints(
     own = [(psd.size_y, psd.size_z) for psd in space.sensor.psds]
     sizes = [(d, d) for d in square] if "size_mm" in space.names else own
     fixed = build_geometry(tuple(parameters))
-    found = outcome_of(space.sensor, parameters, square, state)
-    heads = heads_of(parameters)
-    outside = [n for n, row in enumerate(states) if row[:8].any()]
-    reached = [n for n in range(len(states)) if n not in outside]
-    # a volume that is a point is at rest
-    volume = (outside or [0]) if space.required else []
-    constraints = [Constraint("mirror's tip in the beam", tip_clearance(fixed, state))]
-    constraints += headrooms(found)
-    if np.isfinite(rim := space.sensor.apertures.rim):
-        constraints += [
-            Constraint("light on a facet, rim", e) for e in rim_clearances(fixed, state, rim)
-        ]
-    constraints += spots(edge_clearances(fixed, state, sizes), float(np.mean(own)) / 2)
-    constraints += lit_and_fine(space, found, reached, volume)
-    if space.required and np.isfinite(space.layout.head):
-        limit = space.layout.head
-        constraints += [Constraint("size of the head", 1 - h / limit, states=(0,)) for h in heads]
-    for name, scale in scales.items():
-        if name in FINE_COLUMNS:
-            sigma = np.sqrt(found[FINE_COLUMNS.index(name)])
-            what = f"{name} as low as it can be"
-            constraints.append(Constraint(what, -sigma / scale, name, (0,)))
-        elif name == "head_mm":
-            what = "size of the head as low as it can be"
-            constraints += [Constraint(what, -head / scale, name, (0,)) for head in heads]
-    return constraints
-
-
-def spots(clearances: dict[tuple[int, int], list[Any]], half: float) -> list[Constraint]:
+    at, heads = dark_scene(fixed, state), heads_of(parameters)
+    found = outcome_of(space.sensor, fixed, square, state)
+    rim, half = space.sensor.apertures.rim, float(np.mean(own)) / 2
+    rims = rim_clearances(fixed, at, rim) if np.isfinite(rim) else []
     return [
-        Constraint(f"spot on PSD {'ABC'[k]} {EDGES[edge]} edge", each / half)
-        for (k, edge), several in clearances.items()
-        for each in several
+        Constraint("mirror's tip in the beam", tip_clearance(at)),
+        *headrooms(found),
+        *(Constraint("light on a facet, rim", each) for each in rims),
+        *(
+            Constraint(f"spot on PSD {'ABC'[k]} {EDGES[edge]} edge", each / half)
+            for (k, edge), several in corner_clearances(fixed, at, sizes).items()
+            for each in several
+        ),
+        *reach_limits(space, found, states),
+        *volume_limits(space, found, heads, states),
+        *objective_limits(found, heads, scales),
     ]
 
 
-def lit_and_fine(
-    space: Space, found: list[Any], reached: list[int], volume: list[int]
-) -> list[Constraint]:
-    """Power and resolution: where the ranges reach by the rules of ranges, over the volume by what
-    is required, and at rest by what every design must have."""
-    layout, rules = space.layout, space.rules
+def reach_limits(space: Space, found: Outcome, states: Floats) -> list[Constraint]:
+    """Power and resolution where the ranges reach, by the rules of ranges."""
+    rules, reached = space.rules, np.flatnonzero(~states[:, :8].any(axis=1)).tolist()
     weakest = rules.snr * power_floor(space.sensor)
-    constraints = []
-    for power in found[Outcome.POWERS]:
-        constraints.append(Constraint("power on a detector", power / weakest - 1, states=reached))
-        least = power / layout.least_power - 1
-        constraints.append(Constraint("power on a detector", least, states=sorted({0, *volume})))
-    for i, name in enumerate(POSE):
-        coarsest = rules.coarsest[i] * (1e3 if i < 3 else 1e6)  # mm and rad to um and urad
-        if np.isfinite(coarsest):
-            fine = 1 - found[i] / coarsest**2
-            constraints.append(Constraint(f"range.coarsest of {name}", fine, states=reached))
-        if volume and np.isfinite(layout.limit[i]):
-            fine = 1 - found[i] / layout.limit[i] ** 2
-            constraints.append(Constraint(f"uncertainty of {name}", fine, states=volume))
-    return constraints
+    coarsest = np.array(rules.coarsest) / FINE_UNITS[:6]
+    return [
+        *(
+            Constraint("power on a detector", power / weakest - 1, states=reached)
+            for power in found.powers
+        ),
+        *(
+            Constraint(f"range.coarsest of {name}", 1 - variance / limit**2, states=reached)
+            for name, variance, limit in zip(POSE, found.variances, coarsest, strict=True)
+            if np.isfinite(limit)
+        ),
+    ]
+
+
+def volume_limits(
+    space: Space, found: Outcome, heads: list[Any], states: Floats
+) -> list[Constraint]:
+    """What is asked for over the volume, where that is required, and the light at rest, which every
+    design must have."""
+    asked = limits_of(space.layout, found.powers, [], np.sqrt(found.variances))
+    if not space.required:
+        return [each._replace(states=[0]) for each in asked[: len(found.powers)]]
+    volume = np.flatnonzero(states[:, :8].any(axis=1)).tolist()
+    power, fine = [0, *volume], volume or [0]  # a volume that is a point is at rest
+    return [
+        *(each._replace(states=power) for each in asked[: len(found.powers)]),
+        *(each._replace(states=fine) for each in asked[len(found.powers) :]),
+        *head_limits(space.layout, heads),
+    ]
+
+
+def objective_limits(
+    found: Outcome, heads: list[Any], scales: dict[str, float]
+) -> list[Constraint]:
+    """What must stay below the objectives, at rest."""
+    below = []
+    for name, scale in scales.items():
+        if name in FINE_COLUMNS:
+            sigma = np.sqrt(found.variances[FINE_COLUMNS.index(name)])
+            what = f"{name} as low as it can be"
+            below.append(Constraint(what, -sigma / scale, name, (0,)))
+        elif name == "head_mm":
+            what = "size of the head as low as it can be"
+            below += [Constraint(what, -head / scale, name, (0,)) for head in heads]
+    return below

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,34 +14,27 @@ from ..core.units import Floats
 from ..detectors.noise import electrode_currents, standard_deviations
 from ..model.arrays import parameters, sensor_with
 from ..model.many import evaluate, pack_all
-from ..optics.forward import build_geometry, dark_scene
-from ..optics.limits import gradient_per_sigma, outward_direction
-from ..optics.rays import gradient_of_shift, reflect, slant
-from ..optics.vectors import dot, rotate, rotation, subtract
-from ..scalars.dispatch import cos, sin, sqrt
+from ..optics.forward import Geometry
+from ..scalars.dispatch import cos, sin
+from ..scalars.nesting import leaves
 
-#: Half of the 1/e^2 diameter, in sigmas.
-RIM = 2
 #: Where the parts of a sensor's 30 parameters begin: the beam, the facets, the detectors.
 FACETS, PSDS = (6, 8, 10), (12, 18, 24)
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What states of layouts give, by the places in the list that `outcome_of` returns.
+class Outcome(NamedTuple):
+    """What states of layouts give, each as wide as (k, m).
 
-    variances: 6, um^2 and urad^2.  powers: 3, mW.  clearances: 12, from the light inside the 1/e^2
-    circle to each detector's edges at -y, +y, -z, +z, mm, by the whole ellipse, which is no less.
-    condition: square of the weighted Jacobian's condition number in the Frobenius norm, which is at
-    least that of the spectral norm and at most 8 times it.  After these, where the noise follows
-    from electronics, `HEADROOM`: what is left of the amplifiers' full scale.
+    variances: 6, um^2 and urad^2.  powers: 3, mW.  condition: square of the weighted Jacobian's
+    condition number in the Frobenius norm, which is at least that of the spectral norm and at most
+    8 times it.  headrooms: what is left of the full scale of each of twelve amplifiers, where the
+    noise follows from electronics.
     """
 
-    VARIANCES = slice(0, 6)
-    POWERS = slice(6, 9)
-    CLEARANCES = slice(9, 21)
-    CONDITION = slice(21, 22)
-    HEADROOM = slice(22, 34)
+    variances: list[Floats]
+    powers: list[Floats]
+    condition: Floats
+    headrooms: list[Floats]
 
 
 #: Of an amplifier's full scale, what the light of a design may take; the rest is for the laser's
@@ -55,34 +48,35 @@ def columns_of_states(states: Floats) -> tuple[Any, ...]:
 
 
 def outcome_of(
-    sensor: Sensor, p: Sequence[Any], sizes: Sequence[Any], state: Sequence[Any],
-    gain: Any = None,
-) -> list[Any]:  # fmt: skip
-    """The numbers of `Outcome`, each as wide as (k, m) or less, of k layouts at m states.
+    sensor: Sensor, fixed: Geometry, sizes: Sequence[Any], state: Sequence[Any], gain: Any = None
+) -> Outcome:
+    """What k layouts give at m states.
 
-    p: 30 parameters, floats or columns (k, 1).  sizes: of the detectors, square, mm, likewise.
+    fixed: vectors of floats or columns (k, 1).  sizes: of the detectors, square, mm, likewise.
     state: eight numbers, each (m,) or (k, m), of `columns_of_states`.  gain: of the amplifiers,
     ohm, where it is not the sensor's.
     """
     rows = [len(each) for each in state if each.ndim == 2]
-    count = max(1, *(getattr(each, "size", 1) for each in (*p, *sizes, gain)), *rows)
+    count = max(1, *(getattr(each, "size", 1) for each in (*leaves(fixed), *sizes, gain)), *rows)
     states = np.empty((count, np.shape(state[0])[-1], 8))
     for i, values in enumerate(state):
         states[..., i] = values
     shape, owner = states.shape[:2], np.repeat(np.arange(count), states.shape[1])
-    fixed = build_geometry(tuple(p))
     vectors, states = pack_all(fixed, count), states.reshape(-1, 8)
     reading = evaluate("readings", vectors, owner, states)
     matrices = evaluate("derivatives", vectors, owner, states)
-    sigma, headroom = noise_of(sensor, reading.reshape(*shape, 9), sizes, gain)
+    sigma, headrooms = noise_of(sensor, reading.reshape(*shape, 9), sizes, gain)
     scaled = matrices * np.array(FINE_UNITS) / sigma.reshape(-1, 9)[:, :, None]
     variances, condition = spectrum_of(scaled)
-    found = [each.reshape(shape) for each in (*variances.T, *reading[:, 2::3].T)]
-    return [*found, *clearances_of(fixed, state, sizes), condition.reshape(shape), *headroom]
+    powers = reading[:, 2::3].reshape(*shape, 3)
+    return Outcome(
+        list(np.moveaxis(variances.reshape(*shape, 6), -1, 0)),
+        list(np.moveaxis(powers, -1, 0)), condition.reshape(shape), headrooms,
+    )  # fmt: skip
 
 
 def spectrum_of(matrices: Floats) -> tuple[Floats, Floats]:
-    """Of Jacobians (n, 9, 8): the variances of the pose (n, 6), and `Outcome.CONDITION` (n,)."""
+    """Of Jacobians (n, 9, 8): the variances of the pose (n, 6), and `Outcome.condition` (n,)."""
     try:
         inverse = np.linalg.inv(np.linalg.qr(matrices, mode="r"))
     except np.linalg.LinAlgError:  # one of them is singular
@@ -130,39 +124,6 @@ def electronics_of(
             )
             built = replace(built, psds=(a, b, c))
         yield built
-
-
-def rim_clearances(fixed: Any, state: Any, rim: float) -> list[Any]:
-    """From the light inside the 1/e^2 ellipse to the mirror's rim on each facet, over the rim."""
-    at = dark_scene(fixed, state)
-    found = []
-    for k in range(3):
-        along = slant(outward_direction(fixed, at, k), fixed.direction, at.normals[k])
-        slope = gradient_per_sigma(fixed, along)
-        out = dot(subtract(at.place, at.apex), along)
-        reach = RIM * sqrt(slope[0] * slope[0] + slope[1] * slope[1])
-        found.append(1 - (out + reach) / rim)
-    return found
-
-
-def clearances_of(fixed: Any, state: Any, sizes: Any) -> list[Any]:
-    """From the image of the beam's 1/e^2 ellipse to the detectors' edges; 12."""
-    apex, (bx, by) = tuple(state[:3]), state[6:]
-    offset = (bx - apex[0], by - apex[1], -apex[2])
-    turn = rotation(*state[3:6])
-    clearances = []
-    for k in range(3):
-        normal, (x, y, z) = rotate(turn, fixed.normals[k]), fixed.axes[k]
-        leaving = reflect(fixed.direction, normal)
-        centre = subtract(apex, fixed.centres[k])
-        for axis in (y, z):
-            along = slant(axis, leaving, x)
-            shift = gradient_of_shift(along, fixed.direction, normal)
-            middle = dot(along, centre) + dot(shift, offset)
-            a, b = (dot(shift, spread) for spread in fixed.spread)
-            reach = RIM * sqrt(a * a + b * b)
-            clearances += [sizes[k] / 2 + middle - reach, sizes[k] / 2 - middle - reach]
-    return clearances
 
 
 UNITS = {"mm": 1.0, "mw": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "kohm": 1e3}

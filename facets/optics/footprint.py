@@ -9,6 +9,7 @@ the coordinate: the arc of the paper's Fig. 2. For floats, and numbers that writ
 from __future__ import annotations
 
 from math import inf, nan
+from typing import Any
 
 from ..scalars.dispatch import Number, select, sqrt
 from .curved_light import detector_image, trace_ray
@@ -21,22 +22,29 @@ from .vectors import Plane, cross2, dot, dot2, subtract
 FOOTPRINT_RADIUS_SIGMAS = 2.0
 
 
-def reach(slope: Plane, q: Plane, u1: Plane, u2: Plane, radius: Number) -> Number:
-    """The largest slope . x over the wedge inside the circle; -inf if that is empty."""
+def corners(q: Plane, u1: Plane, u2: Plane, radius: Number) -> list[tuple[Any, Plane]]:
+    """The corners that the wedge inside the circle may have, and whether it has each: the tip, and
+    where each side enters and leaves the circle."""
     square = radius * radius
-    most = select(q[0] * q[0] + q[1] * q[1] <= square, slope[0] * q[0] + slope[1] * q[1], -inf)
+    found = [(q[0] * q[0] + q[1] * q[1] <= square, q)]
     for u in (u1, u2):
         a, h = dot2(q, u), cross2(q, u)
         rest = square - h * h
         crosses = rest >= 0
         half = sqrt(select(crosses, rest, 0.0))
         for s in (-a - half, -a + half):
-            there = slope[0] * (q[0] + s * u[0]) + slope[1] * (q[1] + s * u[1])
-            most = select(crosses & (s > 0) & (there > most), there, most)
+            found.append((crosses & (s > 0), (q[0] + s * u[0], q[1] + s * u[1])))
+    return found
+
+
+def arc_reach(
+    slope: Plane, q: Plane, u1: Plane, u2: Plane, radius: Number
+) -> tuple[Number, Number, Number]:
+    """The largest slope . x on the circle; it is there in the wedge where two numbers, of the first
+    side and of the second, are not negative."""
     size = sqrt(slope[0] * slope[0] + slope[1] * slope[1])
     top = radius * slope[0] / size - q[0], radius * slope[1] / size - q[1]
-    inside = (cross2(u1, top) >= 0) & (cross2(top, u2) >= 0)
-    return select(inside & (size > 0) & (radius * size > most), radius * size, most)
+    return radius * size, cross2(u1, top), cross2(top, u2)
 
 
 def extent(
@@ -49,8 +57,16 @@ def extent(
     """
     q, u1, u2, opening = at.q, at.sides[k], at.sides[(k + 1) % 3], geometry.openings.radius
     radius = select(opening < FOOTPRINT_RADIUS_SIGMAS, opening, FOOTPRINT_RADIUS_SIGMAS)
-    most = reach(slope, q, u1, u2, radius)
-    least = -reach((-slope[0], -slope[1]), q, u1, u2, radius)
+    ends = []
+    for sign in (1, -1):
+        facing, most = (sign * slope[0], sign * slope[1]), -inf
+        for exists, corner in corners(q, u1, u2, radius):
+            there = facing[0] * corner[0] + facing[1] * corner[1]
+            most = select(exists & (there > most), there, most)
+        arc, before, after = arc_reach(facing, q, u1, u2, radius)
+        on_facet = (before >= 0) & (after >= 0) & (arc > 0)
+        ends.append(select(on_facet & (arc > most), arc, most))
+    most, least = ends[0], -ends[1]
     empty = most < least
     return select(empty, nan, centre + least), select(empty, nan, centre + most)
 

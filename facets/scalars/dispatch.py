@@ -103,6 +103,8 @@ def select(condition: Any, a: Number, b: Number) -> Number:
     """`a` where the condition holds, else `b`."""
     if hasattr(condition, "writer"):
         return condition.writer.select(condition, a, b)
+    if isinstance(condition, numpy.ndarray):
+        return numpy.where(condition, a, b)
     return a if condition else b
 
 

@@ -14,7 +14,6 @@ from facets.core.layout import AmplifierPart, PsdPart
 from facets.design.exploration import Space, measure_design
 from facets.design.front import pareto_front
 from facets.design.variables import (
-    Outcome,
     columns_of_states,
     gain_of,
     layout_parameters,
@@ -23,6 +22,7 @@ from facets.design.variables import (
 )
 from facets.design.volume import states_of
 from facets.detectors.noise import electrode_currents
+from facets.optics.forward import build_geometry
 
 CONFIG = facets.load("layout")
 SCALE = np.array([1e3, 1e3, 1e3, 1e6, 1e6, 1e6])
@@ -46,17 +46,17 @@ def test_layouts_have_their_own_noise_and_full_scale(kind):
     places = states(6)
     x = list(rows.T[:, :, None])
     given, sizes = layout_parameters(sensor, names, x)
-    columns = columns_of_states(places)
-    found = outcome_of(sensor, given, sizes, columns, gain_of(sensor, names, x))
+    fixed, columns = build_geometry(tuple(given)), columns_of_states(places)
+    found = outcome_of(sensor, fixed, sizes, columns, gain_of(sensor, names, x))
     for n, row in enumerate(rows):
         made = sensor_of(sensor, names, row)
         sigma = uncertainties(made, places, FREE) * SCALE
-        variances = np.array([each[n] for each in found[Outcome.VARIANCES]])
+        variances = np.array([each[n] for each in found.variances])
         np.testing.assert_allclose(np.sqrt(variances).T, sigma, rtol=1e-8)
         light = facets.readings(made, places).reshape(-1, 3, 3)
         full = 0.95 * made.electronics.adc_range / made.electronics.transimpedance
         left = 1 - electrode_currents(made, made.electronics, light).reshape(-1, 12) / full
-        headroom = np.array([each[n] for each in found[Outcome.HEADROOM]])
+        headroom = np.array([each[n] for each in found.headrooms])
         np.testing.assert_allclose(headroom.T, left, rtol=1e-10)
 
 

@@ -20,8 +20,8 @@ from facets.design.problem import problem_of
 from facets.design.report import worst_over
 from facets.design.rounding import round_design, step_of
 from facets.design.search import solve_from, starts_of
+from facets.design.spots import ellipse_clearances
 from facets.design.variables import (
-    Outcome,
     columns_of_states,
     layout_parameters,
     outcome_of,
@@ -30,16 +30,21 @@ from facets.design.variables import (
 )
 from facets.design.verification import compare
 from facets.design.volume import shares_of_volume, states_of, worst_places
+from facets.optics.forward import build_geometry, dark_scene
 
 CONFIG = facets.load("layout")
 SCALE = np.array([1e3, 1e3, 1e3, 1e6, 1e6, 1e6])
 
 
 def outcome(sensor, names, x, places):
-    """The numbers of `Outcome` (34 or 22, m) of one layout at states (m, 8)."""
+    """Of one layout at states (m, 8): variances (6, m), powers (3, m), the least clearances (12, m)
+    of the whole ellipse, and the condition's square (m,)."""
     p, sizes = layout_parameters(sensor, names, list(x))
-    found = outcome_of(sensor, p, sizes, columns_of_states(np.atleast_2d(places)))
-    return np.array([np.broadcast_to(each, found[0].shape)[0] for each in found])
+    fixed, state = build_geometry(tuple(p)), columns_of_states(np.atleast_2d(places))
+    found = outcome_of(sensor, fixed, sizes, state)
+    spots = ellipse_clearances(fixed, dark_scene(fixed, state), sizes)
+    variances, powers = (np.concatenate(each) for each in (found.variances, found.powers))
+    return variances, powers, np.array(spots), found.condition[0]
 
 
 @pytest.mark.parametrize("name", ["paper", "skewed0", "skewed1"])
@@ -49,16 +54,16 @@ def test_an_outcome_is_that_of_other_commands(name):
     parts = [replace(p, size_y=d, size_z=d) for p, d in zip(sensor.psds, square, strict=True)]
     sensor = replace(sensor, psds=tuple(parts))
     places = states(10, seed=4, offset=0.15, angle=0.01)
-    found = outcome(sensor, [], [], places)
+    variances, powers, spots, condition = outcome(sensor, [], [], places)
     sigma = uncertainties(sensor, places, Knowledge()) * SCALE
-    np.testing.assert_allclose(np.sqrt(found[Outcome.VARIANCES]).T, sigma, rtol=1e-8)
-    spectral, frobenius = measures(sensor, places)[:, 2], np.sqrt(found[Outcome.CONDITION][0])
+    np.testing.assert_allclose(np.sqrt(variances).T, sigma, rtol=1e-8)
+    spectral, frobenius = measures(sensor, places)[:, 2], np.sqrt(condition)
     assert (spectral <= frobenius).all()
     assert (frobenius <= 8 * spectral).all()
-    np.testing.assert_array_equal(found[Outcome.POWERS].T, facets.readings(sensor, places)[:, 2::3])
+    np.testing.assert_array_equal(powers.T, facets.readings(sensor, places)[:, 2::3])
     room = facets.margins(sensor, places)[:, :, :4].reshape(-1, 12).T
-    assert (found[Outcome.CLEARANCES] <= room + 1e-9).all()  # the whole ellipse is no smaller
-    assert (found[Outcome.CLEARANCES] > room - 1.0).all()
+    assert (spots <= room + 1e-9).all()  # the whole ellipse is no smaller
+    assert (spots > room - 1.0).all()
 
 
 @pytest.mark.parametrize("aim", ["resolution", "mean-resolution", "condition", "range", "weighted"])
@@ -129,7 +134,7 @@ def test_no_neighbour_is_better(optimum):
     for _ in range(150):
         x = best * (1 + rng.uniform(-0.02, 0.02, len(best)))
         places = np.array(states_of(CONFIG.layout, 1.0), dtype=float)
-        room = outcome(CONFIG.sensor, names, x, places)[Outcome.CLEARANCES].min()
+        room = outcome(CONFIG.sensor, names, x, places)[2].min()
         if room < 0 or x[0] > 250:
             continue
         tried += 1
@@ -146,10 +151,8 @@ def test_an_independent_optimiser_finds_no_better():
     places = np.array(states_of(layout, 1.0), dtype=float)
 
     def objective(x):
-        found = outcome(CONFIG.sensor, names, x, places)
-        short = min(
-            found[Outcome.CLEARANCES].min(), found[Outcome.POWERS].min() / layout.least_power - 1
-        )
+        _, powers, spots, _ = outcome(CONFIG.sensor, names, x, places)
+        short = min(spots.min(), powers.min() / layout.least_power - 1)
         short = min(short, (250 - x[0]) / 250)
         return worst(x, names, layout)[0] + 100 * max(-short, 0)
 
@@ -178,10 +181,8 @@ def test_a_long_global_search_finds_no_better(optimum):
     places = np.array(states_of(layout, 1.0), dtype=float)
 
     def cost(x):
-        found = outcome(CONFIG.sensor, names, x, places)
-        short = min(
-            found[Outcome.CLEARANCES].min(), found[Outcome.POWERS].min() / layout.least_power - 1
-        )
+        _, powers, spots, _ = outcome(CONFIG.sensor, names, x, places)
+        short = min(spots.min(), powers.min() / layout.least_power - 1)
         return worst(x, names, layout)[0] + 100 * max(-short, 0)
 
     bounds = [layout.variables[name] for name in names]

@@ -7,9 +7,10 @@ import pytest
 from sensors import SENSORS, states
 
 import facets
-from facets.design.footprint import edge_clearances
+from facets.design.spots import corner_clearances
 from facets.design.variables import columns_of_states
 from facets.model.arrays import geometry_of
+from facets.optics.forward import dark_scene
 
 
 @pytest.mark.parametrize("name", ["paper", "skewed0", "skewed1"])
@@ -18,7 +19,8 @@ def test_the_light_on_a_facet_reaches_as_far_as_the_ranges_have_it(name):
     sizes = [(psd.size_y, psd.size_z) for psd in sensor.psds]
     for offset, angle in ((0.05, 0.3), (0.2, 0.02)):
         places = states(40, seed=3, offset=offset, angle=angle)
-        parts = edge_clearances(geometry_of(sensor), columns_of_states(places), sizes)
+        fixed = geometry_of(sensor)
+        parts = corner_clearances(fixed, dark_scene(fixed, columns_of_states(places)), sizes)
         found = np.array([np.min(np.broadcast_arrays(*part), axis=0) for part in parts.values()])
         expected = facets.margins(sensor, places)[:, :, :4].reshape(-1, 12)
         known = np.isfinite(expected).all(axis=1)

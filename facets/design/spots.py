@@ -1,0 +1,92 @@
+"""How near spots come to the edges of their detectors, and light to the mirror's rim, on arrays.
+
+A landing coordinate is linear over a facet, so that the light inside the beam's 1/e^2 ellipse lands
+farthest out on the ellipse itself, or, as only a piece of it lies on the facet, at a corner of that
+piece. Each corner is a constraint of its own, since the largest of them changes its slope where one
+takes over from another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from ..optics.footprint import FOOTPRINT_RADIUS_SIGMAS, arc_reach, collimated_slopes, corners
+from ..optics.forward import Geometry, Scene
+from ..optics.limits import gradient_per_sigma, outward_direction
+from ..optics.rays import flight, hit, land, reflect, slant
+from ..optics.vectors import Plane, dot, dot2, subtract
+from ..scalars.dispatch import select, sqrt
+
+#: Of the light that is to stay on the detectors and on the mirror.
+RADIUS = FOOTPRINT_RADIUS_SIGMAS
+
+
+def landings(fixed: Geometry, at: Scene) -> Iterator[tuple[int, int, Any, Plane]]:
+    """Of each detector (0 to 2) and axis (y, z): where the beam's central ray lands, mm, and how
+    that changes a sigma across the beam."""
+    for k in range(3):
+        start = hit(at.place, fixed.direction, at.apex, at.normals[k])
+        leaving = reflect(fixed.direction, at.normals[k])
+        length = flight(start, leaving, fixed.centres[k], fixed.axes[k])
+        centre = land(start, leaving, length, fixed.centres[k], fixed.axes[k])
+        for axis, slope in enumerate(collimated_slopes(fixed, at, k)):
+            yield k, axis, centre[axis], slope
+
+
+def ellipse_clearances(fixed: Geometry, at: Scene, sizes: Any) -> list[Any]:
+    """From the image of the whole ellipse to each detector's edges at -y, +y, -z, +z, mm: 12.
+
+    sizes: of the detectors, square, mm.
+    """
+    found = []
+    for k, _, centre, slope in landings(fixed, at):
+        reach = RADIUS * sqrt(dot2(slope, slope))
+        found += [sizes[k] / 2 + centre - reach, sizes[k] / 2 - centre - reach]
+    return found
+
+
+def corner_clearances(fixed: Geometry, at: Scene, sizes: Any) -> dict[tuple[int, int], list[Any]]:
+    """By detector and edge (-y, +y, -z, +z), from the farthest light on a facet to the edge, mm: at
+    the mirror's tip, where each of the facet's edges leaves the ellipse, and along its arc.
+
+    sizes: of each detector along y and z, mm.  The tip is inside the ellipse; see `tip_clearance`.
+    """
+    found = {}
+    outermost = [corner_points(at, k) for k in range(3)]
+    for k, axis, centre, slope in landings(fixed, at):
+        tip, first, second = (dot2(slope, point) for point in outermost[k])
+        for side, sign in enumerate((-1, 1)):
+            facing = (sign * slope[0], sign * slope[1])
+            farthest, before, after = arc_reach(
+                facing, at.q, at.sides[k], at.sides[(k + 1) % 3], RADIUS
+            )
+            # where the arc's place has left the facet by an edge, it is that edge's end
+            arc = select(before < 0, sign * first, select(after < 0, sign * second, farthest))
+            found[k, 2 * axis + side] = [
+                sizes[k][axis] / 2 - sign * centre - reach
+                for reach in (sign * tip, sign * first, sign * second, arc)
+            ]
+    return found
+
+
+def corner_points(at: Scene, k: int) -> list[Plane]:
+    """Of the light on facet k inside the ellipse: the tip and the far ends of both edges."""
+    every = corners(at.q, at.sides[k], at.sides[(k + 1) % 3], RADIUS)
+    return [every[n][1] for n in (0, 2, 4)]
+
+
+def tip_clearance(at: Scene) -> Any:
+    """Positive where the mirror's tip is inside the ellipse."""
+    return 1 - dot2(at.q, at.q) / (RADIUS * RADIUS)
+
+
+def rim_clearances(fixed: Geometry, at: Scene, rim: float) -> list[Any]:
+    """From the light inside the ellipse to the mirror's rim on each facet, over the rim."""
+    found = []
+    for k in range(3):
+        along = slant(outward_direction(fixed, at, k), fixed.direction, at.normals[k])
+        slope = gradient_per_sigma(fixed, along)
+        out = dot(subtract(at.place, at.apex), along)
+        found.append(1 - (out + RADIUS * sqrt(dot2(slope, slope))) / rim)
+    return found
