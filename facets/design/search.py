@@ -37,7 +37,7 @@ UNNOTICED = 1e-9
 #: IPOPT's word for bounds that exclude one another.
 INFEASIBLE = "infeasible problem detected"
 #: Constraints of a group that IPOPT is given at first, and each time; and how many times at most.
-NEAREST, ROUNDS = 3, 40
+NEAREST, ROUNDS = 1, 40
 
 
 @dataclass(frozen=True)

@@ -77,12 +77,15 @@ def outcome_of(
 
 def spectrum_of(matrices: Floats) -> tuple[Floats, Floats]:
     """Of Jacobians (n, 9, 8): the variances of the pose (n, 6), and `Outcome.condition` (n,)."""
-    try:
-        inverse = np.linalg.inv(np.linalg.qr(matrices, mode="r"))
-    except np.linalg.LinAlgError:  # one of them is singular
-        inverse = np.linalg.pinv(np.nan_to_num(matrices))
-    squares = (inverse**2).sum(axis=2)
-    return squares[:, :6], (matrices**2).sum(axis=(1, 2)) * squares.sum(axis=1)
+    triangle = np.ascontiguousarray(np.linalg.qr(matrices, mode="r").transpose(1, 2, 0))
+    inverse = np.zeros_like(triangle)  # row by row from the last, of all matrices at once
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for i in reversed(range(len(triangle))):
+            inverse[i, i] = 1 / triangle[i, i]
+            rest = (triangle[i, i + 1 :, None] * inverse[i + 1 :, i + 1 :]).sum(axis=0)
+            inverse[i, i + 1 :] = -rest * inverse[i, i]
+    squares = (inverse**2).sum(axis=1)
+    return squares[:6].T, (matrices**2).sum(axis=(1, 2)) * squares.sum(axis=0)
 
 
 def noise_of(

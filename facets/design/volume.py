@@ -116,9 +116,11 @@ def descend(
     step = np.full(len(places), FIRST_STEP)
     while (going := np.flatnonzero(step >= LAST_STEP)).size:
         tried = np.clip(places[going, None] + step[going, None, None] * sides, -1.0, 1.0)
-        found = values(tried.reshape(-1, 8)).reshape(len(going), len(sides), -1)
-        own = np.take_along_axis(found, which[going, None, None], axis=2)[..., 0]
-        own = np.where(np.isnan(own), np.inf, own)
+        own = np.full(tried.shape[:2], np.inf)
+        within = (tried != places[going, None]).any(axis=2)  # the others are clipped to no step
+        found = values(tried[within])
+        own[within] = found[np.arange(len(found)), which[going[np.nonzero(within)[0]]]]
+        own[np.isnan(own)] = np.inf
         best = own.argmin(axis=1)
         low = own[np.arange(len(going)), best]
         better = low < lowest[going]
