@@ -13,7 +13,7 @@ import shutil
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, TypeVar
 
 import typer
 
@@ -24,6 +24,7 @@ from facets.files.whole import remove_older
 if TYPE_CHECKING:
     from facets.config import Config
 
+Result = TypeVar("Result")
 #: Exit statuses, the same for every command; 130 and 143 are ends by ^C and by SIGTERM.
 DONE, FINDING, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -104,18 +105,17 @@ def stack_row(headings: Sequence[str], row: Sequence[str]) -> list[str]:
 
 
 def show_progress(
-    run: Callable[[Callable[[int, int], None]], None], what: str = "exploring"
-) -> None:
-    """Runs what tells how far it is, with a bar on a terminal.  what: it does."""
+    run: Callable[[Callable[[int, int], None]], Result], what: str = "exploring"
+) -> Result:
+    """The result of what tells how far it is, with a bar on a terminal.  what: it does."""
     if not sys.stderr.isatty():
-        run(lambda *_: None)
-        return
+        return run(lambda *_: None)
     from rich.console import Console
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(what, total=None)
-        run(lambda done, whole: progress.update(task, completed=done, total=whole))
+        return run(lambda done, whole: progress.update(task, completed=done, total=whole))
 
 
 class Stream(io.RawIOBase):

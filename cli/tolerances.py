@@ -86,15 +86,13 @@ def yields_of(settings: Config, sensor: Sensor, heads: int, seed: int) -> Yields
     built = design.assembly.assembly_of(sensor, settings.layout, settings.range, settings.calibrate)
     expansion = design.tolerancing.expand_margins(built)
     draws = design.tolerancing.draw_heads(built)
-    made: list[SimulatedHeads] = []
-    show_progress(
-        lambda tell: made.append(design.production.simulate_heads(built, heads, seed, tell)),
-        "building heads",
+    made = show_progress(
+        lambda tell: design.production.simulate_heads(built, heads, seed, tell), "building heads"
     )
     accurate = bool(built.asked.accuracy_axes)
     return Yields(
         design.tolerancing.shares(expansion, draws),
-        made[0],
+        made,
         design.tolerancing.sensitivities(expansion, draws),
         accurate,
     )

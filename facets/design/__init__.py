@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from . import search as search
     from . import sheets as sheets
     from . import survey as survey
+    from . import tables as tables
     from . import tolerancing as tolerancing
     from . import variables as variables
     from . import verification as verification

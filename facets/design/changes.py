@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import os
 from copy import deepcopy
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..config.files import shipped
+from ..config.loading import load
 from ..config.sensor_keys import write_sensor
+from ..core.errors import ConfigError
 from ..core.names import DETECTORS
 from ..core.sensor import Sensor
+from ..files.whole import Whole, hidden_name, readable_path
 
 if TYPE_CHECKING:
     from ..core.settings import Config
@@ -136,6 +140,21 @@ def as_extension(
     return "\n".join([*head, "", document(base_of(settings, folder), keys, beside or {})])
 
 
+def write_design(
+    settings: Config, sensor: Sensor, path: Path, about: dict[str, str],
+    beside: dict[str, str] | None = None,
+) -> Config | str:  # fmt: skip
+    """Writes a design as a configuration that extends the one it came from, and loads it again;
+    why, where it does not load.  beside: see `as_extension`."""
+    with Whole(path) as temporary:
+        temporary.write_text(as_extension(settings, sensor, path.parent, about, beside), "utf-8")
+    file = readable_path(path)
+    try:
+        return replace(load(file), name=path.stem, path=path.resolve())
+    except ConfigError as error:  # a sub-beam may miss a detector elsewhere than in the volume
+        return str(error).replace(file.name, path.name)
+
+
 def document(base: str, keys: dict[str, Any], beside: dict[str, str]) -> str:
     from ruamel.yaml import YAML
 
@@ -168,10 +187,6 @@ def plainly(value: Any) -> Any:
 
 def loads_to(text: str, folder: Path, keys: dict[str, Any], settings: Config) -> bool:
     """Whether the text, as a file of the folder, is the configuration with those keys."""
-    from ..config.loading import load
-    from ..core.errors import ConfigError
-    from ..files.whole import hidden_name
-
     path = hidden_name(folder / "design.yaml")
     try:
         path.write_text(text, "utf-8")

@@ -20,7 +20,7 @@ import shutil
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
@@ -42,6 +42,7 @@ from ..core.rules import Rules
 from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats
 from ..detectors.noise import electrode_currents
+from ..files.provenance import require_origin
 from ..files.tables import Whole, read_head, write_table
 from ..model.arrays import margins, readings
 from ..model.threads import cores
@@ -59,7 +60,9 @@ from .variables import FULL, sensor_of
 from .volume import states_of
 
 if TYPE_CHECKING:
+    from ..characterization.sensitivity import Index
     from ..core.layout import Layout
+    from ..core.settings import Config
 
 #: Designs that a worker measures at a time, unless they are plain.
 DESIGNS_PER_TASK = 200
@@ -97,6 +100,18 @@ class Share:
 
     def __str__(self) -> str:
         return f"{self.number}/{self.count}"
+
+
+def share_of(text: str | None) -> Share | None:
+    """'3/16' as the third of sixteen shares; None of None."""
+    if text is None:
+        return None
+    number, slash, count = text.partition("/")
+    if slash and number.isdecimal() and count.isdecimal() and 1 <= int(number) <= int(count):
+        return Share(int(number), int(count))
+    raise InputError(
+        f"--share is {text!r}; allowed: K/N, whole numbers with K from 1 to N, as 3/16"
+    )
 
 
 @dataclass(frozen=True)
@@ -144,8 +159,19 @@ class Space:
         return not self.required and is_plain(self.sensor, self.rules)
 
 
-def enlarge_parts(space: Space) -> Space:
-    """The space with as many designs a task as make about a second of work."""
+def space_of(
+    settings: Config, objectives: Sequence[str], sampling: str, count: int, seed: int,
+    every: bool = False, required: bool = False,
+) -> Space:  # fmt: skip
+    """The space of a configuration, with as many designs a task as make about a second of work.
+
+    Raises `InputError` for an unknown objective.
+    """
+    require_measures(objectives)
+    space = Space(
+        settings.sensor, settings.range, settings.layout, sampling, count, seed, tuple(objectives),
+        every, required,
+    )  # fmt: skip
     if not space.plain:
         return space
     times = min(LARGEST_FACTOR, max(1, space.count // (LEAST_TASKS * DESIGNS_PER_TASK)))
@@ -346,6 +372,23 @@ def forget(folder: Path) -> None:
     (folder / MARK).unlink(missing_ok=True)
 
 
+def require_same(settings: Config, folder: Path, force: bool) -> None:
+    """Raises `InputError` where a folder has designs of another configuration, which `force` takes
+    away."""
+    tabled = [folder / name for name in ("front.csv", "pareto.csv")]
+    remedy = "--force begins anew, --folder names another one"
+    for file in [
+        *parts_in(folder)[:1],
+        *(file for file in tabled if file.exists()),
+    ]:
+        try:
+            require_origin(file, read_head(file), settings, remedy)
+        except InputError:
+            if not force:
+                raise
+            forget(folder)
+
+
 def prepare(folder: Path, space: Space, about: dict[str, str], force: bool) -> None:
     """Looks whether a search can go on in a folder; `force` takes an older search away.
 
@@ -540,7 +583,16 @@ def collect(folder: Path, firsts: Iterable[int] | None = None) -> dict[str, NDAr
     }
 
 
-def require_measures(names: list[str]) -> None:
+def collect_older(space: Space, folder: Path) -> dict[str, NDArray[Any]] | None:
+    """The designs that an earlier run has left in a folder; None where there are none of them with
+    the space's variables and objectives."""
+    if not parts_in(folder):
+        return None
+    table = collect(folder)
+    return table if {*space.names, *space.objectives} <= table.keys() else None
+
+
+def require_measures(names: Sequence[str]) -> None:
     """What can be an objective: all that may be small or large, by degrees."""
     able = MEASURES[:-1]
     unknown = [name for name in names if name not in able]
@@ -561,3 +613,27 @@ def front(table: dict[str, NDArray[Any]], objectives: list[str]) -> Booleans:
         beaten = (costs[left] >= costs[first]).all(axis=1)
         left = left[~beaten]
     return best
+
+
+def summary(
+    table: dict[str, NDArray[Any]], best: Booleans, objectives: Sequence[str],
+    indices: dict[str, dict[str, Index]], seconds: float,
+) -> list[str]:  # fmt: skip
+    """Lines on a table of designs: how many were skipped and why, how many are on the front, and
+    which variable moves which objective.
+
+    seconds: of the run that has ended.
+    """
+    skipped, spent = table["skipped"], table["seconds"]
+    lines = [f"{len(skipped)} designs, {seconds:.1f} s in this run"]
+    full = np.median(spent[skipped == ""]) if (skipped == "").any() else np.nan
+    for reason in np.unique(skipped):
+        each = spent[skipped == reason]
+        saved = f", {full * len(each) - each.sum():.0f} core seconds saved" if reason else ""
+        told = f"{1e3 * np.median(each):.2f} ms each{saved}"
+        lines.append(f"  {len(each):7} {reason or 'looked at'} ({told})")
+    lines.append(f"{int(best.sum())} are beaten by none in {', '.join(objectives)}")
+    for name, found in indices.items():
+        shown = ", ".join(f"{key} {s.value:.2f} +- {s.half:.2f}" for key, s in found.items())
+        lines.append(f"  {name} follows: {shown}")
+    return lines

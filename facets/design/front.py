@@ -261,11 +261,26 @@ class FrontComparison:
 
     beaten: points that a design of the cloud beats, by more than what its ranges are measured to.
     gains: by how many hundredths the front's first objective is better than that of designs that
-    none of the cloud beats, at what these have in the others.
+    none of the cloud beats, at what these have in the others.  count: of the cloud's designs.
+    first: the front's first objective.
     """
 
     beaten: int
     gains: Floats
+    count: int
+    first: str
+
+    def lines(self) -> list[str]:
+        """In words."""
+        who = f"they beat {self.beaten} points of" if self.beaten else "none of them beats"
+        told = [f"beside the {self.count} designs in the folder: {who} the front"]
+        if len(self.gains):
+            told.append(
+                f"  at what the best {len(self.gains)} of these have in all else, the front's "
+                f"{self.first} is better by {np.median(self.gains):.2g} % (median; "
+                f"{self.gains.min():.2g} to {self.gains.max():.2g} %)"
+            )
+        return told
 
 
 #: How many designs of a cloud are compared; to what share their ranges are known.
@@ -291,7 +306,7 @@ def compare_with_designs(found: Front, table: dict[str, NDArray[Any]]) -> FrontC
         end = found.walk.least(first, most, near)
         if end is not None:
             gains.append(100 * (cost[first] - end.costs[first]) / abs(cost[first]))
-    return FrontComparison(beaten, np.array(gains))
+    return FrontComparison(beaten, np.array(gains), len(table["design"]), found.objectives[first])
 
 
 def columns(found: Front) -> dict[str, NDArray[Any]]:
@@ -319,3 +334,23 @@ def columns(found: Front) -> dict[str, NDArray[Any]]:
 def is_objective(group: str) -> bool:
     """Whether a group of constraints is only the objective itself."""
     return group.endswith("as low as it can be")
+
+
+#: Points of a front that a short table shows, from one end to the other.
+SHOWN = 11
+
+
+def some_rows(found: Front) -> tuple[list[str], list[list[str]]]:
+    """Headings and rows of some points: variables, measures, prices, and what holds each back."""
+    first = found.objectives[found.walk.first]
+    others = [name for name in found.objectives if name != first]
+    headings = [*found.walk.trade.problem.names, first, *others,
+                *(f"{first} per {name}" for name in others), "held back most by"]  # fmt: skip
+    rows, last = [], len(found.designs) - 1
+    for n in sorted({round(k * last / (SHOWN - 1)) for k in range(SHOWN)}):
+        measures = [found.measures[n][MEASURES.index(name)] for name in (first, *others)]
+        prices = [found.prices[n][found.objectives.index(name)] for name in others]
+        holds = next((group for group in found.active[n] if not is_objective(group)), "")
+        rows.append([*(f"{value:.4g}" for value in (*found.designs[n], *measures)),
+                     *(f"{price:.3g}" for price in prices), holds])  # fmt: skip
+    return headings, rows

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import InputError
 from ..core.sensor import Sensor
 from ..core.units import Booleans, Floats
+from ..files.provenance import require_origin
+from ..files.tables import read_chunks, read_head
 from .exploration import MEASURES, NO_RIVALS, Space, measure_design, measure_designs
 from .rounding import nearest_steps
 from .survey import SKIPPED
@@ -106,3 +110,32 @@ def best_of(table: Table, objectives: list[str], mask: Booleans) -> Table:
     some = {name: column[mask] for name, column in table.items()}
     order = np.argsort(some[objectives[0]], kind="stable")
     return {name: column[order] for name, column in some.items()}
+
+
+def choose_design(settings: Config, space: Space, file: Path, number: int) -> Floats:
+    """The variables of one design of front.csv, or point of pareto.csv, that an earlier run of the
+    configuration wrote.  Raises `InputError`."""
+    if not file.is_file():
+        raise InputError(f"{file}: no such file; run `facets explore` first, or name its folder "
+                         "by --folder")  # fmt: skip
+    remedy = f"name the configuration that it was made from, or explore {settings.name} first"
+    require_origin(file, read_head(file), settings, remedy)
+    key = "point" if file.stem == "pareto" else "design"
+    chunks = [chunk.columns for chunk in read_chunks(file, [key, *space.names])]
+    table = {name: np.concatenate([chunk[name] for chunk in chunks]) for name in chunks[0]}
+    rows = np.flatnonzero(table[key] == number)
+    if not len(rows):
+        some = ", ".join(f"{n:.0f}" for n in table[key][:8])
+        raise InputError(f"{file}: has no {key} {number}; it has {some} and so on")
+    return np.array([table[name][rows[0]] for name in space.names])
+
+
+def make_buildable(space: Space, x: Floats) -> tuple[Floats, list[str]]:
+    """The design in numbers that can be made, where it is still one; and in words what that costs,
+    or why it stays as it was found."""
+    made = round_to_steps(space, x)
+    (_, exact), (why, values) = measure_design(space, x), measure_design(space, made)
+    if why:
+        return x, [f"The design was not rounded to manufacturable values: {SKIPPED[why]}"]
+    places = [(name, MEASURES.index(name)) for name in space.objectives]
+    return made, [f"{n}: {exact[i]:.4g} as found, {values[i]:.4g} rounded" for n, i in places]

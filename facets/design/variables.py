@@ -77,7 +77,7 @@ def outcome_of(
 
 def spectrum_of(matrices: Floats) -> tuple[Floats, Floats]:
     """Of Jacobians (n, 9, 8): the variances of the pose (n, 6), and `Outcome.condition` (n,)."""
-    triangle = np.ascontiguousarray(np.linalg.qr(matrices, mode="r").transpose(1, 2, 0))
+    triangle = np.asarray(np.linalg.qr(matrices, mode="r")).transpose(1, 2, 0).copy()
     inverse = np.zeros_like(triangle)  # row by row from the last, of all matrices at once
     with np.errstate(divide="ignore", invalid="ignore"):
         for i in reversed(range(len(triangle))):

@@ -42,6 +42,11 @@ def provenance_header(config: Config, seed: int | None = None) -> dict[str, str]
     return {key: value for key, value in known.items() if value is not None}
 
 
+def origin_line(config: Config) -> str:
+    """How a page or a document was made, in one line."""
+    return f"{command_line()}; sha256 of the configuration {config.sha256[:12]}"
+
+
 def require_origin(source: Path, made: Mapping[str, Any], config: Config, remedy: str) -> None:
     """Raise `InputError` where a former result was not made from this very configuration.
 

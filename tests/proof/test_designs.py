@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from facets.cli.explore import proof_margins
+from facets.cli.design_space import proof_margins
 from facets.cli.optimize import prove
 
 import facets

@@ -1,0 +1,89 @@
+"""Results of a search as tables, in the words of the commands: headings and rows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from .changes import changes_of
+from .sheets import Rows
+
+if TYPE_CHECKING:
+    from ..core.sensor import Sensor
+    from ..core.settings import Config
+    from .rounding import Rounded
+    from .search import Optimum
+
+#: What an error of the size that a number is made to can do.
+BREAKS = "breaks a limit"
+#: Variables whose key has another name.
+KEYS = {"azimuth_b_deg": "azimuth_deg"} | {
+    f"{kind}_{letter}_{key}": key
+    for kind, keys in (
+        ("facet", ("inclination_deg", "azimuth_deg")),
+        ("psd", ("radius_mm", "azimuth_deg", "height_mm", "roll_mrad", "pitch_mrad", "yaw_mrad")),
+    )
+    for letter in "abc"
+    for key in keys
+}
+
+
+def part_rows(found: Optimum) -> Rows:
+    """Headings and rows of the choices that were tried."""
+    headings = ["detectors", "laser", "amplifiers", "price", "weeks", *found.names, "objective",
+                "end"]  # fmt: skip
+    rows = []
+    for choice, end in found.tried:
+        price = "" if choice.price is None else f"{choice.price:.0f}"
+        weeks = "" if choice.delivery is None else f"{choice.delivery:g}"
+        values = [f"{value:.4g}" for value in end.x]
+        objective = f"{end.objective:.4g}" if end.found else "-"
+        parted = [choice.psd, choice.laser, choice.amplifier or "-", price, weeks]
+        rows.append([*parted, *values, objective, end.status])
+    return headings, rows
+
+
+def start_rows(found: Optimum) -> Rows:
+    """Headings and rows of all starts, the best first."""
+    rows = [
+        [*(f"{value:.5g}" for value in end.x), f"{end.objective:.6g}", f"{end.seconds:.1f}",
+         end.status]
+        for end in found.results
+    ]  # fmt: skip
+    return [*found.names, "objective", "seconds", "end"], rows
+
+
+def change_rows(settings: Config, sensor: Sensor, made: Rounded | None, names: list[str]) -> Rows:
+    """Headings and rows of all keys that changed, with what each may be off by."""
+    allowed = roundings(made, names)
+    rows = []
+    for key, before, after in changes_of(settings, sensor):
+        rows.append(
+            [key, value_text(before), value_text(after), allowed.get(key.rpartition(".")[2], "")]
+        )
+    return ["sensor.", "before", "after", "made to"], rows
+
+
+def value_text(value: Any) -> str:
+    return f"{value:.7g}" if isinstance(value, float) else str(value)
+
+
+def roundings(made: Rounded | None, names: list[str]) -> dict[str, str]:
+    """By the last part of a key: to what it is made, and what an error of that costs."""
+    if made is None:
+        return {}
+    found = {}
+    for name, step, cost in zip(names, made.steps, made.costs, strict=True):
+        if step:
+            worse = BREAKS if cost == float("inf") else f"costs up to {cost:.2g} %"
+            found[KEYS.get(name, name)] = f"+- {step / 2:g}, which {worse}"
+    return found
+
+
+def comparison_rows(table: dict[str, Any]) -> Rows:
+    headings = ["quantity", "before", "after", "after / before", "simulated"]
+    rows = []
+    for quantity, before, after, drawn in zip(*table.values(), strict=True):
+        simulated = "" if drawn != drawn else f"{drawn:.3g}"
+        ratio = f"{after / before:.2f}" if before > 0 < after else ""
+        rows.append([str(quantity), f"{before:.3g}", f"{after:.3g}", ratio, simulated])
+    return headings, rows
